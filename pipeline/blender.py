@@ -1,0 +1,190 @@
+"""The Blender child process: the only file that imports bpy (GPL), so nothing else of z2p ever does.
+
+Started by `pipeline.render` as ``python -m pipeline.blender JOB``. JOB is a folder with ``job.json`` and ``mesh.npz``;
+each picture is written into it as a multi-layer OpenEXR file of scene-linear float values, and a line ``done STEM
+SECONDS`` is printed when it is whole. What a scene means is in `z2p_core.scene` and `z2p_core.camera`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+import zlib
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+from z2p_core.camera import DISTANCE, FIELD_OF_VIEW, light_position
+from z2p_core.scene import SceneDescription
+
+LIGHT_SIDE = 1.6
+LIGHT_RADIANCE = 18.0
+AMBIENT = 0.35
+FLOOR_SIDE = 60.0
+SHARP_ANGLE = math.radians(40)
+"""Smooth-shaded meshes keep edges sharper than this: CAD models stay crisp."""
+DENOISE_QUALITY = {"fast": "FAST", "balanced": "BALANCED", "high": "HIGH"}
+DIFFUSE = {"Roughness": 1.0, "Metallic": 0.0, "Specular IOR Level": 0.0}
+"""Principled BSDF without its specular lobe: a plain diffuse surface, as the paper's."""
+
+
+def main(job_folder: Path) -> None:
+    """Render every scene of the job, in order."""
+    job = json.loads((job_folder / "job.json").read_text())
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    if "suzanne" in job:
+        export_suzanne(Path(job["suzanne"]))
+        return
+    with np.load(job_folder / "mesh.npz") as arrays:
+        mesh = make_mesh(arrays["vertices"], arrays["faces"], bool(arrays["smooth"]))
+    studio = Studio(mesh, job["settings"])
+    for stem, description in job["scenes"]:
+        started = time.perf_counter()
+        studio.arrange(SceneDescription.from_json(description))
+        studio.render(job_folder / f"{stem}.exr", zlib.crc32(f"{job['settings']['seed']} {stem}".encode()) >> 1)
+        print(f"done {stem} {time.perf_counter() - started:.3f}", flush=True)
+
+
+def make_mesh(vertices: np.ndarray, faces: np.ndarray, smooth: bool) -> Any:
+    """Blender mesh of float vertices (V, 3) and triangles (M, 3); validated, for an index out of range would crash."""
+    mesh = bpy.data.meshes.new("object")
+    mesh.from_pydata(vertices.tolist(), [], faces.tolist(), shade_flat=not smooth)
+    mesh.validate()
+    mesh.update()
+    if smooth:
+        mesh.set_sharp_from_angle(angle=SHARP_ANGLE)
+    return mesh
+
+
+class Studio:
+    """The paper's scene (section 3.2): object, floor that catches shadow, square area light, ambient light, camera."""
+
+    def __init__(self, mesh: Any, settings: dict[str, Any]) -> None:
+        self.scene = bpy.context.scene
+        self.vertices = np.array([vertex.co for vertex in mesh.vertices])
+        self.object = self._add("object", mesh)
+        self.surface = self._add_material(mesh)
+        self.floor = self._add_floor()
+        self.light = self._add_light()
+        self.camera = self._add("camera", bpy.data.cameras.new("camera"))
+        self.scene.camera = self.camera
+        self._add_world()
+        self._configure(settings)
+
+    def arrange(self, description: SceneDescription) -> None:
+        """Pose object, floor, light, camera and material as described."""
+        rotation = np.array(description.rotation)
+        lowest = float((self.vertices @ rotation[2]).min())
+        self.object.matrix_world = Matrix.Translation((0, 0, description.lift)) @ Matrix(rotation.tolist()).to_4x4()
+        self.floor.location = (0, 0, lowest)
+        _look_at_origin(self.light, Vector(light_position(description.light)))
+        elevation = math.radians(description.elevation)
+        _look_at_origin(self.camera, DISTANCE * Vector((0, -math.cos(elevation), math.sin(elevation))))
+        for name, value in {**DIFFUSE, **description.material}.items():
+            if name not in self.surface.inputs:
+                raise SystemExit(f"the Principled BSDF of Blender {bpy.app.version_string} has no input {name!r}")
+            self.surface.inputs[name].default_value = value
+
+    def render(self, path: Path, seed: int) -> None:
+        """Write the picture's passes as a multi-layer OpenEXR file; the seed moves the noise."""
+        self.scene.cycles.seed = seed
+        self.scene.render.filepath = str(path)
+        bpy.ops.render.render(write_still=True)
+
+    def _add(self, name: str, data: Any) -> Any:
+        item = bpy.data.objects.new(name, data)
+        self.scene.collection.objects.link(item)
+        return item
+
+    def _add_material(self, mesh: Any) -> Any:
+        material = bpy.data.materials.new("surface")
+        nodes = material.node_tree.nodes
+        surface = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+        coverage = nodes.new("ShaderNodeOutputAOV")  # 1 on the object, 0 on floor and shadow
+        coverage.aov_name = "coverage"
+        coverage.inputs["Value"].default_value = 1.0
+        mesh.materials.append(material)
+        return surface
+
+    def _add_floor(self) -> Any:
+        half = FLOOR_SIDE / 2
+        plane = bpy.data.meshes.new("floor")
+        plane.from_pydata([(-half, -half, 0), (half, -half, 0), (half, half, 0), (-half, half, 0)], [], [(0, 1, 2, 3)])
+        floor = self._add("floor", plane)
+        floor.is_shadow_catcher = True
+        return floor
+
+    def _add_light(self) -> Any:
+        lamp = bpy.data.lights.new("light", "AREA")
+        lamp.shape, lamp.size = "SQUARE", LIGHT_SIDE
+        lamp.energy = LIGHT_RADIANCE * LIGHT_SIDE**2 * math.pi  # watts of a one-sided emitter of that radiance
+        light = self._add("light", lamp)
+        light.visible_camera = False
+        return light
+
+    def _add_world(self) -> None:
+        world = bpy.data.worlds.new("world")
+        background = next(node for node in world.node_tree.nodes if node.type == "BACKGROUND")
+        background.inputs["Color"].default_value = (AMBIENT, AMBIENT, AMBIENT, 1.0)
+        self.scene.world = world
+
+    def _configure(self, settings: dict[str, Any]) -> None:
+        render, cycles = self.scene.render, self.scene.cycles
+        render.engine = "CYCLES"
+        cycles.device = "CPU"
+        cycles.samples = settings["samples"]
+        cycles.max_bounces = settings["bounces"]
+        cycles.use_adaptive_sampling = False
+        cycles.use_denoising = settings["denoise"] != "off"
+        if cycles.use_denoising:
+            cycles.denoiser = "OPENIMAGEDENOISE"
+            cycles.denoising_quality = DENOISE_QUALITY[settings["denoise"]]
+            cycles.denoising_use_gpu = False
+        render.resolution_x, render.resolution_y, render.resolution_percentage = *settings["resolution"], 100
+        render.film_transparent = True
+        render.use_persistent_data = True
+        if settings["threads"]:
+            render.threads_mode, render.threads = "FIXED", settings["threads"]
+        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+        render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+        render.image_settings.color_depth = "32"
+        render.image_settings.exr_codec = "NONE"
+        camera = self.camera.data
+        camera.sensor_fit = "VERTICAL" if settings["resolution"][0] >= settings["resolution"][1] else "HORIZONTAL"
+        camera.angle = math.radians(FIELD_OF_VIEW)
+        camera.clip_start, camera.clip_end = 0.1, 2 * FLOOR_SIDE
+        layer = self.scene.view_layers[0]
+        aov = layer.aovs.add()
+        aov.name, aov.type = "coverage", "VALUE"
+        layer.use_pass_z = "depth" in settings["passes"]
+        layer.use_pass_normal = "normal" in settings["passes"]
+        layer.cycles.use_pass_shadow_catcher = "shadow" in settings["passes"]
+
+
+def export_suzanne(path: Path) -> None:
+    """Write Blender's monkey, subdivided once, as vertices and triangles of an npz."""
+    bpy.ops.mesh.primitive_monkey_add()
+    monkey = bpy.context.object
+    monkey.modifiers.new("smooth", "SUBSURF").render_levels = 1
+    monkey.modifiers["smooth"].levels = 1
+    mesh = monkey.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+    mesh.calc_loop_triangles()
+    vertices = np.array([vertex.co for vertex in mesh.vertices])
+    faces = np.array([triangle.vertices for triangle in mesh.loop_triangles])
+    np.savez(path, vertices=vertices, faces=faces)
+
+
+def _look_at_origin(item: Any, position: Vector) -> None:
+    """Stand at `position`, looking at the origin with +Z up; Blender's lights and cameras look along their -Z."""
+    item.location = position
+    item.rotation_mode = "QUATERNION"
+    item.rotation_quaternion = (-position).to_track_quat("-Z", "Y")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

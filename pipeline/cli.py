@@ -1,0 +1,101 @@
+"""The `z2p` command. Only click is imported here: each subcommand's module is imported when that one is called."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import os
+import sys
+from typing import Any
+
+import click
+
+from z2p_core import __version__
+
+COMMANDS = {
+    "run-inference": ("pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
+    "evaluate": ("pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
+    "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, shard, train, evaluate."),
+    "plugins": ("pipeline.commands.listings:plugins", "List the installed plugins."),
+    "formats": ("pipeline.commands.listings:formats", "List the readable file formats."),
+}
+"""Subcommand -> (module:attribute, short help); the help is here so that `z2p --help` imports none of them."""
+
+USERS_ERRORS = (
+    "z2p_core.registry:PluginError",
+    "z2p_core.config:ConfigError",
+    "z2p_core.interfaces:ScanError",
+    "z2p_core.interfaces:SettingError",
+    "storage.checkpoints:WeightsError",
+)
+"""Errors that a user can mend: told in one line with exit status 2. By name, so that nothing is imported for them."""
+
+
+class Failure(click.ClickException):
+    """One line ``Error: ...`` and exit status 2."""
+
+    exit_code = 2
+
+
+class LazyGroup(click.Group):
+    """Group whose subcommands are imported only when called, and whose errors are one line."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in COMMANDS:
+            return None
+        module, _, attribute = COMMANDS[cmd_name][0].partition(":")
+        command: click.Command = getattr(importlib.import_module(module), attribute)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, help_text) for name, (_, help_text) in COMMANDS.items()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.Abort, click.exceptions.Exit):
+            raise
+        except Exception as error:
+            broken_pipe = isinstance(error, OSError) and error.errno == errno.EPIPE  # click ends quietly on it
+            if debugging() or broken_pipe:
+                raise
+            raise Failure(_told(error)) from None
+
+
+def debugging() -> bool:
+    """True when the user asked for tracebacks and library messages with ``Z2P_DEBUG=1``."""
+    return os.environ.get("Z2P_DEBUG") == "1"
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="z2p", message="%(prog)s %(version)s")
+def main() -> None:
+    """Point clouds in, studio-quality pictures out, on a plain CPU.
+
+    Set Z2P_DEBUG=1 to see tracebacks and the messages of libraries.
+    """
+    import logging
+
+    if debugging():
+        logging.basicConfig(level=logging.INFO)
+    else:
+        logging.getLogger().addHandler(logging.NullHandler())  # without it Python prints libraries' warnings
+
+
+def _told(error: Exception) -> str:
+    """One line about an error: its message when the user can mend it, else a request for a report."""
+    text = " ".join(str(error).split())
+    for name in USERS_ERRORS:
+        module, _, attribute = name.partition(":")
+        kind = getattr(sys.modules.get(module), attribute, None)
+        if kind is not None and isinstance(error, kind):
+            return text
+    return f"unexpected {type(error).__name__}: {text}; run again with Z2P_DEBUG=1 for the traceback"
+
+
+if __name__ == "__main__":
+    main()

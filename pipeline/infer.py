@@ -1,0 +1,104 @@
+"""From a cloud to a picture: places the cloud in the world and runs the network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from pipeline.load import load_network
+from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
+from z2p_core.geometry import bounding_sphere
+from z2p_core.images import bytes_from_unit, straight_from_premultiplied
+from z2p_core.interfaces import Control, ScanError, Value
+from z2p_core.scene import SceneDescription
+
+UP_AXES = {
+    "+Z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "-Z": ((-1, 0, 0), (0, 1, 0), (0, 0, -1)),
+    "+Y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    "-Y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "+X": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
+    "-X": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+}
+"""The data's up axis -> rotation (rows) that brings it to +Z.
+
+The camera stands at -Y, so these also choose the data's front. +Y up, (x, y, z) -> (x, -z, y): what faces +Z faces the
+camera (OpenGL's axes). -Y up, (x, z, -y): what faces -Z does (a depth camera's axes, seen from the sensor). The
+others leave y alone, so what faces -Y does.
+"""
+
+
+class Renderer:
+    """Trained network with its z-buffer, encoder and controls, ready to draw placed clouds. Threads may share one."""
+
+    def __init__(self, weights: str | Path, threads: int | None = None) -> None:
+        """Renderer of `weights`, a shipped name or a file; `threads` caps torch's threads in the whole process.
+
+        Raises:
+            WeightsError: no such weights, or a file that cannot be them.
+            PluginError: they need a plugin that is not installed or fails to load.
+        """
+        if threads is not None:
+            torch.set_num_threads(threads)
+        self._loaded = load_network(weights)
+        self._loaded.network.eval()
+
+    @property
+    def controls(self) -> dict[str, Control]:
+        """The controls that the weights carry, in the order of the settings vector."""
+        return self._loaded.controls
+
+    @property
+    def fixed_elevation(self) -> float | None:
+        """The only camera elevation the weights know, degrees; None when elevation is one of their controls."""
+        if "elevation" in self.controls:
+            return None
+        return float(self._loaded.card.get("fixed_elevation", DEFAULT_ELEVATION))
+
+    def settings(self, values: dict[str, Value] | None = None) -> dict[str, Value]:
+        """Every control's value: the given one, or its slider's default."""
+        values = values or {}
+        return {name: values.get(name, control.slider.default) for name, control in self.controls.items()}
+
+    def render(
+        self, cloud: np.ndarray, values: dict[str, Value] | None = None, width: int = 512, height: int = 512
+    ) -> np.ndarray:
+        """Picture (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units."""
+        scene = SceneDescription(elevation=self.fixed_elevation or DEFAULT_ELEVATION)
+        encoded: list[float] = []
+        for name, value in self.settings(values).items():
+            self.controls[name].apply(value, scene)
+            encoded.extend(self.controls[name].encode(value))
+        camera = Camera(width, height, scene.elevation)
+        zbuffer = self._loaded.zbuffer.draw(cloud, camera)
+        encoding = self._loaded.encoder.encode(*camera.frame_coordinates(step=self._loaded.config.unshuffle))
+        with torch.inference_mode():
+            picture = self._loaded.network(
+                torch.from_numpy(zbuffer)[None],
+                torch.from_numpy(encoding),
+                torch.tensor([encoded], dtype=torch.float32),
+            )
+        premultiplied = picture[0].clamp(0, 1).permute(1, 2, 0).numpy()
+        return bytes_from_unit(straight_from_premultiplied(premultiplied))
+
+
+def place_cloud(points: np.ndarray, up: str = "+Z", azimuth: float = 0.0) -> np.ndarray:
+    """Cloud (N, 3) float32 in world units: `up` turned to +Z, in the unit sphere, turned by `azimuth` degrees about Z.
+
+    `points` (N, 3) float64, finite, in any unit; centred and scaled in float64, so UTM coordinates keep their digits.
+
+    Raises:
+        ScanError: there is no extent to scale: no points, or all in one place.
+    """
+    if len(points) == 0:
+        raise ScanError("expected points, got none; check the file")
+    sphere = bounding_sphere(points)
+    if not 0 < sphere.radius < np.inf:
+        raise ScanError(f"expected points that span a finite volume, got {len(points)} within radius {sphere.radius:g}")
+    placed = points.astype(np.float64)
+    placed -= sphere.centre
+    placed /= sphere.radius
+    rotation = turn(azimuth) @ np.array(UP_AXES[up], dtype=np.float64)
+    return (placed @ rotation.T).astype(np.float32)

@@ -1,0 +1,164 @@
+"""Cycles renders of a mesh: one Blender child process a call, resumable picture by picture.
+
+bpy is GPL and may crash on a bad mesh: it lives in `pipeline.blender`, started here as a process of its own.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from storage.clouds import read_mesh
+from z2p_core.geometry import bounding_sphere
+from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied
+from z2p_core.scene import SceneDescription
+
+PASSES = ("depth", "normal", "shadow")
+FAR = 1000.0
+"""Depth beyond which a pixel's first sample saw nothing, in world units."""
+DENOISE = ("off", "fast", "balanced", "high")
+
+Scenes = Sequence[tuple[str, SceneDescription]]
+
+
+class RenderError(RuntimeError):
+    """Blender did not deliver; the message says which mesh and picture, and ends with Blender's last lines."""
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """How Cycles renders; all but `threads` shape the pixels."""
+
+    resolution: tuple[int, int] = (512, 512)
+    """Width and height in pixels."""
+    samples: int = 4
+    denoise: str = "fast"
+    bounces: int = 3
+    passes: tuple[str, ...] = ()
+    seed: int = 0
+    threads: int = 0
+    """0: all cores."""
+
+    def __post_init__(self) -> None:
+        if self.denoise not in DENOISE:
+            raise ValueError(f"denoise: expected one of {', '.join(DENOISE)}, got {self.denoise!r}")
+        for name in self.passes:
+            if name not in PASSES:
+                raise ValueError(f"passes: expected some of {', '.join(PASSES)}, got {name!r}")
+
+
+def render_scenes(
+    mesh_path: Path,
+    scenes: Scenes,
+    out: Path,
+    settings: RenderSettings,
+    log: Callable[[str], None] = lambda line: None,
+) -> None:
+    """Render each (stem, scene) of a mesh into `out`; pictures that are there already are left alone.
+
+    Writes ``STEM.png`` (RGBA, straight sRGB, soft shadow in the alpha), ``STEM.coverage.png`` (8-bit: how much of the
+    pixel the object covers, shadow apart) and, when asked for, ``STEM.passes.npz`` (float16 ``depth`` in world units
+    and ``normal`` (H, W, 3) in world axes, both 0 off the object; ``shadow`` (H, W, 3), the light that is left on the
+    floor). The mesh is centred on its bounding sphere and scaled to radius 1; the floor touches its lowest point.
+
+    Raises:
+        ScanError: the mesh cannot be read.
+        RenderError: Blender failed or left out a picture.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    missing = [(stem, scene) for stem, scene in scenes if not (out / f"{stem}.png").exists()]
+    if not missing:
+        return
+    mesh = read_mesh(mesh_path)
+    sphere = bounding_sphere(mesh.vertices)
+    with tempfile.TemporaryDirectory(prefix=".blender-", dir=out) as folder:
+        job = Path(folder)
+        np.savez(job / "mesh.npz", vertices=sphere.normalise(mesh.vertices), faces=mesh.faces, smooth=mesh.smooth)
+        described = [(stem, scene.to_json()) for stem, scene in missing]
+        (job / "job.json").write_text(json.dumps({"settings": asdict(settings), "scenes": described}))
+        started, done = time.perf_counter(), 0
+        for stem in _run_blender(job, mesh_path.name):
+            _develop(job / f"{stem}.exr", out, stem)
+            done += 1
+            rate = done / (time.perf_counter() - started) * 60
+            log(f"{mesh_path.stem}: {stem} rendered, {done} of {len(missing)}, {rate:.1f} images a minute")
+    left = [stem for stem, _ in missing if not (out / f"{stem}.png").exists()]
+    if left:
+        raise RenderError(f"{mesh_path.name}: Blender ended without rendering {left[0]} and {len(left) - 1} more")
+
+
+def export_suzanne(path: Path) -> None:
+    """Write Blender's monkey Suzanne as vertices and triangles (``.npz``: ``vertices``, ``faces``)."""
+    with tempfile.TemporaryDirectory(prefix="suzanne-") as folder:
+        (Path(folder) / "job.json").write_text(json.dumps({"suzanne": str(path.absolute())}))
+        for _ in _run_blender(Path(folder), "suzanne"):
+            pass
+    if not path.exists():
+        raise RenderError(f"Blender ended without writing {path}")
+
+
+def _run_blender(job: Path, name: str) -> Iterator[str]:
+    """Yield the stem of each picture as soon as it is whole."""
+    command = [sys.executable, "-m", "pipeline.blender", str(job)]
+    last: deque[str] = deque(maxlen=12)
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as blender:
+        try:
+            for line in blender.stdout or ():
+                last.append(line.rstrip())
+                if line.startswith("done "):
+                    yield line.split()[1]
+        except BaseException:
+            blender.kill()
+            raise
+    if blender.returncode:
+        raise RenderError(f"{name}: Blender exited with {blender.returncode}; its last lines:\n" + "\n".join(last))
+
+
+def _develop(exr: Path, out: Path, stem: str) -> None:
+    """Turn scene-linear passes into the files of `out`; the picture comes last, so its presence means whole."""
+    import OpenEXR  # late: the pipeline extra
+
+    channels = {}
+    for part in OpenEXR.File(str(exr)).parts:
+        channels.update({name.split(".", 1)[1]: channel.pixels for name, channel in part.channels.items()})
+    exr.unlink()
+    coverage = np.clip(channels["coverage.X"], 0, 1)
+    _save_png(bytes_from_unit(coverage), out / f"{stem}.coverage.png")
+    passes = _passes(channels, coverage)
+    if passes:
+        temporary = out / f".{stem}.passes.npz"
+        np.savez_compressed(temporary, **passes)  # type: ignore[arg-type]
+        temporary.replace(out / f"{stem}.passes.npz")
+    straight = straight_from_premultiplied(np.clip(channels["Combined"], 0, None))
+    straight[..., :3] = srgb_from_linear(straight[..., :3])
+    _save_png(bytes_from_unit(straight), out / f"{stem}.png")
+
+
+def _passes(channels: dict[str, np.ndarray], coverage: np.ndarray) -> dict[str, np.ndarray]:
+    on_object = coverage > 0
+    passes = {}
+    if "Depth.Z" in channels:
+        depth = channels["Depth.Z"]
+        passes["depth"] = np.where(on_object & (depth < FAR), depth, 0).astype(np.float16)
+    if "Normal.X" in channels:
+        normal = np.stack([channels[f"Normal.{axis}"] for axis in "XYZ"], -1)
+        passes["normal"] = np.where(on_object[..., None], normal, 0).astype(np.float16)
+    if "Shadow Catcher" in channels:
+        passes["shadow"] = channels["Shadow Catcher"].astype(np.float16)
+    return passes
+
+
+def _save_png(picture: np.ndarray, path: Path) -> None:
+    temporary = path.with_name(f".{path.name}")
+    Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)
+    temporary.replace(path)

@@ -1,0 +1,1 @@
+"""Built-in point-cloud readers, found by suffix."""

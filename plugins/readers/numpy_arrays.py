@@ -1,0 +1,101 @@
+"""Points of numpy arrays: one cloud, or a batch of them, in npy and npz."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from z2p_core.interfaces import Reader, ScanError
+
+_LARGEST = 2 << 30
+_SUSPICIOUS, _WORST_RATIO = 100 << 20, 200
+"""An npz member above `_LARGEST` bytes is refused, and one above `_SUSPICIOUS` that was packed over 200 times."""
+_MOST_COLUMNS = 128
+
+
+class NumpyArrays(Reader):
+    """Numpy arrays (N, 3), (N, 6 or more: the first three count) and batches of these (B, N, 3 or more)."""
+
+    name = "numpy"
+    version = "1"
+    suffixes = (".npy", ".npz")
+
+    def read(self, path: Path) -> list[np.ndarray]:
+        """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` or the only one.
+
+        Raises:
+            ScanError: another shape, no numbers, pickled objects, or a size that the file cannot hold.
+        """
+        try:
+            if path.suffix.lower() == ".npz":
+                array = _from_zip(path)
+            else:
+                with path.open("rb") as file:
+                    array = _array(file, path.stat().st_size)
+        except ScanError:
+            raise
+        except Exception as error:  # zipfile, zlib and numpy raise whatever their parsing stumbles over
+            raise ScanError(f"expected a numpy file ({' '.join(str(error).split())[:160]}); "
+                            "save it again with numpy.save or numpy.savez") from error
+        return _clouds(array)
+
+
+def _from_zip(path: Path) -> np.ndarray:
+    """The array that holds the points."""
+    with zipfile.ZipFile(path) as archive:
+        members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        wanted = ["points", "xyz", *(members if len(members) == 1 else ())]
+        chosen = next((key for key in wanted if key in members), None)
+        if chosen is None:
+            raise ScanError(f"expected an array named 'points' or 'xyz', or one array alone, got "
+                            f"{', '.join(members) or 'none'}; save the points as points=...")
+        info = members[chosen]
+        ratio = info.file_size / max(info.compress_size, 1)
+        if (
+            info.file_size > _LARGEST
+            or (info.file_size > _SUSPICIOUS and ratio > _WORST_RATIO)
+            or info.compress_size > path.stat().st_size
+        ):
+            raise ScanError(f"array {chosen!r} would unpack to {info.file_size} bytes from {info.compress_size}; "
+                            "that is no cloud: save it again as .npy if it is one")
+        with archive.open(info) as file:
+            return _array(file, info.file_size)
+
+
+def _array(file: IO[bytes], size: int) -> np.ndarray:
+    """The array in an npy stream of `size` bytes, after its header has been weighed against them."""
+    version = np.lib.format.read_magic(file)
+    if version not in ((1, 0), (2, 0)):
+        raise ScanError(f"npy format {version} holds no plain array; save the points with numpy.save")
+    parse = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    shape, _, dtype = parse(file)
+    if dtype.hasobject:
+        raise ScanError("the array holds pickled objects, which are never opened; save one plain float array a file, "
+                        "or a batch (B, N, 3)")
+    if dtype.kind not in "fiu":
+        raise ScanError(f"expected an array of numbers, got dtype {dtype}; save the points as float32 or float64")
+    promised = int(np.prod(shape, dtype=object)) * dtype.itemsize
+    if promised != size - file.tell():
+        raise ScanError(f"the npy header promises {shape} {dtype}, {promised} bytes, but {size - file.tell()} follow; "
+                        "the file is cut short: save it again")
+    file.seek(0)
+    return np.lib.format.read_array(file, allow_pickle=False)
+
+
+def _clouds(array: np.ndarray) -> list[np.ndarray]:
+    """Clouds (N, 3) float64 of an array whose shape says which axis is which."""
+    shape = array.shape
+    if array.ndim not in (2, 3) or (shape[-1] != 3 and not 6 <= shape[-1] <= _MOST_COLUMNS) or _lies_flat(shape):
+        hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _lies_flat(shape) else ""
+        hint = "; keep the first three columns, array[..., :3]" if shape[-1:] in ((4,), (5,)) else hint
+        raise ScanError(f"expected (N, 3), (N, 6 or more) or a batch (B, N, 3), got {shape}{hint}")
+    batch = array if array.ndim == 3 else array[None]
+    return [np.ascontiguousarray(cloud[:, :3], dtype=np.float64) for cloud in batch]
+
+
+def _lies_flat(shape: tuple[int, ...]) -> bool:
+    """Whether the coordinates seem to run along the axis before the last: (3, N) rather than (N, 3)."""
+    return len(shape) in (2, 3) and shape[-2] == 3 and shape[-1] != 3

@@ -1,0 +1,141 @@
+"""Points of a PCD file: ascii, binary and binary_compressed; organised clouds row by row."""
+
+from __future__ import annotations
+
+import io
+import struct
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from z2p_core.interfaces import Reader, ScanError
+
+_LONGEST_HEADER = 1 << 16
+_WORST_LZF_RATIO = 100
+"""LZF writes 264 bytes from 3 at the very best: a larger ratio is a lie."""
+
+
+class Pcd(Reader):
+    """Point Cloud Library files (pypcd4); fields other than x, y, z are left out."""
+
+    name = "pcd"
+    version = "1"
+    suffixes = (".pcd",)
+
+    def read(self, path: Path) -> list[np.ndarray]:
+        """The file's points, one cloud (N, 3) float64; pixels without depth stay in as NaN rows.
+
+        Raises:
+            ScanError: no PCD file, no x, y, z, or a header that promises another size than the file has.
+        """
+        blob = path.read_bytes()
+        header = _parse_header(blob)
+        body = blob[header.size :]
+        if header.points == 0:
+            return [np.empty((0, 3))]
+        _check_size(header, body)
+        return [_load(header, _tidy_ascii(header, body) if header.data == "ascii" else _tidy_header(header) + body)]
+
+
+@dataclass(frozen=True)
+class _Header:
+    entries: dict[str, list[str]]
+    points: int
+    columns: int
+    row_bytes: int
+    data: str
+    size: int
+
+
+def _parse_header(blob: bytes) -> _Header:
+    """Just enough of the header to weigh the file before the library allocates anything.
+
+    Raises:
+        ScanError: a line is missing or makes no sense.
+    """
+    entries: dict[str, list[str]] = {}
+    size = 0
+    for line in blob[:_LONGEST_HEADER].splitlines(keepends=True):
+        size += len(line)
+        words = line.decode("utf-8", errors="replace").split()
+        if words and not words[0].startswith("#"):
+            entries[words[0].upper()] = words[1:]
+        if "DATA" in entries:
+            break
+    missing = [key for key in ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA") if not entries.get(key)]
+    if missing:
+        raise ScanError(f"expected a PCD header, its lines {', '.join(missing)} are missing; export the file again")
+    names = entries["FIELDS"]
+    entries.setdefault("COUNT", ["1"] * len(names))
+    try:
+        sizes, counts = ([int(word) for word in entries[key]] for key in ("SIZE", "COUNT"))
+        width, height, points = (int(entries[key][0]) for key in ("WIDTH", "HEIGHT", "POINTS"))
+        row_bytes = sum(size * count for size, count in zip(sizes, counts, strict=True))
+    except ValueError as error:
+        raise ScanError("the PCD header's numbers cannot be read; export the file again") from error
+    if not len(names) == len(sizes) == len(entries["TYPE"]) or min(width, height, points) < 0 or min(*sizes, *counts) < 1:
+        raise ScanError("the PCD header's FIELDS, SIZE, TYPE and COUNT do not go together; export the file again")
+    if any(names.count(axis) != 1 or counts[names.index(axis)] != 1 for axis in "xyz"):
+        raise ScanError(f"the PCD file needs the fields x, y and z once each, got {' '.join(names)}; export it again")
+    if width * height != points:
+        raise ScanError(f"the PCD header says WIDTH {width} x HEIGHT {height} but POINTS {points}; mend the header")
+    return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size)
+
+
+def _check_size(header: _Header, body: bytes) -> None:
+    """Raises ScanError unless the file's size fits what its header promises."""
+    full = header.points * header.row_bytes
+    match header.data:
+        case "ascii":
+            fits = len(body) >= header.points * header.columns * 2 - 1
+        case "binary":
+            fits = len(body) == full
+        case "binary_compressed" | "binaryscompressed":
+            packed, unpacked = struct.unpack("<II", body[:8]) if len(body) >= 8 else (0, 0)
+            fits = 0 < packed <= len(body) - 8 and unpacked == full and unpacked <= _WORST_LZF_RATIO * packed
+        case _:
+            raise ScanError(f"PCD data is ascii, binary or binary_compressed, got {header.data!r}; export it again")
+    if not fits:
+        raise ScanError(
+            f"the PCD header promises {header.points} points of {header.row_bytes} bytes ({header.data}), "
+            f"which {len(body)} bytes do not hold; the file is cut short or its header is wrong: export it again"
+        )
+
+
+def _tidy_ascii(header: _Header, body: bytes) -> bytes:
+    """The same cloud with x, y, z alone and single blanks, which is all that the library's ascii parser takes."""
+    rows = [line.split() for line in body.splitlines() if line.strip()]
+    if len(rows) != header.points:
+        raise ScanError(f"the PCD header promises {header.points} points, {len(rows)} lines came; export it again")
+    counts = [int(word) for word in header.entries["COUNT"]]
+    where = [header.entries["FIELDS"].index(axis) for axis in "xyz"]
+    columns = [sum(counts[:field]) for field in where]
+    for number, row in enumerate(rows, start=1):
+        if len(row) != header.columns:
+            raise ScanError(f"PCD point {number}: expected {header.columns} numbers, got {len(row)}; export it again")
+    xyz = {"FIELDS": ["x", "y", "z"], "SIZE": ["8"] * 3, "TYPE": ["F"] * 3, "COUNT": ["1"] * 3}
+    lines = (b" ".join(row[column] for column in columns) for row in rows)
+    return _tidy_header(replace(header, entries=xyz)) + b"\n".join(lines)
+
+
+def _tidy_header(header: _Header) -> bytes:
+    """The header as PCD 0.7 words it: the library stumbles over comments inside, older versions and a missing COUNT."""
+    fields = [f"{key} {' '.join(header.entries[key])}" for key in ("FIELDS", "SIZE", "TYPE", "COUNT")]
+    count = [f"WIDTH {header.points}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {header.points}"]
+    return "\n".join(["VERSION 0.7", *fields, *count, f"DATA {header.data}", ""]).encode()
+
+
+def _load(header: _Header, blob: bytes) -> np.ndarray:
+    """Points (N, 3) float64 of a file whose size has been checked."""
+    try:
+        from pypcd4 import PointCloud
+
+        rows = np.atleast_1d(PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(blob))).pc_data)
+        points = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
+    except Exception as error:  # the library raises whatever its parsing stumbles over
+        reason = " ".join(str(error).split())[:160]
+        raise ScanError(f"the PCD points cannot be read ({reason}); export the file again") from error
+    if points.shape != (header.points, 3):
+        raise ScanError(f"expected {header.points} PCD points, got an array {points.shape}; export the file again")
+    return points

@@ -1,0 +1,88 @@
+"""Vertices of a PLY file: ascii, binary of either byte order, cloud or mesh."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+
+from z2p_core.interfaces import Reader, ScanError
+from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
+
+
+class Ply(Reader):
+    """Polygon files (trimesh); faces, edges and further properties are left out."""
+
+    name = "ply"
+    version = "1"
+    suffixes = (".ply",)
+
+    def read(self, path: Path) -> list[np.ndarray]:
+        """The file's vertices, one cloud (N, 3) float64.
+
+        Raises:
+            ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
+        """
+        with path.open("rb") as file:
+            header = parse_header(file.read(LONGEST_HEADER))
+            header.check_size(path.stat().st_size)
+            vertex = _vertex(header)
+            if vertex.count == 0:
+                return [np.empty((0, 3))]
+            file.seek(header.size)
+            body = _rows_ascii(file, header, vertex) if header.ascii else _rows_binary(file, header, vertex)
+        return [_load(header, vertex, body)]
+
+
+def _vertex(header: PlyHeader) -> PlyElement:
+    """The element that holds the points, checked for x, y, z and for rows that can be told apart."""
+    vertex = header.element("vertex")
+    known = ", ".join(element.name for element in header.elements) or "none"
+    if vertex is None:
+        raise ScanError(f"the PLY file has no element 'vertex' (elements: {known}); export the points as vertices")
+    names = [entry.name for entry in vertex.properties if entry.length is None]
+    if any(names.count(axis) != 1 for axis in "xyz") or len(set(names)) != len(names):
+        raise ScanError(f"the PLY vertices need x, y and z once each, got {', '.join(names) or 'none'}; export again")
+    ahead = header.elements[: header.elements.index(vertex)]
+    if not vertex.scalar or not (header.ascii or all(element.scalar for element in ahead)):
+        raise ScanError("lists stand before or among the PLY vertices, so they cannot be found; "
+                        "save the file again with plain vertices first, e.g. from MeshLab or CloudCompare")
+    return vertex
+
+
+def _rows_binary(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> bytes:
+    before = header.elements[: header.elements.index(vertex)]
+    file.seek(sum(element.least_bytes(ascii=False) for element in before), io.SEEK_CUR)
+    return file.read(vertex.least_bytes(ascii=False))
+
+
+def _rows_ascii(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> bytes:
+    before = sum(element.count for element in header.elements[: header.elements.index(vertex)])
+    lines = [line for line in file.read().splitlines() if line.strip()]
+    rows = lines[before : before + vertex.count]
+    if len(rows) != vertex.count:
+        raise ScanError(f"the PLY header promises {vertex.count} vertices, {len(rows)} lines came; "
+                        "the file is cut short: export it again")
+    return b"\n".join(rows) + b"\n"
+
+
+def _load(header: PlyHeader, vertex: PlyElement, body: bytes) -> np.ndarray:
+    """Points (N, 3) float64 of the vertex rows.
+
+    trimesh is handed the vertices alone: it refuses binary files with polygons of several sizes, and it splits
+    vertices where textures meet.
+    """
+    from trimesh.exchange.ply import load_ply
+
+    names = {"f4": "float", "f8": "double", "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int",
+             "u4": "uint", "i8": "int64", "u8": "uint64"}  # fmt: skip
+    properties = [f"property {names[entry.type.str[1:]]} {entry.name}" for entry in vertex.properties]
+    lines = ["ply", f"format {header.encoding} 1.0", f"element vertex {vertex.count}", *properties, "end_header", ""]
+    try:
+        points = np.asarray(load_ply(io.BytesIO("\n".join(lines).encode() + body))["vertices"], dtype=np.float64)
+    except Exception as error:  # the library raises whatever its parsing stumbles over
+        raise ScanError(f"the PLY vertices cannot be read ({error}); export the file again") from error
+    if points.shape != (vertex.count, 3):
+        raise ScanError(f"expected {vertex.count} PLY vertices, got an array {points.shape}; export the file again")
+    return points

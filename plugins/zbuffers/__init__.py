@@ -1,0 +1,1 @@
+"""Built-in z-buffers: projected cloud -> picture for the network."""

@@ -1,0 +1,1 @@
+"""Every byte on disk: fingerprinted stage outputs, scans and meshes, shards, weights."""

@@ -1,0 +1,1 @@
+"""luigi tasks, one a stage; each run() calls one function of `pipeline`."""

@@ -1,0 +1,238 @@
+"""The plan of a FullPipeline: every result it needs and what each depends on, computed from config and meshes alone.
+
+Nothing is read but the meshes' bytes and the plugins' source, and nothing is written, so a plan can be made at any time
+and compared with what a store holds.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from storage.clouds import MESH_SUFFIXES
+from storage.fingerprints import file_digest, fingerprint, plugin_fields, stage_fields
+from storage.layout import Entry
+from z2p_core import registry
+from z2p_core.config import ConfigError, PipelineConfig, to_dict
+
+
+@dataclass(frozen=True)
+class MeshInput:
+    """One mesh: its name, and an identity that changes with its content and with nothing else."""
+
+    name: str
+    identity: str
+    """64 hex digits: sha256 of the file, or for a built-in shape of what makes it."""
+    path: Path | None
+    """None for a built-in shape, which lies in the `shapes` result."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """One task: the result that it makes and the steps whose results it reads."""
+
+    entry: Entry
+    upstream: tuple[str, ...] = ()
+    """Names of other steps of the plan."""
+    mesh: MeshInput | None = None
+    views: tuple[int, int] = (0, 0)
+    """First view and the one after the last, of a render step."""
+
+    @property
+    def name(self) -> str:
+        """Logical name such as ``sample/bunny``."""
+        return self.entry.name
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All steps by name, upstream first, and what they work on."""
+
+    config: PipelineConfig
+    steps: dict[str, Step]
+    training: tuple[MeshInput, ...]
+    evaluation: tuple[MeshInput, ...]
+    warnings: tuple[str, ...] = ()
+
+
+def make_plan(config: PipelineConfig) -> Plan:
+    """Plan of a config; its mesh folders are read for their contents' digests.
+
+    Raises:
+        ConfigError: a mesh folder is missing or empty, or values do not fit together.
+        PluginError: a plugin that the config names is unknown or broken.
+    """
+    _check(config)
+    training, warnings = _distinct(_meshes(config.meshes, kept_aside=False))
+    evaluation = training
+    if config.evaluate_meshes or config.meshes == "builtin":
+        evaluation, repeated = _distinct(_meshes(config.evaluate_meshes or "builtin", kept_aside=True))
+        warnings += repeated
+    else:
+        warnings += ["no meshes kept aside for evaluation (--evaluate-meshes): the metrics are taken on the training "
+                     "meshes and measure memory rather than quality"]
+    return assemble(config, training, evaluation, warnings)
+
+
+def assemble(
+    config: PipelineConfig,
+    training: Sequence[MeshInput],
+    evaluation: Sequence[MeshInput],
+    warnings: Sequence[str] = (),
+) -> Plan:
+    """Plan of a config and meshes whose identities are known; no file but the plugins' source is read."""
+    steps: list[Step] = []
+    if any(mesh.path is None for mesh in [*training, *evaluation]):
+        steps.append(Step(Entry("shapes", "shapes", _shapes_fields())))
+    shards = []
+    for mesh in training:
+        chain = _mesh_chain(config, mesh)
+        shards.append(chain[-1])
+        steps += chain
+    train = Step(Entry("train", "train", _train_fields(config, shards)), tuple(shard.name for shard in shards))
+    evaluate = Step(
+        Entry("evaluate", "evaluate", _evaluate_fields(config, train, evaluation)),
+        (train.name, *_shapes_of(evaluation)),
+    )
+    steps += [train, evaluate]
+    return Plan(config, {step.name: step for step in steps}, tuple(training), tuple(evaluation), tuple(warnings))
+
+
+def _mesh_chain(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
+    """A mesh's own steps: its pool of points, its chunks of renders, and last its shard."""
+    shapes = _shapes_of([mesh])
+    where = {"mesh": str(mesh.path or "builtin")}
+    pool = Step(Entry("sample", f"sample/{mesh.name}", _sample_fields(config, mesh), where), shapes, mesh)
+    render = _render_fields(config, mesh)
+    chunks = []
+    for first in range(0, config.render.views, config.render.chunk):
+        last = min(first + config.render.chunk, config.render.views)
+        fields = {**render, "first": first, "last": last}
+        entry = Entry("render", f"render/{mesh.name}/{first}-{last}", fields, where)
+        chunks.append(Step(entry, shapes, mesh, (first, last)))
+    shard = stage_fields("shard") | {
+        # the renders as a whole: how they were cut into chunks does not matter
+        "renders": fingerprint(render),
+        "views": config.render.views,
+        "sample": pool.entry.fingerprint,
+        "parameters": to_dict(config.shard),
+        "controls": _controls(config),
+    }
+    upstream = (pool.name, *(chunk.name for chunk in chunks))
+    return [pool, *chunks, Step(Entry("shard", f"shard/{mesh.name}", shard, where), upstream, mesh)]
+
+
+def _shapes_fields() -> dict[str, Any]:
+    from pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
+
+    return stage_fields("shapes") | {"shapes": sorted([*TRAINING_SHAPES, *VALIDATION_SHAPES])}
+
+
+def _sample_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
+    parameters = to_dict(config.sample)
+    parameters["sampler"] = plugin_fields(registry.load("samplers", config.sample.sampler))
+    return stage_fields("sample") | {"mesh": mesh.identity, "parameters": parameters}
+
+
+def _render_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
+    """Fields that all views of a mesh share. Their number is not one: asking for more keeps those that are there."""
+    parameters = to_dict(config.render)
+    for name in ("views", "chunk"):
+        del parameters[name]
+    parameters["controls"] = _controls(config)
+    return stage_fields("render") | {"mesh": mesh.identity, "parameters": parameters}
+
+
+def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, Any]:
+    parameters = to_dict(config.train)
+    del parameters["checkpoint_every"]  # a run resumes exactly, so how often it could does not matter
+    network = parameters["network"]
+    network["zbuffer"] = plugin_fields(registry.load("zbuffers", network["zbuffer"]))
+    network["encoder"] = plugin_fields(registry.load("encoders", network["encoder"]))
+    return stage_fields("train") | {
+        "shards": sorted(shard.entry.fingerprint for shard in shards),
+        "parameters": parameters,
+        "controls": _controls(config),
+    }
+
+
+def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshInput]) -> dict[str, Any]:
+    parameters = to_dict(config.evaluate)
+    parameters["sampler"] = plugin_fields(registry.load("samplers", config.evaluate.sampler))
+    return stage_fields("evaluate") | {
+        "train": train.entry.fingerprint,
+        "meshes": sorted([mesh.name, mesh.identity] for mesh in meshes),  # the metrics' rows bear the names
+        "parameters": parameters,
+    }
+
+
+def _controls(config: PipelineConfig) -> list[dict[str, str]]:
+    """In the config's order: it is that of the settings vector, and of the draws from the generator."""
+    return [plugin_fields(registry.load("controls", name)) for name in config.render.controls]
+
+
+def _shapes_of(meshes: Iterable[MeshInput]) -> tuple[str, ...]:
+    return ("shapes",) if any(mesh.path is None for mesh in meshes) else ()
+
+
+def _meshes(where: str, *, kept_aside: bool) -> list[MeshInput]:
+    if where == "builtin":
+        from pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
+
+        return [builtin_mesh(name) for name in (VALIDATION_SHAPES if kept_aside else TRAINING_SHAPES)]
+    return meshes_in(Path(where))
+
+
+def builtin_mesh(name: str) -> MeshInput:
+    """A built-in shape; it is made the same every time, so what makes it stands for its content."""
+    return MeshInput(name, fingerprint(stage_fields("shapes") | {"shape": name}), None)
+
+
+def meshes_in(folder: Path) -> list[MeshInput]:
+    """The meshes that lie in a folder (not below it), by file name.
+
+    Raises:
+        ConfigError: no such folder, or no mesh in it.
+    """
+    if not folder.is_dir():
+        raise ConfigError(f"meshes: expected a folder of meshes or 'builtin', got {str(folder)!r}, which is no folder")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
+    if not paths:
+        raise ConfigError(f"meshes: expected files ending in {', '.join(sorted(MESH_SUFFIXES))} in {folder}, found none")
+    stems = [path.stem for path in paths]
+    return [
+        MeshInput(path.stem if stems.count(path.stem) == 1 else path.name, file_digest(path), path.absolute())
+        for path in paths
+    ]
+
+
+def _distinct(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:
+    """The meshes without repeated contents, and a warning for each that was left out."""
+    found: dict[str, MeshInput] = {}
+    warnings = []
+    for mesh in meshes:
+        if mesh.identity in found:
+            warnings.append(f"mesh {mesh.name} is left out: its file is the same as {found[mesh.identity].name}'s")
+        found.setdefault(mesh.identity, mesh)
+    return list(found.values()), warnings
+
+
+def _check(config: PipelineConfig) -> None:
+    name = config.name
+    if not name or name.startswith(".") or Path(name).name != name:
+        raise ConfigError(f"name: expected a plain folder name, got {name!r}")
+    if name in {field.name for field in dataclasses.fields(PipelineConfig)} | {"shapes", "truth"}:
+        raise ConfigError(f"name: {name!r} is the folder of a stage's results; choose another name")
+    for key, value in (("views", config.render.views), ("chunk", config.render.chunk)):
+        if value < 1:
+            raise ConfigError(f"render.{key}: expected at least 1, got {value}")
+    if config.shard.resolution < 1 or config.render.resolution % config.shard.resolution:
+        raise ConfigError(
+            f"shard.resolution: expected a divisor of render.resolution ({config.render.resolution}), "
+            f"got {config.shard.resolution}"
+        )
+    if not config.render.controls or len(set(config.render.controls)) != len(config.render.controls):
+        raise ConfigError(f"render.controls: expected one or more different names, got {list(config.render.controls)}")

@@ -1,0 +1,200 @@
+"""One frozen dataclass a stage; their defaults are the `quick` pipeline. TOML files in `configs/` override them."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+import typing
+from dataclasses import dataclass, field
+from typing import Any
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; the message names the key, what was expected and what came."""
+
+
+@dataclass(frozen=True)
+class SampleConfig:
+    """Points drawn once from each mesh; training draws its fresh clouds from this pool."""
+
+    sampler: str = "uniform"
+    points: int = 50_000
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class RenderConfig:
+    """Cycles renders of each mesh."""
+
+    controls: tuple[str, ...] = ("color", "light", "elevation")
+    views: int = 6
+    chunk: int = 10
+    """Views rendered by one task."""
+    resolution: int = 128
+    samples: int = 4
+    """Cycles samples a pixel; noise in training targets averages out, so few are enough."""
+    denoise: str = "fast"
+    """``off``, ``fast``, ``balanced`` or ``high``: OpenImageDenoise's quality."""
+    bounces: int = 3
+    upright: float = 0.5
+    """Share of the views that turn the mesh about +Z only; the others turn it any way."""
+    passes: tuple[str, ...] = ()
+    """Extra passes to keep: any of ``depth``, ``normal``, ``shadow``."""
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class ShardConfig:
+    """HDF5 shards, one for each mesh."""
+
+    resolution: int = 128
+    """Side of the stored pictures; divides the render's, which is area-averaged down to it."""
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """Shape of the network; saved with the weights and enough to rebuild it."""
+
+    kind: str = "unshuffle_unet"
+    """``unshuffle_unet`` (fast) or ``adain_unet`` (the paper's)."""
+    widths: tuple[int, ...] = (48, 80, 128, 192)
+    """Channels at each level, finest first."""
+    unshuffle: int = 4
+    """Side of the pixel blocks folded into channels before the first level; the paper's network has none (1)."""
+    mapping: int = 512
+    """Length of w, the mapped settings vector."""
+    zbuffer: str = "splats"
+    encoder: str = "fourier"
+
+
+@dataclass(frozen=True)
+class LossConfig:
+    """Weights of the loss terms; a term of weight 0 is not computed."""
+
+    color_l2: float = 0.0
+    magnitude_l1: float = 0.0
+    alpha_l1: float = 1.0
+    color_l1: float = 1.0
+    ssim: float = 0.2
+    gradient_l1: float = 0.5
+    foreground: float = 1.0
+    """How much more colour errors weigh on the object than elsewhere."""
+    masked: bool = False
+    """Colour terms on the object alone, as the paper's authors' script does."""
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """One training run; `steps` and `batch` together say how many samples are seen."""
+
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    loss: LossConfig = field(default_factory=LossConfig)
+    steps: int = 150
+    batch: int = 8
+    learning_rate: float = 1e-3
+    warmup: int = 50
+    points: tuple[int, int] = (1_000, 20_000)
+    """Smallest and largest cloud, drawn log-uniformly for each sample."""
+    noise: str = "none"
+    """``none``, ``uniform`` or ``gaussian``."""
+    noise_scale: float = 0.0
+    """Largest noise amplitude, in units of the mesh's radius; each sample draws its own up to it."""
+    average: float = 0.999
+    """Decay of the weights' exponential moving average, which is what ships; 0 for none."""
+    validate_every: int = 75
+    validation_share: float = 0.05
+    """Share of the shards' samples kept from training for the learning curve."""
+    checkpoint_every: int = 50
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class EvaluateConfig:
+    """How finished weights are measured."""
+
+    views: int = 2
+    points: int = 5_000
+    noise: float = 0.0
+    """Standard deviation of Gaussian noise, in units of the mesh's radius."""
+    sampler: str = "uniform"
+    resolution: int = 128
+    samples: int = 16
+    denoise: str = "high"
+    elevation: float | None = 20.0
+    """Camera elevation of every view in degrees; None draws it as training does."""
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class PipelineConfig:
+    """Everything that FullPipeline makes, from meshes to metrics."""
+
+    name: str = "quick"
+    meshes: str = "builtin"
+    """A folder of meshes, or ``builtin`` for shapes that the project makes itself."""
+    evaluate_meshes: str = ""
+    """A folder of meshes never trained on; empty for the built-in ones kept aside, or the training meshes."""
+    sample: SampleConfig = field(default_factory=SampleConfig)
+    render: RenderConfig = field(default_factory=RenderConfig)
+    shard: ShardConfig = field(default_factory=ShardConfig)
+    train: TrainConfig = field(default_factory=TrainConfig)
+    evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)
+
+
+def parse_config(text: str, source: str = "config") -> PipelineConfig:
+    """PipelineConfig of a TOML text; what it leaves out keeps the defaults.
+
+    Raises:
+        ConfigError: not TOML, an unknown key, or a value of the wrong type.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{source}: not valid TOML: {error}") from error
+    config: PipelineConfig = from_dict(PipelineConfig, data, source)
+    return config
+
+
+def to_dict(config: Any) -> dict[str, Any]:
+    """Plain nested dict of any config dataclass, tuples as lists: JSON-able, and `from_dict` reads it back."""
+    return {
+        field.name: _plain(getattr(config, field.name)) for field in dataclasses.fields(config)
+    }
+
+
+def from_dict(kind: type[Any], data: dict[str, Any], source: str = "config") -> Any:
+    """Config dataclass `kind` from a nested dict.
+
+    Raises:
+        ConfigError: an unknown key, or a value of the wrong type.
+    """
+    hints = typing.get_type_hints(kind)
+    unknown = sorted(set(data) - set(hints))
+    if unknown:
+        raise ConfigError(f"{source}: unknown key {unknown[0]!r}; known: {', '.join(hints)}")
+    return kind(**{key: _read(hints[key], value, f"{source}: {key}") for key, value in data.items()})
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return to_dict(value)
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _read(hint: Any, value: Any, source: str) -> Any:
+    if dataclasses.is_dataclass(hint):
+        if not isinstance(value, dict):
+            raise ConfigError(f"{source}: expected a table, got {value!r}")
+        return from_dict(typing.cast(type[Any], hint), value, source)
+    arguments = typing.get_args(hint)
+    if typing.get_origin(hint) is tuple:
+        if not isinstance(value, list):
+            raise ConfigError(f"{source}: expected a list, got {value!r}")
+        return tuple(_read(arguments[0], item, source) for item in value)
+    if type(None) in arguments:
+        return None if value is None else _read(arguments[0], value, source)
+    if hint is float and type(value) is int:
+        return float(value)
+    if type(value) is not hint:
+        raise ConfigError(f"{source}: expected {hint.__name__}, got {value!r}")
+    return value

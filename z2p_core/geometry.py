@@ -1,0 +1,88 @@
+"""Where an object sits in the world: its bounding sphere and random rotations. Float64 until the very end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """Bounding sphere in the object's own units; `normalise` maps it to the unit sphere."""
+
+    centre: tuple[float, float, float]
+    radius: float
+
+    def normalise(self, points: np.ndarray) -> np.ndarray:
+        """Points (N, 3) float32 in the unit sphere, from points (N, 3) in the object's units; float64 inside."""
+        return ((points.astype(np.float64) - np.array(self.centre)) / self.radius).astype(np.float32)
+
+
+def bounding_sphere(points: np.ndarray, tolerance: float = 1e-9) -> Sphere:
+    """Smallest sphere around finite points (N, 3), N >= 1; radius 0 when they all coincide.
+
+    Active set: the exact ball of a handful of points, to which the farthest outsider is added until none is left.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    origin = points[0]
+    points = points - origin  # UTM coordinates: keep the digits for the shape
+    scale = float(np.abs(points).max())
+    if scale == 0.0:
+        return Sphere(tuple(origin.tolist()), 0.0)
+    points = points / scale
+    support = points[[int(np.argmax((points**2).sum(1)))]]
+    centre, radius = support[0], 0.0
+    for _ in range(200):
+        distance = np.sqrt(((points - centre) ** 2).sum(1))
+        farthest = int(np.argmax(distance))
+        if distance[farthest] <= radius * (1 + tolerance) + 1e-12:
+            break
+        support, centre, radius = _ball_of_few(np.vstack([support, points[farthest]]))
+    radius = float(np.sqrt(((points - centre) ** 2).sum(1).max()))
+    return Sphere(tuple((centre * scale + origin).tolist()), radius * scale)
+
+
+def random_rotation(rng: np.random.Generator) -> np.ndarray:
+    """Rotation matrix (3, 3) uniform over all rotations, from a normalised random quaternion."""
+    w, x, y, z = (lambda q: q / np.linalg.norm(q))(rng.normal(size=4))
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def _ball_of_few(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Smallest ball of at most five points: (points on it, centre, radius); tries every subset of two to four."""
+    from itertools import combinations
+
+    best: tuple[np.ndarray, np.ndarray, float] | None = None
+    for size in (2, 3, 4):
+        for chosen in combinations(range(len(points)), size):
+            subset = points[list(chosen)]
+            centre = _circumcentre(subset)
+            if centre is None:
+                continue
+            radius = float(np.linalg.norm(subset[0] - centre))
+            reach = float(np.linalg.norm(points - centre, axis=1).max())
+            if reach <= radius * (1 + 1e-10) + 1e-13 and (best is None or radius < best[2]):
+                best = (subset, centre, radius)
+    if best is None:  # numerically degenerate: fall back on the widest pair
+        gaps = np.linalg.norm(points[:, None] - points[None], axis=2)
+        i, j = np.unravel_index(int(gaps.argmax()), gaps.shape)
+        best = (points[[i, j]], (points[i] + points[j]) / 2, float(gaps[i, j]) / 2)
+    return best
+
+
+def _circumcentre(points: np.ndarray) -> np.ndarray | None:
+    """Centre of the smallest sphere through 2 to 4 points, or None when they are degenerate."""
+    edges = points[1:] - points[0]
+    gram = edges @ edges.T
+    try:
+        weights = np.linalg.solve(2 * gram, np.diag(gram))
+    except np.linalg.LinAlgError:
+        return None
+    return points[0] + weights @ edges

@@ -1,0 +1,204 @@
+"""All that a plugin author reads: the four things z2p lets a stranger replace or add.
+
+A plugin is one class in one file, named in one entry point of its package. Built-in plugins use the same door.
+
+=============================  =====================  ===========================================
+entry-point group              subclass               example
+=============================  =====================  ===========================================
+``z2p.controls``               `Control`              metallic: a number the user moves
+``z2p.zbuffers``               `ZBuffer`              the paper's 5x5 splat (Eq. 1)
+``z2p.encoders``               `PositionalEncoder`    random Fourier features (Eq. 3)
+``z2p.samplers``               `Sampler`              farthest-point sampling of a mesh
+``z2p.readers``                `Reader`               a point-cloud file format
+=============================  =====================  ===========================================
+
+Every plugin has a ``name`` (that of its entry point) and a ``version``: raise the version whenever its results change.
+Randomness comes only from the ``rng`` argument. ``z2p_core.testing`` holds the contract suite that the built-ins pass.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from z2p_core.scene import SceneDescription
+
+if TYPE_CHECKING:
+    from z2p_core.camera import Camera
+
+Value = tuple[float, ...]
+"""What a control is set to: one float for each component of its slider, in the slider's units."""
+
+
+class SettingError(ValueError):
+    """A setting that no control can take; the message says what was expected, what came, and how to mend it."""
+
+
+@dataclass(frozen=True)
+class Slider:
+    """What a user moves: from this alone come the command-line option and a viewer's slider.
+
+    Each tuple has one entry for each component (one for roughness; three for the light: radius, azimuth, elevation).
+    """
+
+    components: tuple[str, ...]
+    low: Value
+    high: Value
+    default: Value
+    help: str
+    unit: str = ""
+    metavar: str = ""
+
+    def __post_init__(self) -> None:
+        sizes = {len(self.components), len(self.low), len(self.high), len(self.default)}
+        if sizes != {len(self.components)} or not self.components:
+            raise ValueError(
+                f"slider: components, low, high and default need one entry each per component, got lengths {sizes}"
+            )
+        for name, low, default, high in zip(self.components, self.low, self.default, self.high, strict=True):
+            if not low <= default <= high:
+                raise ValueError(f"slider: {name} needs low <= default <= high, got {low}, {default}, {high}")
+
+
+class Control(ABC):
+    """One thing the user steers, told in one file: its slider, how it is drawn, encoded, and applied to the scene."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    slider: ClassVar[Slider]
+
+    @property
+    def size(self) -> int:
+        """How many numbers it adds to the settings vector s (paper section 3.3); the length of `encode`'s result."""
+        return len(self.slider.components)
+
+    def parse(self, text: str) -> Value:
+        """Value that the user's text stands for: comma-separated floats inside the slider's range.
+
+        Raises:
+            SettingError: the text has another form, or a number lies outside its range.
+        """
+        slider = self.slider
+        expected = ",".join(slider.components)
+        try:
+            value = tuple(float(part) for part in text.split(","))
+        except ValueError:
+            value = ()
+        if len(value) != len(slider.components):
+            raise SettingError(f"--{self.name}: expected {expected} as numbers, got {text!r}")
+        return self.check(value)
+
+    def check(self, value: Value) -> Value:
+        """The value itself, when every component is finite and inside the slider's range.
+
+        Raises:
+            SettingError: a component is outside; the message names it and its range.
+        """
+        slider = self.slider
+        if len(value) != len(slider.components):
+            raise SettingError(f"{self.name}: expected {len(slider.components)} numbers, got {value!r}")
+        for component, number, low, high in zip(slider.components, value, slider.low, slider.high, strict=True):
+            if not low <= number <= high:  # also false for nan
+                raise SettingError(
+                    f"--{self.name}: {component} is {number:g}, expected {low:g} to {high:g} {slider.unit}".rstrip()
+                )
+        return value
+
+    def draw(self, rng: np.random.Generator) -> Value:
+        """Random value for one training render; uniform over the slider unless a control overrides it."""
+        return tuple(float(rng.uniform(low, high)) for low, high in zip(self.slider.low, self.slider.high, strict=True))
+
+    def encode(self, value: Value) -> tuple[float, ...]:
+        """The `size` numbers for the settings vector; the slider's range mapped to [0, 1] unless overridden."""
+        slider = self.slider
+        return tuple(
+            (number - low) / (high - low)
+            for number, low, high in zip(value, slider.low, slider.high, strict=True)
+        )
+
+    @abstractmethod
+    def apply(self, value: Value, scene: SceneDescription) -> None:
+        """Write the value into the description of the Blender scene, e.g. ``scene.material["Metallic"] = value[0]``."""
+
+
+class ZBuffer(ABC):
+    """Turns a projected cloud into the picture that the network reads."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    channels: ClassVar[int]
+
+    @abstractmethod
+    def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
+        """Picture (channels, height, width) float32 of a cloud (N, 3) float32 in world units; 0 where nothing is."""
+
+
+class PositionalEncoder(ABC):
+    """Features of a pixel's place in the full frame, joined to the network's input (paper section 3.3, Eq. 3)."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+
+    @classmethod
+    @abstractmethod
+    def create(cls, rng: np.random.Generator) -> PositionalEncoder:
+        """Encoder with its random numbers drawn, once, at the start of training."""
+
+    @classmethod
+    @abstractmethod
+    def from_state(cls, state: dict[str, Any]) -> PositionalEncoder:
+        """The encoder whose `state` was saved with the weights."""
+
+    @property
+    @abstractmethod
+    def state(self) -> dict[str, Any]:
+        """What must be saved with the weights to rebuild it: JSON-able numbers and lists."""
+
+    @property
+    @abstractmethod
+    def channels(self) -> int:
+        """How many features a pixel gets; 0 for none."""
+
+    @abstractmethod
+    def encode(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Features (channels, H, W) float32 of pixel coordinates u, v (H, W), [0, 1] over the full square frame."""
+
+
+class Sampler(ABC):
+    """Draws points on the surface of a mesh."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+
+    @abstractmethod
+    def sample(
+        self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator
+    ) -> np.ndarray:
+        """Exactly `count` points (count, 3) float64 on the triangles faces (M, 3) int of vertices (V, 3) float64."""
+
+
+class Reader(ABC):
+    """Reads one family of point-cloud files."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    suffixes: ClassVar[tuple[str, ...]]
+    """Lower-case, with the dot: ``(".las", ".laz")``."""
+
+    @abstractmethod
+    def read(self, path: Path) -> list[np.ndarray]:
+        """The clouds in the file, each (N, 3) float64 in the file's own units; one for most formats, B for a batch.
+
+        Rows that are not finite stay in: the caller drops and counts them.
+
+        Raises:
+            ScanError: the file cannot be a cloud of this format, or lies about its size.
+        """
+
+
+class ScanError(ValueError):
+    """A scan that cannot be used; the message says what was expected, what came, and what to do."""

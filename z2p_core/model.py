@@ -1,0 +1,208 @@
+"""The conditioned U-Nets: z-buffer and settings in, premultiplied sRGB and alpha out. One file, in reading order.
+
+B batch, C z-buffer channels, E encoding channels, S settings, M mapping, u unshuffle, W a level's width.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from z2p_core.config import NetworkConfig
+
+NORMALISE_FROM = 16
+"""Stride at which the fast network turns to AdaIN. Finer levels are modulated without normalising: instance statistics
+there depend on how much of the picture the object covers, and would tie its shading to that."""
+EPSILON = 1e-5
+
+
+def build_network(config: NetworkConfig, zbuffer_channels: int, encoder_channels: int, settings: int) -> nn.Module:
+    """Freshly initialised network of `config.kind`, for inputs of these numbers of channels and settings.
+
+    Its forward takes (zbuffer (B, C, H, W) float32, encoding (E, H/u, W/u) or (B, E, H/u, W/u) float32 with sides
+    rounded up, settings (B, S) float32 in [0, 1]) and gives (B, 4, H, W) float32: colour times alpha and alpha,
+    clamped to [0, 1] in evaluation mode and free in training, where a clamp would stop gradients. H, W >= 32.
+
+    Raises:
+        ValueError: unknown kind, or a shape that its kind cannot have.
+    """
+    kinds: dict[str, type[UNet]] = {"unshuffle_unet": UnshuffleUNet, "adain_unet": AdainUNet}
+    if config.kind not in kinds:
+        raise ValueError(f"unknown network {config.kind!r}; known: {', '.join(kinds)}")
+    if len(config.widths) < 2 or min(config.widths) < 1 or config.mapping < 1 or config.unshuffle < 1:
+        raise ValueError(f"network: expected two or more widths, a mapping and an unshuffle above 0, got {config}")
+    if config.kind == "adain_unet" and config.unshuffle != 1:
+        raise ValueError(f"adain_unet works at full resolution: expected unshuffle = 1, got {config.unshuffle}")
+    if zbuffer_channels < 1 or encoder_channels < 0 or settings < 1:
+        raise ValueError(
+            f"network: expected a z-buffer channel and a setting at least, got {zbuffer_channels} z-buffer and "
+            f"{encoder_channels} encoding channels and {settings} settings"
+        )
+    return kinds[config.kind](config, zbuffer_channels, encoder_channels, settings)
+
+
+class MappingNetwork(nn.Module):
+    """w (B, M) from the settings vector s (B, S): an MLP shared by all layers (paper section 3.3)."""
+
+    def __init__(self, settings: int, mapping: int) -> None:
+        super().__init__()
+        self.layers = nn.Sequential(
+            nn.Linear(settings, mapping), nn.SiLU(), nn.Linear(mapping, mapping), nn.SiLU(), nn.Linear(mapping, mapping)
+        )
+
+    def forward(self, settings: Tensor) -> Tensor:
+        return self.layers(settings * 2 - 1)
+
+
+class Modulation(nn.Module):
+    """gamma x + beta for each channel, with gamma = 1 + A_gamma w and beta = A_beta w."""
+
+    normalise = False
+
+    def __init__(self, channels: int, mapping: int) -> None:
+        super().__init__()
+        self.affine = nn.Linear(mapping, 2 * channels)
+        nn.init.normal_(self.affine.weight, std=0.2 / mapping**0.5)
+        nn.init.zeros_(self.affine.bias)
+
+    def forward(self, x: Tensor, w: Tensor) -> Tensor:
+        scale, shift = self.affine(w).float()[:, :, None, None].chunk(2, dim=1)  # (B, W, 1, 1) each
+        scale = scale + 1
+        if self.normalise:
+            variance, mean = torch.var_mean(x.float(), dim=(2, 3), correction=0, keepdim=True)
+            scale = scale * torch.rsqrt(variance + EPSILON)
+            shift = shift - mean * scale
+        return torch.addcmul(shift.to(x.dtype), x, scale.to(x.dtype))
+
+
+class AdaIN(Modulation):
+    """gamma (x - mean) / std + beta, statistics of each picture and channel (paper Eq. 2)."""
+
+    normalise = True
+
+
+class UNet(nn.Module):
+    """What both networks share: the mapping, padding to a multiple of the stride, and the range of the output."""
+
+    def __init__(self, config: NetworkConfig, settings: int) -> None:
+        super().__init__()
+        self.unshuffle = config.unshuffle
+        self.stride = config.unshuffle * 2 ** (len(config.widths) - 1)
+        self.mapping = MappingNetwork(settings, config.mapping)
+
+    def forward(self, zbuffer: Tensor, encoding: Tensor, settings: Tensor) -> Tensor:
+        height, width = zbuffer.shape[-2:]
+        w = self.mapping(settings)  # (B, M)
+        right, below = -width % self.stride, -height % self.stride
+        x = F.pad(zbuffer, (0, right, 0, below))  # the background of a z-buffer is 0
+        if self.unshuffle > 1:
+            x = F.pixel_unshuffle(x, self.unshuffle)  # (B, C u u, H/u, W/u)
+        encoding = encoding.expand(len(x), *encoding.shape[-3:])
+        if encoding.shape[1]:
+            missing = (0, x.shape[3] - encoding.shape[3], 0, x.shape[2] - encoding.shape[2])
+            x = torch.cat([x, F.pad(encoding, missing, mode="replicate")], dim=1)
+        picture = self.draw(x.contiguous(memory_format=torch.channels_last), w)
+        picture = picture[:, :, :height, :width].float()  # (B, 4, H, W)
+        return picture if self.training else picture.clamp(0, 1)
+
+    def draw(self, x: Tensor, w: Tensor) -> Tensor:
+        """Picture (B, 4, H, W) at full resolution from the joined input at the finest level."""
+        raise NotImplementedError
+
+
+class UnshuffleUNet(UNet):
+    """The fast network: pixel blocks folded into channels, residual blocks, additive skips, pixels unfolded again."""
+
+    def __init__(self, config: NetworkConfig, zbuffer_channels: int, encoder_channels: int, settings: int) -> None:
+        super().__init__(config, settings)
+        widths, cell = config.widths, config.unshuffle**2
+        self.stem = nn.Conv2d(zbuffer_channels * cell + encoder_channels, widths[0], 3, padding=1)
+        self.encode, self.shrink = nn.ModuleList(), nn.ModuleList()
+        self.grow, self.decode = nn.ModuleList(), nn.ModuleList()
+        for level, (fine, coarse) in enumerate(zip(widths[:-1], widths[1:], strict=True)):
+            stride = config.unshuffle * 2**level
+            self.encode.append(ResidualBlocks(1, fine, config.mapping, stride))
+            self.shrink.append(nn.Conv2d(fine, coarse, 2, stride=2))
+            self.grow.append(nn.Conv2d(coarse, fine, 1))
+            self.decode.append(ResidualBlocks(2, fine, config.mapping, stride))
+        self.bottom = ResidualBlocks(2, widths[-1], config.mapping, self.stride)
+        # Straight before the last convolution, so that colour can multiply shading.
+        self.tint = Modulation(widths[0], config.mapping)
+        self.head = nn.Conv2d(widths[0], 4 * cell, 3, padding=1)
+        with torch.no_grad():
+            self.head.weight *= 0.1  # start near an empty picture
+
+    def draw(self, x: Tensor, w: Tensor) -> Tensor:
+        x = self.stem(x)  # (B, W0, H/u, W/u)
+        skips = []
+        for encode, shrink in zip(self.encode, self.shrink, strict=True):
+            x = encode(x, w)
+            skips.append(x)
+            x = shrink(x)  # (B, W+1, H/2, W/2) of the level
+        x = self.bottom(x, w)
+        for grow, decode in zip(reversed(self.grow), reversed(self.decode), strict=True):
+            x = skips.pop() + F.interpolate(grow(x), scale_factor=2.0, mode="nearest")
+            x = decode(x, w)
+        x = self.head(self.tint(F.relu(x), w))  # (B, 4 u u, H/u, W/u)
+        return F.pixel_shuffle(x, self.unshuffle)
+
+
+class ResidualBlocks(nn.Module):
+    """`count` times x + conv(relu(modulate(conv(relu(x))))), each starting as the identity."""
+
+    def __init__(self, count: int, width: int, mapping: int, stride: int) -> None:
+        super().__init__()
+        modulation = AdaIN if stride >= NORMALISE_FROM else Modulation
+        self.first = nn.ModuleList(nn.Conv2d(width, width, 3, padding=1) for _ in range(count))
+        self.modulate = nn.ModuleList(modulation(width, mapping) for _ in range(count))
+        self.second = nn.ModuleList(nn.Conv2d(width, width, 3, padding=1) for _ in range(count))
+        for convolution in self.second:
+            nn.init.zeros_(convolution.weight)
+            nn.init.zeros_(convolution.bias)
+
+    def forward(self, x: Tensor, w: Tensor) -> Tensor:
+        for first, modulate, second in zip(self.first, self.modulate, self.second, strict=True):
+            x = x + second(F.relu(modulate(first(F.relu(x)), w)))
+        return x
+
+
+class AdainUNet(UNet):
+    """The paper's network: a classic U-Net at full resolution, AdaIN after every convolution (section 3.3)."""
+
+    def __init__(self, config: NetworkConfig, zbuffer_channels: int, encoder_channels: int, settings: int) -> None:
+        super().__init__(config, settings)
+        widths = config.widths
+        inputs = (zbuffer_channels + encoder_channels, *widths[:-1])
+        self.encode = nn.ModuleList(
+            AdainConvolutions(before, after, config.mapping) for before, after in zip(inputs, widths, strict=True)
+        )
+        pairs = list(zip(widths[:-1], widths[1:], strict=True))
+        self.grow = nn.ModuleList(nn.ConvTranspose2d(coarse, fine, 2, stride=2) for fine, coarse in pairs)
+        self.decode = nn.ModuleList(AdainConvolutions(2 * fine, fine, config.mapping) for fine, _ in pairs)
+        self.head = nn.Conv2d(widths[0], 4, 1)
+
+    def draw(self, x: Tensor, w: Tensor) -> Tensor:
+        skips: list[Tensor] = []
+        for encode in self.encode:
+            x = encode(F.max_pool2d(x, 2) if skips else x, w)  # (B, W, H, W), sides halved at each level
+            skips.append(x)
+        skips.pop()
+        for grow, decode in zip(reversed(self.grow), reversed(self.decode), strict=True):
+            x = decode(torch.cat([skips.pop(), grow(x)], dim=1), w)
+        return self.head(x)
+
+
+class AdainConvolutions(nn.Module):
+    """Two 3x3 convolutions, each followed by AdaIN and ReLU."""
+
+    def __init__(self, before: int, after: int, mapping: int) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(before, after, 3, padding=1, bias=False)  # AdaIN would take a bias away again
+        self.first_modulation = AdaIN(after, mapping)
+        self.second = nn.Conv2d(after, after, 3, padding=1, bias=False)
+        self.second_modulation = AdaIN(after, mapping)
+
+    def forward(self, x: Tensor, w: Tensor) -> Tensor:
+        x = F.relu(self.first_modulation(self.first(x), w))
+        return F.relu(self.second_modulation(self.second(x), w))

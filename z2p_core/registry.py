@@ -1,0 +1,94 @@
+"""Finds plugins through entry points: the only way to a plugin, for built-ins and strangers alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+GROUPS = {
+    "controls": "Control",
+    "zbuffers": "ZBuffer",
+    "encoders": "PositionalEncoder",
+    "samplers": "Sampler",
+    "readers": "Reader",
+}
+"""Short group name -> interface class in `z2p_core.interfaces`. The entry-point group is ``z2p.<short name>``."""
+
+
+class PluginError(LookupError):
+    """A plugin that is unknown, ambiguous or broken; the message names it and what is installed."""
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """What is known of a plugin without importing it."""
+
+    group: str
+    name: str
+    origin: str
+    """Distribution and its version, e.g. ``z2p 0.1.0``."""
+    target: str
+
+
+def names(group: str) -> list[str]:
+    """Installed plugin names of a group, sorted; broken ones included."""
+    return sorted(_entries(group))
+
+
+def installed(group: str) -> list[Plugin]:
+    """Every installed plugin of a group with where it comes from; nothing is imported."""
+    return [
+        Plugin(group, name, _origin(entry), entry.value)
+        for name, entries in sorted(_entries(group).items())
+        for entry in entries
+    ]
+
+
+def load(group: str, name: str) -> type[Any]:
+    """The plugin class registered as `name` in `group` (a key of `GROUPS`).
+
+    Raises:
+        PluginError: no such plugin, two packages claim the name, or its import fails.
+    """
+    found = _entries(group).get(name, ())
+    if not found:
+        known = ", ".join(names(group)) or "none"
+        raise PluginError(f"unknown {group[:-1]} {name!r}; installed: {known}")
+    if len(found) > 1:
+        origins = " and ".join(_origin(entry) for entry in found)
+        raise PluginError(f"{group[:-1]} {name!r} is claimed by {origins}; uninstall one of them")
+    return _load_entry(group, name, found[0])
+
+
+def _load_entry(group: str, name: str, entry: EntryPoint) -> type[Any]:
+    try:
+        plugin = entry.load()
+    except Exception as error:  # whatever a stranger's import raises must name the plugin, and only when asked for
+        raise PluginError(
+            f"{group[:-1]} {name!r} from {_origin(entry)} fails to load ({entry.value}): "
+            f"{type(error).__name__}: {error}; repair or uninstall that package"
+        ) from error
+    from z2p_core import interfaces  # late: names() and installed() stay free of numpy
+
+    expected = getattr(interfaces, GROUPS[group])
+    if not (isinstance(plugin, type) and issubclass(plugin, expected)):
+        raise PluginError(f"{group[:-1]} {name!r} from {_origin(entry)}: expected a subclass of {expected.__name__}, "
+                          f"got {plugin!r}")
+    return plugin
+
+
+def _origin(entry: EntryPoint) -> str:
+    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unnamed package"
+
+
+@lru_cache(maxsize=None)
+def _entries(group: str) -> dict[str, tuple[EntryPoint, ...]]:
+    if group not in GROUPS:
+        raise PluginError(f"unknown plugin group {group!r}; groups: {', '.join(GROUPS)}")
+    found: dict[str, dict[tuple[str, str], EntryPoint]] = {}
+    for entry in entry_points(group=f"z2p.{group}"):
+        # an editable install beside its build folder lists the same entry twice
+        found.setdefault(entry.name, {})[(_origin(entry), entry.value)] = entry
+    return {name: tuple(entries.values()) for name, entries in found.items()}

@@ -1,0 +1,41 @@
+"""Description of one Blender render, free of bpy: what controls write and the render stage reads."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, field
+from typing import Any
+
+MaterialInput = float | tuple[float, ...]
+
+IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+@dataclass
+class SceneDescription:
+    """One picture of one mesh. Units: world units (the mesh's bounding sphere has radius 1), degrees, linear colour.
+
+    `material` holds inputs of Blender's Principled BSDF by their names in Blender's interface. With none set the
+    surface is plainly diffuse (no specular lobe), as the paper's.
+    """
+
+    elevation: float = 20.0
+    """Camera elevation above the horizon, degrees."""
+    light: tuple[float, float, float] = (3.75, -40.0, 50.0)
+    """Light's radius, azimuth relative to the camera (0 behind it, positive to image right), elevation; degrees."""
+    material: dict[str, MaterialInput] = field(default_factory=dict)
+    rotation: tuple[tuple[float, float, float], ...] = IDENTITY
+    """Rotation matrix (rows) that turns the normalised mesh into the world."""
+    lift: float = 0.0
+    """How far the mesh hovers above the floor."""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain lists and numbers, readable again by `from_json`."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> SceneDescription:
+        """The description that `to_json` wrote."""
+        material = {name: tuple(x) if isinstance(x, list) else x for name, x in data["material"].items()}
+        rotation = tuple(tuple(row) for row in data["rotation"])
+        return cls(data["elevation"], tuple(data["light"]), material, rotation, data["lift"])
