@@ -26,6 +26,8 @@ LIGHT_SIDE = 1.6
 LIGHT_RADIANCE = 18.0
 AMBIENT = 0.35
 FLOOR_SIDE = 60.0
+FLOOR_GAP = 1e-3
+"""The floor lies this far below the lowest point: a flat sheet lying right in it would turn black."""
 SHARP_ANGLE = math.radians(40)
 """Smooth-shaded meshes keep edges sharper than this: CAD models stay crisp."""
 DENOISE_QUALITY = {"fast": "FAST", "balanced": "BALANCED", "high": "HIGH"}
@@ -81,7 +83,7 @@ class Studio:
         rotation = np.array(description.rotation)
         lowest = float((self.vertices @ rotation[2]).min())
         self.object.matrix_world = Matrix.Translation((0, 0, description.lift)) @ Matrix(rotation.tolist()).to_4x4()
-        self.floor.location = (0, 0, lowest)
+        self.floor.location = (0, 0, lowest - FLOOR_GAP)
         _look_at_origin(self.light, Vector(light_position(description.light)))
         elevation = math.radians(description.elevation)
         _look_at_origin(self.camera, DISTANCE * Vector((0, -math.cos(elevation), math.sin(elevation))))

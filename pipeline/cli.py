@@ -15,7 +15,7 @@ from z2p_core import __version__
 COMMANDS = {
     "run-inference": ("pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
     "evaluate": ("pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
-    "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, shard, train, evaluate."),
+    "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
     "plugins": ("pipeline.commands.listings:plugins", "List the installed plugins."),
     "formats": ("pipeline.commands.listings:formats", "List the readable file formats."),
 }
@@ -29,6 +29,10 @@ USERS_ERRORS = (
     "storage.checkpoints:WeightsError",
 )
 """Errors that a user can mend: told in one line with exit status 2. By name, so that nothing is imported for them."""
+
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it; 1 would say that all files had their turn."""
 
 
 class Failure(click.ClickException):
@@ -57,6 +61,9 @@ class LazyGroup(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
+        except KeyboardInterrupt:
+            click.echo("Interrupted.", err=True)
+            ctx.exit(INTERRUPTED)
         except (click.ClickException, click.Abort, click.exceptions.Exit):
             raise
         except Exception as error:

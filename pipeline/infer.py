@@ -55,7 +55,8 @@ class Renderer:
         """The only camera elevation the weights know, degrees; None when elevation is one of their controls."""
         if "elevation" in self.controls:
             return None
-        return float(self._loaded.card.get("fixed_elevation", DEFAULT_ELEVATION))
+        fixed = self._loaded.card.get("fixed_elevation")
+        return DEFAULT_ELEVATION if fixed is None else float(fixed)
 
     def settings(self, values: dict[str, Value] | None = None) -> dict[str, Value]:
         """Every control's value: the given one, or its slider's default."""
@@ -66,14 +67,16 @@ class Renderer:
         self, cloud: np.ndarray, values: dict[str, Value] | None = None, width: int = 512, height: int = 512
     ) -> np.ndarray:
         """Picture (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units."""
-        scene = SceneDescription(elevation=self.fixed_elevation or DEFAULT_ELEVATION)
+        scene = SceneDescription()
+        if self.fixed_elevation is not None:
+            scene.elevation = self.fixed_elevation
         encoded: list[float] = []
         for name, value in self.settings(values).items():
             self.controls[name].apply(value, scene)
             encoded.extend(self.controls[name].encode(value))
         camera = Camera(width, height, scene.elevation)
         zbuffer = self._loaded.zbuffer.draw(cloud, camera)
-        encoding = self._loaded.encoder.encode(*camera.frame_coordinates(step=self._loaded.config.unshuffle))
+        encoding = self._loaded.encoder.encode(*camera.frame_coordinates(step=int(self._loaded.network.unshuffle)))
         with torch.inference_mode():
             picture = self._loaded.network(
                 torch.from_numpy(zbuffer)[None],

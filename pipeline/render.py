@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from storage.clouds import read_mesh
+from storage.meshes import read_mesh
 from z2p_core.geometry import bounding_sphere
 from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied
 from z2p_core.scene import SceneDescription

@@ -1,1 +1,43 @@
-"""luigi tasks, one a stage; each run() calls one function of `pipeline`."""
+"""luigi tasks, one a stage; each run() calls one function of `pipeline`. `luigi --module workflows FullPipeline`.
+
+Importing this applies the safety settings of `luigi.cfg`, so the bare `luigi` command needs none from the user.
+"""
+
+from __future__ import annotations
+
+import configparser
+import logging
+from pathlib import Path
+
+import luigi.configuration
+
+
+def _apply_settings() -> None:
+    """Set what `luigi.cfg` says, except where the user's own configuration already says something."""
+    ours = configparser.ConfigParser()
+    ours.read_string((Path(__file__).parent / "luigi.cfg").read_text(encoding="utf-8"))
+    theirs = luigi.configuration.get_config()
+    for section in ours.sections():
+        for option, value in ours.items(section):
+            if not theirs.has_option(section, option):
+                theirs.set(section, option, value)
+
+
+class _Quiet(logging.Filter):
+    """Lets through warnings, failures and the closing summary; everything when the user asks for debug lines."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        if logging.getLogger(record.name).getEffectiveLevel() <= logging.DEBUG:
+            return True
+        message = record.getMessage()
+        # `workflows.full_pipeline` says the same in one line
+        told_by_us = message.startswith("Will not run") and "error in deps()" in message
+        return "Execution Summary" in message or (record.levelno >= logging.WARNING and not told_by_us)
+
+
+_apply_settings()
+logging.getLogger("luigi-interface").addFilter(_Quiet())
+
+from workflows.full_pipeline import FullPipeline  # noqa: E402  after the settings, which luigi reads as it goes
+
+__all__ = ["FullPipeline"]

@@ -6,15 +6,14 @@ and compared with what a store holds.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from storage.clouds import MESH_SUFFIXES
-from storage.fingerprints import file_digest, fingerprint, plugin_fields, stage_fields
+from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry
+from storage.meshes import MESH_SUFFIXES
 from z2p_core import registry
 from z2p_core.config import ConfigError, PipelineConfig, to_dict
 
@@ -201,7 +200,7 @@ def meshes_in(folder: Path) -> list[MeshInput]:
         raise ConfigError(f"meshes: expected a folder of meshes or 'builtin', got {str(folder)!r}, which is no folder")
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
     if not paths:
-        raise ConfigError(f"meshes: expected files ending in {', '.join(sorted(MESH_SUFFIXES))} in {folder}, found none")
+        raise ConfigError(f"meshes: expected {', '.join(MESH_SUFFIXES)} files in {folder}, found none")
     stems = [path.stem for path in paths]
     return [
         MeshInput(path.stem if stems.count(path.stem) == 1 else path.name, file_digest(path), path.absolute())
@@ -224,7 +223,7 @@ def _check(config: PipelineConfig) -> None:
     name = config.name
     if not name or name.startswith(".") or Path(name).name != name:
         raise ConfigError(f"name: expected a plain folder name, got {name!r}")
-    if name in {field.name for field in dataclasses.fields(PipelineConfig)} | {"shapes", "truth"}:
+    if name in {*STAGE_VERSIONS, "truth"}:
         raise ConfigError(f"name: {name!r} is the folder of a stage's results; choose another name")
     for key, value in (("views", config.render.views), ("chunk", config.render.chunk)):
         if value < 1:

@@ -48,7 +48,7 @@ class ShardConfig:
     """HDF5 shards, one for each mesh."""
 
     resolution: int = 128
-    """Side of the stored pictures; divides the render's, which is area-averaged down to it."""
+    """Side of the stored pictures, the largest that training can use; divides the render's, which is area-averaged down to it."""
 
 
 @dataclass(frozen=True)
@@ -89,8 +89,12 @@ class TrainConfig:
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
     loss: LossConfig = field(default_factory=LossConfig)
+    resolutions: tuple[int, ...] = ()
+    """Sides trained at, in turn step by step, each a divisor of the shards'; empty for theirs alone. A step at a larger
+    side takes fewer samples, so that all steps cost the same. Clouds are drawn anew at each side, never resized."""
     steps: int = 150
     batch: int = 8
+    """Samples a step at the smallest side."""
     learning_rate: float = 1e-3
     warmup: int = 50
     points: tuple[int, int] = (1_000, 20_000)

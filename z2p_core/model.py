@@ -5,6 +5,9 @@ B batch, C z-buffer channels, E encoding channels, S settings, M mapping, u unsh
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
@@ -27,7 +30,7 @@ def build_network(config: NetworkConfig, zbuffer_channels: int, encoder_channels
     Raises:
         ValueError: unknown kind, or a shape that its kind cannot have.
     """
-    kinds: dict[str, type[UNet]] = {"unshuffle_unet": UnshuffleUNet, "adain_unet": AdainUNet}
+    kinds: dict[str, Callable[..., UNet]] = {"unshuffle_unet": UnshuffleUNet, "adain_unet": AdainUNet}
     if config.kind not in kinds:
         raise ValueError(f"unknown network {config.kind!r}; known: {', '.join(kinds)}")
     if len(config.widths) < 2 or min(config.widths) < 1 or config.mapping < 1 or config.unshuffle < 1:
@@ -50,6 +53,10 @@ class MappingNetwork(nn.Module):
         self.layers = nn.Sequential(
             nn.Linear(settings, mapping), nn.SiLU(), nn.Linear(mapping, mapping), nn.SiLU(), nn.Linear(mapping, mapping)
         )
+        for layer in self.layers:  # louder than by default, so that colour and light are heard from the first steps
+            if isinstance(layer, nn.Linear):
+                nn.init.normal_(layer.weight, std=1.2 / layer.in_features**0.5)
+                nn.init.zeros_(layer.bias)
 
     def forward(self, settings: Tensor) -> Tensor:
         return self.layers(settings * 2 - 1)
@@ -63,7 +70,7 @@ class Modulation(nn.Module):
     def __init__(self, channels: int, mapping: int) -> None:
         super().__init__()
         self.affine = nn.Linear(mapping, 2 * channels)
-        nn.init.normal_(self.affine.weight, std=0.2 / mapping**0.5)
+        nn.init.normal_(self.affine.weight, std=0.1 / mapping**0.5)
         nn.init.zeros_(self.affine.bias)
 
     def forward(self, x: Tensor, w: Tensor) -> Tensor:
@@ -120,7 +127,7 @@ class UnshuffleUNet(UNet):
         self.stem = nn.Conv2d(zbuffer_channels * cell + encoder_channels, widths[0], 3, padding=1)
         self.encode, self.shrink = nn.ModuleList(), nn.ModuleList()
         self.grow, self.decode = nn.ModuleList(), nn.ModuleList()
-        for level, (fine, coarse) in enumerate(zip(widths[:-1], widths[1:], strict=True)):
+        for level, (fine, coarse) in enumerate(pairwise(widths)):
             stride = config.unshuffle * 2**level
             self.encode.append(ResidualBlocks(1, fine, config.mapping, stride))
             self.shrink.append(nn.Conv2d(fine, coarse, 2, stride=2))
@@ -177,7 +184,7 @@ class AdainUNet(UNet):
         self.encode = nn.ModuleList(
             AdainConvolutions(before, after, config.mapping) for before, after in zip(inputs, widths, strict=True)
         )
-        pairs = list(zip(widths[:-1], widths[1:], strict=True))
+        pairs = list(pairwise(widths))
         self.grow = nn.ModuleList(nn.ConvTranspose2d(coarse, fine, 2, stride=2) for fine, coarse in pairs)
         self.decode = nn.ModuleList(AdainConvolutions(2 * fine, fine, config.mapping) for fine, _ in pairs)
         self.head = nn.Conv2d(widths[0], 4, 1)

@@ -72,9 +72,11 @@ def _parse_header(blob: bytes) -> _Header:
         sizes, counts = ([int(word) for word in entries[key]] for key in ("SIZE", "COUNT"))
         width, height, points = (int(entries[key][0]) for key in ("WIDTH", "HEIGHT", "POINTS"))
         row_bytes = sum(size * count for size, count in zip(sizes, counts, strict=True))
+        if min(*sizes, *counts) < 1:
+            raise ValueError("a field without bytes")
     except ValueError as error:
         raise ScanError("the PCD header's numbers cannot be read; export the file again") from error
-    if not len(names) == len(sizes) == len(entries["TYPE"]) or min(width, height, points) < 0 or min(*sizes, *counts) < 1:
+    if not len(names) == len(sizes) == len(entries["TYPE"]) or min(width, height, points) < 0:
         raise ScanError("the PCD header's FIELDS, SIZE, TYPE and COUNT do not go together; export the file again")
     if any(names.count(axis) != 1 or counts[names.index(axis)] != 1 for axis in "xyz"):
         raise ScanError(f"the PCD file needs the fields x, y and z once each, got {' '.join(names)}; export it again")

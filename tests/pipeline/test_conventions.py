@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from pipeline.render import RenderSettings, render_scenes
-from storage.clouds import write_mesh
+from storage.meshes import write_mesh
 from z2p_core.camera import Camera, light_position, turn
 from z2p_core.images import linear_from_srgb, unit_from_bytes
 from z2p_core.scene import SceneDescription
@@ -180,3 +180,12 @@ def test_pictures_that_are_there_are_left_alone_and_seeds_repeat(tmp_path: Path)
         assert 2.5 < passes["depth"][inside].min() < 2.8
         np.testing.assert_allclose(np.linalg.norm(passes["normal"][inside].astype(float), axis=-1), 1, atol=0.1)
     assert not list(tmp_path.glob("x/.*"))
+
+
+def test_a_sheet_that_lies_on_the_floor_is_lit(tmp_path: Path) -> None:
+    corners = np.array([(-0.7, -0.7, 0), (0.7, -0.7, 0), (0.7, 0.7, 0), (-0.7, 0.7, 0)])
+    write_mesh(tmp_path / "sheet.ply", corners, np.array([(0, 1, 2), (0, 2, 3)]))
+    scene = SceneDescription(elevation=50.0, material=GREY)
+    render_scenes(tmp_path / "sheet.ply", [("sheet", scene)], tmp_path, RenderSettings((64, 64), 8, "off", threads=1))
+    rgba, coverage = picture(tmp_path, "sheet")
+    assert rgba[coverage == 1.0][:, :3].min() > 0.3

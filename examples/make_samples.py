@@ -1,0 +1,145 @@
+"""Makes the sample scans of `samples/`: objects of our own, seen by a depth camera with noise, holes and lost edges.
+
+    python examples/make_samples.py [FOLDER]
+
+Everything is drawn from one seed. Suzanne needs the pipeline extra (Blender); the others need numpy alone.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from sample_shapes import Mesh, amphora, chair, knot_on_plinth
+
+from z2p_core.camera import turn
+
+FOLDER = Path(__file__).parents[1] / "samples"
+SEED = 2022
+
+
+@dataclass(frozen=True)
+class Scanner:
+    """Depth camera: where it stands, and what is wrong with it. Lengths in units of the object's radius."""
+
+    azimuths: tuple[float, ...]
+    """Degrees about +Z, 0 at -Y; one view each, all merged into one cloud."""
+    elevation: float = 22.0
+    distance: float = 4.0
+    pixels: int = 130
+    noise: float = 0.004
+    """Standard deviation along the ray."""
+    holes: int = 6
+    """Patches a view that give no echo: gloss, dirt."""
+    grazing: float = 0.3
+    """Surfaces whose cosine to the ray is below this are lost more and more."""
+
+
+SAMPLES: dict[str, tuple[Callable[[], Mesh], Scanner, float]] = {}
+"""File name -> shape, scanner, and the unit of the file in metres of the object's radius."""
+
+
+def scan(mesh: Mesh, scanner: Scanner, rng: np.random.Generator) -> np.ndarray:
+    """Points (N, 3) float64 that the scanner gets from a mesh inside the unit sphere, in the mesh's axes."""
+    points, normals = _dense_samples(mesh, 1_500_000, rng)
+    views = [_one_view(points, normals, azimuth, scanner, rng) for azimuth in scanner.azimuths]
+    return np.concatenate(views)
+
+
+def _dense_samples(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Points and unit normals (count, 3), uniform over the surface."""
+    corners = mesh[0][mesh[1]]  # (M, 3, 3)
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(cross, axis=1)
+    face = rng.choice(len(area), size=count, p=area / area.sum())
+    a, b = rng.uniform(size=(2, count, 1))
+    inside = a + b <= 1
+    a, b = np.where(inside, a, 1 - a), np.where(inside, b, 1 - b)
+    first, second, third = corners[face].transpose(1, 0, 2)
+    return first + a * (second - first) + b * (third - first), cross[face] / area[face, None]
+
+
+def _one_view(
+    points: np.ndarray, normals: np.ndarray, azimuth: float, scanner: Scanner, rng: np.random.Generator
+) -> np.ndarray:
+    """What one view sees: the nearest surface in each pixel, less what is lost, with noise along the ray."""
+    angle = np.radians(scanner.elevation)
+    back = np.array([0.0, -np.cos(angle), np.sin(angle)]) @ turn(azimuth).T  # from the object to the camera
+    right = np.array([1.0, 0.0, 0.0]) @ turn(azimuth).T
+    rays = points - scanner.distance * back
+    depth = -rays @ back
+    focal = scanner.pixels / 2 * scanner.distance / 1.15
+    column = np.floor(rays @ right / depth * focal + scanner.pixels / 2).astype(int)
+    row = np.floor(rays @ np.cross(back, right) / depth * focal + scanner.pixels / 2).astype(int)
+    order = np.lexsort((depth, row * scanner.pixels + column))
+    pixel = (row * scanner.pixels + column)[order]
+    seen = order[np.r_[True, pixel[1:] != pixel[:-1]]]  # the first of each pixel is its nearest
+    ray = rays[seen] / np.linalg.norm(rays[seen], axis=1, keepdims=True)
+    cosine = np.abs((ray * normals[seen]).sum(1))
+    kept = rng.uniform(size=len(seen)) < np.clip(cosine / scanner.grazing, 0, 1) ** 1.5
+    for centre in points[rng.choice(seen, scanner.holes)]:
+        stretched = (points[seen] - centre) * rng.uniform(0.7, 1.6, 3)
+        kept &= np.linalg.norm(stretched, axis=1) > rng.uniform(0.04, 0.1)
+    jitter = rng.normal(scale=scanner.noise, size=(len(seen), 1)) / np.maximum(cosine, 0.3)[:, None]
+    return (points[seen] + jitter * ray)[kept]
+
+
+def suzanne() -> Mesh:
+    """Blender's monkey, smoothed by two rounds of subdivision."""
+    import trimesh
+
+    from pipeline.render import export_suzanne
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "suzanne.npz"
+        export_suzanne(path)
+        with np.load(path) as arrays:
+            vertices, faces = arrays["vertices"], arrays["faces"]
+    return trimesh.remesh.subdivide_loop(vertices.astype(np.float64), faces, iterations=2)
+
+
+def in_unit_sphere(mesh: Mesh) -> Mesh:
+    """The mesh, centred on its box and scaled so that its farthest vertex is at 1."""
+    vertices, faces = mesh
+    centred = vertices - (vertices.min(0) + vertices.max(0)) / 2
+    return centred / np.linalg.norm(centred, axis=1).max(), faces
+
+
+def write_ply(path: Path, points: np.ndarray) -> None:
+    """Write points as binary PLY, float32."""
+    columns = "".join(f"property float {axis}\n" for axis in "xyz")
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{columns}end_header\n"
+    path.write_bytes(header.encode() + points.astype("<f4").tobytes())
+
+
+def write_xyz(path: Path, points: np.ndarray) -> None:
+    """Write points as rows of text."""
+    np.savetxt(path, points, fmt="%.2f")
+
+
+SAMPLES.update(
+    {
+        "suzanne.ply": (suzanne, Scanner((10.0,), elevation=16.0, pixels=170), 1.0),
+        "amphora.ply": (amphora, Scanner((0.0, 125.0, 245.0), pixels=105), 0.31),
+        "chair.ply": (chair, Scanner((-35.0, 60.0, 180.0), pixels=125, noise=0.003), 0.62),
+        "knot.xyz": (knot_on_plinth, Scanner((-12.0,), elevation=25.0, pixels=165), 240.0),
+    }
+)
+
+
+def main(folder: Path) -> None:
+    """Write every sample into `folder`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for index, (name, (shape, scanner, unit)) in enumerate(SAMPLES.items()):
+        points = scan(in_unit_sphere(shape()), scanner, np.random.default_rng([SEED, index])) * unit
+        write = write_xyz if name.endswith(".xyz") else write_ply
+        write(folder / name, points)
+        print(f"{folder / name}: {len(points)} points, {(folder / name).stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER)

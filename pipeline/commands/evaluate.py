@@ -1,0 +1,70 @@
+"""`z2p evaluate`: weights against Blender renders of meshes."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pipeline.cli import Failure
+from pipeline.commands.values import SIDES, Elevation
+from z2p_core.config import EvaluateConfig
+
+PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
+INSTALL = 'install the pipeline with: pip install "z2p[pipeline]"'
+
+
+@click.command(context_settings={"show_default": True})
+@click.option("--meshes", required=True, type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder of meshes to render and to draw clouds from.")
+@click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file.")
+@click.option("--output", "-o", required=True, type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder for metrics.json and the contact sheet.")
+@click.option("--truth", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder that keeps the Blender renders for the next time.  [default: OUTPUT/truth]")
+@click.option("--views", default=4, type=click.IntRange(min=1), metavar="V", help="Views of each mesh.")
+@click.option("--points", default=5000, type=click.IntRange(min=1), metavar="N", help="Points in each cloud.")
+@click.option("--noise", default=0.0, type=click.FloatRange(min=0), metavar="S",
+              help="Standard deviation of Gaussian noise, in units of the mesh's radius.")
+@click.option("--sampler", default="uniform", metavar="NAME", help="How clouds are drawn; see `z2p plugins`.")
+@click.option("--seed", default=0, type=click.IntRange(min=0), metavar="K", help="Seed of views, clouds and noise.")
+@click.option("--resolution", default=256, type=click.IntRange(*SIDES), metavar="R", help="Side of the pictures.")
+@click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples a pixel.")
+@click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
+def evaluate(meshes: Path, weights: str, output: Path, truth: Path | None, **options: Any) -> None:
+    """Measure weights against Blender renders of meshes.
+
+    Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
+    """
+    from storage.checkpoints import resolve
+
+    if options["elevation"] == "random":
+        options["elevation"] = None
+    config = EvaluateConfig(**options)
+    found, file = _meshes_in(meshes), resolve(weights)
+    missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
+    if missing:
+        raise Failure(f"evaluation needs {', '.join(missing)}; {INSTALL}")
+    try:
+        from pipeline.evaluate import evaluate as measure
+
+        measure(found, file, output, config, truth_root=truth or output / "truth")
+    except ImportError as error:
+        raise Failure(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
+    for name, mean in json.loads((output / "metrics.json").read_text())["means"].items():
+        click.echo(f"{name:<16} {mean:9.4f}")
+    click.echo(f"written to {output}", err=True)
+
+
+def _meshes_in(folder: Path) -> dict[str, Path]:
+    """The meshes in a folder by stem, or by file name where two share a stem."""
+    from storage.meshes import MESH_SUFFIXES
+
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
+    if not paths:
+        raise Failure(f"{folder} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
+    stems = [path.stem for path in paths]
+    return {path.stem if stems.count(path.stem) == 1 else path.name: path for path in paths}

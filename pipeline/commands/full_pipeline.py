@@ -1,0 +1,85 @@
+"""`z2p pipeline`: starts luigi as a process of its own, so that nothing here imports `workflows`."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+
+from pipeline.cli import Failure
+
+
+@click.command()
+@click.option("--config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="TOML",
+              help="Settings of every stage; the quick ones without it.")
+@click.option("--meshes", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder of meshes to train on; shapes of the project's own without it.")
+@click.option("--evaluate-meshes", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder of meshes kept aside for the evaluation.")
+@click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder for everything the stages make.")
+@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time.")
+@click.pass_context
+def full_pipeline(
+    ctx: click.Context,
+    config: Path | None,
+    meshes: Path | None,
+    evaluate_meshes: Path | None,
+    workspace: Path | None,
+    workers: int | None,
+) -> None:
+    """Make weights: sample meshes, render them in Blender, shard, train and evaluate.
+
+    Runs `luigi --module workflows FullPipeline --local-scheduler` and ends with its exit status. Only stages whose
+    inputs have changed run again.
+    """
+    if importlib.util.find_spec("luigi") is None:
+        raise Failure('the pipeline needs luigi, which is not installed; install it with: pip install "z2p[pipeline]"')
+    options = {"--config": config, "--meshes": meshes, "--evaluate-meshes": evaluate_meshes, "--workspace": workspace,
+               "--workers": workers}
+    command = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
+    for option, value in options.items():
+        if value is not None:
+            command += [option, str(value)]
+    ctx.exit(_run(command, luigi_environment()))
+
+
+def luigi_environment() -> dict[str, str]:
+    """Environment for luigi: its settings file, and this installation's packages ahead of the working folder's.
+
+    Names such as `storage` are common: a folder of the user's must not stand in for ours.
+
+    Raises:
+        Failure: the `workflows` package is not installed.
+    """
+    spec = importlib.util.find_spec("workflows")
+    if spec is None or not spec.submodule_search_locations:
+        raise Failure("the `workflows` package is missing; install z2p again")
+    folder = Path(next(iter(spec.submodule_search_locations))).resolve()
+    earlier = os.environ.get("PYTHONPATH")
+    return {
+        **os.environ,
+        "LUIGI_CONFIG_PATH": str(folder / "luigi.cfg"),
+        "PYTHONSAFEPATH": "1",
+        "PYTHONPATH": os.pathsep.join([str(folder.parent), *([earlier] if earlier else [])]),
+    }
+
+
+def _run(command: list[str], environment: dict[str, str]) -> int:
+    """Exit status of a process that is sent our SIGTERM and is left to end by itself on Ctrl-C."""
+    child = subprocess.Popen(command, env=environment)
+    before = signal.signal(signal.SIGTERM, lambda number, frame: child.terminate())
+    try:
+        while True:
+            try:
+                status = child.wait()
+                return status if status >= 0 else 128 - status
+            except KeyboardInterrupt:  # the terminal has told luigi as well: let it stop in its own way
+                continue
+    finally:
+        signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,90 @@
+"""What options of several words of meaning are read from."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+import click
+
+SIDES = (32, 4096)
+"""Smallest and largest side of a picture, pixels."""
+
+
+class UpAxis(click.Choice):
+    """One of ``+Z``, ``-Z``, ``+Y``, ``-Y``, ``+X``, ``-X``, in either case."""
+
+    def __init__(self) -> None:
+        super().__init__(["+Z", "-Z", "+Y", "-Y", "+X", "-X"])
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        return super().convert(value.upper(), param, ctx)
+
+
+class Degrees(click.ParamType):
+    """A finite number."""
+
+    name = "DEG"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            degrees = float(value)
+        except ValueError:
+            degrees = math.nan
+        if not math.isfinite(degrees):
+            self.fail(f"expected degrees, got {value!r}", param, ctx)
+        return degrees
+
+
+class Elevation(click.ParamType):
+    """Degrees, or the word ``random``: drawn for each view as in training."""
+
+    name = "DEG|random"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+        if value == "random":
+            return "random"
+        try:
+            degrees = float(value)
+        except ValueError:
+            degrees = math.nan
+        if not 0 <= degrees <= 80:
+            self.fail(f"expected 0 to 80 degrees or 'random', got {value!r}", param, ctx)
+        return degrees
+
+
+class Resolution(click.ParamType):
+    """Width and height in pixels from ``W``, ``W,H`` or ``WxH``."""
+
+    name = "W[,H]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):  # click may hand back what came from here
+            return value
+        match = re.fullmatch(r"\s*(\d{1,6})\s*(?:[,xX]\s*(\d{1,6})\s*)?", value)
+        width, height = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
+        if not (SIDES[0] <= width <= SIDES[1] and SIDES[0] <= height <= SIDES[1]):
+            self.fail(f"expected W or W,H with sides from {SIDES[0]} to {SIDES[1]} pixels, got {value!r}", param, ctx)
+        return width, height
+
+
+class Background(click.ParamType):
+    """sRGB triple in [0, 1] from a CSS name or ``#hex``; the word ``transparent`` stays itself."""
+
+    name = "COLOR"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float] | str:
+        if value == "transparent" or isinstance(value, tuple):
+            return value
+        from PIL import ImageColor  # late: help needs no pillow
+
+        try:
+            red, green, blue, *alpha = ImageColor.getrgb(value)
+        except ValueError:
+            alpha = [0]
+        if alpha not in ([], [255]):
+            self.fail(f"expected transparent, a CSS colour name or an opaque #hex, got {value!r}", param, ctx)
+        return red / 255, green / 255, blue / 255

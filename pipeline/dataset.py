@@ -1,0 +1,199 @@
+"""Training batches from shards: a fresh cloud, its z-buffer, its settings and its target for every sample.
+
+What a batch holds depends on the seed and on its number alone, so that a resumed run sees what an undisturbed one sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from pipeline.shard import shrink_pictures
+from storage.shards import Record, Shard
+from z2p_core.camera import Camera
+from z2p_core.config import TrainConfig
+from z2p_core.interfaces import ZBuffer
+
+CACHE_BYTES = 2 * 1024**3
+"""Decoded renders kept in memory; what does not fit is decoded again each time."""
+PREFETCH = 3
+TRAINING, VALIDATION, EPOCH, SPLIT = 0, 1, 2, 3
+"""First words of the seeds of the random generators, so that no two uses share one."""
+
+
+class DatasetError(ValueError):
+    """Shards that cannot be trained on together; the message says which and why."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """B samples, R pixels a side, C z-buffer channels, S settings; float32 tensors."""
+
+    zbuffer: torch.Tensor
+    """(B, C, R, R)"""
+    settings: torch.Tensor
+    """(B, S), each in [0, 1]"""
+    target: torch.Tensor
+    """(B, 4, R, R) premultiplied sRGB and alpha"""
+    coverage: torch.Tensor
+    """(B, 1, R, R)"""
+
+    def to(self, device: torch.device) -> Batch:
+        """The same batch on a device."""
+        moved = (tensor.to(device) for tensor in (self.zbuffer, self.settings, self.target, self.coverage))
+        return Batch(*moved)
+
+
+class CloudPictures:
+    """Every record of some shards, split into training and validation."""
+
+    def __init__(self, shards: Sequence[Path], config: TrainConfig, zbuffer: ZBuffer, cache: int = CACHE_BYTES) -> None:
+        """
+        Raises:
+            ShardError: a shard is damaged.
+            DatasetError: no shards, shards of different controls or resolutions, or fewer than two records.
+        """
+        self.config = config
+        self.zbuffer = zbuffer
+        self.shards = [Shard(path) for path in shards]
+        self.controls: list[dict[str, Any]] = _agreed(self.shards, "controls")
+        self.resolution: int = _agreed(self.shards, "resolution")
+        self.sides = config.resolutions or (self.resolution,)
+        self.settings = sum(int(control["size"]) for control in self.controls)
+        self._check()
+        self._pools = [shard.pool for shard in self.shards]
+        self._cache: dict[tuple[tuple[int, int], int], Record] = {}
+        self._room = cache
+        places = [(number, row) for number, shard in enumerate(self.shards) for row in range(len(shard))]
+        if len(places) < 2:
+            raise DatasetError(f"expected two records or more, to train on and to validate with, got {len(places)}")
+        order = np.random.default_rng((SPLIT, config.seed)).permutation(len(places))
+        held_out = min(max(1, round(len(places) * config.validation_share)), len(places) - 1)
+        self.validation = [places[place] for place in sorted(order[:held_out])]
+        self.training = [places[place] for place in sorted(order[held_out:])]
+
+    def batch(self, step: int) -> Batch:
+        """Training batch number `step`, counted from 0; the sides take turns.
+
+        At each side every record comes once an epoch, in a new order.
+        """
+        turn, number = divmod(step, len(self.sides))
+        side = self.sides[number]
+        size, count = max(1, round(self.config.batch * (min(self.sides) / side) ** 2)), len(self.training)
+        samples = []
+        for position in range(turn * size, (turn + 1) * size):
+            epoch, place = divmod(position, count)
+            order = np.random.default_rng((EPOCH, self.config.seed, number, epoch)).permutation(count)
+            rng = np.random.default_rng((TRAINING, self.config.seed, number, position))
+            samples.append(self._sample(self.training[order[place]], side, rng))
+        return _stack(samples)
+
+    def validation_batch(self, numbers: Sequence[int]) -> Batch:
+        """The held-out samples of these numbers at the first side, each with a cloud that is always the same."""
+        rngs = [np.random.default_rng((VALIDATION, self.config.seed, number)) for number in numbers]
+        places = [self.validation[number] for number in numbers]
+        return _stack([self._sample(place, self.sides[0], rng) for place, rng in zip(places, rngs, strict=True)])
+
+    @contextmanager
+    def batches(self, first: int, last: int) -> Iterator[Iterator[Batch]]:
+        """Training batches `first` to `last` - 1, made ahead in a thread that ends with the context."""
+        with ThreadPoolExecutor(max_workers=1, thread_name_prefix="batches") as executor:
+
+            def ahead() -> Iterator[Batch]:
+                pending = [executor.submit(self.batch, step) for step in range(first, min(first + PREFETCH, last))]
+                for step in range(first, last):
+                    yield pending.pop(0).result()
+                    if step + PREFETCH < last:
+                        pending.append(executor.submit(self.batch, step + PREFETCH))
+
+            try:
+                yield ahead()
+            finally:
+                executor.shutdown(wait=True, cancel_futures=True)
+
+    @property
+    def fixed_elevation(self) -> float | None:
+        """The camera elevation of every record in degrees; None where it is one of the controls.
+
+        Raises:
+            DatasetError: it is no control, and yet the records differ in it.
+        """
+        if any(control["name"] == "elevation" for control in self.controls):
+            return None
+        values = np.concatenate([shard.elevations for shard in self.shards])
+        if np.ptp(values) > 1e-3:
+            raise DatasetError(
+                f"renders lie between {values.min():g} and {values.max():g} degrees of camera elevation; expected one "
+                "elevation, or elevation among the controls"
+            )
+        return float(values[0])
+
+    def _check(self) -> None:
+        for side in self.sides:
+            if side < 1 or self.resolution % side:
+                raise DatasetError(f"resolutions: expected divisors of the shards' {self.resolution}, got {side}")
+        low, high = self.config.points
+        if not 1 <= low <= high:
+            raise DatasetError(f"points: expected 1 <= smallest <= largest cloud, got {low} and {high}")
+        if self.config.noise not in ("none", "uniform", "gaussian"):
+            raise DatasetError(f"noise: expected none, uniform or gaussian, got {self.config.noise!r}")
+
+    def _sample(self, place: tuple[int, int], side: int, rng: np.random.Generator) -> tuple[np.ndarray, Record]:
+        record = self._record(place, side)
+        cloud = draw_cloud(self._pools[place[0]], self.config, rng) @ record.rotation.T
+        cloud[:, 2] += record.lift
+        return self.zbuffer.draw(cloud, Camera(side, side, record.elevation)), record
+
+    def _record(self, place: tuple[int, int], side: int) -> Record:
+        record = self._cache.get((place, side))
+        if record is None:
+            record = self.shards[place[0]].read(place[1])
+            rgba, coverage = shrink_pictures(record.rgba, record.coverage, self.resolution // side)
+            record = replace(record, rgba=rgba, coverage=coverage)
+            size = record.rgba.nbytes + record.coverage.nbytes
+            if size <= self._room:
+                self._room -= size
+                self._cache[place, side] = record
+        return record
+
+
+def draw_cloud(pool: np.ndarray, config: TrainConfig, rng: np.random.Generator) -> np.ndarray:
+    """Points (N, 3) float32 of the pool, none twice, with noise of random amplitude; N is log-uniform over `points`."""
+    low, high = (min(count, len(pool)) for count in config.points)
+    count = min(round(float(np.exp(rng.uniform(np.log(low), np.log(high))))), len(pool))
+    cloud = pool[rng.choice(len(pool), count, replace=False, shuffle=False)]
+    amplitude = np.float32(rng.uniform(0.0, config.noise_scale))
+    if config.noise == "uniform":
+        cloud += amplitude * rng.uniform(-1, 1, cloud.shape).astype(np.float32)
+    elif config.noise == "gaussian":
+        cloud += amplitude * rng.standard_normal(cloud.shape, dtype=np.float32)
+    return cloud
+
+
+def _stack(samples: list[tuple[np.ndarray, Record]]) -> Batch:
+    records = [record for _, record in samples]
+    rgba = torch.from_numpy(np.stack([record.rgba for record in records])).permute(0, 3, 1, 2).float() / 255
+    coverage = torch.from_numpy(np.stack([record.coverage for record in records])).float() / 255
+    target = torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1)
+    settings = torch.from_numpy(np.stack([record.settings for record in records]))
+    return Batch(torch.from_numpy(np.stack([drawn for drawn, _ in samples])), settings, target, coverage[:, None])
+
+
+def _agreed(shards: list[Shard], key: str) -> Any:
+    """The attribute that all shards must share."""
+    if not shards:
+        raise DatasetError("expected shards to train on, got none")
+    for shard in shards[1:]:
+        if shard.attributes[key] != shards[0].attributes[key]:
+            raise DatasetError(
+                f"shards differ in {key}: {shards[0].path} has {shards[0].attributes[key]}, {shard.path} has "
+                f"{shard.attributes[key]}; make them with one config"
+            )
+    return shards[0].attributes[key]

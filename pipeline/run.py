@@ -1,0 +1,176 @@
+"""What a training run holds, how it starts, and how a checkpoint carries all of it over a kill."""
+
+from __future__ import annotations
+
+import copy
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from pipeline.curve import Row
+from pipeline.dataset import CloudPictures
+from storage.checkpoints import load_checkpoint
+from z2p_core import registry
+from z2p_core.camera import Camera
+from z2p_core.config import TrainConfig, to_dict
+from z2p_core.interfaces import PositionalEncoder
+from z2p_core.model import build_network
+
+BETAS = (0.9, 0.99)
+WEIGHT_DECAY = 0.01
+ENCODER_SEED = 4
+"""Beside the seeds of `pipeline.dataset`."""
+
+
+class TrainError(RuntimeError):
+    """Training that cannot start or go on; the message says why and what to do."""
+
+
+@dataclass
+class Run:
+    """All that a training run carries from step to step."""
+
+    config: TrainConfig
+    data: CloudPictures
+    fixed_elevation: float | None
+    encoder: PositionalEncoder
+    network: nn.Module
+    average: nn.Module
+    """Exponential moving average of the network: what is validated and shipped."""
+    optimizer: torch.optim.Optimizer
+    encodings: dict[int, Tensor]
+    """Side of the picture -> positional encoding (E, side/u, side/u)."""
+    device: torch.device
+    precision: str
+    step: int = 0
+    rows: list[Row] = field(default_factory=list)
+    recent: list[Row] = field(default_factory=list)
+    """Losses since the last row of the curve."""
+
+
+def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device, precision: str) -> Run:
+    """A run at step 0, its network drawn from torch's generator, its encoder from the config's seed.
+
+    Raises:
+        ShardError, DatasetError, PluginError, ValueError: shards, plugins or config that cannot be used.
+    """
+    if precision not in ("auto", "float32", "bfloat16"):
+        raise ValueError(f"precision: expected auto, float32 or bfloat16, got {precision!r}")
+    for name in ("steps", "batch", "validate_every", "checkpoint_every"):
+        if getattr(config, name) < 1:
+            raise ValueError(f"train: {name}: expected 1 or more, got {getattr(config, name)}")
+    data = CloudPictures(shards, config, registry.load("zbuffers", config.network.zbuffer)())
+    encoder = registry.load("encoders", config.network.encoder).create(
+        np.random.default_rng((ENCODER_SEED, config.seed))
+    )
+    encodings = {
+        side: torch.from_numpy(encoder.encode(*Camera(side, side).frame_coordinates(config.network.unshuffle))).to(device)
+        for side in data.sides
+    }
+    network = build_network(config.network, data.zbuffer.channels, encoder.channels, data.settings)
+    network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+    average = copy.deepcopy(network).eval().requires_grad_(False)
+    optimizer = torch.optim.AdamW(network.parameters(), betas=BETAS, weight_decay=WEIGHT_DECAY, fused=True)
+    chosen = faster_precision(device) if precision == "auto" else precision
+    return Run(config, data, data.fixed_elevation, encoder, network, average, optimizer, encodings, device, chosen)
+
+
+def weights_card(run: Run) -> dict[str, Any]:
+    """The card that goes with the weights; see `storage.checkpoints.Weights`."""
+    training = {**to_dict(run.config), "renders": len(run.data.training), "meshes": len(run.data.shards)}
+    return {
+        "network": to_dict(run.config.network),
+        **_plugins(run),
+        "resolution": list(run.data.sides),
+        "fixed_elevation": run.fixed_elevation,
+        "training": training,
+    }
+
+
+def snapshot(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Tensors and state of a checkpoint. The data order needs no more than the step: see `CloudPictures.batch`."""
+    tensors: dict[str, Any] = {"random": torch.get_rng_state()}
+    for name, module in (("network", run.network), ("average", run.average)):
+        tensors |= {f"{name}/{key}": value for key, value in module.state_dict().items()}
+    for index, state in run.optimizer.state_dict()["state"].items():
+        tensors |= {f"optimizer/{index}/{key}": value for key, value in state.items()}
+    state = {"step": run.step, "precision": run.precision, "rows": run.rows, "recent": run.recent}
+    return tensors, {"identity": _identity(run), **state}
+
+
+def resume(run: Run, out: Path, log: Callable[[str], object]) -> None:
+    """Takes up the newest sound checkpoint in `out`, if there is one.
+
+    Raises:
+        TrainError: it belongs to another run.
+    """
+    found = load_checkpoint(out / "checkpoints")
+    if found is None:
+        return
+    arrays, state, warnings = found
+    for warning in warnings:
+        log(f"warning: {warning}")
+    if not state:
+        return
+    if state["identity"] != _identity(run):
+        raise TrainError(f"{out} holds a checkpoint of another config or other shards; delete it or train elsewhere")
+    tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
+    torch.set_rng_state(tensors["random"])
+    for name, module in (("network", run.network), ("average", run.average)):
+        module.load_state_dict({key: tensors[f"{name}/{key}"] for key in module.state_dict()})
+    _restore_optimizer(run, tensors)
+    run.step, run.precision = state["step"], state["precision"]
+    run.rows, run.recent = state["rows"], state["recent"]
+    log(f"going on from step {run.step}")
+
+
+def faster_precision(device: torch.device) -> str:
+    """``bfloat16`` where a small convolution and its gradient clearly run faster in it, else ``float32``."""
+    if device.type != "cpu":
+        return "bfloat16"
+    best = {}
+    for dtype in (torch.float32, torch.bfloat16):
+        x = torch.ones(2, 64, 64, 64, dtype=dtype).to(memory_format=torch.channels_last).requires_grad_()
+        convolution = nn.Conv2d(64, 64, 3, padding=1).to(dtype=dtype, memory_format=torch.channels_last)
+        times = []
+        for _ in range(6):
+            begin = time.perf_counter()
+            convolution(x).sum().backward()
+            times.append(time.perf_counter() - begin)
+        best[dtype] = min(times)
+    return "bfloat16" if best[torch.bfloat16] < 0.8 * best[torch.float32] else "float32"
+
+
+def _identity(run: Run) -> dict[str, Any]:
+    """What a checkpoint and a run must share to be one run."""
+    shards = [[shard.attributes["mesh"], len(shard)] for shard in run.data.shards]
+    return {"config": to_dict(run.config), "shards": shards, "resolution": run.data.resolution, **_plugins(run)}
+
+
+def _plugins(run: Run) -> dict[str, Any]:
+    """The plugins whose work the weights expect, as the card lists them."""
+    network, encoder = run.config.network, run.encoder
+    return {
+        "zbuffer": {"name": network.zbuffer, "version": run.data.zbuffer.version},
+        "encoder": {"name": network.encoder, "version": encoder.version, "state": encoder.state},
+        "controls": [{key: control[key] for key in ("name", "version", "size")} for control in run.data.controls],
+    }
+
+
+def _restore_optimizer(run: Run, tensors: dict[str, Tensor]) -> None:
+    state: dict[int, dict[str, Tensor]] = {}
+    for index, parameter in enumerate(run.network.parameters()):
+        prefix = f"optimizer/{index}/"
+        state[index] = {name.removeprefix(prefix): x for name, x in tensors.items() if name.startswith(prefix)}
+        for key, tensor in state[index].items():
+            if tensor.shape == parameter.shape and tensor.ndim:
+                # the fused optimiser reads memory in order: it must lie as the parameter does
+                state[index][key] = torch.empty_like(parameter).copy_(tensor)
+    groups = run.optimizer.state_dict()["param_groups"]
+    run.optimizer.load_state_dict({"state": state, "param_groups": groups})

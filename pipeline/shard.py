@@ -1,0 +1,89 @@
+"""Packs a mesh's renders and its pool of points into one HDF5 shard, at the resolution that training reads."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from storage.shards import Record, write_shard
+from z2p_core.config import ConfigError, ShardConfig
+from z2p_core.images import area_average, bytes_from_unit, shrink, unit_from_bytes
+from z2p_core.interfaces import Control
+from z2p_core.scene import SceneDescription
+
+
+def make_shard(
+    render_dirs: Sequence[Path],
+    pool_path: Path,
+    config: ShardConfig,
+    controls: dict[str, Control],
+    out: Path,
+    mesh: str = "",
+) -> Path:
+    """``out/shard.h5`` with every view of the render folders, by view number, and the pool (P, 3) of points.
+
+    Renders larger than the shard's resolution are area-averaged in linear premultiplied light. The settings vector is
+    what the controls encode, one after another in their order. `mesh` is noted in the shard to tell it by.
+
+    Raises:
+        ConfigError: the shard's resolution does not divide the renders'.
+        FileNotFoundError: the folders hold no view, or a picture of one is missing.
+    """
+    views = sorted((path for folder in render_dirs for path in folder.glob("view_*.json")), key=lambda path: path.name)
+    if not views:
+        raise FileNotFoundError(f"expected views (view_NNNNN.json) in {', '.join(map(str, render_dirs))}, found none")
+    attributes = {
+        "mesh": mesh or "unnamed",
+        "controls": [
+            {"name": control.name, "version": control.version, "size": control.size} for control in controls.values()
+        ],
+        "resolution": config.resolution,
+    }
+    out.mkdir(parents=True, exist_ok=True)
+    records = (read_view(path, config.resolution, controls) for path in views)
+    write_shard(out / "shard.h5", records, np.load(pool_path, allow_pickle=False), attributes)
+    return out / "shard.h5"
+
+
+def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Record:
+    """Record of a rendered view, `path` its ``view_NNNNN.json`` beside its pictures, made smaller to `resolution`.
+
+    Raises:
+        ConfigError: the resolution does not divide the render's.
+        FileNotFoundError: a picture is missing.
+    """
+    view = json.loads(path.read_text(encoding="utf-8"))
+    scene = SceneDescription.from_json(view["scene"])
+    rgba = np.asarray(Image.open(path.with_suffix(".png")).convert("RGBA"))
+    coverage = np.asarray(Image.open(path.with_suffix(".coverage.png")).convert("L"))
+    factor, rest = divmod(rgba.shape[0], resolution)
+    if rest or factor < 1:
+        raise ConfigError(f"shard.resolution: expected a divisor of the renders' {rgba.shape[0]}, got {resolution}")
+    rgba, coverage = shrink_pictures(rgba, coverage, factor)
+    return Record(
+        rgba=rgba,
+        coverage=coverage,
+        settings=settings_vector(view["values"], controls),
+        rotation=np.asarray(scene.rotation, dtype=np.float32),
+        elevation=scene.elevation,
+        lift=scene.lift,
+    )
+
+
+def shrink_pictures(rgba: np.ndarray, coverage: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
+    """Picture (H, W, 4) and coverage (H, W), both uint8, `factor` times smaller, averaged in linear light."""
+    if factor == 1:
+        return rgba, coverage
+    smaller = bytes_from_unit(shrink(unit_from_bytes(rgba), factor))
+    return smaller, bytes_from_unit(area_average(unit_from_bytes(coverage), factor))
+
+
+def settings_vector(values: dict[str, Any], controls: dict[str, Control]) -> np.ndarray:
+    """The settings vector s (S,) float32: each control's encoding of its value, in the controls' order."""
+    encoded = [control.encode(tuple(values[name])) for name, control in controls.items()]
+    return np.concatenate([np.asarray(part, dtype=np.float32) for part in encoded])

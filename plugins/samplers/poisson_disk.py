@@ -1,0 +1,34 @@
+"""Poisson-disk sampling: random points with even gaps (sample elimination, Yuksel, Eurographics 2015)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.interfaces import Sampler
+from z2p_core.surface import uniform_points
+
+DENSITY = 5
+"""Dense points for each point asked for, as in the elimination's paper."""
+
+
+class PoissonDisk(Sampler):
+    """Open3D's sample elimination on a dense sample of ours, so that only `rng` decides the points."""
+
+    name = "poisson_disk"
+    version = "1"
+
+    def sample(self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+        """Points (count, 3) float64.
+
+        Raises:
+            ScanError: no triangle has an area above 0.
+        """
+        import open3d  # late: the pipeline extra
+
+        dense = uniform_points(vertices, faces, count * DENSITY, rng)
+        mesh = open3d.geometry.TriangleMesh(
+            open3d.utility.Vector3dVector(np.asarray(vertices, dtype=np.float64)),
+            open3d.utility.Vector3iVector(np.asarray(faces, dtype=np.int32)),
+        )
+        pool = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(dense))
+        return np.array(mesh.sample_points_poisson_disk(count, pcl=pool).points)

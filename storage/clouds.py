@@ -1,0 +1,186 @@
+"""Scans on disk: finds them, reads them through the reader plugins, and passes on only points that can be used."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, shown, write_cloud, write_mesh
+from z2p_core import registry
+from z2p_core.interfaces import Reader, ScanError
+
+__all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "read_clouds", "read_mesh", "readable_suffixes", "shown",
+           "write_cloud", "write_mesh"]  # fmt: skip
+
+FEWEST_POINTS = 3
+
+
+@dataclass(frozen=True)
+class Scan:
+    """One cloud: points (N, 3) float64, finite, in the file's own units; `dropped` rows were not finite.
+
+    `label` is empty, or ``[3]`` for the fourth cloud of a batch file.
+    """
+
+    points: np.ndarray
+    dropped: int
+    label: str
+
+
+def read_clouds(path: Path) -> list[Scan]:
+    """The clouds of a file: one, or as many as its batch holds; the reader is found by the suffix, in either case.
+
+    Raises:
+        ScanError: no such file, no reader for its suffix, a file that is not of its format, or a cloud without
+            three finite points at two places at least; one line that names the file.
+    """
+    try:
+        reader = _reader(path)
+        check_openable(path)
+        clouds = _clouds(reader, path)
+        labels = [f"[{index}]" for index in range(len(clouds))] if len(clouds) > 1 else [""]
+        return [_scan(cloud, label) for cloud, label in zip(clouds, labels, strict=True)]
+    except ScanError as error:
+        raise ScanError(f"{shown(path)}: {error}") from error
+
+
+def readable_suffixes() -> dict[str, str]:
+    """Suffix, lower-case with its dot -> name of the reader that takes it; readers that fail to load are left out."""
+    return {suffix: names[0] for suffix, names in sorted(_claims()[0].items())}
+
+
+def find_scans(inputs: Sequence[str], recursive: bool) -> list[Path]:
+    """The files that the inputs stand for, in the inputs' order, each once.
+
+    A file stands for itself. A folder stands for the readable files in it, sorted by name; with `recursive`, for those
+    below it too. Anything else is a glob pattern. Hidden files and links to folders are left out of folders and globs:
+    what such a link leads to is either found anyway or lies outside.
+
+    Raises:
+        ScanError: an input is a URL or matches nothing, or a folder or pattern holds no readable file.
+    """
+    found: dict[str, Path] = {}
+    for text in inputs:
+        if re.match(r"[A-Za-z][A-Za-z0-9+.-]*://", text):
+            raise ScanError(f"{text!r} is a URL; z2p reads local files only, so download it first")
+        try:
+            paths = _expand(text, recursive)
+        except ScanError:
+            raise
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise ScanError(f"{shown(Path(text))}: cannot be searched ({reason})") from error
+        for path in paths:
+            found.setdefault(os.path.abspath(path), path)  # noqa: PTH100 - Path.resolve would join links to one file
+    return list(found.values())
+
+
+def _expand(text: str, recursive: bool) -> list[Path]:
+    """The files behind one input."""
+    path = Path(text)
+    if path.is_dir():
+        name, candidates = f"folder {shown(path)}", _walk(path) if recursive else _children(path)
+    elif path.exists() or path.is_symlink():
+        return [path]
+    elif any(sign in text for sign in "*?["):
+        name, candidates = f"pattern {text!r}", _glob(path)
+    else:
+        raise ScanError(f"{shown(path)}: no such file or folder; check the path")
+    suffixes = readable_suffixes()
+    paths = [candidate for candidate in candidates if candidate.suffix.lower() in suffixes]
+    if not paths:
+        advice = "" if recursive or not path.is_dir() else "; --recursive looks into its folders too"
+        raise ScanError(f"{name} holds no point cloud; readable: {', '.join(suffixes)}{advice}")
+    return paths
+
+
+def _children(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if not path.name.startswith(".") and not path.is_dir())
+
+
+def _walk(root: Path) -> Iterator[Path]:
+    """Files below the folder in a fixed order; links to folders are not followed, so no link can loop or lead out."""
+
+    def refuse(error: OSError) -> None:
+        raise error
+
+    for folder, folders, _ in os.walk(root, onerror=refuse, followlinks=False):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        yield from _children(Path(folder))
+
+
+def _glob(pattern: Path) -> list[Path]:
+    """Files that match; ``**`` does not follow links to folders."""
+    parts = pattern.parts
+    first = next(index for index, part in enumerate(parts) if any(sign in part for sign in "*?["))
+    root = Path(*parts[:first])
+    matches = root.glob(str(Path(*parts[first:])))
+    visible = (path for path in matches if not any(part.startswith(".") for part in path.relative_to(root).parts))
+    return sorted(path for path in visible if not path.is_dir())
+
+
+def _claims() -> tuple[dict[str, list[str]], list[str]]:
+    """Suffix -> names of the readers that claim it, and what is wrong with the readers that fail to load."""
+    claims: dict[str, list[str]] = {}
+    faults = []
+    for name in registry.names("readers"):
+        try:
+            plugin = registry.load("readers", name)
+        except registry.PluginError as error:
+            faults.append(str(error))
+            continue
+        for suffix in plugin.suffixes:
+            claims.setdefault(suffix, []).append(name)
+    return claims, faults
+
+
+def _reader(path: Path) -> Reader:
+    claims, faults = _claims()
+    suffix = path.suffix.lower()
+    names = claims.get(suffix, [])
+    if not names:
+        broken = f" ({'; '.join(faults)})" if faults else ""
+        raise ScanError(f"no reader for {suffix or 'a file without suffix'!r}; readable: "
+                        f"{', '.join(sorted(claims))}{broken}")
+    if len(names) > 1:
+        raise ScanError(f"{suffix} is claimed by the readers {' and '.join(names)}; uninstall one of them")
+    return registry.load("readers", names[0])()
+
+
+def _clouds(reader: Reader, path: Path) -> list[np.ndarray]:
+    """What the reader gives; a stranger's reader that fails in its own way must not end the batch."""
+    try:
+        clouds = [np.asarray(cloud, dtype=np.float64) for cloud in reader.read(path)]
+    except ScanError:
+        raise
+    except Exception as error:  # named, chained and passed on as this file's failure
+        reason = " ".join(str(error).split())[:160]
+        raise ScanError(f"the reader {reader.name!r} failed ({type(error).__name__}: {reason})") from error
+    if any(cloud.ndim != 2 or cloud.shape[1] != 3 for cloud in clouds):
+        shapes = ", ".join(str(cloud.shape) for cloud in clouds[:3])
+        raise ScanError(f"the reader {reader.name!r} gave arrays {shapes}, expected (N, 3); its plugin is broken")
+    if not clouds:
+        raise ScanError("the file holds no cloud")
+    return clouds
+
+
+def _scan(cloud: np.ndarray, label: str) -> Scan:
+    """The usable part of a cloud (N, 3), checked."""
+    where = f"cloud {label}: " if label else ""
+    if len(cloud) == 0:
+        raise ScanError(f"{where}the cloud is empty; expected at least {FEWEST_POINTS} points")
+    finite = np.isfinite(cloud).all(axis=1)
+    dropped = int(len(cloud) - finite.sum())
+    points = cloud[finite] if dropped else cloud
+    if len(points) == 0:
+        raise ScanError(f"{where}none of the {len(cloud)} points is finite; the scan holds no measurement")
+    if len(points) < FEWEST_POINTS:
+        raise ScanError(f"{where}expected at least {FEWEST_POINTS} finite points, got {len(points)} of {len(cloud)}")
+    if not (points != points[0]).any():
+        raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
+    return Scan(points, dropped, label)

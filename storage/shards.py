@@ -1,0 +1,224 @@
+"""Shards: one HDF5 file per mesh, with its renders and the pool of points that training draws clouds from.
+
+One writer, never appended to: a file appears under its name only when it is complete. Each sample is one chunk, packed
+with gzip and checked by Fletcher-32; `libver="latest"` also checks the file's own bookkeeping.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+SCHEMA = 1
+INFLATION = 1200
+"""More than gzip can pack bytes (about 1,030 to 1); a file that declares more lies about its size."""
+
+
+class ShardError(ValueError):
+    """A shard that cannot be used; the message names the file, what was expected and what came."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One render of one mesh, R pixels a side."""
+
+    rgba: np.ndarray
+    """(R, R, 4) uint8, straight sRGB and alpha."""
+    coverage: np.ndarray
+    """(R, R) uint8, how much of the pixel the object covers, without its shadow."""
+    settings: np.ndarray
+    """(S,) float32, the settings vector as the controls encode it."""
+    rotation: np.ndarray
+    """(3, 3) float32, turns the normalised mesh into the world."""
+    elevation: float
+    """Camera elevation, degrees."""
+    lift: float
+    """How far the mesh hovers above the floor."""
+
+
+def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attributes: dict[str, Any]) -> str:
+    """SHA-256 of the shard now complete under `path`; nothing is left under that name if it fails.
+
+    `pool` is (P, 3), normalised to the mesh's sphere and not rotated. `attributes` must have `mesh` (a name),
+    `controls` (a list of {name, version, size} in the settings vector's order) and `resolution`; more may be there.
+
+    Raises:
+        ShardError: no record, or one whose shape does not fit the attributes.
+    """
+    kept = list(records)
+    attributes = {"schema": SCHEMA, **attributes}
+    layout = _layout(len(kept), len(pool), attributes, path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with h5py.File(temporary, "w", libver="latest") as file:
+            file.attrs["z2p"] = np.bytes_(json.dumps(attributes, sort_keys=True).encode())
+            for name, (shape, dtype) in layout.items():
+                chunk = shape if name == "pool" else (1, *shape[1:])
+                data = file.create_dataset(
+                    name, shape, dtype, chunks=chunk, compression="gzip", compression_opts=4, shuffle=True,
+                    fletcher32=True,
+                )
+                if name == "pool":
+                    data[...] = pool
+                else:
+                    for row, record in enumerate(kept):
+                        data[row] = _fitting(getattr(record, name), shape[1:], f"{path}: record {row}: {name}")
+        digest = _settle(temporary)
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+    return digest
+
+
+class Shard:
+    """Reader of one shard. Opens its file on first use and again in every process, so it may cross a fork."""
+
+    def __init__(self, path: Path) -> None:
+        """Checks the whole layout of the file, and reads nothing but the attributes.
+
+        Raises:
+            ShardError: not a shard, truncated, damaged, or of another schema.
+        """
+        self.path = Path(path)
+        self._file: h5py.File | None = None
+        self._process = 0
+        try:
+            file = self._open()
+            self.attributes: dict[str, Any] = _read_attributes(file, self.path)
+            self._count = _check_layout(file, self.attributes, self.path)
+        except (OSError, RuntimeError, KeyError, ValueError) as error:
+            self.close()
+            raise self._damaged(error) from error
+
+    def __len__(self) -> int:
+        return self._count
+
+    def read(self, index: int) -> Record:
+        """Record `index`, 0 to len - 1.
+
+        Raises:
+            IndexError: there is no such record.
+            ShardError: its data are damaged.
+        """
+        if not 0 <= index < len(self):
+            raise IndexError(f"{self.path}: record {index} of {len(self)}")
+        try:
+            file = self._open()
+            arrays = {name: file[name][index] for name in ("rgba", "coverage", "settings", "rotation")}
+            return Record(**arrays, elevation=float(file["elevation"][index]), lift=float(file["lift"][index]))
+        except (OSError, RuntimeError, KeyError) as error:
+            raise self._damaged(error) from error
+
+    @property
+    def pool(self) -> np.ndarray:
+        """Points (P, 3) float32 of the normalised mesh, not rotated.
+
+        Raises:
+            ShardError: its data are damaged.
+        """
+        return self._whole("pool")
+
+    @property
+    def elevations(self) -> np.ndarray:
+        """Camera elevations (len,) float32 of all records, degrees.
+
+        Raises:
+            ShardError: its data are damaged.
+        """
+        return self._whole("elevation")
+
+    def close(self) -> None:
+        """Let go of the file; the next reading opens it again."""
+        if self._file is not None and self._process == os.getpid():
+            self._file.close()
+        self._file = None
+
+    def _whole(self, name: str) -> np.ndarray:
+        try:
+            data: np.ndarray = self._open()[name][...]
+            return data
+        except (OSError, RuntimeError, KeyError) as error:
+            raise self._damaged(error) from error
+
+    def _open(self) -> h5py.File:
+        if self._file is None or self._process != os.getpid():
+            self._file = h5py.File(self.path, "r", locking=False)
+            self._process = os.getpid()
+        return self._file
+
+    def _damaged(self, error: Exception) -> ShardError:
+        if isinstance(error, ShardError):
+            return error
+        if not self.path.is_file():
+            return ShardError(f"{self.path}: no such shard")
+        return ShardError(f"{self.path}: truncated, damaged or not a shard ({error}); shard this mesh again")
+
+
+def _layout(
+    count: int, points: int, attributes: dict[str, Any], path: Path
+) -> dict[str, tuple[tuple[int, ...], type[np.generic]]]:
+    """Shape and type of each data set."""
+    missing = sorted({"schema", "mesh", "controls", "resolution"} - set(attributes))
+    if missing or not count or not points:
+        raise ShardError(f"{path}: expected records, points and attributes, got {count}, {points}, without {missing}")
+    side = int(attributes["resolution"])
+    settings = sum(int(control["size"]) for control in attributes["controls"])
+    return {
+        "rgba": ((count, side, side, 4), np.uint8),
+        "coverage": ((count, side, side), np.uint8),
+        "settings": ((count, settings), np.float32),
+        "rotation": ((count, 3, 3), np.float32),
+        "elevation": ((count,), np.float32),
+        "lift": ((count,), np.float32),
+        "pool": ((points, 3), np.float32),
+    }
+
+
+def _fitting(value: Any, shape: tuple[int, ...], where: str) -> Any:
+    if np.shape(value) != shape:
+        raise ShardError(f"{where}: expected shape {shape}, got {np.shape(value)}")
+    return value
+
+
+def _settle(path: Path) -> str:
+    """SHA-256 of a finished file whose bytes are on the disk."""
+    with path.open("rb") as file:
+        os.fsync(file.fileno())
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _read_attributes(file: h5py.File, path: Path) -> dict[str, Any]:
+    attributes: dict[str, Any] = json.loads(bytes(file.attrs["z2p"]))
+    if attributes.get("schema") != SCHEMA:
+        raise ShardError(f"{path}: expected schema {SCHEMA}, got {attributes.get('schema')}; shard this mesh again")
+    return attributes
+
+
+def _check_layout(file: h5py.File, attributes: dict[str, Any], path: Path) -> int:
+    """How many records, once every data set is plain, complete and no larger than the file can hold."""
+    for name in file:
+        if not isinstance(file.get(name, getlink=True), h5py.HardLink) or not isinstance(file[name], h5py.Dataset):
+            raise ShardError(f"{path}: {name} is a link or a group; shards hold plain data sets only")
+    count, points = len(file["rgba"]), len(file["pool"])
+    size = path.stat().st_size
+    for name, (shape, dtype) in _layout(count, points, attributes, path).items():
+        data = file[name]
+        if data.external or data.is_virtual:
+            raise ShardError(f"{path}: {name} lies in other files; shards hold their own data only")
+        if data.shape != shape or data.dtype != dtype:
+            raise ShardError(f"{path}: {name}: expected {shape} {np.dtype(dtype)}, got {data.shape} {data.dtype}")
+        if data.nbytes > size * INFLATION:
+            raise ShardError(f"{path}: {name} declares {data.nbytes} bytes, more than {size} bytes of file can hold")
+        chunks = 1 if name == "pool" else count
+        if data.chunks is None or data.id.get_num_chunks() != chunks:
+            raise ShardError(f"{path}: {name}: expected {chunks} written chunks; the file was never finished")
+    return count

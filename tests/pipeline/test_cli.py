@@ -1,0 +1,156 @@
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from click.testing import Result
+
+from pipeline.cli import COMMANDS
+from z2p_core import registry
+from z2p_core.config import EvaluateConfig
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    code = (
+        "import sys; from pipeline.cli import main\n"
+        "for words in (['--help'], ['--version']):\n"
+        "    try: main(words)\n"
+        "    except SystemExit as end: assert end.code == 0, end\n"
+        "heavy = {'torch', 'numpy', 'PIL', 'tqdm', 'luigi', 'safetensors', 'importlib.metadata'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert all(name in done.stdout for name in COMMANDS)
+    assert "z2p 0." in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_subcommand_has_help(z2p: Callable[..., Result], name: str) -> None:
+    result = z2p(name, "--help")
+    assert result.exit_code == 0, result.output
+    assert f"z2p {name}" in result.output or f"main {name}" in result.output
+
+
+def test_unknown_subcommand(z2p: Callable[..., Result]) -> None:
+    assert z2p("render").exit_code == 2
+
+
+def test_listings(z2p: Callable[..., Result]) -> None:
+    rows = json.loads(z2p("plugins", "--json").stdout)
+    assert {row["group"] for row in rows} == set(registry.GROUPS)
+    [color] = [row for row in rows if row["name"] == "color"]
+    assert (color["distribution"], color["version"], color["status"]) == ("z2p", "1", "ok")
+    formats = {row["suffix"]: row["reader"] for row in json.loads(z2p("formats", "--json").stdout)}
+    assert {".ply", ".pcd", ".xyz", ".pts", ".obj", ".off", ".npy", ".npz", ".las", ".laz"} <= set(formats)
+    assert formats[".ply"] == "ply"
+    for name in ("plugins", "formats"):
+        result = z2p(name)
+        assert result.exit_code == 0
+        assert "z2p 0." in result.output
+
+
+def test_an_unexpected_error_is_one_line_and_a_traceback_on_request(
+    z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(group: str) -> list[object]:
+        raise RuntimeError("a fault\nof two lines")
+
+    monkeypatch.setattr(registry, "installed", fail)
+    result = z2p("formats")
+    assert result.exit_code == 2
+    assert result.stderr == (
+        "Error: unexpected RuntimeError: a fault of two lines; run again with Z2P_DEBUG=1 for the traceback\n"
+    )
+    monkeypatch.setenv("Z2P_DEBUG", "1")
+    assert isinstance(z2p("formats").exception, RuntimeError)
+
+
+def test_evaluate_hands_on_its_options_and_prints_the_means(
+    z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[tuple[object, ...]] = []
+
+    def measure(meshes: object, weights: object, out: Path, config: object, truth_root: Path) -> None:
+        called.append((meshes, weights, out, config, truth_root))
+        out.mkdir()
+        (out / "metrics.json").write_text(json.dumps({"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}}))
+
+    monkeypatch.setitem(sys.modules, "pipeline.evaluate", SimpleNamespace(evaluate=measure))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    meshes, out = tmp_path / "meshes", tmp_path / "out"
+    meshes.mkdir()
+    words = ("evaluate", "--meshes", meshes, "--output", out, "--weights", tiny_weights)
+    assert "holds no mesh" in z2p(*words).stderr
+    for name in ("a.ply", "b.ply", "b.obj", "readme.md"):
+        (meshes / name).touch()
+    result = z2p(*words, "--views", 3, "--noise", "0.01", "--elevation", "random", "--resolution", 64)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.split() == ["psnr_white", "26.5000", "ssim", "0.8500"]
+    [(found, weights, _, config, truth)] = called
+    assert found == {"a": meshes / "a.ply", "b.obj": meshes / "b.obj", "b.ply": meshes / "b.ply"}
+    assert (weights, truth) == (tiny_weights, out / "truth")
+    assert config == EvaluateConfig(
+        views=3, points=5000, noise=0.01, resolution=64, samples=64, elevation=None, seed=0, sampler="uniform"
+    )
+    assert z2p(*words, "--elevation", "90").exit_code == 2
+    assert z2p("evaluate", "--meshes", meshes, "--output", out, "--weights", "nosuch").exit_code == 2
+
+
+def test_pipeline_starts_luigi_with_only_what_was_given(
+    z2p: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline.commands import full_pipeline
+
+    started: list[tuple[list[str], dict[str, str]]] = []
+
+    def record(command: list[str], environment: dict[str, str]) -> int:
+        started.append((command, environment))
+        return 30
+
+    monkeypatch.setattr(full_pipeline, "_run", record)
+    assert z2p("pipeline").exit_code == 30
+    assert z2p("pipeline", "--meshes", tmp_path, "--workers", 2, "--workspace", tmp_path / "w").exit_code == 30
+    plain = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
+    assert started[0][0] == plain
+    assert started[1][0] == [*plain, "--meshes", str(tmp_path), "--workspace", str(tmp_path / "w"), "--workers", "2"]
+    assert Path(started[0][1]["LUIGI_CONFIG_PATH"]).is_file()
+    assert z2p("pipeline", "--config", tmp_path / "missing.toml").exit_code == 2
+
+
+def test_luigis_process_finds_our_packages_whatever_the_working_folder_holds(tmp_path: Path) -> None:
+    from pipeline.commands.full_pipeline import luigi_environment
+
+    (tmp_path / "storage").mkdir()
+    (tmp_path / "storage" / "__init__.py").write_text("raise SystemExit('the wrong storage')")
+    done = subprocess.run(
+        [sys.executable, "-c", "import storage"],
+        cwd=tmp_path, env=luigi_environment(), capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_process_hands_on_its_exit_status() -> None:
+    from pipeline.commands.full_pipeline import _run
+
+    assert _run([sys.executable, "-c", "raise SystemExit(30)"], dict(os.environ)) == 30
+    assert _run([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], dict(os.environ)) == 137
+
+
+@pytest.mark.parametrize("name", ["pipeline", "evaluate"])
+def test_a_missing_pipeline_extra_is_said(
+    z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    (tmp_path / "a.ply").touch()
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    words = ["--meshes", tmp_path, "--output", tmp_path / "out", "--weights", tiny_weights]
+    result = z2p(name, *(words if name == "evaluate" else []))
+    assert result.exit_code == 2
+    assert 'pip install "z2p[pipeline]"' in result.stderr

@@ -1,0 +1,248 @@
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.metadata import EntryPoint
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+from PIL import Image
+
+from z2p_core import registry
+
+
+def pictures(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def lines(result: Result) -> list[dict[str, object]]:
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+def add_plugin(monkeypatch: pytest.MonkeyPatch, group: str, name: str, target: str) -> None:
+    """Make the registry see one more entry point, for this test."""
+    entries = {**registry._entries(group), name: (EntryPoint(name, target, f"z2p.{group}"),)}
+    original = registry._entries
+    monkeypatch.setattr(registry, "_entries", lambda asked: entries if asked == group else original(asked))
+
+
+def test_a_folder_becomes_pictures_and_says_so(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    result = render(scans)
+    assert result.exit_code == 0, result.output
+    assert pictures(tmp_path / "out") == ["one.png", "two.png"]
+    picture = Image.open(tmp_path / "out" / "one.png")
+    assert (picture.mode, picture.size) == ("RGBA", (32, 32))
+    assert result.stdout == ""
+    told = result.stderr.splitlines()
+    assert told[0] == "up axis: +Z"
+    assert [line.split(":")[0] for line in told[1:3]] == ["rendered", "rendered"]
+    assert told[3:] == ["2 rendered, 0 skipped, 0 failed"]
+
+
+def test_a_bad_file_gets_one_line_and_the_rest_is_finished(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    (scans / "a bad one.ply").write_bytes(b"not a ply at all\n\n")
+    result = render(scans, "--json")
+    assert result.exit_code == 1
+    assert pictures(tmp_path / "out") == ["one.png", "two.png"]
+    failures = [line for line in result.stderr.splitlines() if "a bad one" in line]
+    assert len(failures) == 1
+    assert failures[0].startswith(f"failed: {scans / 'a bad one.ply'}: ")
+    assert failures[0].count("a bad one.ply") == 1
+    assert len(result.stderr.splitlines()) == 5
+    assert [line["status"] for line in lines(result)] == ["failed", "ok", "ok"]
+    assert lines(result)[0]["error"] and lines(result)[1]["error"] is None
+
+
+def test_json_tells_all_of_a_file(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, cloud: np.ndarray
+) -> None:
+    broken_rows = cloud.copy()
+    broken_rows[[3, 5, 8], 1] = np.nan
+    broken_rows[9] = np.inf
+    np.save(scans / "one.npy", broken_rows)
+    result = render(scans / "one.npy", "--json", "--color", "1,0,0", "--up", "-y", "--azimuth", "-30")
+    [line] = lines(result)
+    assert line.pop("seconds") > 0
+    settings = line.pop("settings")
+    picture = str(tmp_path / "out" / "one.png")
+    assert line == {
+        "input": str(scans / "one.npy"), "output": picture, "outputs": [picture], "status": "ok",
+        "points": 396, "dropped": 4, "error": None,
+    }  # fmt: skip
+    assert settings["controls"]["color"] == [1, 0, 0]
+    assert (settings["up"], settings["azimuth"], settings["elevation"]) == ("-Y", -30, 20)
+    assert (settings["resolution"], settings["background"]) == ([32, 32], "transparent")
+    assert "4 not finite dropped" in result.stderr
+    assert "up axis: -Y" in result.stderr
+
+
+def test_quiet_tells_of_failures_only(render: Callable[..., Result], scans: Path) -> None:
+    assert render(scans, "--quiet").output == ""
+    (scans / "bad.ply").write_bytes(b"no")
+    result = render(scans, "--quiet")
+    assert result.exit_code == 1
+    assert [line.split(":")[0] for line in result.stderr.splitlines()] == ["failed"]
+
+
+def test_jobs_change_nothing(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    render(scans, output=tmp_path / "alone")
+    result = render(scans, "--jobs", 2, output=tmp_path / "pair")
+    assert result.exit_code == 0, result.output
+    assert len(pictures(tmp_path / "alone")) == 2
+    for name in pictures(tmp_path / "alone"):
+        first, second = (np.asarray(Image.open(tmp_path / run / name)).astype(int) for run in ("alone", "pair"))
+        assert np.abs(first - second).max() <= 1  # sums are split differently among threads
+
+
+def test_a_control_changes_the_picture(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    for name, words in {"plain": (), "red": ("--color", "red"), "lit": ("--light", "3.6,60,50"),
+                        "high": ("--elevation", "60"), "turned": ("--azimuth", "90"), "y-up": ("--up", "+Y")}.items():
+        assert render(scans / "one.npy", *words, output=tmp_path / name).exit_code == 0
+    made = {path.parent.name: path.read_bytes() for path in tmp_path.glob("*/one.png")}
+    assert len(made) == 6
+    assert len(set(made.values())) == 6
+
+
+def test_white_background_is_the_transparent_picture_on_white(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    render(scans / "one.npy", output=tmp_path / "clear")
+    assert render(scans / "one.npy", "--background", "white", output=tmp_path / "white").exit_code == 0
+    clear = np.asarray(Image.open(tmp_path / "clear" / "one.png")).astype(float) / 255
+    white = np.asarray(Image.open(tmp_path / "white" / "one.png")).astype(float) / 255
+    assert clear[..., 3].min() < 0.9
+    assert white.shape == (32, 32, 3)
+    assert np.abs(clear[..., :3] * clear[..., 3:] + 1 - clear[..., 3:] - white).max() < 1.01 / 255
+
+
+@pytest.mark.parametrize(("text", "size"), [("64,32", (64, 32)), ("48X96", (48, 96)), ("33", (33, 33))])
+def test_resolution(render: Callable[..., Result], scans: Path, tmp_path: Path, text: str, size: object) -> None:
+    assert render(scans / "one.npy", "--resolution", text).exit_code == 0
+    assert Image.open(tmp_path / "out" / "one.png").size == size
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--resolution", "31"), "32 to 4096"),
+        (("--resolution", "99999999999"), "32 to 4096"),
+        (("--resolution", "64,"), "32 to 4096"),
+        (("--background", "nocolour"), "CSS colour name"),
+        (("--background", "#ff000080"), "opaque"),
+        (("--color", "nocolour"), "expected a CSS colour name"),
+        (("--color", "2,0,0"), "red is 2"),
+        (("--light", "3.6,-40"), "radius,azimuth,elevation"),
+        (("--elevation", "85"), "expected 0 to 80"),
+        (("--elevation", "nan"), "expected 0 to 80"),
+        (("--azimuth", "nan"), "--azimuth"),
+        (("--up", "up"), "+Z"),
+        (("--jobs", "0"), "--jobs"),
+        (("--metallic", "0.5"), "they carry: color, light, elevation"),
+        (("--weights", "nosuch"), "unknown weights 'nosuch'"),
+        (("--nosuch", "1"), "--nosuch"),
+    ],
+)
+def test_wrong_usage(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, words: tuple[str, ...], told: str
+) -> None:
+    result = render(scans, *words)
+    assert result.exit_code == 2, result.output
+    assert told in " ".join(result.stderr.split())
+    assert "Traceback" not in result.output
+    assert not (tmp_path / "out").exists()
+
+
+def test_weights_without_elevation_take_only_their_own(
+    render: Callable[..., Result], make_weights: Callable[..., Path], scans: Path
+) -> None:
+    fixed = make_weights(("color",), fixed_elevation=35.0)
+    result = render(scans, "--json", "--elevation", "35", weights=fixed)
+    assert result.exit_code == 0, result.output
+    assert lines(result)[0]["settings"]["elevation"] == 35
+    assert "elevation" not in lines(result)[0]["settings"]["controls"]
+    result = render(scans, "--elevation", "20", weights=fixed)
+    assert result.exit_code == 2
+    assert "know only 35 degrees, got 20" in result.stderr
+
+
+def test_a_damaged_weights_file(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    (tmp_path / "pickle.pt").write_bytes(b"\x80\x02cos\nsystem\n.")
+    result = render(scans, weights=tmp_path / "pickle.pt")
+    assert result.exit_code == 2
+    assert result.stderr.startswith("Error: ")
+    assert "pickle" in result.stderr
+
+
+def test_a_broken_control_hurts_only_who_asks_for_it(
+    z2p: Callable[..., Result], render: Callable[..., Result], scans: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_plugin(monkeypatch, "controls", "torn", "no_such_module_anywhere:Torn")
+    assert render(scans).exit_code == 0
+    assert "fails to load" in z2p("run-inference", "--help").output
+    result = render(scans, "--torn", "0.5")
+    assert result.exit_code == 2
+    assert "no_such_module_anywhere" in result.stderr
+    listed = json.loads(z2p("plugins", "--json").stdout)
+    [torn] = [row for row in listed if row["name"] == "torn"]
+    assert torn["status"] == "broken"
+    assert all(row["status"] == "ok" for row in listed if row["name"] != "torn")
+    table = z2p("plugins")
+    assert table.exit_code == 0
+    assert "broken: control 'torn'" in table.output
+
+
+def test_a_control_named_like_an_option_gets_a_name_of_its_own(
+    z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    add_plugin(monkeypatch, "controls", "output", "plugins.controls.metallic:Metallic")
+    assert "--control-output" in z2p("run-inference", "--help").output
+
+
+def test_installed_controls_are_options_with_their_sliders_words(z2p: Callable[..., Result]) -> None:
+    told = " ".join(z2p("run-inference", "--help").output.split())
+    names = registry.names("controls")
+    assert {"color", "light", "elevation", "metallic", "roughness"} <= set(names)
+    for name in ("color", "light", "elevation", "metallic", "roughness"):
+        slider = registry.load("controls", name).slider
+        assert f"--{name} {slider.metavar}" in told
+        assert slider.help[:20] in told
+
+
+def test_the_installed_command_in_a_process(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
+    (scans / "bad.las").write_bytes(b"LASF but no more")
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline.cli", "run-inference", "scans", "--output", "out", "--json",
+         "--weights", tiny_weights, "--resolution", "64,32"],
+        cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"},
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert [json.loads(line)["status"] for line in done.stdout.splitlines()] == ["failed", "ok", "ok"]
+    assert len(done.stderr.splitlines()) == 5, done.stderr
+    assert "\r" not in done.stderr
+    assert pictures(tmp_path / "out") == ["one.png", "two.png"]
+
+
+def test_ctrl_c_is_told_apart_from_failed_files(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline import batch
+
+    original = batch.read_clouds
+
+    def read(path: Path) -> list[batch.Scan]:
+        if path.name == "two.xyz":
+            raise KeyboardInterrupt
+        return original(path)
+
+    monkeypatch.setattr(batch, "read_clouds", read)
+    result = render(scans)
+    assert result.exit_code == 130
+    assert result.stderr.endswith("Interrupted.\n")
+    assert pictures(tmp_path / "out") == ["one.png"]

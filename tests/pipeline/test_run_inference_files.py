@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from click.testing import Result
+
+
+def pictures(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def lines(result: Result) -> list[dict[str, object]]:
+    return [json.loads(line) for line in result.stdout.splitlines()]
+
+
+def test_shared_stems_and_odd_names(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+    folder = tmp_path / "odd"
+    folder.mkdir()
+    for name in ("a.xyz", "a.txt", "with space.xyz", "größe 点.xyz", "two\nlines.xyz"):
+        np.savetxt(folder / name, cloud[:50])
+    result = render(folder, "--json")
+    assert result.exit_code == 0, result.output
+    assert pictures(tmp_path / "out") == sorted(
+        ["a.xyz.png", "a.txt.png", "with space.png", "größe 点.png", "two\nlines.png"]
+    )
+    assert len(result.stderr.splitlines()) == 7
+    assert "two\\nlines" in result.stderr
+    assert len(lines(result)) == 5
+
+
+def test_recursive_mirrors_sub_folders(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    (scans / "sub" / "deep").mkdir(parents=True)
+    (scans / "one.npy").rename(scans / "sub" / "deep" / "two.npy")
+    assert render(scans).exit_code == 0
+    assert pictures(tmp_path / "out") == ["two.png"]
+    assert render(scans, "--recursive").exit_code == 0
+    assert pictures(tmp_path / "out") == ["sub/deep/two.png", "two.png"]
+
+
+def test_a_glob_and_a_file_given_twice(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    assert render(f"{scans}/*.npy", scans / "one.npy").exit_code == 0
+    assert pictures(tmp_path / "out") == ["one.png"]
+
+
+def test_a_batch_file(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+    np.save(tmp_path / "many.npy", np.stack([cloud, cloud * (1, 2, 1), cloud * (1, 1, 3)]))
+    result = render(tmp_path / "many.npy", "--json")
+    assert result.exit_code == 0, result.output
+    assert pictures(tmp_path / "out") == ["many_000.png", "many_001.png", "many_002.png"]
+    [line] = lines(result)
+    assert [Path(path).name for path in line["outputs"]] == pictures(tmp_path / "out")
+    assert line["points"] == 3 * len(cloud)
+    assert lines(render(tmp_path / "many.npy", "--json"))[0]["status"] == "skipped"
+
+
+def test_output_may_name_one_picture(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    target = tmp_path / "figures" / "final.png"
+    assert render(scans / "one.npy", output=target).exit_code == 0
+    assert pictures(tmp_path / "figures") == ["final.png"]
+    result = render(scans, output=tmp_path / "other.png")
+    assert result.exit_code == 2
+    assert "2 scans" in result.stderr
+
+
+def test_outputs_there_before_are_skipped_unless_overwritten(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "one.png").write_bytes(b"mine")
+    result = render(scans, "--json")
+    assert result.exit_code == 0
+    assert [line["status"] for line in lines(result)] == ["skipped", "ok"]
+    assert "--overwrite" in result.stderr
+    assert (tmp_path / "out" / "one.png").read_bytes() == b"mine"
+    result = render(scans, "--json", "--overwrite")
+    assert [line["status"] for line in lines(result)] == ["ok", "ok"]
+    assert (tmp_path / "out" / "one.png").read_bytes() != b"mine"
+
+
+def test_an_output_that_cannot_be_written(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    for output in (tmp_path / "file", tmp_path / "file" / "out", tmp_path / "file" / "a.png"):
+        result = render(scans / "one.npy", output=output)
+        assert result.exit_code == 2, result.output
+        assert "cannot write to" in result.stderr
+
+
+def test_inputs_that_match_nothing(render: Callable[..., Result], tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    for source in (tmp_path / "empty", tmp_path / "missing.ply", f"{tmp_path}/*.ply"):
+        result = render(source)
+        assert result.exit_code == 2, result.output
+        assert str(source) in result.stderr
+        assert len(result.stderr.splitlines()) == 1
+    assert render().exit_code == 2

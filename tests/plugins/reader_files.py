@@ -1,0 +1,53 @@
+"""Small scan files for the readers' tests, written by hand or by the formats' libraries."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from z2p_core import registry
+from z2p_core.interfaces import ScanError
+
+SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".obj", ".off", ".npy", ".npz", ".las", ".laz"]
+PLY_TYPES = {"float": "f4", "double": "f8"}
+
+
+def read(path: Path) -> list[np.ndarray]:
+    """What the registered reader of the file's suffix gives."""
+    plugins = [registry.load("readers", name) for name in registry.names("readers")]
+    (plugin,) = [plugin for plugin in plugins if path.suffix.lower() in plugin.suffixes]
+    clouds = plugin().read(path)
+    assert all(cloud.dtype == np.float64 and cloud.ndim == 2 and cloud.shape[1] == 3 for cloud in clouds)
+    return clouds
+
+
+def cloud(count: int = 50, dtype: str = "f8") -> np.ndarray:
+    return np.random.default_rng(1).normal(size=(count, 3)).astype(dtype)
+
+
+def refused(path: Path, blob: bytes | str, match: str) -> None:
+    path.write_bytes(blob.encode() if isinstance(blob, str) else blob)
+    with pytest.raises(ScanError, match=match) as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+
+
+def ply(points: np.ndarray, encoding: str, kind: str = "double", count: int | None = None, extra: str = "") -> bytes:
+    axes = "".join(f"property {kind} {axis}\n" for axis in "xyz")
+    count = len(points) if count is None else count
+    head = f"ply\nformat {encoding} 1.0\ncomment made by hand\nelement vertex {count}\n{axes}{extra}end_header\n"
+    if encoding == "ascii":
+        return head.encode() + "".join(" ".join(map(repr, row)) + "\n" for row in points.tolist()).encode()
+    order = ">" if "big" in encoding else "<"
+    return head.encode() + points.astype(order + PLY_TYPES[kind]).tobytes()
+
+
+def las(path: Path, points: np.ndarray, offsets: tuple[float, ...] = (0.0, 0.0, 0.0)) -> None:
+    header = laspy.LasHeader(point_format=3, version="1.2")
+    header.scales, header.offsets = np.full(3, 0.001), np.array(offsets)
+    content = laspy.LasData(header)
+    content.x, content.y, content.z = points.T
+    content.write(path)

@@ -1,0 +1,102 @@
+"""Every registered plugin, built-in or a stranger's, keeps the contract of its interface."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import laspy
+import numpy as np
+import pytest
+
+from z2p_core import registry
+from z2p_core.interfaces import Reader
+from z2p_core.testing import check_control, check_encoder, check_reader, check_sampler, check_zbuffer
+
+CLOUD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.25, 2.0, -1.0], [-3.0, 0.125, 4.0], [0.5, 0.75, 1.5]])
+LYING_PLY = (
+    b"ply\nformat binary_little_endian 1.0\nelement vertex 1000000000\n"
+    b"property float x\nproperty float y\nproperty float z\nend_header\n"
+)
+LYING_PCD = (
+    b"VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 1000000000\nHEIGHT 1\n"
+    b"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 1000000000\nDATA binary\n"
+)
+
+
+def write_lines(path: Path, header: str = "", prefix: str = "") -> None:
+    rows = "".join(f"{prefix}{x} {y} {z}\n" for x, y, z in CLOUD)
+    path.write_text(header + rows)
+
+
+def write_ply(path: Path) -> None:
+    columns = "property float x\nproperty float y\nproperty float z\n"
+    write_lines(path, f"ply\nformat ascii 1.0\nelement vertex {len(CLOUD)}\n{columns}end_header\n")
+
+
+def write_pcd(path: Path) -> None:
+    count = len(CLOUD)
+    fields = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
+    write_lines(path, f"{fields}WIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n")
+
+
+def write_las(path: Path) -> None:
+    header = laspy.LasHeader(point_format=0, version="1.2")
+    header.scales = np.full(3, 1e-3)
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = CLOUD.T
+    las.write(str(path))
+
+
+EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
+    "ply": (".ply", write_ply, LYING_PLY),
+    "pcd": (".pcd", write_pcd, LYING_PCD),
+    "text": (".xyz", write_lines, b"no numbers at all\nnor here\n"),
+    "vertices": (".obj", lambda path: write_lines(path, prefix="v "), b"v one two three\n"),
+    "numpy": (".npy", lambda path: np.save(path, CLOUD), b"\x93NUMPY and then nothing of the kind"),
+    "las": (".las", write_las, b"LASF" + bytes(60)),
+}
+"""Reader -> suffix, what writes an example, and the bytes of a file it must refuse."""
+
+
+@pytest.mark.parametrize("name", registry.names("controls"))
+def test_control(name: str) -> None:
+    check_control(registry.load("controls", name))
+
+
+@pytest.mark.parametrize("name", registry.names("zbuffers"))
+def test_zbuffer(name: str) -> None:
+    check_zbuffer(registry.load("zbuffers", name))
+
+
+@pytest.mark.parametrize("name", registry.names("encoders"))
+def test_encoder(name: str) -> None:
+    check_encoder(registry.load("encoders", name))
+
+
+@pytest.mark.parametrize("name", registry.names("samplers"))
+def test_sampler(name: str) -> None:
+    check_sampler(registry.load("samplers", name))
+
+
+@pytest.mark.parametrize("name", registry.names("readers"))
+def test_reader(name: str, tmp_path: Path) -> None:
+    if name not in EXAMPLES:
+        pytest.skip(f"no example file of the {name} reader, which another package brings")
+    suffix, write, broken = EXAMPLES[name]
+    example, lie = tmp_path / f"example{suffix}", tmp_path / f"broken{suffix}"
+    write(example)
+    lie.write_bytes(broken)
+    reader: type[Reader] = registry.load("readers", name)
+    check_reader(reader, example, lie)
+    np.testing.assert_allclose(reader().read(example)[0], CLOUD, atol=1e-3)
+
+
+def test_every_built_in_reader_has_an_example() -> None:
+    built_in = {plugin.name for plugin in registry.installed("readers") if plugin.origin.startswith("z2p ")}
+    assert built_in == set(EXAMPLES)
+
+
+@pytest.mark.parametrize("group", registry.GROUPS)
+def test_every_group_has_a_built_in(group: str) -> None:
+    assert any(plugin.origin.startswith("z2p ") for plugin in registry.installed(group))

@@ -1,0 +1,196 @@
+"""Readers of ply, pcd, text and vertices give back what was written and refuse what lies about its size."""
+
+from __future__ import annotations
+
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pypcd4 import Encoding, PointCloud
+from reader_files import PLY_TYPES, cloud, ply, read, refused
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("kind", ["float", "double"])
+def test_ply_round_trip_is_exact_and_keeps_nan_rows(tmp_path: Path, encoding: str, kind: str) -> None:
+    points = cloud(dtype=PLY_TYPES[kind])
+    points[3] = np.nan
+    path = tmp_path / "scan.PLY"
+    path.write_bytes(ply(points, encoding, kind))
+    assert np.array_equal(read(path)[0], points.astype("f8"), equal_nan=True)
+
+
+def test_ply_of_a_mesh_with_mixed_polygons_gives_all_vertices(tmp_path: Path) -> None:
+    points = cloud(9)
+    faces = struct.pack("<B3iB4i", 3, 0, 1, 2, 4, 3, 4, 5, 6)
+    faces_head = "element face 2\nproperty list uchar int vertex_indices\n"
+    path = tmp_path / "mesh.ply"
+    path.write_bytes(ply(points, "binary_little_endian", extra=faces_head) + faces)
+    assert np.array_equal(read(path)[0], points)  # vertices 7 and 8, which no face uses, included
+
+
+def test_ply_vertices_after_another_element_and_with_colours(tmp_path: Path) -> None:
+    rows = np.zeros(4, dtype=[("r", "u1"), ("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("quality", "<i2")])
+    for axis, values in zip("xyz", cloud(4).T, strict=True):
+        rows[axis] = values
+    head = ("ply\r\nformat binary_little_endian 1.0\r\nelement camera 2\r\nproperty double fov\r\nelement vertex 4\r\n"
+            "property uchar r\r\nproperty float32 x\r\nproperty float y\r\nproperty float z\r\n"
+            "property int16 quality\r\nend_header\r\n")  # fmt: skip
+    path = tmp_path / "scan.ply"
+    path.write_bytes(head.encode() + np.zeros(2).tobytes() + rows.tobytes())
+    assert np.array_equal(read(path)[0], np.column_stack([rows[axis] for axis in "xyz"]))
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
+def test_ply_header_that_lies_is_refused_before_loading(tmp_path: Path, encoding: str, monkeypatch) -> None:
+    monkeypatch.setattr("trimesh.exchange.ply.load_ply", lambda *_: pytest.fail("the size was not checked first"))
+    refused(tmp_path / "a.ply", ply(cloud(), encoding, count=10**15), "promises 1000000000000000 vertex")
+    faces = "element face 1000000000\nproperty list uchar int vertex_indices\n"
+    refused(tmp_path / "b.ply", ply(cloud(), encoding, extra=faces), "1000000000 face")
+
+
+def test_ply_refusals(tmp_path: Path) -> None:
+    path, binary = tmp_path / "a.ply", "binary_little_endian"
+    refused(path, b"solid not a ply", "another format")
+    refused(path, b"ply\nformat ascii 1.0\n", "end_header")
+    refused(path, b"ply\nelement vertex 0\nend_header\n", "no line 'format'")
+    refused(path, b"ply\nformat ascii 1.0\nelement vertex many\nend_header\n", "element vertex many")
+    refused(path, b"ply\nformat ascii 1.0\nelement vertex -3\nend_header\n", "element vertex -3")
+    refused(path, b"ply\nformat ascii 1.0\nelement face 0\nend_header\n", "no element 'vertex'")
+    refused(path, b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", "need x, y and z")
+    refused(path, ply(cloud(), binary)[:-1], "cut short")
+    refused(path, ply(cloud(), binary) + b"more", "header is wrong")
+    refused(path, ply(cloud(9), "ascii").replace(b"-", b"?"), "cannot be read|expected 9")
+    text = ply(cloud(), "ascii")
+    refused(path, text[: text.rindex(b"\n", 0, -1)], "49 lines came")
+
+
+@pytest.mark.parametrize("encoding", list(Encoding)[:3])
+@pytest.mark.parametrize("dtype", ["f4", "f8"])
+def test_pcd_round_trip_is_exact(tmp_path: Path, encoding: Encoding, dtype: str) -> None:
+    points = cloud(dtype=dtype)
+    points[7] = np.nan
+    kinds = (np.float32, np.uint8, np.float64 if dtype == "f8" else np.float32)
+    columns = [np.arange(50, dtype="f4"), np.arange(50, dtype="u1"), *points.T]
+    types = [kinds[0], kinds[1], kinds[2], kinds[2], kinds[2]]
+    path = tmp_path / "scan.pcd"
+    PointCloud.from_points(columns, ("intensity", "ring", "x", "y", "z"), types).save(path, encoding)
+    expected = points.astype("f8")
+    if encoding == Encoding.ASCII:  # the writer keeps ten digits after the point
+        np.testing.assert_allclose(read(path)[0], expected, rtol=0, atol=1e-9)
+    else:
+        assert np.array_equal(read(path)[0], expected, equal_nan=True)
+
+
+def pcd(body: bytes, *, fields: str = "x y z", points: int = 4, width: int = 2, data: str = "ascii") -> bytes:
+    count = len(fields.split())
+    return (
+        f"# made by hand\nVERSION .7\nFIELDS {fields}\nSIZE {'4 ' * count}\nTYPE {'F ' * count}\n"
+        f"COUNT {'1 ' * count}\nWIDTH {width}\nHEIGHT 2\n# between\nVIEWPOINT 0 0 0 1 0 0 0\n"
+        f"POINTS {points}\nDATA {data}\n"
+    ).encode() + body
+
+
+def test_pcd_ascii_takes_any_blanks_and_organised_clouds(tmp_path: Path) -> None:
+    path = tmp_path / "scan.pcd"
+    path.write_bytes(pcd(b"9 1  2\t3 \nnan nan nan nan\n\n8 4 5 6\r\n7 -1e-3 0.5 2", fields="rgb x y z"))
+    assert np.array_equal(read(path)[0], [[1, 2, 3], [np.nan] * 3, [4, 5, 6], [-1e-3, 0.5, 2]], equal_nan=True)
+
+
+def test_pcd_of_one_point_and_without_count_line(tmp_path: Path) -> None:
+    path = tmp_path / "scan.pcd"
+    head = b"VERSION .5\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 1\nHEIGHT 1\nPOINTS 1\n"
+    for data, body in (("ascii", b"1 2 3\n"), ("binary", struct.pack("<3f", 1, 2, 3))):
+        path.write_bytes(head + f"DATA {data}\n".encode() + body)
+        assert np.array_equal(read(path)[0], [[1, 2, 3]])
+
+
+def test_pcd_header_that_lies_is_refused_before_loading(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(PointCloud, "from_fileobj", lambda *_: pytest.fail("the size was not checked first"))
+    path, huge = tmp_path / "a.pcd", {"points": 2 * 10**12, "width": 10**12}
+    refused(path, pcd(b"1 2 3\n" * 4, **huge), "promises 2000000000000 points")
+    refused(path, pcd(bytes(48), data="binary", **huge), "promises 2000000000000 points")
+    refused(path, pcd(bytes(47), data="binary"), "cut short")
+    refused(path, pcd(bytes(49), data="binary"), "header is wrong")
+    bomb = struct.pack("<II", 16, 24 * 10**7) + bytes(16)
+    refused(path, pcd(bomb, data="binary_compressed", points=2 * 10**7, width=10**7), "do not hold")
+    refused(path, pcd(struct.pack("<II", 999, 48) + bytes(16), data="binary_compressed"), "do not hold")
+    refused(path, pcd(b"\1", data="binary_compressed"), "do not hold")
+
+
+def test_pcd_refusals(tmp_path: Path) -> None:
+    path, rows = tmp_path / "a.pcd", b"1 2 3\n" * 4
+    refused(path, b"\x00\xff garbage", "lines FIELDS, SIZE")
+    refused(path, pcd(rows, points=5), "POINTS 5")
+    refused(path, pcd(rows, fields="x y w"), "fields x, y and z")
+    refused(path, pcd(rows, data="zipped"), "got 'zipped'")
+    refused(path, pcd(b"1 2 3\n" * 3 + b"       "), "3 lines came")
+    refused(path, pcd(b"1 2 3\n1 2 3 4\n1 2 3\n1 2 3"), "point 2: expected 3 numbers, got 4")
+    refused(path, pcd(b"1 2 3\n1 2 three\n1 2 3\n1 2 3"), "cannot be read")
+    refused(path, pcd(rows).replace(b"WIDTH 2", b"WIDTH two"), "numbers cannot be read")
+    refused(path, pcd(rows).replace(b"SIZE 4", b"SIZE 0"), "numbers cannot be read")
+    refused(path, pcd(struct.pack("<II", 16, 48) + b"\xff" * 16, data="binary_compressed"), "cannot be read")
+
+
+TEXT_FORMS = [(".xyz", 3), (".xyzn", 6), (".xyzrgb", 6), (".pts", 3), (".pts", 4), (".pts", 6), (".pts", 7),
+              (".txt", 3), (".txt", 5), (".txt", 9)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("suffix", "columns"), TEXT_FORMS)
+def test_text_round_trip_is_exact(tmp_path: Path, suffix: str, columns: int) -> None:
+    table = np.random.default_rng(2).normal(size=(20, columns))
+    for separator in (" ", ",", ", ", "\t"):
+        rows = [separator.join(map(repr, row)) for row in table.tolist()]
+        head = ["20"] if suffix == ".pts" else []
+        path = tmp_path / f"scan{suffix}"
+        path.write_text("\n".join(["# a comment", *head, *rows[:9], "", f"{rows[9]}  # inline", *rows[10:]]) + "\n")
+        assert np.array_equal(read(path)[0], table[:, :3])
+
+
+def test_text_keeps_rows_that_are_not_finite_and_a_byte_order_mark_away(tmp_path: Path) -> None:
+    path = tmp_path / "scan.xyz"
+    path.write_bytes(b"\xef\xbb\xbf1 2 3\r\nnan inf 0\r\n")
+    assert np.array_equal(read(path)[0], [[1, 2, 3], [np.nan, np.inf, 0]], equal_nan=True)
+
+
+def test_text_refusals(tmp_path: Path) -> None:
+    refused(tmp_path / "a.xyz", "1 2 3 4 5 6\n", r"rename the file to \.xyzn or \.xyzrgb")
+    refused(tmp_path / "a.xyz", "1 2\n", "3 columns .x y z., got 2")
+    refused(tmp_path / "a.xyz", "1 2 3 4\n", "got 4")
+    refused(tmp_path / "a.xyz", "x y z\n1 2 3\n", "same count of numbers")
+    refused(tmp_path / "a.xyz", "1 2 3\n1 2\n", "columns changed from 3 to 2")
+    refused(tmp_path / "a.xyzn", "1 2 3\n", "6 columns .x y z nx ny nz., got 3")
+    refused(tmp_path / "a.xyzrgb", "1 2 3\n", "x y z r g b")
+    refused(tmp_path / "a.pts", "3\n1 2 3\n4 5 6\n", "promises '3' points, 2 came")
+    refused(tmp_path / "a.pts", "1\n1 2 3 4 5\n", "3 or 4 or 6 or 7 columns")
+    refused(tmp_path / "a.txt", "1 2\n", "x y z")
+
+
+def test_obj_keeps_vertices_without_faces(tmp_path: Path) -> None:
+    points = cloud(12)
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in points.tolist()]
+    path = tmp_path / "scan.obj"
+    for extra in ([], ["vn 0 0 1", "vt 0 0", "f 1/1/1 2/1/1 3/1/1"]):
+        path.write_text("\n".join(["# hello", "o thing", *lines, *extra]))
+        assert np.array_equal(read(path)[0], points)
+    path.write_text("\n".join(f"{line} 1.0 0.5 0.5" for line in lines))  # vertex colours
+    assert np.array_equal(read(path)[0], points)
+
+
+def test_off_keeps_vertices_without_faces(tmp_path: Path) -> None:
+    points = cloud(5)
+    rows = "\n".join(" ".join(map(repr, row)) for row in points.tolist())
+    path = tmp_path / "scan.off"
+    for text in (f"OFF\n5 0 0\n{rows}\n", f"OFF\n# made\n5 1 0\n{rows}\n3 0 1 2\n"):
+        path.write_text(text)
+        assert np.array_equal(read(path)[0], points)
+
+
+def test_obj_and_off_refusals(tmp_path: Path) -> None:
+    refused(tmp_path / "a.obj", "hello\n", "found none")
+    refused(tmp_path / "a.obj", "v 1 2 3\nv 1 2\n", "three numbers")
+    refused(tmp_path / "a.obj", "v 1 2 x\n", "three numbers")
+    refused(tmp_path / "a.off", "hello", "begins with 'OFF'")
+    refused(tmp_path / "a.off", "OFF\n9999999999 0 0\n1 2 3\n", "cannot be read")
+    refused(tmp_path / "a.off", "OFF\n", "cannot be read")

@@ -1,0 +1,158 @@
+"""Readers of numpy and las give back what was written; no damaged file of any format ends in another error."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pypcd4 import Encoding, PointCloud
+from reader_files import SUFFIXES, cloud, las, ply, read, refused
+
+from z2p_core.interfaces import ScanError
+
+
+@pytest.mark.parametrize("dtype", ["<f2", "<f4", ">f8", "<i4"])
+def test_numpy_round_trip_is_exact(tmp_path: Path, dtype: str) -> None:
+    table = (np.random.default_rng(3).normal(size=(30, 6)) * 100).astype(dtype)
+    for columns in (3, 6):
+        for array in (table[:, :columns], np.asfortranarray(table[:, :columns])):
+            np.save(tmp_path / "a.npy", array)
+            np.savez(tmp_path / "a.npz", array)
+            np.savez_compressed(tmp_path / "b.npz", xyz=array, colours=table)
+            np.savez(tmp_path / "c.npz", labels=np.zeros(3), points=array, xyz=np.zeros((4, 3)))
+            for name in ("a.npy", "a.npz", "b.npz", "c.npz"):
+                (points,) = read(tmp_path / name)
+                assert np.array_equal(points, table[:, :3].astype("f8"))
+
+
+def test_numpy_batches_give_a_cloud_each(tmp_path: Path) -> None:
+    batch = np.random.default_rng(4).normal(size=(5, 20, 7))
+    np.save(tmp_path / "a.npy", batch)
+    np.save(tmp_path / "b.npy", batch[:, :, :3])
+    for name in ("a.npy", "b.npy"):
+        clouds = read(tmp_path / name)
+        assert len(clouds) == 5
+        assert np.array_equal(np.stack(clouds), batch[:, :, :3])
+
+
+@pytest.mark.parametrize(("shape", "match"), [((3, 100), "transpose"), ((2, 3, 100), "transpose"), ((9,), "expected"),
+                                               ((9, 4), "first three columns"), ((9, 2), "expected"), ((), "expected"),
+                                               ((64, 480), "expected"), ((2, 2, 2, 3), "expected")])  # fmt: skip
+def test_numpy_shapes_that_are_no_cloud(tmp_path: Path, shape: tuple[int, ...], match: str) -> None:
+    np.save(tmp_path / "a.npy", np.zeros(shape))
+    with pytest.raises(ScanError, match=match):
+        read(tmp_path / "a.npy")
+
+
+def npy_header(shape: tuple[int, ...], descr: str = "<f8") -> bytes:
+    buffer = io.BytesIO()
+    np.lib.format.write_array_header_1_0(buffer, {"descr": descr, "fortran_order": False, "shape": shape})
+    return buffer.getvalue()
+
+
+def test_numpy_refusals(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "a.npy"
+    np.save(path, np.array([{"evil": 1}], dtype=object), allow_pickle=True)
+    refused(path, path.read_bytes(), "pickled objects")
+    np.savez(tmp_path / "b.npz", np.array([None], dtype=object))
+    refused(tmp_path / "b.npz", (tmp_path / "b.npz").read_bytes(), "pickled objects")
+    np.save(path, np.array(["x y z"]))
+    refused(path, path.read_bytes(), "array of numbers")
+    np.savez(tmp_path / "c.npz", first=np.zeros((9, 3)), second=np.zeros((9, 3)))
+    refused(tmp_path / "c.npz", (tmp_path / "c.npz").read_bytes(), "got first, second")
+    refused(tmp_path / "c.npz", b"PK garbage", "expected a numpy file")
+    refused(path, b"garbage", "expected a numpy file")
+    monkeypatch.setattr(np.lib.format, "read_array", lambda *_, **__: pytest.fail("the size was not checked first"))
+    refused(path, npy_header((10**14, 3)) + bytes(24), "promises")
+    refused(path, npy_header((2, 3)) + bytes(47), "cut short")
+
+
+def test_npz_bomb_is_refused_before_it_unpacks(tmp_path: Path, monkeypatch) -> None:
+    path = tmp_path / "bomb.npz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive, archive.open("points.npy", "w") as member:
+        member.write(npy_header((5_000_000, 3)))
+        for _ in range(120):
+            member.write(bytes(1_000_000))
+    assert path.stat().st_size < 1_000_000
+    monkeypatch.setattr(zipfile.ZipFile, "open", lambda *_, **__: pytest.fail("it was unpacked"))
+    refused(path, path.read_bytes(), "that is no cloud")
+
+
+@pytest.mark.parametrize("suffix", [".las", ".laz"])
+def test_las_round_trip_keeps_utm_digits(tmp_path: Path, suffix: str) -> None:
+    raw = np.random.default_rng(5).integers(0, 100_000, size=(2000, 3))
+    offsets = (5e5, 5.4e6, 300.0)
+    points = raw * 0.001 + np.array(offsets)
+    path = tmp_path / f"scan{suffix}"
+    las(path, points, offsets)
+    assert np.array_equal(read(path)[0], points)
+
+
+def test_las_refusals(tmp_path: Path) -> None:
+    good = tmp_path / "good.las"
+    las(good, cloud(100))
+    blob = bytearray(good.read_bytes())
+    refused(tmp_path / "a.las", bytes(blob[:-1]), "promises 100 points")
+    endless = bytes(blob[:100]) + struct.pack("<I", 4_000_000_000) + bytes(blob[104:])  # number of its records
+    refused(tmp_path / "a.las", endless, "promises more than")
+    blob[107:111] = struct.pack("<I", 4_000_000_000)  # number of points
+    refused(tmp_path / "a.las", bytes(blob), "promises 4000000000 points")
+    refused(tmp_path / "a.las", b"garbage", "begins with 'LASF'")
+    las(tmp_path / "good.laz", cloud(100))
+    packed = bytearray((tmp_path / "good.laz").read_bytes())
+    packed[107:111] = struct.pack("<I", 4_000_000_000)
+    refused(tmp_path / "a.laz", bytes(packed), "LAS")
+    packed = bytearray((tmp_path / "good.laz").read_bytes())
+    (points_at,) = struct.unpack_from("<I", packed, 96)
+    (table_at,) = struct.unpack_from("<q", packed, points_at)
+    packed[table_at + 4 : table_at + 8] = struct.pack("<I", 4_000_000_000)  # number of chunks
+    refused(tmp_path / "a.laz", bytes(packed), "promises more than")
+
+
+def samples(folder: Path) -> dict[str, bytes]:
+    """A good small file of every suffix."""
+    points = cloud(40)
+    rows = "".join(" ".join(map(repr, row)) + "\n" for row in points.tolist())
+    six = "".join(" ".join(map(repr, [*row, 0.0, 0.0, 1.0])) + "\n" for row in points.tolist())
+    PointCloud.from_xyz_points(points.astype("f4")).save(folder / "a.pcd", Encoding.BINARY_COMPRESSED)
+    np.save(folder / "a.npy", points)
+    np.savez_compressed(folder / "a.npz", points)
+    las(folder / "a.las", points)
+    las(folder / "a.laz", points)
+    files = {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".pcd", ".npy", ".npz", ".las", ".laz")}
+    files[".ply"] = ply(points, "binary_little_endian")
+    files |= {suffix: text.encode() for suffix, text in {
+        ".xyz": rows, ".txt": rows, ".pts": f"40\n{rows}", ".xyzn": six, ".xyzrgb": six, ".off": f"OFF\n40 0 0\n{rows}",
+        ".obj": "".join(f"v {row}\n" for row in rows.splitlines())}.items()}  # fmt: skip
+    return files
+
+
+def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
+    rng = np.random.default_rng(6)
+    good = samples(tmp_path)
+    assert sorted(good) == sorted(SUFFIXES)
+    for suffix, blob in good.items():
+        path = tmp_path / f"damaged{suffix}"
+        path.write_bytes(blob)
+        assert len(read(path)[0]) == 40
+        refusals = 0
+        for trial in range(40):
+            damaged = np.frombuffer(blob, dtype=np.uint8).copy()
+            spots = rng.integers(0, min(len(blob), 400), size=rng.integers(1, 9))
+            damaged[spots] = rng.integers(0, 256, size=len(spots))
+            cut = rng.integers(0, len(blob)) if trial % 4 == 0 else len(blob)
+            path.write_bytes(damaged.tobytes()[:cut])
+            try:
+                read(path)
+            except ScanError:
+                refusals += 1
+        assert refusals > 5, suffix
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_garbage_is_a_scan_error(tmp_path: Path, suffix: str) -> None:
+    refused(tmp_path / f"a{suffix}", np.random.default_rng(7).bytes(5000), ".")

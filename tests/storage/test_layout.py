@@ -1,0 +1,196 @@
+"""A result is there whole or not at all, whatever happens while it is written."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from storage.layout import MANIFEST, Entry, Store, StoreError
+
+
+def entry(value=1):
+    return Entry("sample", "sample/bunny", {"stage": "sample", "value": value}, {"mesh": "/somewhere/bunny.ply"})
+
+
+def write(folder: Path) -> None:
+    (folder / "pool.npy").write_bytes(b"0123456789")
+    (folder / "more").mkdir(exist_ok=True)
+    (folder / "more" / "curve.csv").write_text("step,loss\n")
+
+
+def edit_manifest(folder: Path, old: str, new: str) -> None:
+    text = (folder / MANIFEST).read_text()
+    assert old in text
+    (folder / MANIFEST).write_text(text.replace(old, new))
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "runs")
+
+
+def unfinished(store):
+    return [path for path in (store.root / ".tmp").iterdir()] if (store.root / ".tmp").exists() else []
+
+
+def test_a_produced_entry_is_complete_and_says_all_about_itself(store):
+    assert not store.complete(entry())
+    folder = store.produce(entry(), write)
+    assert store.complete(entry()) and store.verify(entry()) == []
+    manifest = store.manifest(entry())
+    assert manifest["name"] == "sample/bunny" and manifest["fields"] == dict(entry().fields)
+    assert manifest["files"]["more/curve.csv"]["size"] == 10
+    assert set(manifest["files"]) == {"pool.npy", "more/curve.csv"}
+    assert manifest["provenance"]["mesh"] == "/somewhere/bunny.ply" and manifest["environment"]["packages"]["numpy"]
+    assert folder.parent == store.root / "sample" and unfinished(store) == []
+
+
+def test_a_complete_entry_is_not_made_again(store):
+    store.produce(entry(), write)
+    store.produce(entry(), lambda folder: pytest.fail("made again"))
+
+
+def test_other_fields_are_another_entry(store):
+    store.produce(entry(1), write)
+    assert not store.complete(entry(2))
+    store.produce(entry(2), write)
+    assert store.complete(entry(1)) and store.folder(entry(1)) != store.folder(entry(2))
+
+
+def test_provenance_and_name_are_not_in_the_fingerprint():
+    renamed = Entry("sample", "sample/hare", dict(entry().fields), {"mesh": "/elsewhere/hare.ply"})
+    assert renamed.fingerprint == entry().fingerprint
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda folder: (folder / "pool.npy").unlink(),
+        lambda folder: (folder / "pool.npy").write_bytes(b"01234"),
+        lambda folder: (folder / MANIFEST).unlink(),
+        lambda folder: (folder / MANIFEST).write_text('{"name": '),
+        lambda folder: (folder / MANIFEST).write_text("[]"),
+        lambda folder: edit_manifest(folder, '"value": 1', '"value": 3'),
+    ],
+)
+def test_damage_makes_an_entry_incomplete_and_it_is_made_again(store, damage):
+    folder = store.produce(entry(), write)
+    damage(folder)
+    assert not store.complete(entry()) and store.verify(entry())
+    with pytest.raises(StoreError, match="sample/bunny"):
+        store.manifest(entry())
+    store.produce(entry(), write)
+    assert store.complete(entry()) and store.verify(entry()) == []
+    assert len(list((store.root / ".quarantine" / "sample").iterdir())) == 1
+
+
+def test_verify_finds_a_flipped_bit_that_complete_does_not_look_for(store):
+    folder = store.produce(entry(), write)
+    (folder / "pool.npy").write_bytes(b"1123456789")
+    assert store.complete(entry())
+    assert len(store.verify(entry())) == 1 and "pool.npy" in store.verify(entry())[0]
+
+
+def test_moving_the_store_leaves_it_complete(store, tmp_path):
+    store.produce(entry(), write)
+    store.root.rename(tmp_path / "elsewhere")
+    assert Store(tmp_path / "elsewhere").complete(entry())
+
+
+def test_a_failing_stage_leaves_no_entry(store):
+    def fail(folder):
+        write(folder)
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        store.produce(entry(), fail)
+    assert not store.folder(entry()).exists() and not store.complete(entry())
+    store.produce(entry(), write)
+    assert store.complete(entry())
+
+
+def test_a_stage_that_writes_nothing_is_an_error(store):
+    with pytest.raises(StoreError, match="no file"):
+        store.produce(entry(), lambda folder: None)
+
+
+def test_of_two_publishers_the_first_wins(store, tmp_path):
+    folders = [tmp_path / "runs" / ".tmp" / name for name in "ab"]
+    for number, folder in enumerate(folders):
+        folder.mkdir(parents=True)
+        (folder / "pool.npy").write_text(f"writer {number}")
+    assert store.publish(folders[0], entry()) is True
+    assert store.publish(folders[1], entry()) is False
+    assert (store.folder(entry()) / "pool.npy").read_text() == "writer 0"
+    assert not folders[1].exists()
+
+
+def test_racing_producers_make_one_result_once(store):
+    made, start = [], threading.Barrier(8)
+
+    def produce():
+        start.wait()
+        store.produce(entry(), lambda folder: (made.append(folder), write(folder)))
+
+    threads = [threading.Thread(target=produce) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(made) == 1 and store.complete(entry()) and unfinished(store) == []
+
+
+def test_a_resumable_stage_finds_what_it_left_and_publishes_without_leftovers(store):
+    def stop_halfway(folder):
+        (folder / "view_0.png").write_text("first")
+        (folder / ".half").write_text("x")
+        raise KeyboardInterrupt
+
+    def finish(folder):
+        assert (folder / "view_0.png").read_text() == "first"
+        (folder / "view_1.png").write_text("second")
+        (folder / "checkpoints").mkdir()
+        (folder / "checkpoints" / "1.pt").write_text("x")
+
+    with pytest.raises(KeyboardInterrupt):
+        store.produce(entry(), stop_halfway, resumable=True)
+    folder = store.produce(entry(), finish, resumable=True, leftovers=(".*", "checkpoints"))
+    assert sorted(path.name for path in folder.iterdir()) == [MANIFEST, "view_0.png", "view_1.png"]
+    assert store.complete(entry())
+
+
+@pytest.mark.parametrize("resumable", [False, True])
+def test_a_kill_between_manifest_and_rename_leaves_no_entry(store, resumable):
+    script = (
+        "import os, signal, sys, pathlib\n"
+        "from storage.layout import Entry, Store\n"
+        "pathlib.Path.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "entry = Entry('sample', 'sample/bunny', {'stage': 'sample', 'value': 1})\n"
+        "write = lambda folder: (folder / 'pool.npy').write_text('x')\n"
+        f"Store(pathlib.Path(sys.argv[1])).produce(entry, write, resumable={resumable})\n"
+    )
+    killed = subprocess.run([sys.executable, "-c", script, str(store.root)], check=False, env=os.environ)
+    assert killed.returncode == -signal.SIGKILL
+    assert len(list(store.root.glob(".*/**/" + MANIFEST))) == 1  # it died where it was meant to
+    assert not store.complete(entry()) and list(store.manifests("sample")) == []
+    store.produce(entry(), write, resumable=resumable)
+    assert store.complete(entry()) and store.verify(entry()) == []
+
+
+def test_manifests_lists_finished_undamaged_entries(store):
+    store.produce(entry(1), write)
+    damaged = store.produce(entry(2), write)
+    (damaged / "pool.npy").unlink()
+    found = list(store.manifests("sample"))
+    assert [manifest["fields"]["value"] for _, manifest in found] == [1]
+    assert list(store.manifests("render")) == []
+
+
+def test_the_manifest_is_readable_json(store):
+    folder = store.produce(entry(), write)
+    assert json.loads((folder / MANIFEST).read_text())["fingerprint"] == entry().fingerprint

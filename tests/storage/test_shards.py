@@ -1,0 +1,174 @@
+"""Shards: what goes in comes out; damage of any kind is told, never read."""
+
+import os
+
+import h5py
+import numpy as np
+import pytest
+
+from storage.shards import Record, Shard, ShardError, write_shard
+
+CONTROLS = [{"name": "color", "version": "1", "size": 3}, {"name": "elevation", "version": "1", "size": 1}]
+ATTRIBUTES = {"mesh": "blob", "controls": CONTROLS, "resolution": 16}
+NAMES = ("rgba", "coverage", "settings", "rotation", "elevation", "lift")
+
+
+def records_of(count, side=16, seed=0):
+    rng = np.random.default_rng(seed)
+    return [
+        Record(
+            rng.integers(0, 256, (side, side, 4), dtype=np.uint8),
+            rng.integers(0, 256, (side, side), dtype=np.uint8),
+            rng.random(4, dtype=np.float32),
+            rng.random((3, 3), dtype=np.float32),
+            float(np.float32(rng.uniform(0, 80))),
+            float(np.float32(rng.uniform(0, 0.4))),
+        )
+        for _ in range(count)
+    ]
+
+
+POOL = np.random.default_rng(1).random((100, 3), dtype=np.float32)
+
+
+@pytest.fixture
+def shard(tmp_path):
+    path = tmp_path / "blob.h5"
+    write_shard(path, records_of(5), POOL, ATTRIBUTES)
+    return path
+
+
+def read_all(path):
+    opened = Shard(path)
+    try:
+        return [opened.read(row) for row in range(len(opened))], opened.pool, opened.elevations, opened.attributes
+    finally:
+        opened.close()
+
+
+def assert_whole(contents):
+    records, pool, elevations, attributes = contents
+    assert len(records) == 5
+    for record, expected in zip(records, records_of(5), strict=True):
+        for name in NAMES:
+            np.testing.assert_array_equal(getattr(record, name), getattr(expected, name))
+    np.testing.assert_array_equal(pool, POOL)
+    np.testing.assert_array_equal(elevations, [record.elevation for record in records])
+    assert attributes == {**ATTRIBUTES, "schema": 1}
+
+
+def test_what_goes_in_comes_out(shard):
+    assert_whole(read_all(shard))
+    with pytest.raises(IndexError):
+        Shard(shard).read(5)
+
+
+def test_equal_records_give_equal_bytes_and_nothing_else_is_left(shard, tmp_path):
+    first = shard.read_bytes()
+    digests = {write_shard(shard, records_of(5), POOL, ATTRIBUTES) for _ in range(2)}
+    assert len(digests) == 1 and shard.read_bytes() == first
+    assert [path.name for path in tmp_path.iterdir()] == ["blob.h5"]
+
+
+def test_a_failed_write_leaves_no_file(tmp_path):
+    def failing():
+        yield from records_of(2)
+        raise OSError("the disk is full")
+
+    for records in (failing(), [], records_of(2, side=8)):
+        with pytest.raises((OSError, ShardError)):
+            write_shard(tmp_path / "new.h5", records, POOL, ATTRIBUTES)
+    assert not list(tmp_path.iterdir())
+
+
+def test_truncated_anywhere(shard):
+    whole = shard.read_bytes()
+    for share in (0.0, 0.1, 0.5, 0.9, 0.999):
+        shard.write_bytes(whole[: int(len(whole) * share)])
+        with pytest.raises(ShardError, match=r"blob\.h5"):
+            read_all(shard)
+
+
+def test_a_flipped_bit_anywhere_is_told_or_harmless(shard):
+    whole = shard.read_bytes()
+    rng, told = np.random.default_rng(0), 0
+    for place in rng.integers(0, len(whole), 150):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << int(rng.integers(8))
+        shard.write_bytes(flipped)
+        try:
+            assert_whole(read_all(shard))
+        except ShardError:
+            told += 1
+    assert told > 75
+
+
+def test_a_flipped_bit_in_a_picture(shard):
+    with h5py.File(shard) as file:
+        place = file["rgba"].id.get_chunk_info(3).byte_offset + 20
+    flipped = bytearray(shard.read_bytes())
+    flipped[place] ^= 1
+    shard.write_bytes(flipped)
+    opened = Shard(shard)
+    opened.read(2)
+    with pytest.raises(ShardError, match="damaged"):
+        opened.read(3)
+
+
+def rewrite(path, name, make):
+    """The shard with data set `name` replaced by what `make(file)` makes."""
+    with h5py.File(path, "r+", libver="latest") as file:
+        del file[name]
+        make(file)
+
+
+def test_external_virtual_linked_and_unwritten_data_are_refused(shard, tmp_path):
+    (tmp_path / "raw").write_bytes(bytes(20))
+    whole = shard.read_bytes()
+    layout = h5py.VirtualLayout((5,), np.float32)
+    layout[:] = h5py.VirtualSource("other.h5", "lift", (5,), np.float32)
+    cases = {
+        "external": lambda file: file.create_dataset("lift", (5,), "f4", external=[("raw", 0, 20)]),
+        "virtual": lambda file: file.create_virtual_dataset("lift", layout),
+        "soft link": lambda file: file.__setitem__("lift", h5py.SoftLink("/elevation")),
+        "external link": lambda file: file.__setitem__("lift", h5py.ExternalLink("other.h5", "/lift")),
+        "unwritten": lambda file: file.create_dataset("lift", (5,), "f4", chunks=(1,)),
+        "other type": lambda file: file.create_dataset("lift", data=np.zeros(5), chunks=(1,)),
+        "missing": lambda file: None,
+    }
+    for name, make in cases.items():
+        shard.write_bytes(whole)
+        rewrite(shard, "lift", make)
+        with pytest.raises(ShardError):
+            Shard(shard)
+            pytest.fail(name)
+
+
+def test_a_size_that_the_file_cannot_hold_is_refused_before_reading(shard):
+    rewrite(shard, "pool", lambda file: file.create_dataset("pool", (2**33, 3), "f4", chunks=(2**20, 3)))
+    with pytest.raises(ShardError, match="declares"):
+        Shard(shard)
+
+
+def test_not_a_shard_missing_and_other_schema(shard, tmp_path):
+    (tmp_path / "text.h5").write_text("hello")
+    with pytest.raises(ShardError, match="not a shard"):
+        Shard(tmp_path / "text.h5")
+    with pytest.raises(ShardError, match="no such shard"):
+        Shard(tmp_path / "absent.h5")
+    write_shard(shard, records_of(1), POOL, {**ATTRIBUTES, "schema": 99})
+    with pytest.raises(ShardError, match="expected schema 1, got 99"):
+        Shard(shard)
+
+
+def test_a_forked_child_opens_its_own_file(shard):
+    opened = Shard(shard)
+    opened.read(0)
+    child = os.fork()
+    if child == 0:
+        try:
+            good = np.array_equal(opened.read(1).rgba, records_of(5)[1].rgba)
+        finally:
+            os._exit(0 if good else 1)
+    assert os.waitpid(child, 0)[1] == 0
+    np.testing.assert_array_equal(opened.read(1).rgba, records_of(5)[1].rgba)

@@ -1,0 +1,141 @@
+"""luigi runs the steps once, runs again what is missing, and goes on past a failure. The stages are stand-ins."""
+
+import shutil
+from pathlib import Path
+
+import luigi
+import pytest
+
+import workflows
+from storage.layout import Store
+from workflows.full_pipeline import RESULTS
+from workflows.plan import make_plan
+from workflows.tasks import STAGES, RenderChunk, load_plan, task_of
+from z2p_core.config import parse_config
+
+TOML = "name = 'small'\nmeshes = 'meshes'\n[render]\nviews = 3\nchunk = 2\n"
+
+
+@pytest.fixture
+def ran(tmp_path, monkeypatch):
+    """A working folder with two meshes, and the file that every stand-in stage notes its run in."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.toml").write_text(TOML)
+    (tmp_path / "meshes").mkdir()
+    for name in ("ape", "bee"):
+        (tmp_path / "meshes" / f"{name}.ply").write_text(name)
+    log = tmp_path / "ran.txt"
+    log.touch()
+
+    def make(task: luigi.Task, out: Path) -> None:
+        with log.open("a") as file:
+            file.write(f"{task.step_name}\n")
+        if (tmp_path / "broken").exists() and task.step_name == "sample/bee":
+            raise ValueError("bee.ply is broken")
+        for name in [name for name, stage in RESULTS.items() if stage == task.step.entry.stage] or ["x"]:
+            (out / name).write_text(task.step_name)
+
+    for stage in STAGES.values():
+        monkeypatch.setattr(stage, "make", make)
+    return log
+
+
+def build() -> bool:
+    load_plan.cache_clear()
+    luigi.task_register.Register.clear_instance_cache()
+    task = workflows.FullPipeline(config="small.toml")
+    result = luigi.build([task], local_scheduler=True, detailed_summary=True, log_level="ERROR")
+    return result.status == luigi.LuigiStatusCode.SUCCESS
+
+
+def steps_of(log: Path) -> list[str]:
+    steps = log.read_text().split()
+    log.write_text("")
+    return steps
+
+
+def test_every_step_runs_once_upstream_first(ran):
+    assert build()
+    steps = steps_of(ran)
+    assert sorted(steps) == [
+        "evaluate", "render/ape/0-2", "render/ape/2-3", "render/bee/0-2", "render/bee/2-3", "sample/ape", "sample/bee",
+        "shard/ape", "shard/bee", "train",
+    ]
+    assert steps[-2:] == ["train", "evaluate"] and steps.index("shard/ape") > steps.index("render/ape/2-3")
+    shown = Path("runs/small")
+    assert {path.name: path.read_text() for path in shown.iterdir()} == RESULTS
+    assert build() and steps_of(ran) == []
+
+
+def test_a_deleted_result_is_made_again_alone_and_reverting_runs_nothing(ran):
+    assert build() and steps_of(ran)
+    shutil.rmtree(next(Path("runs/train").iterdir()))
+    assert build() and steps_of(ran) == ["train"]
+    Path("small.toml").write_text(TOML + "samples = 9\n")
+    assert build() and len(steps_of(ran)) == 8
+    Path("small.toml").write_text(TOML)
+    assert build() and steps_of(ran) == []
+
+
+def test_links_lead_to_the_results_of_the_newest_config(ran):
+    assert build()
+    before = Path("runs/small/metrics.json").resolve()
+    Path("small.toml").write_text(TOML + "[evaluate]\nviews = 5\n")
+    assert build() and Path("runs/small/metrics.json").resolve() != before
+    Path("small.toml").write_text(TOML)
+    assert build() and Path("runs/small/metrics.json").resolve() == before
+    Path("runs").rename("elsewhere")
+    assert Path("elsewhere/small/metrics.json").read_text() == "evaluate"
+
+
+def test_a_failing_step_stops_only_what_needs_it(ran, capfd):
+    Path("broken").touch()
+    assert not build()
+    steps = steps_of(ran)
+    assert steps.count("sample/bee") == 1 and "shard/ape" in steps
+    assert not {"shard/bee", "train", "evaluate"} & set(steps)
+    assert "FAILED sample/bee: ValueError: bee.ply is broken" in capfd.readouterr().err
+    Path("broken").unlink()
+    assert build() and set(steps_of(ran)) == {"sample/bee", "shard/bee", "train", "evaluate"}
+
+
+def test_a_result_that_a_stage_did_not_write_is_a_failure(ran, monkeypatch):
+    monkeypatch.setattr(STAGES["train"], "make", lambda task, out: None)
+    assert not build()
+
+
+def test_a_task_whose_inputs_changed_is_another_task(ran):
+    config = parse_config(Path("small.toml").read_text())
+    changed = parse_config(Path("small.toml").read_text() + "samples = 9\n")
+    ids = [task_of(make_plan(c).steps["render/ape/0-2"], "{}", "runs").task_id for c in (config, changed)]
+    assert ids[0] != ids[1]
+
+
+def test_the_safety_settings_apply_on_import():
+    config = luigi.configuration.get_config()
+    codes = [config.getint("retcode", name) for name in ("task_failed", "scheduling_error", "not_run", "missing_data")]
+    assert all(codes) and config.getboolean("worker", "check_complete_on_run")
+
+
+def test_views_of_other_chunks_are_copied_unless_damaged(ran, tmp_path):
+    source = workflows.FullPipeline(config="small.toml").source
+    load_plan.cache_clear()
+    store = Store(tmp_path / "runs")
+    plan = load_plan(source)
+
+    def write(folder: Path) -> None:
+        for index in (0, 1):
+            for suffix in (".json", ".png", ".coverage.png"):
+                (folder / f"view_{index:05d}{suffix}").write_text(f"{index}{suffix}")
+
+    folder = store.produce(plan.steps["render/ape/0-2"].entry, write)
+    (folder / "view_00000.png").write_text("!.png")  # the same size: only its digest tells
+    (tmp_path / "small.toml").write_text(TOML.replace("chunk = 2", "chunk = 3"))
+    load_plan.cache_clear()
+    task = task_of(load_plan(source).steps["render/ape/0-3"], source, str(store.root))
+    assert isinstance(task, RenderChunk)
+    (tmp_path / "out").mkdir()
+    task._copy_known_views(tmp_path / "out")
+    copied = {path.name: path.read_text() for path in (tmp_path / "out").iterdir()}
+    assert "view_00000.png" not in copied and len(copied) == 5
+    assert all(text == f"{int(name[5:10])}{name[10:]}" for name, text in copied.items())

@@ -1,0 +1,117 @@
+"""The networks: Eq. 2 by hand, any size of picture, no talk between batch mates, gradients everywhere."""
+
+import pytest
+import torch
+
+from z2p_core.config import NetworkConfig
+from z2p_core.model import AdaIN, Modulation, build_network
+
+FAST = NetworkConfig(widths=(16, 24, 32, 48), mapping=16)
+PAPER = NetworkConfig(kind="adain_unet", widths=(8, 12, 16), unshuffle=1, mapping=16, zbuffer="paper")
+
+
+def network_of(config, seed=0):
+    torch.manual_seed(seed)
+    network = build_network(config, 3, 5, 7)
+    with torch.no_grad():  # residual branches start at 0: give every layer something to say
+        for parameter in network.parameters():
+            parameter += 0.05 * torch.randn_like(parameter)
+    return network
+
+
+def inputs_of(config, batch, height, width):
+    generator = torch.Generator().manual_seed(1)
+    u = config.unshuffle
+    return (
+        torch.rand(batch, 3, height, width, generator=generator),
+        torch.rand(5, -(-height // u), -(-width // u), generator=generator),
+        torch.rand(batch, 7, generator=generator),
+    )
+
+
+def test_adain_is_eq2():
+    torch.manual_seed(0)
+    layer, x, w = AdaIN(6, 9), torch.randn(2, 6, 8, 5) * 3 + 1, torch.randn(2, 9)
+    layer.affine.bias.data.normal_()
+    gamma, beta = layer.affine(w).chunk(2, dim=1)
+    result = layer(x, w)
+    for picture in range(2):
+        for channel in range(6):
+            plane = x[picture, channel]
+            normal = (plane - plane.mean()) / plane.std(correction=0)
+            by_hand = (1 + gamma[picture, channel]) * normal + beta[picture, channel]
+            torch.testing.assert_close(result[picture, channel], by_hand, rtol=1e-4, atol=1e-4)
+
+
+def test_modulation_without_normalising_is_affine():
+    layer, x, w = Modulation(4, 9), torch.randn(2, 4, 3, 3), torch.randn(2, 9)
+    gamma, beta = layer.affine(w)[:, :, None, None].chunk(2, dim=1)
+    torch.testing.assert_close(layer(x, w), (1 + gamma) * x + beta)
+
+
+@pytest.mark.parametrize("config", [FAST, PAPER], ids=lambda config: config.kind)
+@pytest.mark.parametrize("size", [(64, 64), (75, 100), (32, 33)])
+def test_any_size_gives_a_picture_in_range(config, size):
+    network = network_of(config).eval()
+    picture = network(*inputs_of(config, 2, *size))
+    assert picture.shape == (2, 4, *size) and picture.dtype == torch.float32
+    assert picture.min() >= 0 and picture.max() <= 1 and picture.std() > 0
+
+
+@pytest.mark.parametrize("config", [FAST, PAPER], ids=lambda config: config.kind)
+def test_batch_mates_do_not_matter(config):
+    network = network_of(config).train()
+    zbuffer, encoding, settings = inputs_of(config, 3, 64, 64)
+    together = network(zbuffer, encoding, settings)
+    alone = network(zbuffer[1:2], encoding, settings[1:2])
+    torch.testing.assert_close(together[1:2], alone, rtol=1e-3, atol=1e-4)
+    assert not torch.allclose(together[0], together[1], atol=1e-3)
+
+
+@pytest.mark.parametrize("config", [FAST, PAPER], ids=lambda config: config.kind)
+def test_every_weight_gets_a_finite_gradient(config):
+    network = network_of(config).train()
+    network(*inputs_of(config, 2, 64, 64)).square().sum().backward()
+    for name, parameter in network.named_parameters():
+        assert parameter.grad is not None and parameter.grad.isfinite().all(), name
+        assert parameter.grad.abs().sum() > 0, name
+
+
+@pytest.mark.parametrize("config", [FAST, PAPER], ids=lambda config: config.kind)
+def test_zbuffer_encoding_and_settings_all_matter(config):
+    network = network_of(config).eval()
+    network.train()  # unclamped
+    inputs = inputs_of(config, 1, 64, 64)
+    picture = network(*inputs)
+    for place in range(3):
+        changed = list(inputs)
+        changed[place] = 1 - changed[place]
+        assert not torch.allclose(network(*changed), picture, atol=1e-4)
+
+
+def test_training_output_keeps_gradients_outside_the_range():
+    network = network_of(FAST).train()
+    network.head.bias.data.fill_(5.0)
+    picture = network(*inputs_of(FAST, 1, 64, 64))
+    assert picture.max() > 1
+    assert network.eval()(*inputs_of(FAST, 1, 64, 64)).max() == 1
+
+
+def test_a_network_without_encoding():
+    network = build_network(FAST, 1, 0, 2).eval()
+    assert network(torch.rand(1, 1, 40, 40), torch.zeros(0, 10, 10), torch.rand(1, 2)).shape == (1, 4, 40, 40)
+
+
+def test_a_uniform_picture_has_finite_gradients():
+    network = network_of(PAPER).train()
+    network(torch.zeros(1, 3, 32, 32), torch.zeros(5, 32, 32), torch.zeros(1, 7)).sum().backward()
+    assert all(parameter.grad.isfinite().all() for parameter in network.parameters())
+
+
+def test_unknown_kind_and_impossible_shapes():
+    with pytest.raises(ValueError, match=r"unknown network 'unet'; known: unshuffle_unet, adain_unet"):
+        build_network(NetworkConfig(kind="unet"), 1, 0, 7)
+    with pytest.raises(ValueError, match="expected unshuffle = 1, got 4"):
+        build_network(NetworkConfig(kind="adain_unet"), 1, 0, 7)
+    with pytest.raises(ValueError, match="two or more widths"):
+        build_network(NetworkConfig(widths=(8,)), 1, 0, 7)

@@ -1,0 +1,181 @@
+"""The contract suite catches the faults it is there for: each broken plugin fails with a message that names it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from z2p_core.camera import Camera
+from z2p_core.interfaces import Control, PositionalEncoder, Reader, Sampler, ScanError, Slider, Value, ZBuffer
+from z2p_core.scene import SceneDescription
+from z2p_core.testing import check_control, check_encoder, check_reader, check_sampler, check_zbuffer
+
+
+class Sheen(Control):
+    name, version = "sheen", "1"
+    slider = Slider(("sheen",), (0.0,), (1.0,), (0.0,), help="0 plain to 1 velvet")
+
+    def apply(self, value: Value, scene: SceneDescription) -> None:
+        scene.material["Sheen Weight"] = value[0]
+
+
+class Dot(ZBuffer):
+    name, version, channels = "dot", "1", 1
+
+    def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
+        picture = np.zeros((1, camera.height, camera.width), dtype=np.float32)
+        pixel, depth = camera.project(cloud)
+        for (x, y), d in zip(pixel.astype(int), depth, strict=True):
+            if 0 <= x < camera.width and 0 <= y < camera.height:
+                picture[0, y, x] = self.merge(picture[0, y, x], np.float32(1 / d))
+        return picture
+
+    def merge(self, old: Any, new: Any) -> Any:
+        return max(old, new)
+
+
+class Ramp(PositionalEncoder):
+    name, version, channels = "ramp", "1", 1
+
+    def __init__(self, slope: float) -> None:
+        self.slope = slope
+
+    @classmethod
+    def create(cls, rng: np.random.Generator) -> PositionalEncoder:
+        return cls(rng.uniform())
+
+    @classmethod
+    def from_state(cls, state: dict[str, Any]) -> PositionalEncoder:
+        return cls(state["slope"])
+
+    @property
+    def state(self) -> dict[str, Any]:
+        return {"slope": self.slope}
+
+    def encode(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        return (self.slope * u)[None].astype(np.float32)
+
+
+class Barycentric(Sampler):
+    name, version = "barycentric", "1"
+
+    def sample(self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+        weights = rng.dirichlet((1, 1, 1), size=count)
+        return (weights[:, :, None] * vertices[faces[rng.integers(len(faces), size=count)]]).sum(1)
+
+
+class Rows(Reader):
+    name, version, suffixes = "rows", "1", (".rows",)
+
+    def read(self, path: Path) -> list[np.ndarray]:
+        try:
+            return [np.loadtxt(path, ndmin=2)]
+        except ValueError as error:
+            raise ScanError(f"expected rows of numbers: {error}") from error
+
+
+def variant(base: type[Any], **changes: Any) -> type[Any]:
+    return type(f"Broken{base.__name__}", (base,), changes)
+
+
+def test_sound_plugins_pass(tmp_path: Path) -> None:
+    check_control(Sheen)
+    check_zbuffer(Dot)
+    check_encoder(Ramp)
+    check_sampler(Barycentric)
+    example, broken = tmp_path / "a.rows", tmp_path / "b.rows"
+    example.write_text("0 0 1\n1 2 3\n")
+    broken.write_text("rubbish\n")
+    check_reader(Rows, example, broken)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"name": ""}, "name must be a text"),
+        ({"version": 1}, "version must be a text"),
+        ({"draw": lambda self, rng: (2.0,)}, "every time"),
+        ({"draw": lambda self, rng: (float(rng.uniform(0, 2)),)}, "its own draw"),
+        ({"draw": lambda self, rng: (float(np.random.default_rng().uniform()),)}, "same rng"),
+        ({"draw": lambda self, rng: (np.float32(rng.uniform()),)}, "plain finite numbers"),
+        ({"encode": lambda self, value: (value[0], 0.0)}, "size is 1"),
+        ({"encode": lambda self, value: (float("nan"),)}, "encode gives"),
+        ({"encode": lambda self, value: (0.5,)}, "nothing is steered"),
+        ({"parse": lambda self, text: (0.0,)}, "expected SettingError"),
+        ({"parse": lambda self, text: (float(text),)}, "expected SettingError, got ValueError"),
+        ({"apply": lambda self, value, scene: None}, "apply changes the scene for no value"),
+        ({"apply": lambda self, value, scene: scene.material.update(Sheen=np.ones(1))}, "plain finite numbers"),
+        ({"apply": Control.apply, "__abstractmethods__": frozenset({"apply"})}, "are missing: apply"),
+    ],
+)
+def test_a_broken_control_fails(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(AssertionError, match=message):
+        check_control(variant(Sheen, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"channels": 2}, "expected shape"),
+        ({"merge": lambda self, old, new: new}, "another order|behind its nearest"),
+        ({"merge": lambda self, old, new: min(old, new) if old else new}, "behind its nearest"),
+        ({"merge": lambda self, old, new: old + new}, "behind its nearest|another order"),
+        ({"draw": lambda self, cloud, camera: Dot.draw(self, cloud, camera).astype(np.float64)}, "expected float32"),
+        ({"draw": lambda self, cloud, camera: Dot.draw(self, cloud, camera) + 1}, "expected 0"),
+        ({"draw": lambda self, cloud, camera: Dot.draw(self, cloud, camera) * 0}, "empty picture"),
+    ],
+)
+def test_a_broken_zbuffer_fails(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(AssertionError, match=message):
+        check_zbuffer(variant(Dot, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"channels": 3}, "expected shape"),
+        ({"create": classmethod(lambda cls, rng: cls(np.random.default_rng().uniform()))}, "same rng"),
+        ({"state": property(lambda self: {"slope": np.float32(self.slope)})}, "plain finite numbers"),
+        ({"from_state": classmethod(lambda cls, state: cls(0.0))}, "rebuilt from its state"),
+        ({"encode": lambda self, u, v: (u - u.mean())[None].astype(np.float32)}, "a crop"),
+    ],
+)
+def test_a_broken_encoder_fails(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(AssertionError, match=message):
+        check_encoder(variant(Ramp, **changes))
+
+
+@pytest.mark.parametrize(
+    ("sample", "message"),
+    [
+        (lambda self, v, f, n, rng: Barycentric.sample(self, v, f, n - 1, rng), "expected shape"),
+        (lambda self, v, f, n, rng: Barycentric.sample(self, v, f, n, np.random.default_rng()), "same rng"),
+        (lambda self, v, f, n, rng: Barycentric.sample(self, v, f, n, rng) * 1.01, "off the surface"),
+        (lambda self, v, f, n, rng: Barycentric.sample(self, v, f[:2], n, rng), "sides empty"),
+        (lambda self, v, f, n, rng: Barycentric.sample(self, v, f, n, rng).astype(np.float32), "expected float64"),
+    ],
+)
+def test_a_broken_sampler_fails(sample: Any, message: str) -> None:
+    with pytest.raises(AssertionError, match=message):
+        check_sampler(variant(Barycentric, sample=sample))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"suffixes": ("rows",)}, "lower-case suffix"),
+        ({"suffixes": (".other",)}, "is none of"),
+        ({"read": lambda self, path: []}, "list of clouds"),
+        ({"read": lambda self, path: [np.loadtxt(path, dtype=np.float32)]}, "expected float64"),
+        ({"read": lambda self, path: [np.ones((2, 3))]}, "expected ScanError"),
+    ],
+)
+def test_a_broken_reader_fails(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
+    example, broken = tmp_path / "a.rows", tmp_path / "b.rows"
+    example.write_text("0 0 1\n1 2 3\n")
+    broken.write_text("rubbish\n")
+    with pytest.raises(AssertionError, match=message):
+        check_reader(variant(Rows, **changes), example, broken)

@@ -1,0 +1,26 @@
+"""Noise on clouds, in units of the mesh's bounding sphere (paper section 4: the noise variant and its sweep)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+KINDS = ("none", "uniform", "gaussian")
+
+
+def add_noise(cloud: np.ndarray, kind: str, scale: float, rng: np.random.Generator) -> np.ndarray:
+    """Cloud (N, 3) of the same dtype, each coordinate moved at random; a copy even where nothing moves.
+
+    `cloud` lies in world units (the mesh's radius is 1), and so does `scale`: the half-width of ``uniform`` noise, the
+    standard deviation of ``gaussian`` noise. ``none`` draws nothing from `rng`.
+
+    Raises:
+        ValueError: an unknown kind, or a scale that is negative or not finite.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"noise: expected one of {', '.join(KINDS)}, got {kind!r}")
+    if not 0 <= scale < np.inf:
+        raise ValueError(f"noise scale: expected a number from 0, in units of the mesh's radius, got {scale:g}")
+    if kind == "none" or scale == 0:
+        return cloud.copy()
+    moved = rng.uniform(-scale, scale, cloud.shape) if kind == "uniform" else rng.normal(0.0, scale, cloud.shape)
+    return (cloud + moved).astype(cloud.dtype)

@@ -1,0 +1,45 @@
+"""Points on the triangles of a mesh: what every sampler starts from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.interfaces import ScanError
+
+
+def triangle_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Areas (M,) float64 of triangles faces (M, 3) int of vertices (V, 3), in the vertices' unit squared."""
+    corners = _corners(vertices, faces)
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
+
+
+def uniform_points(vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Exactly `count` points (count, 3) float64 on the triangles, equally likely everywhere on their area.
+
+    Triangles without area get no points. The same generator state gives the same bytes.
+
+    Raises:
+        ScanError: `count` is below 1, or no triangle has a finite area above 0.
+    """
+    if count < 1:
+        raise ScanError(f"expected at least 1 point to sample, got {count}")
+    reached = np.cumsum(triangle_areas(vertices, faces))
+    total = float(reached[-1]) if len(reached) else 0.0
+    if not 0 < total < np.inf:
+        raise ScanError(
+            f"expected triangles with a finite area above 0, got {len(faces)} whose area is {total:g}; repair the mesh"
+        )
+    # 'right' steps over triangles of area 0, even when the number drawn is exactly 0
+    chosen = np.searchsorted(reached, rng.random(count) * total, side="right")
+    chosen = np.minimum(chosen, np.searchsorted(reached, total, side="left"))
+    corners = _corners(vertices, faces[chosen])
+    # the square root makes the density even over a triangle
+    root, along = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
+    first, second = root * (1 - along), root * along
+    edges = corners[:, 1:] - corners[:, :1]
+    return corners[:, 0] + first * edges[:, 0] + second * edges[:, 1]
+
+
+def _corners(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Corners (M, 3, 3) float64: triangle, corner, axis."""
+    return np.asarray(vertices, dtype=np.float64)[np.asarray(faces, dtype=np.int64).reshape(-1, 3)]
