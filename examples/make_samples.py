@@ -39,10 +39,6 @@ class Scanner:
     """Surfaces whose cosine to the ray is below this are lost more and more."""
 
 
-SAMPLES: dict[str, tuple[Callable[[], Mesh], Scanner, float]] = {}
-"""File name -> shape, scanner, and the unit of the file in metres of the object's radius."""
-
-
 def scan(mesh: Mesh, scanner: Scanner, rng: np.random.Generator) -> np.ndarray:
     """Points (N, 3) float64 that the scanner gets from a mesh inside the unit sphere, in the mesh's axes."""
     points, normals = _dense_samples(mesh, 1_500_000, rng)
@@ -121,24 +117,30 @@ def write_xyz(path: Path, points: np.ndarray) -> None:
     np.savetxt(path, points, fmt="%.2f")
 
 
-SAMPLES.update(
-    {
-        "suzanne.ply": (suzanne, Scanner((10.0,), elevation=16.0, pixels=170), 1.0),
-        "amphora.ply": (amphora, Scanner((0.0, 125.0, 245.0), pixels=105), 0.31),
-        "chair.ply": (chair, Scanner((-35.0, 60.0, 180.0), pixels=125, noise=0.003), 0.62),
-        "knot.xyz": (knot_on_plinth, Scanner((-12.0,), elevation=25.0, pixels=165), 240.0),
-    }
-)
+SAMPLES: dict[str, tuple[Callable[[], Mesh], Scanner, float]] = {
+    "suzanne.ply": (suzanne, Scanner((10.0,), elevation=16.0, pixels=170), 1.0),
+    "amphora.ply": (amphora, Scanner((0.0, 125.0, 245.0), pixels=105), 0.31),
+    "chair.ply": (chair, Scanner((-35.0, 60.0, 180.0), pixels=125, noise=0.003), 0.62),
+    "knot.xyz": (knot_on_plinth, Scanner((-12.0,), elevation=25.0, pixels=165), 240.0),
+}
+"""File name -> shape, scanner, and the object's radius in the file's unit: metres, and millimetres for the knot."""
 
 
 def main(folder: Path) -> None:
     """Write every sample into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
-    for index, (name, (shape, scanner, unit)) in enumerate(SAMPLES.items()):
-        points = scan(in_unit_sphere(shape()), scanner, np.random.default_rng([SEED, index])) * unit
+    for name in SAMPLES:
+        points = make_sample(name)
         write = write_xyz if name.endswith(".xyz") else write_ply
         write(folder / name, points)
         print(f"{folder / name}: {len(points)} points, {(folder / name).stat().st_size / 1000:.0f} kB")
+
+
+def make_sample(name: str) -> np.ndarray:
+    """Points (N, 3) float64 of a sample, in its file's unit."""
+    shape, scanner, radius = SAMPLES[name]
+    rng = np.random.default_rng([SEED, list(SAMPLES).index(name)])
+    return scan(in_unit_sphere(shape()), scanner, rng) * radius
 
 
 if __name__ == "__main__":

@@ -71,6 +71,7 @@ class Studio:
         self.vertices = np.array([vertex.co for vertex in mesh.vertices])
         self.object = self._add("object", mesh)
         self.surface = self._add_material(mesh)
+        self.plain: dict[str, Any] = {}  # inputs that a scene has set -> Blender's own value, for the scenes that do not
         self.floor = self._add_floor()
         self.light = self._add_light()
         self.camera = self._add("camera", bpy.data.cameras.new("camera"))
@@ -87,10 +88,12 @@ class Studio:
         _look_at_origin(self.light, Vector(light_position(description.light)))
         elevation = math.radians(description.elevation)
         _look_at_origin(self.camera, DISTANCE * Vector((0, -math.cos(elevation), math.sin(elevation))))
-        for name, value in {**DIFFUSE, **description.material}.items():
+        for name, value in {**self.plain, **DIFFUSE, **description.material}.items():
             if name not in self.surface.inputs:
                 raise SystemExit(f"the Principled BSDF of Blender {bpy.app.version_string} has no input {name!r}")
-            self.surface.inputs[name].default_value = value
+            field = self.surface.inputs[name]
+            self.plain.setdefault(name, _plain(field.default_value))
+            field.default_value = value
 
     def render(self, path: Path, seed: int) -> None:
         """Write the picture's passes as a multi-layer OpenEXR file; the seed moves the noise."""
@@ -147,7 +150,8 @@ class Studio:
             cycles.denoiser = "OPENIMAGEDENOISE"
             cycles.denoising_quality = DENOISE_QUALITY[settings["denoise"]]
             cycles.denoising_use_gpu = False
-        render.resolution_x, render.resolution_y, render.resolution_percentage = *settings["resolution"], 100
+        width, height = settings["resolution"]
+        render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
         render.film_transparent = True
         render.use_persistent_data = True
         if settings["threads"]:
@@ -157,7 +161,7 @@ class Studio:
         render.image_settings.color_depth = "32"
         render.image_settings.exr_codec = "NONE"
         camera = self.camera.data
-        camera.sensor_fit = "VERTICAL" if settings["resolution"][0] >= settings["resolution"][1] else "HORIZONTAL"
+        camera.sensor_fit = "VERTICAL" if width >= height else "HORIZONTAL"
         camera.angle = math.radians(FIELD_OF_VIEW)
         camera.clip_start, camera.clip_end = 0.1, 2 * FLOOR_SIDE
         layer = self.scene.view_layers[0]
@@ -179,6 +183,11 @@ def export_suzanne(path: Path) -> None:
     vertices = np.array([vertex.co for vertex in mesh.vertices])
     faces = np.array([triangle.vertices for triangle in mesh.loop_triangles])
     np.savez(path, vertices=vertices, faces=faces)
+
+
+def _plain(value: Any) -> Any:
+    """A copy of an input's value that later assignments do not reach."""
+    return value if isinstance(value, (int, float)) else tuple(value)
 
 
 def _look_at_origin(item: Any, position: Vector) -> None:

@@ -86,10 +86,9 @@ def render_scenes(
         np.savez(job / "mesh.npz", vertices=sphere.normalise(mesh.vertices), faces=mesh.faces, smooth=mesh.smooth)
         described = [(stem, scene.to_json()) for stem, scene in missing]
         (job / "job.json").write_text(json.dumps({"settings": asdict(settings), "scenes": described}))
-        started, done = time.perf_counter(), 0
-        for stem in _run_blender(job, mesh_path.name):
+        started = time.perf_counter()
+        for done, stem in enumerate(_run_blender(job, mesh_path.name), start=1):
             _develop(job / f"{stem}.exr", out, stem)
-            done += 1
             rate = done / (time.perf_counter() - started) * 60
             log(f"{mesh_path.stem}: {stem} rendered, {done} of {len(missing)}, {rate:.1f} images a minute")
     left = [stem for stem, _ in missing if not (out / f"{stem}.png").exists()]

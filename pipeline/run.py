@@ -69,10 +69,8 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
     encoder = registry.load("encoders", config.network.encoder).create(
         np.random.default_rng((ENCODER_SEED, config.seed))
     )
-    encodings = {
-        side: torch.from_numpy(encoder.encode(*Camera(side, side).frame_coordinates(config.network.unshuffle))).to(device)
-        for side in data.sides
-    }
+    cells = {side: Camera(side, side).frame_coordinates(config.network.unshuffle) for side in data.sides}
+    encodings = {side: torch.from_numpy(encoder.encode(u, v)).to(device) for side, (u, v) in cells.items()}
     network = build_network(config.network, data.zbuffer.channels, encoder.channels, data.settings)
     network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     average = copy.deepcopy(network).eval().requires_grad_(False)

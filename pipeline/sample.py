@@ -58,7 +58,7 @@ def draw_cloud(
     points = sampler.sample(mesh.vertices, mesh.faces, count, rng)
     if points.shape != (count, 3) or not np.isfinite(points).all():
         raise registry.PluginError(
-            f"sampler {sampler_name!r}: expected {count} finite points ({count}, 3), got {points.shape}; mend that plugin"
+            f"sampler {sampler_name!r}: expected {count} finite points ({count}, 3), got {points.shape}"
         )
     return add_noise(sphere.normalise(points), noise_kind, noise_scale, rng)
 

@@ -85,6 +85,7 @@ def rounded_block(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray,
     """A superquadric: a block with rounded edges and corners."""
 
     def bent(wave: np.ndarray) -> np.ndarray:
+        wave = np.round(wave, 9)  # the power would blow the last digit of sin(pi) up to a gap in the seam
         return np.sign(wave) * np.abs(wave) ** 0.3
 
     longitude, latitude = TURN * u, np.pi * (v - 0.5)
@@ -119,10 +120,11 @@ def gear(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
 
 def vase(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A hollow vase with a thin wall: up the outside, over the lip, down the inside."""
-    height = np.interp(v, [0, 0.08, 0.52, 0.94, 1], [0, 0, 1, 0.06, 0.06])
+    height = np.interp(v, [0, 0.1, 0.5, 0.55, 0.9, 1], [0, 0, 1, 1, 0.06, 0.06])
     outside = 0.3 + 0.22 * np.sin(4.6 * height + 0.3) * (1 - 0.3 * height)
-    closed = np.interp(v, [0, 0.08, 0.94, 1], [0, 1, 1, 0])  # to a point at both ends: foot and inner bottom
-    ring = closed * (outside - 0.035 * np.interp(v, [0.52, 0.56], [0, 1]))
+    inset = 0.035 * np.interp(v, [0.5, 0.55], [0, 1])
+    closed = np.interp(v, [0, 0.1, 0.9, 1], [0, 1, 1, 0])  # to a point at both ends: foot and inner bottom
+    ring = closed * (outside - inset)
     return ring * np.cos(TURN * u), ring * np.sin(TURN * u), 1.4 * height
 
 

@@ -11,6 +11,13 @@ from pathlib import Path
 
 import luigi.configuration
 
+from z2p_core.config import ConfigError
+from z2p_core.interfaces import ScanError
+from z2p_core.registry import PluginError
+
+USERS_ERRORS = (ConfigError, ScanError, PluginError)
+"""Errors that a user can mend, with messages that say how."""
+
 
 def _apply_settings() -> None:
     """Set what `luigi.cfg` says, except where the user's own configuration already says something."""
@@ -30,8 +37,9 @@ class _Quiet(logging.Filter):
         if logging.getLogger(record.name).getEffectiveLevel() <= logging.DEBUG:
             return True
         message = record.getMessage()
-        # `workflows.full_pipeline` says the same in one line
+        # these are told in one line by `workflows.tasks` and `workflows.full_pipeline`: where they arose is no news
         told_by_us = message.startswith("Will not run") and "error in deps()" in message
+        told_by_us |= record.exc_info is not None and isinstance(record.exc_info[1], USERS_ERRORS)
         return "Execution Summary" in message or (record.levelno >= logging.WARNING and not told_by_us)
 
 

@@ -176,7 +176,7 @@ class Evaluate(StageTask):
 
         weights = self.upstream_folders("train")[0] / "weights.safetensors"
         meshes = {mesh.name: self.mesh_path(mesh) for mesh in self.plan.evaluation}
-        evaluate(meshes, weights, out, self.plan.config.evaluate, truth_root=self.store.root / "truth")
+        evaluate(meshes, weights, out, self.plan.config.evaluate, self.store.root / "truth", log=say)
 
 
 STAGES: dict[str, type[StageTask]] = {

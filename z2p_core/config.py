@@ -48,7 +48,7 @@ class ShardConfig:
     """HDF5 shards, one for each mesh."""
 
     resolution: int = 128
-    """Side of the stored pictures, the largest that training can use; divides the render's, which is area-averaged down to it."""
+    """Side of the stored pictures, the largest that training can use; the render's or a divisor of it."""
 
 
 @dataclass(frozen=True)

@@ -74,21 +74,22 @@ def test_blender_and_projection_agree_within_a_tenth_of_a_pixel(tmp_path: Path, 
         assert rgba[coverage == 1.0][:, 3].min() == 1.0
 
 
-def lambert_direction(rgba: np.ndarray, coverage: np.ndarray, camera: Camera, centre: np.ndarray, radius: float) -> np.ndarray:
-    """Direction of the light, fitted as radiance = a + b (n . l) on the lit side of a diffuse ball of albedo 0.2.
+def lambert_direction(rgba: np.ndarray, coverage: np.ndarray, camera: Camera, radius: float) -> np.ndarray:
+    """Direction of the light, fitted as radiance = a + b (n . l) on the lit side of a grey ball at the origin.
 
+    Its albedo is 0.2.
     The floor hides half the sky from below, so the ambient light of 0.35 reaches a normal n by (1 + n_z) / 2.
     """
     rows, columns = np.mgrid[: camera.height, : camera.width] + 0.5
     inverse = np.linalg.inv(camera.intrinsics)
     rays = np.stack([columns, rows, np.ones_like(rows)], -1) @ inverse.T @ camera.rotation
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    offset = camera.position - centre
+    offset = camera.position
     b = rays @ offset
     root = b**2 - (offset @ offset - radius**2)
     hit = (root > 0) & (coverage == 1.0)
     distance = -b - np.sqrt(np.maximum(root, 0))
-    normals = (camera.position + distance[..., None] * rays - centre) / radius
+    normals = (camera.position + distance[..., None] * rays) / radius
     radiance = linear_from_srgb(rgba[..., 0]) - 0.2 * 0.35 * (1 + normals[..., 2]) / 2
     lit = hit & (radiance > np.median(radiance[hit]))
     fitted = np.linalg.lstsq(np.c_[normals[lit], np.ones(lit.sum())], radiance[lit], rcond=None)[0][:3]
@@ -101,7 +102,7 @@ def test_light_comes_from_its_azimuth_and_elevation(tmp_path: Path, light: tuple
     mesh = write_balls(tmp_path / "ball.ply", {(0.0, 0.0, 0.0): radius, (-0.999, 0, 0): 0.001, (0.999, 0, 0): 0.001})
     render_scenes(mesh, [("lit", SceneDescription(light=light, material=GREY))], tmp_path, QUIET)
     rgba, coverage = picture(tmp_path, "lit")
-    fitted = lambert_direction(rgba, coverage, Camera(256, 256), np.zeros(3), radius)
+    fitted = lambert_direction(rgba, coverage, Camera(256, 256), radius)
     expected = light_position(light) / light[0]
     assert math.degrees(math.acos(min(1.0, float(fitted @ expected)))) < 2.0
     if light[1]:  # the shadow falls away from the light
@@ -189,3 +190,15 @@ def test_a_sheet_that_lies_on_the_floor_is_lit(tmp_path: Path) -> None:
     render_scenes(tmp_path / "sheet.ply", [("sheet", scene)], tmp_path, RenderSettings((64, 64), 8, "off", threads=1))
     rgba, coverage = picture(tmp_path, "sheet")
     assert rgba[coverage == 1.0][:, :3].min() > 0.3
+
+
+def test_a_material_input_does_not_linger_in_the_next_scene(tmp_path: Path) -> None:
+    mesh = write_balls(tmp_path / "ball.ply", {(0.0, 0.0, 0.0): 1.0})
+    plain, glowing = SceneDescription(), SceneDescription(material={"Emission Strength": 5.0})
+    tiny = RenderSettings((32, 32), samples=4, denoise="off", threads=1)
+    render_scenes(mesh, [("glowing", glowing), ("plain", plain)], tmp_path / "after", tiny)
+    render_scenes(mesh, [("plain", plain)], tmp_path / "alone", tiny)
+    assert (tmp_path / "after" / "plain.png").read_bytes() == (tmp_path / "alone" / "plain.png").read_bytes()
+    glow, coverage = picture(tmp_path / "after", "glowing")
+    dull, _ = picture(tmp_path / "alone", "plain")
+    assert glow[coverage == 1.0].mean() > dull[coverage == 1.0].mean() + 0.05

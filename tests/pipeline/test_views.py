@@ -47,5 +47,5 @@ def test_material_controls_bring_the_specular_lobe() -> None:
 
 @pytest.mark.parametrize(("key", "value"), [("denoise", "best"), ("passes", ("albedo",))])
 def test_unknown_render_settings_name_the_known_ones(key: str, value: object) -> None:
-    with pytest.raises(ValueError, match="expected .*got"):
+    with pytest.raises(ValueError, match=r"expected .*got"):
         RenderSettings(**{key: value})  # type: ignore[arg-type]

@@ -1,0 +1,48 @@
+# make demo       installs z2p into .venv and renders the sample scans into previews/
+# make test       installs the pipeline too and runs every check; make test-fast leaves out Blender and whole pipelines
+# PYTHON=...      chooses another Python 3.11; pip takes its options from its usual variables and files
+
+VENV := .venv
+BIN := $(VENV)/bin
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+LIGHT := $(VENV)/light.stamp
+FULL := $(VENV)/full.stamp
+PROJECT := pyproject.toml constraints.txt
+PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
+
+.PHONY: demo test test-fast lint clean
+
+demo: $(LIGHT)
+	$(BIN)/z2p run-inference samples --output previews --overwrite
+
+test: $(FULL)
+	$(PYTEST)
+	$(MAKE) lint
+
+test-fast: $(FULL)
+	$(PYTEST) -m "not slow"
+
+lint: $(FULL)
+	$(BIN)/ruff check
+	$(BIN)/mypy
+
+clean:
+	rm -rf $(VENV) previews build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "z2p needs Python 3.11, and there is no python3 here; install it" >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { \
+		echo "z2p needs Python 3.11, got $$($(PYTHON) --version); name one: make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+
+$(LIGHT): $(PROJECT) | $(BIN)/python
+	@echo "installing z2p into $(VENV); the first time takes a few minutes"
+	$(PIP_INSTALL) --editable .
+	@touch $@
+
+$(FULL): $(PROJECT) scripts/system_libraries.sh | $(BIN)/python
+	sh scripts/system_libraries.sh
+	@echo "installing z2p and its pipeline into $(VENV); the first time takes several minutes"
+	$(PIP_INSTALL) --editable ".[pipeline,test]"
+	@touch $(LIGHT) $@
