@@ -71,7 +71,7 @@ class Studio:
         self.vertices = np.array([vertex.co for vertex in mesh.vertices])
         self.object = self._add("object", mesh)
         self.surface = self._add_material(mesh)
-        self.plain: dict[str, Any] = {}  # inputs that a scene has set -> Blender's own value, for the scenes that do not
+        self.plain: dict[str, Any] = {}  # inputs that some scene has set, at Blender's own values
         self.floor = self._add_floor()
         self.light = self._add_light()
         self.camera = self._add("camera", bpy.data.cameras.new("camera"))

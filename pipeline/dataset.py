@@ -20,6 +20,7 @@ from storage.shards import Record, Shard
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
 from z2p_core.interfaces import ZBuffer
+from z2p_core.noise import KINDS, add_noise
 
 CACHE_BYTES = 2 * 1024**3
 """Decoded renders kept in memory; what does not fit is decoded again each time."""
@@ -142,8 +143,8 @@ class CloudPictures:
         low, high = self.config.points
         if not 1 <= low <= high:
             raise DatasetError(f"points: expected 1 <= smallest <= largest cloud, got {low} and {high}")
-        if self.config.noise not in ("none", "uniform", "gaussian"):
-            raise DatasetError(f"noise: expected none, uniform or gaussian, got {self.config.noise!r}")
+        if self.config.noise not in KINDS:
+            raise DatasetError(f"noise: expected one of {', '.join(KINDS)}, got {self.config.noise!r}")
 
     def _sample(self, place: tuple[int, int], side: int, rng: np.random.Generator) -> tuple[np.ndarray, Record]:
         record = self._record(place, side)
@@ -169,12 +170,8 @@ def draw_cloud(pool: np.ndarray, config: TrainConfig, rng: np.random.Generator) 
     low, high = (min(count, len(pool)) for count in config.points)
     count = min(round(float(np.exp(rng.uniform(np.log(low), np.log(high))))), len(pool))
     cloud = pool[rng.choice(len(pool), count, replace=False, shuffle=False)]
-    amplitude = np.float32(rng.uniform(0.0, config.noise_scale))
-    if config.noise == "uniform":
-        cloud += amplitude * rng.uniform(-1, 1, cloud.shape).astype(np.float32)
-    elif config.noise == "gaussian":
-        cloud += amplitude * rng.standard_normal(cloud.shape, dtype=np.float32)
-    return cloud
+    amplitude = float(rng.uniform(0.0, config.noise_scale))
+    return add_noise(cloud, config.noise, amplitude, rng)
 
 
 def _stack(samples: list[tuple[np.ndarray, Record]]) -> Batch:

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.clouds import Mesh, read_mesh, shown
+from storage.clouds import Mesh, read_mesh
 from storage.fingerprints import file_digest
-from storage.meshes import MESH_SUFFIXES
 from z2p_core import registry
 from z2p_core.config import SampleConfig
 from z2p_core.geometry import Sphere, bounding_sphere
@@ -61,18 +60,3 @@ def draw_cloud(
             f"sampler {sampler_name!r}: expected {count} finite points ({count}, 3), got {points.shape}"
         )
     return add_noise(sphere.normalise(points), noise_kind, noise_scale, rng)
-
-
-def find_meshes(folder: Path) -> dict[str, Path]:
-    """The meshes in a folder (not below it), sorted, by stem, or by file name where two share a stem.
-
-    Raises:
-        ScanError: no such folder, or no mesh in it.
-    """
-    if not folder.is_dir():
-        raise ScanError(f"expected a folder of meshes, got {shown(folder)}, which is no folder; check the path")
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
-    if not paths:
-        raise ScanError(f"folder {shown(folder)} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
-    stems = [path.stem for path in paths]
-    return {path.stem if stems.count(path.stem) == 1 else path.name: path for path in paths}

@@ -58,6 +58,21 @@ def read_mesh(path: Path) -> Mesh:
     return Mesh(vertices, faces, calls_for_smooth(vertices, faces))
 
 
+def find_meshes(folder: Path) -> dict[str, Path]:
+    """The meshes in a folder (not below it), sorted, by stem, or by file name where two share a stem.
+
+    Raises:
+        ScanError: no such folder, or no mesh in it.
+    """
+    if not folder.is_dir():
+        raise ScanError(f"expected a folder of meshes, got {shown(folder)}, which is no folder; check the path")
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
+    if not paths:
+        raise ScanError(f"folder {shown(folder)} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
+    stems = [path.stem for path in paths]
+    return {path.stem if stems.count(path.stem) == 1 else path.name: path for path in paths}
+
+
 def calls_for_smooth(vertices: np.ndarray, faces: np.ndarray) -> bool:
     """Whether triangles faces (M, 3) int of vertices (V, 3) float64 stand for a curved surface.
 

@@ -40,18 +40,19 @@ def evaluate(meshes: Path, weights: str, output: Path, truth: Path | None, **opt
     Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
     """
     from storage.checkpoints import resolve
+    from storage.meshes import find_meshes
 
     if options["elevation"] == "random":
         options["elevation"] = None
     config = EvaluateConfig(**options)
-    found, file = _meshes_in(meshes), resolve(weights)
+    found, file = find_meshes(meshes), resolve(weights)
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if missing:
         raise Failure(f"evaluation needs {', '.join(missing)}; {INSTALL}")
     try:
         from pipeline.evaluate import evaluate as measure
 
-        measure(found, file, output, config, truth_root=truth or output / "truth")
+        measure(found, file, output, config, truth_root=truth or output / "truth", log=_say)
     except ImportError as error:
         raise Failure(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
     for name, mean in json.loads((output / "metrics.json").read_text())["means"].items():
@@ -59,12 +60,5 @@ def evaluate(meshes: Path, weights: str, output: Path, truth: Path | None, **opt
     click.echo(f"written to {output}", err=True)
 
 
-def _meshes_in(folder: Path) -> dict[str, Path]:
-    """The meshes in a folder by stem, or by file name where two share a stem."""
-    from storage.meshes import MESH_SUFFIXES
-
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
-    if not paths:
-        raise Failure(f"{folder} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
-    stems = [path.stem for path in paths]
-    return {path.stem if stems.count(path.stem) == 1 else path.name: path for path in paths}
+def _say(line: str) -> None:
+    click.echo(line, err=True)

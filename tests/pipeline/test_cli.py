@@ -78,7 +78,9 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
 ) -> None:
     called: list[tuple[object, ...]] = []
 
-    def measure(meshes: object, weights: object, out: Path, config: object, truth_root: Path) -> None:
+    def measure(
+        meshes: object, weights: object, out: Path, config: object, truth_root: Path, log: object
+    ) -> None:
         called.append((meshes, weights, out, config, truth_root))
         out.mkdir()
         (out / "metrics.json").write_text(json.dumps({"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}}))

@@ -134,7 +134,7 @@ def test_shards_that_do_not_fit_are_refused(shards, tmp_path):
         pictures([])
     with pytest.raises(DatasetError, match="two records or more"):
         pictures([sphere_shard(tmp_path / "one.h5", 1, 16)])
-    with pytest.raises(DatasetError, match="noise: expected none, uniform or gaussian, got 'salt'"):
+    with pytest.raises(DatasetError, match="noise: expected one of none, uniform, gaussian, got 'salt'"):
         pictures(shards, replace(CONFIG, noise="salt"))
     with pytest.raises(ShardError, match="no such shard"):
         pictures([tmp_path / "absent.h5"])

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.sample import draw_cloud, find_meshes, sample_pool
+from pipeline.sample import draw_cloud, sample_pool
 from storage.clouds import read_mesh, write_mesh
+from storage.meshes import find_meshes
 from z2p_core.config import SampleConfig
 from z2p_core.geometry import Sphere, bounding_sphere
 from z2p_core.interfaces import ScanError
