@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -81,7 +80,7 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
 
 def weights_card(run: Run) -> dict[str, Any]:
     """The card that goes with the weights; see `storage.checkpoints.Weights`."""
-    training = {**to_dict(run.config), "renders": len(run.data.training), "meshes": len(run.data.shards)}
+    training = {**_semantic(run.config), "renders": len(run.data.training), "meshes": len(run.data.shards)}
     return {
         "network": to_dict(run.config.network),
         **_plugins(run),
@@ -129,26 +128,21 @@ def resume(run: Run, out: Path, log: Callable[[str], object]) -> None:
 
 
 def faster_precision(device: torch.device) -> str:
-    """``bfloat16`` where a small convolution and its gradient clearly run faster in it, else ``float32``."""
-    if device.type != "cpu":
+    """``bfloat16`` on a GPU and on a CPU with instructions for it, else ``float32``: told by the device, never timed."""
+    if device.type != "cpu" or torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported():
         return "bfloat16"
-    best = {}
-    for dtype in (torch.float32, torch.bfloat16):
-        x = torch.ones(2, 64, 64, 64, dtype=dtype).to(memory_format=torch.channels_last).requires_grad_()
-        convolution = nn.Conv2d(64, 64, 3, padding=1).to(dtype=dtype, memory_format=torch.channels_last)
-        times = []
-        for _ in range(6):
-            begin = time.perf_counter()
-            convolution(x).sum().backward()
-            times.append(time.perf_counter() - begin)
-        best[dtype] = min(times)
-    return "bfloat16" if best[torch.bfloat16] < 0.8 * best[torch.float32] else "float32"
+    return "float32"
 
 
 def _identity(run: Run) -> dict[str, Any]:
     """What a checkpoint and a run must share to be one run."""
     shards = [[shard.attributes["mesh"], len(shard)] for shard in run.data.shards]
-    return {"config": to_dict(run.config), "shards": shards, "resolution": run.data.resolution, **_plugins(run)}
+    return {"config": _semantic(run.config), "shards": shards, "resolution": run.data.resolution, **_plugins(run)}
+
+
+def _semantic(config: TrainConfig) -> dict[str, Any]:
+    """The config without what shapes no weight: a run resumes exactly, so how often it could does not matter."""
+    return {name: value for name, value in to_dict(config).items() if name != "checkpoint_every"}
 
 
 def _plugins(run: Run) -> dict[str, Any]:

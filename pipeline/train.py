@@ -42,7 +42,7 @@ def train(
 
     Beside it: `curve.csv`, `curve.png`, `validation/step_*.png` (z-buffer, prediction, target) and `checkpoints/`, from
     which the same call goes on exactly where a killed one stopped. `precision` is ``auto``, ``float32`` or ``bfloat16``
-    (autocast); ``auto`` tries which is faster. `log` takes lines of text; stderr by default.
+    (autocast); ``auto`` asks the device. `log` takes lines of text; stderr by default.
 
     Raises:
         TrainError: `out` holds another run's checkpoint, or the loss stops being finite.

@@ -11,12 +11,7 @@ from pathlib import Path
 
 import luigi.configuration
 
-from z2p_core.config import ConfigError
-from z2p_core.interfaces import ScanError
-from z2p_core.registry import PluginError
-
-USERS_ERRORS = (ConfigError, ScanError, PluginError)
-"""Errors that a user can mend, with messages that say how."""
+from workflows.plan import USERS_ERRORS
 
 
 def _apply_settings() -> None:

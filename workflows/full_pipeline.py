@@ -10,9 +10,8 @@ from pathlib import Path
 import luigi
 
 from storage.layout import Store
+from workflows.plan import USERS_ERRORS
 from workflows.tasks import StageTask, load_plan, say, task_of
-from z2p_core.config import ConfigError
-from z2p_core.registry import PluginError
 
 RESULTS = {
     "weights.safetensors": "train",
@@ -44,7 +43,7 @@ class FullPipeline(luigi.Task):
     def complete(self) -> bool:
         try:
             tasks = self.requires()
-        except (ConfigError, PluginError):
+        except USERS_ERRORS:
             return False  # luigi calls requires() next, whose error is told in one line
         if not all(task.complete() for task in tasks):
             return False
@@ -87,6 +86,6 @@ def _tell_found(task: FullPipeline) -> None:
 @luigi.Task.event_handler(luigi.Event.BROKEN_TASK)
 def _tell_broken(task: luigi.Task, exception: BaseException) -> None:
     """Say why a task cannot even be planned: one line for what a user can mend, everything for the rest."""
-    if not isinstance(exception, (ConfigError, PluginError)):
+    if not isinstance(exception, USERS_ERRORS):
         say("".join(traceback.format_exception(exception)))
     say(f"FAILED {getattr(task, 'step_name', task.task_family)}: {exception}")

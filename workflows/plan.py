@@ -13,9 +13,13 @@ from typing import Any
 
 from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry
-from storage.meshes import MESH_SUFFIXES
+from storage.meshes import find_meshes
 from z2p_core import registry
 from z2p_core.config import ConfigError, PipelineConfig, to_dict
+from z2p_core.interfaces import ScanError
+
+USERS_ERRORS = (ConfigError, ScanError, registry.PluginError)
+"""Errors that a user can mend, with messages that say how."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,8 @@ def make_plan(config: PipelineConfig) -> Plan:
     """Plan of a config; its mesh folders are read for their contents' digests.
 
     Raises:
-        ConfigError: a mesh folder is missing or empty, or values do not fit together.
+        ConfigError: values that do not fit together.
+        ScanError: a mesh folder is missing or empty.
         PluginError: a plugin that the config names is unknown or broken.
     """
     _check(config)
@@ -191,21 +196,12 @@ def builtin_mesh(name: str) -> MeshInput:
 
 
 def meshes_in(folder: Path) -> list[MeshInput]:
-    """The meshes that lie in a folder (not below it), by file name.
+    """The meshes that lie in a folder (not below it), by name.
 
     Raises:
-        ConfigError: no such folder, or no mesh in it.
+        ScanError: no such folder, or no mesh in it.
     """
-    if not folder.is_dir():
-        raise ConfigError(f"meshes: expected a folder of meshes or 'builtin', got {str(folder)!r}, which is no folder")
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
-    if not paths:
-        raise ConfigError(f"meshes: expected {', '.join(MESH_SUFFIXES)} files in {folder}, found none")
-    stems = [path.stem for path in paths]
-    return [
-        MeshInput(path.stem if stems.count(path.stem) == 1 else path.name, file_digest(path), path.absolute())
-        for path in paths
-    ]
+    return [MeshInput(name, file_digest(path), path.absolute()) for name, path in find_meshes(folder).items()]
 
 
 def _distinct(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:

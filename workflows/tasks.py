@@ -194,7 +194,8 @@ def load_plan(source: str) -> Plan:
     """Plan of a `FullPipeline.source`; made once a process, so that edits during a run do not mix two plans.
 
     Raises:
-        ConfigError: the config or the mesh folders cannot be used.
+        ConfigError: the config cannot be used.
+        ScanError: a mesh folder is missing or empty.
         PluginError: the config names an unknown or broken plugin.
     """
     where = json.loads(source)

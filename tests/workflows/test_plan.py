@@ -11,6 +11,7 @@ import workflows.plan
 from workflows.plan import Plan, assemble, make_plan, meshes_in
 from z2p_core import registry
 from z2p_core.config import ConfigError, PipelineConfig, parse_config
+from z2p_core.interfaces import ScanError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -264,7 +265,6 @@ def test_without_meshes_kept_aside_a_warning_says_what_the_metrics_mean(config):
 @pytest.mark.parametrize(
     "path, value, message",
     [
-        ("meshes", "/nowhere", "/nowhere"),
         ("shard.resolution", 100, "divisor of render.resolution"),
         ("render.views", 0, "at least 1"),
         ("render.chunk", 0, "at least 1"),
@@ -287,10 +287,11 @@ def test_an_unknown_plugin_is_refused_before_anything_runs(config, path):
         make_plan(edited(config, path, value))
 
 
-def test_a_folder_without_meshes_is_refused(tmp_path):
+@pytest.mark.parametrize("folder, message", [("nowhere", "no folder"), ("", "no mesh")])
+def test_a_folder_without_meshes_is_refused(tmp_path, folder, message):
     (tmp_path / "readme.txt").write_text("no mesh")
-    with pytest.raises(ConfigError, match="found none"):
-        meshes_in(tmp_path)
+    with pytest.raises(ScanError, match=message):
+        meshes_in(tmp_path / folder)
 
 
 def test_quick_toml_spells_out_the_defaults():
