@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.infer import Renderer, place_cloud
+from pipeline.infer import Renderer
+from pipeline.placing import Placing, Stance, place
 from storage.clouds import Scan, read_clouds, shown
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import ScanError, Value
@@ -30,8 +31,7 @@ class Look:
 
     values: dict[str, Value] = field(default_factory=dict)
     """Control -> value; the sliders' defaults for the others."""
-    up: str = "+Z"
-    azimuth: float = 0.0
+    placing: Placing = field(default_factory=Placing)
     width: int = 512
     height: int = 512
     background: Color | None = None
@@ -60,6 +60,8 @@ class Outcome:
     points: int = 0
     dropped: int = 0
     """Rows left out because they were not finite."""
+    stances: list[Stance] = field(default_factory=list)
+    """Of each picture that was drawn."""
     seconds: float = 0.0
     error: str | None = None
 
@@ -74,12 +76,12 @@ def plan_outputs(scans: list[Path], folders: list[Path], out: Path, mirror: bool
     stems = Counter(zip(places, (scan.stem for scan in scans), strict=True))
     taken: set[Path] = set()
     tasks = []
-    for place, scan in zip(places, scans, strict=True):
-        stem = scan.stem if stems[place, scan.stem] == 1 else scan.name
-        output, number = out / place / f"{stem}.png", 1
+    for sub_folder, scan in zip(places, scans, strict=True):
+        stem = scan.stem if stems[sub_folder, scan.stem] == 1 else scan.name
+        output, number = out / sub_folder / f"{stem}.png", 1
         while output in taken:
             number += 1
-            output = out / place / f"{scan.name}-{number}.png"
+            output = out / sub_folder / f"{scan.name}-{number}.png"
         taken.add(output)
         tasks.append(Task(scan, output))
     return tasks
@@ -128,11 +130,16 @@ def _sub_folder(scan: Path, folders: list[Path]) -> Path:
 
 
 def _render_file(task: Task, renderer: Renderer, look: Look, overwrite: bool, planned: frozenset[Path]) -> Outcome:
-    def draw(scan: Scan, output: Path) -> None:
-        cloud = place_cloud(scan.points, look.up, look.azimuth)
-        write_picture(renderer.render(cloud, look.values, look.width, look.height), output, look.background)
-
     outcome = Outcome(task.scan, [task.output])
+    elevation, free = _elevation(renderer, look.values)
+
+    def draw(scan: Scan, output: Path) -> None:
+        placed = place(scan, task.scan.suffix.lower(), look.placing, elevation, free)
+        wished = placed.stance.elevation
+        values = look.values if wished is None else {**look.values, "elevation": (wished,)}
+        write_picture(renderer.render(placed.cloud, values, look.width, look.height), output, look.background)
+        outcome.stances.append(placed.stance)
+
     started = time.perf_counter()
     try:
         if overwrite or not task.output.exists():
@@ -141,6 +148,15 @@ def _render_file(task: Task, renderer: Renderer, look: Look, overwrite: bool, pl
         outcome.status, outcome.error = "failed", _told(error, task.scan)
     outcome.seconds = time.perf_counter() - started
     return outcome
+
+
+def _elevation(renderer: Renderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
+    """The camera's elevation, degrees, and the range in which a view may choose another: None when it is settled."""
+    if renderer.fixed_elevation is not None:
+        return renderer.fixed_elevation, None
+    slider = renderer.controls["elevation"].slider
+    settled = "elevation" in values
+    return renderer.settings(values)["elevation"][0], None if settled else (slider.low[0], slider.high[0])
 
 
 def _render_clouds(

@@ -82,7 +82,7 @@ class Studio:
     def arrange(self, description: SceneDescription) -> None:
         """Pose object, floor, light, camera and material as described."""
         rotation = np.array(description.rotation)
-        lowest = float((self.vertices @ rotation[2]).min())
+        lowest = float((self.vertices @ rotation[2]).min()) if description.floor is None else description.floor
         self.object.matrix_world = Matrix.Translation((0, 0, description.lift)) @ Matrix(rotation.tolist()).to_4x4()
         self.floor.location = (0, 0, lowest - FLOOR_GAP)
         _look_at_origin(self.light, Vector(light_position(description.light)))

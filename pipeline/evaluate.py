@@ -5,43 +5,69 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
 
+from pipeline.baselines import load_baselines, on_true_floor, rebuild
 from pipeline.infer import Renderer
-from pipeline.render import RenderError, RenderSettings, render_scenes
+from pipeline.render import RenderSettings, read_render, render_scenes
 from pipeline.sample import draw_cloud
 from pipeline.sheets import SheetRow, sheet_row, write_sheets
 from pipeline.views import View, describe, draw_view, view_rng
 from storage.checkpoints import resolve
-from storage.clouds import read_mesh
-from storage.fingerprints import file_digest, fingerprint, stage_fields
+from storage.fingerprints import file_digest, fingerprint, plugin_fields, stage_fields
+from storage.meshes import Mesh, read_mesh
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig, to_dict
-from z2p_core.geometry import bounding_sphere
-from z2p_core.images import unit_from_bytes
+from z2p_core.geometry import Sphere, bounding_sphere
+from z2p_core.images import bytes_from_unit, unit_from_bytes
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.metrics import NAMES, picture_metrics
 from z2p_core.scene import SceneDescription
 
+if TYPE_CHECKING:
+    from z2p_core.interfaces import Baseline
+
 UPRIGHT = 0.5
 """Share of the views that turn the mesh about +Z only, as in training."""
 
+OURS = ""
+"""Stands for the weights where the baselines have their names."""
+
 Log = Callable[[str], None]
+Result = tuple[dict[str, Any], np.ndarray]
+"""Row of figures, and the picture (H, W, 4) float32 in [0, 1], straight sRGB RGBA, that they judge."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """A mesh to evaluate on; `identity` is the sha256 of its file."""
+    """A mesh to evaluate on; `identity` is the sha256 of its file, `sphere` the mesh's bounding sphere."""
 
     name: str
     path: Path
     identity: str
+    mesh: Mesh
+    sphere: Sphere
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One view of a mesh: the normalised cloud (N, 3) float32 that goes in, and the render that should come out.
+
+    `truth` (H, W, 4) is straight sRGB RGBA, `coverage` (H, W) the object's share of each pixel; float32 in [0, 1].
+    """
+
+    subject: Subject
+    index: int
+    view: View
+    cloud: np.ndarray
+    truth: np.ndarray
+    coverage: np.ndarray
 
 
 def evaluate(
@@ -51,11 +77,13 @@ def evaluate(
     config: EvaluateConfig,
     truth_root: Path,
     log: Log = lambda line: None,
+    baselines: Sequence[str] = (),
 ) -> Path:
     """``out/metrics.json``: a row a mesh and view, means and spread; beside it the pictures and contact sheets.
 
     Views and clouds follow from the seed, the mesh's bytes and the view's number, not from names or other meshes.
-    Ground truth is kept under `truth_root` by what shapes it, so that the next weights find it there.
+    Each of `baselines` gets the same clouds, and its own rows and means under its name. Ground truth and the baselines'
+    pictures are kept under `truth_root` by what shapes them, so that the next weights find them there.
 
     Raises:
         ScanError: no meshes, or one that cannot be read.
@@ -66,25 +94,28 @@ def evaluate(
     if not meshes:
         raise ScanError("expected meshes to evaluate on, got none; give a folder with at least one")
     registry.load("samplers", config.sampler)  # an unknown one shows before the first render
+    rivals = load_baselines(baselines)
     renderer = Renderer(weights)
-    subjects = [Subject(name, path, file_digest(path)) for name, path in meshes.items()]
+    subjects = [_read_subject(name, path) for name, path in meshes.items()]  # so does a broken mesh
     (out / "pictures").mkdir(parents=True, exist_ok=True)
-    rows: list[dict[str, Any]] = []
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (OURS, *rivals)}
     sheet: list[SheetRow] = []
-    for subject in subjects:
-        views = draw_views(renderer, subject.identity, config)
-        truth = render_truth(subject, [view.scene for view in views], config, truth_root, log)
-        for row, sheet_line in _measure(subject, views, truth, renderer, out / "pictures", config):
-            rows.append(row)
-            sheet.append(sheet_line)
-            log(f"{row['mesh']} {row['view']}: " + ", ".join(sheet_line.label[1:]))
-    write_sheets(sheet, out)
+    for trial in (trial for subject in subjects for trial in _trials(subject, renderer, config, truth_root, log)):
+        results = {OURS: _run_weights(renderer, trial, config)}
+        results |= {name: _run_baseline(rival, trial, config, truth_root, log) for name, rival in rivals.items()}
+        for name, (row, _) in results.items():
+            rows[name].append(row)
+        _save_pictures(trial, results, out / "pictures", log)
+        sheet.append(_sheet_row(trial, results))
+    write_sheets(sheet, out, tuple(rivals))
     settings = {
         "config": to_dict(config),
         "weights": {"name": Path(weights).name, "sha256": file_digest(resolve(weights))},
         "meshes": {subject.name: subject.identity for subject in subjects},
+        "baselines": [plugin_fields(plugin) for plugin in rivals.values()],
     }
-    return _write_json(out / "metrics.json", {"settings": settings, **summarise(rows), "rows": rows})
+    summaries = {name: {**summarise(own), "rows": own} for name, own in rows.items()}
+    return _write_json(out / "metrics.json", {"settings": settings, **summaries.pop(OURS), "baselines": summaries})
 
 
 def draw_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> list[View]:
@@ -120,8 +151,7 @@ def render_truth(
     The folder's name is the fingerprint of mesh and render settings, the file's that of the scene: asking for more
     views, or for other weights with the same controls, keeps what is there.
     """
-    side = config.resolution
-    settings = RenderSettings((side, side), config.samples, config.denoise, seed=config.seed)
+    settings = _render_settings(config)
     parameters = {name: value for name, value in asdict(settings).items() if name != "threads"}
     fields = stage_fields("render") | {"mesh": subject.identity, "parameters": parameters}
     folder = truth_root / fingerprint(fields)[:32]
@@ -142,37 +172,6 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _measure(
-    subject: Subject,
-    views: Sequence[View],
-    truth: Sequence[Path],
-    renderer: Renderer,
-    pictures: Path,
-    config: EvaluateConfig,
-) -> list[tuple[dict[str, Any], SheetRow]]:
-    """Row of figures and row of the sheet for each view of a mesh; writes the predictions."""
-    mesh = read_mesh(subject.path)
-    sphere = bounding_sphere(mesh.vertices)
-    measured = []
-    for index, (view, path) in enumerate(zip(views, truth, strict=True)):
-        rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), index, 1])
-        kind = "gaussian" if config.noise > 0 else "none"
-        drawn = draw_cloud(mesh, sphere, config.sampler, config.points, kind, config.noise, rng)
-        cloud = place(drawn, view.scene)
-        started = time.perf_counter()
-        prediction = renderer.render(cloud, view.values, config.resolution, config.resolution)
-        seconds = time.perf_counter() - started
-        Image.fromarray(prediction).save(pictures / f"{subject.name}_{index}.png")
-        ours, theirs = unit_from_bytes(prediction), _read_picture(path, (config.resolution, config.resolution, 4))
-        coverage = _read_picture(path.with_suffix(".coverage.png"), theirs.shape[:2])
-        figures = {name: _number(value) for name, value in picture_metrics(ours, theirs, coverage).items()}
-        row = {"mesh": subject.name, "view": index, **figures, "seconds": round(seconds, 4),
-               "elevation": view.scene.elevation, "values": view.values}  # fmt: skip
-        label = (f"{subject.name} {index}", *_label(figures))
-        measured.append((row, sheet_row(label, cloud, view.scene.elevation, ours, theirs)))
-    return measured
-
-
 def place(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
     """Normalised cloud (N, 3) turned and lifted as the scene's mesh is, (N, 3) float32."""
     turned = cloud.astype(np.float64) @ np.array(scene.rotation).T
@@ -180,21 +179,78 @@ def place(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
     return turned.astype(np.float32)
 
 
-def _read_picture(path: Path, shape: tuple[int, ...]) -> np.ndarray:
-    """Float32 in [0, 1] of a kept render.
+def _read_subject(name: str, path: Path) -> Subject:
+    mesh = read_mesh(path)
+    return Subject(name, path, file_digest(path), mesh, bounding_sphere(mesh.vertices))
 
-    Raises:
-        RenderError: it is missing, damaged, or of another shape.
-    """
-    try:
-        with Image.open(path) as image:
-            picture = np.asarray(image)
-    except (OSError, SyntaxError) as error:  # pillow raises SyntaxError on a broken chunk
-        raise RenderError(f"{path}: not a readable picture ({error}); delete {path.parent} to render again") from error
-    if picture.shape != shape or picture.dtype != np.uint8:
-        raise RenderError(f"{path}: expected {shape} uint8, got {picture.shape} {picture.dtype}; "
-                          f"delete {path.parent} to render again")
-    return unit_from_bytes(picture)
+
+def _trials(
+    subject: Subject, renderer: Renderer, config: EvaluateConfig, truth_root: Path, log: Log
+) -> Iterator[Trial]:
+    views = draw_views(renderer, subject.identity, config)
+    truth = render_truth(subject, [view.scene for view in views], config, truth_root, log)
+    side = config.resolution
+    for index, (view, path) in enumerate(zip(views, truth, strict=True)):
+        rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), index, 1])
+        kind = "gaussian" if config.noise > 0 else "none"
+        cloud = draw_cloud(subject.mesh, subject.sphere, config.sampler, config.points, kind, config.noise, rng)
+        picture = read_render(path, (side, side, 4))
+        coverage = read_render(path.with_suffix(".coverage.png"), (side, side))
+        yield Trial(subject, index, view, cloud, picture, coverage)
+
+
+def _run_weights(renderer: Renderer, trial: Trial, config: EvaluateConfig) -> Result:
+    placed = place(trial.cloud, trial.view.scene)
+    started = time.perf_counter()
+    prediction = renderer.render(placed, trial.view.values, config.resolution, config.resolution)
+    seconds = time.perf_counter() - started
+    picture = unit_from_bytes(prediction)
+    row = {**_figures(picture, trial), "seconds": round(seconds, 4),
+           "elevation": trial.view.scene.elevation, "values": trial.view.values}  # fmt: skip
+    return row, picture
+
+
+def _run_baseline(
+    baseline: type[Baseline], trial: Trial, config: EvaluateConfig, truth_root: Path, log: Log
+) -> Result:
+    subject = trial.subject
+    cloud_fields = stage_fields("sample") | {
+        "mesh": subject.identity, "view": trial.index, "points": config.points, "noise": config.noise,
+        "sampler": plugin_fields(registry.load("samplers", config.sampler)), "seed": config.seed,
+    }  # fmt: skip
+    rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), trial.index, 2])
+    scene = on_true_floor(trial.view.scene, subject.sphere.normalise(subject.mesh.vertices))
+    settings = _render_settings(config)
+    rebuilt = rebuild(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log)
+    row = {**_figures(rebuilt.picture, trial), "seconds": rebuilt.seconds, "render_seconds": rebuilt.render_seconds}
+    return row | ({"error": rebuilt.error} if rebuilt.error else {}), rebuilt.picture
+
+
+def _save_pictures(trial: Trial, results: Mapping[str, Result], folder: Path, log: Log) -> None:
+    """Write MESH_VIEW.png, and MESH_VIEW_NAME.png for each baseline."""
+    for name, (row, picture) in results.items():
+        stem = f"{trial.subject.name}_{trial.index}" + (f"_{name}" if name else "")
+        Image.fromarray(bytes_from_unit(picture)).save(folder / f"{stem}.png")
+        log(" ".join(filter(None, (trial.subject.name, str(trial.index), name))) + ": " + ", ".join(_label(row)))
+
+
+def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
+    scene = trial.view.scene
+    label = (f"{trial.subject.name} {trial.index}", *_label(results[OURS][0]))
+    ours, *others = (picture for _, picture in results.values())
+    return sheet_row(label, place(trial.cloud, scene), scene.elevation, ours, trial.truth, others)
+
+
+def _figures(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
+    figures = picture_metrics(picture, trial.truth, trial.coverage)
+    return {"mesh": trial.subject.name, "view": trial.index} | {
+        name: _number(value) for name, value in figures.items()
+    }
+
+
+def _render_settings(config: EvaluateConfig) -> RenderSettings:
+    side = config.resolution
+    return RenderSettings((side, side), config.samples, config.denoise, seed=config.seed)
 
 
 def _label(figures: Mapping[str, float | None]) -> list[str]:
@@ -203,7 +259,8 @@ def _label(figures: Mapping[str, float | None]) -> list[str]:
 
 
 def _over(rows: Sequence[Mapping[str, Any]], measure: Callable[[list[float]], Any]) -> dict[str, float]:
-    found = {name: [row[name] for row in rows if row[name] is not None] for name in (*NAMES, "seconds")}
+    names = (*NAMES, "seconds", "render_seconds")
+    found = {name: [row[name] for row in rows if row.get(name) is not None] for name in names}
     return {name: round(float(measure(values)), 6) for name, values in found.items() if values}
 
 

@@ -9,25 +9,11 @@ import torch
 
 from pipeline.load import load_network
 from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
+from z2p_core.framing import UP_AXES
 from z2p_core.geometry import bounding_sphere
 from z2p_core.images import bytes_from_unit, straight_from_premultiplied
 from z2p_core.interfaces import Control, ScanError, Value
 from z2p_core.scene import SceneDescription
-
-UP_AXES = {
-    "+Z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
-    "-Z": ((-1, 0, 0), (0, 1, 0), (0, 0, -1)),
-    "+Y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
-    "-Y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
-    "+X": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
-    "-X": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
-}
-"""The data's up axis -> rotation (rows) that brings it to +Z.
-
-The camera stands at -Y, so these also choose the data's front. +Y up, (x, y, z) -> (x, -z, y): what faces +Z faces the
-camera (OpenGL's axes). -Y up, (x, z, -y): what faces -Z does (a depth camera's axes, seen from the sensor). The
-others leave y alone, so what faces -Y does.
-"""
 
 
 class Renderer:
@@ -87,10 +73,11 @@ class Renderer:
         return bytes_from_unit(straight_from_premultiplied(premultiplied))
 
 
-def place_cloud(points: np.ndarray, up: str = "+Z", azimuth: float = 0.0) -> np.ndarray:
+def place_cloud(points: np.ndarray, up: str | np.ndarray = "+Z", azimuth: float = 0.0) -> np.ndarray:
     """Cloud (N, 3) float32 in world units: `up` turned to +Z, in the unit sphere, turned by `azimuth` degrees about Z.
 
     `points` (N, 3) float64, finite, in any unit; centred and scaled in float64, so UTM coordinates keep their digits.
+    `up` names an axis of the data, or is the rotation (3, 3) that sets the data upright.
 
     Raises:
         ScanError: there is no extent to scale: no points, or all in one place.
@@ -103,5 +90,5 @@ def place_cloud(points: np.ndarray, up: str = "+Z", azimuth: float = 0.0) -> np.
     placed = points.astype(np.float64)
     placed -= sphere.centre
     placed /= sphere.radius
-    rotation = turn(azimuth) @ np.array(UP_AXES[up], dtype=np.float64)
+    rotation = turn(azimuth) @ np.asarray(UP_AXES[up] if isinstance(up, str) else up, dtype=np.float64)
     return (placed @ rotation.T).astype(np.float32)

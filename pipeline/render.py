@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from storage.meshes import read_mesh
+from storage.meshes import Mesh, read_mesh
 from z2p_core.geometry import bounding_sphere
-from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied
+from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied, unit_from_bytes
 from z2p_core.scene import SceneDescription
 
 PASSES = ("depth", "normal", "shadow")
@@ -64,36 +64,74 @@ def render_scenes(
     settings: RenderSettings,
     log: Callable[[str], None] = lambda line: None,
 ) -> None:
-    """Render each (stem, scene) of a mesh into `out`; pictures that are there already are left alone.
+    """Render each (stem, scene) of a mesh file into `out`, as `render_mesh` does.
+
+    The mesh is centred on its bounding sphere and scaled to radius 1.
+
+    Raises:
+        ScanError: the mesh cannot be read.
+        RenderError: Blender failed or left out a picture.
+    """
+    if all((out / f"{stem}.png").exists() for stem, _ in scenes):
+        return  # without a look at the mesh
+    mesh = read_mesh(mesh_path)
+    placed = Mesh(bounding_sphere(mesh.vertices).normalise(mesh.vertices), mesh.faces, mesh.smooth)
+    render_mesh(placed, scenes, out, settings, log, mesh_path.name)
+
+
+def render_mesh(
+    mesh: Mesh,
+    scenes: Scenes,
+    out: Path,
+    settings: RenderSettings,
+    log: Callable[[str], None] = lambda line: None,
+    name: str = "mesh",
+) -> None:
+    """Render each (stem, scene) of a mesh in world units into `out`; pictures that are there already are left alone.
 
     Writes ``STEM.png`` (RGBA, straight sRGB, soft shadow in the alpha), ``STEM.coverage.png`` (8-bit: how much of the
     pixel the object covers, shadow apart) and, when asked for, ``STEM.passes.npz`` (float16 ``depth`` in world units
     and ``normal`` (H, W, 3) in world axes, both 0 off the object; ``shadow`` (H, W, 3), the light that is left on the
-    floor). The mesh is centred on its bounding sphere and scaled to radius 1; the floor touches its lowest point.
+    floor). The floor touches the mesh's lowest point, or lies where the scene says. `name` is for messages alone.
 
     Raises:
-        ScanError: the mesh cannot be read.
         RenderError: Blender failed or left out a picture.
     """
     out.mkdir(parents=True, exist_ok=True)
     missing = [(stem, scene) for stem, scene in scenes if not (out / f"{stem}.png").exists()]
     if not missing:
         return
-    mesh = read_mesh(mesh_path)
-    sphere = bounding_sphere(mesh.vertices)
     with tempfile.TemporaryDirectory(prefix=".blender-", dir=out) as folder:
         job = Path(folder)
-        np.savez(job / "mesh.npz", vertices=sphere.normalise(mesh.vertices), faces=mesh.faces, smooth=mesh.smooth)
+        vertices = mesh.vertices.astype(np.float32)
+        np.savez(job / "mesh.npz", vertices=vertices, faces=mesh.faces, smooth=mesh.smooth)
         described = [(stem, scene.to_json()) for stem, scene in missing]
         (job / "job.json").write_text(json.dumps({"settings": asdict(settings), "scenes": described}))
         started = time.perf_counter()
-        for done, stem in enumerate(_run_blender(job, mesh_path.name), start=1):
+        for done, stem in enumerate(_run_blender(job, name), start=1):
             _develop(job / f"{stem}.exr", out, stem)
             rate = done / (time.perf_counter() - started) * 60
-            log(f"{mesh_path.stem}: {stem} rendered, {done} of {len(missing)}, {rate:.1f} images a minute")
+            log(f"{Path(name).stem}: {stem} rendered, {done} of {len(missing)}, {rate:.1f} images a minute")
     left = [stem for stem, _ in missing if not (out / f"{stem}.png").exists()]
     if left:
-        raise RenderError(f"{mesh_path.name}: Blender ended without rendering {left[0]} and {len(left) - 1} more")
+        raise RenderError(f"{name}: Blender ended without rendering {left[0]} and {len(left) - 1} more")
+
+
+def read_render(path: Path, shape: tuple[int, ...]) -> np.ndarray:
+    """Float32 in [0, 1] of a kept render.
+
+    Raises:
+        RenderError: it is missing, damaged, or of another shape.
+    """
+    try:
+        with Image.open(path) as image:
+            picture = np.asarray(image)
+    except (OSError, SyntaxError) as error:  # pillow raises SyntaxError on a broken chunk
+        raise RenderError(f"{path}: not a readable picture ({error}); delete {path.parent} to render again") from error
+    if picture.shape != shape or picture.dtype != np.uint8:
+        raise RenderError(f"{path}: expected {shape} uint8, got {picture.shape} {picture.dtype}; "
+                          f"delete {path.parent} to render again")
+    return unit_from_bytes(picture)
 
 
 def export_suzanne(path: Path) -> None:

@@ -128,7 +128,7 @@ def resume(run: Run, out: Path, log: Callable[[str], object]) -> None:
 
 
 def faster_precision(device: torch.device) -> str:
-    """``bfloat16`` on a GPU and on a CPU with instructions for it, else ``float32``: told by the device, never timed."""
+    """``bfloat16`` on a GPU and on a CPU with instructions for it, else ``float32``: told by the device, not timed."""
     if device.type != "cpu" or torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported():
         return "bfloat16"
     return "float32"

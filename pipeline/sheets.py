@@ -15,6 +15,7 @@ from z2p_core.images import bytes_from_unit, composite
 from z2p_core.interfaces import ZBuffer
 
 COLUMNS = ("cloud", "z-buffer (Eq. 1)", "picture", "ground truth")
+"""Titles; those of other pictures to compare with come before the ground truth."""
 ROWS_A_SHEET = 12
 CELL, GAP, LABEL, TITLE = 192, 6, 150, 24
 """Sides of a cell, the gap between cells, the label column and the title line, in pixels."""
@@ -23,18 +24,23 @@ INK = (40, 40, 40)
 
 @dataclass(frozen=True)
 class SheetRow:
-    """One view: label lines, and a cell (CELL, CELL, 3) uint8 for each of `COLUMNS`."""
+    """One view: label lines, and a cell (CELL, CELL, 3) uint8 for each column."""
 
     label: tuple[str, ...]
     cells: tuple[np.ndarray, ...]
 
 
 def sheet_row(
-    label: tuple[str, ...], cloud: np.ndarray, elevation: float, prediction: np.ndarray, truth: np.ndarray
+    label: tuple[str, ...],
+    cloud: np.ndarray,
+    elevation: float,
+    prediction: np.ndarray,
+    truth: np.ndarray,
+    others: Sequence[np.ndarray] = (),
 ) -> SheetRow:
-    """Row of a placed cloud (N, 3) seen from `elevation` degrees, and of two straight sRGB RGBA pictures (H, W, 4).
+    """Row of a placed cloud (N, 3) seen from `elevation` degrees, and of straight sRGB RGBA pictures (H, W, 4).
 
-    The pictures are float in [0, 1], both of one size, and are shown on white. The z-buffer is the paper's, of that
+    The pictures are float in [0, 1], all of one size, and are shown on white. The z-buffer is the paper's, of that
     size too, whichever one the weights read.
     """
     height, width = truth.shape[:2]
@@ -43,18 +49,21 @@ def sheet_row(
     pictures = (
         _dots(cloud, Camera(CELL, CELL, elevation)),
         np.repeat(drawn[..., None], 3, axis=2),
-        composite(prediction, (1.0, 1.0, 1.0)),
-        composite(truth, (1.0, 1.0, 1.0)),
+        *(composite(picture, (1.0, 1.0, 1.0)) for picture in (prediction, *others, truth)),
     )
     return SheetRow(label, tuple(_cell(bytes_from_unit(picture)) for picture in pictures))
 
 
-def write_sheets(rows: Sequence[SheetRow], out: Path) -> list[Path]:
-    """``out/sheet.png``, and ``sheet_2.png`` and on where the rows are more than `ROWS_A_SHEET`; older ones go."""
+def write_sheets(rows: Sequence[SheetRow], out: Path, others: Sequence[str] = ()) -> list[Path]:
+    """``out/sheet.png``, and ``sheet_2.png`` and on where the rows are more than `ROWS_A_SHEET`; older ones go.
+
+    `others` are the titles of the rows' other pictures.
+    """
+    titles = (*COLUMNS[:-1], *others, COLUMNS[-1])
     paths = []
     for first in range(0, len(rows), ROWS_A_SHEET):
         path = out / ("sheet.png" if first == 0 else f"sheet_{first // ROWS_A_SHEET + 1}.png")
-        _draw_sheet(rows[first : first + ROWS_A_SHEET]).save(path)
+        _draw_sheet(rows[first : first + ROWS_A_SHEET], titles).save(path)
         paths.append(path)
     for number in range(len(paths) + 1, 1000):
         if not (left := out / f"sheet_{number}.png").exists():
@@ -63,11 +72,11 @@ def write_sheets(rows: Sequence[SheetRow], out: Path) -> list[Path]:
     return paths
 
 
-def _draw_sheet(rows: Sequence[SheetRow]) -> Image.Image:
+def _draw_sheet(rows: Sequence[SheetRow], titles: Sequence[str]) -> Image.Image:
     step = CELL + GAP
-    sheet = Image.new("RGB", (LABEL + len(COLUMNS) * step, TITLE + len(rows) * step), "white")
+    sheet = Image.new("RGB", (LABEL + len(titles) * step, TITLE + len(rows) * step), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
-    for column, title in enumerate(COLUMNS):
+    for column, title in enumerate(titles):
         pen.text((LABEL + column * step + CELL // 2, TITLE // 2), title, INK, font, anchor="mm")
     for index, row in enumerate(rows):
         top = TITLE + index * step

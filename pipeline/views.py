@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -70,7 +70,7 @@ def render_chunk(
     for index in range(first, last):
         view = draw_view(controls, view_rng(config.seed, identity, index), config.upright)
         stem = f"view_{index:05d}"
-        (out / f"{stem}.json").write_text(json.dumps({"scene": asdict(view.scene), "values": view.values}))
+        (out / f"{stem}.json").write_text(json.dumps({"scene": view.scene.to_json(), "values": view.values}))
         scenes.append((stem, view.scene))
     render_scenes(mesh_path, scenes, out, render_settings(config), log)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, shown, write_cloud, write_mesh
 from z2p_core import registry
-from z2p_core.interfaces import Reader, ScanError
+from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 
 __all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "read_clouds", "read_mesh", "readable_suffixes", "shown",
            "write_cloud", "write_mesh"]  # fmt: skip
@@ -30,6 +30,8 @@ class Scan:
     points: np.ndarray
     dropped: int
     label: str
+    sensor: Sensor | None = None
+    """Where the cloud was seen from, when the file tells."""
 
 
 def read_clouds(path: Path) -> list[Scan]:
@@ -152,25 +154,27 @@ def _reader(path: Path) -> Reader:
     return registry.load("readers", names[0])()
 
 
-def _clouds(reader: Reader, path: Path) -> list[np.ndarray]:
+def _clouds(reader: Reader, path: Path) -> list[RawCloud]:
     """What the reader gives; a stranger's reader that fails in its own way must not end the batch."""
     try:
-        clouds = [np.asarray(cloud, dtype=np.float64) for cloud in reader.read(path)]
+        given = [cloud if isinstance(cloud, RawCloud) else RawCloud(cloud) for cloud in reader.read(path)]
+        clouds = [RawCloud(np.asarray(cloud.points, dtype=np.float64), cloud.sensor) for cloud in given]
     except ScanError:
         raise
     except Exception as error:  # named, chained and passed on as this file's failure
         reason = " ".join(str(error).split())[:160]
         raise ScanError(f"the reader {reader.name!r} failed ({type(error).__name__}: {reason})") from error
-    if any(cloud.ndim != 2 or cloud.shape[1] != 3 for cloud in clouds):
-        shapes = ", ".join(str(cloud.shape) for cloud in clouds[:3])
+    if any(cloud.points.ndim != 2 or cloud.points.shape[1] != 3 for cloud in clouds):
+        shapes = ", ".join(str(cloud.points.shape) for cloud in clouds[:3])
         raise ScanError(f"the reader {reader.name!r} gave arrays {shapes}, expected (N, 3); its plugin is broken")
     if not clouds:
         raise ScanError("the file holds no cloud")
     return clouds
 
 
-def _scan(cloud: np.ndarray, label: str) -> Scan:
-    """The usable part of a cloud (N, 3), checked."""
+def _scan(raw: RawCloud, label: str) -> Scan:
+    """The usable part of a cloud, checked."""
+    cloud = raw.points
     where = f"cloud {label}: " if label else ""
     if len(cloud) == 0:
         raise ScanError(f"{where}the cloud is empty; expected at least {FEWEST_POINTS} points")
@@ -183,4 +187,4 @@ def _scan(cloud: np.ndarray, label: str) -> Scan:
         raise ScanError(f"{where}expected at least {FEWEST_POINTS} finite points, got {len(points)} of {len(cloud)}")
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
-    return Scan(points, dropped, label)
+    return Scan(points, dropped, label, raw.sensor)

@@ -1,4 +1,4 @@
-"""All that a plugin author reads: the four things z2p lets a stranger replace or add.
+"""All that a plugin author reads: the things z2p lets a stranger replace or add.
 
 A plugin is one class in one file, named in one entry point of its package. Built-in plugins use the same door.
 
@@ -10,6 +10,7 @@ entry-point group              subclass               example
 ``z2p.encoders``               `PositionalEncoder`    random Fourier features (Eq. 3)
 ``z2p.samplers``               `Sampler`              farthest-point sampling of a mesh
 ``z2p.readers``                `Reader`               a point-cloud file format
+``z2p.baselines``              `Baseline`             ball pivoting, to compare pictures with
 =============================  =====================  ===========================================
 
 Every plugin has a ``name`` (that of its entry point) and a ``version``: raise the version whenever its results change.
@@ -19,6 +20,7 @@ Randomness comes only from the ``rng`` argument. ``z2p_core.testing`` holds the 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -181,6 +183,41 @@ class Sampler(ABC):
         """Exactly `count` points (count, 3) float64 on the triangles faces (M, 3) int of vertices (V, 3) float64."""
 
 
+class Baseline(ABC):
+    """Turns a bare cloud into a mesh, which Blender renders: what evaluation compares z2p with."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+
+    @abstractmethod
+    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (V, 3) float64 and triangles (M, 3) int, M >= 1, of a cloud (N, 3) float in world units.
+
+        The cloud has neither normals nor colours and lies in the unit sphere; so does the mesh, in the same place.
+
+        Raises:
+            ScanError: no mesh can be made of this cloud; evaluation then counts an empty picture and goes on.
+        """
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """Where a depth camera or scanner stood, in its file's axes."""
+
+    position: np.ndarray
+    """Place (3,) float64 in the file's units."""
+    rotation: np.ndarray
+    """Matrix (3, 3) float64 from the sensor's OpenCV axes (+X right, +Y down, +Z forward) to the file's axes."""
+
+
+@dataclass(frozen=True)
+class RawCloud:
+    """One cloud as its file has it: points (N, 3) float64, and the sensor when the file tells of one."""
+
+    points: np.ndarray
+    sensor: Sensor | None = None
+
+
 class Reader(ABC):
     """Reads one family of point-cloud files."""
 
@@ -190,10 +227,11 @@ class Reader(ABC):
     """Lower-case, with the dot: ``(".las", ".laz")``."""
 
     @abstractmethod
-    def read(self, path: Path) -> list[np.ndarray]:
-        """The clouds in the file, each (N, 3) float64 in the file's own units; one for most formats, B for a batch.
+    def read(self, path: Path) -> Sequence[RawCloud | np.ndarray]:
+        """List of the clouds in the file, each (N, 3) float64 in its own units; one for most formats, B for a batch.
 
-        Rows that are not finite stay in: the caller drops and counts them.
+        A plain array stands for a cloud without a sensor. Rows that are not finite stay in: the caller drops and
+        counts them.
 
         Raises:
             ScanError: the file cannot be a cloud of this format, or lies about its size.

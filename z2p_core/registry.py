@@ -13,6 +13,7 @@ GROUPS = {
     "encoders": "PositionalEncoder",
     "samplers": "Sampler",
     "readers": "Reader",
+    "baselines": "Baseline",
 }
 """Short group name -> interface class in `z2p_core.interfaces`. The entry-point group is ``z2p.<short name>``."""
 

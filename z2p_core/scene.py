@@ -28,14 +28,22 @@ class SceneDescription:
     """Rotation matrix (rows) that turns the normalised mesh into the world."""
     lift: float = 0.0
     """How far the mesh hovers above the floor."""
+    floor: float | None = None
+    """Height of the floor in world units; None: it touches the lowest point of the turned mesh, before `lift`.
+
+    A reconstructed mesh gets the true mesh's floor here, not one of its own.
+    """
 
     def to_json(self) -> dict[str, Any]:
         """Plain lists and numbers, readable again by `from_json`."""
-        return dataclasses.asdict(self)
+        data = dataclasses.asdict(self)
+        if self.floor is None:
+            del data["floor"]  # most scenes have none, and keep the fingerprint they had before there was one
+        return data
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> SceneDescription:
         """The description that `to_json` wrote."""
         material = {name: tuple(x) if isinstance(x, list) else x for name, x in data["material"].items()}
         rotation = tuple(tuple(row) for row in data["rotation"])
-        return cls(data["elevation"], tuple(data["light"]), material, rotation, data["lift"])
+        return cls(data["elevation"], tuple(data["light"]), material, rotation, data["lift"], data.get("floor"))

@@ -10,21 +10,23 @@ The built-in plugins pass it; run it on yours from any test runner:
 
 from __future__ import annotations
 
-import inspect
 import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from z2p_core import registry
 from z2p_core.camera import Camera
+from z2p_core.expectations import check_array, check_class, expect, plain_json, refuses, same
 from z2p_core.interfaces import (
+    Baseline,
     Control,
     PositionalEncoder,
+    RawCloud,
     Reader,
     Sampler,
     ScanError,
+    Sensor,
     SettingError,
     Value,
     ZBuffer,
@@ -41,19 +43,19 @@ def check_control(control_class: type[Control]) -> None:
     Raises:
         AssertionError: it does not; the message says what was expected and what came.
     """
-    _check_class("controls", control_class, Control)
+    check_class("controls", control_class, Control)
     control = control_class()
     slider = control.slider
     for component, low, high in zip(slider.components, slider.low, slider.high, strict=True):
-        _expect(low < high, f"{control.name}: {component} needs a range, got low {low} and high {high}")
+        expect(low < high, f"{control.name}: {component} needs a range, got low {low} and high {high}")
     _accepts(control, slider.default, "its default")
     values = _check_draws(control)
     ends = [slider.low, slider.high, slider.default]
     encodings = {_check_encoding(control, value) for value in [*values, *ends]}
-    _expect(len(encodings) > 1, f"{control.name}: encode gives {encodings} for every value, so nothing is steered")
+    expect(len(encodings) > 1, f"{control.name}: encode gives {encodings} for every value, so nothing is steered")
     _check_parse(control)
     scenes = [_check_apply(control, value) for value in [*values, *ends]]
-    _expect(any(scene != scenes[0] for scene in scenes), f"{control.name}: apply changes the scene for no value")
+    expect(any(scene != scenes[0] for scene in scenes), f"{control.name}: apply changes the scene for no value")
 
 
 def check_zbuffer(zbuffer_class: type[ZBuffer]) -> None:
@@ -62,7 +64,7 @@ def check_zbuffer(zbuffer_class: type[ZBuffer]) -> None:
     Raises:
         AssertionError: it does not; the message says what was expected and what came.
     """
-    _check_class("zbuffers", zbuffer_class, ZBuffer)
+    check_class("zbuffers", zbuffer_class, ZBuffer)
     zbuffer, name = zbuffer_class(), zbuffer_class.name
     rng = np.random.default_rng(0)
     directions = rng.normal(size=(400, 3))
@@ -71,11 +73,11 @@ def check_zbuffer(zbuffer_class: type[ZBuffer]) -> None:
     for width, height in ((64, 64), (80, 48)):
         camera = Camera(width, height)
         picture = zbuffer.draw(cloud, camera)
-        _check_array(picture, (zbuffer.channels, height, width), np.float32, f"{name}: draw")
-        _expect(bool(picture.any()), f"{name}: draw gives an empty picture for a cloud of {len(cloud)} points")
-        _same(zbuffer.draw(cloud, camera), picture, f"{name}: the same cloud drawn twice")
-        _same(zbuffer.draw(cloud[rng.permutation(len(cloud))], camera), picture, f"{name}: points in another order")
-    _same(cloud, given, f"{name}: the cloud given to draw")
+        check_array(picture, (zbuffer.channels, height, width), np.float32, f"{name}: draw")
+        expect(bool(picture.any()), f"{name}: draw gives an empty picture for a cloud of {len(cloud)} points")
+        same(zbuffer.draw(cloud, camera), picture, f"{name}: the same cloud drawn twice")
+        same(zbuffer.draw(cloud[rng.permutation(len(cloud))], camera), picture, f"{name}: points in another order")
+    same(cloud, given, f"{name}: the cloud given to draw")
     _check_nearest_wins(zbuffer)
 
 
@@ -85,19 +87,19 @@ def check_encoder(encoder_class: type[PositionalEncoder]) -> None:
     Raises:
         AssertionError: it does not; the message says what was expected and what came.
     """
-    _check_class("encoders", encoder_class, PositionalEncoder)
+    check_class("encoders", encoder_class, PositionalEncoder)
     name = encoder_class.name
     encoder = encoder_class.create(np.random.default_rng(0))
     u, v = Camera(48, 32).frame_coordinates()
     encoding = encoder.encode(u, v)
-    _check_array(encoding, (encoder.channels, *u.shape), np.float32, f"{name}: encode")
-    _same(encoder.encode(u, v), encoding, f"{name}: the same pixels encoded twice")
+    check_array(encoding, (encoder.channels, *u.shape), np.float32, f"{name}: encode")
+    same(encoder.encode(u, v), encoding, f"{name}: the same pixels encoded twice")
     twin = encoder_class.create(np.random.default_rng(0))
-    _expect(twin.state == encoder.state, f"{name}: create gives another state for the same rng")
-    rebuilt = encoder_class.from_state(json.loads(_json(encoder.state, f"{name}: state")))
-    _same(rebuilt.encode(u, v), encoding, f"{name}: rebuilt from its state, encode")
+    expect(twin.state == encoder.state, f"{name}: create gives another state for the same rng")
+    rebuilt = encoder_class.from_state(json.loads(plain_json(encoder.state, f"{name}: state")))
+    same(rebuilt.encode(u, v), encoding, f"{name}: rebuilt from its state, encode")
     crop = (slice(5, 20), slice(7, 30))
-    _same(encoder.encode(u[crop], v[crop]), encoding[:, *crop], f"{name}: a crop, which must keep the frame's values")
+    same(encoder.encode(u[crop], v[crop]), encoding[:, *crop], f"{name}: a crop, which must keep the frame's values")
 
 
 def check_sampler(sampler_class: type[Sampler]) -> None:
@@ -106,21 +108,48 @@ def check_sampler(sampler_class: type[Sampler]) -> None:
     Raises:
         AssertionError: it does not; the message says what was expected and what came.
     """
-    _check_class("samplers", sampler_class, Sampler)
+    check_class("samplers", sampler_class, Sampler)
     sampler, name = sampler_class(), sampler_class.name
     vertices, faces = _box(BOX)
     given = vertices.copy(), faces.copy()
     for count in (10, 257, 600):
         points = sampler.sample(vertices, faces, count, np.random.default_rng(count))
-        _check_array(points, (count, 3), np.float64, f"{name}: {count} points asked for, sample")
+        check_array(points, (count, 3), np.float64, f"{name}: {count} points asked for, sample")
         off = np.abs((np.abs(points) / BOX).max(1) - 1).max()
-        _expect(off < 1e-5, f"{name}: a point lies {off:.2g} of the box's half side off the surface")
+        expect(off < 1e-5, f"{name}: a point lies {off:.2g} of the box's half side off the surface")
         again = sampler.sample(vertices, faces, count, np.random.default_rng(count))
-        _same(again, points, f"{name}: the same rng, sample")
-    _same(vertices, given[0], f"{name}: the vertices given to sample")
-    _same(faces, given[1], f"{name}: the faces given to sample")
+        same(again, points, f"{name}: the same rng, sample")
+    same(vertices, given[0], f"{name}: the vertices given to sample")
+    same(faces, given[1], f"{name}: the faces given to sample")
     sides = {(axis, sign) for axis in range(3) for sign in (-1, 1) if (sign * points[:, axis] > BOX[axis] - 1e-4).any()}
-    _expect(len(sides) == 6, f"{name}: {count} points on a box leave {6 - len(sides)} of its sides empty")
+    expect(len(sides) == 6, f"{name}: {count} points on a box leave {6 - len(sides)} of its sides empty")
+
+
+def check_baseline(baseline_class: type[Baseline]) -> None:
+    """None when the class keeps what `Baseline` promises: a mesh where the cloud is, the same one every time.
+
+    Raises:
+        AssertionError: it does not; the message says what was expected and what came.
+    """
+    check_class("baselines", baseline_class, Baseline)
+    baseline, name = baseline_class(), baseline_class.name
+    directions = np.random.default_rng(0).normal(size=(800, 3))
+    cloud = 0.9 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
+    given = cloud.copy()
+    vertices, faces = baseline.reconstruct(cloud, np.random.default_rng(1))
+    check_array(vertices, (len(vertices), 3), np.float64, f"{name}: vertices")
+    whole = isinstance(faces, np.ndarray) and np.issubdtype(faces.dtype, np.integer)
+    expect(whole and faces.ndim == 2 and faces.shape[1] == 3 and len(faces) > 0,
+           f"{name}: expected triangles (M, 3) int, M >= 1, got {faces!r}")  # fmt: skip
+    known = faces.min() >= 0 and faces.max() < len(vertices)
+    expect(bool(known), f"{name}: triangles use vertices {faces.min()} to {faces.max()}, there are {len(vertices)}")
+    off = np.abs(np.linalg.norm(vertices[faces.ravel()], axis=1) - 0.9).max()
+    expect(off < 0.2, f"{name}: a vertex lies {off:.2g} off the sphere that the cloud is on")
+    again = baseline.reconstruct(cloud, np.random.default_rng(1))
+    same(again[0], vertices, f"{name}: the same cloud and rng, vertices")
+    same(again[1], faces, f"{name}: the same cloud and rng, triangles")
+    same(cloud, given, f"{name}: the cloud given to reconstruct")
+    refuses(lambda: baseline.reconstruct(cloud[:0], np.random.default_rng(1)), ScanError, f"{name}: an empty cloud")
 
 
 def check_reader(reader_class: type[Reader], example_file: Path, broken_file: Path | None = None) -> None:
@@ -129,78 +158,77 @@ def check_reader(reader_class: type[Reader], example_file: Path, broken_file: Pa
     Raises:
         AssertionError: it does not; the message says what was expected and what came.
     """
-    _check_class("readers", reader_class, Reader)
+    check_class("readers", reader_class, Reader)
     reader, name = reader_class(), reader_class.name
-    _expect(bool(reader.suffixes), f"{name}: suffixes is empty")
+    expect(bool(reader.suffixes), f"{name}: suffixes is empty")
     for suffix in reader.suffixes:
         proper = suffix.startswith(".") and suffix == suffix.lower()
-        _expect(proper, f"{name}: expected a lower-case suffix with its dot, as '.ply', got {suffix!r}")
+        expect(proper, f"{name}: expected a lower-case suffix with its dot, as '.ply', got {suffix!r}")
     found = example_file.suffix.lower()
-    _expect(found in reader.suffixes, f"{name}: {found!r} of the example file is none of {', '.join(reader.suffixes)}")
+    expect(found in reader.suffixes, f"{name}: {found!r} of the example file is none of {', '.join(reader.suffixes)}")
     clouds = reader.read(example_file)
-    _expect(isinstance(clouds, list) and len(clouds) > 0, f"{name}: expected a list of clouds, got {clouds!r}")
-    for cloud in clouds:
-        _check_array(cloud, (len(cloud), 3), np.float64, f"{name}: read", finite=False)
-        _expect(len(cloud) > 0, f"{name}: read gives no point of the example file")
-    for cloud, again in zip(clouds, reader.read(example_file), strict=True):
-        _same(again, cloud, f"{name}: the same file read twice")
+    expect(isinstance(clouds, list) and len(clouds) > 0, f"{name}: expected a list of clouds, got {clouds!r}")
+    for cloud, again in zip(map(_raw, clouds), map(_raw, reader.read(example_file)), strict=True):
+        check_array(cloud.points, (len(cloud.points), 3), np.float64, f"{name}: read", finite=False)
+        expect(len(cloud.points) > 0, f"{name}: read gives no point of the example file")
+        same(again.points, cloud.points, f"{name}: the same file read twice")
+        if cloud.sensor is not None:
+            _check_sensor(cloud.sensor, name)
     if broken_file is not None:
-        _refuses(lambda: reader.read(broken_file), ScanError, f"{name}: read of the broken {broken_file.name}")
+        refuses(lambda: reader.read(broken_file), ScanError, f"{name}: read of the broken {broken_file.name}")
 
 
-def _check_class(group: str, plugin: type[Any], interface: type[Any]) -> None:
-    proper = inspect.isclass(plugin) and issubclass(plugin, interface)
-    _expect(proper, f"expected a subclass of {interface.__name__}, got {plugin!r}")
-    missing = ", ".join(sorted(plugin.__abstractmethods__))
-    _expect(not missing, f"{plugin.__name__}: these methods of {interface.__name__} are missing: {missing}")
-    for attribute in ("name", "version"):
-        text = getattr(plugin, attribute, None)
-        _expect(isinstance(text, str) and text != "", f"{plugin.__name__}: {attribute} must be a text, got {text!r}")
-    for entry in registry.installed(group):
-        if entry.target == f"{plugin.__module__}:{plugin.__qualname__}":
-            _expect(entry.name == plugin.name, f"its name is {plugin.name!r}, its entry point's {entry.name!r}")
+def _raw(cloud: Any) -> RawCloud:
+    return cloud if isinstance(cloud, RawCloud) else RawCloud(cloud)
+
+
+def _check_sensor(sensor: Sensor, name: str) -> None:
+    check_array(sensor.position, (3,), np.float64, f"{name}: the sensor's position")
+    check_array(sensor.rotation, (3, 3), np.float64, f"{name}: the sensor's rotation")
+    proper = np.allclose(sensor.rotation @ sensor.rotation.T, np.eye(3), atol=1e-6)
+    expect(proper and np.linalg.det(sensor.rotation) > 0, f"{name}: the sensor's rotation is none: {sensor.rotation}")
 
 
 def _check_draws(control: Control) -> list[Value]:
     rng, twin = np.random.default_rng(7), np.random.default_rng(7)
     values = [control.draw(rng) for _ in range(DRAWS)]
     again = [control.draw(twin) for _ in range(DRAWS)]
-    _expect(values == again, f"{control.name}: draw gives other values for the same rng")
-    _expect(len(set(values)) > 1, f"{control.name}: draw gives {values[0]} every time")
+    expect(values == again, f"{control.name}: draw gives other values for the same rng")
+    expect(len(set(values)) > 1, f"{control.name}: draw gives {values[0]} every time")
     for value in values:
         _accepts(control, value, "its own draw")
-        _json(value, f"{control.name}: draw")
+        plain_json(value, f"{control.name}: draw")
     return values
 
 
 def _check_encoding(control: Control, value: Value) -> tuple[float, ...]:
     encoding = tuple(control.encode(value))
     size = control.size
-    _expect(len(encoding) == size, f"{control.name}: size is {size}, but encode gives {encoding} for {value}")
-    _expect(bool(np.isfinite(encoding).all()), f"{control.name}: encode gives {encoding} for {value}")
+    expect(len(encoding) == size, f"{control.name}: size is {size}, but encode gives {encoding} for {value}")
+    expect(bool(np.isfinite(encoding).all()), f"{control.name}: encode gives {encoding} for {value}")
     return encoding
 
 
 def _check_parse(control: Control) -> None:
     slider = control.slider
     text = ",".join(repr(float(number)) for number in slider.default)
-    _expect(control.parse(text) == slider.default, f"{control.name}: parse of its default {text!r} gives another value")
+    expect(control.parse(text) == slider.default, f"{control.name}: parse of its default {text!r} gives another value")
     for rubbish in ("", "rubbish!", ",".join(["nan"] * len(slider.components)), text + ",1,2,3,4"):
-        _refuses(lambda rubbish=rubbish: control.parse(rubbish), SettingError, f"{control.name}: parse of {rubbish!r}")
+        refuses(lambda rubbish=rubbish: control.parse(rubbish), SettingError, f"{control.name}: parse of {rubbish!r}")
     for index, (low, high) in enumerate(zip(slider.low, slider.high, strict=True)):
         for outside in (low - 1.5 * (high - low), high + 1.5 * (high - low)):
             value = (*slider.default[:index], outside, *slider.default[index + 1 :])
             text = ",".join(map(repr, value))
-            _refuses(lambda text=text: control.parse(text), SettingError, f"{control.name}: parse of {text!r}")
+            refuses(lambda text=text: control.parse(text), SettingError, f"{control.name}: parse of {text!r}")
 
 
 def _check_apply(control: Control, value: Value) -> SceneDescription:
     scene, twin = SceneDescription(), SceneDescription()
     control.apply(value, scene)
     control.apply(value, twin)
-    _expect(scene == twin, f"{control.name}: apply of {value} to two equal scenes makes two different ones")
-    written = json.loads(_json(scene.to_json(), f"{control.name}: the scene after apply"))
-    _expect(SceneDescription.from_json(written) == scene, f"{control.name}: the scene after apply is lost in JSON")
+    expect(scene == twin, f"{control.name}: apply of {value} to two equal scenes makes two different ones")
+    written = json.loads(plain_json(scene.to_json(), f"{control.name}: the scene after apply"))
+    expect(SceneDescription.from_json(written) == scene, f"{control.name}: the scene after apply is lost in JSON")
     return scene
 
 
@@ -211,14 +239,14 @@ def _check_nearest_wins(zbuffer: ZBuffer) -> None:
     near, far = ((camera.position + depth * ray)[None].astype(np.float32) for depth in (3.0, 4.2))
     alone = zbuffer.draw(near, camera)
     name = zbuffer.name
-    _expect(bool(alone[:, row, column].any()), f"{name}: a point does not show in its own pixel")
+    expect(bool(alone[:, row, column].any()), f"{name}: a point does not show in its own pixel")
     for both in ([near, far], [far, near]):
         pixel = zbuffer.draw(np.concatenate(both), camera)[:, row, column]
-        _same(pixel, alone[:, row, column], f"{name}: a pixel with a second point behind its nearest")
+        same(pixel, alone[:, row, column], f"{name}: a pixel with a second point behind its nearest")
     for corner in ((0, 0), (0, -1), (-1, 0), (-1, -1)):
-        _expect(not alone[:, *corner].any(), f"{name}: expected 0 where no point is near, got {alone[:, *corner]}")
+        expect(not alone[:, *corner].any(), f"{name}: expected 0 where no point is near, got {alone[:, *corner]}")
     outside = (camera.position + 3.0 * (camera.rotation[2] + 5 * camera.rotation[0]))[None].astype(np.float32)
-    _expect(not zbuffer.draw(outside, camera).any(), f"{name}: a point outside the picture shows in it")
+    expect(not zbuffer.draw(outside, camera).any(), f"{name}: a point outside the picture shows in it")
 
 
 BOX = np.array([1.0, 0.6, 0.35])
@@ -238,37 +266,3 @@ def _accepts(control: Control, value: Value, which: str) -> None:
         control.check(value)
     except SettingError as error:
         raise AssertionError(f"{control.name}: {which} {value} is refused: {error}") from error
-
-
-def _refuses(call: Any, kind: type[Exception], what: str) -> None:
-    try:
-        result = call()
-    except kind as error:
-        _expect(str(error) != "", f"{what}: {kind.__name__} has no message")
-        return
-    except Exception as error:
-        raise AssertionError(f"{what}: expected {kind.__name__}, got {type(error).__name__}: {error}") from error
-    raise AssertionError(f"{what}: expected {kind.__name__}, got {result!r}")
-
-
-def _json(value: Any, what: str) -> str:
-    try:
-        return json.dumps(value, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise AssertionError(f"{what}: expected plain finite numbers for JSON, got {value!r}: {error}") from error
-
-
-def _check_array(array: Any, shape: tuple[int, ...], dtype: Any, what: str, finite: bool = True) -> None:
-    _expect(isinstance(array, np.ndarray), f"{what}: expected a numpy array, got {type(array).__name__}")
-    _expect(array.shape == shape, f"{what}: expected shape {shape}, got {array.shape}")
-    _expect(array.dtype == dtype, f"{what}: expected {np.dtype(dtype)}, got {array.dtype}")
-    _expect(not finite or bool(np.isfinite(array).all()), f"{what}: expected finite numbers, got infinity or nan")
-
-
-def _same(array: np.ndarray, expected: np.ndarray, what: str) -> None:
-    _expect(np.array_equal(array, expected, equal_nan=True), f"{what}: expected the same numbers, got others")
-
-
-def _expect(condition: bool, message: str) -> None:
-    if not condition:
-        raise AssertionError(message)

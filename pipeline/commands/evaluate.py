@@ -17,6 +17,11 @@ PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
 INSTALL = 'install the pipeline with: pip install "z2p[pipeline]"'
 
 
+def _split(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
+    names = (name.strip() for name in text.split(","))
+    return tuple(dict.fromkeys(name for name in names if name))
+
+
 @click.command(context_settings={"show_default": True})
 @click.option("--meshes", required=True, type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
               help="Folder of meshes to render and to draw clouds from.")
@@ -34,17 +39,24 @@ INSTALL = 'install the pipeline with: pip install "z2p[pipeline]"'
 @click.option("--resolution", default=256, type=click.IntRange(*SIDES), metavar="R", help="Side of the pictures.")
 @click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples a pixel.")
 @click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
-def evaluate(meshes: Path, weights: str, output: Path, truth: Path | None, **options: Any) -> None:
+@click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split,
+              help="Comma-separated baselines to put beside it, as bpa,poisson,balls; see `z2p plugins`.")
+def evaluate(
+    meshes: Path, weights: str, output: Path, truth: Path | None, baseline: tuple[str, ...], **options: Any
+) -> None:
     """Measure weights against Blender renders of meshes.
 
     Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
     """
     from storage.checkpoints import resolve
     from storage.meshes import find_meshes
+    from z2p_core import registry
 
     if options["elevation"] == "random":
         options["elevation"] = None
     config = EvaluateConfig(**options)
+    for name in baseline:
+        registry.load("baselines", name)
     found, file = find_meshes(meshes), resolve(weights)
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if missing:
@@ -52,12 +64,21 @@ def evaluate(meshes: Path, weights: str, output: Path, truth: Path | None, **opt
     try:
         from pipeline.evaluate import evaluate as measure
 
-        measure(found, file, output, config, truth_root=truth or output / "truth", log=_say)
+        measure(found, file, output, config, truth_root=truth or output / "truth", log=_say, baselines=baseline)
     except ImportError as error:
         raise Failure(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
-    for name, mean in json.loads((output / "metrics.json").read_text())["means"].items():
-        click.echo(f"{name:<16} {mean:9.4f}")
+    _print_means(json.loads((output / "metrics.json").read_text()))
     click.echo(f"written to {output}", err=True)
+
+
+def _print_means(metrics: dict[str, Any]) -> None:
+    """A line a figure: its mean and, where there are baselines, theirs beside it under a line of names."""
+    columns = [metrics["means"], *(theirs["means"] for theirs in metrics["baselines"].values())]
+    if metrics["baselines"]:
+        click.echo(" ".join([f"{'':<16}", *(f"{name:>9}" for name in ("z2p", *metrics["baselines"]))]))
+    for name in dict.fromkeys(name for means in columns for name in means):
+        numbers = (f"{means[name]:9.4f}" if name in means else f"{'-':>9}" for means in columns)
+        click.echo(" ".join([f"{name:<16}", *numbers]))
 
 
 def _say(line: str) -> None:

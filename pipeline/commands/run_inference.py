@@ -6,98 +6,22 @@ import json
 import os
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from pipeline.cli import debugging
-from pipeline.commands.values import Background, Degrees, Resolution, UpAxis
-from z2p_core import registry
-from z2p_core.interfaces import Control, SettingError, Value
+from pipeline.commands.control_options import SETTINGS, InferenceCommand
+from pipeline.commands.values import Background, Degrees, Resolution, UpAxis, View
+from z2p_core.interfaces import Value
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
     from pipeline.batch import Look, Outcome, Task
     from pipeline.infer import Renderer
-
-SETTINGS = "z2p.settings"
-"""Key of the control settings in click's context: {control: value}, only those that the user gave."""
-
-
-class InferenceCommand(click.Command):
-    """Command that gets its control options from the installed plugins when it is called or asked for help."""
-
-    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        key = "z2p.control_options"
-        if key not in ctx.meta:
-            ctx.meta[key] = control_options({option for param in self.params for option in param.opts})
-        fixed = super().get_params(ctx)
-        return [*fixed[:-1], *ctx.meta[key], fixed[-1]]  # --help stays last
-
-
-def control_options(taken: set[str]) -> list[click.Option]:
-    """An option for each installed control, from its slider alone; a broken one gets an option that says so.
-
-    A control whose name is in `taken` (options of the command itself) becomes ``--control-<name>``.
-    """
-    options = []
-    for index, name in enumerate(registry.names("controls")):
-        flag = f"--{name.replace('_', '-')}"
-        if flag in taken:
-            flag = f"--control-{name.replace('_', '-')}"
-        read, metavar, text = _control_reader(name)
-        options.append(
-            click.Option(
-                [flag, f"control_{index}"], metavar=metavar, help=text, expose_value=False, callback=_keeper(name, read)
-            )
-        )
-    if not any("--elevation" in option.opts for option in options):  # it exists always: weights have one at least
-        read, metavar, text = _plain_elevation, "DEG", "camera elevation; must be the weights' own"
-        options.append(
-            click.Option(["--elevation"], metavar=metavar, help=text, expose_value=False,
-                         callback=_keeper("elevation", read))
-        )
-    return options
-
-
-def _control_reader(name: str) -> tuple[Callable[[str], Value], str, str]:
-    """How the option of control `name` is read, its metavar and its help."""
-    try:
-        control: Control = registry.load("controls", name)()
-        slider = control.slider
-    except Exception as error:  # kept for whoever asks for this control: it must not break the others
-        broken = error
-
-        def refuse(text: str) -> Value:
-            if isinstance(broken, registry.PluginError):
-                raise broken
-            raise registry.PluginError(f"control {name!r} fails to load: {type(broken).__name__}: {broken}") from broken
-
-        return refuse, "VALUE", "not usable, it fails to load; see `z2p plugins`"
-    default = ",".join(f"{number:g}" for number in slider.default)
-    return control.parse, slider.metavar or ",".join(slider.components).upper(), f"{slider.help}  [default: {default}]"
-
-
-def _keeper(name: str, read: Callable[[str], Value]) -> Callable[[click.Context, click.Parameter, Any], None]:
-    """Callback that reads the option's text and keeps the value in the context."""
-
-    def keep(ctx: click.Context, param: click.Parameter, text: str | None) -> None:
-        if text is None:
-            return
-        try:
-            ctx.meta.setdefault(SETTINGS, {})[name] = read(text)
-        except SettingError as error:
-            raise click.UsageError(str(error), ctx) from None
-
-    return keep
-
-
-def _plain_elevation(text: str) -> Value:
-    try:
-        return (float(text),)
-    except ValueError:
-        raise SettingError(f"--elevation: expected degrees, got {text!r}") from None
+    from pipeline.placing import Placing
 
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
@@ -106,10 +30,14 @@ def _plain_elevation(text: str) -> Value:
               help="Folder for the pictures; or, for one cloud, the picture itself (.png).")
 @click.option("--recursive", "-r", is_flag=True, help="Look into sub folders, and mirror them in OUT.")
 @click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file.")
-@click.option("--up", default="+Z", type=UpAxis(),
-              help="Axis that points up in the data.")
+@click.option("--up", default="auto", type=UpAxis(),
+              help="Axis that points up in the data; auto: a depth camera's own up, else what the format holds usual.")
+@click.option("--view", default="auto", type=View(),
+              help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
+              "front: the data's own; sensor; or degrees as azimuth,elevation.")
 @click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
-              help="Turn the object about its up axis, counter-clockwise from above.")
+              help="Turn the object on from there about its up axis, counter-clockwise from above.")
+@click.option("--keep-outliers", is_flag=True, help="Keep stray points that make the object small.")
 @click.option("--resolution", default="512", type=Resolution(), help="Size in pixels.")
 @click.option("--background", default="transparent", type=Background(),
               help="transparent, or a CSS colour name or #hex.")
@@ -144,15 +72,17 @@ def _run(
 
     jobs = min(options["jobs"], len(scans))
     renderer = Renderer(options["weights"], None if jobs == 1 else max(1, (os.cpu_count() or 1) // jobs))
+    if isinstance(options["view"], tuple):
+        values = {"elevation": (options["view"][1],), **values}  # --elevation wins
     values = _values_for(ctx, renderer, values)
+    if "elevation" in values:
+        renderer.controls["elevation"].check(values["elevation"])  # what --view set has not been through its option
     background = None if options["background"] == "transparent" else options["background"]
     width, height = options["resolution"]
-    look = Look(values, options["up"], options["azimuth"], width, height, background)
+    look = Look(values, _placing(options), width, height, background)
     tasks = _plan(ctx, scans, inputs, output, options["recursive"])
     outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs)
     settings = _settings(renderer, look, options)
-    if not options["quiet"]:
-        click.echo(f"up axis: {look.up}", err=True)
     counts = {"ok": 0, "skipped": 0, "failed": 0}
     for outcome in _reported(outcomes, len(tasks), options["quiet"]):
         counts[outcome.status] += 1
@@ -176,6 +106,14 @@ def _values_for(ctx: click.Context, renderer: Renderer, values: dict[str, Value]
             carried = ", ".join(renderer.controls) or "none"
             raise click.UsageError(f"these weights do not carry the control {name!r}; they carry: {carried}", ctx)
     return {name: value for name, value in values.items() if name in renderer.controls}
+
+
+def _placing(options: dict[str, Any]) -> Placing:
+    from pipeline.placing import Placing
+
+    view = options["view"]
+    return Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
+                   options["keep_outliers"])
 
 
 def _plan(ctx: click.Context, scans: list[Path], inputs: tuple[str, ...], output: Path, recursive: bool) -> list[Task]:
@@ -206,8 +144,10 @@ def _settings(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict[s
         "weights": options["weights"],
         "controls": controls,
         "elevation": elevation[0],
-        "up": look.up,
-        "azimuth": look.azimuth,
+        "up": look.placing.up,
+        "view": options["view"],
+        "azimuth": look.placing.azimuth,
+        "keep_outliers": look.placing.keep_outliers,
         "resolution": [look.width, look.height],
         "background": "transparent" if look.background is None else list(look.background),
     }
@@ -238,11 +178,20 @@ def _told(outcome: Outcome) -> str:
     if outcome.status == "skipped":
         return f"skipped: {name}: {pictures} is there already; --overwrite renders it again"
     dropped = f", {outcome.dropped} not finite dropped" if outcome.dropped else ""
-    return f"rendered: {name} -> {pictures} ({outcome.points} points{dropped}, {outcome.seconds:.2f} s)"
+    stances = list(dict.fromkeys(stance.told for stance in outcome.stances))
+    others = "; its other clouds otherwise" if len(stances) > 1 else ""
+    return (f"rendered: {name} -> {pictures} ({outcome.points} points{dropped}, {outcome.seconds:.2f} s; "
+            f"{stances[0]}{others})")
 
 
 def _line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
-    """One file's JSON line; `output` is the first of `outputs`, the only one for most files."""
+    """One file's JSON line; `output` is the first of `outputs`, the only one for most files.
+
+    `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn.
+    """
+    stances = [asdict(stance) for stance in outcome.stances]
+    for stance in stances:
+        stance["elevation"] = settings["elevation"] if stance["elevation"] is None else stance["elevation"]
     return {
         "input": str(outcome.scan),
         "output": str(outcome.outputs[0]),
@@ -252,5 +201,6 @@ def _line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
         "dropped": outcome.dropped,
         "seconds": round(outcome.seconds, 4),
         "error": outcome.error,
+        "stances": stances,
         "settings": settings,
     }

@@ -13,13 +13,35 @@ SIDES = (32, 4096)
 
 
 class UpAxis(click.Choice):
-    """One of ``+Z``, ``-Z``, ``+Y``, ``-Y``, ``+X``, ``-X``, in either case."""
+    """``auto``, or one of ``+Z``, ``-Z``, ``+Y``, ``-Y``, ``+X``, ``-X``, in either case."""
 
     def __init__(self) -> None:
-        super().__init__(["+Z", "-Z", "+Y", "-Y", "+X", "-X"])
+        super().__init__(["auto", "+Z", "-Z", "+Y", "-Y", "+X", "-X"])
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        return super().convert(value.upper(), param, ctx)
+        return super().convert("auto" if value.lower() == "auto" else value.upper(), param, ctx)
+
+
+class View(click.ParamType):
+    """``auto``, ``front``, ``sensor``, or azimuth and elevation in degrees from ``AZ,EL``."""
+
+    name = "auto|front|sensor|AZ,EL"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | tuple[float, float]:
+        if isinstance(value, tuple):  # click may hand back what came from here
+            return value
+        if value.lower() in ("auto", "front", "sensor"):
+            return str(value.lower())
+        try:
+            azimuth, elevation = (float(part) for part in value.split(","))
+        except ValueError:
+            azimuth = elevation = math.nan
+        if not (math.isfinite(azimuth) and 0 <= elevation <= 90):
+            self.fail(f"expected auto, front, sensor, or AZ,EL in degrees with EL from 0 to 90, got {value!r}", param,
+                      ctx)
+        return azimuth, elevation
 
 
 class Degrees(click.ParamType):

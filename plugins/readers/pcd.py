@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.interfaces import Reader, ScanError
+from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 
 _LONGEST_HEADER = 1 << 16
 _WORST_LZF_RATIO = 100
@@ -20,11 +20,14 @@ class Pcd(Reader):
     """Point Cloud Library files (pypcd4); fields other than x, y, z are left out."""
 
     name = "pcd"
-    version = "1"
+    version = "2"
     suffixes = (".pcd",)
 
-    def read(self, path: Path) -> list[np.ndarray]:
+    def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """The file's points, one cloud (N, 3) float64; pixels without depth stay in as NaN rows.
+
+        The sensor stood at the VIEWPOINT, unless that is the identity, which every writer puts there; then it stood at
+        the origin if the cloud is organised (a depth picture of several rows), and else nowhere known.
 
         Raises:
             ScanError: no PCD file, no x, y, z, or a header that promises another size than the file has.
@@ -34,8 +37,10 @@ class Pcd(Reader):
         body = blob[header.size :]
         if header.points == 0:
             return [np.empty((0, 3))]
+        pose = _viewpoint(header)
         _check_size(header, body)
-        return [_load(header, _tidy_ascii(header, body) if header.data == "ascii" else _tidy_header(header) + body)]
+        points = _load(header, _tidy_ascii(header, body) if header.data == "ascii" else _tidy_header(header) + body)
+        return [RawCloud(points, None if pose is None else _faced(pose, points))]
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,45 @@ def _parse_header(blob: bytes) -> _Header:
     if width * height != points:
         raise ScanError(f"the PCD header says WIDTH {width} x HEIGHT {height} but POINTS {points}; mend the header")
     return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size)
+
+
+def _viewpoint(header: _Header) -> Sensor | None:
+    """The sensor's pose as the header has it; None where it says nothing.
+
+    Raises:
+        ScanError: a VIEWPOINT that is no position and rotation.
+    """
+    words = header.entries.get("VIEWPOINT", ["0", "0", "0", "1", "0", "0", "0"])
+    try:
+        numbers = np.array([float(word) for word in words])
+    except ValueError:
+        numbers = np.empty(0)
+    if numbers.shape != (7,) or not np.isfinite(numbers).all():
+        raise ScanError(f"expected the PCD VIEWPOINT as tx ty tz qw qx qy qz, got {' '.join(words)!r}; mend the header")
+    position, quaternion = numbers[:3], numbers[3:]
+    length = float(np.linalg.norm(quaternion))
+    w, x, y, z = quaternion / length if length > 0 else (1.0, 0.0, 0.0, 0.0)  # no rotation at all: left unset
+    if int(header.entries["HEIGHT"][0]) <= 1 and not position.any() and abs(w) > 1 - 1e-9:
+        return None
+    rotation = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    return Sensor(position, rotation)
+
+
+def _faced(sensor: Sensor, points: np.ndarray) -> Sensor:
+    """The sensor turned to its points: PCD leaves open whether it looks along +Z (OpenCV) or -Z (OpenGL).
+
+    When all that it saw lies behind it, its axes are OpenGL's, and a half turn about its X axis makes them OpenCV's.
+    """
+    ahead = (points[np.isfinite(points).all(1)] - sensor.position) @ sensor.rotation[:, 2]
+    if len(ahead) and (ahead < 0).mean() > 0.98:
+        return replace(sensor, rotation=sensor.rotation * [1.0, -1.0, -1.0])
+    return sensor
 
 
 def _check_size(header: _Header, body: bytes) -> None:

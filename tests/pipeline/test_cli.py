@@ -79,11 +79,14 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
     called: list[tuple[object, ...]] = []
 
     def measure(
-        meshes: object, weights: object, out: Path, config: object, truth_root: Path, log: object
+        meshes: object, weights: object, out: Path, config: object, truth_root: Path, log: object,
+        baselines: tuple[str, ...],
     ) -> None:
         called.append((meshes, weights, out, config, truth_root))
-        out.mkdir()
-        (out / "metrics.json").write_text(json.dumps({"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}}))
+        out.mkdir(exist_ok=True)
+        data = {"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}, "baselines": {}}
+        theirs = {"means": {"ssim": 0.5, "render_seconds": 2}}
+        (out / "metrics.json").write_text(json.dumps({**data, "baselines": dict.fromkeys(baselines, theirs)}))
 
     monkeypatch.setitem(sys.modules, "pipeline.evaluate", SimpleNamespace(evaluate=measure))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
@@ -102,6 +105,11 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
     assert config == EvaluateConfig(
         views=3, points=5000, noise=0.01, resolution=64, samples=64, elevation=None, seed=0, sampler="uniform"
     )
+    beside = [line.split() for line in z2p(*words, "--baseline", "balls, bpa,balls").stdout.splitlines()]
+    assert beside[0] == ["z2p", "balls", "bpa"] and beside[1] == ["psnr_white", "26.5000", "-", "-"]
+    assert beside[3] == ["render_seconds", "-", "2.0000", "2.0000"]
+    unknown = z2p(*words, "--baseline", "bpa,nosuch")
+    assert unknown.exit_code == 2 and "unknown baseline 'nosuch'; installed: balls, bpa, poisson" in unknown.stderr
     assert z2p(*words, "--elevation", "90").exit_code == 2
     assert z2p("evaluate", "--meshes", meshes, "--output", out, "--weights", "nosuch").exit_code == 2
 

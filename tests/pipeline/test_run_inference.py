@@ -39,9 +39,9 @@ def test_a_folder_becomes_pictures_and_says_so(render: Callable[..., Result], sc
     assert (picture.mode, picture.size) == ("RGBA", (32, 32))
     assert result.stdout == ""
     told = result.stderr.splitlines()
-    assert told[0] == "up axis: +Z"
-    assert [line.split(":")[0] for line in told[1:3]] == ["rendered", "rendered"]
-    assert told[3:] == ["2 rendered, 0 skipped, 0 failed"]
+    assert [line.split(":")[0] for line in told[:2]] == ["rendered", "rendered"]
+    assert all("; up +Z: the usual axis; azimuth " in line for line in told[:2])
+    assert told[2:] == ["2 rendered, 0 skipped, 0 failed"]
 
 
 def test_a_bad_file_gets_one_line_and_the_rest_is_finished(
@@ -55,7 +55,7 @@ def test_a_bad_file_gets_one_line_and_the_rest_is_finished(
     assert len(failures) == 1
     assert failures[0].startswith(f"failed: {scans / 'a bad one.ply'}: ")
     assert failures[0].count("a bad one.ply") == 1
-    assert len(result.stderr.splitlines()) == 5
+    assert len(result.stderr.splitlines()) == 4
     assert [line["status"] for line in lines(result)] == ["failed", "ok", "ok"]
     assert lines(result)[0]["error"] and lines(result)[1]["error"] is None
 
@@ -67,10 +67,12 @@ def test_json_tells_all_of_a_file(
     broken_rows[[3, 5, 8], 1] = np.nan
     broken_rows[9] = np.inf
     np.save(scans / "one.npy", broken_rows)
-    result = render(scans / "one.npy", "--json", "--color", "1,0,0", "--up", "-y", "--azimuth", "-30")
+    result = render(scans / "one.npy", "--json", "--color", "1,0,0", "--up", "-y", "--view", "front",
+                    "--azimuth", "-30")
     [line] = lines(result)
     assert line.pop("seconds") > 0
     settings = line.pop("settings")
+    [stance] = line.pop("stances")
     picture = str(tmp_path / "out" / "one.png")
     assert line == {
         "input": str(scans / "one.npy"), "output": picture, "outputs": [picture], "status": "ok",
@@ -80,7 +82,10 @@ def test_json_tells_all_of_a_file(
     assert (settings["up"], settings["azimuth"], settings["elevation"]) == ("-Y", -30, 20)
     assert (settings["resolution"], settings["background"]) == ([32, 32], "transparent")
     assert "4 not finite dropped" in result.stderr
-    assert "up axis: -Y" in result.stderr
+    assert settings["view"] == "front"
+    assert stance == {"up": "-Y", "up_reason": "as asked", "azimuth": -30, "elevation": 20,
+                      "view_reason": "the front", "outliers": 0}  # fmt: skip
+    assert "; up -Y: as asked; azimuth -30: the front)" in result.stderr
 
 
 def test_quiet_tells_of_failures_only(render: Callable[..., Result], scans: Path) -> None:
@@ -143,6 +148,10 @@ def test_resolution(render: Callable[..., Result], scans: Path, tmp_path: Path, 
         (("--elevation", "nan"), "expected 0 to 80"),
         (("--azimuth", "nan"), "--azimuth"),
         (("--up", "up"), "+Z"),
+        (("--view", "side"), "AZ,EL"),
+        (("--view", "30"), "AZ,EL"),
+        (("--view", "30,-1"), "AZ,EL"),
+        (("--view", "30,85"), "expected 0 to 80"),
         (("--jobs", "0"), "--jobs"),
         (("--metallic", "0.5"), "they carry: color, light, elevation"),
         (("--weights", "nosuch"), "unknown weights 'nosuch'"),
@@ -224,7 +233,7 @@ def test_the_installed_command_in_a_process(scans: Path, tiny_weights: Path, tmp
     )  # fmt: skip
     assert done.returncode == 1, done.stderr
     assert [json.loads(line)["status"] for line in done.stdout.splitlines()] == ["failed", "ok", "ok"]
-    assert len(done.stderr.splitlines()) == 5, done.stderr
+    assert len(done.stderr.splitlines()) == 4, done.stderr
     assert "\r" not in done.stderr
     assert pictures(tmp_path / "out") == ["one.png", "two.png"]
 

@@ -26,7 +26,7 @@ def test_shared_stems_and_odd_names(render: Callable[..., Result], tmp_path: Pat
     assert pictures(tmp_path / "out") == sorted(
         ["a.xyz.png", "a.txt.png", "with space.png", "größe 点.png", "two\nlines.png"]
     )
-    assert len(result.stderr.splitlines()) == 7
+    assert len(result.stderr.splitlines()) == 6
     assert "two\\nlines" in result.stderr
     assert len(lines(result)) == 5
 

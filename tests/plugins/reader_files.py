@@ -19,7 +19,7 @@ def read(path: Path) -> list[np.ndarray]:
     """What the registered reader of the file's suffix gives."""
     plugins = [registry.load("readers", name) for name in registry.names("readers")]
     (plugin,) = [plugin for plugin in plugins if path.suffix.lower() in plugin.suffixes]
-    clouds = plugin().read(path)
+    clouds = [getattr(cloud, "points", cloud) for cloud in plugin().read(path)]
     assert all(cloud.dtype == np.float64 and cloud.ndim == 2 and cloud.shape[1] == 3 for cloud in clouds)
     return clouds
 

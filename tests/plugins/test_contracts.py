@@ -11,7 +11,7 @@ import pytest
 
 from z2p_core import registry
 from z2p_core.interfaces import Reader
-from z2p_core.testing import check_control, check_encoder, check_reader, check_sampler, check_zbuffer
+from z2p_core.testing import check_baseline, check_control, check_encoder, check_reader, check_sampler, check_zbuffer
 
 CLOUD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.25, 2.0, -1.0], [-3.0, 0.125, 4.0], [0.5, 0.75, 1.5]])
 LYING_PLY = (
@@ -79,6 +79,11 @@ def test_sampler(name: str) -> None:
     check_sampler(registry.load("samplers", name))
 
 
+@pytest.mark.parametrize("name", registry.names("baselines"))
+def test_baseline(name: str) -> None:
+    check_baseline(registry.load("baselines", name))
+
+
 @pytest.mark.parametrize("name", registry.names("readers"))
 def test_reader(name: str, tmp_path: Path) -> None:
     if name not in EXAMPLES:
@@ -89,7 +94,8 @@ def test_reader(name: str, tmp_path: Path) -> None:
     lie.write_bytes(broken)
     reader: type[Reader] = registry.load("readers", name)
     check_reader(reader, example, lie)
-    np.testing.assert_allclose(reader().read(example)[0], CLOUD, atol=1e-3)
+    (cloud,) = reader().read(example)
+    np.testing.assert_allclose(getattr(cloud, "points", cloud), CLOUD, atol=1e-3)
 
 
 def test_every_built_in_reader_has_an_example() -> None:

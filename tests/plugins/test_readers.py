@@ -10,6 +10,9 @@ import pytest
 from pypcd4 import Encoding, PointCloud
 from reader_files import PLY_TYPES, cloud, ply, read, refused
 
+from plugins.readers.pcd import Pcd
+from z2p_core.interfaces import Sensor
+
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
 @pytest.mark.parametrize("kind", ["float", "double"])
@@ -131,6 +134,40 @@ def test_pcd_refusals(tmp_path: Path) -> None:
     refused(path, pcd(rows).replace(b"WIDTH 2", b"WIDTH two"), "numbers cannot be read")
     refused(path, pcd(rows).replace(b"SIZE 4", b"SIZE 0"), "numbers cannot be read")
     refused(path, pcd(struct.pack("<II", 16, 48) + b"\xff" * 16, data="binary_compressed"), "cannot be read")
+
+
+def sensor(path: Path, blob: bytes) -> Sensor | None:
+    path.write_bytes(blob)
+    (raw,) = Pcd().read(path)
+    return raw.sensor
+
+
+def test_pcd_sensor_of_an_organised_cloud_stands_at_the_origin_and_faces_the_points(tmp_path: Path) -> None:
+    ahead = sensor(tmp_path / "a.pcd", pcd(b"1 2 3\nnan nan nan\n1 2 4\n5 1 2"))
+    assert ahead is not None
+    assert np.array_equal(ahead.position, [0, 0, 0]) and np.array_equal(ahead.rotation, np.eye(3))
+    behind = sensor(tmp_path / "a.pcd", pcd(b"1 2 -3\nnan nan nan\n1 2 -4\n5 1 -2"))
+    assert behind is not None and np.array_equal(behind.rotation, np.diag([1, -1, -1]))
+    flat = pcd(b"1 2 3\n" * 4).replace(b"HEIGHT 2", b"HEIGHT 1").replace(b"WIDTH 2", b"WIDTH 4")
+    assert sensor(tmp_path / "a.pcd", flat) is None
+
+
+def test_pcd_viewpoint_is_the_sensors_pose(tmp_path: Path) -> None:
+    flat = pcd(b"9 2 3\n" * 4).replace(b"HEIGHT 2", b"HEIGHT 1").replace(b"WIDTH 2", b"WIDTH 4")
+    half = 0.5**0.5
+
+    def posed(numbers: str) -> Sensor | None:
+        return sensor(tmp_path / "a.pcd", flat.replace(b"0 0 0 1 0 0 0", numbers.encode()))
+
+    moved = posed("1 2 -3 1 0 0 0")
+    assert moved is not None and np.array_equal(moved.position, [1, 2, -3])
+    turned = posed(f"0 0 0 {half} 0 {half} 0")  # a quarter turn about Y: forward is +X
+    assert turned is not None
+    np.testing.assert_allclose(turned.rotation @ [0, 0, 1], [1, 0, 0], atol=1e-12)
+    assert posed("0 0 0 0 0 0 0") is None  # left unset
+    for broken in ("0 0 0 1 0 0", "0 0 0 one 0 0 0", "nan 0 0 1 0 0 0"):
+        blob = flat.replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {broken}".encode())
+        refused(tmp_path / "a.pcd", blob, "tx ty tz qw qx qy qz")
 
 
 TEXT_FORMS = [(".xyz", 3), (".xyzn", 6), (".xyzrgb", 6), (".pts", 3), (".pts", 4), (".pts", 6), (".pts", 7),

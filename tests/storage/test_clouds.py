@@ -11,7 +11,7 @@ import pytest
 from storage import clouds
 from storage.clouds import find_scans, read_clouds, readable_suffixes, write_cloud
 from z2p_core import registry
-from z2p_core.interfaces import Reader, ScanError
+from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 
 
 def points(count: int = 20) -> np.ndarray:
@@ -160,6 +160,24 @@ def test_a_strangers_reader_fails_as_its_file_alone(tmp_path: Path, monkeypatch:
         read_clouds(tmp_path / "shape.odd")
     with pytest.raises(ScanError, match="claimed by the readers ply and strange"):
         read_clouds(touch(tmp_path / "a.ply"))
+
+
+class Seeing(Reader):
+    """A reader that tells of a sensor with its first cloud alone."""
+
+    name, version, suffixes = "strange", "1", (".odd",)
+
+    def read(self, path: Path) -> list[RawCloud | np.ndarray]:
+        return [RawCloud(points(), Sensor(np.ones(3), np.eye(3))), points()]
+
+
+def test_a_scan_keeps_its_sensor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with_reader(monkeypatch, Seeing)
+    (tmp_path / "a.odd").write_bytes(b"?")
+    first, second = read_clouds(tmp_path / "a.odd")
+    assert first.sensor is not None and np.array_equal(first.sensor.position, [1, 1, 1])
+    assert second.sensor is None
+    assert np.array_equal(first.points, second.points)
 
 
 def test_a_broken_reader_does_not_break_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

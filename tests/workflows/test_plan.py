@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from editing import edited
 
 import storage.fingerprints
 import workflows.plan
-from workflows.plan import Plan, assemble, make_plan, meshes_in
+from workflows.plan import Plan, assemble, make_plan
 from z2p_core import registry
-from z2p_core.config import ConfigError, PipelineConfig, parse_config
-from z2p_core.interfaces import ScanError
+from z2p_core.config import PipelineConfig
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -22,23 +22,6 @@ AFTER_SHARDS = {"train", "evaluate"}
 EVERYTHING = SAMPLES | RENDERS | SHARDS | AFTER_SHARDS
 
 
-@pytest.fixture
-def meshes(tmp_path):
-    for folder in ("meshes", "kept"):
-        (tmp_path / folder).mkdir()
-    (tmp_path / "meshes" / "ape.ply").write_text("ape")
-    (tmp_path / "meshes" / "bee.obj").write_text("bee")
-    (tmp_path / "meshes" / "notes.txt").write_text("no mesh")
-    (tmp_path / "kept" / "cow.ply").write_text("cow")
-    return tmp_path
-
-
-@pytest.fixture
-def config(meshes):
-    base = parse_config("[render]\nviews = 12\nchunk = 10\n")
-    return replace(base, meshes=str(meshes / "meshes"), evaluate_meshes=str(meshes / "kept"))
-
-
 def prints(plan: Plan) -> dict[str, str]:
     return {name: step.entry.fingerprint for name, step in plan.steps.items()}
 
@@ -47,12 +30,6 @@ def stale(before: Plan, after: Plan) -> set[str]:
     """Steps of `after` whose results `before` did not make under any name."""
     known = set(prints(before).values())
     return {name for name, fingerprint in prints(after).items() if fingerprint not in known}
-
-
-def edited(config: PipelineConfig, path: str, value: object) -> PipelineConfig:
-    """The config with the value at a dotted path replaced."""
-    head, _, rest = path.partition(".")
-    return replace(config, **{head: edited(getattr(config, head), rest, value) if rest else value})
 
 
 def test_the_plan_has_every_step_upstream_first(config):
@@ -260,46 +237,3 @@ def test_another_built_in_shape_leaves_the_others_alone(config):
 def test_without_meshes_kept_aside_a_warning_says_what_the_metrics_mean(config):
     plan = make_plan(replace(config, evaluate_meshes=""))
     assert plan.evaluation == plan.training and "memory" in plan.warnings[0]
-
-
-@pytest.mark.parametrize(
-    "path, value, message",
-    [
-        ("shard.resolution", 100, "divisor of render.resolution"),
-        ("render.views", 0, "at least 1"),
-        ("render.chunk", 0, "at least 1"),
-        ("render.controls", ("color", "color"), "different"),
-        ("name", "../up", "folder name"),
-        ("name", "train", "another name"),
-    ],
-)
-def test_a_config_that_cannot_work_is_refused(config, path, value, message):
-    with pytest.raises(ConfigError, match=message):
-        make_plan(edited(config, path, value))
-
-
-@pytest.mark.parametrize(
-    "path", ["render.controls", "sample.sampler", "train.network.zbuffer", "train.network.encoder", "evaluate.sampler"]
-)
-def test_an_unknown_plugin_is_refused_before_anything_runs(config, path):
-    value = ("metalic",) if path == "render.controls" else "metalic"
-    with pytest.raises(registry.PluginError, match="metalic"):
-        make_plan(edited(config, path, value))
-
-
-@pytest.mark.parametrize("folder, message", [("nowhere", "no folder"), ("", "no mesh")])
-def test_a_folder_without_meshes_is_refused(tmp_path, folder, message):
-    (tmp_path / "readme.txt").write_text("no mesh")
-    with pytest.raises(ScanError, match=message):
-        meshes_in(tmp_path / folder)
-
-
-def test_quick_toml_spells_out_the_defaults():
-    assert parse_config((CONFIGS / "quick.toml").read_text()) == PipelineConfig()
-
-
-@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
-def test_every_shipped_config_can_be_planned(path, meshes):
-    config = parse_config(path.read_text(), path.name)
-    assert config.name == path.stem and (config.meshes, config.evaluate_meshes) == ("builtin", "")
-    assert make_plan(replace(config, meshes=str(meshes / "meshes"))).steps["evaluate"]

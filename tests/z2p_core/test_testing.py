@@ -9,9 +9,21 @@ import numpy as np
 import pytest
 
 from z2p_core.camera import Camera
-from z2p_core.interfaces import Control, PositionalEncoder, Reader, Sampler, ScanError, Slider, Value, ZBuffer
+from z2p_core.interfaces import (
+    Baseline,
+    Control,
+    PositionalEncoder,
+    RawCloud,
+    Reader,
+    Sampler,
+    ScanError,
+    Sensor,
+    Slider,
+    Value,
+    ZBuffer,
+)
 from z2p_core.scene import SceneDescription
-from z2p_core.testing import check_control, check_encoder, check_reader, check_sampler, check_zbuffer
+from z2p_core.testing import check_baseline, check_control, check_encoder, check_reader, check_sampler, check_zbuffer
 
 
 class Sheen(Control):
@@ -59,6 +71,18 @@ class Ramp(PositionalEncoder):
         return (self.slope * u)[None].astype(np.float32)
 
 
+class Tetrahedra(Baseline):
+    name, version = "tetrahedra", "1"
+
+    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        if len(cloud) == 0:
+            raise ScanError("expected points, got none")
+        corners = 0.01 * np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)])
+        faces = np.array([(0, 1, 2), (0, 2, 3), (0, 3, 1), (1, 3, 2)])
+        first = 4 * np.arange(len(cloud))[:, None, None]
+        return (cloud[:, None] + corners).reshape(-1, 3), (faces + first).reshape(-1, 3)
+
+
 class Barycentric(Sampler):
     name, version = "barycentric", "1"
 
@@ -81,6 +105,10 @@ def variant(base: type[Any], **changes: Any) -> type[Any]:
     return type(f"Broken{base.__name__}", (base,), changes)
 
 
+def sensed(rotation: np.ndarray) -> Any:
+    return lambda self, path: [RawCloud(np.ones((2, 3)), Sensor(np.zeros(3), rotation))]
+
+
 def test_sound_plugins_pass(tmp_path: Path) -> None:
     check_control(Sheen)
     check_zbuffer(Dot)
@@ -90,6 +118,7 @@ def test_sound_plugins_pass(tmp_path: Path) -> None:
     example.write_text("0 0 1\n1 2 3\n")
     broken.write_text("rubbish\n")
     check_reader(Rows, example, broken)
+    check_reader(variant(Rows, read=sensed(np.eye(3))), example)
 
 
 @pytest.mark.parametrize(
@@ -171,6 +200,9 @@ def test_a_broken_sampler_fails(sample: Any, message: str) -> None:
         ({"read": lambda self, path: []}, "list of clouds"),
         ({"read": lambda self, path: [np.loadtxt(path, dtype=np.float32)]}, "expected float64"),
         ({"read": lambda self, path: [np.ones((2, 3))]}, "expected ScanError"),
+        ({"read": sensed(np.ones((3, 3)))}, "rotation is none"),
+        ({"read": sensed(np.diag([1.0, 1.0, -1.0]))}, "rotation is none"),
+        ({"read": sensed(np.eye(4))}, "expected shape"),
     ],
 )
 def test_a_broken_reader_fails(changes: dict[str, Any], message: str, tmp_path: Path) -> None:
@@ -179,3 +211,31 @@ def test_a_broken_reader_fails(changes: dict[str, Any], message: str, tmp_path: 
     broken.write_text("rubbish\n")
     with pytest.raises(AssertionError, match=message):
         check_reader(variant(Rows, **changes), example, broken)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda vertices, faces: (vertices.astype(np.float32), faces), "expected float64"),
+        (lambda vertices, faces: (vertices, faces.astype(float)), "expected triangles"),
+        (lambda vertices, faces: (vertices, faces[:0]), "expected triangles"),
+        (lambda vertices, faces: (vertices, faces + 1), "triangles use vertices 1 to"),
+        (lambda vertices, faces: (2 * vertices, faces), "off the sphere"),
+        (lambda vertices, faces: (vertices + np.random.default_rng().normal(scale=1e-6), faces), "same cloud and rng"),
+    ],
+)
+def test_a_broken_baseline_fails(change: Any, message: str) -> None:
+    def reconstruct(self: Any, cloud: np.ndarray, rng: np.random.Generator) -> Any:
+        return change(*Tetrahedra.reconstruct(self, cloud, rng))
+
+    with pytest.raises(AssertionError, match=message):
+        check_baseline(variant(Tetrahedra, reconstruct=reconstruct))
+
+
+def test_a_baseline_must_refuse_an_empty_cloud() -> None:
+    def reconstruct(self: Any, cloud: np.ndarray, rng: np.random.Generator) -> Any:
+        return Tetrahedra.reconstruct(self, cloud, rng) if len(cloud) else (cloud, np.zeros((0, 3), int))
+
+    check_baseline(Tetrahedra)
+    with pytest.raises(AssertionError, match="an empty cloud: expected ScanError"):
+        check_baseline(variant(Tetrahedra, reconstruct=reconstruct))

@@ -1,0 +1,115 @@
+"""How a scan stands in its picture: upright, seen from a telling side, without the strays that would make it small."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.infer import place_cloud
+from storage.clouds import Scan
+from z2p_core.camera import DEFAULT_ELEVATION
+from z2p_core.framing import UP_AXES, Up, choose_up, choose_view, clip_outliers, implied_sensor, sensor_view
+from z2p_core.geometry import bounding_sphere
+from z2p_core.interfaces import ScanError, Sensor
+
+
+@dataclass(frozen=True)
+class Placing:
+    """What the user asks of the view."""
+
+    up: str = "auto"
+    """``auto``, or the data's axis that points up: ``+Z``, ``-Y``, ..."""
+    view: str | float = "auto"
+    """``auto``, ``front`` (the data's own front), ``sensor``, or an azimuth in degrees."""
+    azimuth: float = 0.0
+    """Degrees that the view is turned by on top."""
+    keep_outliers: bool = False
+
+
+@dataclass(frozen=True)
+class Stance:
+    """How a cloud came to stand in its picture, and why."""
+
+    up: str
+    up_reason: str
+    azimuth: float
+    """Degrees that the upright cloud was turned by in all."""
+    elevation: float | None
+    """Degrees that the view asks of the camera; None leaves it to the settings."""
+    view_reason: str
+    outliers: int
+    """Stray points left out."""
+
+    @property
+    def told(self) -> str:
+        """Part of a line that says it."""
+        height = "" if self.elevation is None else f", elevation {round(self.elevation)}"
+        strays = f"; {self.outliers} stray points left out of the frame" if self.outliers else ""
+        return f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}{strays}"
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A cloud ready to be drawn."""
+
+    cloud: np.ndarray
+    """Points (N, 3) float32 in world units."""
+    stance: Stance
+
+
+def place(
+    scan: Scan,
+    suffix: str,
+    placing: Placing,
+    elevation: float = DEFAULT_ELEVATION,
+    free: tuple[float, float] | None = None,
+) -> Placed:
+    """The scan of a file with that suffix (lower-case, with its dot), placed as asked.
+
+    `elevation` is the camera's in degrees, unless the view from a sensor brings its own: it may within the range
+    `free`; None means that the camera's stays.
+
+    Raises:
+        ScanError: there is no extent to scale, or a sensor's view is asked of a cloud without one.
+    """
+    kept = np.ones(len(scan.points), dtype=bool) if placing.keep_outliers else clip_outliers(scan.points)
+    outliers = int(len(kept) - kept.sum())
+    points = scan.points[kept] if outliers else scan.points
+    up = _upright(points, scan.sensor, suffix, placing)
+    azimuth, wished, reason = _view(points, up, placing, elevation)
+    if wished is not None and free is not None:
+        low, high = free
+        if not low <= wished <= high:
+            reason += f" ({round(wished)} degrees, beyond the weights' {low:g} to {high:g})"
+        wished = min(max(wished, low), high)
+    azimuth += placing.azimuth
+    cloud = place_cloud(points, up.rotation, azimuth)
+    return Placed(cloud, Stance(up.axis, up.reason, azimuth, None if free is None else wished, reason, outliers))
+
+
+def _upright(points: np.ndarray, sensor: Sensor | None, suffix: str, placing: Placing) -> Up:
+    """How the cloud is set upright, with the sensor that it may be seen from."""
+    if placing.up == "auto":
+        up = choose_up(points, sensor, suffix)
+        wanted = up.sensor or sensor if placing.view == "sensor" else up.sensor
+        return Up(up.rotation, up.axis, up.reason, wanted)
+    rotation = np.array(UP_AXES[placing.up], dtype=np.float64)
+    wanted = (sensor or implied_sensor(points)) if placing.view == "sensor" else None
+    return Up(rotation, placing.up, "as asked", wanted)
+
+
+def _view(points: np.ndarray, up: Up, placing: Placing, elevation: float) -> tuple[float, float | None, str]:
+    """Azimuth, the elevation that goes with it or None, and why."""
+    if placing.view == "sensor" and up.sensor is None:
+        raise ScanError("has no sensor to look from: expected an organised cloud or a VIEWPOINT; use --view auto")
+    if placing.view == "front":
+        return 0.0, None, "the front"
+    if isinstance(placing.view, float):
+        return placing.view, None, "as asked"
+    if up.sensor is not None:
+        centre = np.array(bounding_sphere(points).centre)
+        azimuth, height = sensor_view(up.rotation @ (up.sensor.position - centre))
+        return azimuth, height, "from the sensor"
+    azimuth, reason = choose_view(points @ up.rotation.T, elevation)
+    return azimuth, None, reason

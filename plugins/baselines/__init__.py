@@ -1,0 +1,1 @@
+"""Built-in baselines: what one could do today instead of z2p."""

@@ -1,0 +1,35 @@
+"""A small ball at each point: what a renderer shows of a cloud when nobody reconstructs a surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.interfaces import Baseline, ScanError
+
+RADIUS = 0.014
+"""In world units, whatever the density: balls nearly touch on an object of 5,000 points, and part on sparser ones."""
+SUBDIVISIONS = 1
+"""Of the icosahedron: 80 triangles, plenty for a ball of a few pixels, smoothly shaded."""
+
+
+class Balls(Baseline):
+    """An icosphere of radius `RADIUS` around every point."""
+
+    name = "balls"
+    version = "1"
+
+    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (42 N, 3) float64 and triangles (80 N, 3) int64.
+
+        Raises:
+            ScanError: no points.
+        """
+        from trimesh.creation import icosphere  # late: slow to import
+
+        if len(cloud) == 0:
+            raise ScanError("expected at least 1 point to put a ball on, got none")
+        ball = icosphere(subdivisions=SUBDIVISIONS, radius=RADIUS)
+        vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int64)
+        first = len(vertices) * np.arange(len(cloud))[:, None, None]
+        placed = np.asarray(cloud, dtype=np.float64)[:, None] + vertices
+        return placed.reshape(-1, 3), (first + faces).reshape(-1, 3)

@@ -1,0 +1,33 @@
+"""Ball pivoting (Bernardini et al., TVCG 1999): a ball rolls over the points and leaves triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plugins.baselines.normals import arrays, oriented
+from z2p_core.interfaces import Baseline, ScanError
+
+RADII = (1.5, 2.5, 4.0)
+"""Of the balls, in units of the mean distance to the nearest neighbour."""
+
+
+class BallPivoting(Baseline):
+    """Open3D's ball pivoting with three balls that follow the cloud's spacing; holes wider than those stay open."""
+
+    name = "bpa"
+    version = "1"
+
+    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (V, 3) float64, the cloud's points, and triangles (M, 3) int64 between them.
+
+        Raises:
+            ScanError: too few points, or points that no ball touches by three.
+        """
+        import open3d  # late: the pipeline extra
+
+        scan = oriented(cloud)
+        spacing = float(np.mean(scan.compute_nearest_neighbor_distance()))
+        if spacing == 0:
+            raise ScanError(f"expected points apart from each other, got {len(cloud)} that all come twice")
+        radii = open3d.utility.DoubleVector([radius * spacing for radius in RADII])
+        return arrays(open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(scan, radii))

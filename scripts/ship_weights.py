@@ -1,0 +1,82 @@
+"""Puts the weights of a finished pipeline run among those that z2p ships, with their model card.
+
+    python scripts/ship_weights.py runs/regular            # -> storage/weights/regular.safetensors and regular.md
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from storage.checkpoints import SHIPPED, load_weights, save_weights
+from storage.fingerprints import file_digest
+
+CARD = """# Weights `{name}`
+
+Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16.
+
+- **Made by** `z2p pipeline --config configs/{name}.toml --meshes DIR --evaluate-meshes DIR`, training result
+  `{fingerprint}`; sha256 of the shipped file `{digest}`.
+- **Data**: {renders} Cycles renders (and their validation share) of {meshes} meshes gathered from the public
+  repositories alecjacobson/common-3d-test-models, libigl/libigl-tutorial-data and odedstein/meshes; each mesh keeps the
+  licence of its source, and none is part of z2p. {samples} samples seen.
+- **Measured** on {evaluated} meshes never trained on, {views} views each, {points} points, {resolution}x{resolution}:
+
+| figure | mean | spread over the pictures |
+|---|---|---|
+{figures}
+
+- **Limits**: one object on a floor; no per-point colours; detail finer than the gaps between points is guessed, and
+  thin parts close to each other may melt together.
+"""
+
+
+def main(run: Path, name: str) -> None:
+    """Ship `run/weights.safetensors` under `name`; its figures come from `run/metrics.json`."""
+    weights = load_weights(run / "weights.safetensors")
+    metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
+    shipped = SHIPPED / f"{name}.safetensors"
+    save_weights(shipped, weights.tensors, weights.card, half=True)
+    fingerprint = (run / "weights.safetensors").resolve().parent.name
+    text = describe(name, weights.card, metrics, fingerprint, file_digest(shipped))
+    shipped.with_suffix(".md").write_text(text, encoding="utf-8")
+    print(f"{shipped} ({shipped.stat().st_size / 1e6:.1f} MB) and {shipped.with_suffix('.md')}")
+
+
+def describe(name: str, card: dict[str, Any], metrics: dict[str, Any], fingerprint: str, digest: str) -> str:
+    """The model card in Markdown."""
+    training, config = card["training"], metrics["settings"]["config"]
+    sides = card["resolution"]
+    share = [(min(sides) / side) ** 2 for side in sides]  # a step at a larger side takes fewer samples
+    seen = round(training["steps"] * training["batch"] * sum(share) / len(share))
+    figures = [
+        f"| {figure} | {mean:.4f} | {metrics['spread'][figure]:.4f} |"
+        for figure, mean in metrics["means"].items()
+        if figure != "seconds"
+    ]
+    return CARD.format(
+        name=name,
+        controls=", ".join(control["name"] for control in card["controls"]),
+        kind=card["network"]["kind"],
+        widths="-".join(map(str, card["network"]["widths"])),
+        sides=" and ".join(map(str, sides)),
+        fingerprint=fingerprint,
+        digest=digest,
+        renders=training["renders"],
+        meshes=training["meshes"],
+        samples=f"{seen:,}",
+        evaluated=len(metrics["meshes"]),
+        views=config["views"],
+        points=f"{config['points']:,}",
+        resolution=config["resolution"],
+        figures="\n".join(figures),
+    )
+
+
+if __name__ == "__main__":
+    if len(sys.argv) not in (2, 3):
+        sys.exit(__doc__)
+    folder = Path(sys.argv[1])
+    main(folder, sys.argv[2] if len(sys.argv) == 3 else folder.name)

@@ -1,0 +1,108 @@
+"""Scans placed as asked or as found best: forced ways are exact, a sensor's view is the sensor's own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pipeline.infer import UP_AXES, place_cloud
+from pipeline.placing import Placing, place
+from storage.clouds import Scan
+from z2p_core.camera import Camera
+from z2p_core.geometry import random_rotation
+from z2p_core.interfaces import ScanError, Sensor
+
+FREE = (0.0, 80.0)
+
+
+def scan(points: np.ndarray, sensor: Sensor | None = None) -> Scan:
+    return Scan(points, 0, "", sensor)
+
+
+def seen(lift: float = 0.0) -> np.ndarray:
+    """Half a ball about (0, lift, 3) in OpenCV axes, the half that faces the origin."""
+    points = np.random.default_rng(0).normal(size=(3000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    points = np.vstack([points, np.eye(3), -np.eye(3)])
+    return points[points[:, 2] <= 0] * 0.8 + [0.0, lift, 3.0]
+
+
+@pytest.mark.parametrize("axis", UP_AXES)
+def test_forced_up_and_front_are_the_plain_placement_bit_for_bit(axis: str, cloud: np.ndarray) -> None:
+    sensor = Sensor(np.zeros(3), np.eye(3))
+    placed = place(scan(cloud, sensor), ".pcd", Placing(axis, "front", 33.0), 20.0, FREE)
+    assert np.array_equal(placed.cloud, place_cloud(cloud, axis, 33.0))
+    stance = placed.stance
+    assert (stance.up, stance.azimuth, stance.elevation, stance.outliers) == (axis, 33.0, None, 0)
+
+
+def test_auto_frames_a_clean_object_as_it_would_be_framed_by_hand(cloud: np.ndarray) -> None:
+    placed = place(scan(cloud), ".ply", Placing(azimuth=10.0), 20.0, FREE)
+    assert np.array_equal(placed.cloud, place_cloud(cloud, "+Z", placed.stance.azimuth))
+    assert placed.stance.elevation is None
+    plain = place(scan(cloud), ".ply", Placing(), 20.0, FREE)
+    assert placed.stance.azimuth == plain.stance.azimuth + 10.0
+
+
+def test_turning_file_and_sensor_together_changes_nothing() -> None:
+    points = seen(0.6)
+    plain = place(scan(points, Sensor(np.zeros(3), np.eye(3))), ".pcd", Placing(), 20.0, FREE)
+    for seed in range(3):
+        rotation = random_rotation(np.random.default_rng(seed))
+        moved = scan(points @ rotation.T + 9.0, Sensor(np.full(3, 9.0), rotation))
+        turned = place(moved, ".pcd", Placing(), 20.0, FREE)
+        np.testing.assert_allclose(turned.cloud, plain.cloud, atol=1e-5)
+        assert turned.stance.elevation == pytest.approx(plain.stance.elevation, abs=1e-6)
+
+
+def test_a_sensors_cloud_is_seen_as_the_sensor_saw_it() -> None:
+    points = np.vstack([seen(), [[0.0, 0.0, 2.2], [0.5, 0.0, 2.5], [0.0, 0.5, 2.5]]])
+    placed = place(scan(points, Sensor(np.zeros(3), np.eye(3))), ".pcd", Placing(), 20.0, FREE)
+    assert placed.stance.elevation is not None
+    pixel, _ = Camera(200, 200, placed.stance.elevation).project(placed.cloud[-3:])
+    ahead, right, below = pixel
+    assert np.abs(ahead - 100).max() < 3  # the optical axis goes through the middle of the cloud
+    assert right[0] > ahead[0] + 20 and abs(right[1] - ahead[1]) < 3
+    assert below[1] > ahead[1] + 20 and abs(below[0] - ahead[0]) < 3
+
+
+def test_a_sensors_elevation_is_the_true_one_within_what_the_weights_know() -> None:
+    sensor = Sensor(np.zeros(3), np.eye(3))
+    below = place(scan(seen(1.0), sensor), ".pcd", Placing(), 20.0, FREE).stance
+    assert below.elevation == pytest.approx(np.degrees(np.arctan2(1.0, 3.0)), abs=4)
+    above = place(scan(seen(-1.0), sensor), ".pcd", Placing(), 20.0, FREE).stance
+    assert above.elevation == 0.0
+    assert "beyond the weights' 0 to 80" in above.view_reason
+    settled = place(scan(seen(1.0), sensor), ".pcd", Placing(), 20.0, None).stance
+    assert settled.elevation is None
+    assert settled.azimuth == below.azimuth
+
+
+def test_forced_up_ignores_the_sensor_unless_it_is_asked_for() -> None:
+    sensed = scan(seen(), Sensor(np.zeros(3), np.eye(3)))
+    assert place(sensed, ".pcd", Placing("-Y"), 20.0, FREE).stance.elevation is None
+    asked = place(sensed, ".pcd", Placing("-Y", "sensor"), 20.0, FREE)
+    auto = place(sensed, ".pcd", Placing(), 20.0, FREE)
+    np.testing.assert_allclose(asked.cloud, auto.cloud, atol=1e-6)
+    assert asked.stance.elevation == auto.stance.elevation
+
+
+def test_a_sensors_view_needs_a_sensor(cloud: np.ndarray) -> None:
+    with pytest.raises(ScanError, match="no sensor to look from"):
+        place(scan(cloud), ".ply", Placing(view="sensor"), 20.0, FREE)
+
+
+def test_an_azimuth_may_be_asked_for(cloud: np.ndarray) -> None:
+    placed = place(scan(cloud), ".ply", Placing(view=50.0, azimuth=-20.0), 20.0, FREE)
+    assert np.array_equal(placed.cloud, place_cloud(cloud, "+Z", 30.0))
+
+
+def test_strays_are_left_out_and_counted_unless_kept(cloud: np.ndarray) -> None:
+    strays = np.vstack([cloud, [[40.0, 4, 5], [3, -60, 5]]])
+    placed = place(scan(strays), ".ply", Placing("+Z", "front"), 20.0, FREE)
+    assert np.array_equal(placed.cloud, place_cloud(cloud))
+    assert placed.stance.outliers == 2
+    assert "2 stray points left out of the frame" in placed.stance.told
+    kept = place(scan(strays), ".ply", Placing("+Z", "front", keep_outliers=True), 20.0, FREE)
+    assert np.array_equal(kept.cloud, place_cloud(strays))
+    assert "stray" not in kept.stance.told

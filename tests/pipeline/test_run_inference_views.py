@@ -1,0 +1,89 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+
+@pytest.fixture
+def organised(tmp_path: Path) -> Path:
+    """PCD file of a depth camera's picture: a tilted wall below the optical axis."""
+    u, v = np.meshgrid(np.linspace(-0.3, 0.3, 30), np.linspace(0.1, 0.5, 20))
+    depth = 3.0 - 2 * v
+    points = np.column_stack([(u * depth).ravel(), (v * depth).ravel(), depth.ravel()])
+    head = ("VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 30\nHEIGHT 20\n"
+            "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 600\nDATA ascii\n")  # fmt: skip
+    path = tmp_path / "depth.pcd"
+    path.write_text(head + "".join(f"{x} {y} {z}\n" for x, y, z in points))
+    return path
+
+
+def stance(result: Result) -> dict[str, Any]:
+    [line] = [json.loads(text) for text in result.stdout.splitlines()]
+    [found] = line["stances"]
+    return found
+
+
+def test_a_depth_cameras_file_is_seen_from_its_sensor(render: Callable[..., Result], organised: Path) -> None:
+    result = render(organised, "--json")
+    assert result.exit_code == 0, result.output
+    found = stance(result)
+    assert (found["up"], found["view_reason"]) == ("-Y", "from the sensor")
+    assert 10 < found["elevation"] < 25
+    assert "up -Y: as its depth camera stood; azimuth 0, elevation " in result.stderr
+
+
+def test_the_users_elevation_and_the_weights_own_win(
+    render: Callable[..., Result], organised: Path, make_weights: Callable[..., Path], tmp_path: Path
+) -> None:
+    assert stance(render(organised, "--json", "--elevation", "50"))["elevation"] == 50
+    fixed = make_weights(("color",), fixed_elevation=35.0)
+    assert stance(render(organised, "--json", weights=fixed, output=tmp_path / "fixed"))["elevation"] == 35
+    asked = render(organised, "--json", "--view", "40,60", output=tmp_path / "asked")
+    assert (stance(asked)["azimuth"], stance(asked)["elevation"]) == (40, 60)
+    both = render(organised, "--json", "--view", "40,60", "--elevation", "5", "--azimuth", "3", output=tmp_path / "b")
+    assert (stance(both)["azimuth"], stance(both)["elevation"]) == (43, 5)
+    result = render(organised, "--view", "40,60", weights=fixed, output=tmp_path / "no")
+    assert result.exit_code == 2
+    assert "know only 35 degrees, got 60" in result.stderr
+
+
+def test_a_sensors_view_of_a_plain_cloud_fails_as_its_file_alone(
+    render: Callable[..., Result], organised: Path, scans: Path
+) -> None:
+    result = render(organised, scans / "one.npy", "--view", "sensor")
+    assert result.exit_code == 1
+    told = result.stderr.splitlines()
+    assert [line.split(":")[0] for line in told[:2]] == ["rendered", "failed"]
+    assert "no sensor to look from" in told[1]
+    assert told[2] == "1 rendered, 0 skipped, 1 failed"
+
+
+def test_strays_are_told(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+    np.save(tmp_path / "stray.npy", np.vstack([cloud, [[90.0, 0, 0]], [[0, 99.0, 0]]]))
+    result = render(tmp_path / "stray.npy", "--json")
+    assert stance(result)["outliers"] == 2
+    assert "; 2 stray points left out of the frame)" in result.stderr
+    clipped = (tmp_path / "out" / "stray.png").read_bytes()
+    kept = render(tmp_path / "stray.npy", "--json", "--keep-outliers", "--overwrite")
+    assert stance(kept)["outliers"] == 0
+    assert "stray points" not in kept.stderr
+    assert (tmp_path / "out" / "stray.png").read_bytes() != clipped
+
+
+def test_clouds_of_a_batch_each_get_their_view_in_one_line(
+    render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
+) -> None:
+    turned = (cloud - cloud.mean(0))[:, [1, 0, 2]]
+    np.save(tmp_path / "many.npy", np.stack([cloud, cloud, turned]))
+    result = render(tmp_path / "many.npy", "--json")
+    [line] = [json.loads(text) for text in result.stdout.splitlines()]
+    assert len(line["stances"]) == 3
+    assert line["stances"][0] == line["stances"][1] != line["stances"][2]
+    assert len(result.stderr.splitlines()) == 2
+    assert "; its other clouds otherwise)" in result.stderr

@@ -1,0 +1,71 @@
+"""Baselines: each makes a mesh of a sphere's points, the same one every time, and says what it cannot use."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from z2p_core import registry
+from z2p_core.interfaces import ScanError
+
+BUILT_IN = ("balls", "bpa", "poisson")
+
+
+def sphere(count: int = 600) -> np.ndarray:
+    points = np.random.default_rng(3).normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+def rebuild(name: str, cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    vertices, faces = registry.load("baselines", name)().reconstruct(cloud, np.random.default_rng(0))
+    return vertices, faces
+
+
+def volume(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """Of a mesh that is wound one way; its sign tells which."""
+    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)) / 6)
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_a_mesh_lies_on_the_sphere_and_is_the_same_every_time(name: str) -> None:
+    vertices, faces = rebuild(name, sphere())
+    assert vertices.dtype == np.float64 and np.issubdtype(faces.dtype, np.integer)
+    assert np.abs(np.linalg.norm(vertices, axis=1) - 1).max() < 0.03
+    assert faces.min() == 0 and faces.max() == len(vertices) - 1
+    again = rebuild(name, sphere())
+    assert again[0].tobytes() == vertices.tobytes() and again[1].tobytes() == faces.tobytes()
+    narrow = rebuild(name, sphere().astype(np.float32))
+    assert len(narrow[1]) == pytest.approx(len(faces), rel=0.05)
+
+
+@pytest.mark.parametrize("name", ["bpa", "poisson"])
+def test_reconstructions_close_the_sphere(name: str) -> None:
+    """Up to the trimmed vertices and a pinhole or two; a hole or a fold would cost volume."""
+    assert abs(volume(*rebuild(name, sphere()))) == pytest.approx(4 / 3 * np.pi, rel=0.06)
+
+
+def test_balls_stand_at_their_points_and_nowhere_else() -> None:
+    cloud = sphere(5)
+    vertices, faces = rebuild("balls", cloud)
+    each = vertices.reshape(5, -1, 3)
+    assert each.mean(axis=1) == pytest.approx(cloud, abs=1e-9)
+    assert np.linalg.norm(each - cloud[:, None], axis=2) == pytest.approx(0.014)
+    assert volume(vertices, faces) == pytest.approx(5 * 4 / 3 * np.pi * 0.014**3, rel=0.15)
+    assert (faces.reshape(5, -1) // each.shape[1] == np.arange(5)[:, None]).all()  # no triangle joins two balls
+
+
+@pytest.mark.parametrize(
+    ("name", "cloud", "message"),
+    [
+        ("balls", sphere()[:0], "at least 1 point"),
+        ("bpa", sphere()[:3], "more than 16 points, got 3"),
+        ("poisson", sphere()[:3], "more than 16 points, got 3"),
+        ("bpa", np.zeros((50, 3)), "at one place"),
+        ("bpa", np.repeat(sphere(50), 2, axis=0), "all come twice"),
+        ("poisson", sphere() * (1, 1, 0), "cannot be oriented"),
+    ],
+)
+def test_what_cannot_be_used_is_a_clear_error(name: str, cloud: np.ndarray, message: str) -> None:
+    with pytest.raises(ScanError, match=message):
+        rebuild(name, cloud)

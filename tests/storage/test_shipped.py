@@ -1,0 +1,74 @@
+"""The weights that z2p ships: they load, they are small, and they draw what is asked of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.infer import Renderer, place_cloud
+from storage.checkpoints import SHIPPED, load_weights, shipped
+from storage.clouds import read_clouds
+from storage.fingerprints import file_digest
+from z2p_core.images import composite, unit_from_bytes
+
+SAMPLES = Path(__file__).parents[2] / "samples"
+
+
+@pytest.fixture(scope="module")
+def suzanne() -> np.ndarray:
+    return place_cloud(read_clouds(SAMPLES / "suzanne.ply")[0].points)
+
+
+@pytest.fixture(scope="module")
+def regular() -> Renderer:
+    return Renderer("regular")
+
+
+def test_regular_is_shipped_and_all_weights_fit_into_forty_megabytes() -> None:
+    assert "regular" in shipped()
+    assert sum(path.stat().st_size for path in shipped().values()) < 40e6
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_each_has_a_card_that_names_this_very_file(name: str) -> None:
+    page = (SHIPPED / f"{name}.md").read_text()
+    assert file_digest(shipped()[name]) in page
+    for control in load_weights(shipped()[name]).card["controls"]:
+        assert control["name"] in page
+
+
+def test_regular_steers_colour_light_and_elevation(regular: Renderer) -> None:
+    assert list(regular.controls) == ["color", "light", "elevation"]
+
+
+@pytest.mark.parametrize("side", [256, 512])
+def test_the_picture_shows_the_object_in_the_colour_asked_for(
+    regular: Renderer, suzanne: np.ndarray, side: int
+) -> None:
+    light = (4.0, 0.0, 40.0)
+    for color in ((0.8, 0.2, 0.2), (0.2, 0.7, 0.3), (0.25, 0.3, 0.8)):
+        picture = unit_from_bytes(regular.render(suzanne, {"color": color, "light": light}, side, side))
+        solid = picture[..., 3] > 0.98
+        assert 0.05 < solid.mean() < 0.5  # the object, and neither all nor nothing
+        median = np.median(picture[solid][:, :3], axis=0)
+        assert np.argmax(median) == np.argmax(color)
+        assert np.abs(median / median.max() - np.array(color) / max(color)).max() < 0.25
+        assert picture[: side // 16, :, 3].max() < 0.3  # nothing hangs in the sky
+
+
+def test_light_from_the_right_brightens_the_right_and_throws_the_shadow_left(
+    regular: Renderer, suzanne: np.ndarray
+) -> None:
+    def balance(azimuth: float) -> tuple[float, float]:
+        picture = unit_from_bytes(regular.render(suzanne, {"light": (3.6, azimuth, 40.0)}, 256, 256))
+        columns = np.arange(256) - 127.5
+        solid = picture[..., 3] > 0.98
+        brightness = np.where(solid, composite(picture, (0, 0, 0)).mean(-1), 0)
+        shadow = np.where((picture[..., 3] > 0.1) & (picture[..., 3] < 0.8), picture[..., 3], 0)
+        return float((brightness * columns).sum() / brightness.sum()), float((shadow * columns).sum() / shadow.sum())
+
+    right, left = balance(70.0), balance(-70.0)
+    assert right[0] > left[0] + 3
+    assert right[1] < left[1] - 10

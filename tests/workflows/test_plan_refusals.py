@@ -1,0 +1,57 @@
+"""Configs that cannot work are refused when they are planned; those that ship can be."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from editing import edited
+
+from workflows.plan import make_plan, meshes_in
+from z2p_core import registry
+from z2p_core.config import ConfigError, PipelineConfig, parse_config
+from z2p_core.interfaces import ScanError
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.mark.parametrize(
+    "path, value, message",
+    [
+        ("shard.resolution", 100, "divisor of render.resolution"),
+        ("render.views", 0, "at least 1"),
+        ("render.chunk", 0, "at least 1"),
+        ("render.controls", ("color", "color"), "different"),
+        ("name", "../up", "folder name"),
+        ("name", "train", "another name"),
+    ],
+)
+def test_a_config_that_cannot_work_is_refused(config, path, value, message):
+    with pytest.raises(ConfigError, match=message):
+        make_plan(edited(config, path, value))
+
+
+@pytest.mark.parametrize(
+    "path", ["render.controls", "sample.sampler", "train.network.zbuffer", "train.network.encoder", "evaluate.sampler"]
+)
+def test_an_unknown_plugin_is_refused_before_anything_runs(config, path):
+    value = ("metalic",) if path == "render.controls" else "metalic"
+    with pytest.raises(registry.PluginError, match="metalic"):
+        make_plan(edited(config, path, value))
+
+
+@pytest.mark.parametrize("folder, message", [("nowhere", "no folder"), ("", "no mesh")])
+def test_a_folder_without_meshes_is_refused(tmp_path, folder, message):
+    (tmp_path / "readme.txt").write_text("no mesh")
+    with pytest.raises(ScanError, match=message):
+        meshes_in(tmp_path / folder)
+
+
+def test_quick_toml_spells_out_the_defaults():
+    assert parse_config((CONFIGS / "quick.toml").read_text()) == PipelineConfig()
+
+
+@pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_shipped_config_can_be_planned(path, meshes):
+    config = parse_config(path.read_text(), path.name)
+    assert config.name == path.stem and (config.meshes, config.evaluate_meshes) == ("builtin", "")
+    assert make_plan(replace(config, meshes=str(meshes / "meshes"))).steps["evaluate"]

@@ -1,0 +1,275 @@
+"""From a bare cloud to a view of it: which way is up, where to look from, and which points to leave out of the frame.
+
+Nothing here is certain, so every choice comes with its reason in words, and the user can force another one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from z2p_core.camera import DEFAULT_ELEVATION, turn
+from z2p_core.geometry import bounding_sphere
+from z2p_core.interfaces import Sensor
+
+UP_AXES = {
+    "+Z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    "-Z": ((-1, 0, 0), (0, 1, 0), (0, 0, -1)),
+    "+Y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
+    "-Y": ((1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "+X": ((0, 0, -1), (0, 1, 0), (1, 0, 0)),
+    "-X": ((0, 0, 1), (0, 1, 0), (-1, 0, 0)),
+}
+"""The data's up axis -> rotation (rows) that brings it to +Z.
+
+The camera stands at -Y, so these also choose the data's front. +Y up, (x, y, z) -> (x, -z, y): what faces +Z faces the
+camera (OpenGL's axes). -Y up, (x, z, -y): what faces -Z does (a depth camera's axes, seen from the sensor). The
+others leave y alone, so what faces -Y does.
+"""
+Y_UP_SUFFIXES = frozenset({".obj", ".glb", ".gltf"})
+"""Formats of computer graphics, where +Y is up by convention (glTF: by its standard)."""
+
+CAMERA_CONE = 60.0
+"""Degrees from its axis within which a depth camera sees; a laser scanner sees all around."""
+IMPLIED_CONE, IMPLIED_DEPTHS = 50.0, (0.1, 15.0)
+"""Cone in degrees and depths in metres of a cloud that may be a depth camera's although its file does not say so."""
+FEWEST_FOR_LAYERS = 500
+MOST_LOOKED_AT = 20_000
+"""A larger cloud is thinned to this many points before its views are weighed."""
+
+AZIMUTHS = 24
+THREE_QUARTER = 22.5
+"""Degrees off the broadest view, so that the object's depth shows as well."""
+TIE, NOISE = 0.03, 0.005
+
+FEWEST_TO_CLIP = 100
+SMALL_CLUSTER, MOST_CLIPPED = 0.01, 0.02
+"""Shares of all points: of one stray cluster at most, and of everything that is clipped."""
+LEAST_GAIN = 0.1
+"""Clipping must shrink the bounding sphere's radius by this share at least; otherwise the strays do no harm."""
+
+
+@dataclass(frozen=True)
+class Up:
+    """How a cloud is set upright."""
+
+    rotation: np.ndarray
+    """Matrix (3, 3) from the file's axes to ones with +Z up and the front at -Y."""
+    axis: str
+    """What points up: ``+Y``, or ``the sensor's -Y`` when that is none of the file's axes."""
+    reason: str
+    sensor: Sensor | None = None
+    """The depth camera that took the cloud, told by the file or implied by the points."""
+
+
+def choose_up(points: np.ndarray, sensor: Sensor | None, suffix: str) -> Up:
+    """Which way is up in finite points (N, 3) of a file with that suffix (lower-case, with its dot), and why.
+
+    A depth camera's own up, else what its format holds by convention. A sensor that sees all around (a laser scanner)
+    says nothing about up.
+    """
+    reason = "as its depth camera stood"
+    if sensor is not None and not _is_camera(points, sensor):
+        sensor = None
+    elif sensor is None:
+        sensor, reason = implied_sensor(points), "it looks like a depth camera's view from the origin"
+    if sensor is not None:
+        rotation = np.array(UP_AXES["-Y"], dtype=np.float64) @ sensor.rotation.T
+        return Up(rotation, _axis_name(rotation[2]), reason, sensor)
+    if suffix in Y_UP_SUFFIXES:
+        return Up(np.array(UP_AXES["+Y"], dtype=np.float64), "+Y", f"the convention of {suffix}")
+    return Up(np.array(UP_AXES["+Z"], dtype=np.float64), "+Z", "the usual axis")
+
+
+def implied_sensor(points: np.ndarray) -> Sensor | None:
+    """Depth camera at the origin that points (N, 3) in metres seem to come from, though no file says so; or None.
+
+    Its mark: all points lie before the origin in a narrow cone along +Z (OpenCV's axes) or -Z (OpenGL's), and seen from
+    there hardly any direction holds two depths, while from the side many do. A whole object shows its back as well.
+    """
+    if len(points) < FEWEST_FOR_LAYERS:
+        return None
+    sign = 1.0 if points[0, 2] > 0 else -1.0
+    depth = sign * points[:, 2]
+    nearest, farthest = IMPLIED_DEPTHS
+    if depth.min() < nearest or depth.max() > farthest:
+        return None
+    if (np.hypot(points[:, 0], points[:, 1]) > math.tan(math.radians(IMPLIED_CONE)) * depth).any():
+        return None
+    x, y, z = _thinned(points).T
+    depth = sign * z
+    from_origin = _layered(x / depth, y / depth, depth, float(np.median(depth)))
+    from_side = max(_layered(y, z, x, 1.0), _layered(x, z, y, 1.0))
+    if from_origin > 0.05 or from_side < max(0.1, 3 * from_origin):
+        return None
+    return Sensor(np.zeros(3), np.diag([1.0, sign, sign]))
+
+
+def sensor_view(towards_sensor: np.ndarray) -> tuple[float, float]:
+    """Azimuth and elevation, degrees, that look from the sensor.
+
+    `towards_sensor` (3,) goes from the cloud's centre to the sensor, in axes with +Z up. The azimuth turns the sensor's
+    side to the camera at -Y.
+    """
+    x, y, z = (float(number) for number in towards_sensor)
+    flat = math.hypot(x, y)
+    azimuth = 0.0 if flat == 0 else -90.0 - math.degrees(math.atan2(y, x))
+    return _wrapped(azimuth), math.degrees(math.atan2(z, flat))
+
+
+def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tuple[float, str]:
+    """Azimuth in degrees that shows most of points (N, 3) with +Z up, turned for a three-quarter look, and why.
+
+    `AZIMUTHS` views from `elevation` are weighed. What differs by under 3 % is a tie, won by the view nearest to the
+    file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
+    """
+    points = _thinned(points - (points.min(0) + points.max(0)) / 2)
+    shown = [_showing(points, 360.0 / AZIMUTHS * step, elevation) for step in range(AZIMUTHS)]
+    nearest_first = sorted(range(AZIMUTHS), key=lambda step: (min(step, AZIMUTHS - step), step))
+    broadest = next(step for step in nearest_first if shown[step] >= (1 - TIE) * max(shown))
+    while True:
+        better = max((broadest - 1) % AZIMUTHS, (broadest + 1) % AZIMUTHS, key=lambda step: shown[step])
+        if shown[better] <= (1 + NOISE) * shown[broadest]:
+            break
+        broadest = better
+    azimuth = _wrapped(360.0 / AZIMUTHS * broadest)
+    return (azimuth - THREE_QUARTER if azimuth > 0 else azimuth + THREE_QUARTER), "shows most"
+
+
+def clip_outliers(points: np.ndarray) -> np.ndarray:
+    """Mask (N,) bool of finite points (N, 3): False for strays that would make the object small in its sphere.
+
+    Strays are clusters of under 1 % of the points, apart from the rest by a cell or more of a coarse grid. They go only
+    when that shrinks the bounding sphere's radius by over 10 %, and never more than 2 % of the points in all.
+    """
+    kept = np.ones(len(points), dtype=bool)
+    if len(points) < FEWEST_TO_CLIP:
+        return kept
+    for _ in range(4):  # a stray very far away hides the nearer ones from the first grid
+        rows = np.flatnonzero(kept)
+        budget = int(MOST_CLIPPED * len(points)) - (len(points) - len(rows))
+        strays = _strays(points[rows], int(SMALL_CLUSTER * len(points)), budget)
+        if not strays.any():
+            break
+        kept[rows[strays]] = False
+    return kept
+
+
+def _strays(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
+    """Mask (N,) of the points in small clusters outside the sphere of the others, when that sphere is clearly smaller.
+
+    Clusters of up to `largest` points count, the farthest ones first, up to `budget` points in all.
+    """
+    none = np.zeros(len(points), dtype=bool)
+    cluster = _clusters(points)
+    sizes = np.bincount(cluster)
+    small = sizes <= largest
+    if small.all() or not small.any():
+        return none
+    rows = np.flatnonzero(small[cluster])
+    reach = np.zeros(len(sizes))
+    centre = points[~small[cluster]].mean(0)
+    np.maximum.at(reach, cluster[rows], np.sqrt(((points[rows] - centre) ** 2).sum(1)))
+    farthest = np.flatnonzero(small)[np.argsort(-reach[small], kind="stable")]
+    taken = np.zeros(len(sizes), dtype=bool)
+    taken[farthest[np.cumsum(sizes[farthest]) <= budget]] = True
+    strays = taken[cluster]
+    rest = bounding_sphere(_thinned(points[~strays]))
+    whole = bounding_sphere(np.vstack([_thinned(points[~strays]), points[strays]])) if strays.any() else rest
+    if rest.radius > (1 - LEAST_GAIN) * whole.radius:
+        return none
+    outside = np.sqrt(((points - rest.centre) ** 2).sum(1)) > 1.02 * rest.radius
+    return strays & outside
+
+
+def _clusters(points: np.ndarray) -> np.ndarray:
+    """Number (N,) of each point's cluster: points in touching cells of a coarse grid.
+
+    Cells are a 24th of the widest side, or wider where the cloud is sparse: four points in a taken cell on average.
+    """
+    low = points.min(0)
+    span = float((points.max(0) - low).max())
+    for cells in (24, 16, 12, 8, 6):
+        place = ((points - low) * (cells / (span or 1.0) * (1 - 1e-9))).astype(np.int64)
+        side = cells + 2  # an empty border, so that no neighbour wraps around
+        key = ((place[:, 0] + 1) * side + place[:, 1] + 1) * side + place[:, 2] + 1
+        count = np.bincount(key, minlength=side**3)
+        if len(points) >= 4 * np.count_nonzero(count):
+            break
+    taken = np.flatnonzero(count)
+    label = np.full(side**3, side**3, dtype=np.int64)
+    label[taken] = taken
+    steps = [(x * side + y) * side + z for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
+    while True:
+        least = np.min([label[taken + step] for step in steps], axis=0)
+        least = np.minimum(least, label[least])  # jump along what the neighbour has found
+        if np.array_equal(least, label[taken]):
+            break
+        label[taken] = least
+    return np.unique(label[key], return_inverse=True)[1]
+
+
+def _is_camera(points: np.ndarray, sensor: Sensor) -> bool:
+    """True when nearly all points lie in the cone before the sensor."""
+    seen = (_thinned(points) - sensor.position) @ sensor.rotation
+    inside = np.hypot(seen[:, 0], seen[:, 1]) <= math.tan(math.radians(CAMERA_CONE)) * seen[:, 2]
+    return bool(inside.mean() > 0.98)
+
+
+def _axis_name(up: np.ndarray) -> str:
+    """Name of the file's axis along a unit vector (3,)."""
+    longest = int(np.abs(up).argmax())
+    if abs(up[longest]) < 1 - 1e-6:
+        return "the sensor's -Y"
+    return ("+" if up[longest] > 0 else "-") + "XYZ"[longest]
+
+
+def _thinned(points: np.ndarray) -> np.ndarray:
+    return points[:: -(-len(points) // MOST_LOOKED_AT)]
+
+
+def _layered(u: np.ndarray, v: np.ndarray, depth: np.ndarray, scale: float) -> float:
+    """Share of the cells of a picture (u, v) that hold two clearly different depths.
+
+    Cells hold eight points or so. Different: a gap in depth wider than six cells, which no slope brings about that is
+    sampled along its way; `scale` is the length of one unit of u.
+    """
+    plane = np.column_stack([u - u.min(), v - v.min()])
+    size = math.sqrt(float(plane.max(0).prod()) * 8 / len(u))
+    for _ in range(2):  # the first round finds how much of the rectangle is taken at all
+        if not size > 0:
+            return 0.0
+        column, row = (plane / size).astype(np.int64).T
+        cell = column * (int(row.max()) + 1) + row
+        taken = len(np.unique(cell))
+        wide = 6 * size * scale
+        size *= math.sqrt(taken * 8 / len(u))
+    order = np.lexsort((depth, cell))
+    gap = (np.diff(depth[order]) > wide) & (np.diff(cell[order]) == 0)
+    return len(np.unique(cell[order][1:][gap])) / taken
+
+
+def _showing(points: np.ndarray, azimuth: float, elevation: float) -> float:
+    """How much a view of centred points (N, 3) from afar shows: covered area times the root of its breadth.
+
+    Without the breadth, a thin thing's small parts (the arm of a lamp) would count no more than noise. The area is that
+    of 3 x 3 dots on a coarse picture, which lets few points cover what they stand for.
+    """
+    angle = math.radians(elevation)
+    x, y, z = (points @ turn(azimuth).T).T
+    reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
+    side = int(np.clip(2 * math.sqrt(len(points)), 12, 48))
+    picture = np.zeros((side + 2, side + 2), dtype=bool)
+    column, row = (((axis / reach + 1) / 2 * (side - 1)).astype(np.int64) + 1 for axis in
+                   (x, z * math.cos(angle) + y * math.sin(angle)))
+    picture[column, row] = True
+    wide = picture[:-2] | picture[1:-1] | picture[2:]
+    covered = np.count_nonzero(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
+    return covered * math.sqrt(float(np.ptp(x)) / reach)
+
+
+def _wrapped(azimuth: float) -> float:
+    """The same angle in (-180, 180]."""
+    return 180.0 - (180.0 - azimuth) % 360.0
