@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from pipeline.curve import Row
 from pipeline.dataset import CloudPictures
+from pipeline.load import load_network
 from storage.checkpoints import load_checkpoint
 from z2p_core import registry
 from z2p_core.camera import Camera
@@ -58,6 +59,7 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
 
     Raises:
         ShardError, DatasetError, PluginError, ValueError: shards, plugins or config that cannot be used.
+        WeightsError, TrainError: the weights to start from cannot be used, or are of another network.
     """
     if precision not in ("auto", "float32", "bfloat16"):
         raise ValueError(f"precision: expected auto, float32 or bfloat16, got {precision!r}")
@@ -65,17 +67,41 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
         if getattr(config, name) < 1:
             raise ValueError(f"train: {name}: expected 1 or more, got {getattr(config, name)}")
     data = CloudPictures(shards, config, registry.load("zbuffers", config.network.zbuffer)())
-    encoder = registry.load("encoders", config.network.encoder).create(
-        np.random.default_rng((ENCODER_SEED, config.seed))
-    )
+    start = load_network(config.start) if config.start else None
+    if start:
+        encoder = start.encoder
+    else:
+        rng = np.random.default_rng((ENCODER_SEED, config.seed))
+        encoder = registry.load("encoders", config.network.encoder).create(rng)
     cells = {side: Camera(side, side).frame_coordinates(config.network.unshuffle) for side in data.sides}
     encodings = {side: torch.from_numpy(encoder.encode(u, v)).to(device) for side, (u, v) in cells.items()}
     network = build_network(config.network, data.zbuffer.channels, encoder.channels, data.settings)
+    if start:
+        _check_start(start.card, config, data)
+        network.load_state_dict(start.network.state_dict())
     network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     average = copy.deepcopy(network).eval().requires_grad_(False)
     optimizer = torch.optim.AdamW(network.parameters(), betas=BETAS, weight_decay=WEIGHT_DECAY, fused=True)
     chosen = faster_precision(device) if precision == "auto" else precision
     return Run(config, data, data.fixed_elevation, encoder, network, average, optimizer, encodings, device, chosen)
+
+
+def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures) -> None:
+    """
+    Raises:
+        TrainError: weights with that card cannot be fine-tuned by this config on these shards.
+    """
+    expected = {
+        "network": to_dict(config.network),
+        "controls": [[control["name"], control["version"]] for control in data.controls],
+    }
+    came = {"network": card["network"], "controls": [[entry["name"], entry["version"]] for entry in card["controls"]]}
+    for part, wanted in expected.items():
+        if came[part] != wanted:
+            raise TrainError(
+                f"train.start: expected weights whose {part} is {wanted}, got {came[part]} in {config.start}; "
+                "start from others, or set the config as theirs"
+            )
 
 
 def weights_card(run: Run) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from storage.checkpoints import WeightsError, resolve
 from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry
 from storage.meshes import find_meshes
@@ -153,6 +154,9 @@ def _render_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
 def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, Any]:
     parameters = to_dict(config.train)
     del parameters["checkpoint_every"]  # a run resumes exactly, so how often it could does not matter
+    start = parameters.pop("start")
+    if start:
+        parameters["start"] = _weights_digest(start)
     network = parameters["network"]
     network["zbuffer"] = plugin_fields(registry.load("zbuffers", network["zbuffer"]))
     network["encoder"] = plugin_fields(registry.load("encoders", network["encoder"]))
@@ -161,6 +165,13 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
         "parameters": parameters,
         "controls": _controls(config),
     }
+
+
+def _weights_digest(start: str) -> str:
+    try:
+        return file_digest(resolve(start))
+    except WeightsError as error:
+        raise ConfigError(f"train.start: {error}") from error
 
 
 def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshInput]) -> dict[str, Any]:

@@ -205,3 +205,19 @@ def test_half_weights_draw_nearly_the_same(undisturbed, tmp_path):
         whole, half = (load_network(path).network(*inputs) for path in
                        (undisturbed / "weights.safetensors", tmp_path / "half.safetensors"))
     torch.testing.assert_close(whole, half, atol=5e-3, rtol=0)
+
+
+def test_fine_tuning_goes_on_from_the_weights_and_their_encoder(undisturbed, shards, tmp_path):
+    start = undisturbed / "weights.safetensors"
+    tuned = replace(CONFIG, start=str(start), steps=1, learning_rate=1e-9, average=0.0, seed=5)
+    weights = load_weights(train(shards, tuned, tmp_path, log=silent))
+    before = load_weights(start)
+    assert weights.card["encoder"] == before.card["encoder"]  # not drawn anew, though the seed is another
+    for name, tensor in weights.tensors.items():
+        np.testing.assert_allclose(tensor, before.tensors[name], atol=1e-6)
+
+
+def test_weights_of_another_network_are_not_fine_tuned(undisturbed, shards, tmp_path):
+    other = replace(CONFIG, start=str(undisturbed / "weights.safetensors"), network=replace(NETWORK, widths=(16, 24)))
+    with pytest.raises(TrainError, match=r"train.start: expected weights whose network is .*16, 24.*got .*32"):
+        train(shards, other, tmp_path, log=silent)

@@ -75,6 +75,7 @@ EFFECTS = {
     "train.loss.gradient_l1": (0.0, AFTER_SHARDS),
     "train.loss.foreground": (2.0, AFTER_SHARDS),
     "train.loss.masked": (True, AFTER_SHARDS),
+    "train.start": ("regular", AFTER_SHARDS),
     "train.resolutions": ((64, 128), AFTER_SHARDS),
     "train.steps": (151, AFTER_SHARDS),
     "train.batch": (4, AFTER_SHARDS),

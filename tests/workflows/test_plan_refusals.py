@@ -39,6 +39,11 @@ def test_an_unknown_plugin_is_refused_before_anything_runs(config, path):
         make_plan(edited(config, path, value))
 
 
+def test_weights_to_start_from_that_are_not_there_are_refused(config):
+    with pytest.raises(ConfigError, match=r"train\.start: unknown weights 'nosuch'; shipped: "):
+        make_plan(edited(config, "train.start", "nosuch"))
+
+
 @pytest.mark.parametrize("folder, message", [("nowhere", "no folder"), ("", "no mesh")])
 def test_a_folder_without_meshes_is_refused(tmp_path, folder, message):
     (tmp_path / "readme.txt").write_text("no mesh")
@@ -51,7 +56,11 @@ def test_quick_toml_spells_out_the_defaults():
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.glob("*.toml")), ids=lambda path: path.stem)
-def test_every_shipped_config_can_be_planned(path, meshes):
+def test_every_shipped_config_can_be_planned(path, meshes, monkeypatch):
+    monkeypatch.chdir(meshes)
+    finished = meshes / "runs" / "regular" / "weights.safetensors"  # what regular-tuned starts from
+    finished.parent.mkdir(parents=True)
+    finished.write_bytes(b"weights")
     config = parse_config(path.read_text(), path.name)
     assert config.name == path.stem and (config.meshes, config.evaluate_meshes) == ("builtin", "")
     assert make_plan(replace(config, meshes=str(meshes / "meshes"))).steps["evaluate"]
