@@ -1,6 +1,6 @@
 """Puts the weights of a finished pipeline run among those that z2p ships, with their model card.
 
-    python scripts/ship_weights.py runs/regular            # -> storage/weights/regular.safetensors and regular.md
+    python scripts/ship_weights.py runs/regular-tuned regular    # -> storage/weights/regular.safetensors, regular.md
 """
 
 from __future__ import annotations
@@ -17,11 +17,12 @@ CARD = """# Weights `{name}`
 
 Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16.
 
-- **Made by** `z2p pipeline --config configs/{name}.toml --meshes DIR --evaluate-meshes DIR`, training result
+- **Made by** `z2p pipeline --config configs/{config}.toml --meshes DIR --evaluate-meshes DIR`, training result
   `{fingerprint}`; sha256 of the shipped file `{digest}`.
 - **Data**: {renders} Cycles renders (and their validation share) of {meshes} meshes gathered from the public
   repositories alecjacobson/common-3d-test-models, libigl/libigl-tutorial-data and odedstein/meshes; each mesh keeps the
-  licence of its source, and none is part of z2p. {samples} samples seen.
+  licence of its source, and none is part of z2p. {samples} samples seen,
+  {begun}.
 - **Measured** on {evaluated} meshes never trained on, {views} views each, {points} points, {resolution}x{resolution}:
 
 | figure | mean | spread over the pictures |
@@ -40,12 +41,14 @@ def main(run: Path, name: str) -> None:
     shipped = SHIPPED / f"{name}.safetensors"
     save_weights(shipped, weights.tensors, weights.card, half=True)
     fingerprint = (run / "weights.safetensors").resolve().parent.name
-    text = describe(name, weights.card, metrics, fingerprint, file_digest(shipped))
+    text = describe(name, run.name, weights.card, metrics, fingerprint, file_digest(shipped))
     shipped.with_suffix(".md").write_text(text, encoding="utf-8")
     print(f"{shipped} ({shipped.stat().st_size / 1e6:.1f} MB) and {shipped.with_suffix('.md')}")
 
 
-def describe(name: str, card: dict[str, Any], metrics: dict[str, Any], fingerprint: str, digest: str) -> str:
+def describe(
+    name: str, run: str, card: dict[str, Any], metrics: dict[str, Any], fingerprint: str, digest: str
+) -> str:
     """The model card in Markdown."""
     training, config = card["training"], metrics["settings"]["config"]
     sides = card["resolution"]
@@ -58,6 +61,8 @@ def describe(name: str, card: dict[str, Any], metrics: dict[str, Any], fingerpri
     ]
     return CARD.format(
         name=name,
+        config=run,
+        begun=f"fine-tuned from `{training['start']}`" if training.get("start") else "begun at random",
         controls=", ".join(control["name"] for control in card["controls"]),
         kind=card["network"]["kind"],
         widths="-".join(map(str, card["network"]["widths"])),
