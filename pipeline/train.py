@@ -56,7 +56,7 @@ def train(
         run = start_run(shards, config, _device(device), precision)
         resume(run, out, log)
         size = sum(parameter.numel() for parameter in run.network.parameters())
-        sides = " and ".join(map(str, run.data.sides))
+        sides = " and ".join(map(str, sorted(set(run.data.sides))))
         log(
             f"training {config.network.kind} ({size / 1e6:.1f} M weights) on {len(run.data.training)} renders of "
             f"{len(run.data.shards)} meshes at {sides} pixels a side, {run.device.type}, {run.precision}, "

@@ -66,7 +66,7 @@ def describe(
         controls=", ".join(control["name"] for control in card["controls"]),
         kind=card["network"]["kind"],
         widths="-".join(map(str, card["network"]["widths"])),
-        sides=" and ".join(map(str, sides)),
+        sides=" and ".join(map(str, sorted(set(sides)))),
         fingerprint=fingerprint,
         digest=digest,
         renders=training["renders"],
