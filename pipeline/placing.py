@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.infer import place_cloud
 from storage.clouds import Scan
-from z2p_core.camera import DEFAULT_ELEVATION
+from z2p_core.camera import DEFAULT_ELEVATION, turn
 from z2p_core.framing import UP_AXES, Up, choose_up, choose_view, clip_outliers, implied_sensor, sensor_view
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
+from z2p_core.viewpoint import Viewpoint, frame
+
+OUTSIDE = 1.2
+"""Distance from the middle, in radii, from where on a point may lie outside a square picture."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,8 @@ class Placing:
     azimuth: float = 0.0
     """Degrees that the view is turned by on top."""
     keep_outliers: bool = False
+    viewpoint: Viewpoint | None = None
+    """A camera settled before: it replaces `up`, `view` and the cloud's own frame; `azimuth` still turns it."""
 
 
 @dataclass(frozen=True)
@@ -40,12 +45,15 @@ class Stance:
     view_reason: str
     outliers: int
     """Stray points left out."""
+    outside: int = 0
+    """Points beyond the frame of a camera that was settled before."""
 
     @property
     def told(self) -> str:
         """Part of a line that says it."""
         height = "" if self.elevation is None else f", elevation {round(self.elevation)}"
         strays = f"; {self.outliers} stray points left out of the frame" if self.outliers else ""
+        strays += f"; {self.outside} points beyond the camera's frame" if self.outside else ""
         return f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}{strays}"
 
 
@@ -56,6 +64,8 @@ class Placed:
     cloud: np.ndarray
     """Points (N, 3) float32 in world units."""
     stance: Stance
+    viewpoint: Viewpoint
+    """What placed it, with the camera's elevation."""
 
 
 def place(
@@ -76,16 +86,42 @@ def place(
     kept = np.ones(len(scan.points), dtype=bool) if placing.keep_outliers else clip_outliers(scan.points)
     outliers = int(len(kept) - kept.sum())
     points = scan.points[kept] if outliers else scan.points
+    if placing.viewpoint is not None:
+        return _as_settled(points, placing.viewpoint, placing.azimuth, elevation, free, outliers)
     up = _upright(points, scan.sensor, suffix, placing)
     azimuth, wished, reason = _view(points, up, placing, elevation)
-    if wished is not None and free is not None:
-        low, high = free
-        if not low <= wished <= high:
-            reason += f" ({round(wished)} degrees, beyond the weights' {low:g} to {high:g})"
-        wished = min(max(wished, low), high)
+    wished, beyond = _allowed(wished, free)
     azimuth += placing.azimuth
-    cloud = place_cloud(points, up.rotation, azimuth)
-    return Placed(cloud, Stance(up.axis, up.reason, azimuth, None if free is None else wished, reason, outliers))
+    viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
+    stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, outliers)
+    return Placed(viewpoint.place(points), stance, viewpoint)
+
+
+def _as_settled(
+    points: np.ndarray, viewpoint: Viewpoint, azimuth: float, elevation: float, free: tuple[float, float] | None,
+    outliers: int,
+) -> Placed:
+    """The points before a camera that was settled before, turned on by `azimuth` degrees."""
+    wished, beyond = _allowed(viewpoint.elevation, free)
+    rotation = turn(azimuth) @ np.array(viewpoint.rotation) if azimuth else np.array(viewpoint.rotation)
+    viewpoint = replace(viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()),
+                        elevation=elevation if wished is None else wished)
+    cloud = viewpoint.place(points)
+    outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
+    if outside == len(cloud):
+        raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
+    stance = Stance("as settled", "the camera's", azimuth, wished, f"the camera's{beyond}", outliers, outside)
+    return Placed(cloud, stance, viewpoint)
+
+
+def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[float | None, str]:
+    """The elevation that a view may have of what it wishes, None when it is settled elsewhere, and what to say."""
+    if wished is None or free is None:
+        return None, ""
+    low, high = free
+    if low <= wished <= high:
+        return wished, ""
+    return min(max(wished, low), high), f" ({round(wished)} degrees, beyond the weights' {low:g} to {high:g})"
 
 
 def _upright(points: np.ndarray, sensor: Sensor | None, suffix: str, placing: Placing) -> Up:

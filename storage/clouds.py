@@ -14,8 +14,8 @@ from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, sh
 from z2p_core import registry
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 
-__all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "read_clouds", "read_mesh", "readable_suffixes", "shown",
-           "write_cloud", "write_mesh"]  # fmt: skip
+__all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "read_clouds", "read_mesh",
+           "readable_suffixes", "shown", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 FEWEST_POINTS = 3
 
@@ -51,9 +51,24 @@ def read_clouds(path: Path) -> list[Scan]:
         raise ScanError(f"{shown(path)}: {error}") from error
 
 
+def usable(points: np.ndarray) -> Scan:
+    """The finite rows of points (N, 3), as a scan in float64.
+
+    Raises:
+        ScanError: there are not three finite points at two places at least.
+    """
+    return _scan(RawCloud(np.asarray(points, dtype=np.float64)), "")
+
+
 def readable_suffixes() -> dict[str, str]:
     """Suffix, lower-case with its dot -> name of the reader that takes it; readers that fail to load are left out."""
     return {suffix: names[0] for suffix, names in sorted(_claims()[0].items())}
+
+
+def format_suffix(path: Path) -> str:
+    """Suffix that tells a file's format, lower-case with its dot: that before .gz, if it is gzip'd."""
+    inner = path.with_suffix("") if path.suffix.lower() == ".gz" else path
+    return inner.suffix.lower()
 
 
 def find_scans(inputs: Sequence[str], recursive: bool) -> list[Path]:
