@@ -8,7 +8,7 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,9 @@ from pipeline.infer import Renderer
 from pipeline.placing import Stance
 from storage.clouds import Scan, format_suffix, read_clouds, shown
 from storage.fingerprints import file_digest
+from storage.incoming import is_spooled
 from storage.pictures import write_picture
-from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.viewpoint import Viewpoint
 
 __all__ = ["Look", "Outcome", "Task", "plan_outputs", "render_files", "source_of", "told_fault", "write_picture"]
@@ -33,6 +34,8 @@ class Task:
     """Of the only cloud; several clouds of one file become `<stem>_000.png`, `<stem>_001.png` ..."""
     single: bool = False
     """The user named the picture itself, so the file must hold one cloud."""
+    colors: tuple[Value, ...] = ()
+    """Colours of its clouds in turn, in place of the look's; none leaves it that."""
 
 
 @dataclass
@@ -79,13 +82,17 @@ def plan_outputs(
 
 
 def render_files(
-    tasks: list[Task], renderer: Renderer, look: Look, overwrite: bool = False, jobs: int = 1
+    tasks: list[Task], renderer: Renderer, look: Look, overwrite: bool = False, jobs: int = 1,
+    columns: tuple[str, ...] | None = None,
 ) -> Iterator[Outcome]:
-    """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only."""
+    """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only.
+
+    `columns` names those of text files.
+    """
     planned = frozenset(task.output for task in tasks)
 
     def work(task: Task) -> Outcome:
-        return _render_file(task, renderer, look, overwrite, planned)
+        return _render_file(task, renderer, look, overwrite, planned, columns)
 
     if jobs == 1:
         yield from map(work, tasks)
@@ -97,13 +104,19 @@ def render_files(
         pool.shutdown(cancel_futures=True)
 
 
-def source_of(scan: Path, output: Path, cloud: int = 0) -> dict[str, Any]:
+def source_of(
+    scan: Path, output: Path, cloud: int = 0, columns: tuple[str, ...] | None = None
+) -> dict[str, Any]:
     """Where a picture's cloud is, for its record: the file's name, digest and place beside the picture.
 
-    `cloud` counts within the file. The path is relative to the picture, so that the two can move together.
+    `cloud` counts within the file. The path is relative to the picture, so that the two can move together; what came
+    through standard input has none.
     """
     path = os.path.relpath(os.path.abspath(scan), os.path.abspath(output.parent))  # noqa: PTH100 - keeps links
-    return {"name": scan.name, "path": Path(path).as_posix(), "sha256": file_digest(scan), "cloud": cloud}
+    source = {"name": scan.name, "path": Path(path).as_posix(), "sha256": file_digest(scan), "cloud": cloud}
+    if columns is not None:
+        source["columns"] = list(columns)
+    return {**source, "path": None} if is_spooled(scan) else source
 
 
 def told_fault(error: Exception, scan: Path) -> str:
@@ -133,12 +146,18 @@ def _stem(scan: Path) -> str:
     return Path(name).stem
 
 
-def _render_file(task: Task, renderer: Renderer, look: Look, overwrite: bool, planned: frozenset[Path]) -> Outcome:
+def _render_file(
+    task: Task, renderer: Renderer, look: Look, overwrite: bool, planned: frozenset[Path],
+    columns: tuple[str, ...] | None,
+) -> Outcome:
     outcome = Outcome(task.scan, [task.output])
 
     def render(scan: Scan, cloud: int, output: Path) -> None:
-        drawing: Drawing = draw(renderer, scan, format_suffix(task.scan), look)
-        made_by = record(drawing, look, source_of(task.scan, output, cloud))
+        own = look
+        if task.colors:
+            own = replace(look, values={**look.values, "color": task.colors[cloud % len(task.colors)]})
+        drawing: Drawing = draw(renderer, scan, format_suffix(task.scan), own)
+        made_by = record(drawing, own, source_of(task.scan, output, cloud, columns))
         write_picture(drawing.picture, output, look.background, made_by)
         outcome.stances.append(drawing.stance)
         outcome.viewpoints.append(drawing.viewpoint)
@@ -146,7 +165,7 @@ def _render_file(task: Task, renderer: Renderer, look: Look, overwrite: bool, pl
     started = time.perf_counter()
     try:
         if overwrite or not task.output.exists():
-            _render_clouds(task, outcome, render, overwrite, planned)
+            _render_clouds(task, outcome, render, overwrite, planned, columns)
     except Exception as error:  # whatever a file or a stranger's reader brings up, the other files go on
         outcome.status, outcome.error = "failed", told_fault(error, task.scan)
     outcome.seconds = time.perf_counter() - started
@@ -154,10 +173,11 @@ def _render_file(task: Task, renderer: Renderer, look: Look, overwrite: bool, pl
 
 
 def _render_clouds(
-    task: Task, outcome: Outcome, render: Callable[[Scan, int, Path], None], overwrite: bool, planned: frozenset[Path]
+    task: Task, outcome: Outcome, render: Callable[[Scan, int, Path], None], overwrite: bool,
+    planned: frozenset[Path], columns: tuple[str, ...] | None,
 ) -> None:
     """Fill in `outcome` while drawing each cloud of the file; a cloud that cannot be drawn leaves the others."""
-    scans = read_clouds(task.scan)
+    scans = read_clouds(task.scan, columns)
     outcome.points = sum(len(scan.points) for scan in scans)
     outcome.dropped = sum(scan.dropped for scan in scans)
     if len(scans) > 1:

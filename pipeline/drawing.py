@@ -69,7 +69,7 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     if max(look.width, look.height) * look.supersample > LARGEST_SIDE:
         raise SettingError(f"expected at most {LARGEST_SIDE} pixels a side to draw, got {look.width},{look.height} "
                            f"times {look.supersample}; make the resolution or --supersample smaller")
-    elevation, free = _elevation(renderer, look.values)
+    elevation, free = elevation_of(renderer, look.values)
     placed = place(scan, suffix, look.placing, elevation, free)
     values = dict(look.values)
     if placed.stance.elevation is not None:
@@ -111,7 +111,7 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
     }
 
 
-def _elevation(renderer: Renderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
+def elevation_of(renderer: Renderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
     """The camera's elevation, degrees, and the range in which a view may choose another: None when it is settled."""
     if renderer.fixed_elevation is not None:
         return renderer.fixed_elevation, None

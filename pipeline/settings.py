@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pipeline.infer import Renderer
 from z2p_core.interfaces import Control, SettingError, Value
+
+if TYPE_CHECKING:  # reading a colour needs no torch
+    from pipeline.infer import Renderer
 
 Color = tuple[float, float, float]
 

@@ -105,7 +105,7 @@ def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, mon
     alive, most, lock = [0], [0], threading.Lock()
     original = batch.read_clouds
 
-    def counted(path: Path) -> list[batch.Scan]:
+    def counted(path: Path, columns: None) -> list[batch.Scan]:
         with lock:
             alive[0] += 1
             most[0] = max(most[0], alive[0])

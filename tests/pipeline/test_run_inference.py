@@ -245,7 +245,7 @@ def test_ctrl_c_is_told_apart_from_failed_files(
 
     original = batch.read_clouds
 
-    def read(path: Path) -> list[batch.Scan]:
+    def read(path: Path, columns: None) -> list[batch.Scan]:
         if path.name == "two.xyz":
             raise KeyboardInterrupt
         return original(path)
