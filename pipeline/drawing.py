@@ -106,7 +106,8 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
-        "keep_outliers": look.placing.keep_outliers,
+        "placing": {"up": look.placing.up, "view": look.placing.view, "keep_outliers": look.placing.keep_outliers,
+                    "cut_top": look.placing.cut_top},
         "stance": asdict(drawing.stance),
     }
 

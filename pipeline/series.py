@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.placing import Placing, place
+from pipeline.placing import Placing, place, shown_points
 from storage.clouds import Scan, format_suffix, read_clouds, usable
-from z2p_core.framing import clip_outliers
 from z2p_core.geometry import random_rotation
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.viewpoint import Viewpoint
@@ -54,26 +53,18 @@ def common_viewpoint(
             unread += 1
             continue
         first = first or (found[0].sensor, format_suffix(path))
-        reach += [_outline(scan.points, placing.keep_outliers) for scan in found]
+        reach += [_outline(shown_points(scan, format_suffix(path), placing).points) for scan in found]
         clouds += len(found)
     if first is None:
         raise ScanError(f"--same-frame: none of {unread} files can be read")
-    together = usable(np.vstack(reach))
-    placed = place(Scan(together.points, 0, "", first[0]), first[1], _kept(placing), elevation, free)
+    together = Scan(usable(np.vstack(reach)).points, 0, "", first[0])
+    placing = replace(placing, keep_outliers=True, cut_top=0.0)  # what is to go has gone from each
+    placed = place(together, first[1], placing, elevation, free)
     return Series(placed.viewpoint, placed.stance.told, clouds, unread)
 
 
-def _kept(placing: Placing) -> Placing:
-    """The placing of points whose strays have gone already."""
-    from dataclasses import replace
-
-    return replace(placing, keep_outliers=True)
-
-
-def _outline(points: np.ndarray, keep_outliers: bool) -> np.ndarray:
+def _outline(points: np.ndarray) -> np.ndarray:
     """Farthest points of a cloud along fixed directions, and an even share of the rest."""
-    if not keep_outliers:
-        points = points[clip_outliers(points)]
     rng = np.random.default_rng(0)
     directions = np.vstack([random_rotation(rng) for _ in range(DIRECTIONS // 3)])
     centred = points - points[0]

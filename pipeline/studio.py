@@ -105,7 +105,7 @@ def look_for(renderer: Renderer, request: Request) -> Look:
     if isinstance(view, tuple) and wishes.get("elevation") is None:
         wishes["elevation"] = view[1]
     placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, float(request.azimuth),
-                      request.keep_outliers, _camera(request.camera))
+                      request.keep_outliers, request.cut_top, _camera(request.camera))
     file = resolve(request.weights)
     weights = {"name": Path(request.weights).stem, "sha256": _digest(file, file.stat().st_mtime_ns)}
     return Look(settings_for(renderer, wishes), placing, *request.size, background_from(request.background),
@@ -136,6 +136,9 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
             if drawing.stance.outliers:
                 notes.append(f"{drawing.stance.outliers} stray points were left out of the frame; keep_outliers=True "
                              "keeps them")
+            if drawing.stance.background:
+                notes.append(f"{drawing.stance.background} points far behind the depth camera's subject were left out; "
+                             "keep_outliers=True keeps them")
             if drawing.stance.outside:
                 notes.append(f"{drawing.stance.outside} points lie beyond the camera's frame")
             pictures.append(Picture(array, record(drawing, look, source), tuple(notes)))

@@ -41,6 +41,7 @@ def render(
     supersample: int = 1,
     fit: str = "frame",
     keep_outliers: bool = False,
+    cut_top: float = 0.0,
     weights: str | Path = "regular",
     **controls: Any,
 ) -> Picture:
@@ -64,7 +65,8 @@ def render(
         background: None for transparent, or like `color`.
         supersample: draw this many times as large and average down.
         fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to what is to be seen, the shadow included).
-        keep_outliers: keep stray points that make the object small.
+        keep_outliers: keep stray points that make the object small, and what lies far behind a depth camera's subject.
+        cut_top: percent of the height to cut off from above, to look into a room.
         weights: a shipped name or a .safetensors file.
 
     Raises:
@@ -78,7 +80,7 @@ def render(
         wishes["color"], note = _instead_of(colors, color)
         notes.append(note)
     request = Request(up, view, azimuth, camera, {**wishes, **controls}, _size(size), background, _factor(supersample),
-                      _tight(fit), keep_outliers, weights)
+                      _tight(fit), keep_outliers, _percent(cut_top), weights)
     if isinstance(points, str | Path):
         pictures, batched = studio().draw_file(Path(points), request), False
     else:
@@ -140,3 +142,9 @@ def _tight(fit: Any) -> bool:
     if fit not in ("frame", "tight"):
         raise SettingError(f"expected fit 'frame' or 'tight', got {fit!r}")
     return bool(fit == "tight")
+
+
+def _percent(cut_top: Any) -> float:
+    if not (isinstance(cut_top, int | float) and 0 <= cut_top < 100):
+        raise SettingError(f"expected cut_top from 0 to below 100 percent, got {cut_top!r}")
+    return float(cut_top)

@@ -32,6 +32,7 @@ class Request:
     supersample: int = 1
     tight: bool = False
     keep_outliers: bool = False
+    cut_top: float = 0.0
     weights: str | Path = "regular"
 
 

@@ -31,7 +31,10 @@ OPTIONS = (
                  help="Turn the object on from there about its up axis, counter-clockwise from above."),
     click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
                  help="Look as before: JSON that --save-camera wrote, or a picture of z2p; replaces --up and --view."),
-    click.option("--keep-outliers", is_flag=True, help="Keep stray points that make the object small."),
+    click.option("--keep-outliers", is_flag=True,
+                 help="Keep stray points that make the object small, and what is far behind a depth camera's subject."),
+    click.option("--cut-top", default=0.0, type=click.FloatRange(0, 100, max_open=True), metavar="PERCENT",
+                 help="Cut off so much of the height from above, to look into a room."),
     click.option("--resolution", default="512", type=Resolution(), help="Size in pixels."),
     click.option("--background", default="transparent", type=Background(),
                  help="transparent, or a CSS colour name or #hex."),
@@ -67,7 +70,7 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
         given = {"elevation": (view[1],), **given}  # --elevation wins
     viewpoint = None if file is None else read_camera(file)
     placing = Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
-                      options["keep_outliers"], viewpoint)
+                      options["keep_outliers"], options["cut_top"], viewpoint)
     background = None if options["background"] == "transparent" else options["background"]
     weights = {"name": Path(options["weights"]).stem, "sha256": file_digest(resolve(options["weights"]))}
     width, height = options["resolution"]

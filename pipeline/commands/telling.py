@@ -28,6 +28,7 @@ def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict
         "view": options["view"],
         "azimuth": look.placing.azimuth,
         "keep_outliers": look.placing.keep_outliers,
+        "cut_top": look.placing.cut_top,
         "resolution": [look.width, look.height],
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,

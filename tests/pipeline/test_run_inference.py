@@ -84,7 +84,7 @@ def test_json_tells_all_of_a_file(
     assert "4 not finite dropped" in result.stderr
     assert settings["view"] == "front"
     assert stance == {"up": "-Y", "up_reason": "as asked", "azimuth": -30, "elevation": 20,
-                      "view_reason": "the front", "outliers": 0, "outside": 0}  # fmt: skip
+                      "view_reason": "the front", "outliers": 0, "outside": 0, "background": 0, "hint": ""}  # fmt: skip
     assert "; up -Y: as asked; azimuth -30: the front)" in result.stderr
 
 
