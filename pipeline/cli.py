@@ -14,6 +14,7 @@ from z2p_core import __version__
 
 COMMANDS = {
     "run-inference": ("pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
+    "animate": ("pipeline.commands.animate:animate", "Make turntables and light sweeps of point clouds."),
     "rerender": ("pipeline.commands.figures:rerender", "Draw a picture again with something changed."),
     "info": ("pipeline.commands.figures:info", "Show what made a picture."),
     "evaluate": ("pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),

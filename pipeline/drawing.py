@@ -85,12 +85,18 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
 
 def trimmed(picture: np.ndarray) -> np.ndarray:
     """The part (H', W', 4) of a straight RGBA picture (H, W, 4) uint8 that shows something, with a narrow margin."""
-    visible = picture[..., 3] >= FAINTEST
+    rows, columns = trimmed_window(picture[..., 3])
+    return picture[rows, columns]
+
+
+def trimmed_window(alpha: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns of alpha (H, W) uint8 that show something, with a narrow margin; all of them if nothing does."""
+    visible = alpha >= FAINTEST
     if not visible.any():
-        return picture
-    margin = round(TRIM_MARGIN * min(picture.shape[:2]))
+        return slice(None), slice(None)
+    margin = round(TRIM_MARGIN * min(alpha.shape))
     (top, bottom), (left, right) = ((np.flatnonzero(visible.any(axis))[[0, -1]]) for axis in (1, 0))
-    return picture[max(top - margin, 0) : bottom + margin + 1, max(left - margin, 0) : right + margin + 1]
+    return slice(max(top - margin, 0), bottom + margin + 1), slice(max(left - margin, 0), right + margin + 1)
 
 
 def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:

@@ -80,6 +80,8 @@ def read_record(path: Path) -> dict[str, Any]:
     try:
         with Image.open(path) as image:
             text = image.info.get(KEY) or image.getexif().get(DESCRIPTION)
+            if text is None and isinstance(comment := image.info.get("comment"), bytes):  # a GIF's
+                text = comment.decode(errors="replace")
             if text is None and hasattr(image, "tag_v2"):
                 text = image.tag_v2.get(DESCRIPTION)
     except OSError as error:  # pillow's own error for what is no picture is one of these
@@ -97,6 +99,11 @@ def read_record(path: Path) -> dict[str, Any]:
     return record
 
 
+def described(record: dict[str, Any]) -> str:
+    """The record as the text that stands in a description or a comment; plain ascii, which is all they hold."""
+    return f"{KEY}: {json.dumps(record, allow_nan=False)}"
+
+
 def write_whole(content: bytes, path: Path) -> None:
     """Write a file, whole or not at all; folders on the way are made."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -112,11 +119,10 @@ def _options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:
     """Pillow's options for a format, the record among them."""
     from PIL import Image, PngImagePlugin
 
-    text = None if record is None else json.dumps(record, allow_nan=False)  # plain ascii: chunks and tags hold no more
     if format == "PNG":
         chunk = PngImagePlugin.PngInfo()
-        if text is not None:
-            chunk.add_text(KEY, text)
+        if record is not None:
+            chunk.add_text(KEY, json.dumps(record, allow_nan=False))
         return {"compress_level": 4, "pnginfo": chunk}
     kinds: dict[str, dict[str, Any]] = {
         "WEBP": {"lossless": True, "exact": True},
@@ -124,10 +130,10 @@ def _options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:
         "TIFF": {"compression": "tiff_adobe_deflate"},
     }
     options = kinds[format]
-    if text is None:
+    if record is None:
         return options
     if format == "TIFF":
-        return {**options, "description": f"{KEY}: {text}"}
+        return {**options, "description": described(record)}
     exif = Image.Exif()
-    exif[DESCRIPTION] = f"{KEY}: {text}"
+    exif[DESCRIPTION] = described(record)
     return {**options, "exif": exif}
