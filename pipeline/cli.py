@@ -21,6 +21,8 @@ COMMANDS = {
     "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
     "plugins": ("pipeline.commands.listings:plugins", "List the installed plugins."),
     "formats": ("pipeline.commands.listings:formats", "List the readable file formats."),
+    "report": ("pipeline.commands.report:report", "Print what a bug report needs."),
+    "completion": ("pipeline.commands.report:completion", "Print the script for Tab completion in a shell."),
 }
 """Subcommand -> (module:attribute, short help); the help is here so that `z2p --help` imports none of them."""
 

@@ -34,8 +34,8 @@ class Motion:
     kind: str = "turn"
     """``turn``: once around, counter-clockwise from above; ``light``: the light to the right, to the left and back."""
     frames: int = 48
-    steady: int = 3
-    """Pictures that each frame is the mean of, spread over its share of the way; 1 flickers most."""
+    steady: int = 1
+    """Pictures that each frame is the mean of, spread over its share of the way."""
 
 
 def moving_frames(renderer: Renderer, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:

@@ -120,7 +120,7 @@ def test_the_command(
     assert [line.split(":")[0] for line in result.stderr.splitlines()] == ["failed", "failed", "rendered", "rendered"]
     assert "holds 2 clouds" in result.stderr
     record = read_record(tmp_path / "out" / "one.webp")
-    assert record["motion"] == {"kind": "turn", "frames": 3, "steady": 3, "fps": 24.0}
+    assert record["motion"] == {"kind": "turn", "frames": 3, "steady": 1, "fps": 24.0}
     assert "skipped" in z2p(*words).stderr
     alone = z2p("animate", scans / "one.npy", "-o", tmp_path / "a.gif", "--weights", tiny_weights, "--resolution", 32,
                 "--frames", 3, "--motion", "light", "--fit", "tight")  # fmt: skip
