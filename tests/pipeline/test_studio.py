@@ -47,7 +47,7 @@ def test_every_setting_changes_the_picture(cloud: np.ndarray, small: dict[str, A
     [{"color": "nocolour"}, {"color": (2, 0, 0)}, {"color": "red", "light": (1, 2)}, {"elevation": 99}, {"size": 8},
      {"size": (64, 64, 64)}, {"metallic": 0.5}, {"nosuch": 1}, {"view": "side"}, {"view": (1,)}, {"up": "Z"},
      {"background": "nocolour"}, {"background": (1, 2, 3)}, {"fit": "loose"}, {"supersample": 7},
-     {"camera": {"a": 1}}, {"camera": "nosuch.json"}, {"color": object()}, {"colors": np.ones(3)}],
+     {"camera": {"a": 1}}, {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)}],
     ids=str,
 )  # fmt: skip
 def test_wrong_settings_are_value_errors_in_one_line(
