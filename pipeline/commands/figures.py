@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipeline.cli import Failure, debugging
-from pipeline.commands.control_options import SETTINGS, InferenceCommand
+from pipeline.commands.control_options import SETTINGS, RerenderCommand
 from pipeline.commands.values import Background, Degrees, Resolution
 from z2p_core.interfaces import Value
 
@@ -50,7 +50,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
         click.get_current_context().exit(1)
 
 
-@click.command(cls=InferenceCommand, context_settings={"show_default": True})
+@click.command(cls=RerenderCommand, context_settings={"show_default": True})
 @click.argument("figure", type=click.Path(path_type=Path), metavar="FIGURE")
 @click.option("--output", "-o", type=click.Path(path_type=Path), metavar="OUT", show_default=False,
               help="The new picture.  [default: FIGURE with _2 before its suffix]")

@@ -27,6 +27,10 @@ class View(click.ParamType):
 
     name = "auto|front|sensor|AZ,EL"
 
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """As the words are written."""
+        return self.name
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> str | tuple[float, float]:

@@ -188,3 +188,12 @@ def test_completion_completes(z2p: Callable[..., Result], shell: str) -> None:
         env={**os.environ, **words, "_Z2P_COMPLETE": f"{shell}_complete"}, capture_output=True, text=True,
     )  # fmt: skip
     assert "--metallic" in done.stdout, done.stderr
+
+
+def test_help_is_in_sections_and_a_figures_own_settings_are_its_defaults(z2p: Callable[..., Result]) -> None:
+    told = z2p("run-inference", "--help").output
+    places = [told.index(f"\n{heading}:\n") for heading in ("Input", "View", "Picture", "Look", "Output")]
+    assert places == sorted(places)
+    assert places[3] < told.rindex("--color") < told.rindex("--light") < places[4]
+    assert "[default: 3.6,-40,50]" in " ".join(told.split())
+    assert "3.6,-40,50]" not in " ".join(z2p("rerender", "--help").output.split())
