@@ -221,6 +221,8 @@ class RawCloud:
 MEMORY_A_POINT = 170
 """Bytes that a point takes at the height of reading and placing it: seven times x, y, z in float64."""
 MEMORY_A_BYTE = MEMORY_A_POINT // 12
+MEMORY_A_CHARACTER = 26
+"""The same for a byte of text that is read as a whole and cut into words."""
 
 
 class Reader(ABC):

@@ -6,6 +6,7 @@ import io
 import struct
 import sys
 import zipfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,7 @@ import trimesh
 from pypcd4 import Encoding, PointCloud
 from reader_files import SUFFIXES, cloud, e57, las, ply, read, refused
 
+from z2p_core import registry
 from z2p_core.interfaces import ScanError
 
 
@@ -144,6 +146,8 @@ def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
     assert sorted(good) == sorted(SUFFIXES)
     for suffix, blob in good.items():
         path = tmp_path / f"damaged{suffix}"
+        reader = next(plugin for plugin in map(partial(registry.load, "readers"), registry.names("readers"))
+                      if suffix in plugin.suffixes)()  # fmt: skip
         path.write_bytes(blob)
         assert len(read(path)[0]) == (39 if suffix == ".stl" else 40)
         refusals = 0
@@ -154,6 +158,7 @@ def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
             cut = rng.integers(0, len(blob)) if trial % 4 == 0 else len(blob)
             path.write_bytes(damaged.tobytes()[:cut])
             try:
+                reader.memory(path)
                 read(path)
             except ScanError:
                 refusals += 1
@@ -193,3 +198,13 @@ def test_e57_joins_its_scans_and_says_what_is_missing(tmp_path: Path, monkeypatc
     refused(tmp_path / "b.e57", blob[: len(blob) // 2], "cannot be read")
     monkeypatch.setitem(sys.modules, "pye57", None)
     refused(tmp_path / "a.e57", blob, r"z2p\[e57\]")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_memory_is_at_least_that_of_the_points_and_not_absurd(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(samples(tmp_path)[suffix])
+    (reader,) = (plugin for plugin in map(partial(registry.load, "readers"), registry.names("readers"))
+                 if suffix in plugin.suffixes)  # fmt: skip
+    needed = reader().memory(path)
+    assert 39 * 24 * 3 <= needed <= 100 * max(path.stat().st_size, 40 * 24)
