@@ -151,13 +151,16 @@ def _render_file(
     columns: tuple[str, ...] | None,
 ) -> Outcome:
     outcome = Outcome(task.scan, [task.output])
+    source: dict[str, Any] = {}
 
     def render(scan: Scan, cloud: int, output: Path) -> None:
         own = look
         if task.colors:
             own = replace(look, values={**look.values, "color": task.colors[cloud % len(task.colors)]})
         drawing: Drawing = draw(renderer, scan, format_suffix(task.scan), own)
-        made_by = record(drawing, own, source_of(task.scan, output, cloud, columns))
+        if not source:  # once a file, for its digest takes time
+            source.update(source_of(task.scan, output, columns=columns))
+        made_by = record(drawing, own, {**source, "cloud": cloud})
         write_picture(drawing.picture, output, look.background, made_by)
         outcome.stances.append(drawing.stance)
         outcome.viewpoints.append(drawing.viewpoint)

@@ -56,7 +56,8 @@ class DrawingStudio:
             SettingError: a setting that cannot be.
         """
         scans = read_clouds(path)
-        sources = [source_of(path, Path("picture"), index) for index in range(len(scans))]
+        source = source_of(path, Path("picture"))
+        sources = [{**source, "cloud": index} for index in range(len(scans))]
         return _pictures(scans, sources, format_suffix(path), request)
 
     def save(self, picture: Picture, path: Path) -> Path:

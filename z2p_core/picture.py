@@ -45,6 +45,11 @@ class Picture:
         """The same picture over a background: a CSS name, #hex or three numbers in [0, 1]; alpha is 255 throughout."""
         return studio().over(self, background)
 
+    def __repr__(self) -> str:
+        height, width = self.array.shape[:2]
+        name = self.record.get("input", {}).get("name") or "an array"
+        return f"<Picture {width}x{height} of {f'{len(self)} clouds' if self.parts else name}>"
+
     def __len__(self) -> int:
         return len(self.parts) or 1
 

@@ -157,3 +157,16 @@ def test_several_clouds_do_not_fit_into_one_named_picture(
     [outcome] = render_files([Task(tmp_path / "a.npy", tmp_path / "a.png", single=True)], renderer, LOOK)
     assert outcome.status == "failed"
     assert "3 clouds" in str(outcome.error)
+
+
+def test_a_batch_file_is_digested_once(
+    tmp_path: Path, renderer: Renderer, cloud: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline import batch
+
+    digested = []
+    monkeypatch.setattr(batch, "file_digest", lambda path: digested.append(path) or "0")
+    np.save(tmp_path / "a.npy", np.stack([cloud] * 5))
+    [outcome] = render_files(plan_outputs([tmp_path / "a.npy"], [], tmp_path / "out", False), renderer, LOOK)
+    assert outcome.status == "ok" and len(outcome.outputs) == 5
+    assert digested == [tmp_path / "a.npy"]

@@ -135,6 +135,8 @@ def test_it_shows_itself_in_a_notebook(cloud: np.ndarray, small: dict[str, Any],
     (tmp_path / "cell.png").write_bytes(picture._repr_png_())
     assert np.array_equal(np.asarray(Image.open(tmp_path / "cell.png")), picture.array)
     assert np.asarray(picture) is picture.array
+    assert repr(picture) == "<Picture 48x48 of an array>"
+    assert repr(z2p_core.render([cloud, cloud], **small)) == "<Picture 96x48 of 2 clouds>"
 
 
 def test_torch_around_it_notices_nothing(cloud: np.ndarray, tiny_weights: Path, tmp_path: Path) -> None:
