@@ -11,10 +11,10 @@ from pipeline.buffers import draw_buffers
 from pipeline.load import load_network
 from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
 from z2p_core.framing import UP_AXES
-from z2p_core.geometry import bounding_sphere
 from z2p_core.images import bytes_from_unit, straight_from_premultiplied
-from z2p_core.interfaces import Control, ScanError, Value
+from z2p_core.interfaces import Control, Value
 from z2p_core.scene import SceneDescription
+from z2p_core.viewpoint import frame
 
 
 class Renderer:
@@ -91,13 +91,5 @@ def place_cloud(points: np.ndarray, up: str | np.ndarray = "+Z", azimuth: float 
     Raises:
         ScanError: there is no extent to scale: no points, or all in one place.
     """
-    if len(points) == 0:
-        raise ScanError("expected points, got none; check the file")
-    sphere = bounding_sphere(points)
-    if not 0 < sphere.radius < np.inf:
-        raise ScanError(f"expected points that span a finite volume, got {len(points)} within radius {sphere.radius:g}")
-    placed = points.astype(np.float64)
-    placed -= sphere.centre
-    placed /= sphere.radius
-    rotation = turn(azimuth) @ np.asarray(UP_AXES[up] if isinstance(up, str) else up, dtype=np.float64)
-    return (placed @ rotation.T).astype(np.float32)
+    upright = np.asarray(UP_AXES[up] if isinstance(up, str) else up, dtype=np.float64)
+    return frame(points, turn(azimuth) @ upright, DEFAULT_ELEVATION).place(points)

@@ -239,6 +239,13 @@ class RawCloud:
     sensor: Sensor | None = None
 
 
+MEMORY_A_POINT = 170
+"""Bytes that a point takes at the height of reading and placing it: seven times x, y, z in float64."""
+MEMORY_A_BYTE = MEMORY_A_POINT // 12
+MEMORY_A_CHARACTER = 26
+"""The same for a byte of text that is read as a whole and cut into words."""
+
+
 class Reader(ABC):
     """Reads one family of point-cloud files."""
 
@@ -246,6 +253,15 @@ class Reader(ABC):
     version: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
     """Lower-case, with the dot: ``(".las", ".laz")``."""
+    columns: Sequence[str] | None = None
+    """What the user says that a text file's columns hold: ``("x", "y", "z", "r", "g", "b")``; others ignore it."""
+
+    def memory(self, path: Path) -> int:
+        """Bytes that reading and placing the file take at the most, roughly: more than is free, and it is refused.
+
+        The default fits packed float32 coordinates; formats that pack tighter count their points instead.
+        """
+        return MEMORY_A_BYTE * path.stat().st_size
 
     @abstractmethod
     def read(self, path: Path) -> Sequence[RawCloud | np.ndarray]:

@@ -8,6 +8,7 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
+import trimesh
 
 from z2p_core import registry
 from z2p_core.interfaces import Reader
@@ -56,6 +57,17 @@ def write_las(path: Path) -> None:
     las.write(str(path))
 
 
+def write_e57(path: Path) -> None:
+    pye57 = pytest.importorskip("pye57")
+    file = pye57.E57(str(path), mode="w")
+    file.write_scan_raw(dict(zip(("cartesianX", "cartesianY", "cartesianZ"), CLOUD.T.copy(), strict=True)))
+    file.close()
+
+
+def write_stl(path: Path) -> None:
+    path.write_bytes(trimesh.Trimesh(CLOUD, [[0, 1, 2], [2, 3, 4]], process=False).export(file_type="stl"))
+
+
 EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
     "ply": (".ply", write_ply, LYING_PLY),
     "pcd": (".pcd", write_pcd, LYING_PCD),
@@ -63,6 +75,8 @@ EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
     "vertices": (".obj", lambda path: write_lines(path, prefix="v "), b"v one two three\n"),
     "numpy": (".npy", lambda path: np.save(path, CLOUD), b"\x93NUMPY and then nothing of the kind"),
     "las": (".las", write_las, b"LASF" + bytes(60)),
+    "e57": (".e57", write_e57, b"ASTM-E57" + bytes(60)),
+    "meshes": (".stl", write_stl, bytes(80) + b"\xff\xff\xff\x7f" + bytes(50)),
 }
 """Reader -> suffix, what writes an example, and the bytes of a file it must refuse."""
 
