@@ -16,6 +16,10 @@ COMMANDS = {
     "run-inference": ("pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
     "evaluate": ("pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
     "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
+    "status": ("pipeline.commands.workspace:status", "Say which stages are fresh, stale or missing, and why."),
+    "verify": ("pipeline.commands.workspace:verify", "Compare every stored result with its digests."),
+    "gc": ("pipeline.commands.workspace:gc", "Remove results that no kept configuration needs."),
+    "adopt": ("pipeline.commands.workspace:adopt", "Vouch for results that older code made."),
     "plugins": ("pipeline.commands.listings:plugins", "List the installed plugins."),
     "formats": ("pipeline.commands.listings:formats", "List the readable file formats."),
 }

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 
 @lru_cache(maxsize=256)
 def part_digest(name: str) -> str:
-    """Digest (64 hex digits) of a module of the project, of one ``module:definition``, or of a ``folder/file`` as it is.
+    """Digest (64 hex digits) of a module of the project, of a ``module:definition``, or of a ``folder/file`` as it is.
 
     Raises:
         FileNotFoundError: no such module or file.

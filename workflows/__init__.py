@@ -41,6 +41,7 @@ class _Quiet(logging.Filter):
 _apply_settings()
 logging.getLogger("luigi-interface").addFilter(_Quiet())
 
-from workflows.full_pipeline import FullPipeline  # noqa: E402  after the settings, which luigi reads as it goes
+from workflows import stages  # noqa: E402  after the settings, which luigi reads as it goes
+from workflows.full_pipeline import FullPipeline  # noqa: E402
 
-__all__ = ["FullPipeline"]
+__all__ = ["FullPipeline", "stages"]
