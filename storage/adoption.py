@@ -34,8 +34,9 @@ class Candidate:
 def candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) -> list[Candidate]:
     """What can be adopted for the planned entries of some stages that are not complete.
 
-    `planned` is a whole plan, upstream first. Of several results that mean the same, the newest is taken. Renders are
-    found however their views were cut into chunks.
+    `planned` is a whole plan, upstream first. Of several results that mean the same, the newest of the latest stage
+    version is taken, but none of a later version than the installed one. Renders are found however their views were cut
+    into chunks.
     """
     wanted = set(stages)
     meanings = _Meanings()
@@ -49,7 +50,7 @@ def candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) ->
         if stage not in wanted:
             continue
         asked = {meanings.of(_whole(entry.fields)): entry for entry in planned if entry.stage == stage}
-        for folder, manifest in sorted(store.manifests(stage), key=lambda one: str(one[1].get("written"))):
+        for folder, manifest in sorted(store.manifests(stage), key=_age):
             same = asked.get(meanings.of(_whole(manifest["fields"])))
             candidate = _candidate(folder, manifest, same) if same else None
             if candidate and not store.complete(candidate.entry):
@@ -78,6 +79,8 @@ def adopt(store: Store, candidate: Candidate, because: str) -> None:
 
 def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candidate | None:
     fields = dict(entry.fields)
+    if manifest["fields"]["stage_version"] > fields["stage_version"]:
+        return None
     name = entry.name
     if entry.stage == "render":
         fields |= {key: manifest["fields"][key] for key in RANGE}
@@ -86,6 +89,11 @@ def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candi
         return None
     told = tuple(map(str, differences(manifest["fields"], fields)))
     return Candidate(Entry(entry.stage, name, fields, entry.provenance), folder, manifest["fingerprint"], told)
+
+
+def _age(found: tuple[Path, dict[str, Any]]) -> tuple[int, str]:
+    """Sorts the result that is to be preferred last."""
+    return int(found[1]["fields"]["stage_version"]), str(found[1].get("written"))
 
 
 def _whole(fields: Mapping[str, Any]) -> dict[str, Any]:

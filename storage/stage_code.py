@@ -22,20 +22,27 @@ _NETWORK = ("pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.
 
 SHAPING: dict[str, tuple[str, ...]] = {
     "shapes": (
-        "pipeline.shapes", "pipeline.render:export_suzanne", "pipeline.render:_run_blender",
+        "workflows.stages:Shapes", "pipeline.shapes", "pipeline.render:export_suzanne", "pipeline.render:_run_blender",
         "pipeline.blender:export_suzanne", "storage.meshes:write_mesh", "storage.meshes:_vertex_block",
     ),
-    "sample": ("pipeline.sample", "z2p_core.geometry", "z2p_core.noise", "z2p_core.surface", *_MESHES),
-    "render": ("pipeline.views", *_PICTURES, *_CONTROLS),
-    "shard": ("pipeline.shard", "storage.shards", "z2p_core.images", *_CONTROLS),
+    "sample": (
+        "workflows.stages:SampleMesh", "pipeline.sample", "z2p_core.geometry", "z2p_core.noise", "z2p_core.surface",
+        *_MESHES,
+    ),
+    "render": ("workflows.stages:RenderChunk", "pipeline.views", *_PICTURES, *_CONTROLS),
+    "shard": (
+        "workflows.stages:ShardMesh", "pipeline.shard", "pipeline.views:load_controls", "storage.shards",
+        "z2p_core.images", *_CONTROLS,
+    ),
     "train": (
-        "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.curve", "pipeline.shard:shrink_pictures",
-        "storage.shards", "z2p_core.images", "z2p_core.losses", "z2p_core.noise", *_NETWORK,
+        "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.curve",
+        "pipeline.shard:shrink_pictures", "storage.shards", "z2p_core.images", "z2p_core.losses", "z2p_core.noise",
+        *_NETWORK,
     ),
     "evaluate": (
-        "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer", "pipeline.sample:draw_cloud",
-        "pipeline.sheets", "pipeline.views", "z2p_core.framing:UP_AXES", "z2p_core.metrics", "z2p_core.noise",
-        "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
+        "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
+        "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.views", "z2p_core.framing:UP_AXES",
+        "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),
 }
 """Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
@@ -47,6 +54,9 @@ NOT_SHAPING: dict[str, str] = {
     "storage.fingerprints": "names results and seeds by sha256",
     "train/z2p_core.interfaces:Control": "shards hold the settings as encoded; only names and sizes are compared",
     "pipeline.baselines": "stands beside the weights; its pictures have fingerprints of their own",
+    "workflows.tasks": "what all tasks share: where files lie, not what is in them",
+    "workflows.task_log": "tells how a task is doing",
+    "workflows.known_views": "copies renders whose fields and digests are the very same",
     "z2p_core.framing": "frames users' clouds; the pipeline's are framed by their mesh",
 }
 """Module, or ``stage/module:definition`` -> why it is of no weight although shaping code imports it.

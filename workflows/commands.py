@@ -19,7 +19,7 @@ from storage.fingerprints import STAGE_VERSIONS
 from storage.layout import Store, StoreError
 from storage.manifests import faults
 from workflows.plan import USERS_ERRORS, Plan
-from workflows.running import kept
+from workflows.running import keep, kept
 from workflows.status import as_json, states, table
 from workflows.sweep import Unneeded, sweep, unneeded
 from workflows.tasks import load_plan, source_of
@@ -116,6 +116,8 @@ def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool,
     found = candidates(store, [step.entry for step in plan.steps.values()], stages or tuple(STAGE_VERSIONS))
     for candidate in found if because else ():
         take_over(store, candidate, because)
+    if because and found:
+        keep(store, plan, source_of(**where))
     if in_json:
         rows = [{"step": one.entry.name, "fingerprint": one.entry.fingerprint, "from": one.old_fingerprint,
                  "differences": one.differences} for one in found]  # fmt: skip

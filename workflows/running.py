@@ -30,15 +30,14 @@ class Registration:
     """A pipeline's note of the results that it uses; it goes when the process ends."""
 
     def __init__(self, store: Store, plan: Plan, source: str) -> None:
-        folders = [store.folder(step.entry).relative_to(store.root).as_posix() for step in plan.steps.values()]
-        host = os.uname().nodename
-        note = {"name": plan.config.name, "host": host, "source": json.loads(source), "results": sorted(folders)}
+        note = _note(store, plan, source)
         self._process = os.getpid()
         with gate(store, shared=True):
-            self.path = _write(store.root / ".running" / f"{host}-{os.getpid()}-{uuid.uuid4().hex[:6]}.json", note)
+            name = f"{note['host']}-{os.getpid()}-{uuid.uuid4().hex[:6]}.json"
+            self.path = _write(store.root / ".running" / name, note)
             self._file: IO[str] = self.path.open()
             fcntl.flock(self._file, fcntl.LOCK_SH)
-            _write(store.root / ".kept" / f"{plan.config.name}.json", note)
+            keep(store, plan, source)
         atexit.register(self.close)
 
     def touch(self) -> None:
@@ -50,6 +49,11 @@ class Registration:
         if os.getpid() == self._process:  # a forked task ends before its pipeline
             self.path.unlink(missing_ok=True)
             self._file.close()
+
+
+def keep(store: Store, plan: Plan, source: str) -> None:
+    """Note the plan's results as those of its configuration, in place of an earlier run's."""
+    _write(store.root / ".kept" / f"{plan.config.name}.json", _note(store, plan, source))
 
 
 def running(store: Store) -> Iterator[dict[str, Any]]:
@@ -75,6 +79,12 @@ def gate(store: Store, *, shared: bool) -> Iterator[None]:
     with path.open("a") as file:
         fcntl.flock(file, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
         yield
+
+
+def _note(store: Store, plan: Plan, source: str) -> dict[str, Any]:
+    folders = [store.folder(step.entry).relative_to(store.root).as_posix() for step in plan.steps.values()]
+    return {"name": plan.config.name, "host": os.uname().nodename, "source": json.loads(source),
+            "results": sorted(folders)}  # fmt: skip
 
 
 def _is_alive(path: Path) -> bool:

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from storage.adoption import RANGE
 from storage.differences import differences
 from storage.fingerprints import STAGE_VERSIONS
 from storage.layout import Store
@@ -68,9 +69,10 @@ def as_json(found: Sequence[State]) -> str:
 
 def _reasons(before: Mapping[str, Any], step: Step, plan: Plan, earlier: _Earlier) -> list[str]:
     """Why the step's result of before does not do, the causes upstream by name."""
-    found = differences(before["fields"], step.entry.fields)
+    found = differences(_shared(before["fields"]), _shared(step.entry.fields))
     if not found:
-        return ["damaged, and put aside in .quarantine"]
+        other = before["fields"] != dict(step.entry.fields)
+        return ["views are cut into other chunks" if other else "damaged, and put aside in .quarantine"]
     own = [str(one) for one in found if not one.upstream]
     if len(own) == len(found):
         return own
@@ -112,4 +114,5 @@ class _Earlier:
 
 
 def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in fields.items() if key not in ("first", "last")}
+    """The fields that all chunks of a mesh's renders share."""
+    return {key: value for key, value in fields.items() if key not in RANGE}

@@ -13,14 +13,14 @@ from z2p_core import registry
 
 ROOMS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
 ENTRY = {
-    "shapes": {"pipeline.shapes:make_shapes", "pipeline.blender:export_suzanne"},
-    "sample": {"pipeline.sample:sample_pool"},
-    "render": {"pipeline.views:render_chunk", "pipeline.blender:main"},
-    "shard": {"pipeline.shard:make_shard"},
-    "train": {"pipeline.train:train"},
-    "evaluate": {"pipeline.evaluate:evaluate", "pipeline.blender:main"},
+    "shapes": {"workflows.stages:Shapes", "pipeline.shapes:make_shapes", "pipeline.blender:export_suzanne"},
+    "sample": {"workflows.stages:SampleMesh", "pipeline.sample:sample_pool"},
+    "render": {"workflows.stages:RenderChunk", "pipeline.views:render_chunk", "pipeline.blender:main"},
+    "shard": {"workflows.stages:ShardMesh", "pipeline.shard:make_shard"},
+    "train": {"workflows.stages:Train", "pipeline.train:train"},
+    "evaluate": {"workflows.stages:Evaluate", "pipeline.evaluate:evaluate", "pipeline.blender:main"},
 }
-"""Stage -> the functions that its luigi task and its Blender process call."""
+"""Stage -> its luigi task, the function that this calls, and what its Blender process runs."""
 PLUGINS = {
     "sample": {"samplers"},
     "render": {"controls"},
