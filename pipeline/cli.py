@@ -20,6 +20,7 @@ COMMANDS = {
     "verify": ("pipeline.commands.workspace:verify", "Compare every stored result with its digests."),
     "gc": ("pipeline.commands.workspace:gc", "Remove results that no kept configuration needs."),
     "adopt": ("pipeline.commands.workspace:adopt", "Vouch for results that older code made."),
+    "scheduler": ("pipeline.commands.workspace:scheduler", "Share the work among pipelines on several machines."),
     "plugins": ("pipeline.commands.listings:plugins", "List the installed plugins."),
     "formats": ("pipeline.commands.listings:formats", "List the readable file formats."),
 }

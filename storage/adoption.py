@@ -15,7 +15,8 @@ from typing import Any
 
 from storage.differences import CODE_FIELDS, differences
 from storage.fingerprints import STAGE_VERSIONS, fingerprint
-from storage.layout import Entry, Store
+from storage.layout import Entry, Store, check
+from storage.manifests import read_manifest
 
 RANGE = ("first", "last")
 """Fields of a render that say which views it holds; results made of renders name them by the other fields."""
@@ -29,6 +30,8 @@ class Candidate:
     folder: Path
     old_fingerprint: str
     differences: tuple[str, ...]
+    files: Mapping[str, Path] | None = None
+    """New name -> file, of a result from before there were manifests; None for all that the manifest lists."""
 
 
 def candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) -> list[Candidate]:
@@ -73,8 +76,13 @@ def adopt(store: Store, candidate: Candidate, because: str) -> None:
         "because": because.strip(),
         "when": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
-    provenance = {**candidate.entry.provenance, "adopted": adopted}
-    store.link(candidate.folder, replace(candidate.entry, provenance=provenance))
+    entry = replace(candidate.entry, provenance={**candidate.entry.provenance, "adopted": adopted})
+    if candidate.files is None:
+        check(candidate.folder)
+        names = read_manifest(candidate.folder)["files"]
+        store.link({name: candidate.folder / name for name in names}, entry)
+    else:
+        store.link(candidate.files, entry)
 
 
 def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candidate | None:

@@ -28,7 +28,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from storage.fingerprints import fingerprint
+from storage.fingerprints import STAGE_VERSIONS, fingerprint
 from storage.manifests import MANIFEST, faults, read_manifest, seal, sync
 
 _RESULT = re.compile(r"[0-9a-f]{32}")
@@ -95,7 +95,7 @@ class Store:
 
     def stages(self) -> list[str]:
         """Stages that have results."""
-        return sorted({folder.parent.name for folder in self.root.glob("[!.]*/*") if _RESULT.fullmatch(folder.name)})
+        return [stage for stage in STAGE_VERSIONS if (self.root / stage).is_dir()]
 
     def folders(self, stage: str) -> list[Path]:
         """Folders of all results of a stage, sound or not."""
@@ -162,26 +162,18 @@ class Store:
         sync(target.parent)
         return True
 
-    def link(self, folder: Path, entry: Entry) -> bool:
-        """Whether the files of a finished result's folder became `entry`'s as well, as hard links where they can be.
+    def link(self, files: Mapping[str, Path], entry: Entry) -> None:
+        """Publish files that lie elsewhere as the entry's, as hard links where they can be."""
 
-        Raises:
-            StoreError: a file is damaged.
-        """
-        found = faults(folder, every_digest=True)
-        if found:
-            raise StoreError(f"{entry.name}: {found[0]}")
-        with self.lock(entry):
-            if self.complete(entry):
-                return False
-            temporary = self._temporary_folder(entry)
-            for name in read_manifest(folder)["files"]:
-                (temporary / name).parent.mkdir(parents=True, exist_ok=True)
+        def write(folder: Path) -> None:
+            for name, path in files.items():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
                 try:
-                    os.link(folder / name, temporary / name)
-                except OSError:  # a filesystem without hard links
-                    shutil.copy2(folder / name, temporary / name)
-            return self.publish(temporary, entry)
+                    os.link(path, folder / name)
+                except OSError:  # another filesystem, or one without hard links
+                    shutil.copy2(path, folder / name)
+
+        self.produce(entry, write)
 
     def put_aside(self, entry: Entry) -> None:
         """Quarantine the entry's result unless every byte of it is right; one that is being made is waited for."""
@@ -227,6 +219,17 @@ class Store:
         with path.open("w") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
+
+
+def check(folder: Path) -> None:
+    """Nothing, when every byte of the result in a folder is right.
+
+    Raises:
+        StoreError: it is damaged.
+    """
+    found = faults(folder, every_digest=True)
+    if found:
+        raise StoreError(found[0])
 
 
 def _remove(path: Path) -> None:

@@ -41,9 +41,10 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
-        "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.views", "z2p_core.framing:UP_AXES",
+        "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
         "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),
+    "reference": ("pipeline.truth", "z2p_core.scene", *_PICTURES),
 }
 """Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
 
@@ -51,6 +52,7 @@ NOT_SHAPING: dict[str, str] = {
     "z2p_core.config": "the values that a stage gets are in its fingerprint",
     "z2p_core.registry": "finds plugins, whose code is in the fingerprint",
     "z2p_core.interfaces": "abstract but for Control and Slider, which are listed where they count",
+    "storage.layout": "puts files where they belong, whatever they hold",
     "storage.fingerprints": "names results and seeds by sha256",
     "train/z2p_core.interfaces:Control": "shards hold the settings as encoded; only names and sizes are compared",
     "pipeline.baselines": "stands beside the weights; its pictures have fingerprints of their own",
@@ -71,6 +73,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "shard": ("numpy", "h5py"),
     "train": ("numpy", "torch"),
     "evaluate": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
+    "reference": ("numpy", "trimesh", "bpy"),
 }
 """Stage -> the declared packages whose versions shape its result."""
 

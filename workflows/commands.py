@@ -1,28 +1,34 @@
-"""`z2p status`, `verify`, `gc` and `adopt`: what a workspace holds, looked at and kept in order.
+"""`z2p status`, `verify`, `gc`, `adopt` and `scheduler`: a workspace looked at and kept in order, and shared.
 
 `z2p` starts these as ``python -m workflows COMMAND``, as it starts luigi: nothing but this package imports luigi.
 """
 
 from __future__ import annotations
 
+import atexit
 import json
+import shutil
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import click
+import luigi.cmdline
 
 from storage.adoption import adopt as take_over
 from storage.adoption import candidates
 from storage.fingerprints import STAGE_VERSIONS
 from storage.layout import Store, StoreError
 from storage.manifests import faults
+from workflows import apply_settings
 from workflows.plan import USERS_ERRORS, Plan
 from workflows.running import keep, kept
 from workflows.status import as_json, states, table
 from workflows.sweep import Unneeded, sweep, unneeded
 from workflows.tasks import load_plan, source_of
+from workflows.truth import truth_candidates
 
 TRUTH = "truth"
 """Folder of a workspace that is a store of its own, for ground truth."""
@@ -105,17 +111,23 @@ def gc(workspace: Path, drop: tuple[str, ...], yes: bool) -> None:
 def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool, **where: str) -> None:
     """Vouch for results that older code made: take them over where nothing but code or packages changed.
 
-    STAGE is one or more of shapes, sample, render, shard, train, evaluate; without one, all of them. Without --because
-    it lists what could be taken over and changes nothing. Results whose parameters, meshes or plugin versions differ
-    are never taken over.
+    STAGE is one or more of shapes, sample, render, shard, train, evaluate and reference (the ground truth of the
+    evaluation); without one, all of them. Without --because it lists what could be taken over and changes nothing.
+    Results whose parameters, meshes or plugin versions differ are never taken over.
     """
     unknown = [stage for stage in stages if stage not in STAGE_VERSIONS]
     if unknown:
         raise click.UsageError(f"unknown stage {unknown[0]!r}; stages: {', '.join(STAGE_VERSIONS)}")
     store, plan = Store(workspace.absolute()), _plan(**where)
-    found = candidates(store, [step.entry for step in plan.steps.values()], stages or tuple(STAGE_VERSIONS))
+    wanted = stages or tuple(STAGE_VERSIONS)
+    found = candidates(store, [step.entry for step in plan.steps.values()], wanted)
+    truth = Store(store.root / TRUTH)
+    pictures = truth_candidates(plan, store, truth) if "reference" in wanted else []
     for candidate in found if because else ():
         take_over(store, candidate, because)
+    for candidate in pictures if because else ():
+        take_over(truth, candidate, because)
+    found += pictures
     if because and found:
         keep(store, plan, source_of(**where))
     if in_json:
@@ -127,6 +139,18 @@ def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool,
     for one in found:
         click.echo(f"{one.entry.name:{width}}  {one.folder.name}  {'; '.join(one.differences)}")
     click.echo(f"{len(found)} results {'taken over' if because else 'could be taken over with --because REASON'}")
+
+
+@main.command()
+@click.option("--address", default="127.0.0.1", show_default=True, metavar="IP", help="Where to listen; it has no "
+              "authentication of its own, so never on a public address.")
+@click.option("--port", default=8082, show_default=True, type=click.IntRange(1, 65535), metavar="N")
+def scheduler(address: str, port: int) -> None:
+    """Start luigi's central scheduler, which shares the work among pipelines on several machines."""
+    apply_settings("luigid.cfg")
+    folder = tempfile.mkdtemp(prefix="z2p-scheduler-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # after luigid's own last words
+    luigi.cmdline.luigid(["--address", address, "--port", str(port), "--state-path", f"{folder}/state"])
 
 
 def _plan(config: str, meshes: str, evaluate_meshes: str) -> Plan:

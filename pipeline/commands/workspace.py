@@ -1,4 +1,4 @@
-"""`z2p status`, `verify`, `gc` and `adopt`: each hands its words to ``python -m workflows``, a process of its own."""
+"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to ``python -m workflows``, a process."""
 
 from __future__ import annotations
 
@@ -26,4 +26,4 @@ def _handed_on(name: str) -> click.Command:
     return command
 
 
-status, verify, gc, adopt = (_handed_on(name) for name in ("status", "verify", "gc", "adopt"))
+status, verify, gc, adopt, scheduler = map(_handed_on, ("status", "verify", "gc", "adopt", "scheduler"))

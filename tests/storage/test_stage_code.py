@@ -18,6 +18,7 @@ ENTRY = {
     "render": {"workflows.stages:RenderChunk", "pipeline.views:render_chunk", "pipeline.blender:main"},
     "shard": {"workflows.stages:ShardMesh", "pipeline.shard:make_shard"},
     "train": {"workflows.stages:Train", "pipeline.train:train"},
+    "reference": {"pipeline.truth:render_references", "pipeline.blender:main"},
     "evaluate": {"workflows.stages:Evaluate", "pipeline.evaluate:evaluate", "pipeline.blender:main"},
 }
 """Stage -> its luigi task, the function that this calls, and what its Blender process runs."""
