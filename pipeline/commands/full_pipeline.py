@@ -13,6 +13,9 @@ import click
 
 from pipeline.cli import Failure
 
+NOT_RUN = 25
+"""Exit status of luigi when tasks were left; see workflows/luigi.cfg."""
+
 
 @click.command()
 @click.option("--config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="TOML",
@@ -44,7 +47,11 @@ def full_pipeline(
     for name in ("config", "meshes", "evaluate_meshes", "workspace", "workers"):
         if options[name] is not None:
             command += [f"--{name.replace('_', '-')}", str(options[name])]
-    ctx.exit(run_process(command, luigi_environment()))
+    status = run_process(command, luigi_environment())
+    if scheduler and status == NOT_RUN:
+        # luigi says so of a worker whose tasks others have taken: look whether all is there now
+        status = run_process(command, luigi_environment())
+    ctx.exit(status)
 
 
 def check_luigi() -> None:

