@@ -10,6 +10,7 @@ import logging
 from pathlib import Path
 
 import luigi.configuration
+import luigi.interface
 
 from workflows.plan import USERS_ERRORS
 
@@ -44,6 +45,7 @@ class _Quiet(logging.Filter):
 
 
 apply_settings("luigi.cfg")
+luigi.interface.core.ignore_unconsumed |= {"rpc_retry_attempts", "rpc_retry_wait"}  # read elsewhere; no need to warn
 logging.getLogger("luigi-interface").addFilter(_Quiet())
 
 from workflows import stages  # noqa: E402  after the settings, which luigi reads as it goes

@@ -7,7 +7,7 @@ import sys
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 LAST_LINES = 12
@@ -22,7 +22,8 @@ def say(line: str) -> None:
     os.write(2 if _terminal is None else _terminal, f"{line}\n".encode())
     if _terminal is not None:
         stamp = time.strftime("%H:%M:%S", time.gmtime())
-        os.write(2, "".join(f"{stamp} {part}\n" for part in line.splitlines()).encode())
+        with suppress(OSError):  # a full disk must not hide, behind its log, what went wrong
+            os.write(2, "".join(f"{stamp} {part}\n" for part in line.splitlines()).encode())
 
 
 @contextmanager
@@ -44,11 +45,13 @@ def logged(path: Path) -> Iterator[None]:
     try:
         yield
     except BaseException:
-        traceback.print_exc()
+        with suppress(OSError):
+            os.write(2, traceback.format_exc().encode())
         raise
     finally:
-        sys.stdout.flush()
-        sys.stderr.flush()
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError):
+                stream.flush()
         _terminal = outer
         for number, descriptor in zip((1, 2), saved, strict=True):
             os.dup2(descriptor, number)

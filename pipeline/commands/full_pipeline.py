@@ -7,14 +7,16 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import click
 
 from pipeline.cli import Failure
 
-NOT_RUN = 25
-"""Exit status of luigi when tasks were left; see workflows/luigi.cfg."""
+LEFT_TO_OTHERS, LOOKS = (10, 25), 10
+"""luigi ends so, by workflows/luigi.cfg, when other workers have taken some of the tasks, also when all is well: look
+again, up to so many times, whether everything is there."""
 
 
 @click.command()
@@ -48,8 +50,10 @@ def full_pipeline(
         if options[name] is not None:
             command += [f"--{name.replace('_', '-')}", str(options[name])]
     status = run_process(command, luigi_environment())
-    if scheduler and status == NOT_RUN:
-        # luigi says so of a worker whose tasks others have taken: look whether all is there now
+    for _ in range(LOOKS if scheduler else 0):
+        if status not in LEFT_TO_OTHERS:
+            break
+        time.sleep(2)
         status = run_process(command, luigi_environment())
     ctx.exit(status)
 

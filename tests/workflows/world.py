@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 PROJECT = Path(__file__).parents[2]
+FAULTS = Path(__file__).parent / "faults"
 ROOMS = ("pipeline", "plugins", "storage", "workflows", "z2p_core")
 
 CONFIG = """name = "small"
@@ -82,7 +83,8 @@ class World:
     @property
     def environment(self) -> dict[str, str]:
         path = self.code if self.code.exists() else PROJECT
-        return {**os.environ, "PYTHONPATH": str(path), "PYTHONSAFEPATH": "1", "OMP_NUM_THREADS": "1"}
+        paths = os.pathsep.join(map(str, (path, FAULTS)))
+        return {**os.environ, "PYTHONPATH": paths, "PYTHONSAFEPATH": "1", "OMP_NUM_THREADS": "1"}
 
     def command(self, *more: str) -> list[str]:
         if self.scheduler:
