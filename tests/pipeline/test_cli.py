@@ -125,7 +125,7 @@ def test_pipeline_starts_luigi_with_only_what_was_given(
         started.append((command, environment))
         return 30
 
-    monkeypatch.setattr(full_pipeline, "_run", record)
+    monkeypatch.setattr(full_pipeline, "run_process", record)
     assert z2p("pipeline").exit_code == 30
     assert z2p("pipeline", "--meshes", tmp_path, "--workers", 2, "--workspace", tmp_path / "w").exit_code == 30
     plain = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
@@ -148,10 +148,10 @@ def test_luigis_process_finds_our_packages_whatever_the_working_folder_holds(tmp
 
 
 def test_a_process_hands_on_its_exit_status() -> None:
-    from pipeline.commands.full_pipeline import _run
+    from pipeline.commands.full_pipeline import run_process
 
-    assert _run([sys.executable, "-c", "raise SystemExit(30)"], dict(os.environ)) == 30
-    assert _run([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], dict(os.environ)) == 137
+    assert run_process([sys.executable, "-c", "raise SystemExit(30)"], dict(os.environ)) == 30
+    assert run_process([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], dict(os.environ)) == 137
 
 
 @pytest.mark.parametrize("name", ["pipeline", "evaluate"])
