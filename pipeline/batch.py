@@ -18,7 +18,7 @@ from pipeline.placing import Stance
 from storage.clouds import Scan, format_suffix, read_clouds, shown
 from storage.fingerprints import file_digest
 from storage.incoming import is_spooled
-from storage.pictures import write_picture
+from storage.pictures import PictureError, write_picture
 from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.viewpoint import Viewpoint
 
@@ -83,16 +83,16 @@ def plan_outputs(
 
 def render_files(
     tasks: list[Task], renderer: Renderer, look: Look, overwrite: bool = False, jobs: int = 1,
-    columns: tuple[str, ...] | None = None,
+    columns: tuple[str, ...] | None = None, drawn: Callable[[Path], None] = lambda path: None,
 ) -> Iterator[Outcome]:
     """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only.
 
-    `columns` names those of text files.
+    `columns` names those of text files; `drawn` is told of every picture, for a file may hold thousands of clouds.
     """
     planned = frozenset(task.output for task in tasks)
 
     def work(task: Task) -> Outcome:
-        return _render_file(task, renderer, look, overwrite, planned, columns)
+        return _render_file(task, renderer, look, overwrite, planned, columns, drawn)
 
     if jobs == 1:
         yield from map(work, tasks)
@@ -129,7 +129,7 @@ def told_fault(error: Exception, scan: Path) -> str:
         return "not enough memory for this cloud; close other programs or thin it out"
     text = " ".join(str(error).split()).removeprefix(f"{shown(scan)}: ")
     text = text if text.isprintable() else ascii(text)[1:-1]
-    return text if isinstance(error, ScanError | SettingError) else f"{type(error).__name__}: {text}"
+    return text if isinstance(error, ScanError | SettingError | PictureError) else f"{type(error).__name__}: {text}"
 
 
 def _sub_folder(scan: Path, folders: list[Path]) -> Path:
@@ -148,7 +148,7 @@ def _stem(scan: Path) -> str:
 
 def _render_file(
     task: Task, renderer: Renderer, look: Look, overwrite: bool, planned: frozenset[Path],
-    columns: tuple[str, ...] | None,
+    columns: tuple[str, ...] | None, drawn: Callable[[Path], None],
 ) -> Outcome:
     outcome = Outcome(task.scan, [task.output])
     source: dict[str, Any] = {}
@@ -164,6 +164,7 @@ def _render_file(
         write_picture(drawing.picture, output, look.background, made_by)
         outcome.stances.append(drawing.stance)
         outcome.viewpoints.append(drawing.viewpoint)
+        drawn(output)
 
     started = time.perf_counter()
     try:

@@ -36,8 +36,7 @@ def write_animation(
         PictureError: a suffix of another format, or an MP4 without its extra.
     """
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise PictureError(f"expected an animation named {', '.join(SUFFIXES)}, got {suffix or 'no suffix'!r}")
+    check_suffix(suffix)
     if background is None and suffix in OPAQUE:
         background = WHITE
     if background is not None:
@@ -49,6 +48,18 @@ def write_animation(
             write_whole(_gif(frames, rate, record), path)
         case _:
             write_whole(_mp4(frames, rate, record), path)
+
+
+def check_suffix(suffix: str) -> None:
+    """Nothing, when loops can be written in the format of the suffix (lower-case, with its dot).
+
+    Raises:
+        PictureError: it stands for another format, or for MP4 and its extra is missing.
+    """
+    if suffix not in SUFFIXES:
+        raise PictureError(f"expected an animation named {', '.join(SUFFIXES)}, got {suffix or 'no suffix'!r}")
+    if suffix == ".mp4":
+        _ffmpeg()
 
 
 def _webp(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
@@ -80,15 +91,11 @@ def _gif(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | Non
 
 
 def _mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
-    try:
-        from imageio_ffmpeg import get_ffmpeg_exe
-    except ImportError:
-        raise PictureError('MP4 needs an extra; install it with: pip install "z2p[video]", or name a .webp') from None
     height, width = frames[0].shape[:2]
     odd = ((0, height % 2), (0, width % 2), (0, 0))
     with tempfile.TemporaryDirectory(prefix="z2p-") as folder:
         made = Path(folder) / "loop.mp4"
-        command = [get_ffmpeg_exe(), "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
+        command = [_ffmpeg(), "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
                    "-s", f"{width + width % 2}x{height + height % 2}", "-r", f"{rate:g}", "-i", "-",
                    "-c:v", "libx264", "-crf", str(QUALITY["crf"]), "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
         if record is not None:
@@ -99,3 +106,13 @@ def _mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | Non
             reason = " ".join(done.stderr.decode(errors="replace").split())[-200:]
             raise PictureError(f"the video could not be encoded ({reason}); name a .webp instead")
         return made.read_bytes()
+
+
+def _ffmpeg() -> str:
+    """The encoder's program, which comes with an extra."""
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+    except ImportError:
+        raise PictureError('MP4 needs an extra; install it with: pip install "z2p[video]", or name a .webp') from None
+    program: str = get_ffmpeg_exe()
+    return program

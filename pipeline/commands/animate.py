@@ -119,12 +119,13 @@ def _plan(
 ) -> list[Task]:
     """The tasks, once it is sure that their loops can be written."""
     from pipeline.batch import Task, plan_outputs
-    from storage.animations import OPAQUE, SUFFIXES
+    from storage.animations import OPAQUE, SUFFIXES, check_suffix
 
     alone = output.suffix.lower() in SUFFIXES and not output.is_dir()
     suffix = output.suffix.lower() if alone else f".{options['format_']}"
     if alone and len(scans) > 1:
         raise click.UsageError(f"--output {output} names one loop, but {len(scans)} scans match; give a folder", ctx)
+    check_suffix(suffix)
     writable(output.parent if alone else output)
     if suffix in OPAQUE and options["background"] == "transparent" and not options["quiet"]:
         click.echo(f"{suffix[1:].upper()} has no soft transparency: the background is white; choose another with "

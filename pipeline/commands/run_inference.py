@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import warnings
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,7 @@ from pipeline.cli import debugging
 from pipeline.commands.control_options import SETTINGS, InferenceCommand
 from pipeline.commands.inputs import found_scans
 from pipeline.commands.picture_options import columns_from, look_from, picture_options, writable
+from pipeline.commands.telling import Progress, json_line, progress, reported, settings_of
 from pipeline.commands.values import Grid
 from z2p_core.interfaces import Value
 from z2p_core.palettes import PALETTES, palette
@@ -83,8 +85,9 @@ def _run(
         look = _same_frame(scans, renderer, look, columns, options["quiet"])
     elif options["save_camera"] is not None and len(scans) > 1:
         raise click.UsageError(f"--save-camera: {len(scans)} scans have a camera each; add --same-frame", ctx)
-    counts, done = _render(render_files(tasks, renderer, look, options["overwrite"], jobs, columns), len(tasks),
-                           renderer, look, options)  # fmt: skip
+    bar = progress(len(tasks), options["quiet"])
+    outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs, columns, bar.drawn)
+    counts, done = _render(outcomes, bar, renderer, look, options)
     _write_extras(done, output, look, options)
     if not options["quiet"]:
         click.echo(f"{counts['ok']} rendered, {counts['skipped']} skipped, {counts['failed']} failed", err=True)
@@ -92,14 +95,12 @@ def _run(
 
 
 def _render(
-    outcomes: Any, count: int, renderer: Renderer, look: Look, options: dict[str, Any]
+    outcomes: Iterator[Outcome], bar: Progress, renderer: Renderer, look: Look, options: dict[str, Any]
 ) -> tuple[dict[str, int], list[Outcome]]:
     """How many files ended in which way, and all that became of them, each told as it gets done."""
-    from pipeline.commands.telling import json_line, reported, settings_of
-
     settings = settings_of(renderer, look, options)
     counts, done = {"ok": 0, "skipped": 0, "failed": 0}, []
-    for outcome in reported(outcomes, count, options["quiet"]):
+    for outcome in reported(outcomes, bar, options["quiet"]):
         counts[outcome.status] += 1
         done.append(outcome)
         if options["as_json"]:

@@ -37,18 +37,36 @@ def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict
     }
 
 
-def reported(outcomes: Iterator[Outcome], count: int, quiet: bool) -> Iterator[Outcome]:
-    """The outcomes, each told on stderr as it passes: a bar on a terminal, else a line a file."""
+class Progress:
+    """Bar on stderr, hidden off a terminal: files done, and pictures drawn, for one file may hold thousands."""
+
+    def __init__(self, bar: Any) -> None:
+        self.bar, self.pictures, self.shown = bar, 0, not bar.disable
+
+    def drawn(self, picture: Path) -> None:
+        """Counts one more picture."""
+        self.pictures += 1
+        self.bar.set_postfix_str(f"{self.pictures} pictures", refresh=False)
+        self.bar.update(0)
+
+
+def progress(files: int, quiet: bool) -> Progress:
+    """The bar for a run of so many files."""
     from tqdm import tqdm
 
-    terminal = sys.stderr.isatty()
-    for outcome in tqdm(outcomes, total=count, unit="file", disable=quiet or not terminal, file=sys.stderr):
-        if outcome.status == "failed" or not quiet:
-            if not terminal:
+    return Progress(tqdm(total=files, unit="file", disable=quiet or not sys.stderr.isatty(), file=sys.stderr))
+
+
+def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> Iterator[Outcome]:
+    """The outcomes, each told on stderr as it passes: a bar on a terminal, else a line a file."""
+    with progress.bar as bar:
+        for outcome in outcomes:
+            if not progress.shown and (outcome.status == "failed" or not quiet):
                 click.echo(_told(outcome), err=True)
-            elif outcome.status != "ok":
-                tqdm.write(_told(outcome), file=sys.stderr)
-        yield outcome
+            elif progress.shown and outcome.status != "ok":
+                bar.write(_told(outcome), file=sys.stderr)
+            bar.update()
+            yield outcome
 
 
 def _told(outcome: Outcome) -> str:

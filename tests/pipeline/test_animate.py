@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -106,6 +107,15 @@ def test_an_mp4_has_even_sides_and_its_frames(tmp_path: Path) -> None:
     shots = [np.frombuffer(frame, np.uint8).reshape(22, 32, 3) for frame in reader]
     assert len(shots) == 6
     assert np.abs(shots[0][10, 10].astype(int) - (255, 0, 0)).max() < 20
+
+
+def test_a_missing_video_extra_is_told_before_anything_is_drawn(
+    z2p: Callable[..., Result], tiny_weights: Path, scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    result = z2p("animate", scans, "-o", tmp_path / "out", "--format", "mp4", "--weights", tiny_weights)
+    assert result.exit_code == 2 and 'pip install "z2p[video]"' in result.stderr
+    assert not (tmp_path / "out").exists()
 
 
 def test_the_command(
