@@ -60,7 +60,8 @@ class FullPipeline(luigi.Task):
         if self.dry_run:
             return True  # so that luigi does nothing
         if all(task.complete() for task in tasks):
-            return all(shown.is_symlink() and shown.resolve() == found for shown, found in self.results().items())
+            links = self.results().items()
+            return all(shown.is_symlink() and shown.resolve() == found.resolve() for shown, found in links)
         watch(self.store, load_plan(self.source), self.source)
         return False
 
@@ -77,8 +78,7 @@ class FullPipeline(luigi.Task):
         plan = load_plan(self.source)
         shown = self.store.root / plan.config.name
         return {
-            shown / name: (self.store.folder(plan.steps[stage].entry) / name).resolve()
-            for name, stage in RESULTS.items()
+            shown / name: self.store.folder(plan.steps[stage].entry) / name for name, stage in RESULTS.items()
         }
 
     def _explain(self) -> None:

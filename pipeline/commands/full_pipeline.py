@@ -69,7 +69,7 @@ def check_luigi() -> None:
 
 
 def luigi_environment() -> dict[str, str]:
-    """Environment for luigi: its settings file, and this installation's packages ahead of the working folder's.
+    """Environment for luigi: this installation's packages ahead of the working folder's.
 
     Names such as `storage` are common: a folder of the user's must not stand in for ours.
 
@@ -83,7 +83,6 @@ def luigi_environment() -> dict[str, str]:
     earlier = os.environ.get("PYTHONPATH")
     return {
         **os.environ,
-        "LUIGI_CONFIG_PATH": str(folder / "luigi.cfg"),
         "PYTHONSAFEPATH": "1",
         "PYTHONPATH": os.pathsep.join([str(folder.parent), *([earlier] if earlier else [])]),
     }

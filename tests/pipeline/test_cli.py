@@ -131,7 +131,7 @@ def test_pipeline_starts_luigi_with_only_what_was_given(
     plain = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
     assert started[0][0] == plain
     assert started[1][0] == [*plain, "--meshes", str(tmp_path), "--workspace", str(tmp_path / "w"), "--workers", "2"]
-    assert Path(started[0][1]["LUIGI_CONFIG_PATH"]).is_file()
+    assert (Path(started[0][1]["PYTHONPATH"].split(os.pathsep)[0]) / "workflows" / "luigi.cfg").is_file()
     assert z2p("pipeline", "--config", tmp_path / "missing.toml").exit_code == 2
 
 

@@ -144,7 +144,7 @@ OUTPUTS: dict[str, tuple[Change, set[str]]] = {
     "a flipped bit in the weights": (flipped("train", "weights.safetensors"), {"train"}),
     "a manifest that is gone": (lambda world: world.manifest("shard/tetra").unlink(), {"shard/tetra"}),
     "a manifest that lies": (edited_manifest, {"sample/tetra"}),
-    "touching every output": (lambda world: [path.touch() for path in world.workspace.glob("*/*/*")], set()),
+    "touching every output": (lambda world: [path.touch() for path in world.workspace.glob("[!.]*/*/*")], set()),
 }  # fmt: skip
 """What happens to an output -> the steps that must run; the same bytes are there afterwards."""
 

@@ -138,3 +138,11 @@ def test_views_of_other_chunks_are_copied_unless_damaged(ran, tmp_path):
     copied = {path.name: path.read_text() for path in (tmp_path / "out").iterdir()}
     assert set(copied) == {"view_00001.json", "view_00001.png", "view_00001.coverage.png"}
     assert all(text == f"{int(name[5:10])}{name[10:]}" for name, text in copied.items())
+
+
+def test_links_lead_to_the_results_in_a_workspace_that_is_a_link_itself(ran, tmp_path):
+    (tmp_path / "far" / "away").mkdir(parents=True)
+    Path("runs").symlink_to(tmp_path / "far" / "away")
+    assert build() and steps_of(ran)
+    assert Path("runs/small/metrics.json").read_text() == "evaluate"
+    assert build() and steps_of(ran) == []

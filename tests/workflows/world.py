@@ -12,7 +12,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -72,6 +72,7 @@ class World:
         self.workspace = root / "runs"
         self.scheduler: int | None = None
         """Port of a luigid; None for the local scheduler."""
+        self.scheduler_address = "127.0.0.1"
         for name, mesh in (("meshes/tetra", TETRA), ("meshes/pyramid", PYRAMID), ("kept/wedge", WEDGE)):
             path = root / f"{name}.off"
             path.parent.mkdir(exist_ok=True, parents=True)
@@ -88,7 +89,7 @@ class World:
 
     def command(self, *more: str) -> list[str]:
         if self.scheduler:
-            url = f"http://127.0.0.1:{self.scheduler}"
+            url = f"http://{self.scheduler_address}:{self.scheduler}"
             return [sys.executable, "-m", "pipeline.cli", "pipeline", "--scheduler", url, *self.options, *more]
         luigi = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
         return [*luigi, *self.options, *more]
@@ -99,10 +100,10 @@ class World:
         return ["--config", "small.toml", "--meshes", meshes.name, "--evaluate-meshes", "kept",
                 "--workspace", self.workspace.name]  # fmt: skip
 
-    def start(self, *more: str, **environment: str) -> subprocess.Popen:
-        """The pipeline as a process group of its own."""
+    def start(self, *more: str, on: Callable[[list[str]], list[str]] = list, **environment: str) -> subprocess.Popen:
+        """The pipeline as a process group of its own; `on` turns the words of a command into those for a host."""
         return subprocess.Popen(
-            self.command(*more), cwd=self.root, env=self.environment | environment, stdout=subprocess.DEVNULL,
+            on(self.command(*more)), cwd=self.root, env=self.environment | environment, stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE, text=True, start_new_session=True,
         )
 
@@ -138,7 +139,7 @@ class World:
     def digests(self) -> dict[str, dict[str, str]]:
         """Step -> digest of each file of all its results; without those that hold how long something took."""
         found: dict[str, dict[str, str]] = {}
-        for path in sorted(self.workspace.glob("*/*/manifest.json")):
+        for path in sorted(self.workspace.glob("[!.]*/*/manifest.json")):
             manifest = json.loads(path.read_text())
             files = {name: record["sha256"] for name, record in manifest["files"].items() if name != "metrics.json"}
             found[f"{manifest['name']} {path.parent.name}"] = files
@@ -155,14 +156,15 @@ def luigid(world: World, port: int | None = None) -> Iterator[subprocess.Popen]:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         world.scheduler = port or free.getsockname()[1]
-    command = [sys.executable, "-m", "workflows", "scheduler", "--port", str(world.scheduler)]
+    address = world.scheduler_address
+    command = [sys.executable, "-m", "workflows", "scheduler", "--address", address, "--port", str(world.scheduler)]
     server = subprocess.Popen(
         command, cwd=world.root, env=world.environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     try:
         for _ in range(200):
             with socket.socket() as client:
-                if client.connect_ex(("127.0.0.1", world.scheduler)) == 0:
+                if client.connect_ex((address, world.scheduler)) == 0:
                     break
             time.sleep(0.1)
         yield server
