@@ -41,10 +41,11 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "train": (
         "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.curve",
         "pipeline.shard:shrink_pictures", "storage.shards", "z2p_core.images", "z2p_core.losses", "z2p_core.noise",
-        *_NETWORK,
+        "pipeline.export", "storage.exports", *_NETWORK,
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
+        "pipeline.engines", "storage.exports",
         "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
         "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),
@@ -76,7 +77,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "sample": ("numpy", "trimesh"),
     "render": ("numpy", "trimesh", "bpy"),
     "shard": ("numpy", "h5py"),
-    "train": ("numpy", "torch"),
+    "train": ("numpy", "torch", "onnx", "onnxruntime"),
     "evaluate": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
     "reference": ("numpy", "trimesh", "bpy"),
 }

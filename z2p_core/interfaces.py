@@ -9,6 +9,7 @@ entry-point group              subclass               example
 ``z2p.zbuffers``               `ZBuffer`              the paper's 5x5 splat (Eq. 1)
 ``z2p.gbuffers``               `GBuffer`              lit surfels and their shadow: a rough rendering
 ``z2p.encoders``               `PositionalEncoder`    random Fourier features (Eq. 3)
+``z2p.engines``                `Engine`               onnxruntime: what runs the trained network
 ``z2p.samplers``               `Sampler`              farthest-point sampling of a mesh
 ``z2p.readers``                `Reader`               a point-cloud file format
 ``z2p.baselines``              `Baseline`             ball pivoting, to compare pictures with
@@ -28,6 +29,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from z2p_core.engine import Engine as Engine
+from z2p_core.engine import TrainedNetwork as TrainedNetwork
 from z2p_core.scene import SceneDescription
 
 if TYPE_CHECKING:
