@@ -33,6 +33,29 @@ def library() -> ctypes.CDLL:
     )
 
 
+def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
+    """Depth (H + 2 margin, W + 2 margin) of the nearest of points (N, 3) in each pixel, infinity where there is none.
+
+    A point falls into the pixel that holds its projection; `margin` pixels beyond each border are kept.
+    """
+    height, width = camera.height + 2 * margin, camera.width + 2 * margin
+    depths = np.full(height * width + 1, np.inf, np.float32)  # the last takes the points that are not seen
+    view = np.concatenate([camera.rotation.ravel(), camera.position])
+    _call(
+        "z2p_nearest_depth", _floats(cloud), ctypes.c_int64(len(cloud)), _floats(view), ctypes.c_float(camera.focal),
+        width, height, margin, depths,
+    )  # fmt: skip
+    return depths[:-1].reshape(height, width)
+
+
+def window_minimum(picture: np.ndarray, size: int) -> np.ndarray:
+    """Minimum (H - size + 1, W - size + 1) of every size x size window of (H, W)."""
+    height, width = picture.shape
+    out = np.empty((height - size + 1, width - size + 1), np.float32)
+    _call("z2p_window_minimum", _floats(picture), height, width, size, out)
+    return out
+
+
 def surface(cloud: np.ndarray, viewer: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (N, 3), spacing (N,) and unit normals (N, 3) of a cloud (N, 3), N >= 1, all float32, in an own order.
 
