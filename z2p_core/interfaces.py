@@ -142,6 +142,10 @@ class ZBuffer(ABC):
     def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
         """Picture (channels, height, width) float32 of a cloud (N, 3) float32 in world units; 0 where nothing is."""
 
+    def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera) -> None:
+        """Draws into `out`, contiguous and zero at first; one that does so without a copy overrides this."""
+        out[...] = self.draw(cloud, camera)
+
 
 class GBuffer(ABC):
     """Draws rough features of the lit scene from the bare cloud, which the network reads beside the z-buffer.
@@ -161,6 +165,10 @@ class GBuffer(ABC):
         `scene` has the light, the material and the floor; a floor of None touches the cloud's lowest point. Its
         rotation and lift are those of the cloud already.
         """
+
+    def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
+        """Draws into `out`, contiguous and zero at first; one that does so without a copy overrides this."""
+        out[...] = self.draw(cloud, camera, scene)
 
 
 class PositionalEncoder(ABC):
