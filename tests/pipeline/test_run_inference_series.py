@@ -30,7 +30,7 @@ def test_a_saved_camera_looks_the_same_again(render: Callable[..., Result], scan
         result = render(scans / "one.npy", "--load-camera", source, output=tmp_path / name)
         assert result.exit_code == 0, result.output
         assert np.array_equal(pixels(tmp_path / name / "one.png"), pixels(first))
-        assert "up as settled: the camera's" in result.stderr
+        assert "; before the given camera, elevation 44)" in result.stderr
     assert read_camera(camera).elevation == 44
     high = render(scans / "one.npy", "--load-camera", camera, "--elevation", 60, output=tmp_path / "high")
     assert high.exit_code == 0
