@@ -23,11 +23,8 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], recursive: bool) ->
 
     if inputs.count(STDIN) > 1:
         raise click.UsageError("- stands for standard input, which can be read only once", ctx)
-    scans: list[Path] = []
-    for text in inputs:
-        if text == STDIN:
-            folder = ctx.with_resource(tempfile.TemporaryDirectory(prefix=PREFIX))
-            scans.append(spool(sys.stdin.buffer, Path(folder)))
-        else:
-            scans += find_scans([text], recursive)
-    return list(dict.fromkeys(scans))
+    scans = find_scans([text for text in inputs if text != STDIN], recursive)
+    if STDIN in inputs:
+        folder = ctx.with_resource(tempfile.TemporaryDirectory(prefix=PREFIX))
+        scans.append(spool(sys.stdin.buffer, Path(folder)))
+    return scans

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import Result
 
 
@@ -96,3 +97,12 @@ def test_inputs_that_match_nothing(render: Callable[..., Result], tmp_path: Path
         assert str(source) in result.stderr
         assert len(result.stderr.splitlines()) == 1
     assert render().exit_code == 2
+
+
+def test_a_scan_named_in_two_ways_is_drawn_once(
+    render: Callable[..., Result], scans: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(scans)
+    result = render("one.npy", scans / "one.npy", "./one.npy", scans)
+    assert result.exit_code == 0
+    assert "2 rendered, 0 skipped, 0 failed" in result.stderr
