@@ -98,6 +98,15 @@ def test_formats_that_contradict_each_other(render: Callable[..., Result], scans
     assert render(scans / "one.npy", "--format", "tiff", output=tmp_path / "a.tiff").exit_code == 0
 
 
+@pytest.mark.parametrize(("name", "told"), [("a.bmp", ".png, .webp"), ("a.gif", "z2p animate"), ("a.PDF", ".tiff")])
+def test_other_pictures_are_refused(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, name: str, told: str
+) -> None:
+    result = render(scans / "one.npy", output=tmp_path / name)
+    assert result.exit_code == 2 and told in " ".join(result.stderr.split())
+    assert not (tmp_path / name).exists()
+
+
 def test_palettes_are_opaque_colours_used_in_turn(
     render: Callable[..., Result], scans: Path, tmp_path: Path, cloud: np.ndarray
 ) -> None:
