@@ -57,7 +57,7 @@ def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options
 def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dict[str, Any]) -> bool:
     """True when a file failed."""
     columns = columns_from(options)
-    scans = found_scans(ctx, inputs, options["recursive"])
+    scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
     from pipeline.batch import told_fault
     from pipeline.infer import Renderer
     from pipeline.motion import Motion

@@ -75,7 +75,7 @@ def _run(
     columns = columns_from(options)
     if options["palette_name"] and "color" in values:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
-    scans = found_scans(ctx, inputs, options["recursive"])
+    scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
     from pipeline.batch import render_files
     from pipeline.infer import Renderer
 
