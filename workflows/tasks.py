@@ -69,7 +69,7 @@ class StageTask(luigi.Task):
             for task in self.requires():
                 task.mend()
             self.store.produce(
-                self.step.entry, self.make, resumable=self.resumable, leftovers=(".*", *self.leftovers)
+                self.step.entry, self.make, resumable=self.resumable, leftovers=("**/.*", *self.leftovers)
             )
             self._show_log()
             say(f"{self.step_name}: done in {time.perf_counter() - started:.1f} s")

@@ -136,13 +136,13 @@ class World:
         row = next(row for row in rows if row["step"] == name)
         return self.workspace / row["stage"] / row["fingerprint"][:32] / "manifest.json"
 
-    def digests(self) -> dict[str, dict[str, str]]:
-        """Step -> digest of each file of all its results; without those that hold how long something took."""
-        found: dict[str, dict[str, str]] = {}
+    def digests(self) -> dict[str, str]:
+        """File of a result -> its digest; without those that tell how long something took."""
+        found: dict[str, str] = {}
         for path in sorted(self.workspace.glob("[!.]*/*/manifest.json")):
             manifest = json.loads(path.read_text())
             files = {name: record["sha256"] for name, record in manifest["files"].items() if name != "metrics.json"}
-            found[f"{manifest['name']} {path.parent.name}"] = files
+            found |= {f"{manifest['name']} {path.parent.name[:8]} {name}": digest for name, digest in files.items()}
         return found
 
 
