@@ -2,40 +2,27 @@
 
 from __future__ import annotations
 
-import io
 import os
-import threading
 import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
-import numpy as np
-from PIL import Image
-
+from pipeline.drawing import Drawing, Look, draw, record
 from pipeline.infer import Renderer
-from pipeline.placing import Placing, Stance, place
-from storage.clouds import Scan, read_clouds, shown
-from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-from z2p_core.interfaces import ScanError, Value
+from pipeline.placing import Stance
+from storage.clouds import Scan, format_suffix, read_clouds, shown
+from storage.fingerprints import file_digest
+from storage.incoming import is_spooled
+from storage.pictures import PictureError, write_picture
+from z2p_core.interfaces import ScanError, SettingError, Value
+from z2p_core.viewpoint import Viewpoint
 
-Color = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Look:
-    """How every picture of a run looks."""
-
-    values: dict[str, Value] = field(default_factory=dict)
-    """Control -> value; the sliders' defaults for the others."""
-    placing: Placing = field(default_factory=Placing)
-    width: int = 512
-    height: int = 512
-    background: Color | None = None
-    """sRGB in [0, 1]; None keeps the picture transparent."""
+__all__ = ["Look", "Outcome", "Task", "plan_outputs", "render_files", "source_of", "told_fault", "write_picture"]
 
 
 @dataclass(frozen=True)
@@ -47,6 +34,8 @@ class Task:
     """Of the only cloud; several clouds of one file become `<stem>_000.png`, `<stem>_001.png` ..."""
     single: bool = False
     """The user named the picture itself, so the file must hold one cloud."""
+    colors: tuple[Value, ...] = ()
+    """Colours of its clouds in turn, in place of the look's; none leaves it that."""
 
 
 @dataclass
@@ -62,39 +51,48 @@ class Outcome:
     """Rows left out because they were not finite."""
     stances: list[Stance] = field(default_factory=list)
     """Of each picture that was drawn."""
+    viewpoints: list[Viewpoint] = field(default_factory=list)
+    """Of each picture that was drawn."""
     seconds: float = 0.0
     error: str | None = None
 
 
-def plan_outputs(scans: list[Path], folders: list[Path], out: Path, mirror: bool) -> list[Task]:
+def plan_outputs(
+    scans: list[Path], folders: list[Path], out: Path, mirror: bool, suffix: str = ".png"
+) -> list[Task]:
     """A task for each scan, each with a picture path of its own under `out`; the same input gives the same names.
 
-    `<stem>.png`; scans that share a stem keep their suffix (`a.ply.png`, `a.pcd.png`), and if even the names are the
-    same they are numbered (`a.ply.png`, `a.ply-2.png`). With `mirror` the sub folders of `folders` are kept.
+    `<stem>.png`, or with another `suffix`; scans that share a stem keep theirs (`a.ply.png`, `a.pcd.png`), and if even
+    the names are the same they are numbered (`a.ply.png`, `a.ply-2.png`). With `mirror` the sub folders of `folders`
+    are kept.
     """
     places = [_sub_folder(scan, folders) if mirror else Path() for scan in scans]
-    stems = Counter(zip(places, (scan.stem for scan in scans), strict=True))
+    stems = Counter(zip(places, map(_stem, scans), strict=True))
     taken: set[Path] = set()
     tasks = []
     for sub_folder, scan in zip(places, scans, strict=True):
-        stem = scan.stem if stems[sub_folder, scan.stem] == 1 else scan.name
-        output, number = out / sub_folder / f"{stem}.png", 1
+        stem = _stem(scan) if stems[sub_folder, _stem(scan)] == 1 else scan.name
+        output, number = out / sub_folder / f"{stem}{suffix}", 1
         while output in taken:
             number += 1
-            output = out / sub_folder / f"{scan.name}-{number}.png"
+            output = out / sub_folder / f"{scan.name}-{number}{suffix}"
         taken.add(output)
         tasks.append(Task(scan, output))
     return tasks
 
 
 def render_files(
-    tasks: list[Task], renderer: Renderer, look: Look, overwrite: bool = False, jobs: int = 1
+    tasks: list[Task], renderer: Renderer, look: Look, overwrite: bool = False, jobs: int = 1,
+    columns: tuple[str, ...] | None = None, drawn: Callable[[Path], None] = lambda path: None,
 ) -> Iterator[Outcome]:
-    """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only."""
+    """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only.
+
+    `columns` names those of text files; `drawn` is told of every picture, for a file may hold thousands of clouds.
+    """
     planned = frozenset(task.output for task in tasks)
 
     def work(task: Task) -> Outcome:
-        return _render_file(task, renderer, look, overwrite, planned)
+        return _render_file(task, renderer, look, overwrite, planned, columns, drawn)
 
     if jobs == 1:
         yield from map(work, tasks)
@@ -106,19 +104,32 @@ def render_files(
         pool.shutdown(cancel_futures=True)
 
 
-def write_picture(picture: np.ndarray, path: Path, background: Color | None = None) -> None:
-    """PNG of a straight RGBA picture (H, W, 4) uint8 at `path`, whole or not at all; opaque RGB over a background."""
-    if background is not None:
-        picture = bytes_from_unit(composite(unit_from_bytes(picture), background))
-    encoded = io.BytesIO()
-    Image.fromarray(picture).save(encoded, format="PNG", compress_level=4)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.parent / f".z2p-{os.getpid()}-{threading.get_ident()}.part"
-    try:
-        partial.write_bytes(encoded.getbuffer())
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+def source_of(
+    scan: Path, output: Path, cloud: int = 0, columns: tuple[str, ...] | None = None
+) -> dict[str, Any]:
+    """Where a picture's cloud is, for its record: the file's name, digest and place beside the picture.
+
+    `cloud` counts within the file. The path is relative to the picture, so that the two can move together; what came
+    through standard input has none.
+    """
+    path = os.path.relpath(os.path.abspath(scan), os.path.abspath(output.parent))  # noqa: PTH100 - keeps links
+    source = {"name": scan.name, "path": Path(path).as_posix(), "sha256": file_digest(scan), "cloud": cloud}
+    if columns is not None:
+        source["columns"] = list(columns)
+    return {**source, "path": None} if is_spooled(scan) else source
+
+
+def told_fault(error: Exception, scan: Path) -> str:
+    """One line on why a file failed, without the file's name, which the caller says."""
+    if os.environ.get("Z2P_DEBUG") == "1":
+        traceback.print_exception(error)
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.strerror}: {shown(Path(error.filename))}" if error.filename else error.strerror
+    if isinstance(error, MemoryError):
+        return "not enough memory for this cloud; close other programs or thin it out"
+    text = " ".join(str(error).split()).removeprefix(f"{shown(scan)}: ")
+    text = text if text.isprintable() else ascii(text)[1:-1]
+    return text if isinstance(error, ScanError | SettingError | PictureError) else f"{type(error).__name__}: {text}"
 
 
 def _sub_folder(scan: Path, folders: list[Path]) -> Path:
@@ -129,54 +140,62 @@ def _sub_folder(scan: Path, folders: list[Path]) -> Path:
     return Path()
 
 
-def _render_file(task: Task, renderer: Renderer, look: Look, overwrite: bool, planned: frozenset[Path]) -> Outcome:
-    outcome = Outcome(task.scan, [task.output])
-    elevation, free = _elevation(renderer, look.values)
+def _stem(scan: Path) -> str:
+    """The file's name without its suffix, and without .gz."""
+    name = scan.name.removesuffix(".gz") if scan.suffix.lower() == ".gz" else scan.name
+    return Path(name).stem
 
-    def draw(scan: Scan, output: Path) -> None:
-        placed = place(scan, task.scan.suffix.lower(), look.placing, elevation, free)
-        wished = placed.stance.elevation
-        values = look.values if wished is None else {**look.values, "elevation": (wished,)}
-        write_picture(renderer.render(placed.cloud, values, look.width, look.height), output, look.background)
-        outcome.stances.append(placed.stance)
+
+def _render_file(
+    task: Task, renderer: Renderer, look: Look, overwrite: bool, planned: frozenset[Path],
+    columns: tuple[str, ...] | None, drawn: Callable[[Path], None],
+) -> Outcome:
+    outcome = Outcome(task.scan, [task.output])
+    source: dict[str, Any] = {}
+
+    def render(scan: Scan, cloud: int, output: Path) -> None:
+        own = look
+        if task.colors:
+            own = replace(look, values={**look.values, "color": task.colors[cloud % len(task.colors)]})
+        drawing: Drawing = draw(renderer, scan, format_suffix(task.scan), own)
+        if not source:  # once a file, for its digest takes time
+            source.update(source_of(task.scan, output, columns=columns))
+        made_by = record(drawing, own, {**source, "cloud": cloud})
+        write_picture(drawing.picture, output, look.background, made_by)
+        outcome.stances.append(drawing.stance)
+        outcome.viewpoints.append(drawing.viewpoint)
+        drawn(output)
 
     started = time.perf_counter()
     try:
         if overwrite or not task.output.exists():
-            _render_clouds(task, outcome, draw, overwrite, planned)
+            _render_clouds(task, outcome, render, overwrite, planned, columns)
     except Exception as error:  # whatever a file or a stranger's reader brings up, the other files go on
-        outcome.status, outcome.error = "failed", _told(error, task.scan)
+        outcome.status, outcome.error = "failed", told_fault(error, task.scan)
     outcome.seconds = time.perf_counter() - started
     return outcome
 
 
-def _elevation(renderer: Renderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
-    """The camera's elevation, degrees, and the range in which a view may choose another: None when it is settled."""
-    if renderer.fixed_elevation is not None:
-        return renderer.fixed_elevation, None
-    slider = renderer.controls["elevation"].slider
-    settled = "elevation" in values
-    return renderer.settings(values)["elevation"][0], None if settled else (slider.low[0], slider.high[0])
-
-
 def _render_clouds(
-    task: Task, outcome: Outcome, draw: Callable[[Scan, Path], None], overwrite: bool, planned: frozenset[Path]
+    task: Task, outcome: Outcome, render: Callable[[Scan, int, Path], None], overwrite: bool,
+    planned: frozenset[Path], columns: tuple[str, ...] | None,
 ) -> None:
     """Fill in `outcome` while drawing each cloud of the file; a cloud that cannot be drawn leaves the others."""
-    scans = read_clouds(task.scan)
+    scans = read_clouds(task.scan, columns)
     outcome.points = sum(len(scan.points) for scan in scans)
     outcome.dropped = sum(scan.dropped for scan in scans)
     if len(scans) > 1:
         outcome.outputs = _batch_outputs(task, len(scans), planned)
     faults = []
-    for scan, output in zip(scans, outcome.outputs, strict=True):
+    for cloud, (scan, output) in enumerate(zip(scans, outcome.outputs, strict=True)):
         if not overwrite and output.exists():
             continue
         try:
-            draw(scan, output)
+            render(scan, cloud, output)
             outcome.status = "ok"
         except Exception as error:  # as above
-            faults.append(f"cloud {scan.label}: {_told(error, task.scan)}" if scan.label else _told(error, task.scan))
+            where = f"cloud {scan.label}: " if scan.label else ""
+            faults.append(where + told_fault(error, task.scan))
     if faults:
         outcome.status = "failed"
         outcome.error = faults[0] + (f" (and {len(faults) - 1} more clouds failed)" if len(faults) > 1 else "")
@@ -191,21 +210,8 @@ def _batch_outputs(task: Task, count: int, planned: frozenset[Path]) -> list[Pat
     if task.single:
         raise ScanError(f"holds {count} clouds, but --output names one picture; give a folder")
     digits = max(3, len(str(count - 1)))
-    for stem in (task.output.name.removesuffix(".png"), task.scan.name):
-        outputs = [task.output.parent / f"{stem}_{index:0{digits}d}.png" for index in range(count)]
+    for stem in (task.output.stem, task.scan.name):
+        outputs = [task.output.parent / f"{stem}_{index:0{digits}d}{task.output.suffix}" for index in range(count)]
         if planned.isdisjoint(outputs):
             break
     return outputs
-
-
-def _told(error: Exception, scan: Path) -> str:
-    """One line on why a file failed, without the file's name, which the caller says."""
-    if os.environ.get("Z2P_DEBUG") == "1":
-        traceback.print_exception(error)
-    if isinstance(error, OSError) and error.strerror:
-        return f"{error.strerror}: {shown(Path(error.filename))}" if error.filename else error.strerror
-    if isinstance(error, MemoryError):
-        return "not enough memory for this cloud; close other programs or thin it out"
-    text = " ".join(str(error).split()).removeprefix(f"{shown(scan)}: ")
-    text = text if text.isprintable() else ascii(text)[1:-1]
-    return text if isinstance(error, ScanError) else f"{type(error).__name__}: {text}"

@@ -14,6 +14,9 @@ from z2p_core import __version__
 
 COMMANDS = {
     "run-inference": ("pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
+    "animate": ("pipeline.commands.animate:animate", "Make turntables and light sweeps of point clouds."),
+    "rerender": ("pipeline.commands.figures:rerender", "Draw a picture again with something changed."),
+    "info": ("pipeline.commands.figures:info", "Show what made a picture."),
     "evaluate": ("pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
     "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
     "status": ("pipeline.commands.workspace:status", "Say which stages are fresh, stale or missing, and why."),
@@ -23,6 +26,8 @@ COMMANDS = {
     "scheduler": ("pipeline.commands.workspace:scheduler", "Share the work among pipelines on several machines."),
     "plugins": ("pipeline.commands.listings:plugins", "List the installed plugins."),
     "formats": ("pipeline.commands.listings:formats", "List the readable file formats."),
+    "report": ("pipeline.commands.report:report", "Print what a bug report needs."),
+    "completion": ("pipeline.commands.report:completion", "Print the script for Tab completion in a shell."),
 }
 """Subcommand -> (module:attribute, short help); the help is here so that `z2p --help` imports none of them."""
 
@@ -32,6 +37,7 @@ USERS_ERRORS = (
     "z2p_core.interfaces:ScanError",
     "z2p_core.interfaces:SettingError",
     "storage.checkpoints:WeightsError",
+    "storage.pictures:PictureError",
 )
 """Errors that a user can mend: told in one line with exit status 2. By name, so that nothing is imported for them."""
 

@@ -195,8 +195,9 @@ def _trials(
 
 def _run_weights(renderer: Renderer, trial: Trial, config: EvaluateConfig) -> Result:
     placed = place(trial.cloud, trial.view.scene)
+    floor = on_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
     started = time.perf_counter()
-    prediction = renderer.render(placed, trial.view.values, config.resolution, config.resolution)
+    prediction = renderer.render(placed, trial.view.values, config.resolution, config.resolution, floor)
     seconds = time.perf_counter() - started
     picture = unit_from_bytes(prediction)
     row = {**_figures(picture, trial), "seconds": round(seconds, 4),

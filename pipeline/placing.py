@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.infer import place_cloud
-from storage.clouds import Scan
-from z2p_core.camera import DEFAULT_ELEVATION
+from storage.clouds import FEWEST_POINTS, Scan
+from z2p_core.camera import DEFAULT_ELEVATION, turn
+from z2p_core.foreground import is_room, subject, support, upright
 from z2p_core.framing import UP_AXES, Up, choose_up, choose_view, clip_outliers, implied_sensor, sensor_view
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
+from z2p_core.viewpoint import Viewpoint, frame
+
+ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
+OUTSIDE = 1.2
+"""Distance from the middle, in radii, from where on a point may lie outside a square picture."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +30,11 @@ class Placing:
     azimuth: float = 0.0
     """Degrees that the view is turned by on top."""
     keep_outliers: bool = False
+    """Keeps stray points, and what lies far behind a depth camera's subject."""
+    cut_top: float = 0.0
+    """Percent of the height that is cut off from above: a room's ceiling, say."""
+    viewpoint: Viewpoint | None = None
+    """A camera settled before: it replaces `up`, `view` and the cloud's own frame; `azimuth` still turns it."""
 
 
 @dataclass(frozen=True)
@@ -40,13 +50,23 @@ class Stance:
     view_reason: str
     outliers: int
     """Stray points left out."""
+    outside: int = 0
+    """Points beyond the frame of a camera that was settled before."""
+    background: int = 0
+    """Points left out that lie far behind a depth camera's subject."""
+    hint: str = ""
+    """What the user may want to try."""
 
     @property
     def told(self) -> str:
         """Part of a line that says it."""
         height = "" if self.elevation is None else f", elevation {round(self.elevation)}"
         strays = f"; {self.outliers} stray points left out of the frame" if self.outliers else ""
-        return f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}{strays}"
+        strays += f"; {self.background} points far behind it left out" if self.background else ""
+        strays += f"; {self.outside} points beyond the camera's frame" if self.outside else ""
+        hint = f"; {self.hint}" if self.hint else ""
+        return (f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}{strays}"
+                f"{hint}")
 
 
 @dataclass(frozen=True)
@@ -56,6 +76,8 @@ class Placed:
     cloud: np.ndarray
     """Points (N, 3) float32 in world units."""
     stance: Stance
+    viewpoint: Viewpoint
+    """What placed it, with the camera's elevation."""
 
 
 def place(
@@ -73,19 +95,86 @@ def place(
     Raises:
         ScanError: there is no extent to scale, or a sensor's view is asked of a cloud without one.
     """
-    kept = np.ones(len(scan.points), dtype=bool) if placing.keep_outliers else clip_outliers(scan.points)
-    outliers = int(len(kept) - kept.sum())
-    points = scan.points[kept] if outliers else scan.points
-    up = _upright(points, scan.sensor, suffix, placing)
+    shown = shown_points(scan, suffix, placing)
+    points, up = shown.points, shown.up
+    if placing.viewpoint is not None:
+        return _as_settled(shown, placing.viewpoint, placing.azimuth, elevation, free)
     azimuth, wished, reason = _view(points, up, placing, elevation)
-    if wished is not None and free is not None:
-        low, high = free
-        if not low <= wished <= high:
-            reason += f" ({round(wished)} degrees, beyond the weights' {low:g} to {high:g})"
-        wished = min(max(wished, low), high)
+    wished, beyond = _allowed(wished, free)
     azimuth += placing.azimuth
-    cloud = place_cloud(points, up.rotation, azimuth)
-    return Placed(cloud, Stance(up.axis, up.reason, azimuth, None if free is None else wished, reason, outliers))
+    viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
+    hint = ROOM_HINT if not placing.cut_top and is_room(points @ up.rotation.T) else ""
+    stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint)
+    return Placed(viewpoint.place(points), stance, viewpoint)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The points that are to be drawn, and what was left out."""
+
+    points: np.ndarray
+    """(N, 3) float64 in the file's axes."""
+    up: Up
+    outliers: int
+    background: int
+
+
+def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
+    """The scan without strays, without what lies far behind a depth camera's subject, and without the top cut off.
+
+    Raises:
+        ScanError: nothing is left below the cut.
+    """
+    kept = np.ones(len(scan.points), dtype=bool) if placing.keep_outliers else clip_outliers(scan.points)
+    points = scan.points[kept] if not kept.all() else scan.points
+    up = _upright(points, scan.sensor, suffix, placing)
+    background = 0
+    if up.sensor is not None and not placing.keep_outliers:
+        before = subject(points, up.sensor)
+        background = int(len(before) - before.sum())
+        if background:
+            points = points[before]
+            points = points[clip_outliers(points)]
+    if up.sensor is not None and placing.up == "auto":
+        normal = support(points, up.rotation[2], up.sensor)
+        if normal is not None:
+            up = replace(up, rotation=upright(up.rotation, normal), axis="the table's normal",
+                         reason=f"{up.reason}, set upright by the plane that things stand on")
+    outliers = len(scan.points) - background - len(points)
+    if placing.cut_top:
+        rotation = up.rotation if placing.viewpoint is None else np.array(placing.viewpoint.rotation)
+        height = points @ rotation[2]
+        points = points[height <= height.max() - placing.cut_top / 100 * np.ptp(height)]
+        if len(points) < FEWEST_POINTS:
+            raise ScanError(f"--cut-top {placing.cut_top:g} leaves {len(points)} points; cut off less")
+    return Shown(points, up, outliers, background)
+
+
+def _as_settled(
+    shown: Shown, viewpoint: Viewpoint, azimuth: float, elevation: float, free: tuple[float, float] | None
+) -> Placed:
+    """The points before a camera that was settled before, turned on by `azimuth` degrees."""
+    wished, beyond = _allowed(viewpoint.elevation, free)
+    rotation = turn(azimuth) @ np.array(viewpoint.rotation) if azimuth else np.array(viewpoint.rotation)
+    viewpoint = replace(viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()),
+                        elevation=elevation if wished is None else wished)
+    cloud = viewpoint.place(shown.points)
+    outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
+    if outside == len(cloud):
+        raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
+    stance = Stance("as settled", "the camera's", azimuth, wished, f"the camera's{beyond}", shown.outliers, outside,
+                    shown.background)
+    return Placed(cloud, stance, viewpoint)
+
+
+def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[float | None, str]:
+    """The elevation that a view may have of what it wishes, None when it is settled elsewhere, and what to say."""
+    if wished is None or free is None:
+        return None, ""
+    low, high = free
+    if low <= wished <= high:
+        return wished, ""
+    return min(max(wished, low), high), f" ({round(wished)} degrees, beyond the weights' {low:g} to {high:g})"
 
 
 def _upright(points: np.ndarray, sensor: Sensor | None, suffix: str, placing: Placing) -> Up:

@@ -10,12 +10,14 @@ from pathlib import Path
 
 import numpy as np
 
+from storage.incoming import unpacked
+from storage.memory import free_memory
 from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, shown, write_cloud, write_mesh
 from z2p_core import registry
-from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
+from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
 
-__all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "read_clouds", "read_mesh", "readable_suffixes", "shown",
-           "write_cloud", "write_mesh"]  # fmt: skip
+__all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "read_clouds", "read_mesh",
+           "readable_suffixes", "shown", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 FEWEST_POINTS = 3
 
@@ -34,26 +36,47 @@ class Scan:
     """Where the cloud was seen from, when the file tells."""
 
 
-def read_clouds(path: Path) -> list[Scan]:
+def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
     """The clouds of a file: one, or as many as its batch holds; the reader is found by the suffix, in either case.
 
+    A .gz is unpacked on the way. `columns` names those of a text file.
+
     Raises:
-        ScanError: no such file, no reader for its suffix, a file that is not of its format, or a cloud without
-            three finite points at two places at least; one line that names the file.
+        ScanError: no such file, no reader for its suffix, a file that is not of its format or too large for the free
+            memory, or a cloud without three finite points at two places at least; one line that names the file.
     """
     try:
-        reader = _reader(path)
+        reader = _reader(format_suffix(path))
+        reader.columns = columns
         check_openable(path)
-        clouds = _clouds(reader, path)
+        free = free_memory()
+        with unpacked(path, None if free is None else free // MEMORY_A_BYTE) as plain:
+            _check_memory(reader, plain, free)
+            clouds = _clouds(reader, plain)
         labels = [f"[{index}]" for index in range(len(clouds))] if len(clouds) > 1 else [""]
         return [_scan(cloud, label) for cloud, label in zip(clouds, labels, strict=True)]
     except ScanError as error:
         raise ScanError(f"{shown(path)}: {error}") from error
 
 
+def usable(points: np.ndarray) -> Scan:
+    """The finite rows of points (N, 3), as a scan in float64.
+
+    Raises:
+        ScanError: there are not three finite points at two places at least.
+    """
+    return _scan(RawCloud(np.asarray(points, dtype=np.float64)), "")
+
+
 def readable_suffixes() -> dict[str, str]:
     """Suffix, lower-case with its dot -> name of the reader that takes it; readers that fail to load are left out."""
     return {suffix: names[0] for suffix, names in sorted(_claims()[0].items())}
+
+
+def format_suffix(path: Path) -> str:
+    """Suffix that tells a file's format, lower-case with its dot: that before .gz, if it is gzip'd."""
+    inner = path.with_suffix("") if path.suffix.lower() == ".gz" else path
+    return inner.suffix.lower()
 
 
 def find_scans(inputs: Sequence[str], recursive: bool) -> list[Path]:
@@ -94,7 +117,7 @@ def _expand(text: str, recursive: bool) -> list[Path]:
     else:
         raise ScanError(f"{shown(path)}: no such file or folder; check the path")
     suffixes = readable_suffixes()
-    paths = [candidate for candidate in candidates if candidate.suffix.lower() in suffixes]
+    paths = [candidate for candidate in candidates if format_suffix(candidate) in suffixes]
     if not paths:
         advice = "" if recursive or not path.is_dir() else "; --recursive looks into its folders too"
         raise ScanError(f"{name} holds no point cloud; readable: {', '.join(suffixes)}{advice}")
@@ -141,9 +164,16 @@ def _claims() -> tuple[dict[str, list[str]], list[str]]:
     return claims, faults
 
 
-def _reader(path: Path) -> Reader:
+def _check_memory(reader: Reader, path: Path, free: int | None) -> None:
+    """Raises ScanError when the file will not fit, rather than let the system end the whole run."""
+    needed = reader.memory(path)
+    if free is not None and needed > free:
+        raise ScanError(f"would take about {needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free; thin it "
+                        "out first, a million points are plenty for a picture")
+
+
+def _reader(suffix: str) -> Reader:
     claims, faults = _claims()
-    suffix = path.suffix.lower()
     names = claims.get(suffix, [])
     if not names:
         broken = f" ({'; '.join(faults)})" if faults else ""

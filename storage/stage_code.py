@@ -18,7 +18,11 @@ from storage.code import part_digest
 _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.scene")
 _MESHES = ("storage.meshes", "z2p_core.ply_header")
 _PICTURES = ("pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.geometry", "z2p_core.images", *_MESHES)
-_NETWORK = ("pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting", "z2p_core.camera")
+_KERNELS = ("z2p_core.native", *(f"z2p_core/native/{name}" for name in ("fast.h", "light.c", "points.c", "splat.c")))
+_NETWORK = (
+    "pipeline.buffers", "pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting",
+    "z2p_core.camera", "z2p_core.scene", *_KERNELS,
+)
 
 SHAPING: dict[str, tuple[str, ...]] = {
     "shapes": (
@@ -59,6 +63,7 @@ NOT_SHAPING: dict[str, str] = {
     "workflows.tasks": "what all tasks share: where files lie, not what is in them",
     "workflows.task_log": "tells how a task is doing",
     "workflows.known_views": "copies renders whose fields and digests are the very same",
+    "z2p_core.viewpoint": "turns users' clouds; the pipeline's views are drawn",
     "z2p_core.framing": "frames users' clouds; the pipeline's are framed by their mesh",
 }
 """Module, or ``stage/module:definition`` -> why it is of no weight although shaping code imports it.

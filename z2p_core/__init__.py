@@ -1,3 +1,31 @@
-"""Pure heart of z2p: camera, interfaces, network, losses, metrics. Touches no file, imports no luigi, h5py or bpy."""
+"""Pure heart of z2p: camera, interfaces, network, losses, metrics. Touches no file, imports no luigi, h5py or bpy.
+
+>>> import z2p_core
+>>> picture = z2p_core.render(points, color="teal")  # doctest: +SKIP
+>>> picture.save("points.png")  # doctest: +SKIP
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from z2p_core.api import render as render
+    from z2p_core.picture import Picture as Picture
+    from z2p_core.preview import Previewer as Previewer
 
 __version__ = "0.1.0"
+
+_LATE = {"render": "z2p_core.api", "Picture": "z2p_core.picture", "Previewer": "z2p_core.preview"}
+"""Public name -> module; imported when first used, so that `z2p --help` waits for none of it."""
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATE:
+        return getattr(import_module(_LATE[name]), name)
+    raise AttributeError(f"module 'z2p_core' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_LATE])

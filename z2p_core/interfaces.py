@@ -7,6 +7,7 @@ entry-point group              subclass               example
 =============================  =====================  ===========================================
 ``z2p.controls``               `Control`              metallic: a number the user moves
 ``z2p.zbuffers``               `ZBuffer`              the paper's 5x5 splat (Eq. 1)
+``z2p.gbuffers``               `GBuffer`              lit surfels and their shadow: a rough rendering
 ``z2p.encoders``               `PositionalEncoder`    random Fourier features (Eq. 3)
 ``z2p.samplers``               `Sampler`              farthest-point sampling of a mesh
 ``z2p.readers``                `Reader`               a point-cloud file format
@@ -139,6 +140,26 @@ class ZBuffer(ABC):
         """Picture (channels, height, width) float32 of a cloud (N, 3) float32 in world units; 0 where nothing is."""
 
 
+class GBuffer(ABC):
+    """Draws rough features of the lit scene from the bare cloud, which the network reads beside the z-buffer.
+
+    A G-buffer is what deferred shading calls the pictures (depth, normals, light) that a last pass makes an image of.
+    Unlike a `ZBuffer` it knows the whole scene, and may look at a point's neighbours.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    channels: ClassVar[int]
+
+    @abstractmethod
+    def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
+        """Picture (channels, height, width) float32, about [-1, 1], of a cloud (N, 3) float32 in world units.
+
+        `scene` has the light, the material and the floor; a floor of None touches the cloud's lowest point. Its
+        rotation and lift are those of the cloud already.
+        """
+
+
 class PositionalEncoder(ABC):
     """Features of a pixel's place in the full frame, joined to the network's input (paper section 3.3, Eq. 3)."""
 
@@ -218,6 +239,13 @@ class RawCloud:
     sensor: Sensor | None = None
 
 
+MEMORY_A_POINT = 170
+"""Bytes that a point takes at the height of reading and placing it: seven times x, y, z in float64."""
+MEMORY_A_BYTE = MEMORY_A_POINT // 12
+MEMORY_A_CHARACTER = 26
+"""The same for a byte of text that is read as a whole and cut into words."""
+
+
 class Reader(ABC):
     """Reads one family of point-cloud files."""
 
@@ -225,6 +253,15 @@ class Reader(ABC):
     version: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
     """Lower-case, with the dot: ``(".las", ".laz")``."""
+    columns: Sequence[str] | None = None
+    """What the user says that a text file's columns hold: ``("x", "y", "z", "r", "g", "b")``; others ignore it."""
+
+    def memory(self, path: Path) -> int:
+        """Bytes that reading and placing the file take at the most, roughly: more than is free, and it is refused.
+
+        The default fits packed float32 coordinates; formats that pack tighter count their points instead.
+        """
+        return MEMORY_A_BYTE * path.stat().st_size
 
     @abstractmethod
     def read(self, path: Path) -> Sequence[RawCloud | np.ndarray]:

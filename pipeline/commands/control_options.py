@@ -14,18 +14,51 @@ SETTINGS = "z2p.settings"
 """Key of the control settings in click's context: {control: value}, only those that the user gave."""
 
 
+SECTIONS = {
+    "Input": ("recursive", "columns", "scan", "weights"),
+    "View": ("up", "view", "azimuth", "load_camera", "save_camera", "same_frame", "keep_outliers", "cut_top"),
+    "Picture": ("resolution", "background", "supersample", "fit", "format_", "palette_name"),
+    "Motion": ("motion", "frames", "fps", "steady"),
+}
+"""Headings of the help and the options below them; controls come next, and the rest stands below Output."""
+
+
 class InferenceCommand(click.Command):
     """Command that gets its control options from the installed plugins when it is called or asked for help."""
+
+    defaults_shown = True
+    """Whether the help tells the controls' own defaults."""
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         key = "z2p.control_options"
         if key not in ctx.meta:
-            ctx.meta[key] = control_options({option for param in self.params for option in param.opts})
+            taken = {option for param in self.params for option in param.opts}
+            ctx.meta[key] = control_options(taken, self.defaults_shown)
         fixed = super().get_params(ctx)
         return [*fixed[:-1], *ctx.meta[key], fixed[-1]]  # --help stays last
 
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """The options below headings, in the order in which they are met."""
+        headings = {name: heading for heading, names in SECTIONS.items() for name in names}
+        rows: dict[str, list[tuple[str, str]]] = {heading: [] for heading in (*SECTIONS, "Look", "Output")}
+        for parameter in self.get_params(ctx):
+            record = parameter.get_help_record(ctx)
+            if record is not None and isinstance(parameter, click.Option):
+                control = (parameter.name or "").startswith("control_")
+                rows["Look" if control else headings.get(parameter.name or "", "Output")].append(record)
+        for heading, told in rows.items():
+            if told:
+                with formatter.section(heading):
+                    formatter.write_dl(told)
 
-def control_options(taken: set[str]) -> list[click.Option]:
+
+class RerenderCommand(InferenceCommand):
+    """The same for a picture that has settings already, which are the defaults."""
+
+    defaults_shown = False
+
+
+def control_options(taken: set[str], defaults_shown: bool = True) -> list[click.Option]:
     """An option for each installed control, from its slider alone; a broken one gets an option that says so.
 
     A control whose name is in `taken` (options of the command itself) becomes ``--control-<name>``.
@@ -36,6 +69,7 @@ def control_options(taken: set[str]) -> list[click.Option]:
         if flag in taken:
             flag = f"--control-{name.replace('_', '-')}"
         read, metavar, text = _control_reader(name)
+        text = text if defaults_shown else text.partition("  [default")[0]
         options.append(
             click.Option(
                 [flag, f"control_{index}"], metavar=metavar, help=text, expose_value=False, callback=_keeper(name, read)

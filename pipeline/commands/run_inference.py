@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import warnings
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,39 +14,48 @@ import click
 
 from pipeline.cli import debugging
 from pipeline.commands.control_options import SETTINGS, InferenceCommand
-from pipeline.commands.values import Background, Degrees, Resolution, UpAxis, View
+from pipeline.commands.inputs import found_scans
+from pipeline.commands.picture_options import columns_from, look_from, picture_options, writable
+from pipeline.commands.telling import Progress, json_line, progress, reported, settings_of
+from pipeline.commands.values import Grid
 from z2p_core.interfaces import Value
+from z2p_core.palettes import PALETTES, palette
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
-    from pipeline.batch import Look, Outcome, Task
+    from pipeline.batch import Outcome, Task
+    from pipeline.drawing import Look
     from pipeline.infer import Renderer
-    from pipeline.placing import Placing
+
+SUFFIXES = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif"}
 
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
-@click.option("--output", "-o", required=True, type=click.Path(path_type=Path), metavar="OUT",
-              help="Folder for the pictures; or, for one cloud, the picture itself (.png).")
-@click.option("--recursive", "-r", is_flag=True, help="Look into sub folders, and mirror them in OUT.")
-@click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file.")
-@click.option("--up", default="auto", type=UpAxis(),
-              help="Axis that points up in the data; auto: a depth camera's own up, else what the format holds usual.")
-@click.option("--view", default="auto", type=View(),
-              help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
-              "front: the data's own; sensor; or degrees as azimuth,elevation.")
-@click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
-              help="Turn the object on from there about its up axis, counter-clockwise from above.")
-@click.option("--keep-outliers", is_flag=True, help="Keep stray points that make the object small.")
-@click.option("--resolution", default="512", type=Resolution(), help="Size in pixels.")
-@click.option("--background", default="transparent", type=Background(),
-              help="transparent, or a CSS colour name or #hex.")
+@click.option("--output", "-o", default="pictures", type=click.Path(path_type=Path), metavar="OUT",
+              help="Folder for the pictures; or, for one cloud, the picture itself (.png, .webp, .jpg, .tif).")
+@click.option("--format", "format_", default="png", type=click.Choice(list(SUFFIXES)), help="Of pictures in a folder.")
+@picture_options
+@click.option("--same-frame", is_flag=True, help="One camera for all clouds, which keep their sizes and places in it.")
+@click.option("--save-camera", type=click.Path(path_type=Path), metavar="FILE",
+              help="Write the camera as JSON; several clouds need --same-frame.")
+@click.option("--palette", "palette_name", type=click.Choice(list(PALETTES)),
+              help="Colours for a series, a cloud each in turn, safe for colour-blind readers.")
+@click.option("--sheet", type=Grid(), metavar="4x3", help="Contact sheets OUT/sheet.png of so many columns and rows.")
+@click.option("--gallery", is_flag=True, help="OUT/gallery.html, one page with all pictures and their settings.")
 @click.option("--overwrite", is_flag=True, help="Render again what is there; it is skipped otherwise.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON line a file on stdout.")
 @click.option("--jobs", default=1, type=click.IntRange(min=1), metavar="N", help="Files rendered at the same time.")
 @click.option("--quiet", "-q", is_flag=True, help="Tell of failures only.")
 @click.pass_context
 def run_inference(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: Any) -> None:
-    """Render point clouds to pictures: each INPUT is a file, a folder or a quoted glob.
+    """Render point clouds to pictures: each INPUT is a file, a folder, a quoted glob, or - for standard input.
+
+    \b
+    z2p run-inference scans/ --output pictures
+    z2p run-inference bunny.ply -o bunny.png --color teal --light 3.6,30,45
+    z2p run-inference "frames/*.pcd" -o frames --same-frame --sheet 4x3 --gallery
+
+    Each picture carries what made it: see `z2p info`, and change it with `z2p rerender`.
 
     Exit status: 0 all rendered or there before, 1 some files failed (the others are done), 2 wrong usage.
     """
@@ -62,145 +70,119 @@ def _run(
     ctx: click.Context, inputs: tuple[str, ...], output: Path, values: dict[str, Value], options: dict[str, Any]
 ) -> int:
     """How many files failed."""
-    from storage.clouds import find_scans
-
-    scans = find_scans(inputs, options["recursive"])
-    if not scans:
-        raise click.UsageError(f"no readable scans in {', '.join(inputs)}; see `z2p formats`", ctx)
-    from pipeline.batch import Look, render_files
+    columns = columns_from(options)
+    if options["palette_name"] and "color" in values:
+        raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
+    scans = found_scans(ctx, inputs, options["recursive"])
+    from pipeline.batch import render_files
     from pipeline.infer import Renderer
 
     jobs = min(options["jobs"], len(scans))
     renderer = Renderer(options["weights"], None if jobs == 1 else max(1, (os.cpu_count() or 1) // jobs))
-    if isinstance(options["view"], tuple):
-        values = {"elevation": (options["view"][1],), **values}  # --elevation wins
-    values = _values_for(ctx, renderer, values)
-    if "elevation" in values:
-        renderer.controls["elevation"].check(values["elevation"])  # what --view set has not been through its option
-    background = None if options["background"] == "transparent" else options["background"]
-    width, height = options["resolution"]
-    look = Look(values, _placing(options), width, height, background)
-    tasks = _plan(ctx, scans, inputs, output, options["recursive"])
-    outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs)
-    settings = _settings(renderer, look, options)
-    counts = {"ok": 0, "skipped": 0, "failed": 0}
-    for outcome in _reported(outcomes, len(tasks), options["quiet"]):
-        counts[outcome.status] += 1
-        if options["as_json"]:
-            click.echo(json.dumps(_line(outcome, settings)))
+    look = look_from(renderer, values, options)
+    tasks = _plan(ctx, scans, inputs, output, options)
+    if options["same_frame"]:
+        look = _same_frame(scans, renderer, look, columns, options["quiet"])
+    elif options["save_camera"] is not None and len(scans) > 1:
+        raise click.UsageError(f"--save-camera: {len(scans)} scans have a camera each; add --same-frame", ctx)
+    bar = progress(len(tasks), options["quiet"])
+    outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs, columns, bar.drawn)
+    counts, done = _render(outcomes, bar, renderer, look, options)
+    _write_extras(done, output, look, options)
     if not options["quiet"]:
         click.echo(f"{counts['ok']} rendered, {counts['skipped']} skipped, {counts['failed']} failed", err=True)
     return counts["failed"]
 
 
-def _values_for(ctx: click.Context, renderer: Renderer, values: dict[str, Value]) -> dict[str, Value]:
-    """The user's values, when the weights carry every control that they set."""
-    fixed = renderer.fixed_elevation
-    if fixed is not None and values.get("elevation", (fixed,)) != (fixed,):
-        raise click.UsageError(
-            f"--elevation: these weights know only {fixed:g} degrees, got {values['elevation'][0]:g}; leave it out, or "
-            "take weights that carry the elevation control", ctx
-        )
-    for name in values:
-        if name not in renderer.controls and name != "elevation":
-            carried = ", ".join(renderer.controls) or "none"
-            raise click.UsageError(f"these weights do not carry the control {name!r}; they carry: {carried}", ctx)
-    return {name: value for name, value in values.items() if name in renderer.controls}
+def _render(
+    outcomes: Iterator[Outcome], bar: Progress, renderer: Renderer, look: Look, options: dict[str, Any]
+) -> tuple[dict[str, int], list[Outcome]]:
+    """How many files ended in which way, and all that became of them, each told as it gets done."""
+    settings = settings_of(renderer, look, options)
+    counts, done = {"ok": 0, "skipped": 0, "failed": 0}, []
+    for outcome in reported(outcomes, bar, options["quiet"]):
+        counts[outcome.status] += 1
+        done.append(outcome)
+        if options["as_json"]:
+            click.echo(json.dumps(json_line(outcome, settings)))
+    return counts, done
 
 
-def _placing(options: dict[str, Any]) -> Placing:
-    from pipeline.placing import Placing
-
-    view = options["view"]
-    return Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
-                   options["keep_outliers"])
-
-
-def _plan(ctx: click.Context, scans: list[Path], inputs: tuple[str, ...], output: Path, recursive: bool) -> list[Task]:
+def _plan(
+    ctx: click.Context, scans: list[Path], inputs: tuple[str, ...], output: Path, options: dict[str, Any]
+) -> list[Task]:
     """The tasks, once it is sure that their pictures can be written."""
     from pipeline.batch import Task, plan_outputs
+    from storage.pictures import FORMATS, OPAQUE
 
-    alone = output.suffix.lower() == ".png" and not output.is_dir()
+    alone = output.suffix.lower() in FORMATS and not output.is_dir()
+    suffix = output.suffix.lower() if alone else SUFFIXES[options["format_"]]
     if alone and len(scans) > 1:
         raise click.UsageError(f"--output {output} names one picture, but {len(scans)} scans match; give a folder", ctx)
-    folder = output.parent if alone else output
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".z2p-{os.getpid()}.probe"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise click.UsageError(f"cannot write to {folder}: {error.strerror}; choose another --output", ctx) from None
+    given = ctx.get_parameter_source("format_") is not click.core.ParameterSource.DEFAULT
+    if alone and given and FORMATS[suffix] != FORMATS[SUFFIXES[options["format_"]]]:
+        raise click.UsageError(f"--format {options['format_']} does not fit --output {output}; leave it out", ctx)
+    writable(output.parent if alone else output)
+    if suffix in OPAQUE and options["background"] == "transparent" and not options["quiet"]:
+        click.echo("JPEG has no transparency: the background is white; choose another with --background", err=True)
     if alone:
-        return [Task(scans[0], output, single=True)]
-    return plan_outputs(scans, [Path(text) for text in inputs if Path(text).is_dir()], output, recursive)
+        tasks = [Task(scans[0], output, single=True)]
+    else:
+        folders = [Path(text) for text in inputs if Path(text).is_dir()]
+        tasks = plan_outputs(scans, folders, output, options["recursive"], suffix)
+    colors = palette(options["palette_name"]) if options["palette_name"] else ()
+    return [replace(task, colors=colors[turn % len(colors) :] + colors[: turn % len(colors)]) if colors else task
+            for turn, task in enumerate(tasks)]  # fmt: skip
 
 
-def _settings(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict[str, Any]:
-    """All that shaped the pictures, JSON-able."""
-    controls = {name: list(value) for name, value in renderer.settings(look.values).items()}
-    elevation = controls.get("elevation", [renderer.fixed_elevation])
-    return {
-        "weights": options["weights"],
-        "controls": controls,
-        "elevation": elevation[0],
-        "up": look.placing.up,
-        "view": options["view"],
-        "azimuth": look.placing.azimuth,
-        "keep_outliers": look.placing.keep_outliers,
-        "resolution": [look.width, look.height],
-        "background": "transparent" if look.background is None else list(look.background),
-    }
+def _same_frame(
+    scans: list[Path], renderer: Renderer, look: Look, columns: tuple[str, ...] | None, quiet: bool
+) -> Look:
+    """The look with the one camera that fits all clouds."""
+    from pipeline.drawing import elevation_of
+    from pipeline.series import common_viewpoint
+
+    if look.placing.viewpoint is not None:
+        return look  # a loaded camera is one for all already
+    series = common_viewpoint(scans, look.placing, *elevation_of(renderer, look.values), columns)
+    if not quiet:
+        click.echo(f"one frame for {series.clouds} clouds: {series.told}", err=True)
+    placing = replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0)
+    return replace(look, placing=placing)
 
 
-def _reported(outcomes: Iterator[Outcome], count: int, quiet: bool) -> Iterator[Outcome]:
-    """The outcomes, each told on stderr as it passes: a bar on a terminal, else a line a file."""
-    from tqdm import tqdm
+def _write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> None:
+    """The camera, the contact sheets and the gallery, those that were asked for."""
+    told = []
+    pictures = [path for outcome in done for path in outcome.outputs if path.is_file()]
+    folder = output if output.is_dir() else output.parent
+    if options["save_camera"] is not None:
+        told += _save_camera(done, look, options)
+    if options["sheet"] is not None and pictures:
+        from pipeline.contact_sheet import write_contact_sheets
 
-    terminal = sys.stderr.isatty()
-    for outcome in tqdm(outcomes, total=count, unit="file", disable=quiet or not terminal, file=sys.stderr):
-        if outcome.status == "failed" or not quiet:
-            if not terminal:
-                click.echo(_told(outcome), err=True)
-            elif outcome.status != "ok":
-                tqdm.write(_told(outcome), file=sys.stderr)
-        yield outcome
+        told += write_contact_sheets(pictures, folder, *options["sheet"])
+    if options["gallery"] and pictures:
+        from pipeline.gallery import write_gallery
 
-
-def _told(outcome: Outcome) -> str:
-    from storage.clouds import shown
-
-    name, pictures = shown(outcome.scan), shown(outcome.outputs[0])
-    if len(outcome.outputs) > 1:
-        pictures += f" to {shown(Path(outcome.outputs[-1].name))}"
-    if outcome.status == "failed":
-        return f"failed: {name}: {outcome.error}"
-    if outcome.status == "skipped":
-        return f"skipped: {name}: {pictures} is there already; --overwrite renders it again"
-    dropped = f", {outcome.dropped} not finite dropped" if outcome.dropped else ""
-    stances = list(dict.fromkeys(stance.told for stance in outcome.stances))
-    others = "; its other clouds otherwise" if len(stances) > 1 else ""
-    return (f"rendered: {name} -> {pictures} ({outcome.points} points{dropped}, {outcome.seconds:.2f} s; "
-            f"{stances[0]}{others})")
+        told.append(write_gallery(pictures, folder / "gallery.html"))
+    if not options["quiet"]:
+        for path in told:
+            click.echo(f"wrote {path}", err=True)
 
 
-def _line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
-    """One file's JSON line; `output` is the first of `outputs`, the only one for most files.
+def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> list[Path]:
+    from storage.cameras import read_camera, write_camera
 
-    `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn.
-    """
-    stances = [asdict(stance) for stance in outcome.stances]
-    for stance in stances:
-        stance["elevation"] = settings["elevation"] if stance["elevation"] is None else stance["elevation"]
-    return {
-        "input": str(outcome.scan),
-        "output": str(outcome.outputs[0]),
-        "outputs": [str(path) for path in outcome.outputs],
-        "status": outcome.status,
-        "points": outcome.points,
-        "dropped": outcome.dropped,
-        "seconds": round(outcome.seconds, 4),
-        "error": outcome.error,
-        "stances": stances,
-        "settings": settings,
-    }
+    viewpoints = [viewpoint for outcome in done for viewpoint in outcome.viewpoints]
+    if options["same_frame"] and look.placing.viewpoint is not None:
+        viewpoints = [look.placing.viewpoint]
+    if not viewpoints and done[0].status == "skipped":
+        viewpoints = [read_camera(done[0].outputs[0])]
+    if len(viewpoints) > 1:
+        raise click.UsageError(f"--save-camera: the file's {len(viewpoints)} clouds have a camera each; "
+                               "add --same-frame")
+    if not viewpoints:
+        return []  # the file failed, which has been told
+    write_camera(viewpoints[0], options["save_camera"])
+    return [options["save_camera"]]

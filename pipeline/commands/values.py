@@ -27,6 +27,10 @@ class View(click.ParamType):
 
     name = "auto|front|sensor|AZ,EL"
 
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """As the words are written."""
+        return self.name
+
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> str | tuple[float, float]:
@@ -101,12 +105,24 @@ class Background(click.ParamType):
     ) -> tuple[float, float, float] | str:
         if value == "transparent" or isinstance(value, tuple):
             return value
-        from PIL import ImageColor  # late: help needs no pillow
+        from pipeline.settings import background_from
+        from z2p_core.interfaces import SettingError
 
         try:
-            red, green, blue, *alpha = ImageColor.getrgb(value)
-        except ValueError:
-            alpha = [0]
-        if alpha not in ([], [255]):
-            self.fail(f"expected transparent, a CSS colour name or an opaque #hex, got {value!r}", param, ctx)
-        return red / 255, green / 255, blue / 255
+            return background_from(value) or "transparent"
+        except SettingError as error:
+            self.fail(str(error), param, ctx)
+
+
+class Grid(click.ParamType):
+    """Columns and rows from ``4x3``."""
+
+    name = "COLSxROWS"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"([1-9]\d?)[xX,]([1-9]\d?)", value.strip())
+        if match is None:
+            self.fail(f"expected columns and rows from 1x1 to 99x99, got {value!r}", param, ctx)
+        return int(match[1]), int(match[2])

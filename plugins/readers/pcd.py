@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
+from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
 
 _LONGEST_HEADER = 1 << 16
 _WORST_LZF_RATIO = 100
@@ -22,6 +22,20 @@ class Pcd(Reader):
     name = "pcd"
     version = "2"
     suffixes = (".pcd",)
+
+    def memory(self, path: Path) -> int:
+        """As many points as the header promises, beside the file itself; text takes far more."""
+        with path.open("rb") as file:
+            head = file.read(_LONGEST_HEADER)
+        try:
+            header = _parse_header(head)
+        except ScanError:
+            return 0  # read says what is wrong
+        size = path.stat().st_size
+        if header.data == "ascii":
+            return MEMORY_A_CHARACTER * size
+        plausible = min(header.points, _WORST_LZF_RATIO * size)  # a lie is found out by read
+        return 3 * size + plausible * MEMORY_A_POINT
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """The file's points, one cloud (N, 3) float64; pixels without depth stay in as NaN rows.

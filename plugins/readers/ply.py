@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.interfaces import Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, Reader, ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 
 
@@ -17,6 +17,20 @@ class Ply(Reader):
     name = "ply"
     version = "1"
     suffixes = (".ply",)
+
+    def memory(self, path: Path) -> int:
+        """As many points as the header promises, and their rows; text takes far more."""
+        with path.open("rb") as file:
+            head = file.read(LONGEST_HEADER)
+        try:
+            header = parse_header(head)
+            header.check_size(path.stat().st_size)
+            vertex = _vertex(header)
+        except ScanError:
+            return 0  # read says what is wrong
+        if header.ascii:
+            return MEMORY_A_CHARACTER * path.stat().st_size
+        return vertex.count * MEMORY_A_POINT + 2 * vertex.least_bytes(ascii=False)
 
     def read(self, path: Path) -> list[np.ndarray]:
         """The file's vertices, one cloud (N, 3) float64.

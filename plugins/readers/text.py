@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
-from z2p_core.interfaces import Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
 
 _COLUMNS = {
     ".xyz": ((3,), "x y z"),
@@ -14,52 +16,84 @@ _COLUMNS = {
     ".xyzrgb": ((6,), "x y z r g b"),
     ".pts": ((3, 4, 6, 7), "x y z [intensity] [r g b]"),
 }
-_SIX_IN_XYZ = "; six columns in .xyz may be normals or colours: rename the file to .xyzn or .xyzrgb"
+_SIX_IN_XYZ = ("; six columns may hold normals or colours: say which with --columns x,y,z,nx,ny,nz or "
+               "--columns x,y,z,r,g,b")  # fmt: skip
+_HEAD = 1 << 16
+"""Bytes from which the length of a line is told."""
+_LINES = 200_000
+"""Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
 
 
 class Text(Reader):
     """Plain text, a point a line, numbers parted by blanks or commas; ``#`` begins a comment."""
 
     name = "text"
-    version = "1"
+    version = "2"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt")
 
+    def memory(self, path: Path) -> int:
+        """As many points as the first lines let expect; the text itself is read in parts."""
+        with path.open("rb") as file:
+            head = file.read(_HEAD)
+        lines = head.count(b"\n")
+        if lines < 2:  # one endless line would be in memory as a whole
+            return super().memory(path)
+        return path.stat().st_size * lines // len(head) * MEMORY_A_POINT
+
     def read(self, path: Path) -> list[np.ndarray]:
-        """The first three columns, one cloud (N, 3) float64; a .txt may have any further columns.
+        """The first three columns, or those called x, y, z, one cloud (N, 3) float64; .txt may have further columns.
 
         A .pts begins with the number of its points; a file that has lost that line is read all the same.
 
         Raises:
-            ScanError: other columns than the suffix stands for, something not a number, or a wrong count in .pts.
+            ScanError: other columns than the suffix stands for or the user named, something not a number, or a wrong
+                count in .pts.
         """
         suffix = path.suffix.lower()
-        lines = _content(path.read_bytes())
-        promised = lines.pop(0) if suffix == ".pts" and lines and len(lines[0].split()) == 1 else None
-        table = _numbers(lines)
-        _check_columns(suffix, table)
-        if promised is not None and promised.strip() != str(len(table)):
-            raise ScanError(f"the first line of the .pts file promises {promised.strip()[:40]!r} points, "
-                            f"{len(table)} came; mend the number or export the file again")
-        return [table[:, :3]]
+        parts: list[np.ndarray] = []
+        promised, before = None, 0
+        for lines in _content(path):
+            if not before and suffix == ".pts" and len(lines[0].split()) == 1:
+                promised = lines.pop(0).strip()
+            table = _numbers(lines, before)
+            parts.append(self._points(suffix, table))
+            before += len(lines)
+        points = np.concatenate([np.empty((0, 3)), *parts])
+        if promised is not None and promised != str(len(points)):
+            raise ScanError(f"the first line of the .pts file promises {promised[:40]!r} points, "
+                            f"{len(points)} came; mend the number or export the file again")
+        return [points]
+
+    def _points(self, suffix: str, table: np.ndarray) -> np.ndarray:
+        """x, y and z of a part of the file."""
+        names = self.columns
+        if names is None:
+            _check_columns(suffix, table)
+            return table[:, :3].copy()
+        if len(table) and table.shape[1] != len(names):
+            raise ScanError(f"--columns names {len(names)} columns ({','.join(names)}), the file has {table.shape[1]}")
+        return table[:, [names.index(axis) for axis in "xyz"]] if len(table) else np.empty((0, 3))
 
 
-def _content(blob: bytes) -> list[str]:
-    """Lines that hold something, without comments, blanks between the numbers."""
-    text = blob.decode("utf-8-sig", errors="replace").replace(",", " ")
-    lines = (line.split("#", 1)[0] for line in text.splitlines()) if "#" in text else text.splitlines()
-    return [line for line in lines if line and not line.isspace()]
+def _content(path: Path) -> Iterator[list[str]]:
+    """Lines that hold something, without comments, blanks between the numbers; so many at a time."""
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        while raw := list(islice(file, _LINES)):
+            lines = [line.split("#", 1)[0].replace(",", " ") for line in raw]
+            if lines := [line for line in lines if line and not line.isspace()]:
+                yield lines
 
 
-def _numbers(lines: list[str]) -> np.ndarray:
-    """Table (N, columns) float64."""
+def _numbers(lines: list[str], before: int) -> np.ndarray:
+    """Table (N, columns) float64 of lines that have `before` others before them."""
     if not lines:
         return np.empty((0, 3))
     try:
         return np.loadtxt(lines, dtype=np.float64, comments=None, ndmin=2)
     except ValueError as error:
-        reason = str(error).split(";")[0]
+        reason, after = str(error).split(";")[0], f", after {before} good ones" if before else ""
         raise ScanError(f"expected the same count of numbers on every line: {reason} (lines with content, "
-                        "counted from 0); put '#' before lines that are no points") from error
+                        f"counted from 0{after}); put '#' before lines that are no points") from error
 
 
 def _check_columns(suffix: str, table: np.ndarray) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.interfaces import Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_CHARACTER, Reader, ScanError
 
 
 class Vertices(Reader):
@@ -16,6 +16,10 @@ class Vertices(Reader):
     name = "vertices"
     version = "1"
     suffixes = (".obj", ".off")
+
+    def memory(self, path: Path) -> int:
+        """Text is read as a whole."""
+        return MEMORY_A_CHARACTER * path.stat().st_size
 
     def read(self, path: Path) -> list[np.ndarray]:
         """The file's vertices, one cloud (N, 3) float64.

@@ -105,7 +105,7 @@ def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, mon
     alive, most, lock = [0], [0], threading.Lock()
     original = batch.read_clouds
 
-    def counted(path: Path) -> list[batch.Scan]:
+    def counted(path: Path, columns: None) -> list[batch.Scan]:
         with lock:
             alive[0] += 1
             most[0] = max(most[0], alive[0])
@@ -134,7 +134,7 @@ def test_a_batch_file_becomes_numbered_pictures_beside_a_file_of_that_name(
     outcomes = list(render_files(tasks, renderer, LOOK))
     assert [outcome.status for outcome in outcomes] == ["ok", "ok"]
     assert sorted(path.name for path in out.iterdir()) == ["a.npy_000.png", "a.npy_001.png", "a_001.png"]
-    assert (out / "a.npy_000.png").read_bytes() == (out / "a_001.png").read_bytes()
+    assert np.array_equal(Image.open(out / "a.npy_000.png"), Image.open(out / "a_001.png"))
 
 
 def test_an_interrupted_batch_file_is_completed(tmp_path: Path, renderer: Renderer, cloud: np.ndarray) -> None:
@@ -157,3 +157,16 @@ def test_several_clouds_do_not_fit_into_one_named_picture(
     [outcome] = render_files([Task(tmp_path / "a.npy", tmp_path / "a.png", single=True)], renderer, LOOK)
     assert outcome.status == "failed"
     assert "3 clouds" in str(outcome.error)
+
+
+def test_a_batch_file_is_digested_once(
+    tmp_path: Path, renderer: Renderer, cloud: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline import batch
+
+    digested = []
+    monkeypatch.setattr(batch, "file_digest", lambda path: digested.append(path) or "0")
+    np.save(tmp_path / "a.npy", np.stack([cloud] * 5))
+    [outcome] = render_files(plan_outputs([tmp_path / "a.npy"], [], tmp_path / "out", False), renderer, LOOK)
+    assert outcome.status == "ok" and len(outcome.outputs) == 5
+    assert digested == [tmp_path / "a.npy"]

@@ -164,3 +164,36 @@ def test_a_missing_pipeline_extra_is_said(
     result = z2p(name, *(words if name == "evaluate" else []))
     assert result.exit_code == 2
     assert 'pip install "z2p[pipeline]"' in result.stderr
+
+
+def test_a_report_tells_versions_and_nobodys_name(z2p: Callable[..., Result]) -> None:
+    facts = json.loads(z2p("report", "--json").stdout)
+    assert facts["packages"]["numpy"].count(".") == 2 and facts["packages"]["torch"] != "-"
+    assert facts["weights"]["regular"].startswith("sha256 ")
+    assert "color" in facts["plugins"]["controls"] and "BROKEN" not in str(facts["plugins"])
+    text = z2p("report").output
+    assert str(Path.home()) not in text and str(Path.cwd()) not in text
+    assert "z2p\n  version            0." in text
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_completes(z2p: Callable[..., Result], shell: str) -> None:
+    result = z2p("completion", shell)
+    assert result.exit_code == 0 and "_Z2P_COMPLETE" in result.output
+    words = {"bash": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "2"},
+             "zsh": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "2"},
+             "fish": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "--met"}}[shell]  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", "from pipeline.cli import main; main(prog_name='z2p')"],
+        env={**os.environ, **words, "_Z2P_COMPLETE": f"{shell}_complete"}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert "--metallic" in done.stdout, done.stderr
+
+
+def test_help_is_in_sections_and_a_figures_own_settings_are_its_defaults(z2p: Callable[..., Result]) -> None:
+    told = z2p("run-inference", "--help").output
+    places = [told.index(f"\n{heading}:\n") for heading in ("Input", "View", "Picture", "Look", "Output")]
+    assert places == sorted(places)
+    assert places[3] < told.rindex("--color") < told.rindex("--light") < places[4]
+    assert "[default: 3.6,-40,50]" in " ".join(told.split())
+    assert "3.6,-40,50]" not in " ".join(z2p("rerender", "--help").output.split())

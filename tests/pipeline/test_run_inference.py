@@ -84,7 +84,7 @@ def test_json_tells_all_of_a_file(
     assert "4 not finite dropped" in result.stderr
     assert settings["view"] == "front"
     assert stance == {"up": "-Y", "up_reason": "as asked", "azimuth": -30, "elevation": 20,
-                      "view_reason": "the front", "outliers": 0}  # fmt: skip
+                      "view_reason": "the front", "outliers": 0, "outside": 0, "background": 0, "hint": ""}  # fmt: skip
     assert "; up -Y: as asked; azimuth -30: the front)" in result.stderr
 
 
@@ -110,7 +110,7 @@ def test_a_control_changes_the_picture(render: Callable[..., Result], scans: Pat
     for name, words in {"plain": (), "red": ("--color", "red"), "lit": ("--light", "3.6,60,50"),
                         "high": ("--elevation", "60"), "turned": ("--azimuth", "90"), "y-up": ("--up", "+Y")}.items():
         assert render(scans / "one.npy", *words, output=tmp_path / name).exit_code == 0
-    made = {path.parent.name: path.read_bytes() for path in tmp_path.glob("*/one.png")}
+    made = {path.parent.name: Image.open(path).tobytes() for path in tmp_path.glob("*/one.png")}
     assert len(made) == 6
     assert len(set(made.values())) == 6
 
@@ -245,7 +245,7 @@ def test_ctrl_c_is_told_apart_from_failed_files(
 
     original = batch.read_clouds
 
-    def read(path: Path) -> list[batch.Scan]:
+    def read(path: Path, columns: None) -> list[batch.Scan]:
         if path.name == "two.xyz":
             raise KeyboardInterrupt
         return original(path)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import Result
+from PIL import Image
 
 
 @pytest.fixture
@@ -69,11 +70,11 @@ def test_strays_are_told(render: Callable[..., Result], tmp_path: Path, cloud: n
     result = render(tmp_path / "stray.npy", "--json")
     assert stance(result)["outliers"] == 2
     assert "; 2 stray points left out of the frame)" in result.stderr
-    clipped = (tmp_path / "out" / "stray.png").read_bytes()
+    clipped = Image.open(tmp_path / "out" / "stray.png").tobytes()
     kept = render(tmp_path / "stray.npy", "--json", "--keep-outliers", "--overwrite")
     assert stance(kept)["outliers"] == 0
     assert "stray points" not in kept.stderr
-    assert (tmp_path / "out" / "stray.png").read_bytes() != clipped
+    assert Image.open(tmp_path / "out" / "stray.png").tobytes() != clipped
 
 
 def test_clouds_of_a_batch_each_get_their_view_in_one_line(

@@ -11,7 +11,8 @@ import pytest
 from z2p_core import registry
 from z2p_core.interfaces import ScanError
 
-SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".obj", ".off", ".npy", ".npz", ".las", ".laz"]
+SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".obj", ".off", ".npy", ".npz", ".las", ".laz",
+            ".stl", ".glb", ".e57"]  # fmt: skip
 PLY_TYPES = {"float": "f4", "double": "f8"}
 
 
@@ -51,3 +52,13 @@ def las(path: Path, points: np.ndarray, offsets: tuple[float, ...] = (0.0, 0.0, 
     content = laspy.LasData(header)
     content.x, content.y, content.z = points.T
     content.write(path)
+
+
+def e57(path: Path, *scans: np.ndarray) -> None:
+    import pye57
+
+    file = pye57.E57(str(path), mode="w")
+    for points in scans:
+        columns = dict(zip(("cartesianX", "cartesianY", "cartesianZ"), points.T.copy(), strict=True))
+        file.write_scan_raw(columns)
+    file.close()

@@ -8,10 +8,19 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
+import trimesh
 
 from z2p_core import registry
 from z2p_core.interfaces import Reader
-from z2p_core.testing import check_baseline, check_control, check_encoder, check_reader, check_sampler, check_zbuffer
+from z2p_core.testing import (
+    check_baseline,
+    check_control,
+    check_encoder,
+    check_gbuffer,
+    check_reader,
+    check_sampler,
+    check_zbuffer,
+)
 
 CLOUD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.25, 2.0, -1.0], [-3.0, 0.125, 4.0], [0.5, 0.75, 1.5]])
 LYING_PLY = (
@@ -48,6 +57,17 @@ def write_las(path: Path) -> None:
     las.write(str(path))
 
 
+def write_e57(path: Path) -> None:
+    pye57 = pytest.importorskip("pye57")
+    file = pye57.E57(str(path), mode="w")
+    file.write_scan_raw(dict(zip(("cartesianX", "cartesianY", "cartesianZ"), CLOUD.T.copy(), strict=True)))
+    file.close()
+
+
+def write_stl(path: Path) -> None:
+    path.write_bytes(trimesh.Trimesh(CLOUD, [[0, 1, 2], [2, 3, 4]], process=False).export(file_type="stl"))
+
+
 EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
     "ply": (".ply", write_ply, LYING_PLY),
     "pcd": (".pcd", write_pcd, LYING_PCD),
@@ -55,6 +75,8 @@ EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
     "vertices": (".obj", lambda path: write_lines(path, prefix="v "), b"v one two three\n"),
     "numpy": (".npy", lambda path: np.save(path, CLOUD), b"\x93NUMPY and then nothing of the kind"),
     "las": (".las", write_las, b"LASF" + bytes(60)),
+    "e57": (".e57", write_e57, b"ASTM-E57" + bytes(60)),
+    "meshes": (".stl", write_stl, bytes(80) + b"\xff\xff\xff\x7f" + bytes(50)),
 }
 """Reader -> suffix, what writes an example, and the bytes of a file it must refuse."""
 
@@ -67,6 +89,11 @@ def test_control(name: str) -> None:
 @pytest.mark.parametrize("name", registry.names("zbuffers"))
 def test_zbuffer(name: str) -> None:
     check_zbuffer(registry.load("zbuffers", name))
+
+
+@pytest.mark.parametrize("name", registry.names("gbuffers"))
+def test_gbuffer(name: str) -> None:
+    check_gbuffer(registry.load("gbuffers", name))
 
 
 @pytest.mark.parametrize("name", registry.names("encoders"))

@@ -192,7 +192,7 @@ def test_text_keeps_rows_that_are_not_finite_and_a_byte_order_mark_away(tmp_path
 
 
 def test_text_refusals(tmp_path: Path) -> None:
-    refused(tmp_path / "a.xyz", "1 2 3 4 5 6\n", r"rename the file to \.xyzn or \.xyzrgb")
+    refused(tmp_path / "a.xyz", "1 2 3 4 5 6\n", "--columns x,y,z,nx,ny,nz or --columns x,y,z,r,g,b")
     refused(tmp_path / "a.xyz", "1 2\n", "3 columns .x y z., got 2")
     refused(tmp_path / "a.xyz", "1 2 3 4\n", "got 4")
     refused(tmp_path / "a.xyz", "x y z\n1 2 3\n", "same count of numbers")

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import io
 import struct
+import sys
 import zipfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from pypcd4 import Encoding, PointCloud
-from reader_files import SUFFIXES, cloud, las, ply, read, refused
+from reader_files import SUFFIXES, cloud, e57, las, ply, read, refused
 
+from z2p_core import registry
 from z2p_core.interfaces import ScanError
 
 
@@ -124,6 +128,11 @@ def samples(folder: Path) -> dict[str, bytes]:
     las(folder / "a.las", points)
     las(folder / "a.laz", points)
     files = {suffix: (folder / f"a{suffix}").read_bytes() for suffix in (".pcd", ".npy", ".npz", ".las", ".laz")}
+    triangles = trimesh.Trimesh(points, np.arange(39).reshape(13, 3), process=False)
+    files[".stl"] = triangles.export(file_type="stl")
+    files[".glb"] = trimesh.PointCloud(points).export(file_type="glb")
+    e57(folder / "a.e57", points)
+    files[".e57"] = (folder / "a.e57").read_bytes()
     files[".ply"] = ply(points, "binary_little_endian")
     files |= {suffix: text.encode() for suffix, text in {
         ".xyz": rows, ".txt": rows, ".pts": f"40\n{rows}", ".xyzn": six, ".xyzrgb": six, ".off": f"OFF\n40 0 0\n{rows}",
@@ -137,8 +146,10 @@ def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
     assert sorted(good) == sorted(SUFFIXES)
     for suffix, blob in good.items():
         path = tmp_path / f"damaged{suffix}"
+        reader = next(plugin for plugin in map(partial(registry.load, "readers"), registry.names("readers"))
+                      if suffix in plugin.suffixes)()  # fmt: skip
         path.write_bytes(blob)
-        assert len(read(path)[0]) == 40
+        assert len(read(path)[0]) == (39 if suffix == ".stl" else 40)
         refusals = 0
         for trial in range(40):
             damaged = np.frombuffer(blob, dtype=np.uint8).copy()
@@ -147,6 +158,7 @@ def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
             cut = rng.integers(0, len(blob)) if trial % 4 == 0 else len(blob)
             path.write_bytes(damaged.tobytes()[:cut])
             try:
+                reader.memory(path)
                 read(path)
             except ScanError:
                 refusals += 1
@@ -156,3 +168,43 @@ def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
 @pytest.mark.parametrize("suffix", SUFFIXES)
 def test_garbage_is_a_scan_error(tmp_path: Path, suffix: str) -> None:
     refused(tmp_path / f"a{suffix}", np.random.default_rng(7).bytes(5000), ".")
+
+
+def test_stl_and_glb_give_each_vertex_once_where_the_scene_puts_it(tmp_path: Path) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    expected = {tuple(row) for row in ball.vertices.astype("f4").tolist()}
+    for suffix in (".stl", ".glb"):
+        path = tmp_path / f"ball{suffix}"
+        path.write_bytes(ball.export(file_type=suffix[1:]))
+        (points,) = read(path)
+        assert {tuple(row) for row in points.astype("f4").tolist()} == expected and len(points) == len(expected)
+    text = tmp_path / "text.stl"
+    text.write_text(ball.export(file_type="stl_ascii"))
+    assert len(read(text)[0]) == len(expected)
+    scene = trimesh.Scene()
+    scene.add_geometry(ball, transform=trimesh.transformations.translation_matrix([5, 0, 0]))
+    scene.add_geometry(trimesh.PointCloud([[0.0, 0.0, 9.0], [1.0, 0.0, 9.0]]))
+    (tmp_path / "scene.glb").write_bytes(scene.export(file_type="glb"))
+    (points,) = read(tmp_path / "scene.glb")
+    assert len(points) == len(expected) + 2
+    assert points[:, 0].max() == pytest.approx(6, abs=1e-5) and points[:, 2].max() == 9
+
+
+def test_e57_joins_its_scans_and_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second = cloud(30), cloud(30) + 9
+    e57(tmp_path / "a.e57", first, second)
+    np.testing.assert_allclose(read(tmp_path / "a.e57")[0], np.vstack([first, second]), atol=1e-5)
+    blob = (tmp_path / "a.e57").read_bytes()
+    refused(tmp_path / "b.e57", blob[: len(blob) // 2], "cannot be read")
+    monkeypatch.setitem(sys.modules, "pye57", None)
+    refused(tmp_path / "a.e57", blob, r"z2p\[e57\]")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_memory_is_at_least_that_of_the_points_and_not_absurd(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_bytes(samples(tmp_path)[suffix])
+    (reader,) = (plugin for plugin in map(partial(registry.load, "readers"), registry.names("readers"))
+                 if suffix in plugin.suffixes)  # fmt: skip
+    needed = reader().memory(path)
+    assert 39 * 24 * 3 <= needed <= 100 * max(path.stat().st_size, 40 * 24)

@@ -1,0 +1,136 @@
+"""`z2p animate`: point clouds to loops, an object that turns or a light that goes around it."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pipeline.cli import debugging
+from pipeline.commands.control_options import SETTINGS, InferenceCommand
+from pipeline.commands.inputs import found_scans
+from pipeline.commands.picture_options import columns_from, look_from, picture_options, writable
+
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+    from pipeline.batch import Task
+    from pipeline.drawing import Look
+    from pipeline.infer import Renderer
+    from pipeline.motion import Motion
+
+
+@click.command(cls=InferenceCommand, context_settings={"show_default": True})
+@click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
+@click.option("--output", "-o", default="pictures", type=click.Path(path_type=Path), metavar="OUT",
+              help="Folder for the loops; or, for one cloud, the loop itself (.webp, .gif, .mp4).")
+@click.option("--format", "format_", default="webp", type=click.Choice(["webp", "gif", "mp4"]),
+              help="Of loops in a folder. WebP keeps the transparency; MP4 needs the extra z2p[video].")
+@click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
+              help="turn: the object, once around; light: the light, from side to side and back.")
+@click.option("--frames", default=48, type=click.IntRange(2, 720), metavar="N", help="Frames of the loop.")
+@click.option("--fps", default=24.0, type=click.FloatRange(1, 60), metavar="N", help="Frames a second.")
+@click.option("--steady", default=1, type=click.IntRange(1, 9), metavar="N",
+              help="Pictures that each frame is the mean of: little smoother (3 percent less flicker), N times slower.")
+@picture_options
+@click.option("--overwrite", is_flag=True, help="Make again what is there; it is skipped otherwise.")
+@click.option("--quiet", "-q", is_flag=True, help="Tell of failures only.")
+@click.pass_context
+def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: Any) -> None:
+    """Turn point clouds into loops: turntables and light sweeps.
+
+    \b
+    z2p animate bunny.ply -o bunny.webp
+    z2p animate scans/ -o loops --format gif --background white --resolution 320
+    z2p animate bunny.ply -o light.mp4 --motion light --frames 96
+
+    Exit status: 0 all made or there before, 1 some files failed (the others are done), 2 wrong usage.
+    """
+    with warnings.catch_warnings():
+        if not debugging():
+            warnings.simplefilter("ignore")  # libraries' remarks would bury the one line a file gets
+        failed = _run(ctx, inputs, output, options)
+    ctx.exit(1 if failed else 0)
+
+
+def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dict[str, Any]) -> bool:
+    """True when a file failed."""
+    columns = columns_from(options)
+    scans = found_scans(ctx, inputs, options["recursive"])
+    from pipeline.batch import told_fault
+    from pipeline.infer import Renderer
+    from pipeline.motion import Motion
+    from storage.clouds import shown
+
+    renderer = Renderer(options["weights"])
+    look = look_from(renderer, ctx.meta.get(SETTINGS, {}), options)
+    motion = Motion(options["motion"], options["frames"], options["steady"])
+    failed = False
+    for task in _plan(ctx, scans, inputs, output, options):
+        started = time.perf_counter()
+        if task.output.exists() and not options["overwrite"]:
+            told = f"skipped: {shown(task.scan)}: {shown(task.output)} is there already; --overwrite makes it again"
+        else:
+            try:
+                _animate(task, renderer, look, motion, options, columns)
+                told = (f"rendered: {shown(task.scan)} -> {shown(task.output)} ({motion.frames} frames, "
+                        f"{time.perf_counter() - started:.1f} s)")
+            except Exception as error:  # whatever a file brings up, the other files go on
+                failed = True
+                click.echo(f"failed: {shown(task.scan)}: {told_fault(error, task.scan)}", err=True)
+                continue
+        if not options["quiet"]:
+            click.echo(told, err=True)
+    return failed
+
+
+def _animate(
+    task: Task, renderer: Renderer, look: Look, motion: Motion, options: dict[str, Any],
+    columns: tuple[str, ...] | None,
+) -> None:
+    """Write the loop of the file's only cloud."""
+    import sys
+    from dataclasses import asdict
+
+    from tqdm import tqdm
+
+    from pipeline.batch import source_of
+    from pipeline.drawing import draw, record
+    from pipeline.motion import moving_frames
+    from storage.animations import write_animation
+    from storage.clouds import format_suffix, read_clouds
+    from z2p_core.interfaces import ScanError
+
+    clouds = read_clouds(task.scan, columns)
+    if len(clouds) > 1:
+        raise ScanError(f"holds {len(clouds)} clouds, a loop shows one; save it alone")
+    suffix = format_suffix(task.scan)
+    frames = moving_frames(renderer, clouds[0], suffix, look, motion)
+    silent = options["quiet"] or not sys.stderr.isatty()
+    drawn = list(tqdm(frames, total=motion.frames, unit="frame", disable=silent, file=sys.stderr, leave=False))
+    made_by = record(draw(renderer, clouds[0], suffix, look), look, source_of(task.scan, task.output, 0, columns))
+    made_by["motion"] = {**asdict(motion), "fps": options["fps"]}
+    write_animation(drawn, task.output, options["fps"], look.background, made_by)
+
+
+def _plan(
+    ctx: click.Context, scans: list[Path], inputs: tuple[str, ...], output: Path, options: dict[str, Any]
+) -> list[Task]:
+    """The tasks, once it is sure that their loops can be written."""
+    from pipeline.batch import Task, plan_outputs
+    from storage.animations import OPAQUE, SUFFIXES, check_suffix
+
+    alone = output.suffix.lower() in SUFFIXES and not output.is_dir()
+    suffix = output.suffix.lower() if alone else f".{options['format_']}"
+    if alone and len(scans) > 1:
+        raise click.UsageError(f"--output {output} names one loop, but {len(scans)} scans match; give a folder", ctx)
+    check_suffix(suffix)
+    writable(output.parent if alone else output)
+    if suffix in OPAQUE and options["background"] == "transparent" and not options["quiet"]:
+        click.echo(f"{suffix[1:].upper()} has no soft transparency: the background is white; choose another with "
+                   "--background", err=True)  # fmt: skip
+    if alone:
+        return [Task(scans[0], output, single=True)]
+    return plan_outputs(scans, [Path(text) for text in inputs if Path(text).is_dir()], output, options["recursive"],
+                        suffix)  # fmt: skip

@@ -1,0 +1,205 @@
+"""`z2p info` and `z2p rerender`: what made a picture, and the same picture with something changed."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pipeline.cli import Failure, debugging
+from pipeline.commands.control_options import SETTINGS, RerenderCommand
+from pipeline.commands.values import Background, Degrees, Resolution
+from z2p_core.interfaces import Value
+
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+    from pipeline.drawing import Look
+    from pipeline.infer import Renderer
+
+
+@click.command()
+@click.argument("figures", nargs=-1, required=True, metavar="FIGURE...", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="The whole record, a JSON line a figure.")
+def info(figures: tuple[Path, ...], as_json: bool) -> None:
+    """Show what made a picture: its scan, camera, controls, weights and version.
+
+    \b
+    z2p info fig.png
+    z2p info fig.png --json
+    """
+    from storage.meshes import shown
+    from storage.pictures import PictureError, read_record
+
+    failed = False
+    for figure in figures:
+        try:
+            record = read_record(figure)
+        except PictureError as error:
+            failed = True
+            click.echo(f"failed: {error}", err=True)
+            continue
+        if as_json:
+            click.echo(json.dumps({"figure": str(figure), **record}))
+        else:
+            click.echo("\n".join([shown(figure), *(f"  {key:<11} {text}" for key, text in _rows(record))]))
+    if failed:
+        click.get_current_context().exit(1)
+
+
+@click.command(cls=RerenderCommand, context_settings={"show_default": True})
+@click.argument("figure", type=click.Path(path_type=Path), metavar="FIGURE")
+@click.option("--output", "-o", type=click.Path(path_type=Path), metavar="OUT", show_default=False,
+              help="The new picture.  [default: FIGURE with _2 before its suffix]")
+@click.option("--input", "scan", type=click.Path(path_type=Path), metavar="SCAN",
+              help="The scan, if it has moved since.")
+@click.option("--weights", metavar="W", help="Other weights: a shipped name or a .safetensors file.")
+@click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG", help="Turn the object on by so much.")
+@click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
+              help="Another camera: JSON of --save-camera, or another picture.")
+@click.option("--resolution", type=Resolution(), help="Another size in pixels.")
+@click.option("--background", type=Background(), help="transparent, or a CSS colour name or #hex.")
+@click.option("--supersample", type=click.IntRange(1, 4), metavar="N", help="Draw N times as large and average down.")
+@click.option("--fit", type=click.Choice(["frame", "tight"]), help="tight trims the picture to what is to be seen.")
+@click.option("--overwrite", is_flag=True, help="Replace OUT where it is there already.")
+@click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
+@click.pass_context
+def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path | None, **options: Any) -> None:
+    """Draw a picture of z2p again with something changed; all else stays as its record has it.
+
+    \b
+    z2p rerender fig.png --color teal --light 3.5,-40,50
+    z2p rerender fig.png --resolution 2048 --background white -o fig_print.tif
+
+    The scan is looked for beside the picture, where it was, and must not have changed since.
+    """
+    from storage.pictures import encode, read_record, write_whole
+
+    record = read_record(figure)
+    output = output or figure.with_stem(f"{figure.stem}_2")
+    if output.exists() and not options["overwrite"]:
+        raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)
+    with warnings.catch_warnings():
+        if not debugging():
+            warnings.simplefilter("ignore")
+        picture, look, made_by = _drawn_again(record, _scan(record, figure, scan), output, ctx.meta.get(SETTINGS, {}),
+                                              options)  # fmt: skip
+    write_whole(encode(picture, output.suffix.lower(), look.background, made_by), output)
+    if not options["quiet"]:
+        click.echo(f"rendered: {figure} -> {output}", err=True)
+
+
+def _drawn_again(
+    record: Mapping[str, Any], scan: Path, output: Path, values: dict[str, Value], options: dict[str, Any]
+) -> tuple[Any, Look, dict[str, Any]]:
+    """The new picture, the look it has and the record of it."""
+    from pipeline.batch import source_of
+    from pipeline.drawing import draw
+    from pipeline.drawing import record as record_of
+    from pipeline.infer import Renderer
+    from storage.checkpoints import shipped
+    from storage.clouds import format_suffix, read_clouds
+
+    name = options["weights"] or record["weights"]["name"]
+    if options["weights"] is None and name not in shipped():
+        raise Failure(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
+                      "--weights")
+    renderer = Renderer(name)
+    look = _look(record, renderer, name, values, options)
+    source = record["input"]
+    columns = tuple(source["columns"]) if "columns" in source else None
+    clouds = read_clouds(scan, columns)
+    if source["cloud"] >= len(clouds):
+        raise Failure(f"{scan} holds {len(clouds)} clouds; the picture shows number {source['cloud'] + 1}")
+    drawing = draw(renderer, clouds[source["cloud"]], format_suffix(scan), look)
+    made_by = record_of(drawing, look, source_of(scan, output, source["cloud"], columns))
+    if options["load_camera"] is None and not options["azimuth"]:
+        made_by["stance"] = record["stance"]  # why it stands as it stands is known from the first time
+    return drawing.picture, look, made_by
+
+
+def _look(
+    record: Mapping[str, Any], renderer: Renderer, name: str, given: dict[str, Value], options: dict[str, Any]
+) -> Look:
+    """The look of the record with the changes."""
+    from pipeline.drawing import Look
+    from pipeline.placing import Placing
+    from pipeline.settings import background_from, settings_for
+    from storage.cameras import read_camera
+    from storage.checkpoints import resolve
+    from storage.fingerprints import file_digest
+    from z2p_core.viewpoint import viewpoint_from_json
+
+    digest = file_digest(resolve(name))
+    if options["weights"] is None and digest != record["weights"]["sha256"]:
+        click.echo(f"note: the weights {name!r} are others than those of the picture; its look may differ", err=True)
+    camera = viewpoint_from_json(record["camera"])
+    if options["load_camera"] is not None:
+        camera = read_camera(options["load_camera"])
+    if "elevation" in given:
+        camera = replace(camera, elevation=given["elevation"][0])
+    before = {key: value for key, value in record["controls"].items() if key in renderer.controls}
+    values = settings_for(renderer, {**before, **given})
+    if options["load_camera"] is not None and "elevation" not in given:
+        values.pop("elevation", None)  # the loaded camera has its own
+    asked = record["placing"]
+    placing = Placing(asked["up"], asked["view"], options["azimuth"], asked["keep_outliers"], asked["cut_top"], camera)
+    background = record["background"] if options["background"] is None else options["background"]
+    width, height = options["resolution"] or record["resolution"]
+    return Look(values, placing, width, height, background_from(background),
+                options["supersample"] or record["supersample"], (options["fit"] or record["fit"]) == "tight",
+                {"name": Path(name).stem, "sha256": digest})  # fmt: skip
+
+
+def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
+    """The file that the picture's cloud came from, checked against the digest.
+
+    Raises:
+        Failure: it is nowhere to be found, or has changed.
+    """
+    from storage.fingerprints import file_digest
+
+    source = record["input"]
+    if source.get("name") is None:
+        raise Failure(f"{figure} was drawn from an array in Python, not from a file; draw it there again with "
+                      "z2p_core.render(points, camera=...)")
+    places = [given] if given else [figure.parent / source["path"]] if source["path"] else []
+    places += [] if given else [figure.parent / source["name"], Path(source["name"])]
+    found = [place for place in places if place.is_file()]
+    if not found:
+        looked = ", ".join(str(place) for place in places)
+        raise Failure(f"the scan {source['name']} is not to be found (looked for {looked}); name it with --input")
+    for place in found:
+        if file_digest(place) == source["sha256"]:
+            return place
+    if given:
+        raise Failure(f"{given} is not the scan that the picture was drawn from (other content); draw it anew with "
+                      f"z2p run-inference {given} --load-camera {figure}")
+    raise Failure(f"{found[0]} has changed since; draw it anew with z2p run-inference {found[0]} "
+                  f"--load-camera {figure}")
+
+
+def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What people want to know of a record, in words."""
+    source, stance, weights = record["input"], record["stance"], record["weights"]
+    rows = [("scan", f"{source.get('name') or 'an array in Python'}  sha256 {source['sha256'][:16]}")]
+    if source["cloud"]:
+        rows.append(("cloud", f"number {source['cloud'] + 1} of the file"))
+    rows += [(name, ", ".join(f"{number:g}" for number in value)) for name, value in record["controls"].items()]
+    rows += [
+        ("up", f"{stance['up']}: {stance['up_reason']}"),
+        ("view", f"azimuth {stance['azimuth']:g}, {stance['view_reason']}"),
+        ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
+                   f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
+        ("left out", f"{stance['outliers']} stray points, {stance['background']} far behind"),
+        ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
+                 f"fit {record['fit']}"),
+        ("background", record["background"] if isinstance(record["background"], str) else
+         ", ".join(f"{number:g}" for number in record["background"])),
+        ("weights", f"{weights['name']}  sha256 {weights['sha256'][:16]}"),
+        ("z2p", record["version"]),
+    ]  # fmt: skip
+    return rows

@@ -1,0 +1,33 @@
+"""The scans that a command's inputs stand for: files, folders, globs, and standard input."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import click
+
+STDIN = "-"
+
+
+def found_scans(ctx: click.Context, inputs: tuple[str, ...], recursive: bool) -> list[Path]:
+    """The files behind the inputs; standard input is kept in a temporary file until the command ends.
+
+    Raises:
+        ScanError: an input is a URL or matches nothing, or standard input is empty.
+        click.UsageError: standard input is named twice.
+    """
+    from storage.clouds import find_scans
+    from storage.incoming import PREFIX, spool
+
+    if inputs.count(STDIN) > 1:
+        raise click.UsageError("- stands for standard input, which can be read only once", ctx)
+    scans: list[Path] = []
+    for text in inputs:
+        if text == STDIN:
+            folder = ctx.with_resource(tempfile.TemporaryDirectory(prefix=PREFIX))
+            scans.append(spool(sys.stdin.buffer, Path(folder)))
+        else:
+            scans += find_scans([text], recursive)
+    return list(dict.fromkeys(scans))

@@ -1,0 +1,110 @@
+"""The options that every command shares which draws pictures, and the look that they stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pipeline.commands.values import Background, Degrees, Resolution, UpAxis, View
+from z2p_core.interfaces import Value
+
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+    from pipeline.drawing import Look
+    from pipeline.infer import Renderer
+
+Command = Callable[..., Any]
+
+OPTIONS = (
+    click.option("--recursive", "-r", is_flag=True, help="Look into sub folders, and mirror them in OUT."),
+    click.option("--columns", metavar="NAMES",
+                 help="What the columns of text files hold, as in x,y,z,r,g,b; of them x, y and z are read."),
+    click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file."),
+    click.option("--up", default="auto", type=UpAxis(),
+                 help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual."),
+    click.option("--view", default="auto", type=View(),
+                 help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
+                 "front: the data's own; sensor; or degrees as azimuth,elevation."),
+    click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
+                 help="Turn the object on from there about its up axis, counter-clockwise from above."),
+    click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
+                 help="Look as before: JSON that --save-camera wrote, or a picture of z2p; replaces --up and --view."),
+    click.option("--keep-outliers", is_flag=True,
+                 help="Keep stray points that make the object small, and what is far behind a depth camera's subject."),
+    click.option("--cut-top", default=0.0, type=click.FloatRange(0, 100, max_open=True), metavar="PERCENT",
+                 help="Cut off so much of the height from above, to look into a room."),
+    click.option("--resolution", default="512", type=Resolution(), help="Size in pixels."),
+    click.option("--background", default="transparent", type=Background(),
+                 help="transparent, or a CSS colour name or #hex."),
+    click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="N",
+                 help="Draw N times as large and average down: smoother edges."),
+    click.option("--fit", default="frame", type=click.Choice(["frame", "tight"]),
+                 help="tight trims the picture to what is to be seen, its shadow included."),
+)  # fmt: skip
+
+
+def picture_options(command: Command) -> Command:
+    """The command with the shared options, in their order."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command
+
+
+def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, Any]) -> Look:
+    """The look that a command's options and its control settings stand for.
+
+    Raises:
+        SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
+    """
+    from pipeline.drawing import Look
+    from pipeline.placing import Placing
+    from pipeline.settings import settings_for
+    from storage.cameras import read_camera
+    from storage.checkpoints import resolve
+    from storage.fingerprints import file_digest
+
+    view, file = options["view"], options["load_camera"]
+    if isinstance(view, tuple):
+        given = {"elevation": (view[1],), **given}  # --elevation wins
+    viewpoint = None if file is None else read_camera(file)
+    placing = Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
+                      options["keep_outliers"], options["cut_top"], viewpoint)
+    background = None if options["background"] == "transparent" else options["background"]
+    weights = {"name": Path(options["weights"]).stem, "sha256": file_digest(resolve(options["weights"]))}
+    width, height = options["resolution"]
+    return Look(settings_for(renderer, given), placing, width, height, background, options["supersample"],
+                options["fit"] == "tight", weights)  # fmt: skip
+
+
+def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:
+    """Names of a text file's columns, in lower case.
+
+    Raises:
+        click.UsageError: x, y and z are not all among them, once each.
+    """
+    if options["columns"] is None:
+        return None
+    names = tuple(name.strip().lower() for name in options["columns"].replace(" ", ",").split(","))
+    if any(names.count(axis) != 1 for axis in "xyz"):
+        raise click.UsageError(f"--columns: expected a name for each column with x, y and z once each, as in "
+                               f"x,y,z,r,g,b; got {options['columns']!r}")
+    return names
+
+
+def writable(folder: Path) -> None:
+    """Nothing, once it is sure that files can be written into the folder, which is made if need be.
+
+    Raises:
+        click.UsageError: they cannot.
+    """
+    import os
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".z2p-{os.getpid()}.probe"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise click.UsageError(f"cannot write to {folder}: {error.strerror}; choose another --output") from None

@@ -1,0 +1,108 @@
+"""What is told of a run: a line or a bar on stderr for people, JSON lines on stdout for programs."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+    from pipeline.batch import Outcome
+    from pipeline.drawing import Look
+    from pipeline.infer import Renderer
+
+
+def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict[str, Any]:
+    """All that shaped the pictures, JSON-able."""
+    controls = {name: list(value) for name, value in renderer.settings(look.values).items()}
+    elevation = controls.get("elevation", [renderer.fixed_elevation])
+    return {
+        "weights": options["weights"],
+        "controls": controls,
+        "elevation": elevation[0],
+        "up": look.placing.up,
+        "view": options["view"],
+        "azimuth": look.placing.azimuth,
+        "keep_outliers": look.placing.keep_outliers,
+        "cut_top": look.placing.cut_top,
+        "resolution": [look.width, look.height],
+        "background": "transparent" if look.background is None else list(look.background),
+        "supersample": look.supersample,
+        "fit": options["fit"],
+        "load_camera": None if options["load_camera"] is None else str(options["load_camera"]),
+    }
+
+
+class Progress:
+    """Bar on stderr, hidden off a terminal: files done, and pictures drawn, for one file may hold thousands."""
+
+    def __init__(self, bar: Any) -> None:
+        self.bar, self.pictures, self.shown = bar, 0, not bar.disable
+
+    def drawn(self, picture: Path) -> None:
+        """Counts one more picture."""
+        self.pictures += 1
+        self.bar.set_postfix_str(f"{self.pictures} pictures", refresh=False)
+        self.bar.update(0)
+
+
+def progress(files: int, quiet: bool) -> Progress:
+    """The bar for a run of so many files."""
+    from tqdm import tqdm
+
+    return Progress(tqdm(total=files, unit="file", disable=quiet or not sys.stderr.isatty(), file=sys.stderr))
+
+
+def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> Iterator[Outcome]:
+    """The outcomes, each told on stderr as it passes: a bar on a terminal, else a line a file."""
+    with progress.bar as bar:
+        for outcome in outcomes:
+            if not progress.shown and (outcome.status == "failed" or not quiet):
+                click.echo(_told(outcome), err=True)
+            elif progress.shown and outcome.status != "ok":
+                bar.write(_told(outcome), file=sys.stderr)
+            bar.update()
+            yield outcome
+
+
+def _told(outcome: Outcome) -> str:
+    from storage.clouds import shown
+
+    name, pictures = shown(outcome.scan), shown(outcome.outputs[0])
+    if len(outcome.outputs) > 1:
+        pictures += f" to {shown(Path(outcome.outputs[-1].name))}"
+    if outcome.status == "failed":
+        return f"failed: {name}: {outcome.error}"
+    if outcome.status == "skipped":
+        return f"skipped: {name}: {pictures} is there already; --overwrite renders it again"
+    dropped = f", {outcome.dropped} not finite dropped" if outcome.dropped else ""
+    stances = list(dict.fromkeys(stance.told for stance in outcome.stances))
+    others = "; its other clouds otherwise" if len(stances) > 1 else ""
+    return (f"rendered: {name} -> {pictures} ({outcome.points} points{dropped}, {outcome.seconds:.2f} s; "
+            f"{stances[0]}{others})")
+
+
+def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
+    """One file's JSON line; `output` is the first of `outputs`, the only one for most files.
+
+    `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn.
+    """
+    stances = [asdict(stance) for stance in outcome.stances]
+    for stance in stances:
+        stance["elevation"] = settings["elevation"] if stance["elevation"] is None else stance["elevation"]
+    return {
+        "input": str(outcome.scan),
+        "output": str(outcome.outputs[0]),
+        "outputs": [str(path) for path in outcome.outputs],
+        "status": outcome.status,
+        "points": outcome.points,
+        "dropped": outcome.dropped,
+        "seconds": round(outcome.seconds, 4),
+        "error": outcome.error,
+        "stances": stances,
+        "settings": settings,
+    }

@@ -1,0 +1,56 @@
+"""Contact sheets: many pictures on one page, each with its name below it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from storage.meshes import shown
+from storage.pictures import encode, write_whole
+
+CELL, LABEL, GAP = 320, 26, 8
+"""Side of a picture on the sheet, height of its name, and the space between, pixels."""
+WIDEST = 8000
+"""Pixels along a side of a sheet; with more columns or rows the pictures get smaller."""
+PAPER, INK = (255, 255, 255), (60, 60, 60)
+
+
+def write_contact_sheets(pictures: Sequence[Path], folder: Path, columns: int, rows: int) -> list[Path]:
+    """``sheet.png`` in the folder, and ``sheet_2.png`` and on where there are more pictures than cells.
+
+    Transparent pictures stand on white. Sheets of an earlier run with more of them go.
+    """
+    cell = min(CELL, WIDEST // columns - GAP, WIDEST // rows - GAP - LABEL)
+    sheets = []
+    for first in range(0, len(pictures), columns * rows):
+        path = folder / ("sheet.png" if first == 0 else f"sheet_{first // (columns * rows) + 1}.png")
+        page = _page(pictures[first : first + columns * rows], columns, cell)
+        write_whole(encode(page, ".png"), path)
+        sheets.append(path)
+    for number in range(len(sheets) + 1, 1000):
+        if not (left := folder / f"sheet_{number}.png").exists():
+            break
+        left.unlink()
+    return sheets
+
+
+def _page(pictures: Sequence[Path], columns: int, cell: int) -> np.ndarray:
+    """Sheet (H, W, 3) uint8 with as many rows as the pictures take."""
+    rows, columns = -(-len(pictures) // columns), min(columns, len(pictures))
+    step = (cell + GAP, cell + GAP + LABEL)
+    page = Image.new("RGB", (columns * step[0] + GAP, rows * step[1] + GAP), PAPER)
+    pen, font = ImageDraw.Draw(page), ImageFont.load_default(max(9, cell // 22))
+    for index, path in enumerate(pictures):
+        left, top = GAP + index % columns * step[0], GAP + index // columns * step[1]
+        with Image.open(path) as picture:
+            small = picture.convert("RGBA")
+        small.thumbnail((cell, cell), Image.Resampling.LANCZOS)
+        page.paste(small, (left + (cell - small.width) // 2, top + (cell - small.height) // 2), small)
+        name = shown(Path(path.stem))
+        while len(name) > 4 and pen.textlength(name, font) > cell:
+            name = f"{name[:-4]}..."
+        pen.text((left + cell // 2, top + cell + LABEL // 2), name, INK, font, anchor="mm")
+    return np.asarray(page)

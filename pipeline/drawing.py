@@ -1,0 +1,127 @@
+"""One scan to one picture: placed, drawn, averaged down, trimmed, with the record of all that made it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pipeline.infer import Renderer
+from pipeline.placing import Placing, Stance, place
+from storage.clouds import Scan
+from z2p_core import __version__
+from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
+from z2p_core.interfaces import SettingError, Value
+from z2p_core.viewpoint import Viewpoint
+
+Color = tuple[float, float, float]
+
+RECORD = 1
+"""Format of the record; raised when its meaning changes."""
+FAINTEST = 3
+"""Alpha, of 255, from which on a pixel is part of the picture when it is trimmed."""
+TRIM_MARGIN = 0.02
+"""Share of the shorter side that is left around a trimmed picture."""
+LARGEST_SIDE = 8192
+"""Pixels along a side that the network is given at most."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How every picture of a run looks."""
+
+    values: dict[str, Value] = field(default_factory=dict)
+    """Control -> value; the sliders' defaults for the others."""
+    placing: Placing = field(default_factory=Placing)
+    width: int = 512
+    height: int = 512
+    background: Color | None = None
+    """sRGB in [0, 1]; None keeps the picture transparent."""
+    supersample: int = 1
+    """Drawn this many times as large, then averaged down in linear light."""
+    tight: bool = False
+    """Trimmed to what is to be seen, the shadow included."""
+    weights: Mapping[str, str] = field(default_factory=dict)
+    """Name and sha256 of the weights, for the record."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture and how it came about."""
+
+    picture: np.ndarray
+    """(H, W, 4) uint8, straight sRGB RGBA."""
+    stance: Stance
+    viewpoint: Viewpoint
+    values: dict[str, Value]
+    """Every control of the weights."""
+
+
+def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
+    """The scan of a file with that suffix (lower-case, with its dot; empty for none) as the look has it.
+
+    Raises:
+        ScanError: the cloud has no extent, or no sensor though its view is asked for.
+        SettingError: the picture would be too large to draw.
+    """
+    if max(look.width, look.height) * look.supersample > LARGEST_SIDE:
+        raise SettingError(f"expected at most {LARGEST_SIDE} pixels a side to draw, got {look.width},{look.height} "
+                           f"times {look.supersample}; make the resolution or --supersample smaller")
+    elevation, free = elevation_of(renderer, look.values)
+    placed = place(scan, suffix, look.placing, elevation, free)
+    values = dict(look.values)
+    if placed.stance.elevation is not None:
+        values["elevation"] = (placed.stance.elevation,)
+    factor = look.supersample
+    picture = renderer.render(placed.cloud, values, look.width * factor, look.height * factor)
+    if factor > 1:
+        picture = bytes_from_unit(shrink(unit_from_bytes(picture), factor))
+    if look.tight:
+        picture = trimmed(picture)
+    return Drawing(picture, placed.stance, placed.viewpoint, renderer.settings(values))
+
+
+def trimmed(picture: np.ndarray) -> np.ndarray:
+    """The part (H', W', 4) of a straight RGBA picture (H, W, 4) uint8 that shows something, with a narrow margin."""
+    rows, columns = trimmed_window(picture[..., 3])
+    return picture[rows, columns]
+
+
+def trimmed_window(alpha: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns of alpha (H, W) uint8 that show something, with a narrow margin; all of them if nothing does."""
+    visible = alpha >= FAINTEST
+    if not visible.any():
+        return slice(None), slice(None)
+    margin = round(TRIM_MARGIN * min(alpha.shape))
+    (top, bottom), (left, right) = ((np.flatnonzero(visible.any(axis))[[0, -1]]) for axis in (1, 0))
+    return slice(max(top - margin, 0), bottom + margin + 1), slice(max(left - margin, 0), right + margin + 1)
+
+
+def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:
+    """All that made a picture, JSON-able; `source` tells of the cloud: name, path, sha256, place in its file."""
+    return {
+        "record": RECORD,
+        "version": __version__,
+        "input": dict(source),
+        "camera": drawing.viewpoint.to_json(),
+        "controls": {name: list(value) for name, value in drawing.values.items()},
+        "weights": dict(look.weights),
+        "resolution": [look.width, look.height],
+        "background": "transparent" if look.background is None else list(look.background),
+        "supersample": look.supersample,
+        "fit": "tight" if look.tight else "frame",
+        "placing": {"up": look.placing.up, "view": look.placing.view, "keep_outliers": look.placing.keep_outliers,
+                    "cut_top": look.placing.cut_top},
+        "stance": asdict(drawing.stance),
+    }
+
+
+def elevation_of(renderer: Renderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
+    """The camera's elevation, degrees, and the range in which a view may choose another: None when it is settled."""
+    if renderer.fixed_elevation is not None:
+        return renderer.fixed_elevation, None
+    slider = renderer.controls["elevation"].slider
+    settled = "elevation" in values
+    return renderer.settings(values)["elevation"][0], None if settled else (slider.low[0], slider.high[0])

@@ -1,0 +1,96 @@
+"""A gallery: one HTML page that holds all pictures of a folder and the settings of each, and needs nothing else."""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from PIL import Image
+
+from storage.meshes import shown
+from storage.pictures import PictureError, read_record, write_whole
+from z2p_core import __version__
+
+SIDES = ((200, 512), (1000, 320), (4000, 224))
+"""Up to so many pictures are shown with sides of so many pixels; a page of thousands must still open."""
+SMALLEST_SIDE = 160
+
+
+def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path:
+    """The path, once the page with all the pictures is written there.
+
+    The pictures are inside, reduced; each name links to its file beside the page.
+    """
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(loader=PackageLoader("pipeline"), autoescape=True, undefined=StrictUndefined)
+    side = next((side for most, side in SIDES if len(pictures) <= most), SMALLEST_SIDE)
+    cards = [_card(picture, path.parent, side) for picture in pictures]
+    page = environment.get_template("gallery.html").render(
+        title=title or f"{_text(path.absolute().parent.name)} - z2p", cards=cards, version=__version__
+    )
+    write_whole(page.encode(), path)
+    return path
+
+
+def _card(picture: Path, folder: Path, side: int) -> dict[str, Any]:
+    """What the page shows of one picture."""
+    try:
+        record = read_record(picture)
+    except PictureError:  # a picture from elsewhere is shown without settings
+        record = {}
+    beside = os.path.relpath(picture, folder)
+    color = record.get("controls", {}).get("color")
+    settings = _settings(record)
+    text = " ".join([_text(beside), *(f"{key} {value}" for key, value in settings)]).lower()
+    swatch = "" if not color else "#" + "".join(f"{round(255 * channel):02x}" for channel in color)
+    return {
+        "name": _text(Path(beside).with_suffix("").as_posix()),
+        "href": quote(Path(beside).as_posix().encode(errors="surrogateescape")),
+        "image": _embedded(picture, side),
+        "settings": settings,
+        "swatch": swatch,
+        "text": text,
+    }
+
+
+def _settings(record: dict[str, Any]) -> list[tuple[str, str]]:
+    """Rows of the settings' table, in words."""
+    if not record:
+        return []
+    stance, controls = record.get("stance", {}), record.get("controls", {})
+    rows = [("scan", _text(str(record.get("input", {}).get("name") or "an array")))]
+    rows += [(name, ", ".join(f"{number:g}" for number in (round(x, 3) for x in value)))
+             for name, value in controls.items()]  # fmt: skip
+    rows += [("up", f"{stance.get('up', '')}: {stance.get('up_reason', '')}"),
+             ("view", f"azimuth {stance.get('azimuth', 0):.0f}, {stance.get('view_reason', '')}")]  # fmt: skip
+    if stance.get("outliers"):
+        rows.append(("left out", f"{stance['outliers']} stray points"))
+    weights = record.get("weights", {})
+    rows.append(("weights", f"{weights.get('name', '')} {str(weights.get('sha256', ''))[:12]}"))
+    rows.append(("made by", f"z2p {record.get('version', '')}"))
+    return rows
+
+
+def _embedded(picture: Path, side: int) -> str:
+    """A data URI of the picture, made smaller; WebP, which every browser of today reads."""
+    with Image.open(picture) as image:
+        animated = getattr(image, "is_animated", False)
+        small = image.convert("RGBA") if not animated else None
+    if small is None:  # moving pictures go in as they are
+        kind = {".gif": "gif", ".webp": "webp"}.get(picture.suffix.lower(), "png")
+        return f"data:image/{kind};base64,{base64.b64encode(picture.read_bytes()).decode()}"
+    small.thumbnail((side, side), Image.Resampling.LANCZOS)
+    encoded = io.BytesIO()
+    small.save(encoded, format="WEBP", quality=86, method=4)
+    return f"data:image/webp;base64,{base64.b64encode(encoded.getvalue()).decode()}"
+
+
+def _text(name: str) -> str:
+    """A file's name as printable text."""
+    return shown(Path(name))

@@ -1,0 +1,72 @@
+"""Clouds of one series at one scale and place: the one viewpoint that fits them all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.placing import Placing, place, shown_points
+from storage.clouds import Scan, format_suffix, read_clouds, usable
+from z2p_core.geometry import random_rotation
+from z2p_core.interfaces import ScanError, Sensor
+from z2p_core.viewpoint import Viewpoint
+
+DIRECTIONS = 3 * 170
+"""A cloud's reach is kept as its farthest points along so many directions, whatever its size."""
+MOST_EACH = 2000
+"""Points of each cloud that the choice of the view looks at."""
+
+
+@dataclass(frozen=True)
+class Series:
+    """What the clouds share."""
+
+    viewpoint: Viewpoint
+    told: str
+    """Up and view with their reasons."""
+    clouds: int
+    unread: int
+    """Files that could not be read; they fail again, and are told, when they are drawn."""
+
+
+def common_viewpoint(
+    scans: Iterable[Path], placing: Placing, elevation: float, free: tuple[float, float] | None,
+    columns: tuple[str, ...] | None = None,
+) -> Series:
+    """The viewpoint that fits the clouds of all files; up, front and sensor are those of the first cloud.
+
+    Files are read one after the other, so no two are in memory together. `elevation` and `free` are as for `place`.
+
+    Raises:
+        ScanError: no file can be read, or the clouds are all in one place.
+    """
+    reach: list[np.ndarray] = []
+    first: tuple[Sensor | None, str] | None = None
+    clouds = unread = 0
+    for path in scans:
+        try:
+            found = read_clouds(path, columns)
+        except ScanError:  # told by name when its turn to be drawn comes
+            unread += 1
+            continue
+        first = first or (found[0].sensor, format_suffix(path))
+        reach += [_outline(shown_points(scan, format_suffix(path), placing).points) for scan in found]
+        clouds += len(found)
+    if first is None:
+        raise ScanError(f"--same-frame: none of {unread} files can be read")
+    together = Scan(usable(np.vstack(reach)).points, 0, "", first[0])
+    placing = replace(placing, keep_outliers=True, cut_top=0.0)  # what is to go has gone from each
+    placed = place(together, first[1], placing, elevation, free)
+    return Series(placed.viewpoint, placed.stance.told, clouds, unread)
+
+
+def _outline(points: np.ndarray) -> np.ndarray:
+    """Farthest points of a cloud along fixed directions, and an even share of the rest."""
+    rng = np.random.default_rng(0)
+    directions = np.vstack([random_rotation(rng) for _ in range(DIRECTIONS // 3)])
+    centred = points - points[0]
+    farthest = [int(np.argmax(sign * (centred @ direction))) for direction in directions for sign in (1, -1)]
+    return np.vstack([points[np.unique(farthest)], points[:: -(-len(points) // MOST_EACH)]])

@@ -1,0 +1,73 @@
+"""Settings from the words and numbers that users give, checked against the weights at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from z2p_core.interfaces import Control, SettingError, Value
+
+if TYPE_CHECKING:  # reading a colour needs no torch
+    from pipeline.infer import Renderer
+
+Color = tuple[float, float, float]
+
+
+def settings_for(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Value]:
+    """Value of each control that was given, as text, a number or a sequence of numbers; None counts as not given.
+
+    Raises:
+        SettingError: a control that the weights do not carry, another elevation than their only one, or a value
+            outside its slider.
+    """
+    values = {}
+    for name, wish in given.items():
+        if wish is None:
+            continue
+        if name in renderer.controls:
+            values[name] = _value(renderer.controls[name], wish)
+        elif name != "elevation":
+            carried = ", ".join(renderer.controls) or "none"
+            raise SettingError(f"these weights do not carry the control {name!r}; they carry: {carried}")
+        elif (wish[0] if isinstance(wish, Sequence) else wish) != renderer.fixed_elevation:
+            asked = wish[0] if isinstance(wish, Sequence) else wish
+            raise SettingError(f"--elevation: these weights know only {renderer.fixed_elevation:g} degrees, got "
+                               f"{asked:g}; leave it out, or take weights that carry the elevation control")
+    return values
+
+
+def background_from(wish: Any) -> Color | None:
+    """sRGB triple in [0, 1] of a CSS name, ``#hex`` or three numbers in [0, 1]; None for ``transparent`` or None.
+
+    Raises:
+        SettingError: it is none of these.
+    """
+    if wish is None or wish == "transparent":
+        return None
+    if isinstance(wish, str):
+        from PIL import ImageColor  # late: help needs no pillow
+
+        try:
+            red, green, blue, *alpha = ImageColor.getrgb(wish)
+        except ValueError:
+            alpha = [0]
+        if alpha not in ([], [255]):
+            raise SettingError(f"expected transparent, a CSS colour name or an opaque #hex, got {wish!r}")
+        return red / 255, green / 255, blue / 255
+    try:
+        numbers = [float(number) for number in wish]
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != 3 or not all(0 <= number <= 1 for number in numbers):
+        raise SettingError(f"expected a background of three numbers from 0 to 1, got {wish!r}")
+    return numbers[0], numbers[1], numbers[2]
+
+
+def _value(control: Control, wish: Any) -> Value:
+    if isinstance(wish, str):
+        return control.parse(wish)
+    try:
+        numbers = tuple(float(number) for number in (wish if hasattr(wish, "__len__") else (wish,)))
+    except (TypeError, ValueError):
+        raise SettingError(f"{control.name}: expected text or numbers, got {wish!r}") from None
+    return control.check(numbers)

@@ -1,0 +1,168 @@
+"""What stands behind `z2p_core.render`: named by the entry point ``z2p.studio``, so that the core need not know it."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from pipeline.batch import source_of
+from pipeline.drawing import Look, draw, record
+from pipeline.infer import Renderer
+from pipeline.placing import Placing
+from pipeline.settings import background_from, settings_for
+from storage.cameras import read_camera
+from storage.checkpoints import resolve
+from storage.clouds import Scan, format_suffix, read_clouds, usable
+from storage.fingerprints import file_digest
+from storage.pictures import encode, write_picture
+from z2p_core.framing import UP_AXES
+from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
+from z2p_core.interfaces import SettingError
+from z2p_core.picture import Picture
+from z2p_core.studio import Request
+from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
+
+VIEWS = ("auto", "front", "sensor")
+NOTICE, NOTICE_INK = (228, 228, 228, 255), (90, 90, 90, 255)
+
+
+class DrawingStudio:
+    """Draws for Python: the studio of `z2p_core.studio`. torch's generator and default device are left alone."""
+
+    def draw(self, clouds: Sequence[np.ndarray], request: Request) -> list[Picture]:
+        """A picture of each cloud (N, 3) float64; rows that are not finite are dropped and noted.
+
+        Raises:
+            ScanError: a cloud that has no extent.
+            SettingError: a setting that cannot be.
+        """
+        scans = [usable(cloud) for cloud in clouds]
+        sources = [{"name": None, "sha256": hashlib.sha256(cloud.tobytes()).hexdigest(), "cloud": index}
+                   for index, cloud in enumerate(clouds)]  # fmt: skip
+        return _pictures(scans, sources, "", request)
+
+    def draw_file(self, path: Path, request: Request) -> list[Picture]:
+        """A picture of each cloud in a file.
+
+        Raises:
+            ScanError: the file cannot be read, or one of its clouds has no extent.
+            SettingError: a setting that cannot be.
+        """
+        scans = read_clouds(path)
+        source = source_of(path, Path("picture"))
+        sources = [{**source, "cloud": index} for index in range(len(scans))]
+        return _pictures(scans, sources, format_suffix(path), request)
+
+    def save(self, picture: Picture, path: Path) -> Path:
+        """The path, once the picture is written there, in the format of its suffix."""
+        write_picture(picture.array, path, record=dict(picture.record))
+        return path
+
+    def png(self, picture: Picture) -> bytes:
+        """The picture as a PNG file."""
+        return encode(picture.array, ".png", record=dict(picture.record))
+
+    def over(self, picture: Picture, background: Any) -> Picture:
+        """The picture made opaque; the members of a batch too."""
+        color = background_from(background)
+        if color is None:
+            return picture
+        opaque = _opaque(picture.array, color)
+        parts = tuple(self.over(part, color) for part in picture.parts)
+        return replace(picture, array=opaque, record={**picture.record, "background": list(color)}, parts=parts)
+
+    def notice(self, text: str, size: tuple[int, int]) -> np.ndarray:
+        """Picture (H, W, 4) uint8 that says the text, in place of one that could not be drawn."""
+        from PIL import Image, ImageDraw, ImageFont
+
+        image, font = Image.new("RGBA", size, NOTICE), ImageFont.load_default(max(10, size[0] // 20))
+        pen, lines, line = ImageDraw.Draw(image), [], ""
+        for word in text.split():
+            if line and pen.textlength(f"{line} {word}", font) > 0.9 * size[0]:
+                lines.append(line)
+                line = word
+            else:
+                line = f"{line} {word}".strip()
+        pen.multiline_text((size[0] // 20, size[1] // 20), "\n".join([*lines, line]), NOTICE_INK, font)
+        return np.asarray(image)
+
+
+def look_for(renderer: Renderer, request: Request) -> Look:
+    """The look that a request stands for.
+
+    Raises:
+        SettingError: a setting that cannot be, or that the weights do not carry.
+    """
+    if request.up != "auto" and request.up not in UP_AXES:
+        raise SettingError(f"expected up auto, {', '.join(UP_AXES)}, got {request.up!r}")
+    wishes, view = dict(request.controls), _view(request.view)
+    if isinstance(view, tuple) and wishes.get("elevation") is None:
+        wishes["elevation"] = view[1]
+    placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, float(request.azimuth),
+                      request.keep_outliers, request.cut_top, _camera(request.camera))
+    file = resolve(request.weights)
+    weights = {"name": Path(request.weights).stem, "sha256": _digest(file, file.stat().st_mtime_ns)}
+    return Look(settings_for(renderer, wishes), placing, *request.size, background_from(request.background),
+                request.supersample, request.tight, weights)  # fmt: skip
+
+
+def _view(view: Any) -> str | tuple[float, float]:
+    """A known word, or azimuth and elevation in degrees."""
+    if isinstance(view, str) and view in VIEWS:
+        return view
+    try:
+        azimuth, elevation = (float(angle) for angle in view)
+    except (TypeError, ValueError):
+        raise SettingError(f"expected view {', '.join(VIEWS)} or (azimuth, elevation), got {view!r}") from None
+    return azimuth, elevation
+
+
+def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: Request) -> list[Picture]:
+    file = resolve(request.weights)
+    with torch.random.fork_rng(devices=[]), torch.device("cpu"):  # a training around us must not notice
+        renderer = _renderer(file, file.stat().st_mtime_ns)
+        look = look_for(renderer, request)
+        pictures = []
+        for scan, source in zip(scans, sources, strict=True):
+            drawing = draw(renderer, scan, suffix, look)
+            array = drawing.picture if look.background is None else _opaque(drawing.picture, look.background)
+            notes = [f"{scan.dropped} points that are not finite were dropped"] if scan.dropped else []
+            if drawing.stance.outliers:
+                notes.append(f"{drawing.stance.outliers} stray points were left out of the frame; keep_outliers=True "
+                             "keeps them")
+            if drawing.stance.background:
+                notes.append(f"{drawing.stance.background} points far behind the depth camera's subject were left out; "
+                             "keep_outliers=True keeps them")
+            if drawing.stance.outside:
+                notes.append(f"{drawing.stance.outside} points lie beyond the camera's frame")
+            pictures.append(Picture(array, record(drawing, look, source), tuple(notes)))
+    return pictures
+
+
+@lru_cache(maxsize=2)
+def _renderer(file: Path, changed: int) -> Renderer:
+    return Renderer(file)
+
+
+@lru_cache(maxsize=8)
+def _digest(file: Path, changed: int) -> str:
+    return file_digest(file)
+
+
+def _camera(camera: Any) -> Viewpoint | None:
+    if camera is None or isinstance(camera, Viewpoint):
+        return camera
+    return read_camera(Path(camera)) if isinstance(camera, str | Path) else viewpoint_from_json(camera)
+
+
+def _opaque(picture: np.ndarray, color: tuple[float, float, float]) -> np.ndarray:
+    """The picture over a colour, with an alpha of 255."""
+    rgb = bytes_from_unit(composite(unit_from_bytes(picture), color))
+    return np.dstack([rgb, np.full(rgb.shape[:2], 255, dtype=np.uint8)])

@@ -1,0 +1,67 @@
+"""Vertices of STL and GLB files, each place once."""
+
+from __future__ import annotations
+
+import io
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from z2p_core.interfaces import Reader, ScanError
+
+_STL_HEAD, _STL_TRIANGLE = 84, 50
+"""Bytes of a binary STL file's header and of each triangle."""
+
+
+class Meshes(Reader):
+    """STL and binary glTF (trimesh); only the vertices count, so a mesh of few large triangles makes a thin cloud."""
+
+    name = "meshes"
+    version = "1"
+    suffixes = (".stl", ".glb")
+
+    def read(self, path: Path) -> list[np.ndarray]:
+        """The file's vertices, one cloud (N, 3) float64; parts of a GLB scene stand where the scene puts them.
+
+        Both formats repeat a vertex for each triangle or seam; those at one place become one.
+
+        Raises:
+            ScanError: no file of its format, or one that is shorter than it promises.
+        """
+        blob = path.read_bytes()
+        try:
+            points = _stl(blob) if path.suffix.lower() == ".stl" else _glb(blob)
+        except ScanError:
+            raise
+        except Exception as error:  # the library raises whatever its parsing stumbles over
+            reason = " ".join(str(error).split())[:160] or type(error).__name__
+            raise ScanError(f"the vertices cannot be read ({reason}); export the file again") from error
+        first = np.unique(points, axis=0, return_index=True)[1]
+        return [points[np.sort(first)]]
+
+
+def _stl(blob: bytes) -> np.ndarray:
+    from trimesh.exchange.stl import load_stl
+
+    text = blob[:5].lower() == b"solid" and b"vertex" in blob[:4096]
+    if not text:
+        (count,) = struct.unpack_from("<I", blob, 80) if len(blob) >= _STL_HEAD else (-1,)
+        if len(blob) != _STL_HEAD + _STL_TRIANGLE * count:
+            raise ScanError(f"the STL header promises {count} triangles, which {len(blob)} bytes do not hold; it is "
+                            "cut short, or another format; export it again")
+    return np.asarray(load_stl(io.BytesIO(blob))["vertices"], dtype=np.float64).reshape(-1, 3)
+
+
+def _glb(blob: bytes) -> np.ndarray:
+    import trimesh
+
+    if blob[:4] != b"glTF":
+        raise ScanError("expected a GLB file, which begins with 'glTF'; this is another format under that name")
+    scene = trimesh.load_scene(io.BytesIO(blob), file_type="glb", process=False)
+    parts = [np.empty((0, 3))]
+    for node in scene.graph.nodes_geometry:
+        transform, name = scene.graph[node]
+        vertices = np.asarray(scene.geometry[name].vertices, dtype=np.float64)
+        parts.append(vertices @ transform[:3, :3].T + transform[:3, 3])
+    return np.concatenate(parts)

@@ -1,0 +1,114 @@
+"""Measures how much turntables flicker, against Blender renders of the same turn.
+
+    python scripts/measure_flicker.py [--mesh FILE] [--frames 12] [--step 5] [--resolution 256]
+
+Needs the pipeline extra. Prints the mean error of the change from frame to frame on the object, of 255, for several
+ways to draw the frames; 0 is a turn that changes just as the rendered one does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.drawing import Look, draw
+from pipeline.infer import Renderer
+from pipeline.motion import flicker
+from pipeline.placing import Placing
+from pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
+from storage.clouds import usable
+from storage.meshes import Mesh, calls_for_smooth, read_mesh
+from z2p_core.camera import turn
+from z2p_core.geometry import bounding_sphere
+from z2p_core.images import bytes_from_unit, premultiplied_from_straight, straight_from_premultiplied, unit_from_bytes
+from z2p_core.scene import SceneDescription
+from z2p_core.viewpoint import Viewpoint
+
+LIGHT = (3.6, -40.0, 50.0)
+GREY_BLUE = (0.29, 0.53, 0.73)
+
+
+def main() -> None:
+    """Render the turn, draw it in each way, and print the figures."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--mesh", type=Path, help="a mesh file; Blender's monkey without it")
+    parser.add_argument("--frames", type=int, default=12)
+    parser.add_argument("--step", type=float, default=5.0, help="degrees from frame to frame")
+    parser.add_argument("--resolution", type=int, default=256)
+    parser.add_argument("--points", type=int, default=5000)
+    parser.add_argument("--samples", type=int, default=32)
+    asked = parser.parse_args()
+    mesh = _mesh(asked.mesh)
+    with tempfile.TemporaryDirectory() as folder:
+        truth, mask = _truth(mesh, asked, Path(folder))
+    cloud = _cloud(mesh, asked.points)
+    renderer = Renderer("regular")
+    print(f"{'way':<28}{'flicker':>9}{'error':>9}")
+    print(f"{'standing still':<28}{flicker(np.repeat(truth[:1], len(truth), 0), truth, mask):9.2f}{'-':>9}")
+    for steady in (1, 2, 3, 5):
+        for supersample in (1, 2):
+            frames = np.stack([_frame(renderer, cloud, asked, number, steady, supersample)
+                               for number in range(asked.frames)])  # fmt: skip
+            error = np.abs(frames[..., :3].astype(float) - truth[..., :3])[mask].mean()
+            name = f"mean of {steady}, supersample {supersample}"
+            print(f"{name:<28}{flicker(frames, truth, mask):9.2f}{error:9.2f}", flush=True)
+
+
+def _mesh(path: Path | None) -> Mesh:
+    if path is not None:
+        mesh = read_mesh(path)
+        vertices, faces = mesh.vertices, mesh.faces
+    else:
+        import trimesh
+
+        with tempfile.TemporaryDirectory() as folder:
+            export_suzanne(Path(folder) / "suzanne.npz")
+            with np.load(Path(folder) / "suzanne.npz") as arrays:
+                vertices, faces = trimesh.remesh.subdivide_loop(arrays["vertices"].astype(float), arrays["faces"], 2)
+    return Mesh(bounding_sphere(vertices).normalise(vertices), faces, calls_for_smooth(vertices, faces))
+
+
+def _truth(mesh: Mesh, asked: argparse.Namespace, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Blender's frames (T, H, W, 4) uint8 and the object's mask (T, H, W)."""
+    from z2p_core.images import linear_from_srgb
+
+    red, green, blue = (float(linear_from_srgb(channel)) for channel in GREY_BLUE)
+    scenes = []
+    for number in range(asked.frames):
+        rotation = tuple(tuple(row) for row in turn(asked.step * number).tolist())
+        material = {"Base Color": (red, green, blue, 1.0)}
+        scenes.append((f"{number:03d}", SceneDescription(20.0, LIGHT, material, rotation)))
+    side = asked.resolution
+    render_mesh(mesh, scenes, folder, RenderSettings((side, side), asked.samples, "high"))
+    frames = np.stack([bytes_from_unit(read_render(folder / f"{stem}.png", (side, side, 4))) for stem, _ in scenes])
+    coverage = np.stack([read_render(folder / f"{stem}.coverage.png", (side, side)) for stem, _ in scenes])
+    return frames, coverage > 0.9
+
+
+def _cloud(mesh: Mesh, count: int) -> np.ndarray:
+    import trimesh
+
+    points, _ = trimesh.sample.sample_surface(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False), count, seed=0)
+    return np.asarray(points, dtype=np.float64)
+
+
+def _frame(
+    renderer: Renderer, cloud: np.ndarray, asked: argparse.Namespace, number: int, steady: int, supersample: int
+) -> np.ndarray:
+    shots = []
+    for part in range(steady):
+        angle = asked.step * (number + (part + 0.5) / steady - 0.5)
+        rotation = tuple(tuple(row) for row in turn(angle).tolist())
+        placing = Placing(keep_outliers=True, viewpoint=Viewpoint((0.0, 0.0, 0.0), 1.0, rotation, 20.0))
+        look = replace(Look({"color": GREY_BLUE, "light": LIGHT}, placing), width=asked.resolution,
+                       height=asked.resolution, supersample=supersample)  # fmt: skip
+        shots.append(premultiplied_from_straight(unit_from_bytes(draw(renderer, usable(cloud), "", look).picture)))
+    return bytes_from_unit(straight_from_premultiplied(np.mean(shots, axis=0)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""Animations on disk: loops as WebP, GIF or MP4, written whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from storage.pictures import WHITE, PictureError, described, write_whole
+from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
+
+SUFFIXES = (".webp", ".gif", ".mp4")
+OPAQUE = frozenset({".gif", ".mp4"})
+"""Suffixes whose format has no half-transparent pixels, and so no soft shadow: white is put behind."""
+QUALITY = {"webp": 90, "crf": 18}
+
+
+def write_animation(
+    frames: Sequence[np.ndarray],
+    path: Path,
+    rate: float,
+    background: tuple[float, float, float] | None = None,
+    record: dict[str, Any] | None = None,
+) -> None:
+    """Write frames (H, W, 4) uint8, straight RGBA, as an endless loop of `rate` frames a second.
+
+    A WebP keeps the transparency; a GIF has one palette of 256 colours for all frames, so that none flickers with its
+    palette; an MP4 (H.264) has even sides, for which a row or column of the background is added.
+
+    Raises:
+        PictureError: a suffix of another format, or an MP4 without its extra.
+    """
+    suffix = path.suffix.lower()
+    check_suffix(suffix)
+    if background is None and suffix in OPAQUE:
+        background = WHITE
+    if background is not None:
+        frames = [bytes_from_unit(composite(unit_from_bytes(frame), background)) for frame in frames]
+    match suffix:
+        case ".webp":
+            write_whole(_webp(frames, rate, record), path)
+        case ".gif":
+            write_whole(_gif(frames, rate, record), path)
+        case _:
+            write_whole(_mp4(frames, rate, record), path)
+
+
+def check_suffix(suffix: str) -> None:
+    """Nothing, when loops can be written in the format of the suffix (lower-case, with its dot).
+
+    Raises:
+        PictureError: it stands for another format, or for MP4 and its extra is missing.
+    """
+    if suffix not in SUFFIXES:
+        raise PictureError(f"expected an animation named {', '.join(SUFFIXES)}, got {suffix or 'no suffix'!r}")
+    if suffix == ".mp4":
+        _ffmpeg()
+
+
+def _webp(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
+    from PIL import Image
+
+    exif = Image.Exif()
+    if record is not None:
+        exif[0x010E] = described(record)
+    first, *rest = (Image.fromarray(frame) for frame in frames)
+    encoded = io.BytesIO()
+    first.save(encoded, format="WEBP", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0,
+               quality=QUALITY["webp"], method=4, minimize_size=True, exif=exif)  # fmt: skip
+    return encoded.getvalue()
+
+
+def _gif(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
+    from PIL import Image
+
+    images = [Image.fromarray(frame) for frame in frames]
+    sample = np.concatenate([frame.reshape(-1, 3)[:: max(1, len(frames))] for frame in frames])
+    side = int(np.sqrt(len(sample)))
+    palette = Image.fromarray(sample[: side * side].reshape(side, side, 3)).quantize(256, Image.Quantize.MEDIANCUT)
+    first, *rest = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+    encoded = io.BytesIO()
+    comment = {} if record is None else {"comment": described(record).encode()}
+    first.save(encoded, format="GIF", save_all=True, append_images=rest, duration=round(100 / rate) * 10, loop=0,
+               optimize=False, disposal=1, **comment)  # fmt: skip
+    return encoded.getvalue()
+
+
+def _mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
+    height, width = frames[0].shape[:2]
+    odd = ((0, height % 2), (0, width % 2), (0, 0))
+    with tempfile.TemporaryDirectory(prefix="z2p-") as folder:
+        made = Path(folder) / "loop.mp4"
+        command = [_ffmpeg(), "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
+                   "-s", f"{width + width % 2}x{height + height % 2}", "-r", f"{rate:g}", "-i", "-",
+                   "-c:v", "libx264", "-crf", str(QUALITY["crf"]), "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+        if record is not None:
+            command += ["-metadata", f"comment={described(record)}"]
+        raw = b"".join(np.pad(frame, odd, mode="edge").tobytes() for frame in frames)
+        done = subprocess.run([*command, str(made)], input=raw, capture_output=True)
+        if done.returncode != 0:
+            reason = " ".join(done.stderr.decode(errors="replace").split())[-200:]
+            raise PictureError(f"the video could not be encoded ({reason}); name a .webp instead")
+        return made.read_bytes()
+
+
+def _ffmpeg() -> str:
+    """The encoder's program, which comes with an extra."""
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+    except ImportError:
+        raise PictureError('MP4 needs an extra; install it with: pip install "z2p[video]", or name a .webp') from None
+    program: str = get_ffmpeg_exe()
+    return program

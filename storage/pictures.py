@@ -1,0 +1,139 @@
+"""Pictures on disk: PNG, WebP, JPEG and TIFF, written whole or not at all, with the record of what made them inside."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from storage.meshes import shown
+from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
+
+FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
+"""Suffix -> format."""
+OPAQUE = frozenset({".jpg", ".jpeg"})
+"""Suffixes whose format has no transparency; white is put behind unless another background is asked for."""
+KEY = "z2p"
+"""Keyword of the PNG text chunk that holds the record, as JSON."""
+DESCRIPTION = 0x010E
+"""The EXIF and TIFF tag ImageDescription, which holds the record as ``z2p: {...}`` in the other formats."""
+WHITE = (1.0, 1.0, 1.0)
+
+
+class PictureError(ValueError):
+    """A picture file that cannot be used; the message says what was expected, what came, and what to do."""
+
+
+def write_picture(
+    picture: np.ndarray,
+    path: Path,
+    background: tuple[float, float, float] | None = None,
+    record: dict[str, Any] | None = None,
+) -> None:
+    """Write a straight RGBA picture (H, W, 4) uint8 in the format of the suffix; opaque RGB over a background.
+
+    PNG, WebP and TIFF keep every bit; JPEG has quality 95.
+
+    Raises:
+        PictureError: a suffix that stands for no format.
+    """
+    write_whole(encode(picture, path.suffix.lower(), background, record), path)
+
+
+def encode(
+    picture: np.ndarray,
+    suffix: str,
+    background: tuple[float, float, float] | None = None,
+    record: dict[str, Any] | None = None,
+) -> bytes:
+    """The file that `write_picture` writes; `suffix` is lower-case with its dot.
+
+    Raises:
+        PictureError: a suffix that stands for no format.
+    """
+    from PIL import Image
+
+    if suffix not in FORMATS:
+        raise PictureError(f"expected a picture named {', '.join(FORMATS)}, got {suffix or 'no suffix'!r}")
+    if background is None and suffix in OPAQUE:
+        background = WHITE
+    if background is not None:
+        picture = bytes_from_unit(composite(unit_from_bytes(picture), background))
+    image, encoded = Image.fromarray(picture), io.BytesIO()
+    image.save(encoded, format=FORMATS[suffix], **_options(FORMATS[suffix], record))
+    return encoded.getvalue()
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """The record inside a picture that z2p wrote.
+
+    Raises:
+        PictureError: no picture, or one without a record; a picture editor may have dropped it.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            text = image.info.get(KEY) or image.getexif().get(DESCRIPTION)
+            if text is None and isinstance(comment := image.info.get("comment"), bytes):  # a GIF's
+                text = comment.decode(errors="replace")
+            if text is None and hasattr(image, "tag_v2"):
+                text = image.tag_v2.get(DESCRIPTION)
+    except OSError as error:  # pillow's own error for what is no picture is one of these
+        reason = error.strerror or "not a picture that can be read"
+        raise PictureError(f"{shown(path)}: {reason}; expected a picture written by z2p") from error
+    except Exception as error:  # pillow raises whatever a damaged file makes it stumble over
+        raise PictureError(f"{shown(path)}: cannot be read ({type(error).__name__}: {error})") from error
+    try:
+        record = json.loads(str(text).removeprefix(f"{KEY}: "))
+    except ValueError:
+        record = None
+    if not isinstance(record, dict) or "record" not in record:
+        raise PictureError(f"{shown(path)}: holds no record of z2p; another program wrote it, or saved it again "
+                           "without its text")
+    return record
+
+
+def described(record: dict[str, Any]) -> str:
+    """The record as the text that stands in a description or a comment; plain ascii, which is all they hold."""
+    return f"{KEY}: {json.dumps(record, allow_nan=False)}"
+
+
+def write_whole(content: bytes, path: Path) -> None:
+    """Write a file, whole or not at all; folders on the way are made."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.parent / f".z2p-{os.getpid()}-{threading.get_ident()}.part"
+    try:
+        partial.write_bytes(content)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def _options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:
+    """Pillow's options for a format, the record among them."""
+    from PIL import Image, PngImagePlugin
+
+    if format == "PNG":
+        chunk = PngImagePlugin.PngInfo()
+        if record is not None:
+            chunk.add_text(KEY, json.dumps(record, allow_nan=False))
+        return {"compress_level": 4, "pnginfo": chunk}
+    kinds: dict[str, dict[str, Any]] = {
+        "WEBP": {"lossless": True, "exact": True},
+        "JPEG": {"quality": 95, "subsampling": 0},
+        "TIFF": {"compression": "tiff_adobe_deflate"},
+    }
+    options = kinds[format]
+    if record is None:
+        return options
+    if format == "TIFF":
+        return {**options, "description": described(record)}
+    exif = Image.Exif()
+    exif[DESCRIPTION] = described(record)
+    return {**options, "exif": exif}

@@ -1,0 +1,57 @@
+"""One scan to one picture: trimmed to what shows, averaged down from larger ones, with a record that tells all."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.drawing import Look, draw, record, trimmed
+from pipeline.infer import Renderer
+from pipeline.placing import Placing
+from storage.clouds import usable
+from z2p_core.images import shrink, unit_from_bytes
+from z2p_core.interfaces import SettingError
+
+
+@pytest.fixture(scope="module")
+def renderer(tiny_weights: Path) -> Renderer:
+    return Renderer(tiny_weights)
+
+
+def test_trimming_keeps_all_that_shows_and_a_margin() -> None:
+    picture = np.zeros((100, 120, 4), np.uint8)
+    picture[40:60, 30:90] = 255
+    picture[70, 50, 3] = 4  # a faint shadow
+    cut = trimmed(picture)
+    assert cut.shape == (31 + 4, 60 + 4, 4)
+    assert np.array_equal(cut, picture[38:73, 28:92])
+    edge = np.full((10, 10, 4), 255, np.uint8)
+    assert np.array_equal(trimmed(edge), edge)
+    empty = np.zeros((10, 10, 4), np.uint8)
+    assert np.array_equal(trimmed(empty), empty)
+
+
+def test_supersampling_is_the_large_picture_averaged_in_linear_light(renderer: Renderer, cloud: np.ndarray) -> None:
+    scan, look = usable(cloud), Look(width=40, height=32)
+    large = draw(renderer, scan, "", replace(look, width=120, height=96)).picture
+    small = draw(renderer, scan, "", replace(look, supersample=3)).picture
+    assert small.shape == (32, 40, 4)
+    assert np.abs(small - 255 * shrink(unit_from_bytes(large), 3)).max() <= 0.51
+    with pytest.raises(SettingError, match="at most 8192"):
+        draw(renderer, scan, "", Look(width=4096, supersample=4))
+
+
+def test_the_record_draws_the_same_picture_again(renderer: Renderer, cloud: np.ndarray) -> None:
+    look = Look({"color": (0.5, 0.1, 0.2)}, Placing("+Y", azimuth=12.0), 48, 40, weights={"name": "tiny"})
+    drawing = draw(renderer, usable(cloud), ".ply", look)
+    made_by = record(drawing, look, {"name": "a.ply"})
+    assert json.loads(json.dumps(made_by, allow_nan=False)) == made_by
+    assert made_by["controls"]["color"] == [0.5, 0.1, 0.2] and made_by["controls"]["elevation"] == [20.0]
+    assert (made_by["resolution"], made_by["weights"], made_by["input"]) == ([48, 40], {"name": "tiny"},
+                                                                             {"name": "a.ply"})  # fmt: skip
+    again = draw(renderer, usable(cloud), ".ply", replace(look, placing=Placing(viewpoint=drawing.viewpoint)))
+    assert np.array_equal(again.picture, drawing.picture)

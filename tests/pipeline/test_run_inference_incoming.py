@@ -1,0 +1,115 @@
+"""Scans that come zipped, through standard input, with named columns, or too large."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from PIL import Image
+
+from pipeline.cli import main
+from storage import clouds
+from storage.clouds import read_clouds
+from storage.pictures import read_record
+from z2p_core.interfaces import ScanError
+
+
+def pixels(path: Path) -> np.ndarray:
+    return np.asarray(Image.open(path))
+
+
+def test_gzipd_scans_are_read_and_named_without_gz(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    assert render(scans).exit_code == 0
+    zipped = tmp_path / "zipped"
+    zipped.mkdir()
+    for path in scans.iterdir():
+        (zipped / f"{path.name}.gz").write_bytes(gzip.compress(path.read_bytes()))
+    assert render(zipped, output=tmp_path / "unzipped").exit_code == 0
+    for name in ("one.png", "two.png"):
+        assert np.array_equal(pixels(tmp_path / "unzipped" / name), pixels(tmp_path / "out" / name))
+    assert read_record(tmp_path / "unzipped" / "one.png")["input"]["name"] == "one.npy.gz"
+
+
+def test_damaged_gz_is_one_line(scans: Path, tmp_path: Path) -> None:
+    whole = gzip.compress((scans / "one.npy").read_bytes())
+    for content in (b"no gzip", whole[:50], whole[:-8] + bytes(8), b""):
+        (tmp_path / "a.npy.gz").write_bytes(content)
+        with pytest.raises(ScanError, match=r"a\.npy\.gz: ") as caught:
+            read_clouds(tmp_path / "a.npy.gz")
+        assert "\n" not in str(caught.value)
+    (tmp_path / "a.foo.gz").write_bytes(whole)
+    with pytest.raises(ScanError, match=r"no reader for '\.foo'"):
+        read_clouds(tmp_path / "a.foo.gz")
+
+
+def test_what_does_not_fit_into_memory_is_refused_and_not_tried(
+    scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bomb.xyz.gz").write_bytes(gzip.compress(b"0 0 0\n" * 4_000_000, 1))
+    monkeypatch.setattr(clouds, "free_memory", lambda: 100_000)
+    with pytest.raises(ScanError, match=r"one\.npy: would take about 0\.0 GB"):
+        read_clouds(scans / "one.npy")
+    with pytest.raises(ScanError, match=r"bomb\.xyz\.gz: unpacks to more than"):
+        read_clouds(tmp_path / "bomb.xyz.gz")
+    monkeypatch.setattr(clouds, "free_memory", lambda: None)  # a system that does not tell
+    assert len(read_clouds(scans / "one.npy")[0].points) == 400
+
+
+@pytest.mark.parametrize("form", ["npy", "xyz", "xyz.gz"])
+def test_standard_input(tiny_weights: Path, scans: Path, tmp_path: Path, form: str) -> None:
+    blob = (scans / "one.npy").read_bytes()
+    if form != "npy":
+        blob = (scans / "two.xyz").read_bytes()
+    blob = gzip.compress(blob) if form.endswith("gz") else blob
+    words = ["run-inference", "-", "-o", str(tmp_path / "out"), "--weights", str(tiny_weights), "--resolution", "32"]
+    result = CliRunner().invoke(main, words, input=blob)
+    assert result.exit_code == 0, result.output
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["stdin.png"]
+    assert read_record(tmp_path / "out" / "stdin.png")["input"]["path"] is None
+    empty = CliRunner().invoke(main, words, input=b"")
+    assert empty.exit_code == 2 and "standard input is empty" in empty.stderr
+    assert CliRunner().invoke(main, [*words, "-"], input=blob).exit_code == 2
+
+
+def test_standard_input_of_a_real_process(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
+    with (scans / "one.npy").open("rb") as scan:
+        done = subprocess.run(
+            [sys.executable, "-m", "pipeline.cli", "run-inference", "-", "-o", tmp_path / "a.png", "-q",
+             "--weights", tiny_weights, "--resolution", "32"],
+            stdin=scan, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"},
+        )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+    assert Image.open(tmp_path / "a.png").size == (32, 32)
+
+
+def test_six_columns_are_refused_until_they_are_named(
+    render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
+) -> None:
+    table = np.hstack([np.ones((len(cloud), 1)), cloud, np.ones((len(cloud), 2))])
+    np.savetxt(tmp_path / "six.xyz", table)
+    np.save(tmp_path / "plain.npy", np.loadtxt(tmp_path / "six.xyz")[:, 1:4])
+    refused = render(tmp_path / "six.xyz")
+    assert refused.exit_code == 1 and "--columns x,y,z,r,g,b" in refused.stderr
+    assert render(tmp_path / "six.xyz", "--columns", "time,X,Y,Z,a,b").exit_code == 0
+    assert render(tmp_path / "plain.npy").exit_code == 0
+    assert np.array_equal(pixels(tmp_path / "out" / "six.png"), pixels(tmp_path / "out" / "plain.png"))
+    assert read_record(tmp_path / "out" / "six.png")["input"]["columns"] == ["time", "x", "y", "z", "a", "b"]
+    wrong = render(tmp_path / "six.xyz", "--columns", "x,y,z", "--overwrite")
+    assert wrong.exit_code == 1 and "names 3 columns (x,y,z), the file has 6" in wrong.stderr
+    for text in ("x,y", "x,y,z,x", "r,g,b"):
+        assert render(tmp_path / "six.xyz", "--columns", text).exit_code == 2
+
+
+def test_a_url_is_refused_with_a_word_why(render: Callable[..., Result]) -> None:
+    result = render("https://example.org/a.ply")
+    assert result.exit_code == 2
+    assert "is a URL; z2p reads local files only, so download it first" in result.stderr

@@ -1,0 +1,173 @@
+"""Series of figures: one camera, one frame, formats, palettes, contact sheets and the gallery."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+from PIL import Image
+
+from storage.cameras import read_camera
+from storage.pictures import read_record
+from z2p_core.palettes import PALETTES, palette
+
+
+def pixels(path: Path) -> np.ndarray:
+    return np.asarray(Image.open(path))
+
+
+def test_a_saved_camera_looks_the_same_again(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    camera = tmp_path / "cam.json"
+    assert render(scans / "one.npy", "--azimuth", 33, "--elevation", 44, "--save-camera", camera).exit_code == 0
+    first = tmp_path / "out" / "one.png"
+    for name, source in {"json": camera, "picture": first}.items():
+        result = render(scans / "one.npy", "--load-camera", source, output=tmp_path / name)
+        assert result.exit_code == 0, result.output
+        assert np.array_equal(pixels(tmp_path / name / "one.png"), pixels(first))
+        assert "up as settled: the camera's" in result.stderr
+    assert read_camera(camera).elevation == 44
+    high = render(scans / "one.npy", "--load-camera", camera, "--elevation", 60, output=tmp_path / "high")
+    assert high.exit_code == 0
+    assert read_record(tmp_path / "high" / "one.png")["camera"]["elevation"] == 60
+    skipped = render(scans / "one.npy", "--save-camera", tmp_path / "again.json")
+    assert "skipped" in skipped.stderr
+    assert (tmp_path / "again.json").read_bytes() == camera.read_bytes()
+
+
+def test_cameras_that_cannot_be(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    several = render(scans, "--save-camera", tmp_path / "cam.json")
+    assert several.exit_code == 2 and "add --same-frame" in several.stderr
+    (tmp_path / "bad.json").write_text("{}")
+    for name in ("bad.json", "missing.json"):
+        result = render(scans, "--load-camera", tmp_path / name)
+        assert result.exit_code == 2 and name in result.stderr and "--save-camera" in result.stderr
+    far = render(scans / "one.npy", "--load-camera", write_camera_far(tmp_path))
+    assert far.exit_code == 1 and "beyond the camera's frame" in far.stderr
+
+
+def write_camera_far(folder: Path) -> Path:
+    from storage.cameras import write_camera
+    from z2p_core.viewpoint import frame
+
+    write_camera(frame(np.eye(3) * 1e-3, np.eye(3), 20.0), folder / "far.json")
+    return folder / "far.json"
+
+
+def test_one_frame_for_a_series(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+    folder = tmp_path / "series"
+    folder.mkdir()
+    small = (cloud - cloud.mean(0)) / 3 + cloud.mean(0) + [2.0, 0, 0]
+    np.save(folder / "a.npy", cloud)
+    np.save(folder / "b.npy", small)
+    (folder / "c.npy").write_bytes(b"garbage")
+    result = render(folder, "--same-frame", "--save-camera", tmp_path / "cam.json")
+    assert result.exit_code == 1
+    assert result.stderr.startswith("one frame for 2 clouds: up +Z: the usual axis; azimuth ")
+    assert result.stderr.count("c.npy") == 1
+    records = [read_record(tmp_path / "out" / f"{name}.png") for name in "ab"]
+    assert records[0]["camera"] == records[1]["camera"] == read_camera(tmp_path / "cam.json").to_json()
+    viewpoint = read_camera(tmp_path / "cam.json")
+    reach = [np.linalg.norm(viewpoint.place(points), axis=1).max() for points in (cloud, small)]
+    assert max(reach) == pytest.approx(1.0, abs=0.01)
+    sizes = [np.ptp(viewpoint.place(points), axis=0) for points in (cloud, small)]
+    np.testing.assert_allclose(sizes[1], sizes[0] / 3, rtol=1e-4)
+    assert render(folder, "--same-frame", output=tmp_path / "again").exit_code == 1
+    assert np.array_equal(pixels(tmp_path / "again" / "b.png"), pixels(tmp_path / "out" / "b.png"))
+
+
+@pytest.mark.parametrize(("word", "suffix"), [("webp", ".webp"), ("jpeg", ".jpg"), ("tiff", ".tif"), ("png", ".png")])
+def test_formats(render: Callable[..., Result], scans: Path, tmp_path: Path, word: str, suffix: str) -> None:
+    result = render(scans, "--format", word)
+    assert result.exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [f"one{suffix}", f"two{suffix}"]
+    assert ("the background is white" in result.stderr) == (word == "jpeg")
+    assert read_record(tmp_path / "out" / f"one{suffix}")["input"]["name"] == "one.npy"
+    alone = render(scans / "one.npy", output=tmp_path / f"mine{suffix}")
+    assert alone.exit_code == 0 and Image.open(tmp_path / f"mine{suffix}").size == (32, 32)
+
+
+def test_formats_that_contradict_each_other(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    result = render(scans / "one.npy", "--format", "webp", output=tmp_path / "a.png")
+    assert result.exit_code == 2 and "does not fit" in result.stderr
+    assert render(scans / "one.npy", "--format", "tiff", output=tmp_path / "a.tiff").exit_code == 0
+
+
+def test_palettes_are_opaque_colours_used_in_turn(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, cloud: np.ndarray
+) -> None:
+    for name in PALETTES:
+        assert len(set(palette(name))) == len(PALETTES[name]) >= 5
+        assert all(len(color) == 3 and all(0 <= channel <= 1 for channel in color) for color in palette(name))
+    np.save(scans / "zmany.npy", np.stack([cloud, cloud]))
+    assert render(scans, "--palette", "okabe-ito").exit_code == 0
+    names = ("one", "two", "zmany_000", "zmany_001")
+    used = [tuple(read_record(tmp_path / "out" / f"{name}.png")["controls"]["color"]) for name in names]
+    colors = palette("okabe-ito")
+    assert used == [colors[0], colors[1], colors[2], colors[3]]
+    both = render(scans, "--palette", "greys", "--color", "red")
+    assert both.exit_code == 2 and "leave one out" in both.stderr
+
+
+def test_contact_sheets(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    for number in range(5):
+        (scans / f"more{number}.npy").write_bytes((scans / "one.npy").read_bytes())
+    result = render(scans, "--sheet", "3x2")
+    assert result.exit_code == 0
+    assert f"wrote {tmp_path / 'out' / 'sheet.png'}" in result.stderr
+    sheets = [Image.open(tmp_path / "out" / name) for name in ("sheet.png", "sheet_2.png")]
+    assert sheets[0].size[0] == 3 * 328 + 8 and sheets[1].size[0] == 328 + 8
+    assert render(scans, "--sheet", "4x4").exit_code == 0  # the pictures are there; the sheet is made all the same
+    assert not (tmp_path / "out" / "sheet_2.png").exists()
+    assert render(scans, "--sheet", "0x2").exit_code == 2
+
+
+class Page(HTMLParser):
+    """What a browser would make of the page: tags, their attributes, and text outside scripts."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.text = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_data(self, data: str) -> None:
+        if self.tags and self.tags[-1][0] not in ("script", "style"):
+            self.text += data
+
+
+def test_the_gallery_is_one_page_with_everything_inside(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, cloud: np.ndarray
+) -> None:
+    evil = '<script>alert(1)</script> & "quotes" \'x\'.npy'.replace("/", "")
+    np.save(scans / evil, cloud)
+    result = render(scans, "--gallery", "--color", "teal")
+    assert result.exit_code == 0, result.output
+    text = (tmp_path / "out" / "gallery.html").read_text()
+    page = Page(text)
+    images = [attributes for tag, attributes in page.tags if tag == "img"]
+    assert len(images) == 3
+    assert all(str(image["src"]).startswith("data:image/webp;base64,") for image in images)
+    assert [tag for tag, _ in page.tags].count("script") == 1  # ours
+    assert evil.removesuffix(".npy") in [image["alt"] for image in images]
+    links = [str(attributes["href"]) for tag, attributes in page.tags if tag == "a"]
+    assert len(links) == 3 and all(re.fullmatch(r"[\w.%~-]+", link) for link in links)
+    assert not re.search(r"""(src|href)=["']?(https?:)?//""", text)  # nothing from elsewhere
+    assert "0, 0.502, 0.502" in page.text and "one.npy" in page.text
+
+
+def test_a_gallery_takes_pictures_of_an_earlier_run_along(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    assert render(scans).exit_code == 0
+    result = render(scans, "--gallery", "--json")
+    assert [json.loads(line)["status"] for line in result.stdout.splitlines()] == ["skipped", "skipped"]
+    assert (tmp_path / "out" / "gallery.html").read_text().count("<figure ") == 2

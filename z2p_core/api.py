@@ -1,0 +1,150 @@
+"""`render`: points in, a picture out. The whole of z2p for those who live in Python."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.picture import Picture, sheet
+from z2p_core.point_arrays import point_arrays
+from z2p_core.studio import Request, studio
+from z2p_core.viewpoint import Viewpoint
+
+SIDES = (32, 4096)
+"""Smallest and largest side of a picture, pixels."""
+
+
+class RenderWarning(UserWarning):
+    """Something was left out or replaced on the way to the picture; the message says what and what to do."""
+
+
+def render(
+    points: Any,
+    colors: Any = None,
+    *,
+    up: str = "+Z",
+    view: str | tuple[float, float] = "auto",
+    azimuth: float = 0.0,
+    camera: Viewpoint | Mapping[str, Any] | str | Path | None = None,
+    color: str | Sequence[float] | None = None,
+    light: str | Sequence[float] | None = None,
+    elevation: float | None = None,
+    metallic: float | None = None,
+    roughness: float | None = None,
+    size: int | tuple[int, int] = 512,
+    background: str | Sequence[float] | None = None,
+    supersample: int = 1,
+    fit: str = "frame",
+    keep_outliers: bool = False,
+    cut_top: float = 0.0,
+    weights: str | Path = "regular",
+    **controls: Any,
+) -> Picture:
+    """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
+
+    Args:
+        points: array or tensor (N, 3), or (N, 6 or more) of which x, y, z count, or a batch (B, N, 3); a cloud of
+            open3d, trimesh, pyvista or laspy; a list of these; or the path of a file. Any unit, any offset.
+        colors: per-point colours (N, 3). The weights know none: their mean becomes the colour of the whole object,
+            with a warning, unless `color` is given.
+        up: the data's axis that points up, ``+Z``, ``-Y``, ...; ``auto`` looks for a depth camera's own.
+        view: ``auto`` (a three-quarter side that shows most), ``front``, ``sensor``, or (azimuth, elevation), degrees.
+        azimuth: degrees that the object is turned on by.
+        camera: `picture.camera` of another picture, or a file that --save-camera wrote; the object keeps its true size
+            and place before it. Replaces `up` and `view`.
+        color: CSS name, ``#hex`` or sRGB triple in [0, 1].
+        light: distance 3 to 4.5, azimuth -90 to 90 (0 behind the camera, positive to the right), elevation 25 to 75.
+        elevation: the camera's, 0 to 80 degrees above the horizon.
+        metallic, roughness: 0 to 1, for weights that carry them; so with the other `controls`.
+        size: pixels, one number or (width, height), 32 to 4096.
+        background: None for transparent, or like `color`.
+        supersample: draw this many times as large and average down.
+        fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to what is to be seen, the shadow included).
+        keep_outliers: keep stray points that make the object small, and what lies far behind a depth camera's subject.
+        cut_top: percent of the height to cut off from above, to look into a room.
+        weights: a shipped name or a .safetensors file.
+
+    Raises:
+        ScanError: the points are no cloud (a ValueError).
+        SettingError: a setting that cannot be (a ValueError).
+        WeightsError: no such weights (a ValueError).
+    """
+    wishes = {"color": color, "light": light, "elevation": elevation, "metallic": metallic, "roughness": roughness}
+    notes = []
+    if colors is not None:
+        wishes["color"], note = _instead_of(colors, color)
+        notes.append(note)
+    request = Request(up, view, azimuth, camera, {**wishes, **controls}, _size(size), background, _factor(supersample),
+                      _tight(fit), keep_outliers, _percent(cut_top), weights)
+    if isinstance(points, str | Path):
+        pictures, batched = studio().draw_file(Path(points), request), False
+    else:
+        given = point_arrays(points)
+        if given.unused_columns:
+            notes.append(f"the {given.unused_columns} columns behind x, y, z were left out: no normals or per-point "
+                         "colours are drawn")
+        pictures, batched = studio().draw(given.clouds, request), given.batched
+    for note in dict.fromkeys([*notes, *(note for picture in pictures for note in picture.notes)]):
+        warnings.warn(note, RenderWarning, stacklevel=2)
+    if not pictures:
+        raise ScanError("expected clouds, got an empty batch")
+    if not batched and len(pictures) == 1:
+        return pictures[0]
+    record = {**pictures[0].record, "batch": len(pictures)}
+    return Picture(sheet([picture.array for picture in pictures]), record, parts=tuple(pictures))
+
+
+def _instead_of(colors: Any, color: Any) -> tuple[Any, str]:
+    """The one colour that is drawn in place of per-point ones, and what to say about it."""
+    mean = _mean_color(colors)
+    if color is not None:
+        return color, "these weights draw no per-point colours: the whole object has the colour given"
+    shown = "#" + "".join(f"{round(255 * channel):02x}" for channel in mean)
+    return mean, ("these weights draw no per-point colours: the whole object has their mean, "
+                  f"{shown}; choose another with color=")
+
+
+def _mean_color(colors: Any) -> tuple[float, float, float]:
+    """Mean sRGB in [0, 1] of per-point colours (..., 3 or 4), floats in [0, 1] or integers to 255."""
+    table = np.asarray(colors.detach().cpu().numpy() if hasattr(colors, "detach") else colors)
+    if table.size == 0 or table.ndim < 2 or table.shape[-1] not in (3, 4) or table.dtype.kind not in "fiu":
+        raise SettingError(f"expected colors (N, 3) as numbers, got {table.shape} {table.dtype}")
+    mean = table[..., :3].reshape(-1, 3).mean(0, dtype=np.float64)
+    red, green, blue = (mean / 255 if table.dtype.kind in "iu" else mean).tolist()
+    if not all(0 <= channel <= 1 for channel in (red, green, blue)):
+        raise SettingError(f"expected colors as floats from 0 to 1 or integers to 255, got a mean of {mean.tolist()}")
+    return red, green, blue
+
+
+def _size(size: Any) -> tuple[int, int]:
+    """Width and height in pixels."""
+    try:
+        width, height = (int(side) for side in (size if hasattr(size, "__len__") else (size, size)))
+    except (TypeError, ValueError):
+        width = height = 0
+    if not all(SIDES[0] <= side <= SIDES[1] for side in (width, height)):
+        raise SettingError(f"expected a size of one or two numbers from {SIDES[0]} to {SIDES[1]} pixels, got {size!r}")
+    return width, height
+
+
+def _factor(supersample: Any) -> int:
+    if supersample not in (1, 2, 3, 4):
+        raise SettingError(f"expected a supersample of 1, 2, 3 or 4, got {supersample!r}")
+    return int(supersample)
+
+
+def _tight(fit: Any) -> bool:
+    if fit not in ("frame", "tight"):
+        raise SettingError(f"expected fit 'frame' or 'tight', got {fit!r}")
+    return bool(fit == "tight")
+
+
+def _percent(cut_top: Any) -> float:
+    if not (isinstance(cut_top, int | float) and 0 <= cut_top < 100):
+        raise SettingError(f"expected cut_top from 0 to below 100 percent, got {cut_top!r}")
+    return float(cut_top)

@@ -1,0 +1,70 @@
+"""Clouds from whatever holds points in Python: arrays, tensors, and the clouds of other libraries, by their shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from z2p_core.interfaces import ScanError
+
+ATTRIBUTES = ("points", "vertices", "xyz")
+"""Where clouds of other libraries keep their points: open3d and pyvista, trimesh, laspy."""
+MOST_COLUMNS = 128
+
+
+@dataclass(frozen=True)
+class PointArrays:
+    """Clouds (N, 3) float64, one or a batch."""
+
+    clouds: list[np.ndarray]
+    batched: bool
+    unused_columns: int
+    """Columns behind x, y, z that were left out."""
+
+
+def point_arrays(points: Any) -> PointArrays:
+    """The clouds in an array or tensor (N, 3), (N, 6 or more) or (B, N, 3 or more), a cloud object, or a list of these.
+
+    Raises:
+        ScanError: no numbers, or another shape.
+    """
+    if isinstance(points, Sequence) and not isinstance(points, str) and points and _rank(points[0]) == 2:
+        parts = [point_arrays(part) for part in points]
+        return PointArrays([part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts))
+    array = _array(points)
+    shape = array.shape
+    flat = array.ndim in (2, 3) and shape[-2] == 3 != shape[-1]
+    if array.ndim not in (2, 3) or flat or (shape[-1] != 3 and not 6 <= shape[-1] <= MOST_COLUMNS):
+        hint = "; transpose it, e.g. points.swapaxes(-1, -2)" if flat else ""
+        raise ScanError(f"expected points (N, 3), (N, 6 or more) or a batch (B, N, 3), got {shape}{hint}")
+    if array.dtype.kind not in "fiu":
+        raise ScanError(f"expected points as numbers, got dtype {array.dtype}")
+    batch = array if array.ndim == 3 else array[None]
+    clouds = [np.array(cloud[:, :3], dtype=np.float64) for cloud in batch]
+    return PointArrays(clouds, array.ndim == 3, shape[-1] - 3)
+
+
+def _array(points: Any) -> np.ndarray:
+    """Array of a tensor on any device, of a cloud object, or of what numpy can read."""
+    if hasattr(points, "detach"):  # torch; through float64, as numpy knows no bfloat16
+        return np.asarray(points.detach().cpu().double().numpy())
+    if hasattr(points, "point") and hasattr(points.point, "positions"):  # open3d's tensor clouds
+        return np.asarray(points.point.positions.cpu().numpy())
+    if not isinstance(points, np.ndarray):
+        for attribute in ATTRIBUTES:
+            if hasattr(points, attribute):
+                return np.asarray(getattr(points, attribute))
+    try:
+        return np.asarray(points)
+    except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
+        raise ScanError(f"expected points as an array, got {type(points).__name__} ({error})") from error
+
+
+def _rank(part: Any) -> int:
+    """Axes of one member of a list: 2 for a cloud, so that the list is a batch."""
+    if hasattr(part, "shape"):
+        return len(part.shape)
+    return 2 if any(hasattr(part, attribute) for attribute in (*ATTRIBUTES, "point")) else 0
