@@ -16,6 +16,7 @@ import luigi
 
 from storage.fingerprints import file_digest
 from storage.layout import Store
+from workflows.mesh_warnings import mesh_warnings
 from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
 from workflows.task_log import last_lines, logged, say
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
@@ -68,6 +69,9 @@ class StageTask(luigi.Task):
             say(f"{self.step_name}: started")
             for task in self.requires():
                 task.mend()
+            if self.stage == "sample":  # the first that reads a mesh
+                for warning in mesh_warnings(self.mesh_path()):
+                    say(f"warning: {warning}")
             self.store.produce(
                 self.step.entry, self.make, resumable=self.resumable, leftovers=("**/.*", *self.leftovers)
             )

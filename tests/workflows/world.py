@@ -73,6 +73,8 @@ class World:
         self.scheduler: int | None = None
         """Port of a luigid; None for the local scheduler."""
         self.scheduler_address = "127.0.0.1"
+        self.processes = 1
+        """How many pipelines a run starts at the same time."""
         for name, mesh in (("meshes/tetra", TETRA), ("meshes/pyramid", PYRAMID), ("kept/wedge", WEDGE)):
             path = root / f"{name}.off"
             path.parent.mkdir(exist_ok=True, parents=True)
@@ -107,15 +109,15 @@ class World:
             stderr=subprocess.PIPE, text=True, start_new_session=True,
         )
 
-    def run(self, *more: str, processes: int = 1, **environment: str) -> tuple[int, str]:
+    def run(self, *more: str, processes: int = 0, **environment: str) -> tuple[int, str]:
         """Highest exit status and everything that was said."""
-        started = [self.start(*more, **environment) for _ in range(processes)]
+        started = [self.start(*more, **environment) for _ in range(processes or self.processes)]
         said = [process.communicate()[1] for process in started]
         return max(process.returncode for process in started), "".join(said)
 
-    def make(self, *more: str, processes: int = 1) -> list[str]:
+    def make(self, *more: str) -> list[str]:
         """Steps that a run made, each as often as it was made; the run must succeed."""
-        status, said = self.run(*more, processes=processes)
+        status, said = self.run(*more)
         assert status == 0, said
         return made(said)
 
