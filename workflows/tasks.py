@@ -16,6 +16,8 @@ import luigi
 
 from storage.fingerprints import file_digest
 from storage.layout import Store
+from storage.stage_code import changed_parts
+from workflows.mesh_warnings import mesh_warnings
 from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
 from workflows.task_log import last_lines, logged, say
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
@@ -66,10 +68,14 @@ class StageTask(luigi.Task):
         started = time.perf_counter()
         with logged(self.log):
             say(f"{self.step_name}: started")
+            self._check_code()
             for task in self.requires():
                 task.mend()
+            if self.stage == "sample":  # the first that reads a mesh
+                for warning in mesh_warnings(self.mesh_path()):
+                    say(f"warning: {warning}")
             self.store.produce(
-                self.step.entry, self.make, resumable=self.resumable, leftovers=(".*", *self.leftovers)
+                self.step.entry, self.make, resumable=self.resumable, leftovers=("**/.*", *self.leftovers)
             )
             self._show_log()
             say(f"{self.step_name}: done in {time.perf_counter() - started:.1f} s")
@@ -81,6 +87,12 @@ class StageTask(luigi.Task):
             say(f"{self.step_name}: damaged, made again: {faults[0]}")
             self.store.put_aside(self.step.entry)
             self.run()
+
+    def _check_code(self) -> None:
+        """Code is imported as late as here, and later by Blender: it must be what the fingerprint says."""
+        changed = changed_parts(self.step.entry.fields["code"])
+        if changed:
+            raise ConfigError(f"{self.step_name}: {changed[0]} changed since the pipeline started; start it again")
 
     def _show_log(self) -> None:
         """Put the log beside the files that it tells of; it is no part of the result."""

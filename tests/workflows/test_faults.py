@@ -155,7 +155,9 @@ def test_a_full_disk(world, undisturbed, small_disk, step):
     finish(world, undisturbed)
 
 
-def test_no_scheduler_at_the_start_and_none_midway(world, undisturbed):
+def test_no_scheduler_at_the_start_and_none_midway(world, undisturbed, monkeypatch):
+    (world.root / "luigi.cfg").write_text("[core]\nrpc-retry-attempts = 2\nrpc-retry-wait = 1\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(world.root / "luigi.cfg"))
     lose(world, "render/tetra/0-2")
     world.scheduler = 9  # nobody listens there
     status, said = world.run()
