@@ -1,5 +1,6 @@
 # make demo       installs z2p into .venv and renders the sample scans into previews/
 # make test       installs the pipeline too and runs every check; make test-fast leaves out Blender and whole pipelines
+# make soak       kills a whole small pipeline fifty times at random moments; every result must have the same bytes
 # PYTHON=...      chooses another Python 3.11; pip takes its options from its usual variables and files
 
 VENV := .venv
@@ -7,11 +8,11 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 LIGHT := $(VENV)/light.stamp
 FULL := $(VENV)/full.stamp
-PROJECT := pyproject.toml constraints.txt
+PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.c z2p_core/native/*.h) scripts/compiler.sh
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo test test-fast lint clean
+.PHONY: demo test test-fast soak lint clean
 
 demo: $(LIGHT)
 	$(BIN)/z2p run-inference samples --output previews --overwrite
@@ -22,6 +23,9 @@ test: $(FULL)
 
 test-fast: $(FULL)
 	$(PYTEST) -m "not slow"
+
+soak: $(FULL)
+	OMP_NUM_THREADS=1 $(BIN)/python tests/workflows/soak.py 50
 
 lint: $(FULL)
 	$(BIN)/ruff check
@@ -37,11 +41,13 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(LIGHT): $(PROJECT) | $(BIN)/python
+	sh scripts/compiler.sh
 	@echo "installing z2p into $(VENV); the first time takes a few minutes"
 	$(PIP_INSTALL) --editable .
 	@touch $@
 
 $(FULL): $(PROJECT) scripts/system_libraries.sh | $(BIN)/python
+	sh scripts/compiler.sh
 	sh scripts/system_libraries.sh
 	@echo "installing z2p and its pipeline into $(VENV); the first time takes several minutes"
 	$(PIP_INSTALL) --editable ".[pipeline,test]"

@@ -20,11 +20,8 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW, light_position
-from z2p_core.scene import SceneDescription
+from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 
-LIGHT_SIDE = 1.6
-LIGHT_RADIANCE = 18.0
-AMBIENT = 0.35
 FLOOR_SIDE = 60.0
 FLOOR_GAP = 1e-3
 """The floor lies this far below the lowest point: a flat sheet lying right in it would turn black."""

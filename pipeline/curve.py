@@ -41,9 +41,9 @@ def on_white(picture: Tensor) -> Tensor:
     return picture[:, :3] + 1 - picture[:, 3:]
 
 
-def write_strips(path: Path, zbuffer: Tensor, prediction: Tensor, target: Tensor) -> None:
+def write_strips(path: Path, buffers: Tensor, prediction: Tensor, target: Tensor) -> None:
     """A PNG with a row for each sample: first z-buffer channel, prediction on white, target on white."""
-    drawn = zbuffer[:, :1].clamp(0, 1).expand(-1, 3, -1, -1)
+    drawn = buffers[:, :1].clamp(0, 1).expand(-1, 3, -1, -1)
     columns = torch.cat([drawn, on_white(prediction), on_white(target)], dim=3).clamp(0, 1).cpu()  # (B, 3, H, 3W)
     picture = np.concatenate([row.permute(1, 2, 0).numpy() for row in columns])
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -15,16 +15,20 @@ from typing import Any
 import numpy as np
 import torch
 
+from pipeline.buffers import draw_buffers
 from pipeline.shard import shrink_pictures
 from storage.shards import Record, Shard
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
-from z2p_core.interfaces import ZBuffer
+from z2p_core.interfaces import GBuffer, ZBuffer
 from z2p_core.noise import KINDS, add_noise
 
 CACHE_BYTES = 2 * 1024**3
 """Decoded renders kept in memory; what does not fit is decoded again each time."""
-PREFETCH = 3
+BUFFERS_BYTES = 6 * 1024**3
+"""Drawn buffers kept for `TrainConfig.reuse`; those that do not fit are drawn again, the same."""
+PREFETCH, THREADS = 4, 2
+"""Batches made ahead, and at once: drawing buffers holds no lock."""
 TRAINING, VALIDATION, EPOCH, SPLIT = 0, 1, 2, 3
 """First words of the seeds of the random generators, so that no two uses share one."""
 
@@ -35,9 +39,9 @@ class DatasetError(ValueError):
 
 @dataclass(frozen=True)
 class Batch:
-    """B samples, R pixels a side, C z-buffer channels, S settings; float32 tensors."""
+    """B samples, R pixels a side, C channels of z-buffer and G-buffer, S settings; float32 tensors."""
 
-    zbuffer: torch.Tensor
+    buffers: torch.Tensor
     """(B, C, R, R)"""
     settings: torch.Tensor
     """(B, S), each in [0, 1]"""
@@ -48,21 +52,21 @@ class Batch:
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on a device."""
-        moved = (tensor.to(device) for tensor in (self.zbuffer, self.settings, self.target, self.coverage))
+        moved = (tensor.to(device) for tensor in (self.buffers, self.settings, self.target, self.coverage))
         return Batch(*moved)
 
 
 class CloudPictures:
     """Every record of some shards, split into training and validation."""
 
-    def __init__(self, shards: Sequence[Path], config: TrainConfig, zbuffer: ZBuffer, cache: int = CACHE_BYTES) -> None:
+    def __init__(self, shards: Sequence[Path], config: TrainConfig, zbuffer: ZBuffer, gbuffer: GBuffer) -> None:
         """
         Raises:
             ShardError: a shard is damaged.
             DatasetError: no shards, shards of different controls or resolutions, or fewer than two records.
         """
         self.config = config
-        self.zbuffer = zbuffer
+        self.zbuffer, self.gbuffer = zbuffer, gbuffer
         self.shards = [Shard(path) for path in shards]
         self.controls: list[dict[str, Any]] = _agreed(self.shards, "controls")
         self.resolution: int = _agreed(self.shards, "resolution")
@@ -71,7 +75,8 @@ class CloudPictures:
         self._check()
         self._pools = [shard.pool for shard in self.shards]
         self._cache: dict[tuple[tuple[int, int], int], Record] = {}
-        self._room = cache
+        self._room, self._buffers_room = CACHE_BYTES, BUFFERS_BYTES
+        self._buffers: dict[tuple[tuple[int, int], int], tuple[int, np.ndarray]] = {}
         places = [(number, row) for number, shard in enumerate(self.shards) for row in range(len(shard))]
         if len(places) < 2:
             raise DatasetError(f"expected two records or more, to train on and to validate with, got {len(places)}")
@@ -92,8 +97,7 @@ class CloudPictures:
         for position in range(turn * size, (turn + 1) * size):
             epoch, place = divmod(position, count)
             order = np.random.default_rng((EPOCH, self.config.seed, number, epoch)).permutation(count)
-            rng = np.random.default_rng((TRAINING, self.config.seed, number, position))
-            samples.append(self._sample(self.training[order[place]], side, rng))
+            samples.append(self._training_sample(int(order[place]), side, epoch // self.config.reuse))
         return _stack(samples)
 
     def validation_batch(self, numbers: Sequence[int]) -> Batch:
@@ -104,8 +108,8 @@ class CloudPictures:
 
     @contextmanager
     def batches(self, first: int, last: int) -> Iterator[Iterator[Batch]]:
-        """Training batches `first` to `last` - 1, made ahead in a thread that ends with the context."""
-        with ThreadPoolExecutor(max_workers=1, thread_name_prefix="batches") as executor:
+        """Training batches `first` to `last` - 1, made ahead in threads that end with the context."""
+        with ThreadPoolExecutor(max_workers=THREADS, thread_name_prefix="batches") as executor:
 
             def ahead() -> Iterator[Batch]:
                 pending = [executor.submit(self.batch, step) for step in range(first, min(first + PREFETCH, last))]
@@ -143,14 +147,36 @@ class CloudPictures:
         low, high = self.config.points
         if not 1 <= low <= high:
             raise DatasetError(f"points: expected 1 <= smallest <= largest cloud, got {low} and {high}")
+        if self.config.reuse < 1:
+            raise DatasetError(f"reuse: expected 1 or more, got {self.config.reuse}")
         if self.config.noise not in KINDS:
             raise DatasetError(f"noise: expected one of {', '.join(KINDS)}, got {self.config.noise!r}")
 
+    def _training_sample(self, number: int, side: int, drawing: int) -> tuple[np.ndarray, Record]:
+        """Sample of a training record with the cloud of that drawing, which is kept until the next one."""
+        place = self.training[number]
+        kept = self._buffers.get((place, side))
+        if kept and kept[0] == drawing:
+            return kept[1].astype(np.float32), self._record(place, side)
+        rng = np.random.default_rng((TRAINING, self.config.seed, side, number, drawing))
+        buffers, record = self._sample(place, side, rng)
+        if self.config.reuse > 1:
+            packed = buffers.astype(np.float16)
+            if kept or packed.nbytes <= self._buffers_room:
+                self._buffers_room -= 0 if kept else packed.nbytes
+                self._buffers[place, side] = drawing, packed
+            buffers = packed.astype(np.float32)  # the same whether it was kept or not
+        return buffers, record
+
     def _sample(self, place: tuple[int, int], side: int, rng: np.random.Generator) -> tuple[np.ndarray, Record]:
-        record = self._record(place, side)
-        cloud = draw_cloud(self._pools[place[0]], self.config, rng) @ record.rotation.T
-        cloud[:, 2] += record.lift
-        return self.zbuffer.draw(cloud, Camera(side, side, record.elevation)), record
+        record, pool = self._record(place, side), self._pools[place[0]]
+        turned = np.array(record.scene.rotation, dtype=np.float32).T
+        scene = record.scene
+        if scene.floor is None:  # the mesh's own: the pool is dense enough to tell it
+            scene = replace(scene, floor=float((pool @ turned[:, 2]).min()))
+        cloud = draw_cloud(pool, self.config, rng) @ turned
+        cloud[:, 2] += scene.lift
+        return draw_buffers(cloud, Camera(side, side, scene.elevation), scene, self.zbuffer, self.gbuffer), record
 
     def _record(self, place: tuple[int, int], side: int) -> Record:
         record = self._cache.get((place, side))

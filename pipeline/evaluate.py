@@ -6,7 +6,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +15,13 @@ from PIL import Image
 
 from pipeline.baselines import load_baselines, on_true_floor, rebuild
 from pipeline.infer import Renderer
-from pipeline.render import RenderSettings, read_render, render_scenes
+from pipeline.render import RenderSettings, read_render
 from pipeline.sample import draw_cloud
 from pipeline.sheets import SheetRow, sheet_row, write_sheets
+from pipeline.truth import render_references
 from pipeline.views import View, describe, draw_view, view_rng
 from storage.checkpoints import resolve
-from storage.fingerprints import file_digest, fingerprint, plugin_fields, stage_fields
+from storage.fingerprints import file_digest, plugin_fields, stage_fields
 from storage.meshes import Mesh, read_mesh
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig, to_dict
@@ -148,16 +149,9 @@ def render_truth(
 ) -> list[Path]:
     """Picture of each scene (its coverage beside it), rendered only where `truth_root` does not hold it yet.
 
-    The folder's name is the fingerprint of mesh and render settings, the file's that of the scene: asking for more
-    views, or for other weights with the same controls, keeps what is there.
+    Asking for more views, or for other weights with the same controls, keeps what is there.
     """
-    settings = _render_settings(config)
-    parameters = {name: value for name, value in asdict(settings).items() if name != "threads"}
-    fields = stage_fields("render") | {"mesh": subject.identity, "parameters": parameters}
-    folder = truth_root / fingerprint(fields)[:32]
-    stems = [fingerprint(scene.to_json())[:16] for scene in scenes]
-    render_scenes(subject.path, list(dict(zip(stems, scenes, strict=True)).items()), folder, settings, log)
-    return [folder / f"{stem}.png" for stem in stems]
+    return render_references(subject.path, subject.identity, scenes, render_settings(config), truth_root, log)
 
 
 def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -201,8 +195,9 @@ def _trials(
 
 def _run_weights(renderer: Renderer, trial: Trial, config: EvaluateConfig) -> Result:
     placed = place(trial.cloud, trial.view.scene)
+    floor = on_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
     started = time.perf_counter()
-    prediction = renderer.render(placed, trial.view.values, config.resolution, config.resolution)
+    prediction = renderer.render(placed, trial.view.values, config.resolution, config.resolution, floor)
     seconds = time.perf_counter() - started
     picture = unit_from_bytes(prediction)
     row = {**_figures(picture, trial), "seconds": round(seconds, 4),
@@ -220,7 +215,7 @@ def _run_baseline(
     }  # fmt: skip
     rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), trial.index, 2])
     scene = on_true_floor(trial.view.scene, subject.sphere.normalise(subject.mesh.vertices))
-    settings = _render_settings(config)
+    settings = render_settings(config)
     rebuilt = rebuild(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log)
     row = {**_figures(rebuilt.picture, trial), "seconds": rebuilt.seconds, "render_seconds": rebuilt.render_seconds}
     return row | ({"error": rebuilt.error} if rebuilt.error else {}), rebuilt.picture
@@ -248,7 +243,8 @@ def _figures(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
     }
 
 
-def _render_settings(config: EvaluateConfig) -> RenderSettings:
+def render_settings(config: EvaluateConfig) -> RenderSettings:
+    """How the ground truth is rendered."""
     side = config.resolution
     return RenderSettings((side, side), config.samples, config.denoise, seed=config.seed)
 

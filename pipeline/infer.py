@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
+from pipeline.buffers import draw_buffers
 from pipeline.load import load_network
 from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
 from z2p_core.framing import UP_AXES
@@ -50,10 +51,18 @@ class Renderer:
         return {name: values.get(name, control.slider.default) for name, control in self.controls.items()}
 
     def render(
-        self, cloud: np.ndarray, values: dict[str, Value] | None = None, width: int = 512, height: int = 512
+        self,
+        cloud: np.ndarray,
+        values: dict[str, Value] | None = None,
+        width: int = 512,
+        height: int = 512,
+        floor: float | None = None,
     ) -> np.ndarray:
-        """Picture (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units."""
-        scene = SceneDescription()
+        """Picture (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units.
+
+        The floor lies at that height; None puts it under the lowest point.
+        """
+        scene = SceneDescription(floor=floor)
         if self.fixed_elevation is not None:
             scene.elevation = self.fixed_elevation
         encoded: list[float] = []
@@ -61,11 +70,11 @@ class Renderer:
             self.controls[name].apply(value, scene)
             encoded.extend(self.controls[name].encode(value))
         camera = Camera(width, height, scene.elevation)
-        zbuffer = self._loaded.zbuffer.draw(cloud, camera)
+        buffers = draw_buffers(cloud, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
         encoding = self._loaded.encoder.encode(*camera.frame_coordinates(step=int(self._loaded.network.unshuffle)))
         with torch.inference_mode():
             picture = self._loaded.network(
-                torch.from_numpy(zbuffer)[None],
+                torch.from_numpy(buffers)[None],
                 torch.from_numpy(encoding),
                 torch.tensor([encoded], dtype=torch.float32),
             )

@@ -12,7 +12,7 @@ from torch import nn
 from storage.checkpoints import Weights, WeightsError, check, load_weights, resolve
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, from_dict
-from z2p_core.interfaces import Control, PositionalEncoder, ZBuffer
+from z2p_core.interfaces import Control, GBuffer, PositionalEncoder, ZBuffer
 from z2p_core.model import build_network
 
 
@@ -22,6 +22,7 @@ class LoadedNetwork:
 
     network: nn.Module
     zbuffer: ZBuffer
+    gbuffer: GBuffer
     encoder: PositionalEncoder
     controls: dict[str, Control]
     """In the order of the settings vector."""
@@ -38,19 +39,19 @@ def load_network(weights: Weights | str | Path) -> LoadedNetwork:
     if not isinstance(weights, Weights):
         weights = load_weights(resolve(weights))
     card = weights.card
-    zbuffer = _matching("zbuffers", card["zbuffer"])()
+    zbuffer, gbuffer = _matching("zbuffers", card["zbuffer"])(), _matching("gbuffers", card["gbuffer"])()
     encoder = _matching("encoders", card["encoder"]).from_state(card["encoder"]["state"])
     controls = {entry["name"]: _control(entry) for entry in card["controls"]}
     settings = sum(control.size for control in controls.values())
     try:
         config = from_dict(NetworkConfig, card["network"], "weights: network")
-        network = build_network(config, zbuffer.channels, encoder.channels, settings)
+        network = build_network(config, zbuffer.channels + gbuffer.channels, encoder.channels, settings)
     except (ConfigError, ValueError) as error:
         raise WeightsError(f"weights for a network that this z2p cannot build: {error}") from error
     check(weights, {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()})
     network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in weights.tensors.items()})
     network.to(memory_format=torch.channels_last).eval()
-    return LoadedNetwork(network, zbuffer, encoder, controls, card)
+    return LoadedNetwork(network, zbuffer, gbuffer, encoder, controls, card)
 
 
 def _matching(group: str, entry: dict[str, Any]) -> type[Any]:

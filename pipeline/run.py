@@ -66,7 +66,8 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
     for name in ("steps", "batch", "validate_every", "checkpoint_every"):
         if getattr(config, name) < 1:
             raise ValueError(f"train: {name}: expected 1 or more, got {getattr(config, name)}")
-    data = CloudPictures(shards, config, registry.load("zbuffers", config.network.zbuffer)())
+    zbuffer, gbuffer = (registry.load(f"{kind}s", getattr(config.network, kind))() for kind in ("zbuffer", "gbuffer"))
+    data = CloudPictures(shards, config, zbuffer, gbuffer)
     start = load_network(config.start) if config.start else None
     if start:
         encoder = start.encoder
@@ -75,7 +76,7 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
         encoder = registry.load("encoders", config.network.encoder).create(rng)
     cells = {side: Camera(side, side).frame_coordinates(config.network.unshuffle) for side in data.sides}
     encodings = {side: torch.from_numpy(encoder.encode(u, v)).to(device) for side, (u, v) in cells.items()}
-    network = build_network(config.network, data.zbuffer.channels, encoder.channels, data.settings)
+    network = build_network(config.network, zbuffer.channels + gbuffer.channels, encoder.channels, data.settings)
     if start:
         _check_start(start.card, config, data)
         network.load_state_dict(start.network.state_dict())
@@ -176,6 +177,7 @@ def _plugins(run: Run) -> dict[str, Any]:
     network, encoder = run.config.network, run.encoder
     return {
         "zbuffer": {"name": network.zbuffer, "version": run.data.zbuffer.version},
+        "gbuffer": {"name": network.gbuffer, "version": run.data.gbuffer.version},
         "encoder": {"name": network.encoder, "version": encoder.version, "state": encoder.state},
         "controls": [{key: control[key] for key in ("name", "version", "size")} for control in run.data.controls],
     }

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.clouds import Mesh, read_mesh
 from storage.fingerprints import file_digest
+from storage.meshes import Mesh, read_mesh
 from z2p_core import registry
 from z2p_core.config import SampleConfig
 from z2p_core.geometry import Sphere, bounding_sphere

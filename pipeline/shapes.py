@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.render import export_suzanne
-from storage.clouds import write_mesh
+from storage.meshes import write_mesh
 
 SUZANNE = "suzanne"
 TRAINING_SHAPES = ("torus_knot", "rounded_block", "wavy_sheet", "seashell", "gear", "vase", SUZANNE)

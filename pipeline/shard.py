@@ -69,9 +69,7 @@ def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Reco
         rgba=rgba,
         coverage=coverage,
         settings=settings_vector(view["values"], controls),
-        rotation=np.asarray(scene.rotation, dtype=np.float32),
-        elevation=scene.elevation,
-        lift=scene.lift,
+        scene=scene,
     )
 
 

@@ -96,7 +96,7 @@ def _step(run: Run, batch: Batch) -> Row:
         group["lr"] = rate
     autocast = torch.autocast(run.device.type, torch.bfloat16) if run.precision == "bfloat16" else nullcontext()
     with autocast:
-        prediction = run.network(batch.zbuffer, run.encodings[batch.zbuffer.shape[-1]], batch.settings)
+        prediction = run.network(batch.buffers, run.encodings[batch.buffers.shape[-1]], batch.settings)
     loss, terms = total_loss(prediction, batch.target, batch.coverage, run.config.loss)
     run.optimizer.zero_grad()
     loss.backward()
@@ -138,10 +138,10 @@ def _validate(run: Run, out: Path) -> str:
         numbers = range(first, min(first + run.config.batch, count))
         batch = run.data.validation_batch(numbers).to(run.device)
         with torch.no_grad():
-            prediction = run.average(batch.zbuffer, run.encodings[batch.zbuffer.shape[-1]], batch.settings)
+            prediction = run.average(batch.buffers, run.encodings[batch.buffers.shape[-1]], batch.settings)
         measured.append((len(numbers), validation_metrics(prediction, batch.target, batch.coverage)))
         if first == 0:
-            strip = (tensor[:STRIP_PICTURES] for tensor in (batch.zbuffer, prediction, batch.target))
+            strip = (tensor[:STRIP_PICTURES] for tensor in (batch.buffers, prediction, batch.target))
             write_strips(out / "validation" / f"step_{run.step:06d}.png", *strip)
     row = {name: sum(size * metrics[name] for size, metrics in measured) / count for name in measured[0][1]}
     if run.rows and run.rows[-1]["step"] == run.step:

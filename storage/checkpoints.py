@@ -16,7 +16,7 @@ from safetensors.numpy import save
 
 FORMAT = 1
 SHIPPED = Path(__file__).parent / "weights"
-CARD_KEYS = ("network", "zbuffer", "encoder", "controls", "resolution", "fixed_elevation", "training")
+CARD_KEYS = ("network", "zbuffer", "gbuffer", "encoder", "controls", "resolution", "fixed_elevation", "training")
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
@@ -28,7 +28,8 @@ class WeightsError(ValueError):
 class Weights:
     """A network's tensors by name, float32, and the card that says how to rebuild and feed it.
 
-    Card: `format` 1; `network` (NetworkConfig as a dict); `zbuffer` {name, version}; `encoder` {name, version, state};
+    Card: `format` 1; `network` (NetworkConfig as a dict); `zbuffer`, `gbuffer` {name, version};
+    `encoder` {name, version, state};
     `controls` [{name, version, size}] in the settings vector's order; `resolution`, the sides trained at;
     `fixed_elevation` in degrees, or null where elevation is a control; `training`, free notes.
     """

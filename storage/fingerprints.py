@@ -6,19 +6,22 @@ threads, folders and log levels are not in it.
 
 from __future__ import annotations
 
-import ast
 import hashlib
 import inspect
 import json
 from collections.abc import Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-SCHEMA = 1
+from storage.code import code_digest, imported_modules
+from storage.stage_code import stage_code, stage_packages
+
+SCHEMA = 2
 """Raised when the meaning of the fields themselves changes; every result becomes stale."""
 
-STAGE_VERSIONS: dict[str, int] = {"shapes": 1, "sample": 1, "render": 1, "shard": 1, "train": 1, "evaluate": 1}
+STAGE_VERSIONS: dict[str, int] = {
+    "shapes": 1, "sample": 1, "render": 1, "shard": 2, "train": 2, "evaluate": 1, "reference": 1
+}  # fmt: skip
 """Raised by hand when a stage's code starts to give other results; that stage and what follows become stale."""
 
 
@@ -38,12 +41,18 @@ def canonical_json(value: Any) -> str:
 
 
 def stage_fields(stage: str) -> dict[str, Any]:
-    """Fields that every entry of a built-in stage starts with: schema, stage and its version.
+    """Fields that every entry of a built-in stage starts with: schema, stage, its version, its code and packages.
 
     Raises:
         KeyError: a stage without a version in `STAGE_VERSIONS`.
     """
-    return {"schema": SCHEMA, "stage": stage, "stage_version": STAGE_VERSIONS[stage]}
+    return {
+        "schema": SCHEMA,
+        "stage": stage,
+        "stage_version": STAGE_VERSIONS[stage],
+        "code": stage_code(stage),
+        "packages": stage_packages(stage),
+    }
 
 
 def file_digest(path: Path) -> str:
@@ -57,32 +66,33 @@ def file_digest(path: Path) -> str:
 
 
 def plugin_fields(plugin: type[Any]) -> dict[str, str]:
-    """Name, version and code digest of a plugin class: any of them changing makes its users stale."""
+    """Name, version and code digest of a plugin class: any of them changing makes its users stale.
+
+    Where the plugin's module imports others of its own package, their code counts as well.
+
+    Raises:
+        ValueError: the class does not come from a Python file.
+    """
     source = inspect.getsourcefile(plugin)
     if source is None:
         raise ValueError(f"plugin {plugin!r}: expected a class from a Python file, found no source")
-    text = Path(source).read_text(encoding="utf-8")
-    return {"name": plugin.name, "version": plugin.version, "code": code_digest(text)}
+    digests = _package_digests(plugin.__module__, Path(source))
+    code = digests[0] if len(digests) == 1 else fingerprint({"modules": digests})
+    return {"name": plugin.name, "version": plugin.version, "code": code}
 
 
-@lru_cache(maxsize=256)
-def code_digest(source: str) -> str:
-    """sha256 of Python source as a syntax tree without docstrings: comments and layout change nothing.
-
-    Raises:
-        SyntaxError: the source is not Python.
-    """
-    tree = ast.parse(source)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            node.body = [statement for statement in node.body if not _is_text(statement)]
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
-
-
-def _is_text(statement: ast.stmt) -> bool:
-    """Whether a statement is a bare string: a docstring, or a description under an attribute."""
-    return (
-        isinstance(statement, ast.Expr)
-        and isinstance(statement.value, ast.Constant)
-        and isinstance(statement.value.value, str)
-    )
+def _package_digests(module: str, path: Path) -> list[str]:
+    """Digest of a module's code, then those of the modules that it imports, directly or not, from its own package."""
+    package, *below = module.split(".")
+    root = path.parents[len(below)]
+    digests: dict[str, str] = {}
+    waiting = {module: path}
+    while waiting:
+        name, source = waiting.popitem()
+        text = source.read_text(encoding="utf-8")
+        digests[name] = code_digest(text)
+        for imported in imported_modules(text, name):
+            file = (root / imported.replace(".", "/")).with_suffix(".py")
+            if below and imported.split(".")[0] == package and imported not in digests and file.is_file():
+                waiting[imported] = file
+    return [digests.pop(module), *(digests[name] for name in sorted(digests))]

@@ -8,6 +8,7 @@ A kill at any moment leaves either the whole result or none. The first writer wi
 `<root>/.tmp/`                           results being written
 `<root>/.work/<stage>/<fingerprint>/`    what a resumable stage has so far; it survives kills
 `<root>/.locks/`                         one lock a result, so that two pipelines do not make the same one twice
+`<root>/.logs/`                          a log a result, of those that failed too
 `<root>/.quarantine/`                    damaged results, moved aside when they are made again
 =======================================  =====================================================================
 """
@@ -15,25 +16,23 @@ A kill at any moment leaves either the whole result or none. The first writer wi
 from __future__ import annotations
 
 import fcntl
-import json
 import os
-import platform
+import re
 import shutil
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
-from importlib import metadata
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from storage.fingerprints import file_digest, fingerprint
+from storage.fingerprints import STAGE_VERSIONS, fingerprint
+from storage.manifests import MANIFEST, faults, read_manifest, seal, sync
 
-MANIFEST = "manifest.json"
-
-_PACKAGES = ("z2p", "numpy", "torch", "bpy", "open3d-cpu", "open3d", "h5py", "trimesh", "kornia", "luigi")
+_RESULT = re.compile(r"[0-9a-f]{32}")
+"""Name of a result's folder: the fingerprint's first half."""
 
 
 class StoreError(RuntimeError):
@@ -69,20 +68,19 @@ class Store:
         return self.root / entry.stage / entry.fingerprint[:32]
 
     def complete(self, entry: Entry) -> bool:
-        """Whether the result is there: manifest parses, its fields match, files have their sizes. Reads no file."""
-        return not _cheap_faults(self.folder(entry), entry.fingerprint)
+        """Whether the result is there: manifest parses, its fields match, files have their sizes.
+
+        Reads no file, but those that were written to since they were published.
+        """
+        return not self.faults(entry)
+
+    def faults(self, entry: Entry) -> list[str]:
+        """Why the result is not `complete`; empty when it is."""
+        return faults(self.folder(entry), entry.fingerprint)
 
     def verify(self, entry: Entry) -> list[str]:
         """Faults of a result, empty when none; reads every file and compares its sha256."""
-        folder = self.folder(entry)
-        faults = _cheap_faults(folder, entry.fingerprint)
-        if faults:
-            return faults
-        return [
-            f"{folder / name}: its bytes are not those that were written (sha256 differs)"
-            for name, record in _read_manifest(folder)["files"].items()
-            if file_digest(folder / name) != record["sha256"]
-        ]
+        return faults(self.folder(entry), entry.fingerprint, every_digest=True)
 
     def manifest(self, entry: Entry) -> dict[str, Any]:
         """The finished entry's manifest.
@@ -90,17 +88,32 @@ class Store:
         Raises:
             StoreError: the result is not there, or is damaged.
         """
-        faults = _cheap_faults(self.folder(entry), entry.fingerprint)
-        if faults:
-            raise StoreError(f"{entry.name}: {faults[0]}; run the pipeline again to make it")
-        return _read_manifest(self.folder(entry))
+        found = self.faults(entry)
+        if found:
+            raise StoreError(f"{entry.name}: {found[0]}; run the pipeline again to make it")
+        return read_manifest(self.folder(entry))
+
+    def stages(self) -> list[str]:
+        """Stages that have results."""
+        return [stage for stage in STAGE_VERSIONS if (self.root / stage).is_dir()]
+
+    def folders(self, stage: str) -> list[Path]:
+        """Folders of all results of a stage, sound or not."""
+        return sorted(folder for folder in (self.root / stage).glob("*") if _RESULT.fullmatch(folder.name))
 
     def manifests(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
         """Folder and manifest of every finished, undamaged entry of a stage."""
-        folders = sorted((self.root / stage).iterdir()) if (self.root / stage).is_dir() else []
-        for folder in folders:
-            if not _cheap_faults(folder, None):
-                yield folder, _read_manifest(folder)
+        for folder in self.folders(stage):
+            if not faults(folder):
+                yield folder, read_manifest(folder)
+
+    def remains(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+        """Folder and manifest of every entry, damaged and quarantined ones too: check the sha256 of what you take."""
+        for folder in [*self.folders(stage), *sorted((self.root / ".quarantine" / stage).glob("*"))]:
+            with suppress(OSError, ValueError):
+                manifest = read_manifest(folder)
+                if isinstance(manifest, dict) and {"fields", "files", "fingerprint"} <= set(manifest):
+                    yield folder, manifest
 
     def produce(
         self,
@@ -115,9 +128,9 @@ class Store:
         A resumable stage gets the same folder again after a kill; `leftovers` are glob patterns of files and folders
         in it that served only to resume, removed before publishing.
         """
-        with self._lock(entry):
+        with self.lock(entry):
             if not self.complete(entry):
-                folder = self._work_folder(entry) if resumable else self._temporary_folder(entry)
+                folder = self._opened_work_folder(entry) if resumable else self._temporary_folder(entry)
                 write(folder)
                 for pattern in leftovers:
                     for path in list(folder.glob(pattern)):
@@ -131,11 +144,14 @@ class Store:
         Raises:
             StoreError: the folder holds no file.
         """
-        _seal(folder, entry)
+        try:
+            seal(folder, entry.name, entry.fields, entry.provenance)
+        except FileNotFoundError as error:
+            raise StoreError(str(error)) from error
         target = self.folder(entry)
         target.parent.mkdir(parents=True, exist_ok=True)
         if target.exists() and not self.complete(entry):
-            self._quarantine(target)
+            self.quarantine(target)
         try:
             folder.rename(target)
         except OSError:
@@ -143,11 +159,49 @@ class Store:
                 raise
             _remove(folder)
             return False
-        _sync(target.parent)
+        sync(target.parent)
         return True
 
-    def _work_folder(self, entry: Entry) -> Path:
-        folder = self.root / ".work" / entry.stage / entry.fingerprint[:32]
+    def link(self, files: Mapping[str, Path], entry: Entry) -> None:
+        """Publish files that lie elsewhere as the entry's, as hard links where they can be."""
+
+        def write(folder: Path) -> None:
+            for name, path in files.items():
+                (folder / name).parent.mkdir(parents=True, exist_ok=True)
+                try:
+                    os.link(path, folder / name)
+                except OSError:  # another filesystem, or one without hard links
+                    shutil.copy2(path, folder / name)
+
+        self.produce(entry, write)
+
+    def put_aside(self, entry: Entry) -> None:
+        """Quarantine the entry's result unless every byte of it is right; one that is being made is waited for."""
+        with self.lock(entry):
+            if self.verify(entry) and self.folder(entry).exists():
+                self.quarantine(self.folder(entry))
+
+    def quarantine(self, folder: Path) -> Path:
+        """Where a damaged result's folder now lies; it counts as missing from here on."""
+        place = self.root / ".quarantine" / folder.parent.name / f"{folder.name}-{time.time_ns()}"
+        place.parent.mkdir(parents=True, exist_ok=True)
+        folder.rename(place)
+        return place
+
+    def work_folder(self, entry: Entry) -> Path:
+        """Where a resumable stage collects the entry's files until they are published."""
+        return self.root / ".work" / entry.stage / entry.fingerprint[:32]
+
+    def lock_file(self, entry: Entry) -> Path:
+        """The file whose lock is held while the entry is written."""
+        return self.root / ".locks" / f"{entry.stage}-{entry.fingerprint[:32]}"
+
+    def log(self, entry: Entry) -> Path:
+        """Where the one who writes the entry may tell about it."""
+        return self.root / ".logs" / entry.stage / f"{entry.fingerprint[:32]}.log"
+
+    def _opened_work_folder(self, entry: Entry) -> Path:
+        folder = self.work_folder(entry)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / MANIFEST).unlink(missing_ok=True)  # there when a run was killed between manifest and rename
         return folder
@@ -157,78 +211,25 @@ class Store:
         folder.mkdir(parents=True)
         return folder
 
-    def _quarantine(self, folder: Path) -> None:
-        place = self.root / ".quarantine" / folder.parent.name / f"{folder.name}-{time.time_ns()}"
-        place.parent.mkdir(parents=True, exist_ok=True)
-        folder.rename(place)
-
     @contextmanager
-    def _lock(self, entry: Entry) -> Iterator[None]:
-        """Hold the entry's lock; the kernel lets go of it when the process dies, however it dies."""
-        path = self.root / ".locks" / f"{entry.stage}-{entry.fingerprint[:32]}"
+    def lock(self, entry: Entry) -> Iterator[None]:
+        """Holds the entry's lock; the kernel lets go of it when the process dies, however it dies."""
+        path = self.lock_file(entry)
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("w") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
             yield
 
 
-def _cheap_faults(folder: Path, expected: str | None) -> list[str]:
-    """Faults that show without reading files: no manifest, other fields, files missing or of another size."""
-    try:
-        manifest = _read_manifest(folder)
-        actual = fingerprint(manifest["fields"])
-        files = {str(name): int(record["size"]) for name, record in manifest["files"].items()}
-    except FileNotFoundError:
-        return [f"{folder}: no result"]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        return [f"{folder / MANIFEST}: unreadable ({type(error).__name__}: {error})"]
-    if actual != (expected or manifest.get("fingerprint")):
-        return [f"{folder / MANIFEST}: its fields are not those of this result"]
-    faults = []
-    for name, size in files.items():
-        path = folder / name
-        found = path.stat().st_size if path.is_file() else None
-        if found != size:
-            faults.append(f"{path}: expected {size} bytes, found {'no file' if found is None else found}")
-    return faults
+def check(folder: Path) -> None:
+    """Nothing, when every byte of the result in a folder is right.
 
-
-def _seal(folder: Path, entry: Entry) -> None:
-    """Bring every file of the folder to the disk, then write the manifest."""
-    (folder / MANIFEST).unlink(missing_ok=True)
-    paths = sorted(path for path in folder.rglob("*") if path.is_file())
-    if not paths:
-        raise StoreError(f"{entry.name}: the stage wrote no file into {folder}")
-    files = {}
-    for path in paths:
-        _sync(path)
-        files[path.relative_to(folder).as_posix()] = {"size": path.stat().st_size, "sha256": file_digest(path)}
-    manifest = {
-        "name": entry.name,
-        "fingerprint": entry.fingerprint,
-        "fields": dict(entry.fields),
-        "files": files,
-        "provenance": dict(entry.provenance),
-        "environment": _environment(),
-        "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-    }
-    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    _sync(folder / MANIFEST)
-    for path in [folder, *(path for path in folder.rglob("*") if path.is_dir())]:
-        _sync(path)
-
-
-def _read_manifest(folder: Path) -> dict[str, Any]:
-    manifest: dict[str, Any] = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-    return manifest
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    Raises:
+        StoreError: it is damaged.
+    """
+    found = faults(folder, every_digest=True)
+    if found:
+        raise StoreError(found[0])
 
 
 def _remove(path: Path) -> None:
@@ -236,15 +237,3 @@ def _remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
-
-
-@lru_cache(maxsize=1)
-def _environment() -> dict[str, Any]:
-    """What made the result: interpreter, machine and package versions; provenance, of no weight."""
-    versions = {}
-    for package in _PACKAGES:
-        try:
-            versions[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return {"python": platform.python_version(), "platform": platform.platform(), "packages": versions}

@@ -17,7 +17,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-SCHEMA = 1
+from z2p_core.scene import SceneDescription
+
+SCHEMA = 2
+SCENE_BYTES = 1024
+"""Room for a scene as JSON: fixed-length strings read the same from every thread."""
 INFLATION = 1200
 """More than gzip can pack bytes (about 1,030 to 1); a file that declares more lies about its size."""
 
@@ -36,12 +40,8 @@ class Record:
     """(R, R) uint8, how much of the pixel the object covers, without its shadow."""
     settings: np.ndarray
     """(S,) float32, the settings vector as the controls encode it."""
-    rotation: np.ndarray
-    """(3, 3) float32, turns the normalised mesh into the world."""
-    elevation: float
-    """Camera elevation, degrees."""
-    lift: float
-    """How far the mesh hovers above the floor."""
+    scene: SceneDescription
+    """What was rendered."""
 
 
 def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attributes: dict[str, Any]) -> str:
@@ -71,7 +71,9 @@ def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attribu
                     data[...] = pool
                 else:
                     for row, record in enumerate(kept):
-                        data[row] = _fitting(getattr(record, name), shape[1:], f"{path}: record {row}: {name}")
+                        where = f"{path}: record {row}: {name}"
+                        value = _scene_bytes(record.scene, where) if name == "scene" else getattr(record, name)
+                        data[row] = _fitting(value, shape[1:], where)
         digest = _settle(temporary)
         temporary.replace(path)
     finally:
@@ -113,9 +115,9 @@ class Shard:
             raise IndexError(f"{self.path}: record {index} of {len(self)}")
         try:
             file = self._open()
-            arrays = {name: file[name][index] for name in ("rgba", "coverage", "settings", "rotation")}
-            return Record(**arrays, elevation=float(file["elevation"][index]), lift=float(file["lift"][index]))
-        except (OSError, RuntimeError, KeyError) as error:
+            arrays = {name: file[name][index] for name in ("rgba", "coverage", "settings")}
+            return Record(**arrays, scene=_scene(file["scene"][index]))
+        except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
             raise self._damaged(error) from error
 
     @property
@@ -129,12 +131,15 @@ class Shard:
 
     @property
     def elevations(self) -> np.ndarray:
-        """Camera elevations (len,) float32 of all records, degrees.
+        """Camera elevations (len,) float64 of all records, degrees.
 
         Raises:
             ShardError: its data are damaged.
         """
-        return self._whole("elevation")
+        try:
+            return np.array([_scene(text).elevation for text in self._whole("scene")])
+        except (KeyError, ValueError, TypeError) as error:
+            raise self._damaged(error) from error
 
     def close(self) -> None:
         """Let go of the file; the next reading opens it again."""
@@ -165,7 +170,7 @@ class Shard:
 
 def _layout(
     count: int, points: int, attributes: dict[str, Any], path: Path
-) -> dict[str, tuple[tuple[int, ...], type[np.generic]]]:
+) -> dict[str, tuple[tuple[int, ...], Any]]:
     """Shape and type of each data set."""
     missing = sorted({"schema", "mesh", "controls", "resolution"} - set(attributes))
     if missing or not count or not points:
@@ -176,11 +181,20 @@ def _layout(
         "rgba": ((count, side, side, 4), np.uint8),
         "coverage": ((count, side, side), np.uint8),
         "settings": ((count, settings), np.float32),
-        "rotation": ((count, 3, 3), np.float32),
-        "elevation": ((count,), np.float32),
-        "lift": ((count,), np.float32),
+        "scene": ((count,), np.dtype(f"S{SCENE_BYTES}")),
         "pool": ((points, 3), np.float32),
     }
+
+
+def _scene_bytes(scene: SceneDescription, where: str) -> bytes:
+    text = json.dumps(scene.to_json(), separators=(",", ":")).encode()
+    if len(text) > SCENE_BYTES:
+        raise ShardError(f"{where}: expected at most {SCENE_BYTES} bytes of JSON, got {len(text)}")
+    return text
+
+
+def _scene(text: bytes) -> SceneDescription:
+    return SceneDescription.from_json(json.loads(bytes(text)))
 
 
 def _fitting(value: Any, shape: tuple[int, ...], where: str) -> Any:

@@ -10,19 +10,25 @@ import logging
 from pathlib import Path
 
 import luigi.configuration
+import luigi.interface
 
 from workflows.plan import USERS_ERRORS
 
+_ours: dict[tuple[str, str], str] = {}
+"""What we have set so far: a user's own configuration goes before it, a later file of ours after it."""
 
-def _apply_settings() -> None:
-    """Set what `luigi.cfg` says, except where the user's own configuration already says something."""
-    ours = configparser.ConfigParser()
-    ours.read_string((Path(__file__).parent / "luigi.cfg").read_text(encoding="utf-8"))
-    theirs = luigi.configuration.get_config()
-    for section in ours.sections():
-        for option, value in ours.items(section):
-            if not theirs.has_option(section, option):
-                theirs.set(section, option, value)
+
+def apply_settings(name: str) -> None:
+    """Set what one of our configuration files says, except where the user's own says something else."""
+    file = configparser.ConfigParser()
+    file.read_string((Path(__file__).parent / name).read_text(encoding="utf-8"))
+    settings = luigi.configuration.get_config()
+    for section in file.sections():
+        for option, value in file.items(section):
+            theirs = settings.get(section, option) if settings.has_option(section, option) else None
+            if theirs is None or theirs == _ours.get((section, option)):
+                settings.set(section, option, value)
+            _ours[section, option] = value
 
 
 class _Quiet(logging.Filter):
@@ -38,9 +44,11 @@ class _Quiet(logging.Filter):
         return "Execution Summary" in message or (record.levelno >= logging.WARNING and not told_by_us)
 
 
-_apply_settings()
+apply_settings("luigi.cfg")
+luigi.interface.core.ignore_unconsumed |= {"rpc_retry_attempts", "rpc_retry_wait"}  # read elsewhere; no need to warn
 logging.getLogger("luigi-interface").addFilter(_Quiet())
 
-from workflows.full_pipeline import FullPipeline  # noqa: E402  after the settings, which luigi reads as it goes
+from workflows import stages  # noqa: E402  after the settings, which luigi reads as it goes
+from workflows.full_pipeline import FullPipeline  # noqa: E402
 
-__all__ = ["FullPipeline"]
+__all__ = ["FullPipeline", "stages"]

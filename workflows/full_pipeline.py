@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import json
+import logging
 import os
 import traceback
 from pathlib import Path
@@ -11,7 +11,10 @@ import luigi
 
 from storage.layout import Store
 from workflows.plan import USERS_ERRORS
-from workflows.tasks import StageTask, load_plan, say, task_of
+from workflows.progress import watch
+from workflows.status import states, table, to_run
+from workflows.task_log import say
+from workflows.tasks import StageTask, absolute, load_plan, source_of, task_of
 
 RESULTS = {
     "weights.safetensors": "train",
@@ -30,24 +33,37 @@ class FullPipeline(luigi.Task):
     evaluate_meshes = luigi.Parameter(default="", description="folder of meshes kept aside to measure quality on")
     workspace = luigi.Parameter(default="runs", description="folder of all results")
 
+    explain = luigi.BoolParameter(default=False, significant=False, description="say first why each stage runs")
+    dry_run = luigi.BoolParameter(default=False, significant=False, description="say what would run; write nothing")
+
     @property
     def source(self) -> str:
-        """Where config and meshes come from, as JSON with absolute paths: all that another process needs."""
-        return json.dumps({key: self._absolute(key) for key in ("config", "meshes", "evaluate_meshes")})
+        """Where config and meshes come from."""
+        return source_of(self.config, self.meshes, self.evaluate_meshes)
+
+    @property
+    def store(self) -> Store:
+        return Store(Path(absolute(self.workspace)))
 
     def requires(self) -> list[StageTask]:
         # every step, not only the last: results that were deleted are made again even if what follows is there
         plan = load_plan(self.source)
-        return [task_of(step, self.source, self._absolute("workspace")) for step in plan.steps.values()]
+        return [task_of(step, self.source, str(self.store.root)) for step in plan.steps.values()]
 
     def complete(self) -> bool:
         try:
+            if self.explain or self.dry_run:
+                self._explain()
             tasks = self.requires()
         except USERS_ERRORS:
             return False  # luigi calls requires() next, whose error is told in one line
-        if not all(task.complete() for task in tasks):
-            return False
-        return all(shown.is_symlink() and shown.resolve() == found for shown, found in self.results().items())
+        if self.dry_run:
+            return True  # so that luigi does nothing
+        if all(task.complete() for task in tasks):
+            links = self.results().items()
+            return all(shown.is_symlink() and shown.resolve() == found.resolve() for shown, found in links)
+        watch(self.store, load_plan(self.source), self.source)
+        return False
 
     def run(self) -> None:
         for shown, found in self.results().items():
@@ -60,15 +76,23 @@ class FullPipeline(luigi.Task):
     def results(self) -> dict[Path, Path]:
         """Path under ``<workspace>/<config name>/`` -> the file in the store that it leads to."""
         plan = load_plan(self.source)
-        store = Store(Path(self._absolute("workspace")))
-        shown = store.root / plan.config.name
+        shown = self.store.root / plan.config.name
         return {
-            shown / name: (store.folder(plan.steps[stage].entry) / name).resolve() for name, stage in RESULTS.items()
+            shown / name: self.store.folder(plan.steps[stage].entry) / name for name, stage in RESULTS.items()
         }
 
-    def _absolute(self, parameter: str) -> str:
-        value = getattr(self, parameter)
-        return value if value in ("", "builtin") else str(Path(value).absolute())
+    def _explain(self) -> None:
+        """Say, once, what would run and why."""
+        if self not in _EXPLAINED:
+            _EXPLAINED.add(self)
+            found = states(load_plan(self.source), self.store)
+            say("\n".join(table(found, every=False)))
+            if self.dry_run:
+                logging.getLogger("luigi-interface").setLevel(logging.ERROR)  # its summary would call all complete
+                say(f"a run would make {len(to_run(found))} of {len(found)} results; nothing was written")
+
+
+_EXPLAINED: set[luigi.Task] = set()
 
 
 @FullPipeline.event_handler(luigi.Event.SUCCESS)
@@ -79,6 +103,8 @@ def _tell_results(task: FullPipeline) -> None:
 
 @FullPipeline.event_handler(luigi.Event.DEPENDENCY_PRESENT)
 def _tell_found(task: FullPipeline) -> None:
+    if task.dry_run:
+        return
     say("everything is up to date")
     _tell_results(task)
 

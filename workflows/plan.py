@@ -159,6 +159,7 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
         parameters["start"] = _weights_digest(start)
     network = parameters["network"]
     network["zbuffer"] = plugin_fields(registry.load("zbuffers", network["zbuffer"]))
+    network["gbuffer"] = plugin_fields(registry.load("gbuffers", network["gbuffer"]))
     network["encoder"] = plugin_fields(registry.load("encoders", network["encoder"]))
     return stage_fields("train") | {
         "shards": sorted(shard.entry.fingerprint for shard in shards),

@@ -1,4 +1,4 @@
-"""The luigi tasks: one class a stage, whose run() hands its paths to one function of `pipeline`.
+"""What every stage's luigi task has in common: its place in the plan, its result in the store, its log.
 
 A task's id holds the fingerprint of its result, so a task whose inputs changed is another task to the scheduler.
 """
@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 import time
 from functools import lru_cache
 from pathlib import Path
@@ -15,10 +14,15 @@ from typing import Any, ClassVar
 
 import luigi
 
-from storage.fingerprints import file_digest, fingerprint
+from storage.fingerprints import file_digest
 from storage.layout import Store
-from workflows.plan import MeshInput, Plan, Step, make_plan
+from storage.stage_code import changed_parts
+from workflows.mesh_warnings import mesh_warnings
+from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
+from workflows.task_log import last_lines, logged, say
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
+
+LOG = "task.log"
 
 
 class StageTask(luigi.Task):
@@ -29,6 +33,7 @@ class StageTask(luigi.Task):
     workspace = luigi.Parameter()
     source = luigi.Parameter(significant=False)
 
+    stage: ClassVar[str] = ""
     resumable: ClassVar[bool] = False
     leftovers: ClassVar[tuple[str, ...]] = ()
 
@@ -40,13 +45,18 @@ class StageTask(luigi.Task):
     def step(self) -> Step:
         step = self.plan.steps.get(self.step_name)
         if step is None or step.entry.fingerprint != self.fingerprint:
-            raise ConfigError(f"{self.step_name}: config, meshes or plugins changed since the pipeline started; "
+            raise ConfigError(f"{self.step_name}: config, meshes, plugins or code changed since the pipeline started; "
                               "start it again")
         return step
 
     @property
     def store(self) -> Store:
         return Store(Path(self.workspace))
+
+    @property
+    def log(self) -> Path:
+        """The task's log file; a finished one is also in its result's folder, as `LOG`."""
+        return self.store.log(self.step.entry)
 
     def requires(self) -> list[StageTask]:
         return [task_of(self.plan.steps[name], self.source, self.workspace) for name in self.step.upstream]
@@ -56,14 +66,45 @@ class StageTask(luigi.Task):
 
     def run(self) -> None:
         started = time.perf_counter()
-        say(f"{self.step_name}: started")
-        self.store.produce(
-            self.step.entry, self.make, resumable=self.resumable, leftovers=(".*", *self.leftovers)
-        )
-        say(f"{self.step_name}: done in {time.perf_counter() - started:.1f} s")
+        with logged(self.log):
+            say(f"{self.step_name}: started")
+            self._check_code()
+            for task in self.requires():
+                task.mend()
+            if self.stage == "sample":  # the first that reads a mesh
+                for warning in mesh_warnings(self.mesh_path()):
+                    say(f"warning: {warning}")
+            self.store.produce(
+                self.step.entry, self.make, resumable=self.resumable, leftovers=("**/.*", *self.leftovers)
+            )
+            self._show_log()
+            say(f"{self.step_name}: done in {time.perf_counter() - started:.1f} s")
+
+    def mend(self) -> None:
+        """Check every byte of the result before it is read; a damaged one is put aside and made again, here and now."""
+        faults = self.store.verify(self.step.entry)
+        if faults:
+            say(f"{self.step_name}: damaged, made again: {faults[0]}")
+            self.store.put_aside(self.step.entry)
+            self.run()
+
+    def _check_code(self) -> None:
+        """Code is imported as late as here, and later by Blender: it must be what the fingerprint says."""
+        changed = changed_parts(self.step.entry.fields["code"])
+        if changed:
+            raise ConfigError(f"{self.step_name}: {changed[0]} changed since the pipeline started; start it again")
+
+    def _show_log(self) -> None:
+        """Put the log beside the files that it tells of; it is no part of the result."""
+        shown = self.store.folder(self.step.entry) / LOG
+        shown.unlink(missing_ok=True)
+        try:
+            shown.hardlink_to(self.log)
+        except OSError:  # a filesystem without hard links
+            shutil.copyfile(self.log, shown)
 
     def on_failure(self, exception: BaseException) -> Any:
-        say(f"FAILED {self.step_name}: {type(exception).__name__}: {exception}")
+        tell_failure(self, f"{type(exception).__name__}: {exception}", isinstance(exception, USERS_ERRORS))
         return super().on_failure(exception)
 
     def make(self, out: Path) -> None:
@@ -89,109 +130,28 @@ class StageTask(luigi.Task):
         return mesh.path
 
 
-class Shapes(StageTask):
-    """The built-in meshes."""
-
-    def make(self, out: Path) -> None:
-        from pipeline.shapes import make_shapes
-
-        make_shapes(out)
-
-
-class SampleMesh(StageTask):
-    """A mesh's pool of points."""
-
-    priority = 10  # before the renders: a broken mesh shows in the first minute and not after hours
-
-    def make(self, out: Path) -> None:
-        from pipeline.sample import sample_pool
-
-        config = self.plan.config.sample
-        sample_pool(self.mesh_path(), config, config.seed, out)
+def task_of(step: Step, source: str, workspace: str) -> StageTask:
+    """The task that makes a step's result."""
+    kinds: dict[str, type[StageTask]] = {kind.stage: kind for kind in StageTask.__subclasses__()}
+    return kinds[step.entry.stage](
+        step_name=step.name, fingerprint=step.entry.fingerprint, workspace=workspace, source=source
+    )
 
 
-class RenderChunk(StageTask):
-    """Some of a mesh's views; a killed one keeps what it has, and views rendered under another cut are copied."""
-
-    resumable = True
-
-    def make(self, out: Path) -> None:
-        from pipeline.views import render_chunk
-
-        step = self.step
-        if step.mesh is None:
-            raise ValueError(f"{self.step_name} has no mesh")
-        self._copy_known_views(out)
-        render_chunk(self.mesh_path(), step.mesh.identity, *step.views, self.plan.config.render, out, log=say)
-
-    def _copy_known_views(self, out: Path) -> None:
-        """Copy views that other chunks of the same renders hold, after a change of `views` or `chunk`."""
-        wanted = _without_range(self.step.entry.fields)
-        stems = {f"view_{index:05d}" for index in range(*self.step.views)}
-        for folder, manifest in self.store.manifests("render"):
-            if _without_range(manifest["fields"]) != wanted:
-                continue
-            files = {name: record for name, record in manifest["files"].items() if name.split(".")[0] in stems}
-            # the picture last: the renderer takes its presence for the view's
-            for name in sorted(files, key=lambda name: (name.count(".") == 1 and name.endswith(".png"), name)):
-                if not (out / name).exists() and file_digest(folder / name) == files[name]["sha256"]:
-                    shutil.copyfile(folder / name, out / f".{name}")
-                    (out / f".{name}").replace(out / name)
+def source_of(config: str, meshes: str, evaluate_meshes: str) -> str:
+    """Where config and meshes come from, as JSON with absolute paths: all that another process needs."""
+    where = {"config": config, "meshes": meshes, "evaluate_meshes": evaluate_meshes}
+    return json.dumps({key: absolute(value) for key, value in where.items()})
 
 
-class ShardMesh(StageTask):
-    """A mesh's renders and points in one HDF5 file."""
-
-    def make(self, out: Path) -> None:
-        from pipeline.shard import make_shard
-        from pipeline.views import load_controls
-
-        config, mesh = self.plan.config, self.step.mesh
-        pool = self.upstream_folders("sample")[0] / "pool.npy"
-        controls = load_controls(config.render.controls)
-        # told by its content, not by a name that may change while the shard stays
-        identity = mesh.identity[:16] if mesh else ""
-        make_shard(self.upstream_folders("render"), pool, config.shard, controls, out, identity)
-
-
-class Train(StageTask):
-    """Weights and learning curve."""
-
-    resumable = True
-    leftovers = ("checkpoints",)
-
-    def make(self, out: Path) -> None:
-        from pipeline.train import train
-
-        # by fingerprint: renaming a mesh does not change the order in which training reads the shards
-        shards = sorted(folder / "shard.h5" for folder in self.upstream_folders("shard"))
-        train(shards, self.plan.config.train, out, log=say)
-
-
-class Evaluate(StageTask):
-    """Metrics and contact sheet against Blender's ground truth, on meshes kept aside."""
-
-    def make(self, out: Path) -> None:
-        from pipeline.evaluate import evaluate
-
-        weights = self.upstream_folders("train")[0] / "weights.safetensors"
-        meshes = {mesh.name: self.mesh_path(mesh) for mesh in self.plan.evaluation}
-        evaluate(meshes, weights, out, self.plan.config.evaluate, self.store.root / "truth", log=say)
-
-
-STAGES: dict[str, type[StageTask]] = {
-    "shapes": Shapes,
-    "sample": SampleMesh,
-    "render": RenderChunk,
-    "shard": ShardMesh,
-    "train": Train,
-    "evaluate": Evaluate,
-}
+def absolute(path: str) -> str:
+    """The path from the root; what is no path stays as it is."""
+    return path if path in ("", "builtin") else str(Path(path).absolute())
 
 
 @lru_cache(maxsize=8)
 def load_plan(source: str) -> Plan:
-    """Plan of a `FullPipeline.source`; made once a process, so that edits during a run do not mix two plans.
+    """Plan of a `source_of`; made once a process, so that edits during a run do not mix two plans.
 
     Raises:
         ConfigError: the config cannot be used.
@@ -212,16 +172,17 @@ def load_plan(source: str) -> Plan:
     return plan
 
 
-def say(line: str) -> None:
-    """One line of progress on stderr."""
-    print(line, file=sys.stderr, flush=True)
+def tell_failure(task: StageTask, reason: str, users_error: bool = False) -> None:
+    """Say that a task failed and why; the end of its log is shown but for an error that says all by itself."""
+    say(f"FAILED {task.step_name}: {reason}")
+    lines = last_lines(task.log)
+    if lines and not users_error:
+        say("\n".join(f"    {line}" for line in lines))
+    say(f"    log: {task.log}")
 
 
-def task_of(step: Step, source: str, workspace: str) -> StageTask:
-    return STAGES[step.entry.stage](
-        step_name=step.name, fingerprint=step.entry.fingerprint, workspace=workspace, source=source
-    )
-
-
-def _without_range(fields: Any) -> str:
-    return fingerprint({name: value for name, value in fields.items() if name not in ("first", "last")})
+@luigi.Task.event_handler(luigi.Event.PROCESS_FAILURE)
+def _tell_death(task: luigi.Task, reason: str) -> None:
+    """A task's process died without a word, by a crash or a kill; told by the process that started it."""
+    if isinstance(task, StageTask):
+        tell_failure(task, f"its process died: {reason.partition('died ')[2] or reason}")

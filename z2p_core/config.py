@@ -64,6 +64,8 @@ class NetworkConfig:
     mapping: int = 512
     """Length of w, the mapped settings vector."""
     zbuffer: str = "splats"
+    gbuffer: str = "surfels"
+    """Rough features of the lit scene beside the z-buffer; ``none`` leaves light to the settings alone (the paper)."""
     encoder: str = "fourier"
 
 
@@ -101,6 +103,8 @@ class TrainConfig:
     warmup: int = 50
     points: tuple[int, int] = (1_000, 20_000)
     """Smallest and largest cloud, drawn log-uniformly for each sample."""
+    reuse: int = 1
+    """Epochs for which a render keeps its cloud: drawing buffers may take longer than learning from them."""
     noise: str = "none"
     """``none``, ``uniform`` or ``gaussian``."""
     noise_scale: float = 0.0

@@ -7,6 +7,7 @@ entry-point group              subclass               example
 =============================  =====================  ===========================================
 ``z2p.controls``               `Control`              metallic: a number the user moves
 ``z2p.zbuffers``               `ZBuffer`              the paper's 5x5 splat (Eq. 1)
+``z2p.gbuffers``               `GBuffer`              lit surfels and their shadow: a rough rendering
 ``z2p.encoders``               `PositionalEncoder`    random Fourier features (Eq. 3)
 ``z2p.samplers``               `Sampler`              farthest-point sampling of a mesh
 ``z2p.readers``                `Reader`               a point-cloud file format
@@ -137,6 +138,26 @@ class ZBuffer(ABC):
     @abstractmethod
     def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
         """Picture (channels, height, width) float32 of a cloud (N, 3) float32 in world units; 0 where nothing is."""
+
+
+class GBuffer(ABC):
+    """Draws rough features of the lit scene from the bare cloud, which the network reads beside the z-buffer.
+
+    A G-buffer is what deferred shading calls the pictures (depth, normals, light) that a last pass makes an image of.
+    Unlike a `ZBuffer` it knows the whole scene, and may look at a point's neighbours.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    channels: ClassVar[int]
+
+    @abstractmethod
+    def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
+        """Picture (channels, height, width) float32, about [-1, 1], of a cloud (N, 3) float32 in world units.
+
+        `scene` has the light, the material and the floor; a floor of None touches the cloud's lowest point. Its
+        rotation and lift are those of the cloud already.
+        """
 
 
 class PositionalEncoder(ABC):

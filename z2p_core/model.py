@@ -20,10 +20,10 @@ there depend on how much of the picture the object covers, and would tie its sha
 EPSILON = 1e-5
 
 
-def build_network(config: NetworkConfig, zbuffer_channels: int, encoder_channels: int, settings: int) -> nn.Module:
+def build_network(config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int) -> nn.Module:
     """Freshly initialised network of `config.kind`, for inputs of these numbers of channels and settings.
 
-    Its forward takes (zbuffer (B, C, H, W) float32, encoding (E, H/u, W/u) or (B, E, H/u, W/u) float32 with sides
+    Its forward takes (buffers (B, C, H, W) float32, encoding (E, H/u, W/u) or (B, E, H/u, W/u) float32 with sides
     rounded up, settings (B, S) float32 in [0, 1]) and gives (B, 4, H, W) float32: colour times alpha and alpha,
     clamped to [0, 1] in evaluation mode and free in training, where a clamp would stop gradients. H, W >= 32.
 
@@ -37,12 +37,12 @@ def build_network(config: NetworkConfig, zbuffer_channels: int, encoder_channels
         raise ValueError(f"network: expected two or more widths, a mapping and an unshuffle above 0, got {config}")
     if config.kind == "adain_unet" and config.unshuffle != 1:
         raise ValueError(f"adain_unet works at full resolution: expected unshuffle = 1, got {config.unshuffle}")
-    if zbuffer_channels < 1 or encoder_channels < 0 or settings < 1:
+    if buffer_channels < 1 or encoder_channels < 0 or settings < 1:
         raise ValueError(
-            f"network: expected a z-buffer channel and a setting at least, got {zbuffer_channels} z-buffer and "
+            f"network: expected a z-buffer channel and a setting at least, got {buffer_channels} z-buffer and "
             f"{encoder_channels} encoding channels and {settings} settings"
         )
-    return kinds[config.kind](config, zbuffer_channels, encoder_channels, settings)
+    return kinds[config.kind](config, buffer_channels, encoder_channels, settings)
 
 
 class MappingNetwork(nn.Module):
@@ -98,11 +98,11 @@ class UNet(nn.Module):
         self.stride = config.unshuffle * 2 ** (len(config.widths) - 1)
         self.mapping = MappingNetwork(settings, config.mapping)
 
-    def forward(self, zbuffer: Tensor, encoding: Tensor, settings: Tensor) -> Tensor:
-        height, width = zbuffer.shape[-2:]
+    def forward(self, buffers: Tensor, encoding: Tensor, settings: Tensor) -> Tensor:
+        height, width = buffers.shape[-2:]
         w = self.mapping(settings)  # (B, M)
         right, below = -width % self.stride, -height % self.stride
-        x = F.pad(zbuffer, (0, right, 0, below))  # the background of a z-buffer is 0
+        x = F.pad(buffers, (0, right, 0, below))  # the background of a z-buffer is 0
         if self.unshuffle > 1:
             x = F.pixel_unshuffle(x, self.unshuffle)  # (B, C u u, H/u, W/u)
         encoding = encoding.expand(len(x), *encoding.shape[-3:])
@@ -121,10 +121,11 @@ class UNet(nn.Module):
 class UnshuffleUNet(UNet):
     """The fast network: pixel blocks folded into channels, residual blocks, additive skips, pixels unfolded again."""
 
-    def __init__(self, config: NetworkConfig, zbuffer_channels: int, encoder_channels: int, settings: int) -> None:
+    def __init__(self, config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int) -> None:
         super().__init__(config, settings)
         widths, cell = config.widths, config.unshuffle**2
-        self.stem = nn.Conv2d(zbuffer_channels * cell + encoder_channels, widths[0], 3, padding=1)
+        # The G-buffer is a picture already: beside what the network works on, let its pixels through to the output.
+        self.stem = nn.Conv2d(buffer_channels * cell + encoder_channels, widths[0] + 4 * cell, 1)
         self.encode, self.shrink = nn.ModuleList(), nn.ModuleList()
         self.grow, self.decode = nn.ModuleList(), nn.ModuleList()
         for level, (fine, coarse) in enumerate(pairwise(widths)):
@@ -139,9 +140,10 @@ class UnshuffleUNet(UNet):
         self.head = nn.Conv2d(widths[0], 4 * cell, 3, padding=1)
         with torch.no_grad():
             self.head.weight *= 0.1  # start near an empty picture
+            self.stem.weight[widths[0] :] *= 0.1
 
     def draw(self, x: Tensor, w: Tensor) -> Tensor:
-        x = self.stem(x)  # (B, W0, H/u, W/u)
+        x, traced = self.stem(x).split([self.head.in_channels, self.head.out_channels], dim=1)  # (B, W0, H/u, W/u)
         skips = []
         for encode, shrink in zip(self.encode, self.shrink, strict=True):
             x = encode(x, w)
@@ -151,7 +153,7 @@ class UnshuffleUNet(UNet):
         for grow, decode in zip(reversed(self.grow), reversed(self.decode), strict=True):
             x = skips.pop() + F.interpolate(grow(x), scale_factor=2.0, mode="nearest")
             x = decode(x, w)
-        x = self.head(self.tint(F.relu(x), w))  # (B, 4 u u, H/u, W/u)
+        x = self.head(self.tint(F.relu(x), w)) + traced  # (B, 4 u u, H/u, W/u)
         return F.pixel_shuffle(x, self.unshuffle)
 
 
@@ -177,10 +179,10 @@ class ResidualBlocks(nn.Module):
 class AdainUNet(UNet):
     """The paper's network: a classic U-Net at full resolution, AdaIN after every convolution (section 3.3)."""
 
-    def __init__(self, config: NetworkConfig, zbuffer_channels: int, encoder_channels: int, settings: int) -> None:
+    def __init__(self, config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int) -> None:
         super().__init__(config, settings)
         widths = config.widths
-        inputs = (zbuffer_channels + encoder_channels, *widths[:-1])
+        inputs = (buffer_channels + encoder_channels, *widths[:-1])
         self.encode = nn.ModuleList(
             AdainConvolutions(before, after, config.mapping) for before, after in zip(inputs, widths, strict=True)
         )

@@ -10,6 +10,7 @@ from typing import Any
 GROUPS = {
     "controls": "Control",
     "zbuffers": "ZBuffer",
+    "gbuffers": "GBuffer",
     "encoders": "PositionalEncoder",
     "samplers": "Sampler",
     "readers": "Reader",

@@ -6,6 +6,12 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
+LIGHT_SIDE = 1.6
+"""Side of the square area light, which faces the origin, in world units."""
+LIGHT_RADIANCE = 18.0
+AMBIENT = 0.35
+"""Radiance of the sky, the same from everywhere."""
+
 MaterialInput = float | tuple[float, ...]
 
 IDENTITY = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

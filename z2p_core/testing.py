@@ -21,6 +21,7 @@ from z2p_core.expectations import check_array, check_class, expect, plain_json, 
 from z2p_core.interfaces import (
     Baseline,
     Control,
+    GBuffer,
     PositionalEncoder,
     RawCloud,
     Reader,
@@ -79,6 +80,32 @@ def check_zbuffer(zbuffer_class: type[ZBuffer]) -> None:
         same(zbuffer.draw(cloud[rng.permutation(len(cloud))], camera), picture, f"{name}: points in another order")
     same(cloud, given, f"{name}: the cloud given to draw")
     _check_nearest_wins(zbuffer)
+
+
+def check_gbuffer(gbuffer_class: type[GBuffer]) -> None:
+    """None when the class keeps what `GBuffer` promises: finite channels that do not depend on the points' order.
+
+    Raises:
+        AssertionError: it does not; the message says what was expected and what came.
+    """
+    check_class("gbuffers", gbuffer_class, GBuffer)
+    gbuffer, name = gbuffer_class(), gbuffer_class.name
+    rng, scene = np.random.default_rng(0), SceneDescription()
+    directions = rng.normal(size=(400, 3))
+    sphere = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).astype(np.float32)
+    clouds = {"no point": sphere[:0], "one point": sphere[:1], "a point twice": sphere[[0, 0]], "a sphere": sphere}
+    given = {what: cloud.copy() for what, cloud in clouds.items()}
+    for width, height in ((64, 64), (80, 48)):
+        camera = Camera(width, height)
+        for what, cloud in clouds.items():
+            picture = gbuffer.draw(cloud, camera, scene)
+            check_array(picture, (gbuffer.channels, height, width), np.float32, f"{name}: draw of {what}")
+            same(gbuffer.draw(cloud, camera, scene), picture, f"{name}: {what} drawn twice")
+            shuffled = cloud[rng.permutation(len(cloud))]
+            same(gbuffer.draw(shuffled, camera, scene), picture, f"{name}: {what}, points in another order")
+    for what, cloud in clouds.items():
+        same(cloud, given[what], f"{name}: the cloud given to draw, {what}")
+    expect(scene == SceneDescription(), f"{name}: draw changes the scene given to it")
 
 
 def check_encoder(encoder_class: type[PositionalEncoder]) -> None:

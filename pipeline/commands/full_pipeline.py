@@ -7,11 +7,16 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import click
 
 from pipeline.cli import Failure
+
+LEFT_TO_OTHERS, LOOKS = (10, 25), 10
+"""luigi ends so, by workflows/luigi.cfg, when other workers have taken some of the tasks, also when all is well: look
+again, up to so many times, whether everything is there."""
 
 
 @click.command()
@@ -24,33 +29,47 @@ from pipeline.cli import Failure
 @click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
               help="Folder for everything the stages make.")
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time.")
+@click.option("--scheduler", metavar="URL", help="A running luigid, as http://HOST:8082, that shares the work among "
+              "all pipelines that name it; see docs/cluster.md.")
+@click.option("--explain", is_flag=True, help="Say first why each stage runs.")
+@click.option("--dry-run", is_flag=True, help="Say what would run and why; write nothing.")
 @click.pass_context
 def full_pipeline(
-    ctx: click.Context,
-    config: Path | None,
-    meshes: Path | None,
-    evaluate_meshes: Path | None,
-    workspace: Path | None,
-    workers: int | None,
+    ctx: click.Context, scheduler: str | None, explain: bool, dry_run: bool, **options: Path | int | None
 ) -> None:
     """Make weights: sample meshes, render them in Blender, shard, train and evaluate.
 
     Runs `luigi --module workflows FullPipeline --local-scheduler` and ends with its exit status. Only stages whose
     inputs have changed run again.
     """
+    check_luigi()
+    command = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline"]
+    command += ["--scheduler-url", scheduler, "--worker-keep-alive"] if scheduler else ["--local-scheduler"]
+    command += ["--explain"] * explain + ["--dry-run"] * dry_run
+    for name in ("config", "meshes", "evaluate_meshes", "workspace", "workers"):
+        if options[name] is not None:
+            command += [f"--{name.replace('_', '-')}", str(options[name])]
+    status = run_process(command, luigi_environment())
+    for _ in range(LOOKS if scheduler else 0):
+        if status not in LEFT_TO_OTHERS:
+            break
+        time.sleep(2)
+        status = run_process(command, luigi_environment())
+    ctx.exit(status)
+
+
+def check_luigi() -> None:
+    """Nothing, where luigi is installed.
+
+    Raises:
+        Failure: it is not.
+    """
     if importlib.util.find_spec("luigi") is None:
         raise Failure('the pipeline needs luigi, which is not installed; install it with: pip install "z2p[pipeline]"')
-    options = {"--config": config, "--meshes": meshes, "--evaluate-meshes": evaluate_meshes, "--workspace": workspace,
-               "--workers": workers}
-    command = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
-    for option, value in options.items():
-        if value is not None:
-            command += [option, str(value)]
-    ctx.exit(_run(command, luigi_environment()))
 
 
 def luigi_environment() -> dict[str, str]:
-    """Environment for luigi: its settings file, and this installation's packages ahead of the working folder's.
+    """Environment for luigi: this installation's packages ahead of the working folder's.
 
     Names such as `storage` are common: a folder of the user's must not stand in for ours.
 
@@ -64,13 +83,12 @@ def luigi_environment() -> dict[str, str]:
     earlier = os.environ.get("PYTHONPATH")
     return {
         **os.environ,
-        "LUIGI_CONFIG_PATH": str(folder / "luigi.cfg"),
         "PYTHONSAFEPATH": "1",
         "PYTHONPATH": os.pathsep.join([str(folder.parent), *([earlier] if earlier else [])]),
     }
 
 
-def _run(command: list[str], environment: dict[str, str]) -> int:
+def run_process(command: list[str], environment: dict[str, str]) -> int:
     """Exit status of a process that is sent our SIGTERM and is left to end by itself on Ctrl-C."""
     child = subprocess.Popen(command, env=environment)
     before = signal.signal(signal.SIGTERM, lambda number, frame: child.terminate())

@@ -21,12 +21,13 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
     from z2p_core.model import build_network
 
     def make(controls: tuple[str, ...] = ("color", "light", "elevation"), fixed_elevation: float | None = None) -> Path:
-        zbuffer = registry.load("zbuffers", "splats")
+        zbuffer, gbuffer = registry.load("zbuffers", "splats"), registry.load("gbuffers", "surfels")
         encoder = registry.load("encoders", "fourier").create(np.random.default_rng(0))
         carried = [registry.load("controls", name)() for name in controls]
         config = NetworkConfig(widths=(16, 16), mapping=16)
         torch.manual_seed(0)
-        network = build_network(config, zbuffer.channels, encoder.channels, sum(control.size for control in carried))
+        settings = sum(control.size for control in carried)
+        network = build_network(config, zbuffer.channels + gbuffer.channels, encoder.channels, settings)
         with torch.no_grad():
             for parameter in network.parameters():
                 parameter.copy_(torch.randn_like(parameter) * 0.15)
@@ -34,6 +35,7 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
         card = {
             "network": to_dict(config),
             "zbuffer": {"name": zbuffer.name, "version": zbuffer.version},
+            "gbuffer": {"name": gbuffer.name, "version": gbuffer.version},
             "encoder": {"name": "fourier", "version": type(encoder).version, "state": encoder.state},
             "controls": [{"name": one.name, "version": one.version, "size": one.size} for one in carried],
             "resolution": [64],

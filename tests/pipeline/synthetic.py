@@ -9,6 +9,8 @@ import numpy as np
 from storage.shards import Record, write_shard
 from z2p_core.camera import DISTANCE, Camera, light_position
 from z2p_core.geometry import random_rotation
+from z2p_core.images import linear_from_srgb
+from z2p_core.scene import SceneDescription
 
 CONTROLS = [
     {"name": "color", "version": "1", "size": 3},
@@ -35,8 +37,10 @@ def sphere_record(side: int, rng: np.random.Generator, radius: float = 0.8) -> R
     rgba[..., 3] = np.where(inside > 0, 255, 0)
     low, high = np.array([0, 0, 0, 3, -90, 25, 0]), np.array([1, 1, 1, 4.5, 90, 75, 80])
     settings = (np.array([*color, *light, elevation]) - low) / (high - low)
-    rotation = random_rotation(rng).astype(np.float32)
-    return Record(rgba, rgba[..., 3].copy(), settings.astype(np.float32), rotation, elevation, 0.0)
+    rotation = tuple(tuple(row) for row in random_rotation(rng).tolist())
+    material = {"Base Color": (*(float(linear_from_srgb(x)) for x in color), 1.0)}
+    scene = SceneDescription(elevation, tuple(map(float, light)), material, rotation)
+    return Record(rgba, rgba[..., 3].copy(), settings.astype(np.float32), scene)
 
 
 def sphere_shard(path: Path, count: int, side: int, seed: int = 0, points: int = 4000) -> Path:

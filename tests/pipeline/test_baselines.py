@@ -13,6 +13,7 @@ from PIL import Image
 
 from pipeline import baselines as module
 from pipeline import evaluate as evaluation
+from pipeline import truth
 from pipeline.baselines import on_true_floor, rebuild
 from pipeline.evaluate import evaluate, place
 from pipeline.render import RenderError, RenderSettings, render_mesh, render_scenes
@@ -48,7 +49,7 @@ def rendered(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Mesh | None, SceneDe
                 Image.fromarray(picture).save(out / f"{stem}.png")
                 Image.fromarray(coverage).save(out / f"{stem}.coverage.png")
 
-    monkeypatch.setattr(evaluation, "render_scenes", save_squares)
+    monkeypatch.setattr(truth, "render_scenes", save_squares)
     monkeypatch.setattr(module, "render_mesh", save_squares)
     return asked
 
@@ -115,7 +116,7 @@ def test_what_a_baseline_made_is_kept_by_all_that_shapes_it(rendered, meshes, ti
 
 def test_a_record_cut_off_or_damaged_is_not_trusted(rendered, meshes, tiny_weights, tmp_path) -> None:
     run(meshes, tiny_weights, tmp_path, CONFIG, "balls")
-    first, second = sorted((tmp_path / "truth").rglob("*.json"))
+    first, second = sorted((tmp_path / "truth").glob("*/*.json"))
     first.unlink()  # its picture is there, its times are not
     before = len(rendered)
     run(meshes, tiny_weights, tmp_path, CONFIG, "balls")
@@ -204,6 +205,6 @@ def test_real_renders_come_near_the_truth(meshes, tiny_weights, tmp_path) -> Non
     balls, bpa = (data["baselines"][name]["means"] for name in ("balls", "bpa"))
     assert bpa["alpha_l1"] < 0.04 and bpa["psnr_white"] > 22 and bpa["render_seconds"] > 0
     assert balls["psnr_white"] < bpa["psnr_white"]
-    inside = np.asarray(Image.open(next((tmp_path / "truth").rglob("*.coverage.png")))) == 255
+    inside = np.asarray(Image.open(next((tmp_path / "truth" / "reference").rglob("*.coverage.png")))) == 255
     assert (np.asarray(Image.open(tmp_path / "out" / "pictures" / "vase_0_balls.png"))[inside, 3] > 0).mean() > 0.5
     assert run(meshes, tiny_weights, tmp_path, config, "balls", "bpa")["baselines"] == data["baselines"]

@@ -125,13 +125,13 @@ def test_pipeline_starts_luigi_with_only_what_was_given(
         started.append((command, environment))
         return 30
 
-    monkeypatch.setattr(full_pipeline, "_run", record)
+    monkeypatch.setattr(full_pipeline, "run_process", record)
     assert z2p("pipeline").exit_code == 30
     assert z2p("pipeline", "--meshes", tmp_path, "--workers", 2, "--workspace", tmp_path / "w").exit_code == 30
     plain = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
     assert started[0][0] == plain
     assert started[1][0] == [*plain, "--meshes", str(tmp_path), "--workspace", str(tmp_path / "w"), "--workers", "2"]
-    assert Path(started[0][1]["LUIGI_CONFIG_PATH"]).is_file()
+    assert (Path(started[0][1]["PYTHONPATH"].split(os.pathsep)[0]) / "workflows" / "luigi.cfg").is_file()
     assert z2p("pipeline", "--config", tmp_path / "missing.toml").exit_code == 2
 
 
@@ -148,10 +148,10 @@ def test_luigis_process_finds_our_packages_whatever_the_working_folder_holds(tmp
 
 
 def test_a_process_hands_on_its_exit_status() -> None:
-    from pipeline.commands.full_pipeline import _run
+    from pipeline.commands.full_pipeline import run_process
 
-    assert _run([sys.executable, "-c", "raise SystemExit(30)"], dict(os.environ)) == 30
-    assert _run([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], dict(os.environ)) == 137
+    assert run_process([sys.executable, "-c", "raise SystemExit(30)"], dict(os.environ)) == 30
+    assert run_process([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], dict(os.environ)) == 137
 
 
 @pytest.mark.parametrize("name", ["pipeline", "evaluate"])

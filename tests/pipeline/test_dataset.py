@@ -8,6 +8,7 @@ import torch
 from synthetic import CONTROLS, sphere_record, sphere_shard
 
 from pipeline.dataset import CloudPictures, DatasetError, draw_cloud
+from plugins.gbuffers.surfels import Surfels
 from plugins.zbuffers.paper import PaperZBuffer
 from storage.shards import ShardError, write_shard
 from z2p_core.camera import Camera
@@ -22,33 +23,38 @@ def shards(tmp_path_factory):
     return [sphere_shard(folder / f"{seed}.h5", 8, 32, seed) for seed in range(2)]
 
 
-def pictures(shards, config=CONFIG, **options):
-    return CloudPictures(shards, config, PaperZBuffer(), **options)
+def pictures(shards, config=CONFIG):
+    return CloudPictures(shards, config, PaperZBuffer(), Surfels())
 
 
 def assert_equal(first, second):
-    for name in ("zbuffer", "settings", "target", "coverage"):
+    for name in ("buffers", "settings", "target", "coverage"):
         torch.testing.assert_close(getattr(first, name), getattr(second, name), rtol=0, atol=0)
 
 
 def test_shapes_types_and_premultiplied_targets(shards):
     batch = pictures(shards).batch(0)
-    assert batch.zbuffer.shape == (4, 1, 32, 32) and batch.settings.shape == (4, 7)
+    assert batch.buffers.shape == (4, 10, 32, 32) and batch.settings.shape == (4, 7)
     assert batch.target.shape == (4, 4, 32, 32) and batch.coverage.shape == (4, 1, 32, 32)
     assert all(tensor.dtype == torch.float32 for tensor in vars(batch).values())
-    assert batch.target.min() >= 0 and batch.target.max() <= 1 and batch.zbuffer.max() > 0.1
+    assert batch.target.min() >= 0 and batch.target.max() <= 1 and batch.buffers[:, 0].max() > 0.1
     assert (batch.target[:, :3] <= batch.target[:, 3:]).all()
 
 
 def test_zbuffer_lies_over_the_target(shards):
     batch = pictures(shards, replace(CONFIG, points=(4000, 4000))).batch(0)
-    drawn, seen = batch.zbuffer[:, 0] > 0, batch.target[:, 3] > 0
+    drawn, seen = batch.buffers[:, 0] > 0, batch.target[:, 3] > 0
     assert (drawn & seen).sum() == seen.sum()  # the splats also cover a rim of two pixels around it
     assert drawn.sum() < 2.5 * seen.sum()
 
 
-def test_a_batch_depends_on_its_number_alone(shards):
-    in_order, out_of_order, no_cache = pictures(shards), pictures(shards), pictures(shards, cache=0)
+@pytest.mark.parametrize("reuse", [1, 3])
+def test_a_batch_depends_on_its_number_alone(shards, reuse, monkeypatch):
+    config = replace(CONFIG, reuse=reuse)
+    in_order, out_of_order = pictures(shards, config), pictures(shards, config)
+    monkeypatch.setattr("pipeline.dataset.CACHE_BYTES", 0)
+    monkeypatch.setattr("pipeline.dataset.BUFFERS_BYTES", 0)
+    no_cache = pictures(shards, config)
     batches = [in_order.batch(step) for step in range(6)]
     for step in (5, 0, 3):
         assert_equal(out_of_order.batch(step), batches[step])
@@ -57,7 +63,7 @@ def test_a_batch_depends_on_its_number_alone(shards):
         for step, batch in enumerate(ahead, start=2):
             assert_equal(batch, batches[step])
         assert step == 5
-    assert not torch.equal(pictures(shards, replace(CONFIG, seed=1)).batch(0).zbuffer, batches[0].zbuffer)
+    assert not torch.equal(pictures(shards, replace(config, seed=1)).batch(0).buffers, batches[0].buffers)
 
 
 def test_every_record_comes_once_an_epoch_with_a_new_cloud(shards):
@@ -69,13 +75,21 @@ def test_every_record_comes_once_an_epoch_with_a_new_cloud(shards):
     assert rows[0] == rows[1] and len(rows[0]) == 13
     assert not torch.equal(first.settings, second.settings)
     match = [int((second.settings == row).all(1).nonzero()) for row in first.settings]
-    assert not any(torch.equal(first.zbuffer[i], second.zbuffer[j]) for i, j in enumerate(match))
+    assert not any(torch.equal(first.buffers[i], second.buffers[j]) for i, j in enumerate(match))
+
+
+def test_a_render_keeps_its_cloud_for_the_epochs_it_is_reused(shards):
+    data = pictures(shards, replace(CONFIG, batch=13, reuse=2))
+    first, second, third = (data.batch(step) for step in range(3))
+    for other, kept in ((second, True), (third, False)):
+        match = [int((other.settings == row).all(1).nonzero()) for row in first.settings]
+        assert all(torch.equal(first.buffers[i], other.buffers[j]) == kept for i, j in enumerate(match))
 
 
 def test_validation_is_always_the_same(shards):
     assert_equal(pictures(shards).validation_batch([0, 2]), pictures(shards).validation_batch([0, 2]))
     np.testing.assert_array_equal(
-        pictures(shards).validation_batch([2]).zbuffer[0], pictures(shards).validation_batch([0, 2]).zbuffer[1]
+        pictures(shards).validation_batch([2]).buffers[0], pictures(shards).validation_batch([0, 2]).buffers[1]
     )
 
 
@@ -117,13 +131,15 @@ def test_clouds_have_log_uniform_sizes_no_point_twice_and_the_noise_asked_for():
 def test_rotation_and_lift_are_applied(tmp_path):
     record = sphere_record(32, np.random.default_rng(0))
     pool = np.random.default_rng(0).uniform(-0.5, 0.5, (300, 3)).astype(np.float32)
-    records = [replace(record, lift=lift) for lift in (0.3, 0.3, 0.3)]
+    records = [replace(record, scene=replace(record.scene, lift=0.3))] * 3
     attributes = {"mesh": "a", "controls": CONTROLS, "resolution": 32}
     write_shard(tmp_path / "a.h5", records, pool, attributes)
     batch = pictures([tmp_path / "a.h5"], replace(CONFIG, points=(300, 300), batch=1)).batch(0)
-    world = pool @ record.rotation.T + np.array([0, 0, 0.3], np.float32)
-    expected = PaperZBuffer().draw(world, Camera(32, 32, np.float32(record.elevation).item()))
-    np.testing.assert_allclose(batch.zbuffer[0].numpy(), expected, rtol=1e-4)
+    turned = pool @ np.array(record.scene.rotation, np.float32).T
+    world, camera = turned + np.array([0, 0, 0.3], np.float32), Camera(32, 32, record.scene.elevation)
+    np.testing.assert_allclose(batch.buffers[0, 0].numpy(), PaperZBuffer().draw(world, camera)[0], rtol=1e-4)
+    resting = replace(record.scene, floor=float(turned[:, 2].min()))  # the floor does not rise with the object
+    np.testing.assert_allclose(batch.buffers[0, 1:].numpy(), Surfels().draw(world, camera, resting), atol=1e-3)
 
 
 def test_shards_that_do_not_fit_are_refused(shards, tmp_path):
@@ -147,7 +163,8 @@ def test_elevation_is_fixed_only_where_it_is_no_control(shards, tmp_path):
     attributes = {"mesh": "a", "controls": [{"name": "color", "version": "1", "size": 7}], "resolution": 16}
     records = [sphere_record(16, rng) for _ in range(3)]
     write_shard(tmp_path / "moving.h5", records, pool, attributes)
-    write_shard(tmp_path / "fixed.h5", [replace(record, elevation=25.0) for record in records], pool, attributes)
+    level = [replace(record, scene=replace(record.scene, elevation=25.0)) for record in records]
+    write_shard(tmp_path / "fixed.h5", level, pool, attributes)
     with pytest.raises(DatasetError, match="one elevation"):
         _ = pictures([tmp_path / "moving.h5"]).fixed_elevation
     assert pictures([tmp_path / "fixed.h5"]).fixed_elevation == 25.0
@@ -160,7 +177,7 @@ def test_sides_take_turns_at_equal_cost_and_each_shows_its_own_frame(shards):
     assert small.target.shape == (4, 4, 16, 16) and large.target.shape == (1, 4, 32, 32)
     assert data.validation_batch([0]).target.shape[-1] == 16
     for batch in (small, large):  # the z-buffer is drawn at that side, not resized
-        assert ((batch.zbuffer[:, 0] > 0) & (batch.coverage[:, 0] > 0.9)).sum() > 0.9 * (batch.coverage > 0.9).sum()
+        assert ((batch.buffers[:, 0] > 0) & (batch.coverage[:, 0] > 0.9)).sum() > 0.9 * (batch.coverage > 0.9).sum()
     alone = pictures(shards, replace(config, resolutions=(16,)))
     assert_equal(alone.batch(1), data.batch(2))
     with pytest.raises(DatasetError, match="divisors of the shards' 32, got 24"):

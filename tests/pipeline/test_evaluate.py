@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline import evaluate as module
-from pipeline import render
+from pipeline import render, truth
 from pipeline.evaluate import draw_views, evaluate, place, summarise
 from pipeline.infer import Renderer
-from pipeline.render import RenderError, RenderSettings
+from pipeline.render import RenderSettings
 from pipeline.sample import draw_cloud
 from pipeline.shapes import shape
 from pipeline.sheets import CELL, ROWS_A_SHEET, sheet_row, write_sheets
@@ -58,7 +57,7 @@ def by_hand(monkeypatch: pytest.MonkeyPatch) -> list[str]:
                 for name, picture in zip((f"{stem}.png", f"{stem}.coverage.png"), disc(), strict=True):
                     Image.fromarray(picture).save(out / name)
 
-    monkeypatch.setattr(module, "render_scenes", save_discs)
+    monkeypatch.setattr(truth, "render_scenes", save_discs)
     return rendered
 
 
@@ -134,7 +133,7 @@ def test_truth_is_rendered_once_and_more_views_keep_it(by_hand, meshes, tiny_wei
 
 def test_kept_truth_needs_no_blender(by_hand, meshes, tiny_weights, tmp_path, monkeypatch) -> None:
     first = metrics(evaluate(meshes, tiny_weights, tmp_path / "a", CONFIG, tmp_path / "truth"))
-    monkeypatch.setattr(module, "render_scenes", render.render_scenes)
+    monkeypatch.setattr(truth, "render_scenes", render.render_scenes)
     monkeypatch.setattr(render, "_run_blender", lambda *_: pytest.fail("Blender was started"))
     second = metrics(evaluate(meshes, tiny_weights, tmp_path / "b", CONFIG, tmp_path / "truth"))
     assert first["means"]["ssim"] == second["means"]["ssim"]
@@ -177,19 +176,27 @@ def test_figures_without_pixels_are_null_and_left_out_of_means() -> None:
 
 
 def test_what_cannot_be_measured_is_a_clear_error(by_hand, meshes, tiny_weights, tmp_path) -> None:
-    truth = tmp_path / "truth"
+    kept = tmp_path / "truth"
     with pytest.raises(ScanError, match="got none"):
-        evaluate({}, tiny_weights, tmp_path / "out", CONFIG, truth)
+        evaluate({}, tiny_weights, tmp_path / "out", CONFIG, kept)
     with pytest.raises(registry.PluginError, match="unknown sampler 'nosuch'"):
-        evaluate(meshes, tiny_weights, tmp_path / "out", replace(CONFIG, sampler="nosuch"), truth)
+        evaluate(meshes, tiny_weights, tmp_path / "out", replace(CONFIG, sampler="nosuch"), kept)
     with pytest.raises(WeightsError, match="unknown weights 'nosuch'"):
-        evaluate(meshes, "nosuch", tmp_path / "out", CONFIG, truth)
+        evaluate(meshes, "nosuch", tmp_path / "out", CONFIG, kept)
     assert not by_hand
-    evaluate(meshes, tiny_weights, tmp_path / "out", CONFIG, truth)
-    broken = next(path for path in truth.rglob("*.png") if "coverage" not in path.name)
-    broken.write_bytes(broken.read_bytes()[:100])
-    with pytest.raises(RenderError, match=r"not a readable picture .* to render again"):
-        evaluate(meshes, tiny_weights, tmp_path / "out", CONFIG, truth)
+    evaluate(meshes, tiny_weights, tmp_path / "out", CONFIG, kept)
+
+
+def test_a_damaged_picture_of_the_truth_is_put_aside_and_rendered_again(by_hand, meshes, tiny_weights, tmp_path):
+    kept = tmp_path / "truth"
+    evaluate(meshes, tiny_weights, tmp_path / "out", CONFIG, kept)
+    broken = next(path for path in kept.glob("reference/*/*.png") if "coverage" not in path.name)
+    sound = broken.read_bytes()
+    broken.write_bytes(sound[:100])
+    before = len(by_hand)
+    evaluate(meshes, tiny_weights, tmp_path / "out", CONFIG, kept)
+    assert len(by_hand) == before + 1 and broken.read_bytes() == sound
+    assert len(list(kept.glob(".quarantine/reference/*"))) == 1
 
 
 def test_many_rows_go_on_several_sheets_and_old_ones_go(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.buffers import draw_buffers
 from pipeline.infer import UP_AXES, Renderer, place_cloud
 from storage.checkpoints import WeightsError
 from z2p_core.camera import Camera, turn
@@ -104,10 +105,13 @@ def test_the_picture_is_the_networks_with_straight_colour(renderer: Renderer, cl
 
     placed, loaded = place_cloud(cloud), renderer._loaded
     camera = Camera(64, 64, 20.0)
+    scene = SceneDescription()
+    for control in renderer.controls.values():
+        control.apply(control.slider.default, scene)
     values = [x for control in renderer.controls.values() for x in control.encode(control.slider.default)]
     with torch.inference_mode():
         expected = loaded.network(
-            torch.from_numpy(loaded.zbuffer.draw(placed, camera))[None],
+            torch.from_numpy(draw_buffers(placed, camera, scene, loaded.zbuffer, loaded.gbuffer))[None],
             torch.from_numpy(loaded.encoder.encode(*camera.frame_coordinates(step=4))),
             torch.tensor([values], dtype=torch.float32),
         )[0].permute(1, 2, 0).numpy()
@@ -124,6 +128,14 @@ def test_weights_without_elevation_use_their_own(make_weights: Callable[..., Pat
     assert Renderer(make_weights(("color",))).fixed_elevation == SceneDescription().elevation
     placed = place_cloud(cloud)
     assert not np.array_equal(low.render(placed, None, 64, 64), high.render(placed, None, 64, 64))
+
+
+def test_a_higher_floor_moves_the_shadow(renderer: Renderer, cloud: np.ndarray) -> None:
+    placed = place_cloud(cloud)
+    lowest = float(placed[:, 2].min())
+    at_rest = renderer.render(placed, None, 64, 64)
+    assert np.array_equal(at_rest, renderer.render(placed, None, 64, 64, lowest))
+    assert not np.array_equal(at_rest, renderer.render(placed, None, 64, 64, lowest - 0.3))
 
 
 def test_unknown_weights_name_the_shipped_ones() -> None:

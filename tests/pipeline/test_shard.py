@@ -44,7 +44,8 @@ def test_views_come_in_their_order_whatever_folder_they_lie_in(renders, controls
     assert [int(shard.read(row).rgba[0, 0, 0]) for row in range(len(shard))] == [0, 40, 80]
     record = shard.read(2)
     assert record.rgba.shape == (4, 4, 4) and record.coverage.tolist()[0] == [255, 0, 0, 0]
-    assert record.elevation == 40.0 and record.lift == 0.25 and np.allclose(record.rotation, np.eye(3))
+    scene = record.scene
+    assert scene.elevation == 40.0 and scene.lift == 0.25 and np.allclose(scene.rotation, np.eye(3))
     assert shard.pool.shape == (7, 3)
     assert [control["name"] for control in shard.attributes["controls"]] == ["color", "light", "elevation"]
 

@@ -10,6 +10,7 @@ import torch
 from PIL import Image
 from synthetic import sphere_shard
 
+from pipeline.buffers import draw_buffers
 from pipeline.load import load_network
 from pipeline.run import TrainError
 from pipeline.train import learning_rate, train
@@ -17,6 +18,7 @@ from storage.checkpoints import CHECKPOINT, PREVIOUS, Weights, WeightsError, loa
 from z2p_core.camera import Camera
 from z2p_core.config import LossConfig, NetworkConfig, TrainConfig
 from z2p_core.registry import PluginError
+from z2p_core.scene import SceneDescription
 
 NETWORK = NetworkConfig(widths=(16, 24, 32), mapping=32)
 CONFIG = TrainConfig(
@@ -112,7 +114,7 @@ def test_the_weights_load_and_draw_what_the_card_says(undisturbed):
     cloud = np.random.default_rng(0).uniform(-0.5, 0.5, (500, 3)).astype(np.float32)
     with torch.no_grad():
         picture = loaded.network(
-            torch.from_numpy(loaded.zbuffer.draw(cloud, camera))[None],
+            torch.from_numpy(draw_buffers(cloud, camera, SceneDescription(), loaded.zbuffer, loaded.gbuffer))[None],
             torch.from_numpy(loaded.encoder.encode(*camera.frame_coordinates(4))),
             torch.full((1, 7), 0.5),
         )
@@ -124,7 +126,7 @@ def test_the_weights_load_and_draw_what_the_card_says(undisturbed):
     [
         (NETWORK, LossConfig()),
         (
-            NetworkConfig(kind="adain_unet", widths=(8, 12, 16), unshuffle=1, mapping=32, zbuffer="paper"),
+            NetworkConfig("adain_unet", (8, 12, 16), unshuffle=1, mapping=32, zbuffer="paper", gbuffer="none"),
             LossConfig(1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0, masked=True),
         ),
     ],
@@ -200,7 +202,7 @@ def test_half_weights_draw_nearly_the_same(undisturbed, tmp_path):
     save_weights(tmp_path / "half.safetensors", weights.tensors, weights.card, half=True)
     size = (tmp_path / "half.safetensors").stat().st_size
     assert size < 0.6 * (undisturbed / "weights.safetensors").stat().st_size
-    inputs = torch.rand(1, 4, 32, 32), torch.rand(40, 8, 8), torch.rand(1, 7)
+    inputs = torch.rand(1, 13, 32, 32), torch.rand(40, 8, 8), torch.rand(1, 7)
     with torch.no_grad():
         whole, half = (load_network(path).network(*inputs) for path in
                        (undisturbed / "weights.safetensors", tmp_path / "half.safetensors"))

@@ -12,7 +12,15 @@ import trimesh
 
 from z2p_core import registry
 from z2p_core.interfaces import Reader
-from z2p_core.testing import check_baseline, check_control, check_encoder, check_reader, check_sampler, check_zbuffer
+from z2p_core.testing import (
+    check_baseline,
+    check_control,
+    check_encoder,
+    check_gbuffer,
+    check_reader,
+    check_sampler,
+    check_zbuffer,
+)
 
 CLOUD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.25, 2.0, -1.0], [-3.0, 0.125, 4.0], [0.5, 0.75, 1.5]])
 LYING_PLY = (
@@ -81,6 +89,11 @@ def test_control(name: str) -> None:
 @pytest.mark.parametrize("name", registry.names("zbuffers"))
 def test_zbuffer(name: str) -> None:
     check_zbuffer(registry.load("zbuffers", name))
+
+
+@pytest.mark.parametrize("name", registry.names("gbuffers"))
+def test_gbuffer(name: str) -> None:
+    check_gbuffer(registry.load("gbuffers", name))
 
 
 @pytest.mark.parametrize("name", registry.names("encoders"))

@@ -26,6 +26,7 @@ from storage.checkpoints import (
 CARD = {
     "network": {"kind": "unshuffle_unet"},
     "zbuffer": {"name": "paper", "version": "1"},
+    "gbuffer": {"name": "none", "version": "1"},
     "encoder": {"name": "none", "version": "1", "state": {}},
     "controls": [{"name": "color", "version": "1", "size": 3}],
     "resolution": 64,

@@ -4,7 +4,8 @@ import hashlib
 
 import pytest
 
-from storage.fingerprints import code_digest, file_digest, fingerprint, plugin_fields, stage_fields
+from storage.code import code_digest
+from storage.fingerprints import file_digest, fingerprint, plugin_fields, stage_fields
 from z2p_core.registry import load, names
 
 CODE = '''

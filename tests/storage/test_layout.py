@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -10,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from storage.layout import MANIFEST, Entry, Store, StoreError
+from storage.layout import Entry, Store, StoreError, check
+from storage.manifests import MANIFEST
 
 
 def entry(value=1):
@@ -89,11 +91,49 @@ def test_damage_makes_an_entry_incomplete_and_it_is_made_again(store, damage):
     assert len(list((store.root / ".quarantine" / "sample").iterdir())) == 1
 
 
-def test_verify_finds_a_flipped_bit_that_complete_does_not_look_for(store):
+def test_a_file_written_to_afterwards_is_read_and_found_damaged(store):
     folder = store.produce(entry(), write)
     (folder / "pool.npy").write_bytes(b"1123456789")
+    assert not store.complete(entry()) and "sha256 differs" in store.faults(entry())[0]
+
+
+def test_touching_and_copying_do_no_harm(store, tmp_path):
+    folder = store.produce(entry(), write)
+    (folder / "pool.npy").touch()
+    assert store.complete(entry())
+    shutil.copytree(store.root, tmp_path / "copy", copy_function=shutil.copyfile)
+    assert Store(tmp_path / "copy").complete(entry())
+
+
+def test_verify_finds_a_flipped_bit_that_left_no_trace(store):
+    folder = store.produce(entry(), write)
+    before = (folder / "pool.npy").stat()
+    (folder / "pool.npy").write_bytes(b"1123456789")
+    os.utime(folder / "pool.npy", ns=(before.st_atime_ns, before.st_mtime_ns))
     assert store.complete(entry())
     assert len(store.verify(entry())) == 1 and "pool.npy" in store.verify(entry())[0]
+
+
+def test_a_quarantined_entry_counts_as_missing_and_its_remains_can_be_found(store):
+    folder = store.produce(entry(), write)
+    assert store.quarantine(folder).parent == store.root / ".quarantine" / "sample"
+    assert not store.complete(entry()) and list(store.manifests("sample")) == []
+    assert [manifest["name"] for _, manifest in store.remains("sample")] == ["sample/bunny"]
+
+
+def test_linked_files_are_the_same_files(store):
+    folder = store.produce(entry(1), write)
+    store.link({"pool.npy": folder / "pool.npy", "some/more.csv": folder / "more" / "curve.csv"}, entry(2))
+    assert store.complete(entry(2)) and (store.folder(entry(2)) / "pool.npy").samefile(folder / "pool.npy")
+    assert (store.folder(entry(2)) / "some" / "more.csv").read_text() == "step,loss\n"
+
+
+def test_a_damaged_result_does_not_pass_the_check(store):
+    folder = store.produce(entry(1), write)
+    check(folder)
+    (folder / "pool.npy").write_bytes(b"1123456789")
+    with pytest.raises(StoreError, match="sha256"):
+        check(folder)
 
 
 def test_moving_the_store_leaves_it_complete(store, tmp_path):

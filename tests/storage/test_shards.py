@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from storage.shards import Record, Shard, ShardError, write_shard
+from z2p_core.scene import SceneDescription
 
 CONTROLS = [{"name": "color", "version": "1", "size": 3}, {"name": "elevation", "version": "1", "size": 1}]
 ATTRIBUTES = {"mesh": "blob", "controls": CONTROLS, "resolution": 16}
-NAMES = ("rgba", "coverage", "settings", "rotation", "elevation", "lift")
+NAMES = ("rgba", "coverage", "settings", "scene")
 
 
 def records_of(count, side=16, seed=0):
@@ -20,9 +21,10 @@ def records_of(count, side=16, seed=0):
             rng.integers(0, 256, (side, side, 4), dtype=np.uint8),
             rng.integers(0, 256, (side, side), dtype=np.uint8),
             rng.random(4, dtype=np.float32),
-            rng.random((3, 3), dtype=np.float32),
-            float(np.float32(rng.uniform(0, 80))),
-            float(np.float32(rng.uniform(0, 0.4))),
+            SceneDescription(
+                elevation=rng.uniform(0, 80), light=tuple(rng.uniform(1, 4, 3).tolist()), lift=rng.uniform(0, 0.4),
+                material={"Base Color": (0.1, 0.2, 0.3, 1.0)}, rotation=tuple(map(tuple, rng.random((3, 3)).tolist())),
+            ),
         )
         for _ in range(count)
     ]
@@ -53,8 +55,8 @@ def assert_whole(contents):
         for name in NAMES:
             np.testing.assert_array_equal(getattr(record, name), getattr(expected, name))
     np.testing.assert_array_equal(pool, POOL)
-    np.testing.assert_array_equal(elevations, [record.elevation for record in records])
-    assert attributes == {**ATTRIBUTES, "schema": 1}
+    np.testing.assert_array_equal(elevations, [record.scene.elevation for record in records])
+    assert attributes == {**ATTRIBUTES, "schema": 2}
 
 
 def test_what_goes_in_comes_out(shard):
@@ -79,6 +81,13 @@ def test_a_failed_write_leaves_no_file(tmp_path):
         with pytest.raises((OSError, ShardError)):
             write_shard(tmp_path / "new.h5", records, POOL, ATTRIBUTES)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_scene_that_does_not_fit_is_refused(tmp_path):
+    (record,) = records_of(1)
+    record.scene.material = {f"Input {number}": 0.5 for number in range(100)}
+    with pytest.raises(ShardError, match="scene: expected at most 1024 bytes"):
+        write_shard(tmp_path / "new.h5", [record], POOL, ATTRIBUTES)
 
 
 def test_truncated_anywhere(shard):
@@ -123,22 +132,22 @@ def rewrite(path, name, make):
 
 
 def test_external_virtual_linked_and_unwritten_data_are_refused(shard, tmp_path):
-    (tmp_path / "raw").write_bytes(bytes(20))
+    (tmp_path / "raw").write_bytes(bytes(80))
     whole = shard.read_bytes()
-    layout = h5py.VirtualLayout((5,), np.float32)
-    layout[:] = h5py.VirtualSource("other.h5", "lift", (5,), np.float32)
+    layout = h5py.VirtualLayout((5, 4), np.float32)
+    layout[:] = h5py.VirtualSource("other.h5", "settings", (5, 4), np.float32)
     cases = {
-        "external": lambda file: file.create_dataset("lift", (5,), "f4", external=[("raw", 0, 20)]),
-        "virtual": lambda file: file.create_virtual_dataset("lift", layout),
-        "soft link": lambda file: file.__setitem__("lift", h5py.SoftLink("/elevation")),
-        "external link": lambda file: file.__setitem__("lift", h5py.ExternalLink("other.h5", "/lift")),
-        "unwritten": lambda file: file.create_dataset("lift", (5,), "f4", chunks=(1,)),
-        "other type": lambda file: file.create_dataset("lift", data=np.zeros(5), chunks=(1,)),
+        "external": lambda file: file.create_dataset("settings", (5, 4), "f4", external=[("raw", 0, 80)]),
+        "virtual": lambda file: file.create_virtual_dataset("settings", layout),
+        "soft link": lambda file: file.__setitem__("settings", h5py.SoftLink("/coverage")),
+        "external link": lambda file: file.__setitem__("settings", h5py.ExternalLink("other.h5", "/settings")),
+        "unwritten": lambda file: file.create_dataset("settings", (5, 4), "f4", chunks=(1, 4)),
+        "other type": lambda file: file.create_dataset("settings", data=np.zeros((5, 4)), chunks=(1, 4)),
         "missing": lambda file: None,
     }
     for name, make in cases.items():
         shard.write_bytes(whole)
-        rewrite(shard, "lift", make)
+        rewrite(shard, "settings", make)
         with pytest.raises(ShardError):
             Shard(shard)
             pytest.fail(name)
@@ -157,7 +166,7 @@ def test_not_a_shard_missing_and_other_schema(shard, tmp_path):
     with pytest.raises(ShardError, match="no such shard"):
         Shard(tmp_path / "absent.h5")
     write_shard(shard, records_of(1), POOL, {**ATTRIBUTES, "schema": 99})
-    with pytest.raises(ShardError, match="expected schema 1, got 99"):
+    with pytest.raises(ShardError, match="expected schema 2, got 99"):
         Shard(shard)
 
 

@@ -6,11 +6,14 @@ from pathlib import Path
 import luigi
 import pytest
 
+import storage.stage_code
 import workflows
+import workflows.tasks
 from storage.layout import Store
 from workflows.full_pipeline import RESULTS
+from workflows.known_views import copy_known_views
 from workflows.plan import make_plan
-from workflows.tasks import STAGES, RenderChunk, load_plan, task_of
+from workflows.tasks import StageTask, load_plan, task_of
 from z2p_core.config import parse_config
 
 TOML = "name = 'small'\nmeshes = 'meshes'\n[render]\nviews = 3\nchunk = 2\n"
@@ -35,7 +38,8 @@ def ran(tmp_path, monkeypatch):
         for name in [name for name, stage in RESULTS.items() if stage == task.step.entry.stage] or ["x"]:
             (out / name).write_text(task.step_name)
 
-    for stage in STAGES.values():
+    monkeypatch.setattr(workflows.tasks, "mesh_warnings", lambda path: [])
+    for stage in StageTask.__subclasses__():
         monkeypatch.setattr(stage, "make", make)
     return log
 
@@ -100,7 +104,7 @@ def test_a_failing_step_stops_only_what_needs_it(ran, capfd):
 
 
 def test_a_result_that_a_stage_did_not_write_is_a_failure(ran, monkeypatch):
-    monkeypatch.setattr(STAGES["train"], "make", lambda task, out: None)
+    monkeypatch.setattr(workflows.stages.Train, "make", lambda task, out: None)
     assert not build()
 
 
@@ -109,6 +113,14 @@ def test_a_task_whose_inputs_changed_is_another_task(ran):
     changed = parse_config(Path("small.toml").read_text() + "samples = 9\n")
     ids = [task_of(make_plan(c).steps["render/ape/0-2"], "{}", "runs").task_id for c in (config, changed)]
     assert ids[0] != ids[1]
+
+
+def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, capfd):
+    assert build() and steps_of(ran)
+    shutil.rmtree(next(Path("runs/train").iterdir()))
+    monkeypatch.setattr(storage.stage_code, "present_digest", lambda part: f"other {part}")
+    assert not build() and steps_of(ran) == []
+    assert "FAILED train: ConfigError: train: workflows.stages:Train changed since" in capfd.readouterr().err
 
 
 def test_the_safety_settings_apply_on_import():
@@ -132,10 +144,16 @@ def test_views_of_other_chunks_are_copied_unless_damaged(ran, tmp_path):
     (folder / "view_00000.png").write_text("!.png")  # the same size: only its digest tells
     (tmp_path / "small.toml").write_text(TOML.replace("chunk = 2", "chunk = 3"))
     load_plan.cache_clear()
-    task = task_of(load_plan(source).steps["render/ape/0-3"], source, str(store.root))
-    assert isinstance(task, RenderChunk)
     (tmp_path / "out").mkdir()
-    task._copy_known_views(tmp_path / "out")
+    copy_known_views(store, load_plan(source).steps["render/ape/0-3"].entry, range(3), tmp_path / "out")
     copied = {path.name: path.read_text() for path in (tmp_path / "out").iterdir()}
-    assert "view_00000.png" not in copied and len(copied) == 5
+    assert set(copied) == {"view_00001.json", "view_00001.png", "view_00001.coverage.png"}
     assert all(text == f"{int(name[5:10])}{name[10:]}" for name, text in copied.items())
+
+
+def test_links_lead_to_the_results_in_a_workspace_that_is_a_link_itself(ran, tmp_path):
+    (tmp_path / "far" / "away").mkdir(parents=True)
+    Path("runs").symlink_to(tmp_path / "far" / "away")
+    assert build() and steps_of(ran)
+    assert Path("runs/small/metrics.json").read_text() == "evaluate"
+    assert build() and steps_of(ran) == []

@@ -1,0 +1,29 @@
+"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to ``python -m workflows``, a process."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import click
+
+from pipeline.commands.full_pipeline import check_luigi, luigi_environment, run_process
+
+
+def _handed_on(name: str) -> click.Command:
+    @click.command(
+        name, add_help_option=False, context_settings={"ignore_unknown_options": True, "allow_extra_args": True}
+    )
+    @click.pass_context
+    def command(ctx: click.Context) -> None:
+        check_luigi()
+        words = [sys.executable, "-m", "workflows", name, *ctx.args]
+        if {"-h", "--help"} & set(ctx.args):
+            click.echo(subprocess.run(words, env=luigi_environment(), capture_output=True, text=True).stdout, nl=False)
+        else:
+            ctx.exit(run_process(words, luigi_environment()))
+
+    return command
+
+
+status, verify, gc, adopt, scheduler = map(_handed_on, ("status", "verify", "gc", "adopt", "scheduler"))

@@ -1,0 +1,108 @@
+"""What two fingerprints' fields differ in, in words that a user can act on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+CODE_FIELDS = frozenset({"schema", "stage_version", "code", "packages"})
+"""Top-level fields that tell of code alone, not of what the user asked for."""
+
+UPSTREAM_FIELDS = frozenset({"sample", "renders", "shards", "train"})
+"""Top-level fields that hold fingerprints of other results."""
+
+_PLUGIN = {"name", "version", "code"}
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One field that differs; the old or new value is None where there was none."""
+
+    path: tuple[str, ...]
+    old: Any
+    new: Any
+
+    @property
+    def upstream(self) -> bool:
+        """Whether a result that this one is made of has changed."""
+        return self.path[0] in UPSTREAM_FIELDS
+
+    def __str__(self) -> str:
+        head, last = self.path[0], self.path[-1]
+        if head == "code":
+            return "its code was not yet recorded" if self.old is None and last == "code" else f"code of {last} changed"
+        if head == "packages":
+            return f"package {last} {_shown(self.old)} -> {_shown(self.new)}"
+        if head == "stage_version":
+            return f"stage version {self.old} -> {self.new}"
+        if head == "mesh":
+            return "mesh contents changed"
+        if head == "meshes":
+            return f"meshes of the evaluation changed: {', '.join(_changed_meshes(self.old, self.new))}"
+        if self.upstream:
+            return f"upstream {head} changed"
+        if last == "plugin version":
+            return f"plugin {self.path[-2]} version {_shown(self.old)} -> {_shown(self.new)}"
+        if last == "plugin code":
+            return f"plugin {self.path[-2]} code changed"
+        name = ".".join(part for part in self.path if part != "parameters")
+        return f"{name} {_shown(self.old)} -> {_shown(self.new)}"
+
+
+def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Difference]:
+    """Every difference between the fields of two results of one stage, in the new one's order."""
+    found: list[Difference] = []
+    for key in [*new, *(key for key in old if key not in new)]:
+        if key not in old or key not in new:
+            if key != "packages" or "code" in old:  # both came with one schema: told once
+                found.append(Difference((key,), old.get(key), new.get(key)))
+        else:
+            found += _between((key,), old[key], new[key])
+    schema = [one for one in found if one.path == ("schema",)]
+    return [one for one in found if one not in schema] if len(found) > len(schema) else found
+
+
+def _between(path: tuple[str, ...], old: Any, new: Any) -> Iterator[Difference]:
+    if old == new:
+        return
+    if _is_plugin(old) and _is_plugin(new) and old["name"] == new["name"]:
+        for key in ("version", "code"):
+            if old[key] != new[key]:
+                yield Difference((*path, old["name"], f"plugin {key}"), old[key], new[key])
+    elif _is_plugin(old) and _is_plugin(new):
+        yield Difference(path, old["name"], new["name"])
+    elif isinstance(old, Mapping) and isinstance(new, Mapping):
+        for key in [*new, *(key for key in old if key not in new)]:
+            if key not in old or key not in new:
+                yield Difference((*path, key), old.get(key), new.get(key))
+            else:
+                yield from _between((*path, key), old[key], new[key])
+    elif _are_plugins(old) and _are_plugins(new) and [one["name"] for one in old] == [one["name"] for one in new]:
+        for mine, theirs in zip(old, new, strict=True):
+            yield from _between(path, mine, theirs)
+    else:
+        yield Difference(path, old, new)
+
+
+def _is_plugin(value: Any) -> bool:
+    return isinstance(value, Mapping) and set(value) == _PLUGIN
+
+
+def _are_plugins(value: Any) -> bool:
+    return isinstance(value, list) and all(map(_is_plugin, value))
+
+
+def _changed_meshes(old: Any, new: Any) -> list[str]:
+    before, after = ({name: identity for name, identity in meshes or ()} for meshes in (old, new))
+    return sorted(name for name in {**before, **after} if before.get(name) != after.get(name))
+
+
+def _shown(value: Any) -> str:
+    """A value in a few characters."""
+    if value is None:
+        return "none"
+    if _are_plugins(value) and value:
+        return ", ".join(one["name"] for one in value)
+    text = value if isinstance(value, str) else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,117 @@
+"""The code and the packages that shape each stage's result: their digests and versions are in its fingerprint.
+
+Digests are of syntax trees without docstrings, so comments and layout change nothing. The lists are written by hand and
+tested: a module that a stage's code imports must be in `SHAPING` or, with the reason, in `NOT_SHAPING`. A name is a
+module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code in
+another language, which counts byte by byte.
+
+A change that gives the same results (a refactoring) can be vouched for with `z2p adopt`, at no cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import metadata
+
+from storage.code import part_digest, present_digest
+
+_CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.scene")
+_MESHES = ("storage.meshes", "z2p_core.ply_header")
+_PICTURES = ("pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.geometry", "z2p_core.images", *_MESHES)
+_KERNELS = ("z2p_core.native", *(f"z2p_core/native/{name}" for name in ("fast.h", "light.c", "points.c", "splat.c")))
+_NETWORK = (
+    "pipeline.buffers", "pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting",
+    "z2p_core.camera", "z2p_core.scene", *_KERNELS,
+)
+
+SHAPING: dict[str, tuple[str, ...]] = {
+    "shapes": (
+        "workflows.stages:Shapes", "pipeline.shapes", "pipeline.render:export_suzanne", "pipeline.render:_run_blender",
+        "pipeline.blender:export_suzanne", "storage.meshes:write_mesh", "storage.meshes:_vertex_block",
+    ),
+    "sample": (
+        "workflows.stages:SampleMesh", "pipeline.sample", "z2p_core.geometry", "z2p_core.noise", "z2p_core.surface",
+        *_MESHES,
+    ),
+    "render": ("workflows.stages:RenderChunk", "pipeline.views", *_PICTURES, *_CONTROLS),
+    "shard": (
+        "workflows.stages:ShardMesh", "pipeline.shard", "pipeline.views:load_controls", "storage.shards",
+        "z2p_core.images", *_CONTROLS,
+    ),
+    "train": (
+        "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.curve",
+        "pipeline.shard:shrink_pictures", "storage.shards", "z2p_core.images", "z2p_core.losses", "z2p_core.noise",
+        *_NETWORK,
+    ),
+    "evaluate": (
+        "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
+        "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
+        "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
+    ),
+    "reference": ("pipeline.truth", "z2p_core.scene", *_PICTURES),
+}
+"""Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
+
+NOT_SHAPING: dict[str, str] = {
+    "z2p_core.config": "the values that a stage gets are in its fingerprint",
+    "z2p_core.registry": "finds plugins, whose code is in the fingerprint",
+    "z2p_core.interfaces": "abstract but for Control and Slider, which are listed where they count",
+    "storage.layout": "puts files where they belong, whatever they hold",
+    "storage.fingerprints": "names results and seeds by sha256",
+    "train/z2p_core.interfaces:Control": "shards hold the settings as encoded; only names and sizes are compared",
+    "pipeline.baselines": "stands beside the weights; its pictures have fingerprints of their own",
+    "workflows.tasks": "what all tasks share: where files lie, not what is in them",
+    "workflows.task_log": "tells how a task is doing",
+    "workflows.known_views": "copies renders whose fields and digests are the very same",
+    "z2p_core.viewpoint": "turns users' clouds; the pipeline's views are drawn",
+    "z2p_core.framing": "frames users' clouds; the pipeline's are framed by their mesh",
+}
+"""Module, or ``stage/module:definition`` -> why it is of no weight although shaping code imports it.
+
+A definition that is listed for one stage is not excused with its module: each stage lists or excuses it by name.
+"""
+
+PACKAGES: dict[str, tuple[str, ...]] = {
+    "shapes": ("numpy", "bpy"),
+    "sample": ("numpy", "trimesh"),
+    "render": ("numpy", "trimesh", "bpy"),
+    "shard": ("numpy", "h5py"),
+    "train": ("numpy", "torch"),
+    "evaluate": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
+    "reference": ("numpy", "trimesh", "bpy"),
+}
+"""Stage -> the declared packages whose versions shape its result."""
+
+
+
+def stage_code(stage: str) -> dict[str, str]:
+    """Digest (64 hex digits) of each part that `SHAPING` lists for a stage.
+
+    Raises:
+        KeyError: an unknown stage.
+    """
+    return {part: part_digest(part) for part in SHAPING[stage]}
+
+
+def changed_parts(code: Mapping[str, str]) -> list[str]:
+    """Those parts of a `stage_code` that read otherwise on the disk by now."""
+    return [part for part, digest in code.items() if present_digest(part) != digest]
+
+
+def stage_packages(stage: str) -> dict[str, str]:
+    """Installed version of each of the stage's `PACKAGES`, without its build: ``2.13.0`` for ``2.13.0+cpu``.
+
+    Raises:
+        KeyError: an unknown stage.
+    """
+    return {package: installed_version(package) for package in PACKAGES[stage]}
+
+
+@lru_cache(maxsize=64)
+def installed_version(package: str) -> str:
+    """Version of an installed package, or ``not installed``."""
+    try:
+        return metadata.version(package).partition("+")[0]
+    except metadata.PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,92 @@
+"""The surfel G-buffer: light and shadow lie where they do in the scene; parameters move what they should."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from plugins.gbuffers.surfels import Surfels, light_lamps, sky_lamps, thinned
+from z2p_core.camera import Camera, light_position
+from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
+
+CAMERA = Camera(96, 96)
+COVERAGE, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = range(9)
+
+
+def sphere_of(count=4000, radius=0.6):
+    points = np.random.default_rng(0).normal(size=(count, 3))
+    return (radius * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
+
+
+SCENE = SceneDescription(material={"Base Color": (0.5, 0.25, 0.0, 1.0)})
+
+
+def test_a_sphere_is_covered_and_its_normals_point_outwards():
+    picture = Surfels().draw(sphere_of(), CAMERA, SCENE)
+    pixel, _ = CAMERA.project(np.zeros((1, 3)))
+    rows, columns = np.mgrid[:96, :96] + 0.5
+    reach = np.hypot(columns - pixel[0, 0], rows - pixel[0, 1])
+    edge = CAMERA.focal * np.tan(np.arcsin(0.6 / 3.6))
+    assert picture[COVERAGE][reach < edge - 2].mean() > 0.995 and not picture[COVERAGE][reach > edge + 2].any()
+    inner = reach < 0.7 * edge
+    assert np.abs(picture[RIGHT] - (columns - pixel[0, 0]) / edge)[inner].mean() < 0.06
+    assert np.abs(picture[DOWN] - (rows - pixel[0, 1]) / edge)[inner].mean() < 0.06
+    assert picture[DEPTH][48, 48] == pytest.approx((4.6 - 3.0) / 2, abs=0.02)
+
+
+def test_light_from_a_side_lights_that_side_and_throws_the_shadow_to_the_other():
+    left, right = (
+        Surfels().draw(sphere_of(), CAMERA, replace(SCENE, light=(3.6, azimuth, 40.0))) for azimuth in (-70.0, 70.0)
+    )
+    half = np.s_[:, :48], np.s_[:, 48:]
+    assert left[GREY][half[0]].sum() > 1.2 * left[GREY][half[1]].sum()
+    assert right[GREY][half[1]].sum() > 1.2 * right[GREY][half[0]].sum()
+    assert left[SHADOW][half[1]].sum() > 1.5 * left[SHADOW][half[0]].sum()
+    assert right[SHADOW][half[0]].sum() > 1.5 * right[SHADOW][half[1]].sum()
+    assert left[SHADOW].min() >= 0 and left[SHADOW].max() <= 1
+
+
+def test_colours_are_those_of_the_material_and_the_rest_does_not_know_them():
+    picture = Surfels().draw(sphere_of(), CAMERA, SCENE)
+    seen = picture[COVERAGE] > 0
+    assert not picture[BLUE].any() and (picture[RED][seen] > picture[GREEN][seen]).all()
+    grey = Surfels().draw(sphere_of(), CAMERA, replace(SCENE, material={}))
+    for channel in (COVERAGE, DEPTH, RIGHT, DOWN, GREY, SHADOW):
+        np.testing.assert_array_equal(picture[channel], grey[channel])
+    np.testing.assert_array_equal(grey[RED], grey[BLUE])
+
+
+def test_the_floor_touches_the_lowest_point_unless_it_is_told():
+    cloud = sphere_of()
+    lowest = float(cloud[:, 2].min())
+    resting, told, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=x)) for x in (None, lowest, lowest - 0.3))
+    np.testing.assert_array_equal(resting, told)
+    assert np.array_equal(resting[:SHADOW], deep[:SHADOW]) and not np.array_equal(resting[SHADOW], deep[SHADOW])
+
+
+def test_the_area_light_is_a_square_that_faces_the_origin():
+    light = (3.5, -30.0, 60.0)
+    lamps, axes, powers = light_lamps(light)
+    centre = light_position(light)
+    np.testing.assert_allclose(lamps.mean(0), centre, atol=1e-9)
+    np.testing.assert_allclose((lamps - centre) @ centre, 0, atol=1e-9)
+    np.testing.assert_allclose(axes @ centre, -3.5, atol=1e-9)
+    assert np.ptp((lamps - centre) @ np.cross(centre, [0, 0, 1]) / np.linalg.norm(np.cross(centre, [0, 0, 1]))) == (
+        pytest.approx(LIGHT_SIDE * 3 / 4)
+    )
+    assert powers.sum() == pytest.approx(LIGHT_RADIANCE * LIGHT_SIDE**2)
+
+
+def test_the_sky_is_above_and_even():
+    sky = sky_lamps() / np.linalg.norm(sky_lamps(), axis=1, keepdims=True)
+    assert (sky[:, 2] > 0).all() and np.abs(sky[:, :2].mean(0)).max() < 0.06
+    assert sky[:, 2].mean() == pytest.approx(0.5, abs=1e-6)
+
+
+def test_large_clouds_are_thinned_evenly_whatever_their_order():
+    cloud = sphere_of(100_000)
+    kept = thinned(cloud, 20_000)
+    assert len(kept) == pytest.approx(20_000, rel=0.03) and np.abs(kept.mean(0)).max() < 0.02
+    reversed_kept = thinned(cloud[::-1], 20_000)
+    np.testing.assert_array_equal(np.sort(kept, axis=0), np.sort(reversed_kept, axis=0))
+    assert thinned(kept, 40_000) is kept

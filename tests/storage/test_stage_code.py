@@ -1,0 +1,160 @@
+"""No code shapes a result unseen: what a stage's code imports is in its fingerprint, or excused by name."""
+
+import ast
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from storage.code import ROOT, code_digest, defined, imports, part_digest, source_of
+from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
+from storage.stage_code import NOT_SHAPING, PACKAGES, SHAPING
+from z2p_core import registry
+
+ROOMS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
+ENTRY = {
+    "shapes": {"workflows.stages:Shapes", "pipeline.shapes:make_shapes", "pipeline.blender:export_suzanne"},
+    "sample": {"workflows.stages:SampleMesh", "pipeline.sample:sample_pool"},
+    "render": {"workflows.stages:RenderChunk", "pipeline.views:render_chunk", "pipeline.blender:main"},
+    "shard": {"workflows.stages:ShardMesh", "pipeline.shard:make_shard"},
+    "train": {"workflows.stages:Train", "pipeline.train:train"},
+    "reference": {"pipeline.truth:render_references", "pipeline.blender:main"},
+    "evaluate": {"workflows.stages:Evaluate", "pipeline.evaluate:evaluate", "pipeline.blender:main"},
+}
+"""Stage -> its luigi task, the function that this calls, and what its Blender process runs."""
+PLUGINS = {
+    "sample": {"samplers"},
+    "render": {"controls"},
+    "shard": {"controls"},
+    "train": {"zbuffers", "gbuffers", "encoders"},
+    "evaluate": {"zbuffers", "gbuffers", "encoders", "controls", "samplers"},
+}
+DISTRIBUTIONS = {"trimesh": "trimesh", "bpy": "bpy", "h5py": "h5py", "torch": "torch", "kornia": "kornia",
+                 "flip_evaluator": "flip-evaluator", "numpy": "numpy"}  # fmt: skip
+READERS = {("train", "h5py"), ("evaluate", "h5py")}
+"""Packages with which a stage only reads what another one wrote."""
+
+def listed(stage: str, module: str, name: str) -> bool:
+    parts = SHAPING[stage]
+    return module in parts or (bool(name) and f"{module}:{name}" in parts)
+
+
+def excused(stage: str, module: str, name: str) -> bool:
+    counts_somewhere = any(f"{module}:{name}" in parts for parts in SHAPING.values())
+    return f"{stage}/{module}:{name}" in NOT_SHAPING or (module in NOT_SHAPING and not counts_somewhere)
+
+
+def needs(part: str) -> Iterator[tuple[str, str]]:
+    """(module, name) of what a part uses: imports, and for a definition also its module's other definitions."""
+    if "/" in part:
+        return
+    module, _, definition = part.partition(":")
+    tree = ast.parse(source_of(module).read_text())
+    if not definition:
+        yield from imports(tree)
+        return
+    body = ast.Module([one for one in tree.body if definition in defined(one)], [])
+    used = {node.id for node in ast.walk(body) if isinstance(node, ast.Name)} - {definition}
+    here = set().union(*(defined(one) for one in tree.body))
+    yield from ((module, name) for name in used & here if name != "Value" and not name.endswith("Error"))
+    yield from imports(body)
+    for origin, name in imports(ast.Module([one for one in tree.body if not defined(one)], [])):
+        if name in used or origin in used:
+            yield origin, name
+
+
+def in_project(found: Iterator[tuple[str, str]]) -> set[tuple[str, str]]:
+    """Only the project's own, with ``from package import module`` told as that module."""
+    kept = {(module, name) for module, name in found if module.split(".")[0] in ROOMS}
+    inner = {(m, n): (f"{m}.{n}", "") for m, n in kept if n and source_of(f"{m}.{n}").is_file()}
+    return {inner.get(one, one) for one in kept}
+
+
+def plugin_modules(stage: str) -> set[str]:
+    return {registry.load(group, name).__module__ for group in PLUGINS.get(stage, ()) for name in registry.names(group)
+            if registry.load(group, name).__module__.startswith("plugins.")}  # fmt: skip
+
+
+@pytest.mark.parametrize("stage", SHAPING)
+def test_everything_that_a_stage_imports_is_listed_or_excused(stage):
+    for part in ENTRY[stage]:
+        assert listed(stage, *part.split(":")), f"{stage} runs {part}, which its fingerprint does not hold"
+    for part in [*SHAPING[stage], *plugin_modules(stage)]:
+        for module, name in in_project(needs(part)) - {(one, "") for one in ("plugins",)}:
+            if module in plugin_modules(stage) or module == "z2p_core":
+                continue
+            assert listed(stage, module, name) or excused(stage, module, name), (
+                f"{stage}: {part} uses {module}:{name}, which is neither in SHAPING[{stage!r}] nor in NOT_SHAPING"
+            )
+
+
+@pytest.mark.parametrize("stage", SHAPING)
+def test_nothing_is_listed_that_no_code_of_the_stage_reaches(stage):
+    reached, waiting = set(), [*ENTRY[stage], *plugin_modules(stage)]
+    while waiting:
+        part = waiting.pop()
+        module = part.split(":")[0]
+        for step in ({part} & plugin_modules(stage)) | ({part, module} & set(SHAPING[stage])):
+            if step not in reached:
+                reached.add(step)
+                waiting += [f"{origin}:{name}" if name else origin for origin, name in in_project(needs(step))]
+    beside = {part for part in SHAPING[stage] if "/" in part and part.rpartition("/")[0].replace("/", ".") in reached}
+    assert set(SHAPING[stage]) <= reached | beside  # what is compiled belongs to the module beside it
+
+
+@pytest.mark.parametrize("stage", SHAPING)
+def test_the_packages_that_a_stages_code_imports_are_declared(stage):
+    used = {module.split(".")[0] for part in [*SHAPING[stage], *plugin_modules(stage)] for module, _ in needs(part)}
+    assert {DISTRIBUTIONS[name] for name in used & set(DISTRIBUTIONS) if (stage, name) not in READERS} <= set(
+        PACKAGES[stage]
+    )
+    project = (ROOT / "pyproject.toml").read_text()
+    assert all(re.search(rf'"{package}[>=]', project) for package in PACKAGES[stage])
+
+
+def test_every_excuse_is_needed_and_every_stage_is_told():
+    assert set(SHAPING) == set(PACKAGES) == set(STAGE_VERSIONS) == set(ENTRY)
+    used = {one for stage in SHAPING for part in [*SHAPING[stage], *plugin_modules(stage)] for m, n in
+            in_project(needs(part)) for one in (m, f"{stage}/{m}:{n}")}  # fmt: skip
+    assert set(NOT_SHAPING) <= used
+
+
+def test_code_in_other_languages_is_listed_as_well():
+    kinds = ("c", "cpp", "h", "cu", "pyx")
+    sources = [path for room in ROOMS for kind in kinds for path in (ROOT / room).rglob(f"*.{kind}")]
+    listed_files = {part for parts in SHAPING.values() for part in parts if "/" in part}
+    assert {path.relative_to(ROOT).as_posix() for path in sources} == listed_files
+    assert part_digest("workflows/luigi.cfg") == file_digest(ROOT / "workflows" / "luigi.cfg")
+
+
+def test_a_definitions_digest_does_not_hang_on_its_neighbours():
+    text = "A = 1\ndef f():\n    return A\ndef g():\n    return 2\n"
+    assert code_digest(text, "f") == code_digest(text.replace("2", "3"), "f") != code_digest(text, "g")
+    assert code_digest(text, "A") != code_digest(text.replace("A = 1", "A = 2"), "A")
+    with pytest.raises(ValueError, match="'h'"):
+        code_digest(text, "h")
+
+
+def test_stage_fields_hold_code_and_packages_without_builds():
+    fields = stage_fields("train")
+    assert fields["code"]["pipeline.train"] == part_digest("pipeline.train")
+    assert fields["packages"]["torch"] and "+" not in fields["packages"]["torch"]
+
+
+def test_a_plugins_code_is_that_of_its_whole_package(tmp_path, monkeypatch):
+    package = tmp_path / "gloss_plugin"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "strength.py").write_text("STRENGTH = 2\n")
+    (package / "control.py").write_text("from .strength import STRENGTH\nclass Gloss:\n    name, version = 'g', '1'\n")
+    (package / "other.py").write_text("X = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    plugin = __import__("gloss_plugin.control", fromlist=["Gloss"]).Gloss
+    before = plugin_fields(plugin)
+    (package / "other.py").write_text("X = 2\n")
+    (package / "strength.py").write_text("STRENGTH = 2  # as ever\n")
+    assert plugin_fields(plugin) == before
+    (package / "strength.py").write_text("STRENGTH = 3\n")
+    assert plugin_fields(plugin)["code"] != before["code"]
+
+

@@ -1,0 +1,98 @@
+"""Three hosts share a workspace; one is killed and one cut off midway. The third finishes, and nothing is lost."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import threading
+import time
+from collections import Counter
+from functools import partial
+
+import pytest
+from hosts import hosts
+from world import CONFIG, World, luigid
+
+pytestmark = pytest.mark.slow
+
+SETTINGS = """[core]
+rpc-connect-timeout = 2
+rpc-retry-attempts = 3
+rpc-retry-wait = 2
+[scheduler]
+worker_disconnect_delay = 6
+retry_delay = 1
+"""
+MANY = CONFIG.replace("views = 2\nchunk = 2", "views = 6\nchunk = 2")
+
+
+class Worker:
+    """A pipeline on a host, and all that it has said so far."""
+
+    def __init__(self, process: subprocess.Popen) -> None:
+        self.process = process
+        self.lines: list[str] = []
+        self.reader = threading.Thread(target=lambda: self.lines.extend(iter(process.stderr.readline, "")))
+        self.reader.start()
+
+    def wait_for(self, text: str) -> None:
+        deadline = time.monotonic() + 120
+        while not any(text in line for line in self.lines):
+            assert time.monotonic() < deadline and self.process.poll() is None, "".join(self.lines)
+            time.sleep(0.02)
+
+    def end(self, seconds: float) -> int:
+        status = self.process.wait(seconds)
+        self.reader.join()
+        return status
+
+
+def in_flight(lines: list[str]) -> set[str]:
+    """Render steps that were started and not done."""
+    steps = [line.split(":")[0] for line in lines if line.startswith("render/") and line.endswith(": started\n")]
+    return {step for step in steps if not any(line.startswith(f"{step}: done") for line in lines)}
+
+
+def views(lines: list[str]) -> list[str]:
+    """Views that were rendered, each by its mesh and number."""
+    return [line.split(" rendered")[0] for line in lines if " rendered, " in line]
+
+
+def test_three_hosts_of_which_one_is_killed_and_one_cut_off(tmp_path, monkeypatch):
+    (tmp_path / "luigi.cfg").write_text(SETTINGS)
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "luigi.cfg"))
+    undisturbed, world = (World(tmp_path / name, code=False) for name in ("undisturbed", "shared"))
+    for one in (undisturbed, world):
+        (one.root / "small.toml").write_text(MANY)
+    undisturbed.make()
+    with hosts(3) as network:
+        if network:
+            world.scheduler_address = network.address
+        with luigid(world):
+            on = [partial(network.command, number) if network else list for number in (1, 2, 3)]
+            killed, cut = Worker(world.start(on=on[0])), Worker(world.start(on=on[1]))
+            killed.wait_for("render/")
+            os.killpg(killed.process.pid, signal.SIGKILL)
+            cut.wait_for("render/")
+            if network:
+                network.cut(2)
+            else:  # on loopback: a process that stands still is as silent as one without a network
+                os.killpg(cut.process.pid, signal.SIGSTOP)
+            lost = in_flight(killed.lines) | in_flight(cut.lines)
+            last = Worker(world.start(on=on[2]))
+            if not network:
+                time.sleep(10)
+                os.killpg(cut.process.pid, signal.SIGCONT)
+            assert last.end(240) == 0, "".join(last.lines)
+            if network:
+                assert cut.end(120) != 0, "".join(cut.lines)
+            else:
+                cut.end(120)
+    killed.end(10)
+    assert world.digests() == undisturbed.digests()
+    rendered = Counter(views(killed.lines + cut.lines + last.lines))
+    twice = {view for view, count in rendered.items() if count > 1}
+    meshes = {step.split("/")[1] for step in lost}
+    assert len(lost) >= 1 and all(view.split(":")[0] in meshes for view in twice), (twice, lost)
+    assert len(rendered) == 2 * 6 + 1

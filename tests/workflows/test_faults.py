@@ -1,0 +1,217 @@
+"""Processes killed, disks filled, schedulers gone, for real: the next run ends with an undisturbed run's very bytes."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from soak import soak
+from world import World, luigid, made
+
+pytestmark = pytest.mark.slow
+
+AFTER = {
+    "sample/tetra": {"shard/tetra", "train", "evaluate"}, "render/tetra/0-2": {"shard/tetra", "train", "evaluate"},
+    "shard/tetra": {"train", "evaluate"}, "train": {"evaluate"}, "evaluate": set(),
+}  # fmt: skip
+"""Step -> what depends on it."""
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    world = World(tmp_path_factory.mktemp("undisturbed"), code=False)
+    world.make()
+    return world
+
+
+@pytest.fixture
+def world(undisturbed, tmp_path):
+    """A finished world of the test's own."""
+    shutil.copytree(undisturbed.workspace, tmp_path / "runs", symlinks=True)
+    return World(tmp_path, code=False)
+
+
+def lose(world: World, step: str) -> None:
+    """Take a step's result away, and those of all that depends on it."""
+    for name in (step, *AFTER[step]):
+        shutil.rmtree(world.manifest(name).parent)
+
+
+def finish(world: World, undisturbed: World) -> list[str]:
+    """What a run makes that nothing disturbs; afterwards all is as in the undisturbed world."""
+    found = world.make()
+    assert world.digests() == undisturbed.digests()
+    assert not list(world.workspace.glob(".work/*/*"))
+    return found
+
+
+KILLS = {
+    "in sampling": ("sample/tetra", "open 1 pool\\.npy$"),
+    "in Cycles": ("render/tetra/0-2", "open 1 /\\.view_00001\\.png$"),
+    "mid-shard": ("shard/tetra", "open 2 /render/[0-9a-f]{32}/view_00001\\.png$"),
+    "before a shard has its name": ("shard/tetra", "open 1 /\\.shard\\.h5\\."),
+    "in training": ("train", "open 2 /\\.\\.checkpoint"),
+    "in evaluation": ("evaluate", "open 1 /\\.metrics\\.json"),
+    "between manifest and rename": ("train", "os.rename 1 /train/[0-9a-f]{32}$"),
+    "between a sample's manifest and rename": ("sample/tetra", "os.rename 1 /sample/[0-9a-f]{32}$"),
+}
+
+
+@pytest.mark.parametrize("moment", KILLS)
+def test_everything_killed(world, undisturbed, moment):
+    step, rule = KILLS[moment]
+    lose(world, step)
+    status, said = world.run(Z2P_FAULT=f"kill {rule}")
+    assert status == -signal.SIGKILL and f"{step}: started" in said and f"{step}: done" not in said
+    assert step in world.predicted()
+    work = sorted(path.name for path in world.workspace.glob(".work/*/*/*"))
+    status, said = world.run()
+    assert status == 0 and set(made(said)) == {step, *AFTER[step]}, said
+    assert world.digests() == undisturbed.digests()
+    if moment == "in Cycles":
+        assert "view_00000.png" in work and "view_00000 rendered" not in said  # finished renders stay
+    if moment == "in training":
+        assert "going on from step 2" in said
+
+
+@pytest.mark.parametrize("step, rule", [
+    ("render/tetra/0-2", "open 1 mesh\\.npz$"),  # read by Blender, and written by its parent, which is another process
+    ("train", "open 2 /\\.\\.checkpoint"),
+])  # fmt: skip
+def test_one_process_killed_is_told_and_ends_with_an_exit_status(world, undisturbed, step, rule):
+    lose(world, step)
+    status, said = world.run(Z2P_FAULT=f"die {rule}")
+    assert status == 30 and f"FAILED {step}" in said and "died" in said and ".log" in said
+    assert set(finish(world, undisturbed)) == {step, *AFTER[step]}
+
+
+def test_blender_killed_while_it_renders(world, undisturbed):
+    lose(world, "render/tetra/0-2")
+    pipeline = world.start()
+    while pipeline.poll() is None:
+        found = subprocess.run(["pgrep", "-g", str(pipeline.pid), "-f", "pipeline.blender"], capture_output=True,
+                               text=True, check=False).stdout.split()  # fmt: skip
+        if found:
+            os.kill(int(found[0]), signal.SIGKILL)
+            break
+    said = pipeline.communicate()[1]
+    assert pipeline.returncode == 30 and "FAILED render/tetra/0-2" in said and "Blender exited with -9" in said
+    finish(world, undisturbed)
+
+
+def test_a_dead_parents_orphan_publishes_late_and_harmlessly(world, undisturbed):
+    lose(world, "train")
+    pipeline = world.start()
+    for line in pipeline.stderr:
+        if line.startswith("train: started"):
+            break
+    pipeline.kill()  # luigi alone: the task goes on
+    assert "train" in world.make() and world.digests() == undisturbed.digests()
+    assert world.make() == []
+
+
+def test_two_pipelines_on_one_workspace_make_everything_once(undisturbed, tmp_path):
+    world = World(tmp_path, code=False)
+    status, said = world.run(processes=2)
+    assert status == 0, said
+    rendered = [line.split(" rendered")[0] for line in said.splitlines() if " rendered, " in line]
+    assert len(rendered) == len(set(rendered)) == 5
+    assert said.count("wrote ") == 1
+    assert world.digests() == undisturbed.digests()
+
+
+@pytest.fixture
+def small_disk(tmp_path):
+    """A folder on a filesystem of its own, of 24 MB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=24m", "tmpfs", str(folder)], check=False,
+                             capture_output=True, text=True)  # fmt: skip
+    if mounted.returncode:
+        pytest.skip(f"a small filesystem cannot be mounted here: {mounted.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("step", AFTER)
+def test_a_full_disk(world, undisturbed, small_disk, step):
+    lose(world, step)
+    shutil.copytree(world.workspace, small_disk / "runs", symlinks=True)
+    shutil.rmtree(world.workspace)
+    world.workspace.symlink_to(small_disk / "runs")
+    stage = step.split("/")[0]
+    ballast = small_disk / "ballast"
+    status, said = world.run(Z2P_FAULT=f"fill os.mkdir 1 /\\.(tmp|work)/{stage}", Z2P_BALLAST=str(ballast))
+    assert ballast.exists() and status == 30 and f"FAILED {step}" in said, said
+    assert "No space left" in said or "o space" in said, said
+    assert step in world.predicted()
+    ballast.unlink()
+    finish(world, undisturbed)
+
+
+def test_no_scheduler_at_the_start_and_none_midway(world, undisturbed, monkeypatch):
+    (world.root / "luigi.cfg").write_text("[core]\nrpc-retry-attempts = 2\nrpc-retry-wait = 1\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(world.root / "luigi.cfg"))
+    lose(world, "render/tetra/0-2")
+    world.scheduler = 9  # nobody listens there
+    status, said = world.run()
+    assert status not in (0, None) and made(said) == []
+    with luigid(world) as server:
+        pipeline = world.start()
+        for line in pipeline.stderr:
+            if line.startswith("render/tetra/0-2: started"):
+                server.kill()
+                break
+        pipeline.communicate()
+        assert pipeline.returncode != 0
+    assert "train" in finish(world, undisturbed)
+
+
+def test_a_worker_dies_and_another_one_takes_over(undisturbed, tmp_path, monkeypatch):
+    world = World(tmp_path, code=False)
+    (tmp_path / "luigid.cfg").write_text("[scheduler]\nworker_disconnect_delay = 5\nretry_delay = 1\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "luigid.cfg"))
+    with luigid(world):
+        first = world.start()
+        for line in first.stderr:
+            if line.startswith("render/") and ": started" in line:
+                break
+        second = world.start()
+        os.killpg(first.pid, signal.SIGKILL)
+        said = second.communicate(timeout=240)[1]
+        assert second.returncode == 0, said
+    assert world.digests() == undisturbed.digests()
+
+
+def test_five_kills_at_random_moments(tmp_path):
+    lines: list[str] = []
+    soak(tmp_path, kills=5, seed=1, say=lines.append)
+    assert lines[-1].startswith("5 kills") and "same digests" in lines[-1]
+
+
+def test_logs_and_progress_tell_how_it_went(undisturbed):
+    """A finished task's log is beside its files; the manifest does not list it."""
+    manifest = undisturbed.manifest("train")
+    log = (manifest.parent / "task.log").read_text()
+    assert "train: started" in log and "step 4: checkpoint" in log
+    assert "task.log" not in json.loads(manifest.read_text())["files"]
+    assert len(list(Path(undisturbed.workspace / ".logs").glob("*/*.log"))) == 8
+
+
+def test_the_progress_line_is_readable_in_a_log_file(tmp_path, monkeypatch):
+    world = World(tmp_path, code=False)
+    (tmp_path / "luigi.cfg").write_text("[z2p]\nprogress_seconds = 0.3\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "luigi.cfg"))
+    began = time.monotonic()
+    status, said = world.run()
+    lines = [line for line in said.splitlines() if line.startswith("progress: ")]
+    assert status == 0 and 3 <= len(lines) <= (time.monotonic() - began) / 0.3
+    assert any("running render/" in line and "images" in line for line in lines)
+    assert any(line.startswith("progress: 6 of 8 done; running train") for line in lines)
+    assert "\r" not in said

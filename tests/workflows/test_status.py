@@ -1,0 +1,85 @@
+"""Every step is fresh, stale or missing, and the reason names the cause."""
+
+import json
+import shutil
+
+import pytest
+from editing import edited
+from small_store import fill, listing
+
+from storage.layout import Store
+from workflows.plan import make_plan
+from workflows.status import as_json, states, table, to_run
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "runs")
+
+
+def told(store, plan):
+    return {one.step: (one.state, *one.reasons) for one in states(plan, store)}
+
+
+def test_a_new_workspace_misses_everything(config, store):
+    found = told(store, make_plan(config))
+    assert set(found.values()) == {("missing", "never made, or deleted")} and not store.root.exists()
+
+
+def test_a_filled_one_is_fresh_and_looking_writes_nothing(config, store):
+    fill(store, make_plan(config))
+    before = listing(store.root)
+    assert set(told(store, make_plan(config)).values()) == {("fresh",)}
+    assert listing(store.root) == before
+
+
+def test_reasons_name_what_changed_and_upstream_by_name(config, store, meshes):
+    fill(store, make_plan(config))
+    (meshes / "meshes" / "bee.obj").write_text("bee, but larger")
+    found = told(store, make_plan(edited(config, "evaluate.views", 3)))
+    assert found["sample/ape"] == found["shard/ape"] == ("fresh",)
+    assert found["sample/bee"] == found["render/bee/0-10"] == ("stale", "mesh contents changed")
+    assert found["shard/bee"] == ("stale", "upstream sample/bee", "upstream render/bee")
+    assert found["train"] == ("stale", "upstream shard/bee")
+    assert found["evaluate"] == ("stale", "views 2 -> 3", "upstream train")
+
+
+def test_renders_cut_anew_have_their_reason(config, store):
+    fill(store, make_plan(config))
+    recut = edited(config, "render.chunk", 6)
+    assert told(store, make_plan(recut))["render/ape/0-6"] == ("stale", "views are cut into other chunks")
+    assert told(store, make_plan(recut))["shard/ape"] == ("fresh",)
+    found = told(store, make_plan(edited(recut, "render.samples", 5)))
+    assert found["render/ape/0-6"] == ("stale", "samples 4 -> 5")
+    assert found["shard/ape"] == ("stale", "upstream render/ape")
+
+
+def test_deleted_and_damaged_results_are_told_apart(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    shutil.rmtree(store.folder(plan.steps["train"].entry))
+    (store.folder(plan.steps["sample/ape"].entry) / "result.bin").write_text("shorter")
+    store.quarantine(store.folder(plan.steps["sample/bee"].entry))
+    found = told(store, plan)
+    assert found["train"] == ("missing", "never made, or deleted")
+    assert found["sample/ape"][0] == "stale" and "result.bin" in found["sample/ape"][1]
+    assert found["sample/bee"] == ("stale", "damaged, and put aside in .quarantine")
+    assert found["shard/ape"] == found["evaluate"] == ("fresh",)
+    assert {one.step for one in to_run(states(plan, store))} == {"train", "sample/ape", "sample/bee"}
+
+
+def test_going_back_is_fresh(config, store):
+    fill(store, make_plan(config))
+    fill(store, make_plan(edited(config, "train.steps", 7)))
+    assert {state for state, *_ in told(store, make_plan(config)).values()} == {"fresh"}
+
+
+def test_table_and_json_say_the_same(config, store):
+    plan = make_plan(config)
+    fill(store, plan, "sample/ape")
+    found = states(plan, store)
+    lines = table(found)
+    assert lines[0].split() == ["FRESH", "sample/ape"] and lines[-1] == f"1 fresh, 0 stale, {len(found) - 1} missing"
+    assert len(table(found, every=False)) == len(lines) - 1
+    rows = json.loads(as_json(found))
+    assert [row["step"] for row in rows] == list(plan.steps) and rows[1]["state"] == "missing"

@@ -1,0 +1,103 @@
+"""What nobody needs is shown and then removed; what is kept, linked, written or in use stays."""
+
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+from editing import edited
+from small_store import fill, link, listing
+
+from storage.layout import Store
+from workflows.plan import make_plan
+from workflows.running import Registration, keep, running
+from workflows.sweep import sweep, unneeded
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "runs")
+
+
+def names(found):
+    return {one.name for one in found}
+
+
+def test_results_of_a_setting_that_was_left_go_and_the_rest_stays(config, store):
+    old, new = make_plan(config), make_plan(edited(config, "train.steps", 7))
+    fill(store, old)
+    fill(store, new)
+    keep(store, new, "{}")
+    before = listing(store.root)
+    assert names(unneeded(store)) == {"train", "evaluate"}
+    after = listing(store.root)
+    assert {path for path in after if "/.locks" not in path} == {path for path in before if "/.locks" not in path}
+    assert names(sweep(store)) == {"train", "evaluate"} and unneeded(store) == []
+    assert all(store.complete(step.entry) for step in new.steps.values())
+    assert not store.complete(old.steps["train"].entry) and not (store.root / ".trash").exists()
+
+
+def test_what_a_link_leads_to_stays_with_all_that_it_was_made_from(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    link(store, plan)
+    assert names(unneeded(store)) == {"evaluate"}
+    assert len(unneeded(store, drop=["quick"])) == len(plan.steps)
+
+
+def test_a_configuration_can_be_dropped(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    keep(store, plan, "{}")
+    assert unneeded(store) == []
+    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+    assert not list((store.root / ".kept").iterdir())
+
+
+def test_what_a_running_pipeline_uses_stays_until_it_ends(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    registration = Registration(store, plan, "{}")
+    (store.root / ".kept" / "quick.json").unlink()
+    assert sweep(store) == [] and [note["name"] for note in running(store)] == ["quick"]
+    registration.close()
+    assert len(unneeded(store)) == len(plan.steps)
+
+
+def test_a_killed_pipelines_note_does_not_last_but_that_of_another_machine_is_believed_for_a_while(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    registration = Registration(store, plan, "{}")
+    (store.root / ".kept" / "quick.json").unlink()
+    registration._file.close()  # as the kernel does when the process is killed
+    elsewhere = registration.path.rename(registration.path.with_name("elsewhere-1-abc.json"))
+    assert unneeded(store) == []
+    os.utime(elsewhere, (time.time() - 3600,) * 2)
+    assert len(unneeded(store)) == len(plan.steps) and not elsewhere.exists()
+
+
+def test_a_result_that_is_being_written_by_another_process_stays(config, store):
+    plan = make_plan(config)
+    entry = plan.steps["train"].entry
+    (store.work_folder(entry) / "checkpoints").mkdir(parents=True)
+    with store.lock(entry):
+        script = ("import sys; from pathlib import Path; from storage.layout import Store; "
+                  "from workflows.sweep import sweep; print(len(sweep(Store(Path(sys.argv[1])))))")  # fmt: skip
+        command = [sys.executable, "-c", script, str(store.root)]
+        assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == ["0"]
+    assert names(sweep(store)) == {"unfinished train"} and not store.work_folder(entry).exists()
+
+
+def test_scraps_of_killed_runs_and_repairs_go(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    keep(store, plan, "{}")
+    store.quarantine(store.folder(plan.steps["sample/ape"].entry))
+    fill(store, plan, "sample/ape")
+    old, young = (store.root / ".tmp" / f"sample-0123456789abcdef-{name}" for name in ("old", "young"))
+    for folder in (old, young):
+        folder.mkdir(parents=True)
+    os.utime(old, (time.time() - 7200,) * 2)
+    assert names(sweep(store)) == {"damaged sample", "left by a killed sample"}
+    assert young.exists() and all(store.complete(step.entry) for step in plan.steps.values())

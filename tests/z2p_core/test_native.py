@@ -1,0 +1,188 @@
+"""The compiled kernels against plain geometry: spheres, planes and lamps whose answers are known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from z2p_core import native
+from z2p_core.camera import Camera
+
+
+def sphere_of(count, seed=0, radius=1.0):
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return (radius * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
+
+
+def square_of(count, half, height, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-half, half, (count, 2)), np.full(count, height)]).astype(np.float32)
+
+
+VIEWER = np.array([0.0, -3.6, 0.0], np.float32)
+
+
+def test_normals_of_a_sphere_are_its_radii_turned_to_the_viewer():
+    points, _, normals = native.surface(sphere_of(4000), VIEWER)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
+    assert ((VIEWER - points) * normals).sum(1).min() >= 0
+    along = np.abs((points * normals).sum(1))
+    assert np.median(along) > 0.998 and np.quantile(along, 0.01) > 0.98
+
+
+@pytest.mark.parametrize("count", [500, 4000, 30_000])
+def test_spacing_is_the_side_of_a_points_share_of_the_surface(count):
+    _, spacing, _ = native.surface(sphere_of(count), VIEWER)
+    assert np.median(spacing) == pytest.approx(math.sqrt(4 * math.pi / count), rel=0.12)
+
+
+def test_spacing_follows_density():
+    dense, sparse = square_of(4000, 0.2, 0.0), square_of(1000, 0.2, 0.0, seed=1) + np.float32([1, 0, 0])
+    points, spacing, _ = native.surface(np.concatenate([dense, sparse]), VIEWER)
+    ratio = np.median(spacing[points[:, 0] > 0.5]) / np.median(spacing[points[:, 0] < 0.5])
+    assert ratio == pytest.approx(2.0, rel=0.15)
+
+
+def test_the_order_of_points_does_not_matter_and_none_is_lost():
+    cloud = sphere_of(3000)
+    first = native.surface(cloud, VIEWER)
+    second = native.surface(cloud[::-1], VIEWER)
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(np.unique(first[0], axis=0), np.unique(cloud, axis=0))
+
+
+@pytest.mark.parametrize(
+    "cloud",
+    [
+        np.zeros((1, 3)), np.zeros((50, 3)), np.linspace(0, 1, 50)[:, None] * [1, 0, 0],
+        np.concatenate([sphere_of(500, radius=1e-3), [[100, 100, 100]]]), np.repeat(sphere_of(20), 30, axis=0),
+    ],
+    ids=["one point", "one place", "a line", "a stray point", "repeated points"],
+)  # fmt: skip
+def test_degenerate_clouds_have_finite_answers(cloud):
+    points, spacing, normals = native.surface(cloud.astype(np.float32), VIEWER)
+    assert np.isfinite(spacing).all() and (spacing >= 0).all() and len(points) == len(cloud)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-4)
+
+
+UP, DOWN = np.float32([0, 0, 1]), np.float32([0, 0, -1])
+
+
+def test_light_falls_with_distance_and_angle():
+    points = np.float32([[0, 0, 0], [0.5, 0, -1], [3, 0, 0]])
+    lamp = np.float32([[0, 0, 3]])
+    light = native.illuminate(points, np.tile(UP, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
+    # both cosines count: beside the lamp's axis it shines weaker, and falls slanting
+    np.testing.assert_allclose(light, [1.0, 9 * 16 / 16.25**2, 9 / 18 * 0.5], rtol=1e-5)
+    away = native.illuminate(points, np.tile(DOWN, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
+    assert not away.any()
+
+
+def test_a_sheet_hides_the_lamp_from_what_lies_below_it_and_not_itself():
+    spacing = 0.6 / math.sqrt(4000)
+    sheet = square_of(4000, 0.3, 0.5)
+    below, beside = square_of(200, 0.1, -0.5, seed=1), square_of(200, 0.1, -0.5, seed=2) + np.float32([0.9, 0, 0])
+    points = np.concatenate([sheet, below, beside])
+    lamp = np.float32([[0, 0, 3.5]])
+    light = native.illuminate(
+        points, np.tile(UP, (len(points), 1)), lamp, DOWN[None], np.float32([1.0]), spacing, 1.5
+    ) > 0  # fmt: skip
+    assert light[:4000].mean() == 1.0 and light[4200:].mean() == 1.0
+    assert light[4000:4200].mean() < 0.06  # the sheet is random points, and has a gap here and there
+
+
+def test_a_slanting_plane_does_not_shade_itself():
+    rng, count = np.random.default_rng(0), 5000
+    flat = rng.uniform(-0.7, 0.7, (count, 2))
+    points = np.column_stack([flat, 2.0 * flat[:, 0]]).astype(np.float32) * np.float32(0.5)
+    normal = np.float32([-2, 0, 1]) / math.sqrt(5)
+    spacing = 0.7 * math.sqrt(math.sqrt(5) / count)
+    lamp = np.float32([[0, -1.5, 3.0]])
+    light = native.illuminate(
+        points, np.tile(normal, (count, 1)), lamp, -lamp / np.linalg.norm(lamp), np.float32([1.0]), spacing, 1.3
+    )  # fmt: skip
+    assert (light > 0).mean() > 0.99
+
+
+def test_the_shade_of_a_sheet_on_the_floor_has_its_size_and_place():
+    side, half = 200, 2.0
+    sheet = square_of(20_000, 0.25, 0.0) + np.float32([0.5, 0, 0])
+    lamps = np.float32([[0.5, 0, 2.0], [0.5, 0, 50.0]])
+    shade = native.floor_shade(sheet, lamps, np.float32([0.75, 0.25]), -1.0, half, side)
+    cell = 2 * half / side
+    rows, columns = np.nonzero(shade >= 0.75)
+    middle = (columns.mean() + 0.5) * cell - half, (rows.mean() + 0.5) * cell - half
+    assert middle == pytest.approx((0.5, 0), abs=cell)
+    # the near lamp stretches half a unit by 3 / 2, the far one hardly
+    assert len(rows) * cell**2 == pytest.approx(0.75**2, rel=0.08)
+    assert (shade == 1.0).sum() * cell**2 == pytest.approx((0.5 * 51 / 50) ** 2, rel=0.08)
+    assert set(np.unique(shade)) == {0.0, 0.75, 1.0}
+
+
+def test_points_above_a_lamp_and_far_off_cast_no_shade():
+    points = np.float32([[0, 0, 2.5], [0, 0, 2.0], [1.9, 0, 1.9]])
+    assert not native.floor_shade(points, np.float32([[0, 0, 2.0]]), np.float32([1.0]), -1.0, 2.0, 64).any()
+
+
+def test_the_floors_shadow_lies_where_the_camera_sees_it():
+    camera, floor, half, side = Camera(96, 64, 35.0), -0.8, 2.0, 400
+    shade = np.zeros((side, side), np.float32)
+    place = np.array([0.6, -0.4])
+    column, row = ((place + half) / (2 * half) * side).astype(int)
+    shade[row - 8 : row + 8, column - 8 : column + 8] = 1.0
+    lamp, axis = np.float32([0, 0, 3]), DOWN
+    alpha = native.floor_shadow(shade, np.zeros_like(shade), floor, half, lamp, axis, 10.0, 1.0, camera)
+    (x, y), _ = (part[0] for part in camera.project(np.array([[*place, floor]])))
+    found = np.average(np.argwhere(alpha > 0) + 0.5, axis=0, weights=alpha[alpha > 0])
+    assert found[::-1] == pytest.approx([x, y], abs=0.5)
+    away = lamp - [*place, floor]
+    light = 10.0 * (away[2] / np.linalg.norm(away)) ** 2 / (away @ away)
+    assert alpha.max() == pytest.approx(light / (light + 1.0), rel=0.01)
+    everywhere = np.ones_like(shade)
+    low = native.floor_shadow(everywhere, everywhere, floor, half, lamp, axis, 1.0, 1.0, Camera(32, 32, 0.0))
+    assert not low[:16].any() and low[-1].max() == pytest.approx(1.0)  # nothing above the horizon
+
+
+def surfels_of(points, normals, radius, camera, features=None, slack=2.0):
+    features = np.zeros((len(points), 6), np.float32) if features is None else features
+    radii = np.full(len(points), radius, np.float32)
+    return native.surfels(points, normals, radii, features, camera.focal, camera.width, camera.height, slack)
+
+
+TOWARDS = np.float32([0, 0, -1])
+
+
+def test_a_disc_facing_the_camera_covers_its_area_at_its_depth():
+    camera = Camera(128, 128)
+    drawn = surfels_of(np.float32([[0.2, -0.1, 3.0]]), TOWARDS[None], 0.3, camera)
+    covered = drawn[..., 0] > 0
+    assert covered.sum() == pytest.approx(math.pi * (0.3 * camera.focal / 3) ** 2, rel=0.03)
+    np.testing.assert_allclose(drawn[covered][:, 1] / drawn[covered][:, 0], 3.0, rtol=1e-5)
+    rows, columns = np.nonzero(covered)
+    assert columns.mean() + 0.5 == pytest.approx(64 + 0.2 * camera.focal / 3, abs=0.2)
+    assert rows.mean() + 0.5 == pytest.approx(64 - 0.1 * camera.focal / 3, abs=0.2)
+
+
+def test_a_tilted_disc_has_the_depth_of_its_plane():
+    camera, normal = Camera(128, 128), np.float32([0.6, 0, -0.8])
+    drawn = surfels_of(np.float32([[0, 0, 3.0]]), normal[None], 0.4, camera)
+    rows, columns = np.nonzero(drawn[..., 0] > 0)
+    rays = np.stack([(columns + 0.5 - 64) / camera.focal, (rows + 0.5 - 64) / camera.focal, np.ones(len(rows))], 1)
+    depth = drawn[rows, columns, 1] / drawn[rows, columns, 0]
+    np.testing.assert_allclose(depth * (rays @ normal), 3.0 * normal[2], rtol=1e-4)
+
+
+def test_the_nearest_disc_shows_and_touching_ones_blend():
+    camera = Camera(64, 64)
+    features = np.float32([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]])
+    for gap, blended in ((0.05, True), (0.9, False)):
+        points = np.float32([[0, 0, 3.0], [0, 0, 3.0 + gap]])
+        for order in ([0, 1], [1, 0]):
+            drawn = surfels_of(points[order], np.tile(TOWARDS, (2, 1)), 0.2, camera, features[order])
+            assert (drawn[32, 32, 2] > 0, drawn[32, 32, 3] > 0) == (True, blended)
+
+
+def test_discs_outside_the_picture_or_behind_the_camera_draw_nothing():
+    points = np.float32([[0, 0, -3], [9, 0, 3], [0, -9, 3], [0, 0, 0]])
+    assert not surfels_of(points, np.tile(TOWARDS, (4, 1)), 0.3, Camera(64, 64)).any()

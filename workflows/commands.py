@@ -1,0 +1,175 @@
+"""`z2p status`, `verify`, `gc`, `adopt` and `scheduler`: a workspace looked at and kept in order, and shared.
+
+`z2p` starts these as ``python -m workflows COMMAND``, as it starts luigi: nothing but this package imports luigi.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import click
+import luigi.cmdline
+
+from storage.adoption import adopt as take_over
+from storage.adoption import candidates
+from storage.fingerprints import STAGE_VERSIONS
+from storage.layout import Store, StoreError
+from storage.manifests import faults
+from workflows import apply_settings
+from workflows.plan import USERS_ERRORS, Plan
+from workflows.running import keep, kept
+from workflows.status import as_json, states, table
+from workflows.sweep import Unneeded, sweep, unneeded
+from workflows.tasks import load_plan, source_of
+from workflows.truth import truth_candidates
+
+TRUTH = "truth"
+"""Folder of a workspace that is a store of its own, for ground truth."""
+
+
+def _workspace(command: Callable[..., Any]) -> Callable[..., Any]:
+    return click.option("--workspace", default="runs", show_default=True, metavar="DIR", help="Folder of all results.",
+                        type=click.Path(file_okay=False, path_type=Path))(command)  # fmt: skip
+
+
+def _plan_options(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The options of `z2p pipeline` that say which results are meant."""
+    for name, metavar, text in (
+        ("--evaluate-meshes", "DIR", "Folder of meshes kept aside for the evaluation."),
+        ("--meshes", "DIR", "Folder of meshes to train on; shapes of the project's own without it."),
+        ("--config", "TOML", "Settings of every stage; the quick ones without it."),
+    ):
+        command = click.option(name, default="", metavar=metavar, help=text)(command)
+    return _workspace(command)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+def main() -> None:
+    """Look at a workspace and keep it in order."""
+
+
+@main.command()
+@_plan_options
+@click.option("--json", "in_json", is_flag=True, help="A JSON list instead of a table.")
+@click.option("--stale", "only_stale", is_flag=True, help="Only what a run would make.")
+def status(workspace: Path, in_json: bool, only_stale: bool, **where: str) -> None:
+    """List every step as fresh, stale or missing, with the reason. Writes nothing."""
+    found = states(_plan(**where), Store(workspace.absolute()))
+    if in_json:
+        click.echo(as_json([one for one in found if not only_stale or one.state != "fresh"]))
+    else:
+        click.echo("\n".join(table(found, every=not only_stale)))
+
+
+@main.command()
+@_workspace
+def verify(workspace: Path) -> None:
+    """Compare every result with its digests; a damaged one is put aside and made again by the next run.
+
+    Exit status 1 when a result was damaged.
+    """
+    checked, damaged = 0, 0
+    for store in (Store(workspace.absolute()), Store(workspace.absolute() / TRUTH)):
+        for folder in (folder for stage in store.stages() for folder in store.folders(stage)):
+            checked += 1
+            found = faults(folder, every_digest=True)
+            if found and folder.exists():
+                damaged += 1
+                click.echo(f"DAMAGED {found[0]}\n        put aside in {store.quarantine(folder)}")
+    click.echo(f"{checked} results read, {damaged} damaged")
+    sys.exit(1 if damaged else 0)
+
+
+@main.command()
+@_workspace
+@click.option("--drop", multiple=True, metavar="NAME", help="Let go of a configuration's results as well; repeatable.")
+@click.option("--yes", is_flag=True, help="Remove what is listed.")
+def gc(workspace: Path, drop: tuple[str, ...], yes: bool) -> None:
+    """List what no kept configuration and no running pipeline needs; with --yes, remove it."""
+    store = Store(workspace.absolute())
+    unknown = sorted(name for name in drop if name not in kept(store) and not (store.root / name).is_dir())
+    if unknown:
+        raise click.ClickException(f"--drop: unknown configuration {unknown[0]!r}; kept: {', '.join(kept(store))}")
+    found = sweep(store, drop) if yes else unneeded(store, drop)
+    for one in found:
+        click.echo(f"{one.size / 1e6:9.1f} MB  {one.name:30}  {one.path.relative_to(store.root)}")
+    click.echo(_told(found, yes))
+
+
+@main.command()
+@click.argument("stages", nargs=-1, metavar="STAGE...")
+@_plan_options
+@click.option("--because", default="", metavar="REASON", help="Why the results would be the same; without it, a list.")
+@click.option("--json", "in_json", is_flag=True, help="A JSON list instead of a table.")
+def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool, **where: str) -> None:
+    """Vouch for results that older code made: take them over where nothing but code or packages changed.
+
+    STAGE is one or more of shapes, sample, render, shard, train, evaluate and reference (the ground truth of the
+    evaluation); without one, all of them. Without --because it lists what could be taken over and changes nothing.
+    Results whose parameters, meshes or plugin versions differ are never taken over.
+    """
+    unknown = [stage for stage in stages if stage not in STAGE_VERSIONS]
+    if unknown:
+        raise click.UsageError(f"unknown stage {unknown[0]!r}; stages: {', '.join(STAGE_VERSIONS)}")
+    store, plan = Store(workspace.absolute()), _plan(**where)
+    wanted = stages or tuple(STAGE_VERSIONS)
+    found = candidates(store, [step.entry for step in plan.steps.values()], wanted)
+    truth = Store(store.root / TRUTH)
+    pictures = truth_candidates(plan, store, truth) if "reference" in wanted else []
+    for candidate in found if because else ():
+        take_over(store, candidate, because)
+    for candidate in pictures if because else ():
+        take_over(truth, candidate, because)
+    found += pictures
+    if because and found:
+        keep(store, plan, source_of(**where))
+    if in_json:
+        rows = [{"step": one.entry.name, "fingerprint": one.entry.fingerprint, "from": one.old_fingerprint,
+                 "differences": one.differences} for one in found]  # fmt: skip
+        click.echo(json.dumps(rows, indent=1))
+        return
+    width = max((len(one.entry.name) for one in found), default=0)
+    for one in found:
+        click.echo(f"{one.entry.name:{width}}  {one.folder.name}  {'; '.join(one.differences)}")
+    click.echo(f"{len(found)} results {'taken over' if because else 'could be taken over with --because REASON'}")
+
+
+@main.command()
+@click.option("--address", default="127.0.0.1", show_default=True, metavar="IP", help="Where to listen; it has no "
+              "authentication of its own, so never on a public address.")
+@click.option("--port", default=8082, show_default=True, type=click.IntRange(1, 65535), metavar="N")
+def scheduler(address: str, port: int) -> None:
+    """Start luigi's central scheduler, which shares the work among pipelines on several machines."""
+    apply_settings("luigid.cfg")
+    folder = tempfile.mkdtemp(prefix="z2p-scheduler-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)  # after luigid's own last words
+    luigi.cmdline.luigid(["--address", address, "--port", str(port), "--state-path", f"{folder}/state"])
+
+
+def _plan(config: str, meshes: str, evaluate_meshes: str) -> Plan:
+    try:
+        return load_plan(source_of(config, meshes, evaluate_meshes))
+    except USERS_ERRORS as error:
+        raise click.UsageError(str(error)) from error
+
+
+def _told(found: list[Unneeded], removed: bool) -> str:
+    size = sum(one.size for one in found) / 1e6
+    end = "removed" if removed else "not needed; remove them with --yes" if found else "not needed"
+    return f"{len(found)} of {size:.1f} MB {end}"
+
+
+def run() -> None:
+    """Run the command line; what a user can mend is told in one line."""
+    try:
+        main(prog_name="z2p")
+    except StoreError as error:
+        click.echo(f"Error: {error}", err=True)
+        sys.exit(1)

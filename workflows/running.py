@@ -1,0 +1,109 @@
+"""Which results are in use: by pipelines that run now, and by configurations whose results are kept.
+
+====================================  ===============================================================================
+`<root>/.running/<host>-<pid>.json`   a running pipeline's results; locked while it lives, touched every few seconds
+`<root>/.kept/<name>.json`            the results of a configuration's newest run
+====================================  ===============================================================================
+"""
+
+from __future__ import annotations
+
+import atexit
+import fcntl
+import json
+import os
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+from storage.layout import Store
+from workflows.plan import Plan
+
+SILENT_SECONDS = 600.0
+"""A pipeline of another machine counts as dead when it has been silent for so long."""
+
+
+class Registration:
+    """A pipeline's note of the results that it uses; it goes when the process ends."""
+
+    def __init__(self, store: Store, plan: Plan, source: str) -> None:
+        note = _note(store, plan, source)
+        self._process = os.getpid()
+        with gate(store, shared=True):
+            name = f"{note['host']}-{os.getpid()}-{uuid.uuid4().hex[:6]}.json"
+            self.path = _write(store.root / ".running" / name, note)
+            self._file: IO[str] = self.path.open()
+            fcntl.flock(self._file, fcntl.LOCK_SH)
+            keep(store, plan, source)
+        atexit.register(self.close)
+
+    def touch(self) -> None:
+        """Say that the pipeline is alive."""
+        if self.path.exists():
+            os.utime(self.path)
+
+    def close(self) -> None:
+        if os.getpid() == self._process:  # a forked task ends before its pipeline
+            self.path.unlink(missing_ok=True)
+            self._file.close()
+
+
+def keep(store: Store, plan: Plan, source: str) -> None:
+    """Note the plan's results as those of its configuration, in place of an earlier run's."""
+    _write(store.root / ".kept" / f"{plan.config.name}.json", _note(store, plan, source))
+
+
+def running(store: Store) -> Iterator[dict[str, Any]]:
+    """Notes of the pipelines that are alive, as far as can be told; those of dead ones are removed."""
+    for path in sorted((store.root / ".running").glob("*.json")):
+        if _is_alive(path):
+            yield json.loads(path.read_text(encoding="utf-8"))
+        else:
+            path.unlink(missing_ok=True)
+
+
+def kept(store: Store) -> dict[str, dict[str, Any]]:
+    """Notes of the kept configurations, by name."""
+    return {path.stem: json.loads(path.read_text(encoding="utf-8"))
+            for path in sorted((store.root / ".kept").glob("*.json"))}  # fmt: skip
+
+
+@contextmanager
+def gate(store: Store, *, shared: bool) -> Iterator[None]:
+    """Held shared by a pipeline that starts and alone by a sweep, so that neither is in the middle of the other."""
+    path = store.root / ".locks" / "sweep"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with path.open("a") as file:
+        fcntl.flock(file, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
+        yield
+
+
+def _note(store: Store, plan: Plan, source: str) -> dict[str, Any]:
+    folders = [store.folder(step.entry).relative_to(store.root).as_posix() for step in plan.steps.values()]
+    return {"name": plan.config.name, "host": os.uname().nodename, "source": json.loads(source),
+            "results": sorted(folders)}  # fmt: skip
+
+
+def _is_alive(path: Path) -> bool:
+    try:
+        with path.open() as file:
+            silent = time.time() - path.stat().st_mtime
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                return True
+            own = path.name.startswith(f"{os.uname().nodename}-")
+            return not own and silent < SILENT_SECONDS
+    except FileNotFoundError:
+        return False
+
+
+def _write(path: Path, note: dict[str, Any]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary.write_text(json.dumps(note, indent=1) + "\n", encoding="utf-8")
+    temporary.replace(path)
+    return path

@@ -1,0 +1,96 @@
+"""The luigi tasks: one class a stage, whose make() hands its paths to one function of `pipeline`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from workflows.known_views import copy_known_views
+from workflows.task_log import say
+from workflows.tasks import StageTask
+
+
+class Shapes(StageTask):
+    """The built-in meshes."""
+
+    stage = "shapes"
+
+    def make(self, out: Path) -> None:
+        from pipeline.shapes import make_shapes
+
+        make_shapes(out)
+
+
+class SampleMesh(StageTask):
+    """A mesh's pool of points."""
+
+    stage = "sample"
+    priority = 10  # before the renders: a broken mesh shows in the first minute and not after hours
+
+    def make(self, out: Path) -> None:
+        from pipeline.sample import sample_pool
+
+        config = self.plan.config.sample
+        sample_pool(self.mesh_path(), config, config.seed, out)
+
+
+class RenderChunk(StageTask):
+    """Some of a mesh's views; a killed one keeps what it has, and views rendered under another cut are copied."""
+
+    stage = "render"
+    resumable = True
+
+    def make(self, out: Path) -> None:
+        from pipeline.views import render_chunk
+
+        step = self.step
+        if step.mesh is None:
+            raise ValueError(f"{self.step_name} has no mesh")
+        copy_known_views(self.store, step.entry, range(*step.views), out)
+        render_chunk(self.mesh_path(), step.mesh.identity, *step.views, self.plan.config.render, out, log=say)
+
+
+class ShardMesh(StageTask):
+    """A mesh's renders and points in one HDF5 file."""
+
+    stage = "shard"
+
+    def make(self, out: Path) -> None:
+        from pipeline.shard import make_shard
+        from pipeline.views import load_controls
+
+        config, mesh = self.plan.config, self.step.mesh
+        pool = self.upstream_folders("sample")[0] / "pool.npy"
+        controls = load_controls(config.render.controls)
+        # told by its content, not by a name that may change while the shard stays
+        identity = mesh.identity[:16] if mesh else ""
+        make_shard(self.upstream_folders("render"), pool, config.shard, controls, out, identity)
+
+
+class Train(StageTask):
+    """Weights and learning curve."""
+
+    stage = "train"
+    resumable = True
+    leftovers = ("checkpoints",)
+
+    def make(self, out: Path) -> None:
+        from pipeline.train import train
+
+        steps = [self.plan.steps[name] for name in self.step.upstream]
+        # by content: neither the meshes' names nor code that gives the same shards change the order that they are read
+        steps.sort(key=lambda step: step.mesh.identity if step.mesh else "")
+        shards = [self.store.folder(step.entry) / "shard.h5" for step in steps]
+        train(shards, self.plan.config.train, out, log=say)
+
+
+class Evaluate(StageTask):
+    """Metrics and contact sheet against Blender's ground truth, on meshes kept aside."""
+
+    stage = "evaluate"
+
+    def make(self, out: Path) -> None:
+        from pipeline.evaluate import evaluate
+
+        weights = self.upstream_folders("train")[0] / "weights.safetensors"
+        meshes = {mesh.name: self.mesh_path(mesh) for mesh in self.plan.evaluation}
+        evaluate(meshes, weights, out, self.plan.config.evaluate, self.store.root / "truth", log=say)

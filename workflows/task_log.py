@@ -1,0 +1,68 @@
+"""Each task's own log file, beside its output: everything that it and its child processes print."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+LAST_LINES = 12
+_TAIL_BYTES = 16_384
+
+_terminal: int | None = None
+"""Where stderr led before a task's log took its place; None while no log is open in this process."""
+
+
+def say(line: str) -> None:
+    """One line of progress on stderr, and in the log of the task that runs."""
+    os.write(2 if _terminal is None else _terminal, f"{line}\n".encode())
+    if _terminal is not None:
+        stamp = time.strftime("%H:%M:%S", time.gmtime())
+        with suppress(OSError):  # a full disk must not hide, behind its log, what went wrong
+            os.write(2, "".join(f"{stamp} {part}\n" for part in line.splitlines()).encode())
+
+
+@contextmanager
+def logged(path: Path) -> Iterator[None]:
+    """Sends what is printed to the file at `path`, child processes' output too; an error's traceback ends it."""
+    global _terminal
+    path.parent.mkdir(parents=True, exist_ok=True)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    saved = [os.dup(1), os.dup(2)]
+    log = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    began = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
+    os.write(log, f"--- {began}, process {os.getpid()} on {os.uname().nodename}\n".encode())
+    os.dup2(log, 1)
+    os.dup2(log, 2)
+    os.close(log)
+    outer = _terminal
+    _terminal = saved[1] if outer is None else outer  # a task may make what it needs, which has a log of its own
+    try:
+        yield
+    except BaseException:
+        with suppress(OSError):
+            os.write(2, traceback.format_exc().encode())
+        raise
+    finally:
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError):
+                stream.flush()
+        _terminal = outer
+        for number, descriptor in zip((1, 2), saved, strict=True):
+            os.dup2(descriptor, number)
+            os.close(descriptor)
+
+
+def last_lines(path: Path, count: int = LAST_LINES) -> list[str]:
+    """The last lines of a log, none when there is no log."""
+    try:
+        with path.open("rb") as file:
+            file.seek(max(0, path.stat().st_size - _TAIL_BYTES))
+            return file.read().decode(errors="replace").splitlines()[-count:]
+    except OSError:
+        return []

@@ -1,0 +1,124 @@
+"""What the compiled kernels compute, as functions of numpy arrays. They hold no lock, so threads run side by side.
+
+The C files lie beside this one; installing the package compiles them. Everything is float32 and the same on every run.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.machinery
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from z2p_core.camera import Camera
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL:
+    """The compiled kernels.
+
+    Raises:
+        ImportError: they were not compiled; the message says how.
+    """
+    for suffix in importlib.machinery.EXTENSION_SUFFIXES:
+        path = Path(__file__).parent / f"kernels{suffix}"
+        if path.exists():
+            return ctypes.CDLL(str(path))
+    raise ImportError(
+        f"z2p's compiled kernels are missing beside {__file__}; install a C compiler (Debian: apt-get install gcc "
+        "libc6-dev) and z2p again (pip install .)"
+    )
+
+
+def surface(cloud: np.ndarray, viewer: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (N, 3), spacing (N,) and unit normals (N, 3) of a cloud (N, 3), N >= 1, all float32, in an own order.
+
+    Spacing is the side of the square patch of surface that is a point's share, by its 12 nearest points; the normal is
+    that of the plane through them, turned towards `viewer` (3,).
+    """
+    count = len(cloud)
+    points, normals = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+    spacing = np.empty(count, np.float32)
+    _call("z2p_surface", _floats(cloud), count, _floats(viewer), points, spacing, normals)
+    return points, spacing, normals
+
+
+def illuminate(
+    points: np.ndarray, normals: np.ndarray, lamps: np.ndarray, axes: np.ndarray, powers: np.ndarray,
+    spacing: float, radius: float,
+) -> np.ndarray:  # fmt: skip
+    """Light (N,) on points (N, 3) with normals: what of lamps (L, 3) that shine along unit axes (L, 3) reaches them.
+
+    A lamp of power p gives p cos cos / distance^2 where the cloud, of that spacing and within `radius` of the origin,
+    does not hide it.
+    """
+    light = np.empty(len(points), np.float32)
+    _call(
+        "z2p_illuminate", _floats(points), _floats(normals), len(points), _floats(lamps), _floats(axes),
+        _floats(powers), len(lamps), ctypes.c_float(spacing), ctypes.c_float(radius), light,
+    )  # fmt: skip
+    return light
+
+
+def floor_shade(
+    points: np.ndarray, lamps: np.ndarray, weights: np.ndarray, floor: float, half: float, side: int
+) -> np.ndarray:
+    """Shade (side, side) on a square floor at that height, `half` to each side of the origin; row by row along +Y.
+
+    Each cell has the sum of the weights (L,) of the lamps (L, 3), L <= 32, that points (N, 3) hide from it.
+    """
+    shade = np.empty((side, side), np.float32)
+    _call(
+        "z2p_floor_shade", _floats(points), len(points), _floats(lamps), _floats(weights), len(lamps),
+        ctypes.c_float(floor), ctypes.c_float(half), side, shade,
+    )  # fmt: skip
+    return shade
+
+
+def floor_shadow(
+    lamp_shade: np.ndarray, sky_shade: np.ndarray, floor: float, half: float, lamp: np.ndarray, axis: np.ndarray,
+    power: float, sky: float, camera: Camera,
+) -> np.ndarray:  # fmt: skip
+    """Alpha (H, W) of the shadow on the floor as the camera sees it, 0 above the horizon.
+
+    The shades (S, S) are those of `floor_shade` for the lamp, which has a place (3,), a unit axis (3,) and a power as
+    in `illuminate`, and for the sky, whose whole irradiance is `sky`.
+    """
+    alpha = np.empty((camera.height, camera.width), np.float32)
+    _call(
+        "z2p_floor_shadow", _floats(lamp_shade), _floats(sky_shade), len(sky_shade), ctypes.c_float(half),
+        ctypes.c_float(floor), _floats(lamp), _floats(axis), ctypes.c_float(power), ctypes.c_float(sky),
+        _floats(camera.rotation), _floats(camera.position), ctypes.c_float(camera.focal), camera.width, camera.height,
+        alpha,
+    )  # fmt: skip
+    return alpha
+
+
+def surfels(
+    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, features: np.ndarray,
+    focal: float, width: int, height: int, slack: float,
+) -> np.ndarray:  # fmt: skip
+    """Picture (height, width, 8): weight, then weighted depth and features, of discs seen by a pinhole camera.
+
+    Points (N, 3) and normals (N, 3) are in the camera's axes, the normals facing it; features are (N, 6). Where discs
+    overlap, those at most `slack` of their radius behind the nearest are summed.
+    """
+    picture = np.zeros((height, width, 8), np.float32)
+    _call(
+        "z2p_surfels", _floats(points), _floats(normals), _floats(radii), _floats(features), len(points),
+        ctypes.c_float(focal), width, height, ctypes.c_float(slack), picture,
+    )  # fmt: skip
+    return picture
+
+
+def _call(name: str, *arguments: Any) -> None:
+    given = [x.ctypes.data_as(ctypes.c_void_p) if isinstance(x, np.ndarray) else x for x in arguments]
+    if not getattr(library(), name)(*given):
+        raise MemoryError(f"{name}: not enough memory")
+
+
+def _floats(array: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(array, dtype=np.float32)

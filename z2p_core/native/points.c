@@ -1,0 +1,196 @@
+/* Neighbours in a bare cloud: how far apart its points lie, and which way its surface faces. */
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define K 12          /* neighbours, the point itself among them */
+#define COARSE 24     /* cells along the longest side of the grid that estimates the surface's area */
+#define POINTS_A_CELL 3.5f
+#define MOST_CELLS (1 << 22)
+#define FARTHEST_RING 6
+
+typedef struct {
+    float low[3], cell;
+    int size[3];
+    int *start; /* first point of each cell, and one past the last */
+} Grid;
+
+static int clamp_int(int value, int low, int high) { return value < low ? low : value > high ? high : value; }
+
+static int place(const Grid *grid, const float *point, int axis) {
+    return clamp_int((int)((point[axis] - grid->low[axis]) / grid->cell), 0, grid->size[axis] - 1);
+}
+
+static int cell_of(const Grid *grid, const float *point) {
+    return (place(grid, point, 2) * grid->size[1] + place(grid, point, 1)) * grid->size[0] + place(grid, point, 0);
+}
+
+static int shape_grid(Grid *grid, const float *extent, float cell) {
+    long cells = 1;
+    grid->cell = cell;
+    for (int axis = 0; axis < 3; axis++) {
+        grid->size[axis] = (int)(extent[axis] / cell) + 1;
+        cells *= grid->size[axis];
+    }
+    return cells <= MOST_CELLS ? (int)cells : 0;
+}
+
+static int by_place(const void *first, const void *second) {
+    const float *a = first, *b = second;
+    for (int axis = 0; axis < 3; axis++)
+        if (a[axis] != b[axis]) return a[axis] < b[axis] ? -1 : 1;
+    return 0;
+}
+
+/* Counting sort by cell, then by coordinates in each: `sorted` does not depend on the order of `points`. */
+static int fill(Grid *grid, int cells, const float *points, int count, float *sorted) {
+    int *cell = malloc(sizeof(int) * (size_t)(count ? count : 1));
+    grid->start = calloc((size_t)cells + 2, sizeof(int));
+    if (!cell || !grid->start) { free(cell); return 0; }
+    int *fill_at = grid->start + 1;
+    for (int i = 0; i < count; i++) grid->start[(cell[i] = cell_of(grid, points + 3 * i)) + 2]++;
+    for (int c = 0; c < cells; c++) fill_at[c + 1] += fill_at[c];
+    for (int i = 0; i < count; i++) memcpy(sorted + 3 * fill_at[cell[i]]++, points + 3 * i, sizeof(float[3]));
+    free(cell);
+    for (int c = 0; c < cells; c++) {
+        int first = grid->start[c], members = grid->start[c + 1] - first;
+        if (members > 1) qsort(sorted + 3 * first, (size_t)members, sizeof(float[3]), by_place);
+    }
+    return 1;
+}
+
+static int build(Grid *grid, const float *points, int count, float *sorted) {
+    float high[3], extent[3], longest = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        grid->low[axis] = high[axis] = points[axis];
+        for (int i = 1; i < count; i++) {
+            float x = points[3 * i + axis];
+            if (x < grid->low[axis]) grid->low[axis] = x;
+            if (x > high[axis]) high[axis] = x;
+        }
+        extent[axis] = high[axis] - grid->low[axis];
+        if (extent[axis] > longest) longest = extent[axis];
+    }
+    if (longest <= 0) longest = 1e-6f;
+    /* coarse occupancy: area of the surface, give or take */
+    static const int cube = COARSE * COARSE * COARSE;
+    uint8_t *seen = calloc(cube, 1);
+    if (!seen) return 0;
+    shape_grid(grid, extent, longest / (COARSE - 0.01f));
+    int occupied = 0;
+    for (int i = 0; i < count; i++) {
+        uint8_t *here = seen + clamp_int(cell_of(grid, points + 3 * i), 0, cube - 1);
+        occupied += !*here;
+        *here = 1;
+    }
+    free(seen);
+    float cell = sqrtf((float)occupied * grid->cell * grid->cell * POINTS_A_CELL / (float)count);
+    int cells = 0;
+    if (cell < longest * 1e-4f) cell = longest * 1e-4f;
+    while (!(cells = shape_grid(grid, extent, cell))) cell *= 1.25f;
+    return fill(grid, cells, points, count, sorted);
+}
+
+/* K near points of `points[self]`, nearest first, itself among them, the nearest but for a few at the end; returns how
+ * many there are. */
+static int nearest(const Grid *grid, const float *points, int self, int *found, float *distance) {
+    const float *p = points + 3 * self;
+    int home[3], count = 0;
+    for (int axis = 0; axis < 3; axis++) home[axis] = place(grid, p, axis);
+    for (int ring = 0; ring <= FARTHEST_RING; ring++) {
+        int low[3], high[3];
+        for (int axis = 0; axis < 3; axis++) {
+            low[axis] = clamp_int(home[axis] - ring, 0, grid->size[axis] - 1);
+            high[axis] = clamp_int(home[axis] + ring, 0, grid->size[axis] - 1);
+        }
+        for (int z = low[2]; z <= high[2]; z++)
+            for (int y = low[1]; y <= high[1]; y++) {
+                int shell = abs(z - home[2]) == ring || abs(y - home[1]) == ring;
+                for (int x = low[0]; x <= high[0]; x++) {
+                    if (!shell && abs(x - home[0]) != ring) continue;
+                    int c = (z * grid->size[1] + y) * grid->size[0] + x;
+                    for (int i = grid->start[c]; i < grid->start[c + 1]; i++) {
+                        float dx = points[3 * i] - p[0], dy = points[3 * i + 1] - p[1], dz = points[3 * i + 2] - p[2];
+                        float square = dx * dx + dy * dy + dz * dz;
+                        if (count == K && square >= distance[K - 1]) continue;
+                        int at = count < K ? count++ : K - 1;
+                        for (; at > 0 && distance[at - 1] > square; at--) {
+                            distance[at] = distance[at - 1];
+                            found[at] = found[at - 1];
+                        }
+                        distance[at] = square;
+                        found[at] = i;
+                    }
+                }
+            }
+        /* all but the farthest few are sure to lie in the first ring: cells hold several points each */
+        if (ring && count == K) break;
+    }
+    return count;
+}
+
+/* Unit eigenvector of the smallest eigenvalue of a symmetric matrix xx xy xz yy yz zz, by Jacobi rotations. */
+static void smallest_axis(const float *m, float *axis) {
+    float a[3][3] = {{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}};
+    float v[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    for (int sweep = 0; sweep < 6; sweep++)
+        for (int p = 0; p < 2; p++)
+            for (int q = p + 1; q < 3; q++) {
+                if (fabsf(a[p][q]) < 1e-20f) continue;
+                float theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
+                float t = (theta >= 0 ? 1.0f : -1.0f) / (fabsf(theta) + sqrtf(theta * theta + 1));
+                float c = 1 / sqrtf(t * t + 1), s = t * c;
+                for (int i = 0; i < 3; i++) {
+                    float ip = a[i][p], iq = a[i][q];
+                    a[i][p] = c * ip - s * iq;
+                    a[i][q] = s * ip + c * iq;
+                }
+                for (int i = 0; i < 3; i++) {
+                    float pi = a[p][i], qi = a[q][i];
+                    a[p][i] = c * pi - s * qi;
+                    a[q][i] = s * pi + c * qi;
+                    float vp = v[i][p], vq = v[i][q];
+                    v[i][p] = c * vp - s * vq;
+                    v[i][q] = s * vp + c * vq;
+                }
+            }
+    int best = a[0][0] <= a[1][1] ? (a[0][0] <= a[2][2] ? 0 : 2) : (a[1][1] <= a[2][2] ? 1 : 2);
+    for (int i = 0; i < 3; i++) axis[i] = v[i][best];
+}
+
+/* For a cloud (count, 3): the same points in an order of their own, each one's spacing (the side of the patch of
+ * surface that is its share) and unit normal, turned towards `viewer` (3). Returns 0 when memory is short. */
+int z2p_surface(const float *points, int count, const float *viewer, float *sorted, float *spacing, float *normals) {
+    Grid grid = {.start = NULL};
+    if (!build(&grid, points, count, sorted)) { free(grid.start); return 0; }
+    for (int i = 0; i < count; i++) {
+        int found[K];
+        float distance[K], mean[3] = {0, 0, 0}, m[6] = {0, 0, 0, 0, 0, 0};
+        int many = nearest(&grid, sorted, i, found, distance);
+        spacing[i] = many > 1 ? sqrtf(3.14159265f * distance[many - 1] / (float)many) : 0;
+        for (int j = 0; j < many; j++)
+            for (int axis = 0; axis < 3; axis++) mean[axis] += sorted[3 * found[j] + axis] / (float)many;
+        for (int j = 0; j < many; j++) {
+            const float *q = sorted + 3 * found[j];
+            float x = q[0] - mean[0], y = q[1] - mean[1], z = q[2] - mean[2];
+            m[0] += x * x; m[1] += x * y; m[2] += x * z; m[3] += y * y; m[4] += y * z; m[5] += z * z;
+        }
+        float *n = normals + 3 * i, towards[3], facing = 0, length = 0;
+        for (int axis = 0; axis < 3; axis++) {
+            towards[axis] = viewer[axis] - sorted[3 * i + axis];
+            length += towards[axis] * towards[axis];
+        }
+        if (many < 3) {
+            for (int axis = 0; axis < 3; axis++) n[axis] = towards[axis] / sqrtf(length + 1e-20f);
+            continue;
+        }
+        smallest_axis(m, n);
+        for (int axis = 0; axis < 3; axis++) facing += n[axis] * towards[axis];
+        if (facing < 0)
+            for (int axis = 0; axis < 3; axis++) n[axis] = -n[axis];
+    }
+    free(grid.start);
+    return 1;
+}
