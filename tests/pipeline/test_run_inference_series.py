@@ -75,6 +75,8 @@ def test_one_frame_for_a_series(render: Callable[..., Result], tmp_path: Path, c
     viewpoint = read_camera(tmp_path / "cam.json")
     reach = [np.linalg.norm(viewpoint.place(points), axis=1).max() for points in (cloud, small)]
     assert max(reach) == pytest.approx(1.0, abs=0.01)
+    lowest = min(viewpoint.place(points)[:, 2].min() for points in (cloud, small))
+    assert viewpoint.floor == pytest.approx(lowest, abs=0.01)  # the smaller one hovers above it
     sizes = [np.ptp(viewpoint.place(points), axis=0) for points in (cloud, small)]
     np.testing.assert_allclose(sizes[1], sizes[0] / 3, rtol=1e-4)
     assert render(folder, "--same-frame", output=tmp_path / "again").exit_code == 1
