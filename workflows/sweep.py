@@ -19,7 +19,7 @@ from typing import Any
 from storage.adoption import RANGE
 from storage.fingerprints import fingerprint
 from storage.layout import Store
-from workflows.running import gate, kept, running
+from workflows.running import forget_dead, gate, kept, running
 
 TEMPORARY_SECONDS = 3600.0
 """Half-written results that nobody holds are left alone for so long."""
@@ -51,6 +51,7 @@ def sweep(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
     """What was removed; pipelines that start meanwhile wait, and those that run keep all they use."""
     drop = set(drop)
     with gate(store, shared=False):
+        forget_dead(store)
         found = unneeded(store, drop)
         trash = store.root / ".trash" / uuid.uuid4().hex
         trash.mkdir(parents=True)
