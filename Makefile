@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 LIGHT := $(VENV)/light.stamp
 FULL := $(VENV)/full.stamp
-PROJECT := pyproject.toml constraints.txt
+PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.c z2p_core/native/*.h) scripts/compiler.sh
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
@@ -41,11 +41,13 @@ $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(LIGHT): $(PROJECT) | $(BIN)/python
+	sh scripts/compiler.sh
 	@echo "installing z2p into $(VENV); the first time takes a few minutes"
 	$(PIP_INSTALL) --editable .
 	@touch $@
 
 $(FULL): $(PROJECT) scripts/system_libraries.sh | $(BIN)/python
+	sh scripts/compiler.sh
 	sh scripts/system_libraries.sh
 	@echo "installing z2p and its pipeline into $(VENV); the first time takes several minutes"
 	$(PIP_INSTALL) --editable ".[pipeline,test]"

@@ -1,6 +1,6 @@
 """Puts the weights of a finished pipeline run among those that z2p ships, with their model card.
 
-    python scripts/ship_weights.py runs/regular-tuned regular    # -> storage/weights/regular.safetensors, regular.md
+    python scripts/ship_weights.py runs/regular regular    # -> storage/weights/regular.safetensors, regular.md
 """
 
 from __future__ import annotations

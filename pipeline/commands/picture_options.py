@@ -23,7 +23,8 @@ OPTIONS = (
                  help="What the columns of text files hold, as in x,y,z,r,g,b; of them x, y and z are read."),
     click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file."),
     click.option("--up", default="auto", type=UpAxis(),
-                 help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual."),
+                 help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
+                 "or the way an object stands."),
     click.option("--view", default="auto", type=View(),
                  help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
                  "front: the data's own; sensor; or degrees as azimuth,elevation."),
