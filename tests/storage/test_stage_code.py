@@ -27,7 +27,7 @@ PLUGINS = {
     "render": {"controls"},
     "shard": {"controls"},
     "train": {"zbuffers", "gbuffers", "encoders"},
-    "evaluate": {"zbuffers", "gbuffers", "encoders", "controls", "samplers"},
+    "evaluate": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines"},
 }
 DISTRIBUTIONS = {"trimesh": "trimesh", "bpy": "bpy", "h5py": "h5py", "torch": "torch", "kornia": "kornia",
                  "flip_evaluator": "flip-evaluator", "numpy": "numpy"}  # fmt: skip
