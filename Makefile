@@ -1,5 +1,6 @@
 # make demo       installs z2p into .venv and renders the sample scans into previews/
 # make test       installs the pipeline too and runs every check; make test-fast leaves out Blender and whole pipelines
+# make soak       kills a whole small pipeline fifty times at random moments; every result must have the same bytes
 # PYTHON=...      chooses another Python 3.11; pip takes its options from its usual variables and files
 
 VENV := .venv
@@ -11,7 +12,7 @@ PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.c z2p_cor
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo test test-fast lint clean
+.PHONY: demo test test-fast soak lint clean
 
 demo: $(LIGHT)
 	$(BIN)/z2p run-inference samples --output previews --overwrite
@@ -22,6 +23,9 @@ test: $(FULL)
 
 test-fast: $(FULL)
 	$(PYTEST) -m "not slow"
+
+soak: $(FULL)
+	OMP_NUM_THREADS=1 $(BIN)/python tests/workflows/soak.py 50
 
 lint: $(FULL)
 	$(BIN)/ruff check

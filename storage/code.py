@@ -13,6 +13,11 @@ ROOT = Path(__file__).parents[1]
 
 @lru_cache(maxsize=256)
 def part_digest(name: str) -> str:
+    """`present_digest` when this process first asked for it: a plan is made of one state of the code."""
+    return present_digest(name)
+
+
+def present_digest(name: str) -> str:
     """Digest (64 hex digits) of a module of the project, of a ``module:definition``, or of a ``folder/file`` as it is.
 
     Raises:

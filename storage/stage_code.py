@@ -10,10 +10,11 @@ A change that gives the same results (a refactoring) can be vouched for with `z2
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from importlib import metadata
 
-from storage.code import part_digest
+from storage.code import part_digest, present_digest
 
 _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.scene")
 _MESHES = ("storage.meshes", "z2p_core.ply_header")
@@ -93,6 +94,11 @@ def stage_code(stage: str) -> dict[str, str]:
         KeyError: an unknown stage.
     """
     return {part: part_digest(part) for part in SHAPING[stage]}
+
+
+def changed_parts(code: Mapping[str, str]) -> list[str]:
+    """Those parts of a `stage_code` that read otherwise on the disk by now."""
+    return [part for part, digest in code.items() if present_digest(part) != digest]
 
 
 def stage_packages(stage: str) -> dict[str, str]:

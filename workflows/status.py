@@ -76,11 +76,8 @@ def _reasons(before: Mapping[str, Any], step: Step, plan: Plan, earlier: _Earlie
     own = [str(one) for one in found if not one.upstream]
     if len(own) == len(found):
         return own
-    changed = []
-    for name in step.upstream:
-        upstream = plan.steps[name]
-        if earlier.is_new(upstream, before["fields"]):
-            changed.append(_without_views(name))
+    known = json.dumps(before["fields"])
+    changed = [_without_views(name) for name in step.upstream if earlier.is_new(plan.steps[name], known)]
     return own + [f"upstream {name}" for name in dict.fromkeys(changed)] or ["upstream results were taken away"]
 
 
@@ -104,12 +101,11 @@ class _Earlier:
         others = [one for name, one in self._newest.items() if _without_views(name) == mesh]
         return max(others, key=lambda one: str(one.get("written")), default=None)
 
-    def is_new(self, step: Step, fields: Mapping[str, Any]) -> bool:
-        """Whether a result with those fields was made of another result than the step's."""
+    def is_new(self, step: Step, known: str) -> bool:
+        """Whether a result with those fields, as JSON, was made of another result than the step's."""
         before = self.like(step)
         if step.entry.stage == "render":
             return before is None or bool(differences(_shared(before["fields"]), _shared(step.entry.fields)))
-        known = json.dumps(fields)
         return step.entry.fingerprint not in known
 
 

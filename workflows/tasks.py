@@ -16,6 +16,8 @@ import luigi
 
 from storage.fingerprints import file_digest
 from storage.layout import Store
+from storage.stage_code import changed_parts
+from workflows.mesh_warnings import mesh_warnings
 from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
 from workflows.task_log import last_lines, logged, say
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
@@ -63,16 +65,29 @@ class StageTask(luigi.Task):
         return self.store.complete(self.step.entry)
 
     def run(self) -> None:
+        if self.complete():
+            say(f"{self.step_name}: found, made elsewhere meanwhile")
+            return
         started = time.perf_counter()
+        made: list[Path] = []
+
+        def make(out: Path) -> None:
+            made.append(out)
+            self.make(out)
+
         with logged(self.log):
             say(f"{self.step_name}: started")
+            self._check_code()
             for task in self.requires():
                 task.mend()
-            self.store.produce(
-                self.step.entry, self.make, resumable=self.resumable, leftovers=(".*", *self.leftovers)
-            )
-            self._show_log()
-            say(f"{self.step_name}: done in {time.perf_counter() - started:.1f} s")
+            if self.stage == "sample":  # the first that reads a mesh
+                for warning in mesh_warnings(self.mesh_path()):
+                    say(f"warning: {warning}")
+            self.store.produce(self.step.entry, make, resumable=self.resumable, leftovers=("**/.*", *self.leftovers))
+            if made:
+                self._show_log()
+            how = f"done in {time.perf_counter() - started:.1f} s" if made else "found, made elsewhere meanwhile"
+            say(f"{self.step_name}: {how}")
 
     def mend(self) -> None:
         """Check every byte of the result before it is read; a damaged one is put aside and made again, here and now."""
@@ -81,6 +96,12 @@ class StageTask(luigi.Task):
             say(f"{self.step_name}: damaged, made again: {faults[0]}")
             self.store.put_aside(self.step.entry)
             self.run()
+
+    def _check_code(self) -> None:
+        """Code is imported as late as here, and later by Blender: it must be what the fingerprint says."""
+        changed = changed_parts(self.step.entry.fields["code"])
+        if changed:
+            raise ConfigError(f"{self.step_name}: {changed[0]} changed since the pipeline started; start it again")
 
     def _show_log(self) -> None:
         """Put the log beside the files that it tells of; it is no part of the result."""

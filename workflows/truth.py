@@ -14,10 +14,10 @@ from z2p_core.camera import DEFAULT_ELEVATION
 
 def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
     """Pictures in the store of ground truth that can be adopted for the plan's evaluation."""
-    references = list(_references(plan, store))
-    found = candidates(truth, [entry for entry, _ in references], ("reference",))
+    pictures = list(references(plan, store))
+    found = candidates(truth, [entry for entry, _ in pictures], ("reference",))
     known = {candidate.entry.fingerprint for candidate in found}
-    for entry, old in references:
+    for entry, old in pictures:
         coverage = old.with_suffix(".coverage.png")
         if entry.fingerprint not in known and not truth.complete(entry) and old.is_file() and coverage.is_file():
             files = {"picture.png": old, "picture.coverage.png": coverage}
@@ -25,7 +25,7 @@ def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
     return found
 
 
-def _references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
+def references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
     """Each picture that the plan's evaluation needs, and where it would lie without a manifest."""
     from pipeline.evaluate import draw_views, render_settings
     from pipeline.shapes import shape_path

@@ -13,6 +13,7 @@ import numpy as np
 from z2p_core.camera import DEFAULT_ELEVATION, turn
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import Sensor
+from z2p_core.standing import topples
 
 UP_AXES = {
     "+Z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -30,6 +31,9 @@ others leave y alone, so what faces -Y does.
 """
 Y_UP_SUFFIXES = frozenset({".obj", ".glb", ".gltf"})
 """Formats of computer graphics, where +Y is up by convention (glTF: by its standard)."""
+
+EITHER_UP_SUFFIXES = frozenset({".ply", ".off", ".stl", ".obj"})
+"""Formats of single objects, of which many break the convention; scanners' formats keep theirs."""
 
 CAMERA_CONE = 60.0
 """Degrees from its axis within which a depth camera sees; a laser scanner sees all around."""
@@ -67,7 +71,8 @@ class Up:
 def choose_up(points: np.ndarray, sensor: Sensor | None, suffix: str) -> Up:
     """Which way is up in finite points (N, 3) of a file with that suffix (lower-case, with its dot), and why.
 
-    A depth camera's own up, else what its format holds by convention. A sensor that sees all around (a laser scanner)
+    A depth camera's own up, else what its format holds by convention, unless the object would topple over so and stand
+    firmly the other way: scans in .ply are +Z or +Y up. A sensor that sees all around (a laser scanner)
     says nothing about up.
     """
     reason = "as its depth camera stood"
@@ -78,9 +83,11 @@ def choose_up(points: np.ndarray, sensor: Sensor | None, suffix: str) -> Up:
     if sensor is not None:
         rotation = np.array(UP_AXES["-Y"], dtype=np.float64) @ sensor.rotation.T
         return Up(rotation, _axis_name(rotation[2]), reason, sensor)
-    if suffix in Y_UP_SUFFIXES:
-        return Up(np.array(UP_AXES["+Y"], dtype=np.float64), "+Y", f"the convention of {suffix}")
-    return Up(np.array(UP_AXES["+Z"], dtype=np.float64), "+Z", "the usual axis")
+    axis, reason = ("+Y", f"the convention of {suffix}") if suffix in Y_UP_SUFFIXES else ("+Z", "the usual axis")
+    other = "+Z" if axis == "+Y" else "+Y"
+    if suffix in EITHER_UP_SUFFIXES and topples(points, np.array(UP_AXES[axis][2]), np.array(UP_AXES[other][2])):
+        axis, reason = other, f"it stands firmly so, and would topple over with {axis} up"
+    return Up(np.array(UP_AXES[axis], dtype=np.float64), axis, reason)
 
 
 def implied_sensor(points: np.ndarray) -> Sensor | None:

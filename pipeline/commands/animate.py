@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 @click.option("--frames", default=48, type=click.IntRange(2, 720), metavar="N", help="Frames of the loop.")
 @click.option("--fps", default=24.0, type=click.FloatRange(1, 60), metavar="N", help="Frames a second.")
 @click.option("--steady", default=1, type=click.IntRange(1, 9), metavar="N",
-              help="Pictures that each frame is the mean of: little smoother (3 percent less flicker), N times slower.")
+              help="Pictures that each frame is the mean of: little smoother, N times slower.")
 @picture_options
 @click.option("--overwrite", is_flag=True, help="Make again what is there; it is skipped otherwise.")
 @click.option("--quiet", "-q", is_flag=True, help="Tell of failures only.")
@@ -57,7 +57,7 @@ def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options
 def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dict[str, Any]) -> bool:
     """True when a file failed."""
     columns = columns_from(options)
-    scans = found_scans(ctx, inputs, options["recursive"])
+    scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
     from pipeline.batch import told_fault
     from pipeline.infer import Renderer
     from pipeline.motion import Motion

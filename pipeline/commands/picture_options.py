@@ -25,7 +25,8 @@ OPTIONS = (
     click.option("--engine", metavar="NAME",
                  help="What runs the network: onnxruntime, openvino, torch; default: the first that is installed."),
     click.option("--up", default="auto", type=UpAxis(),
-                 help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual."),
+                 help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
+                 "or the way an object stands."),
     click.option("--view", default="auto", type=View(),
                  help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
                  "front: the data's own; sensor; or degrees as azimuth,elevation."),

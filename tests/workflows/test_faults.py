@@ -112,7 +112,8 @@ def test_a_dead_parents_orphan_publishes_late_and_harmlessly(world, undisturbed)
         if line.startswith("train: started"):
             break
     pipeline.kill()  # luigi alone: the task goes on
-    assert "train" in world.make() and world.digests() == undisturbed.digests()
+    pipeline.stderr.close()  # nobody listens to the orphan
+    assert set(world.make()) <= {"train", "evaluate"} and world.digests() == undisturbed.digests()
     assert world.make() == []
 
 
@@ -155,7 +156,9 @@ def test_a_full_disk(world, undisturbed, small_disk, step):
     finish(world, undisturbed)
 
 
-def test_no_scheduler_at_the_start_and_none_midway(world, undisturbed):
+def test_no_scheduler_at_the_start_and_none_midway(world, undisturbed, monkeypatch):
+    (world.root / "luigi.cfg").write_text("[core]\nrpc-retry-attempts = 2\nrpc-retry-wait = 1\n")
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(world.root / "luigi.cfg"))
     lose(world, "render/tetra/0-2")
     world.scheduler = 9  # nobody listens there
     status, said = world.run()

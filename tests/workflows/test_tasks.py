@@ -6,7 +6,9 @@ from pathlib import Path
 import luigi
 import pytest
 
+import storage.stage_code
 import workflows
+import workflows.tasks
 from storage.layout import Store
 from workflows.full_pipeline import RESULTS
 from workflows.known_views import copy_known_views
@@ -36,6 +38,7 @@ def ran(tmp_path, monkeypatch):
         for name in [name for name, stage in RESULTS.items() if stage == task.step.entry.stage] or ["x"]:
             (out / name).write_text(task.step_name)
 
+    monkeypatch.setattr(workflows.tasks, "mesh_warnings", lambda path: [])
     for stage in StageTask.__subclasses__():
         monkeypatch.setattr(stage, "make", make)
     return log
@@ -110,6 +113,14 @@ def test_a_task_whose_inputs_changed_is_another_task(ran):
     changed = parse_config(Path("small.toml").read_text() + "samples = 9\n")
     ids = [task_of(make_plan(c).steps["render/ape/0-2"], "{}", "runs").task_id for c in (config, changed)]
     assert ids[0] != ids[1]
+
+
+def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, capfd):
+    assert build() and steps_of(ran)
+    shutil.rmtree(next(Path("runs/train").iterdir()))
+    monkeypatch.setattr(storage.stage_code, "present_digest", lambda part: f"other {part}")
+    assert not build() and steps_of(ran) == []
+    assert "FAILED train: ConfigError: train: workflows.stages:Train changed since" in capfd.readouterr().err
 
 
 def test_the_safety_settings_apply_on_import():

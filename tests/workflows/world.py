@@ -73,6 +73,8 @@ class World:
         self.scheduler: int | None = None
         """Port of a luigid; None for the local scheduler."""
         self.scheduler_address = "127.0.0.1"
+        self.processes = 1
+        """How many pipelines a run starts at the same time."""
         for name, mesh in (("meshes/tetra", TETRA), ("meshes/pyramid", PYRAMID), ("kept/wedge", WEDGE)):
             path = root / f"{name}.off"
             path.parent.mkdir(exist_ok=True, parents=True)
@@ -107,15 +109,15 @@ class World:
             stderr=subprocess.PIPE, text=True, start_new_session=True,
         )
 
-    def run(self, *more: str, processes: int = 1, **environment: str) -> tuple[int, str]:
+    def run(self, *more: str, processes: int = 0, **environment: str) -> tuple[int, str]:
         """Highest exit status and everything that was said."""
-        started = [self.start(*more, **environment) for _ in range(processes)]
+        started = [self.start(*more, **environment) for _ in range(processes or self.processes)]
         said = [process.communicate()[1] for process in started]
         return max(process.returncode for process in started), "".join(said)
 
-    def make(self, *more: str, processes: int = 1) -> list[str]:
+    def make(self, *more: str) -> list[str]:
         """Steps that a run made, each as often as it was made; the run must succeed."""
-        status, said = self.run(*more, processes=processes)
+        status, said = self.run(*more)
         assert status == 0, said
         return made(said)
 
@@ -136,13 +138,13 @@ class World:
         row = next(row for row in rows if row["step"] == name)
         return self.workspace / row["stage"] / row["fingerprint"][:32] / "manifest.json"
 
-    def digests(self) -> dict[str, dict[str, str]]:
-        """Step -> digest of each file of all its results; without those that hold how long something took."""
-        found: dict[str, dict[str, str]] = {}
+    def digests(self) -> dict[str, str]:
+        """File of a result -> its digest; without those that tell how long something took."""
+        found: dict[str, str] = {}
         for path in sorted(self.workspace.glob("[!.]*/*/manifest.json")):
             manifest = json.loads(path.read_text())
             files = {name: record["sha256"] for name, record in manifest["files"].items() if name != "metrics.json"}
-            found[f"{manifest['name']} {path.parent.name}"] = files
+            found |= {f"{manifest['name']} {path.parent.name[:8]} {name}": digest for name, digest in files.items()}
         return found
 
 

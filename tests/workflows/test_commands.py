@@ -1,0 +1,114 @@
+"""The commands on a workspace, as `z2p` starts them; results are files of no meaning, but for adopted ground truth."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+from click.testing import CliRunner
+from small_store import fill, listing
+from world import World
+
+import storage.stage_code
+from storage.layout import Store
+from workflows.commands import main
+from workflows.tasks import load_plan, source_of
+
+
+@pytest.fixture
+def world(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    load_plan.cache_clear()
+    yield World(tmp_path, code=False)
+    load_plan.cache_clear()
+
+
+@pytest.fixture
+def plan(world):
+    return load_plan(source_of("small.toml", "meshes", "kept"))
+
+
+def run(*words):
+    load_plan.cache_clear()
+    return CliRunner().invoke(main, list(words))
+
+
+def test_status_as_table_and_json(world, plan):
+    fill(Store(world.workspace), plan, "sample/tetra")
+    table = run("status", *world.options)
+    assert table.exit_code == 0 and "FRESH   sample/tetra" in table.stdout
+    assert table.stdout.endswith("1 fresh, 0 stale, 7 missing\n")
+    rows = json.loads(run("status", "--json", "--stale", *world.options).stdout)
+    assert len(rows) == 7 and {row["state"] for row in rows} == {"missing"}
+
+
+def test_adopting_lists_first_and_keeps_the_configuration(world, plan, monkeypatch):
+    store = Store(world.workspace)
+    fill(store, plan)
+    monkeypatch.setitem(storage.stage_code.PACKAGES, "render", ("numpy", "luigi"))
+    before = listing(world.workspace)
+    listed = run("adopt", "render", *world.options)
+    assert listed.exit_code == 0 and "2 results could be taken over" in listed.stdout, listed.output
+    assert "package luigi none -> " in listed.stdout and listing(world.workspace) == before
+    assert "8 fresh" not in run("status", *world.options).stdout
+    done = run("adopt", "render", "shard", "train", "evaluate", "--because", "luigi draws nothing", *world.options)
+    assert "6 results taken over" in done.stdout and "8 fresh" in run("status", *world.options).stdout
+    assert "6 of" in run("gc").stdout and list((world.workspace / ".kept").iterdir())
+
+
+def test_adopting_takes_ground_truth_that_had_no_manifest(world, plan):
+    from workflows.truth import references
+
+    [(entry, old)] = references(plan, Store(world.workspace))
+    assert old.parent.parent == world.workspace / "truth" and entry.fields["parameters"]["samples"] == 1
+    old.parent.mkdir(parents=True)
+    old.write_text("picture")
+    old.with_suffix(".coverage.png").write_text("coverage")
+    result = run("adopt", "reference", "--because", "they are the same", *world.options)
+    assert "1 results taken over" in result.stdout, result.output
+    folder = Store(world.workspace / "truth").folder(entry)
+    assert (folder / "picture.png").samefile(old) and (folder / "picture.coverage.png").read_text() == "coverage"
+
+
+def test_verify_puts_damage_aside_and_says_so(world, plan):
+    store = Store(world.workspace)
+    fill(store, plan)
+    assert run("verify").exit_code == 0
+    path = store.folder(plan.steps["train"].entry) / "result.bin"
+    stamp = path.stat()
+    path.write_text("TRAIN")
+    os.utime(path, ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    result = run("verify")
+    assert result.exit_code == 1 and "DAMAGED" in result.stdout and "8 results read, 1 damaged" in result.stdout
+    assert "train" in {row["step"] for row in json.loads(run("status", "--json", "--stale", *world.options).stdout)}
+
+
+def test_gc_shows_before_it_removes(world, plan):
+    fill(Store(world.workspace), plan)
+    shown = run("gc")
+    store, train = Store(world.workspace), plan.steps["train"].entry
+    assert "8 of" in shown.stdout and "--yes" in shown.stdout and store.complete(train)
+    assert "removed" in run("gc", "--yes").stdout and not store.complete(train)
+    assert run("gc").stdout.startswith("0 of") and run("gc", "--drop", "nosuch").exit_code == 1
+
+
+@pytest.mark.parametrize("words, message", [
+    (["status", "--config", "nowhere.toml"], "nowhere.toml"), (["status", "--meshes", "nowhere"], "nowhere"),
+    (["adopt", "rendering"], "unknown stage 'rendering'"),
+])  # fmt: skip
+def test_what_a_user_can_mend_is_one_line_and_status_2(world, words, message):
+    result = run(*words)
+    assert result.exit_code == 2 and message in result.stderr and "Traceback" not in result.output
+
+
+def test_z2p_hands_words_and_exit_status_on(world):
+    def z2p(*words):
+        command = [sys.executable, "-m", "pipeline.cli", "status", *words]
+        return subprocess.run(
+            command, cwd=world.root, env=world.environment, capture_output=True, text=True, check=False
+        )
+
+    good, bad = z2p(*world.options), z2p("--nonsense")
+    assert good.returncode == 0 and good.stdout.endswith("0 fresh, 0 stale, 8 missing\n")
+    assert bad.returncode == 2 and "--nonsense" in bad.stderr

@@ -1,0 +1,32 @@
+"""The mutation matrix on luigid with two worker processes: after each change exactly the steps run that depend on it.
+
+For each: the dry run predicts it and writes nothing, a second run runs nothing, and going back runs nothing.
+"""
+
+from __future__ import annotations
+
+import pytest
+from mutations import ALL, INPUTS, OUTPUTS, change_and_go_back, lose_and_mend
+from world import World, luigid
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory):
+    """A world whose pipeline has run; each test leaves it as it was."""
+    world = World(tmp_path_factory.mktemp("world"))
+    world.processes = 2
+    with luigid(world):
+        assert world.make() == sorted(ALL)
+        yield world
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_a_changed_input_runs_what_depends_on_it_and_going_back_runs_nothing(world, tmp_path, name):
+    change_and_go_back(world, name, tmp_path)
+
+
+@pytest.mark.parametrize("name", OUTPUTS)
+def test_a_lost_or_damaged_output_is_made_again_alone_to_the_same_bytes(world, name):
+    lose_and_mend(world, name)
