@@ -83,7 +83,10 @@ def _load_entry(group: str, name: str, entry: EntryPoint) -> type[Any]:
 
 
 def _origin(entry: EntryPoint) -> str:
-    return f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unnamed package"
+    if entry.dist is None:
+        return "an unnamed package"
+    metadata = entry.dist.metadata  # parsed anew each time it is asked for
+    return f"{metadata['Name']} {metadata['Version']}"
 
 
 @cache
@@ -91,7 +94,11 @@ def _entries(group: str) -> dict[str, tuple[EntryPoint, ...]]:
     if group not in GROUPS:
         raise PluginError(f"unknown plugin group {group!r}; groups: {', '.join(GROUPS)}")
     found: dict[str, dict[tuple[str, str], EntryPoint]] = {}
+    origins: dict[int, str] = {}
     for entry in entry_points(group=f"z2p.{group}"):
+        if id(entry.dist) not in origins:  # its metadata takes milliseconds to parse
+            origins[id(entry.dist)] = _origin(entry)
+        origin = origins[id(entry.dist)]
         # an editable install beside its build folder lists the same entry twice
-        found.setdefault(entry.name, {})[(_origin(entry), entry.value)] = entry
+        found.setdefault(entry.name, {})[(origin, entry.value)] = entry
     return {name: tuple(entries.values()) for name, entries in found.items()}
