@@ -169,29 +169,59 @@ static float sample(const float *grid, int side, float column, float row) {
     return (at[0] * (1 - x) + at[1] * x) * (1 - y) + (at[side] * (1 - x) + at[side + 1] * x) * y;
 }
 
+/* Bounds left, right, top and bottom, a cell wider, of the cells where either grid (side, side) is above 0. */
+static inline void shaded_part(const float *restrict first, const float *restrict second, int side, float *bounds) {
+    int left = side, right = -1, top = side, bottom = -1;
+    for (int y = 0; y < side; y++) {
+        const float *one = first + (size_t)y * side, *other = second + (size_t)y * side;
+        int any = 0, from = 0, to = side - 1;
+        for (int x = 0; x < side; x++) any |= one[x] + other[x] > 0;
+        if (!any) continue;
+        if (top == side) top = y;
+        bottom = y;
+        while (one[from] + other[from] <= 0) from++;
+        while (one[to] + other[to] <= 0) to--;
+        if (from < left) left = from;
+        if (to > right) right = to;
+    }
+    bounds[0] = (float)left - 1;
+    bounds[1] = (float)right + 1;
+    bounds[2] = (float)top - 1;
+    bounds[3] = (float)bottom + 1;
+}
+
 /* alpha (height, width): the share of the floor's light that is hidden at each pixel, 0 where no floor is seen. The
  * lamp (3) shines along its axis (3) with that power, the sky gives `sky`; rotation (3, 3) and place (3) are the
  * camera's. The two grids (side, side) say how much of each is hidden; see z2p_floor_shade. */
 FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int side, float half, float floor,
                      const float *lamp, const float *axis, float power, float sky, const float *rotation,
                      const float *place, float focal, int width, int height, float *alpha) {
-    float scale = (float)side / (2 * half);
-    for (int v = 0; v < height; v++)
-        for (int u = 0; u < width; u++) {
-            float x = ((float)u + 0.5f - 0.5f * (float)width) / focal;
-            float y = ((float)v + 0.5f - 0.5f * (float)height) / focal, ray[3];
+    float scale = (float)side / (2 * half), part[4];
+    float *columns = malloc(sizeof(float) * 2 * ((size_t)width + 1)), *rows = columns + width;
+    if (!columns) return 0;
+    shaded_part(lamp_shade, sky_shade, side, part);
+    for (int v = 0; v < height; v++) {
+        float y = ((float)v + 0.5f - 0.5f * (float)height) / focal;
+        for (int u = 0; u < width; u++) { /* where each pixel's ray meets the floor, in cells; far off if it does not */
+            float x = ((float)u + 0.5f - 0.5f * (float)width) / focal, ray[3];
             for (int a = 0; a < 3; a++) ray[a] = x * rotation[a] + y * rotation[3 + a] + rotation[6 + a];
-            float *out = alpha + (size_t)v * width + u;
-            *out = 0;
-            if (ray[2] > -1e-6f) continue;
-            float reach = (floor - place[2]) / ray[2];
-            float at[3] = {place[0] + reach * ray[0], place[1] + reach * ray[1], floor};
-            float column = (at[0] + half) * scale - 0.5f, row = (at[1] + half) * scale - 0.5f;
+            float reach = (floor - place[2]) / (ray[2] < -1e-6f ? ray[2] : -1e-6f);
+            columns[u] = (place[0] + reach * ray[0] + half) * scale - 0.5f;
+            rows[u] = ray[2] < -1e-6f ? (place[1] + reach * ray[1] + half) * scale - 0.5f : -2.0f;
+        }
+        float *out = alpha + (size_t)v * width;
+        for (int u = 0; u < width; u++) {
+            out[u] = 0;
+            float column = columns[u], row = rows[u];
+            if (!(column > part[0] && column < part[1] && row > part[2] && row < part[3])) continue;
             float hidden_lamp = sample(lamp_shade, side, column, row), hidden_sky = sample(sky_shade, side, column, row);
             if (hidden_lamp + hidden_sky <= 0) continue;
-            float d[3] = {lamp[0] - at[0], lamp[1] - at[1], lamp[2] - at[2]}, square = dot(d, d);
+            float d[3] = {lamp[0] - ((column + 0.5f) / scale - half), lamp[1] - ((row + 0.5f) / scale - half),
+                          lamp[2] - floor}, square = dot(d, d);
             float light = power * fmaxf(-dot(d, axis), 0) * d[2] / (square * square);
-            *out = (light * hidden_lamp + sky * hidden_sky) / (light + sky);
+            out[u] = (light * hidden_lamp + sky * hidden_sky) / (light + sky);
         }
+    }
+    free(columns);
     return 1;
 }

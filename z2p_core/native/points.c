@@ -10,6 +10,7 @@
 #define POINTS_A_CELL 3.5f
 #define MOST_CELLS (1 << 22)
 #define FARTHEST_RING 6
+#define CHUNK 32      /* points whose distances are computed at a time */
 
 typedef struct {
     float low[3], cell;
@@ -93,42 +94,59 @@ static int build(Grid *grid, const float *points, int count, float *sorted) {
     return fill(grid, cells, points, count, sorted);
 }
 
-/* K near points of `points[self]`, nearest first, itself among them, the nearest but for a few at the end; returns how
- * many there are. */
-static int nearest(const Grid *grid, const float *points, int self, int *found, float *distance) {
+typedef struct {
+    int count, found[K];
+    float distance[K]; /* squared, nearest first */
+} Near;
+
+/* Takes in those of points[first] to points[last - 1] that are nearer to p than the farthest so far. */
+static void take_in(Near *near, const float *points, int first, int last, const float *p) {
+    float squares[CHUNK];
+    for (; first < last; first += CHUNK) {
+        int size = last - first < CHUNK ? last - first : CHUNK;
+        for (int i = 0; i < size; i++) {
+            const float *q = points + 3 * (first + i);
+            float dx = q[0] - p[0], dy = q[1] - p[1], dz = q[2] - p[2];
+            squares[i] = dx * dx + dy * dy + dz * dz;
+        }
+        for (int i = 0; i < size; i++) {
+            float square = squares[i];
+            if (near->count == K && square >= near->distance[K - 1]) continue;
+            int at = near->count < K ? near->count++ : K - 1;
+            for (; at > 0 && near->distance[at - 1] > square; at--) {
+                near->distance[at] = near->distance[at - 1];
+                near->found[at] = near->found[at - 1];
+            }
+            near->distance[at] = square;
+            near->found[at] = first + i;
+        }
+    }
+}
+
+/* K near points of `points[self]`, nearest first, itself among them, the nearest but for a few at the end. */
+static void nearest(const Grid *grid, const float *points, int self, Near *near) {
     const float *p = points + 3 * self;
-    int home[3], count = 0;
+    int home[3], low[3], high[3];
+    near->count = 0;
     for (int axis = 0; axis < 3; axis++) home[axis] = place(grid, p, axis);
     for (int ring = 0; ring <= FARTHEST_RING; ring++) {
-        int low[3], high[3];
         for (int axis = 0; axis < 3; axis++) {
             low[axis] = clamp_int(home[axis] - ring, 0, grid->size[axis] - 1);
             high[axis] = clamp_int(home[axis] + ring, 0, grid->size[axis] - 1);
         }
         for (int z = low[2]; z <= high[2]; z++)
             for (int y = low[1]; y <= high[1]; y++) {
-                int shell = abs(z - home[2]) == ring || abs(y - home[1]) == ring;
-                for (int x = low[0]; x <= high[0]; x++) {
-                    if (!shell && abs(x - home[0]) != ring) continue;
-                    int c = (z * grid->size[1] + y) * grid->size[0] + x;
-                    for (int i = grid->start[c]; i < grid->start[c + 1]; i++) {
-                        float dx = points[3 * i] - p[0], dy = points[3 * i + 1] - p[1], dz = points[3 * i + 2] - p[2];
-                        float square = dx * dx + dy * dy + dz * dz;
-                        if (count == K && square >= distance[K - 1]) continue;
-                        int at = count < K ? count++ : K - 1;
-                        for (; at > 0 && distance[at - 1] > square; at--) {
-                            distance[at] = distance[at - 1];
-                            found[at] = found[at - 1];
-                        }
-                        distance[at] = square;
-                        found[at] = i;
-                    }
+                const int *start = grid->start + (size_t)(z * grid->size[1] + y) * grid->size[0];
+                if (abs(z - home[2]) == ring || abs(y - home[1]) == ring) { /* the points of a row lie in one piece */
+                    take_in(near, points, start[low[0]], start[high[0] + 1], p);
+                    continue;
                 }
+                if (home[0] - ring >= 0) take_in(near, points, start[low[0]], start[low[0] + 1], p);
+                if (home[0] + ring < grid->size[0]) take_in(near, points, start[high[0]], start[high[0] + 1], p);
             }
         /* all but the farthest few are sure to lie in the first ring: cells hold several points each */
-        if (ring && count == K) break;
+        if (ring && near->count == K) break;
     }
-    return count;
 }
 
 /* Unit eigenvector of the smallest eigenvalue of a symmetric matrix xx xy xz yy yz zz, by Jacobi rotations. */
@@ -166,10 +184,11 @@ int z2p_surface(const float *points, int count, const float *viewer, float *sort
     Grid grid = {.start = NULL};
     if (!build(&grid, points, count, sorted)) { free(grid.start); return 0; }
     for (int i = 0; i < count; i++) {
-        int found[K];
-        float distance[K], mean[3] = {0, 0, 0}, m[6] = {0, 0, 0, 0, 0, 0};
-        int many = nearest(&grid, sorted, i, found, distance);
-        spacing[i] = many > 1 ? sqrtf(3.14159265f * distance[many - 1] / (float)many) : 0;
+        Near near;
+        nearest(&grid, sorted, i, &near);
+        const int many = near.count, *found = near.found;
+        float mean[3] = {0, 0, 0}, m[6] = {0, 0, 0, 0, 0, 0};
+        spacing[i] = many > 1 ? sqrtf(3.14159265f * near.distance[many - 1] / (float)many) : 0;
         for (int j = 0; j < many; j++)
             for (int axis = 0; axis < 3; axis++) mean[axis] += sorted[3 * found[j] + axis] / (float)many;
         for (int j = 0; j < many; j++) {
