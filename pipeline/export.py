@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import io
 import sys
 import tempfile
@@ -32,6 +33,17 @@ def export_onnx(weights: Path) -> Path:
     """
     loaded = load_plugins(weights)
     return save_onnx(weights, loaded.weights.digest, _halved(_folded(_traced(loaded))))
+
+
+def check_exporter() -> None:
+    """Nothing, when all that exports is installed; asked before a training, not after it.
+
+    Raises:
+        ImportError: onnx or onnxruntime is missing; the message says how to get it.
+    """
+    missing = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed: pip install "z2p[pipeline]"')
 
 
 def _traced(loaded: LoadedWeights) -> bytes:

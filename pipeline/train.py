@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from pipeline.curve import Row, validation_metrics, write_curve, write_strips
 from pipeline.dataset import Batch
-from pipeline.export import export_onnx
+from pipeline.export import check_exporter, export_onnx
 from pipeline.run import Run, TrainError, resume, snapshot, start_run, weights_card
 from storage.checkpoints import save_checkpoint, save_weights
 from z2p_core.config import TrainConfig
@@ -51,6 +51,7 @@ def train(
         ShardError, DatasetError, PluginError, ValueError: shards, plugins or config that cannot be used.
     """
     log = log or _to_stderr
+    check_exporter()
     if threads is not None:
         torch.set_num_threads(threads)
     with torch.random.fork_rng(devices=[]):

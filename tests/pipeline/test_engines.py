@@ -154,3 +154,12 @@ def test_half_weights_make_a_small_export_and_whole_ones_an_exact_one(make_weigh
     small, large = (export_onnx(file).stat().st_size for file in (half, whole))
     size = sum(tensor.size for tensor in weights.tensors.values())
     assert small < 2 * size + 60_000 < 4 * size < large
+
+
+def test_a_missing_exporter_is_told_before_a_training(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    from pipeline.train import train
+    from z2p_core.config import TrainConfig
+
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "onnx" else True)
+    with pytest.raises(ImportError, match=r"onnx must be installed: pip install .z2p\[pipeline\]"):
+        train([], TrainConfig(), tmp_path)
