@@ -12,8 +12,8 @@ from pipeline.load import load_plugins
 from storage.checkpoints import resolve
 from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
 from z2p_core.framing import UP_AXES
-from z2p_core.images import bytes_from_unit, straight_from_premultiplied
 from z2p_core.interfaces import Control, Value
+from z2p_core.native import straight_bytes
 from z2p_core.scene import SceneDescription
 from z2p_core.viewpoint import frame
 
@@ -33,6 +33,7 @@ class Renderer:
         file = resolve(weights)
         self._loaded = load_plugins(file)
         self._engine = start_engine(self._loaded, file, engine, threads)
+        self._last_encoding: tuple[tuple[int, int], np.ndarray] = ((0, 0), np.empty(0, np.float32))
 
     @property
     def engine(self) -> str:
@@ -78,10 +79,17 @@ class Renderer:
             encoded.extend(self.controls[name].encode(value))
         camera = Camera(width, height, scene.elevation)
         buffers = draw_buffers(cloud, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
-        encoding = self._loaded.encoder.encode(*camera.frame_coordinates(step=self._loaded.config.unshuffle))
-        picture = self._engine.run(buffers[None], encoding, np.array([encoded], dtype=np.float32))
-        premultiplied = np.clip(picture[0], 0, 1).transpose(1, 2, 0)
-        return bytes_from_unit(straight_from_premultiplied(premultiplied))
+        inputs = buffers[None], self._encoding(width, height), np.array([encoded], dtype=np.float32)
+        return straight_bytes(self._engine.run(*inputs)[0])
+
+    def _encoding(self, width: int, height: int) -> np.ndarray:
+        """The encoder's features (E, h, w) of a picture of that size; the last are kept, as most are of one size."""
+        size, encoding = self._last_encoding
+        if size != (width, height):
+            cells = Camera(width, height).frame_coordinates(step=self._loaded.config.unshuffle)
+            encoding = self._loaded.encoder.encode(*cells)
+            self._last_encoding = (width, height), encoding
+        return encoding
 
 
 def place_cloud(points: np.ndarray, up: str | np.ndarray = "+Z", azimuth: float = 0.0) -> np.ndarray:

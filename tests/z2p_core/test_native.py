@@ -7,6 +7,7 @@ import pytest
 
 from z2p_core import native
 from z2p_core.camera import Camera
+from z2p_core.images import bytes_from_unit, straight_from_premultiplied
 
 
 def sphere_of(count, seed=0, radius=1.0):
@@ -235,3 +236,16 @@ def test_intensity_is_the_exponential(stride):
     drawn = np.empty(near.shape, np.float32)
     native.intensity(near, 2.6, 0.6, drawn)
     np.testing.assert_allclose(drawn, np.exp((2.6 - near) / np.float32(0.6)), rtol=1e-6)
+
+
+def test_straight_bytes_are_those_of_plain_numpy():
+    rng = np.random.default_rng(0)
+    planes = rng.uniform(-0.1, 1.1, (4, 50, 61)).astype(np.float32)
+    planes[:3] *= planes[3]
+    planes[3, ::7], planes[3, 1::7] = 0, 1e-7
+    expected = bytes_from_unit(straight_from_premultiplied(np.clip(planes, 0, 1).transpose(1, 2, 0)))
+    found = native.straight_bytes(planes)
+    assert found.dtype == np.uint8 and found.shape == (50, 61, 4) and not found[::7].any()
+    assert np.abs(found.astype(int) - expected).max() <= 1 and (found != expected).mean() < 1e-3
+    odd = np.full((4, 2, 2), np.nan, np.float32)
+    assert not native.straight_bytes(odd).any()

@@ -146,6 +146,14 @@ def surfels(
     )  # fmt: skip
 
 
+def straight_bytes(picture: np.ndarray) -> np.ndarray:
+    """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
+    _, height, width = picture.shape
+    out = np.empty((height, width, 4), np.uint8)
+    _call("z2p_straight_bytes", _floats(picture), ctypes.c_int64(height * width), out)
+    return out
+
+
 def _call(name: str, *arguments: Any) -> None:
     given = [x.ctypes.data_as(ctypes.c_void_p) if isinstance(x, np.ndarray) else x for x in arguments]
     if not getattr(library(), name)(*given):
