@@ -8,7 +8,7 @@ whose they were, what differed, and the user's reason.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from storage.differences import CODE_FIELDS, differences
 from storage.fingerprints import STAGE_VERSIONS, fingerprint
 from storage.layout import Entry, Store, check
 from storage.manifests import read_manifest
+from storage.unfinished import read_note, write_note
 
 RANGE = ("first", "last")
 """Fields of a render that say which views it holds; results made of renders name them by the other fields."""
@@ -32,6 +33,8 @@ class Candidate:
     differences: tuple[str, ...]
     files: Mapping[str, Path] | None = None
     """New name -> file, of a result from before there were manifests; None for all that the manifest lists."""
+    unfinished: bool = False
+    """The folder is a work folder: checkpoints of a training, views of a chunk that is not whole."""
 
 
 def candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) -> list[Candidate]:
@@ -58,6 +61,8 @@ def candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) ->
             candidate = _candidate(folder, manifest, same) if same else None
             if candidate and not store.complete(candidate.entry):
                 found[candidate.entry.fingerprint] = candidate
+        for candidate in _unfinished(store, stage, asked, meanings):
+            found.setdefault(candidate.entry.fingerprint, candidate)
     return list(found.values())
 
 
@@ -77,12 +82,28 @@ def adopt(store: Store, candidate: Candidate, because: str) -> None:
         "when": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
     entry = replace(candidate.entry, provenance={**candidate.entry.provenance, "adopted": adopted})
-    if candidate.files is None:
+    if candidate.unfinished:
+        with store.lock(entry):
+            write_note(candidate.folder, entry.name, entry.fields, adopted)
+            candidate.folder.rename(store.work_folder(entry))
+    elif candidate.files is None:
         check(candidate.folder)
         names = read_manifest(candidate.folder)["files"]
         store.link({name: candidate.folder / name for name in names}, entry)
     else:
         store.link(candidate.files, entry)
+
+
+def _unfinished(store: Store, stage: str, asked: Mapping[str, Entry], meanings: _Meanings) -> Iterator[Candidate]:
+    """Work that was cut off and that nobody goes on with now, for entries that are neither made nor begun."""
+    for folder in store.unfinished(stage):
+        note = read_note(folder)
+        same = asked.get(meanings.of(_whole(note["fields"]))) if note else None
+        if note is None or same is None or store.is_held(stage, folder.name):
+            continue
+        candidate = _candidate(folder, {**note, "fingerprint": fingerprint(note["fields"])}, same)
+        if candidate and not store.complete(candidate.entry) and not store.work_folder(candidate.entry).exists():
+            yield replace(candidate, unfinished=True)
 
 
 def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candidate | None:

@@ -23,13 +23,14 @@ import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from storage.fingerprints import STAGE_VERSIONS, fingerprint
 from storage.manifests import MANIFEST, faults, read_manifest, seal, sync
+from storage.unfinished import NOTE, read_note, write_note
 
 _RESULT = re.compile(r"[0-9a-f]{32}")
 """Name of a result's folder: the fingerprint's first half."""
@@ -132,7 +133,10 @@ class Store:
             if not self.complete(entry):
                 folder = self._opened_work_folder(entry) if resumable else self._temporary_folder(entry)
                 write(folder)
-                for pattern in leftovers:
+                note = read_note(folder)
+                if note and note["adopted"]:
+                    entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})
+                for pattern in (NOTE, *leftovers):
                     for path in list(folder.glob(pattern)):
                         _remove(path)
                 self.publish(folder, entry)
@@ -204,12 +208,30 @@ class Store:
         folder = self.work_folder(entry)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / MANIFEST).unlink(missing_ok=True)  # there when a run was killed between manifest and rename
+        if read_note(folder) is None:
+            write_note(folder, entry.name, entry.fields)
         return folder
 
     def _temporary_folder(self, entry: Entry) -> Path:
         folder = self.root / ".tmp" / f"{entry.stage}-{entry.fingerprint[:16]}-{uuid.uuid4().hex[:12]}"
         folder.mkdir(parents=True)
         return folder
+
+    def is_held(self, stage: str, name: str) -> bool:
+        """Whether the result in the folder `name` of a stage is being written by someone."""
+        path = self.root / ".locks" / f"{stage}-{name}"
+        if not path.exists():
+            return False
+        with path.open() as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            except OSError:
+                return True
+        return False
+
+    def unfinished(self, stage: str) -> list[Path]:
+        """Work folders of a stage, in which something is or was being made."""
+        return sorted((self.root / ".work" / stage).glob("*"))
 
     @contextmanager
     def lock(self, entry: Entry) -> Iterator[None]:

@@ -137,7 +137,8 @@ def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool,
         return
     width = max((len(one.entry.name) for one in found), default=0)
     for one in found:
-        click.echo(f"{one.entry.name:{width}}  {one.folder.name}  {'; '.join(one.differences)}")
+        what = "unfinished: " if one.unfinished else ""
+        click.echo(f"{one.entry.name:{width}}  {one.folder.name}  {what}{'; '.join(one.differences)}")
     click.echo(f"{len(found)} results {'taken over' if because else 'could be taken over with --because REASON'}")
 
 

@@ -5,7 +5,6 @@ Whole lines, so that a log file stays readable. They are written by a thread of 
 
 from __future__ import annotations
 
-import fcntl
 import multiprocessing
 import os
 import threading
@@ -16,7 +15,7 @@ from pathlib import Path
 
 import luigi.configuration
 
-from storage.layout import Entry, Store
+from storage.layout import Store
 from workflows.plan import Plan, Step
 from workflows.running import Registration
 from workflows.task_log import last_lines, say
@@ -55,7 +54,7 @@ class Progress:
     def line(self) -> str:
         """Such as ``progress: 12 of 34 done; running render/bunny/0-10; 41 images a minute; 12 min left to render``."""
         self._look()
-        running = [step for step in self.steps if self._is_held(step.entry)]
+        running = [step for step in self.steps if self.store.is_held(step.entry.stage, step.entry.fingerprint[:32])]
         self.idle = not running
         parts = [f"progress: {len(self.finished)} of {len(self.steps)} done"]
         if running:
@@ -89,17 +88,6 @@ class Progress:
             return step.name
         lines = last_lines(self.store.log(step.entry), 1)
         return f"{step.name} ({lines[0].partition(' ')[2]})" if lines else step.name
-
-    def _is_held(self, entry: Entry) -> bool:
-        path = self.store.lock_file(entry)
-        if not path.exists():
-            return False
-        with path.open() as file:
-            try:
-                fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-            except OSError:
-                return True
-        return False
 
 
 def _views(step: Step) -> int:

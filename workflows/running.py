@@ -57,11 +57,16 @@ def keep(store: Store, plan: Plan, source: str) -> None:
 
 
 def running(store: Store) -> Iterator[dict[str, Any]]:
-    """Notes of the pipelines that are alive, as far as can be told; those of dead ones are removed."""
+    """Notes of the pipelines that are alive, as far as can be told."""
     for path in sorted((store.root / ".running").glob("*.json")):
         if _is_alive(path):
             yield json.loads(path.read_text(encoding="utf-8"))
-        else:
+
+
+def forget_dead(store: Store) -> None:
+    """Remove the notes of pipelines that were killed."""
+    for path in (store.root / ".running").glob("*.json"):
+        if not _is_alive(path):
             path.unlink(missing_ok=True)
 
 

@@ -7,7 +7,6 @@ Ground truth under ``truth/`` serves weights to come and is left alone.
 
 from __future__ import annotations
 
-import fcntl
 import shutil
 import time
 import uuid
@@ -19,7 +18,7 @@ from typing import Any
 from storage.adoption import RANGE
 from storage.fingerprints import fingerprint
 from storage.layout import Store
-from workflows.running import gate, kept, running
+from workflows.running import forget_dead, gate, kept, running
 
 TEMPORARY_SECONDS = 3600.0
 """Half-written results that nobody holds are left alone for so long."""
@@ -42,7 +41,7 @@ def unneeded(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
     for stage in store.stages():
         names = {folder: str(manifest.get("name", "")) for folder, manifest in store.remains(stage)}
         for folder in store.folders(stage):
-            if folder not in needed and not _is_held(store, stage, folder.name):
+            if folder not in needed and not store.is_held(stage, folder.name):
                 found.append(_unneeded(folder, names.get(folder) or f"{stage}, damaged"))
     return found + [_unneeded(path, what) for path, what in _scraps(store, needed)]
 
@@ -51,6 +50,7 @@ def sweep(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
     """What was removed; pipelines that start meanwhile wait, and those that run keep all they use."""
     drop = set(drop)
     with gate(store, shared=False):
+        forget_dead(store)
         found = unneeded(store, drop)
         trash = store.root / ".trash" / uuid.uuid4().hex
         trash.mkdir(parents=True)
@@ -77,34 +77,21 @@ def _scraps(store: Store, needed: set[Path]) -> Iterator[tuple[Path, str]]:
     """What killed runs and repairs have left behind, with what it is."""
     for folder in sorted((store.root / ".work").glob("*/*")):
         stage = folder.parent.name
-        if store.root / stage / folder.name not in needed and not _is_held(store, stage, folder.name):
+        if store.root / stage / folder.name not in needed and not store.is_held(stage, folder.name):
             yield folder, f"unfinished {stage}"
     for folder in sorted((store.root / ".tmp").glob("*-*-*")):
         stage, prefix, _ = folder.name.rsplit("-", 2)
         locks = (store.root / ".locks").glob(f"{stage}-{prefix}*")
-        held = any(_is_held(store, stage, lock.name.removeprefix(f"{stage}-")) for lock in locks)
+        held = any(store.is_held(stage, lock.name.removeprefix(f"{stage}-")) for lock in locks)
         if not held and time.time() - folder.stat().st_mtime > TEMPORARY_SECONDS:
             yield folder, f"left by a killed {stage}"
     for log in sorted((store.root / ".logs").glob("*/*.log")):
         stage = log.parent.name
         result = store.root / stage / log.stem
-        if result not in needed and not result.exists() and not _is_held(store, stage, log.stem):
+        if result not in needed and not result.exists() and not store.is_held(stage, log.stem):
             yield log, f"log of a {stage} that is gone"
     for folder in sorted((store.root / ".quarantine").glob("*/*")):
         yield folder, f"damaged {folder.parent.name}"
-
-
-def _is_held(store: Store, stage: str, name: str) -> bool:
-    """Whether a result is being written."""
-    path = store.root / ".locks" / f"{stage}-{name}"
-    if not path.exists():
-        return False
-    with path.open() as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        except OSError:
-            return True
-    return False
 
 
 def _unneeded(path: Path, name: str) -> Unneeded:

@@ -19,7 +19,8 @@ _terminal: int | None = None
 
 def say(line: str) -> None:
     """One line of progress on stderr, and in the log of the task that runs."""
-    os.write(2 if _terminal is None else _terminal, f"{line}\n".encode())
+    with suppress(OSError):  # whoever listened may be gone, and the work goes on
+        os.write(2 if _terminal is None else _terminal, f"{line}\n".encode())
     if _terminal is not None:
         stamp = time.strftime("%H:%M:%S", time.gmtime())
         with suppress(OSError):  # a full disk must not hide, behind its log, what went wrong

@@ -65,7 +65,16 @@ class StageTask(luigi.Task):
         return self.store.complete(self.step.entry)
 
     def run(self) -> None:
+        if self.complete():
+            say(f"{self.step_name}: found, made elsewhere meanwhile")
+            return
         started = time.perf_counter()
+        made: list[Path] = []
+
+        def make(out: Path) -> None:
+            made.append(out)
+            self.make(out)
+
         with logged(self.log):
             say(f"{self.step_name}: started")
             self._check_code()
@@ -74,11 +83,11 @@ class StageTask(luigi.Task):
             if self.stage == "sample":  # the first that reads a mesh
                 for warning in mesh_warnings(self.mesh_path()):
                     say(f"warning: {warning}")
-            self.store.produce(
-                self.step.entry, self.make, resumable=self.resumable, leftovers=("**/.*", *self.leftovers)
-            )
-            self._show_log()
-            say(f"{self.step_name}: done in {time.perf_counter() - started:.1f} s")
+            self.store.produce(self.step.entry, make, resumable=self.resumable, leftovers=("**/.*", *self.leftovers))
+            if made:
+                self._show_log()
+            how = f"done in {time.perf_counter() - started:.1f} s" if made else "found, made elsewhere meanwhile"
+            say(f"{self.step_name}: {how}")
 
     def mend(self) -> None:
         """Check every byte of the result before it is read; a damaged one is put aside and made again, here and now."""

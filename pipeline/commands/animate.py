@@ -63,7 +63,7 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     from pipeline.motion import Motion
     from storage.clouds import shown
 
-    renderer = Renderer(options["weights"])
+    renderer = Renderer(options["weights"], engine=options["engine"])
     look = look_from(renderer, ctx.meta.get(SETTINGS, {}), options)
     motion = Motion(options["motion"], options["frames"], options["steady"])
     failed = False

@@ -14,6 +14,8 @@ import click
 
 from pipeline.cli import Failure
 
+PATIENT = ("--worker-keep-alive", "--worker-wait-interval", "1", "--worker-wait-jitter", "1")
+"""A worker with nothing to do waits for the others, and asks the scheduler no more than once in a second or two."""
 LEFT_TO_OTHERS, LOOKS = (10, 25), 10
 """luigi ends so, by workflows/luigi.cfg, when other workers have taken some of the tasks, also when all is well: look
 again, up to so many times, whether everything is there."""
@@ -44,7 +46,7 @@ def full_pipeline(
     """
     check_luigi()
     command = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline"]
-    command += ["--scheduler-url", scheduler, "--worker-keep-alive"] if scheduler else ["--local-scheduler"]
+    command += ["--scheduler-url", scheduler, *PATIENT] if scheduler else ["--local-scheduler"]
     command += ["--explain"] * explain + ["--dry-run"] * dry_run
     for name in ("config", "meshes", "evaluate_meshes", "workspace", "workers"):
         if options[name] is not None:

@@ -80,7 +80,8 @@ def _run(
     from pipeline.infer import Renderer
 
     jobs = min(options["jobs"], len(scans))
-    renderer = Renderer(options["weights"], None if jobs == 1 else max(1, (os.cpu_count() or 1) // jobs))
+    threads = None if jobs == 1 else max(1, (os.cpu_count() or 1) // jobs)
+    renderer = Renderer(options["weights"], threads, options["engine"])
     look = look_from(renderer, values, options)
     tasks = _plan(ctx, scans, inputs, output, options)
     if options["same_frame"]:

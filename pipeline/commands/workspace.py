@@ -10,10 +10,15 @@ import click
 from pipeline.commands.full_pipeline import check_luigi, luigi_environment, run_process
 
 
+class HandedOn(click.Command):
+    """A command whose words are another program's to understand."""
+
+    ignore_unknown_options = True
+    allow_extra_args = True
+
+
 def _handed_on(name: str) -> click.Command:
-    @click.command(
-        name, add_help_option=False, context_settings={"ignore_unknown_options": True, "allow_extra_args": True}
-    )
+    @click.command(name, cls=HandedOn, add_help_option=False)
     @click.pass_context
     def command(ctx: click.Context) -> None:
         check_luigi()

@@ -114,3 +114,37 @@ def test_a_damaged_result_and_an_empty_reason_are_refused(store):
     with pytest.raises(StoreError, match=r"result\.bin"):
         adopt(store, candidate, "a refactoring")
     assert candidates(store, chain("new"), ("render",)) == []
+
+
+def stop_halfway(folder):
+    (folder / "checkpoint").write_text("half")
+    raise KeyboardInterrupt
+
+
+def test_unfinished_work_is_taken_over_and_told_in_the_end(store):
+    old, new = chain("old")[-1], chain("new")[-1]
+    make(store, chain("old")[:-1])
+    with pytest.raises(KeyboardInterrupt):
+        store.produce(old, stop_halfway, resumable=True)
+    assert take_over(store, chain("new"))[-1] == "train"
+    assert not store.work_folder(old).exists() and not store.complete(new)
+
+    def finish(folder):
+        assert (folder / "checkpoint").read_text() == "half"
+        (folder / "weights").write_text("whole")
+
+    store.produce(new, finish, resumable=True, leftovers=("**/.*", "checkpoint"))
+    assert [path.name for path in sorted(store.folder(new).iterdir())] == ["manifest.json", "weights"]
+    assert store.manifest(new)["provenance"]["adopted"]["from"] == old.fingerprint
+
+
+def test_work_that_somebody_goes_on_with_or_has_begun_anew_is_left_alone(store):
+    old, new = chain("old")[-1], chain("new")[-1]
+    make(store, chain("old")[:-1])
+    with pytest.raises(KeyboardInterrupt):
+        store.produce(old, stop_halfway, resumable=True)
+    with store.lock(old):
+        assert [one.entry.stage for one in candidates(store, chain("new"), ("train",))] == []
+    with pytest.raises(KeyboardInterrupt):
+        store.produce(new, stop_halfway, resumable=True)
+    assert candidates(store, chain("new"), ("train",)) == []

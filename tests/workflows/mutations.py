@@ -92,8 +92,7 @@ INPUTS: dict[str, tuple[Change, set[str]]] = {
     ], set()),
     "unrelated modules": (lambda world: [appended(f"code/{path}", "\nEXTRA = 1\n")(world) for path in
                           ("pipeline/batch.py", "pipeline/cli.py", "workflows/status.py", "storage/layout.py")], set()),
-    "the Blender scene": (replaced("code/pipeline/blender.py", "AMBIENT = 0.35", "AMBIENT = 0.36"),
-                          RENDERS | SHARDS | AFTER),
+    "the Blender scene": (appended("code/pipeline/blender.py", "\nEXTRA = 1\n"), RENDERS | SHARDS | AFTER),
     "the sharding code": (appended("code/pipeline/shard.py", "\nEXTRA = 1\n"), SHARDS | AFTER),
     "the training code": (appended("code/pipeline/train.py", "\nEXTRA = 1\n"), AFTER),
     "a metric's code": (appended("code/z2p_core/metrics.py", "\nEXTRA = 1\n"), EVALUATE),

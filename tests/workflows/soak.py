@@ -25,13 +25,13 @@ def soak(folder: Path, kills: int, seed: int, say: Callable[[str], object] = pri
         AssertionError: a run failed by itself, or a result has other bytes than an undisturbed run's.
     """
     rng = random.Random(seed)
-    undisturbed = World(folder / "undisturbed", code=False)
+    undisturbed = World(folder / "undisturbed")
     began = time.monotonic()
     undisturbed.make()
     longest = time.monotonic() - began
     expected = undisturbed.digests()
     say(f"undisturbed: {len(expected)} files in {longest:.1f} s")
-    world = World(folder / "disturbed", code=False)
+    world = World(folder / "disturbed")
     killed = rounds = 0
     while killed < kills:
         pipeline = world.start()

@@ -112,7 +112,8 @@ def test_a_dead_parents_orphan_publishes_late_and_harmlessly(world, undisturbed)
         if line.startswith("train: started"):
             break
     pipeline.kill()  # luigi alone: the task goes on
-    assert "train" in world.make() and world.digests() == undisturbed.digests()
+    pipeline.stderr.close()  # nobody listens to the orphan
+    assert set(world.make()) <= {"train", "evaluate"} and world.digests() == undisturbed.digests()
     assert world.make() == []
 
 

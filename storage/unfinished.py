@@ -1,0 +1,28 @@
+"""What a resumable stage has so far carries a note of what it belongs to, so that it can be vouched for as well."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+NOTE = ".entry.json"
+"""Hidden, so that it goes with other leftovers when the result is published."""
+
+
+def write_note(folder: Path, name: str, fields: Mapping[str, Any], adopted: Mapping[str, Any] | None = None) -> None:
+    """Note the result that a work folder is to become, and whose work it was when it was taken over."""
+    temporary = folder / f"{NOTE}.part"
+    temporary.write_text(json.dumps({"name": name, "fields": dict(fields), "adopted": adopted}), encoding="utf-8")
+    temporary.replace(folder / NOTE)
+
+
+def read_note(folder: Path) -> dict[str, Any] | None:
+    """``name``, ``fields`` and ``adopted`` (or None) of a work folder; None where there is no note, or a torn one."""
+    with suppress(OSError, ValueError):
+        note = json.loads((folder / NOTE).read_text(encoding="utf-8"))
+        if isinstance(note, dict) and {"name", "fields", "adopted"} <= set(note):
+            return note
+    return None
