@@ -13,7 +13,7 @@ def draw_buffers(
     cloud: np.ndarray, camera: Camera, scene: SceneDescription, zbuffer: ZBuffer, gbuffer: GBuffer
 ) -> np.ndarray:
     """Picture (channels, height, width) float32 of a cloud (N, 3) float32 that is placed in the scene already."""
-    drawn = zbuffer.draw(cloud, camera)
-    if not gbuffer.channels:
-        return drawn
-    return np.concatenate([drawn, gbuffer.draw(cloud, camera, scene)])
+    picture = np.zeros((zbuffer.channels + gbuffer.channels, camera.height, camera.width), dtype=np.float32)
+    zbuffer.draw_into(picture[: zbuffer.channels], cloud, camera)
+    gbuffer.draw_into(picture[zbuffer.channels :], cloud, camera, scene)
+    return picture

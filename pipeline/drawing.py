@@ -75,7 +75,10 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     if placed.stance.elevation is not None:
         values["elevation"] = (placed.stance.elevation,)
     factor = look.supersample
-    picture = renderer.render(placed.cloud, values, look.width * factor, look.height * factor)
+    floor = placed.viewpoint.floor
+    if floor is not None:
+        floor = min(floor, float(placed.cloud[:, 2].min()))  # nothing stands below it
+    picture = renderer.render(placed.cloud, values, look.width * factor, look.height * factor, floor)
     if factor > 1:
         picture = bytes_from_unit(shrink(unit_from_bytes(picture), factor))
     if look.tight:

@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 
 from pipeline.baselines import load_baselines, on_true_floor, rebuild
+from pipeline.engines import REFERENCE_ENGINE
 from pipeline.infer import Renderer
 from pipeline.render import RenderSettings, read_render
 from pipeline.sample import draw_cloud
@@ -96,7 +97,7 @@ def evaluate(
         raise ScanError("expected meshes to evaluate on, got none; give a folder with at least one")
     registry.load("samplers", config.sampler)  # an unknown one shows before the first render
     rivals = load_baselines(baselines)
-    renderer = Renderer(weights)
+    renderer = Renderer(weights, engine=REFERENCE_ENGINE)
     subjects = [_read_subject(name, path) for name, path in meshes.items()]  # so does a broken mesh
     (out / "pictures").mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (OURS, *rivals)}

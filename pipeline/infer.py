@@ -5,14 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from pipeline.buffers import draw_buffers
-from pipeline.load import load_network
+from pipeline.engines import start_engine
+from pipeline.load import load_plugins
+from storage.checkpoints import resolve
 from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
 from z2p_core.framing import UP_AXES
-from z2p_core.images import bytes_from_unit, straight_from_premultiplied
 from z2p_core.interfaces import Control, Value
+from z2p_core.native import straight_bytes
 from z2p_core.scene import SceneDescription
 from z2p_core.viewpoint import frame
 
@@ -20,17 +21,24 @@ from z2p_core.viewpoint import frame
 class Renderer:
     """Trained network with its z-buffer, encoder and controls, ready to draw placed clouds. Threads may share one."""
 
-    def __init__(self, weights: str | Path, threads: int | None = None) -> None:
-        """Renderer of `weights`, a shipped name or a file; `threads` caps torch's threads in the whole process.
+    def __init__(self, weights: str | Path, threads: int | None = None, engine: str | None = None) -> None:
+        """Renderer of `weights`, a shipped name or a file, on at most so many threads.
+
+        `engine` names what runs the network; by default the first installed one that can.
 
         Raises:
-            WeightsError: no such weights, or a file that cannot be them.
-            PluginError: they need a plugin that is not installed or fails to load.
+            WeightsError: no such weights, or a file that cannot be them, or that no installed engine can run.
+            PluginError: they need a plugin that is not installed or fails to load; or the engine is.
         """
-        if threads is not None:
-            torch.set_num_threads(threads)
-        self._loaded = load_network(weights)
-        self._loaded.network.eval()
+        file = resolve(weights)
+        self._loaded = load_plugins(file)
+        self._engine = start_engine(self._loaded, file, engine, threads)
+        self._last_encoding: tuple[tuple[int, int], np.ndarray] = ((0, 0), np.empty(0, np.float32))
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine that runs the network."""
+        return self._engine.name
 
     @property
     def controls(self) -> dict[str, Control]:
@@ -71,15 +79,17 @@ class Renderer:
             encoded.extend(self.controls[name].encode(value))
         camera = Camera(width, height, scene.elevation)
         buffers = draw_buffers(cloud, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
-        encoding = self._loaded.encoder.encode(*camera.frame_coordinates(step=int(self._loaded.network.unshuffle)))
-        with torch.inference_mode():
-            picture = self._loaded.network(
-                torch.from_numpy(buffers)[None],
-                torch.from_numpy(encoding),
-                torch.tensor([encoded], dtype=torch.float32),
-            )
-        premultiplied = picture[0].clamp(0, 1).permute(1, 2, 0).numpy()
-        return bytes_from_unit(straight_from_premultiplied(premultiplied))
+        inputs = buffers[None], self._encoding(width, height), np.array([encoded], dtype=np.float32)
+        return straight_bytes(self._engine.run(*inputs)[0])
+
+    def _encoding(self, width: int, height: int) -> np.ndarray:
+        """The encoder's features (E, h, w) of a picture of that size; the last are kept, as most are of one size."""
+        size, encoding = self._last_encoding
+        if size != (width, height):
+            cells = Camera(width, height).frame_coordinates(step=self._loaded.config.unshuffle)
+            encoding = self._loaded.encoder.encode(*cells)
+            self._last_encoding = (width, height), encoding
+        return encoding
 
 
 def place_cloud(points: np.ndarray, up: str | np.ndarray = "+Z", azimuth: float = 0.0) -> np.ndarray:

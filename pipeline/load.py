@@ -1,19 +1,64 @@
-"""Weights made ready to draw: the network and the plugins that its card names."""
+"""Weights made ready to draw: the plugins that their card names, and the network in the form that its engine takes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-
-import torch
-from torch import nn
+from typing import TYPE_CHECKING, Any
 
 from storage.checkpoints import Weights, WeightsError, check, load_weights, resolve
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, from_dict
 from z2p_core.interfaces import Control, GBuffer, PositionalEncoder, ZBuffer
-from z2p_core.model import build_network
+
+if TYPE_CHECKING:
+    from torch import nn
+
+
+@dataclass(frozen=True)
+class LoadedWeights:
+    """Weights with the plugins that feed their network; nothing of it needs torch."""
+
+    weights: Weights
+    config: NetworkConfig
+    zbuffer: ZBuffer
+    gbuffer: GBuffer
+    encoder: PositionalEncoder
+    controls: dict[str, Control]
+    """In the order of the settings vector."""
+
+    @property
+    def card(self) -> dict[str, Any]:
+        return self.weights.card
+
+    @property
+    def buffer_channels(self) -> int:
+        """Channels that the network reads of a cloud."""
+        return self.zbuffer.channels + self.gbuffer.channels
+
+    @property
+    def settings(self) -> int:
+        """Length of the settings vector."""
+        return sum(control.size for control in self.controls.values())
+
+    def build(self) -> nn.Module:
+        """The torch network with these weights, in evaluation mode, float32, on the CPU.
+
+        Raises:
+            WeightsError: the weights do not fit the network of their card.
+        """
+        import torch  # late: the other engines do without it
+
+        from z2p_core.model import build_network
+
+        try:
+            network = build_network(self.config, self.buffer_channels, self.encoder.channels, self.settings)
+        except ValueError as error:
+            raise WeightsError(f"weights for a network that this z2p cannot build: {error}") from error
+        check(self.weights, {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()})
+        network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in self.weights.tensors.items()})
+        network.to(memory_format=torch.channels_last).eval()  # type: ignore[call-overload]
+        return network
 
 
 @dataclass(frozen=True)
@@ -30,7 +75,19 @@ class LoadedNetwork:
 
 
 def load_network(weights: Weights | str | Path) -> LoadedNetwork:
-    """The network and plugins of loaded weights, of a shipped name or of a file.
+    """The torch network and plugins of loaded weights, of a shipped name or of a file.
+
+    Raises:
+        WeightsError: the weights are unknown, damaged, or made with plugins of other versions.
+        PluginError: a plugin that they need is not installed.
+    """
+    loaded = load_plugins(weights)
+    network = loaded.build()
+    return LoadedNetwork(network, loaded.zbuffer, loaded.gbuffer, loaded.encoder, loaded.controls, loaded.card)
+
+
+def load_plugins(weights: Weights | str | Path) -> LoadedWeights:
+    """Loaded weights, or those of a shipped name or of a file, and the plugins of their card.
 
     Raises:
         WeightsError: the weights are unknown, damaged, or made with plugins of other versions.
@@ -42,16 +99,11 @@ def load_network(weights: Weights | str | Path) -> LoadedNetwork:
     zbuffer, gbuffer = _matching("zbuffers", card["zbuffer"])(), _matching("gbuffers", card["gbuffer"])()
     encoder = _matching("encoders", card["encoder"]).from_state(card["encoder"]["state"])
     controls = {entry["name"]: _control(entry) for entry in card["controls"]}
-    settings = sum(control.size for control in controls.values())
     try:
         config = from_dict(NetworkConfig, card["network"], "weights: network")
-        network = build_network(config, zbuffer.channels + gbuffer.channels, encoder.channels, settings)
-    except (ConfigError, ValueError) as error:
+    except ConfigError as error:
         raise WeightsError(f"weights for a network that this z2p cannot build: {error}") from error
-    check(weights, {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()})
-    network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in weights.tensors.items()})
-    network.to(memory_format=torch.channels_last).eval()
-    return LoadedNetwork(network, zbuffer, gbuffer, encoder, controls, card)
+    return LoadedWeights(weights, config, zbuffer, gbuffer, encoder, controls)
 
 
 def _matching(group: str, entry: dict[str, Any]) -> type[Any]:

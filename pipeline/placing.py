@@ -14,6 +14,8 @@ from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.viewpoint import Viewpoint, frame
 
+SETTLED = "as settled"
+"""Stands for up where a camera was settled before."""
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
 OUTSIDE = 1.2
 """Distance from the middle, in radii, from where on a point may lie outside a square picture."""
@@ -65,6 +67,9 @@ class Stance:
         strays += f"; {self.background} points far behind it left out" if self.background else ""
         strays += f"; {self.outside} points beyond the camera's frame" if self.outside else ""
         hint = f"; {self.hint}" if self.hint else ""
+        if self.up == SETTLED:
+            turned = f", turned on by {round(self.azimuth)}" if self.azimuth else ""
+            return f"{self.view_reason}{height}{turned}{strays}"
         return (f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}{strays}"
                 f"{hint}")
 
@@ -162,8 +167,8 @@ def _as_settled(
     outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
     if outside == len(cloud):
         raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
-    stance = Stance("as settled", "the camera's", azimuth, wished, f"the camera's{beyond}", shown.outliers, outside,
-                    shown.background)
+    stance = Stance(SETTLED, "the camera's", azimuth, wished, f"before the given camera{beyond}", shown.outliers,
+                    outside, shown.background)
     return Placed(cloud, stance, viewpoint)
 
 

@@ -60,7 +60,8 @@ def common_viewpoint(
     together = Scan(usable(np.vstack(reach)).points, 0, "", first[0])
     placing = replace(placing, keep_outliers=True, cut_top=0.0)  # what is to go has gone from each
     placed = place(together, first[1], placing, elevation, free)
-    return Series(placed.viewpoint, placed.stance.told, clouds, unread)
+    shared = replace(placed.viewpoint, floor=float(placed.cloud[:, 2].min()))  # what hovers in one cloud hovers
+    return Series(shared, placed.stance.told, clouds, unread)
 
 
 def _outline(points: np.ndarray) -> np.ndarray:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from pipeline.batch import source_of
 from pipeline.drawing import Look, draw, record
@@ -126,7 +127,7 @@ def _view(view: Any) -> str | tuple[float, float]:
 
 def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: Request) -> list[Picture]:
     file = resolve(request.weights)
-    with torch.random.fork_rng(devices=[]), torch.device("cpu"):  # a training around us must not notice
+    with _unnoticed():
         renderer = _renderer(file, file.stat().st_mtime_ns)
         look = look_for(renderer, request)
         pictures = []
@@ -144,6 +145,17 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
                 notes.append(f"{drawing.stance.outside} points lie beyond the camera's frame")
             pictures.append(Picture(array, record(drawing, look, source), tuple(notes)))
     return pictures
+
+
+@contextmanager
+def _unnoticed() -> Iterator[None]:
+    """A training around us keeps torch's generator and default device; where none was imported, none is."""
+    torch = sys.modules.get("torch")
+    if torch is None:
+        yield
+        return
+    with torch.random.fork_rng(devices=[]), torch.device("cpu"):
+        yield
 
 
 @lru_cache(maxsize=2)

@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from pipeline.curve import Row, validation_metrics, write_curve, write_strips
 from pipeline.dataset import Batch
+from pipeline.export import export_onnx
 from pipeline.run import Run, TrainError, resume, snapshot, start_run, weights_card
 from storage.checkpoints import save_checkpoint, save_weights
 from z2p_core.config import TrainConfig
@@ -40,8 +41,9 @@ def train(
 ) -> Path:
     """`out/weights.safetensors`: weights trained on the shards, averaged over the steps.
 
-    Beside it: `curve.csv`, `curve.png`, `validation/step_*.png` (z-buffer, prediction, target) and `checkpoints/`, from
-    which the same call goes on exactly where a killed one stopped. `precision` is ``auto``, ``float32`` or ``bfloat16``
+    Beside it: `weights.onnx` (the same network, for engines without torch), `curve.csv`, `curve.png`,
+    `validation/step_*.png` (z-buffer, prediction, target) and `checkpoints/`, from which the same call goes on exactly
+    where a killed one stopped. `precision` is ``auto``, ``float32`` or ``bfloat16``
     (autocast); ``auto`` asks the device. `log` takes lines of text; stderr by default.
 
     Raises:
@@ -65,7 +67,8 @@ def train(
         _loop(run, out, log)
         weights = out / "weights.safetensors"
         save_weights(weights, run.average.state_dict(), weights_card(run))
-    log(f"wrote {weights}")
+        exported = export_onnx(weights)
+    log(f"wrote {weights} and {exported.name}")
     return weights
 
 

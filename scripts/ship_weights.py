@@ -1,6 +1,6 @@
-"""Puts the weights of a finished pipeline run among those that z2p ships, with their model card.
+"""Puts the weights of a finished pipeline run among those that z2p ships, with their ONNX export and card.
 
-    python scripts/ship_weights.py runs/regular regular    # -> storage/weights/regular.safetensors, regular.md
+    python scripts/ship_weights.py runs/regular regular    # -> storage/weights/regular.{safetensors,onnx,md}
 """
 
 from __future__ import annotations
@@ -10,12 +10,14 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from pipeline.export import export_onnx
 from storage.checkpoints import SHIPPED, load_weights, save_weights
 from storage.fingerprints import file_digest
 
 CARD = """# Weights `{name}`
 
-Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16.
+Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16,
+and exported to `{name}.onnx` for the engines without torch.
 
 - **Made by** `z2p pipeline --config configs/{config}.toml --meshes DIR --evaluate-meshes DIR`, training result
   `{fingerprint}`; sha256 of the shipped file `{digest}`.
@@ -40,10 +42,13 @@ def main(run: Path, name: str) -> None:
     metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
     shipped = SHIPPED / f"{name}.safetensors"
     save_weights(shipped, weights.tensors, weights.card, half=True)
+    exported = export_onnx(shipped)
     fingerprint = (run / "weights.safetensors").resolve().parent.name
     text = describe(name, run.name, weights.card, metrics, fingerprint, file_digest(shipped))
     shipped.with_suffix(".md").write_text(text, encoding="utf-8")
-    print(f"{shipped} ({shipped.stat().st_size / 1e6:.1f} MB) and {shipped.with_suffix('.md')}")
+    for file in (shipped, exported):
+        print(f"{file} ({file.stat().st_size / 1e6:.1f} MB)")
+    print(shipped.with_suffix(".md"))
 
 
 def describe(

@@ -23,7 +23,8 @@ def read_camera(path: Path) -> Viewpoint:
         SettingError: no such file, no JSON, a picture without a record, or no camera in it.
     """
     try:
-        data = read_record(path)["camera"] if path.suffix.lower() in FORMATS else json.loads(path.read_text("utf-8"))
+        picture = path.suffix.lower() in (*FORMATS, ".gif")
+        data = read_record(path)["camera"] if picture else json.loads(path.read_text("utf-8"))
         return viewpoint_from_json(data)
     except OSError as error:
         raise SettingError(f"camera {shown(path)}: {error.strerror or error}; write one with --save-camera") from error

@@ -36,6 +36,8 @@ class Weights:
 
     tensors: dict[str, np.ndarray]
     card: dict[str, Any]
+    digest: str = ""
+    """sha256 (64 hex digits) of tensors and card as the file has them; what an ONNX file made of them names."""
 
 
 def shipped() -> dict[str, Path]:
@@ -82,13 +84,13 @@ def load_weights(path: Path) -> Weights:
     Raises:
         WeightsError: missing, not safetensors (a pickle, say), damaged, without a card, or of another format.
     """
-    tensors, card = _read(path)
+    tensors, card, digest = _read(path)
     if card.get("format") != FORMAT:
         raise WeightsError(f"{path}: expected weights of format {FORMAT}, got {card.get('format')!r}; update z2p")
     missing = [key for key in CARD_KEYS if key not in card]
     if missing:
         raise WeightsError(f"{path}: the card lacks {', '.join(missing)}; these are not weights of z2p")
-    return Weights({name: tensor.astype(np.float32) for name, tensor in tensors.items()}, card)
+    return Weights({name: tensor.astype(np.float32) for name, tensor in tensors.items()}, card, digest)
 
 
 def check(weights: Weights, expected: Mapping[str, tuple[int, ...]]) -> None:
@@ -121,7 +123,8 @@ def load_checkpoint(folder: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]
     for path in (folder / CHECKPOINT, folder / PREVIOUS):
         if path.exists():
             try:
-                return (*_read(path), warnings)
+                tensors, state, _ = _read(path)
+                return tensors, state, warnings
             except WeightsError as error:
                 warnings.append(f"ignored a checkpoint: {error}")
     return ({}, {}, warnings) if warnings else None
@@ -147,7 +150,7 @@ def _publish(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) ->
         temporary.unlink(missing_ok=True)
 
 
-def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], str]:
     path = Path(path)
     if not path.is_file():
         raise WeightsError(f"{path}: no such weights file")
@@ -165,9 +168,10 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     except (SafetensorError, OSError, json.JSONDecodeError) as error:
         raise WeightsError(f"{path}: truncated, damaged or not safetensors ({error}); get it again") from error
     card = metadata.get("card") if isinstance(metadata, dict) else None
-    if not isinstance(card, dict) or metadata.get("sha256") != _digest(arrays, card):
+    digest = _digest(arrays, card) if isinstance(card, dict) else ""
+    if not isinstance(card, dict) or metadata.get("sha256") != digest:
         raise WeightsError(f"{path}: damaged: its content does not match its digest; get it again")
-    return arrays, card
+    return arrays, card, digest
 
 
 def _digest(arrays: dict[str, np.ndarray], card: dict[str, Any]) -> str:

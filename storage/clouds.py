@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from storage.incoming import unpacked
+from storage.incoming import is_prose, unpacked
 from storage.memory import free_memory
 from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, shown, write_cloud, write_mesh
 from z2p_core import registry
@@ -79,12 +79,15 @@ def format_suffix(path: Path) -> str:
     return inner.suffix.lower()
 
 
-def find_scans(inputs: Sequence[str], recursive: bool) -> list[Path]:
+def find_scans(
+    inputs: Sequence[str], recursive: bool, passed_over: Callable[[Path], None] = lambda path: None
+) -> list[Path]:
     """The files that the inputs stand for, in the inputs' order, each once.
 
     A file stands for itself. A folder stands for the readable files in it, sorted by name; with `recursive`, for those
     below it too. Anything else is a glob pattern. Hidden files and links to folders are left out of folders and globs:
-    what such a link leads to is either found anyway or lies outside.
+    what such a link leads to is either found anyway or lies outside. So is prose: a folder's .txt or .csv that does not
+    begin with numbers or their names; `passed_over` is told of each.
 
     Raises:
         ScanError: an input is a URL or matches nothing, or a folder or pattern holds no readable file.
@@ -94,7 +97,7 @@ def find_scans(inputs: Sequence[str], recursive: bool) -> list[Path]:
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]*://", text):
             raise ScanError(f"{text!r} is a URL; z2p reads local files only, so download it first")
         try:
-            paths = _expand(text, recursive)
+            paths = _expand(text, recursive, passed_over)
         except ScanError:
             raise
         except (OSError, ValueError) as error:
@@ -105,7 +108,7 @@ def find_scans(inputs: Sequence[str], recursive: bool) -> list[Path]:
     return list(found.values())
 
 
-def _expand(text: str, recursive: bool) -> list[Path]:
+def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None]) -> list[Path]:
     """The files behind one input."""
     path = Path(text)
     if path.is_dir():
@@ -117,7 +120,12 @@ def _expand(text: str, recursive: bool) -> list[Path]:
     else:
         raise ScanError(f"{shown(path)}: no such file or folder; check the path")
     suffixes = readable_suffixes()
-    paths = [candidate for candidate in candidates if format_suffix(candidate) in suffixes]
+    paths = []
+    for candidate in candidates:
+        if is_prose(candidate):
+            passed_over(candidate)
+        elif format_suffix(candidate) in suffixes:
+            paths.append(candidate)
     if not paths:
         advice = "" if recursive or not path.is_dir() else "; --recursive looks into its folders too"
         raise ScanError(f"{name} holds no point cloud; readable: {', '.join(suffixes)}{advice}")

@@ -58,6 +58,25 @@ def suffix_of(head: bytes) -> str:
     return ".obj" if any(line.split()[0] == b"v" for line in lines[:200]) else ".xyz"
 
 
+def is_prose(path: Path) -> bool:
+    """Whether a .txt or .csv file begins with neither three numbers nor the names x, y and z: a note, not a scan."""
+    if path.suffix.lower() not in (".txt", ".csv"):
+        return False
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096).decode("utf-8-sig", errors="replace")
+    except OSError:
+        return False  # the reader says what is wrong
+    lines = (line.split("#")[0].replace(",", " ").replace(";", " ").split() for line in head.splitlines())
+    words = [word.strip("\"'/").lower() for word in next((line for line in lines if line), [])]
+    if {"x", "y", "z"} <= set(words):
+        return False
+    try:
+        return len([float(word) for word in words]) < 3
+    except ValueError:
+        return True
+
+
 @contextmanager
 def unpacked(path: Path, largest: int | None) -> Iterator[Path]:
     """The path itself, or while the context lasts a temporary file with the content of a .gz, unpacked step by step.

@@ -19,7 +19,8 @@ from storage.code import part_digest, present_digest
 _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.scene")
 _MESHES = ("storage.meshes", "z2p_core.ply_header")
 _PICTURES = ("pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.geometry", "z2p_core.images", *_MESHES)
-_KERNELS = ("z2p_core.native", *(f"z2p_core/native/{name}" for name in ("fast.h", "light.c", "points.c", "splat.c")))
+_KERNEL_FILES = ("colour.c", "fast.h", "light.c", "points.c", "project.c", "splat.c")
+_KERNELS = ("z2p_core.native", *(f"z2p_core/native/{name}" for name in _KERNEL_FILES))
 _NETWORK = (
     "pipeline.buffers", "pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting",
     "z2p_core.camera", "z2p_core.scene", *_KERNELS,
@@ -42,10 +43,11 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "train": (
         "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.curve",
         "pipeline.shard:shrink_pictures", "storage.shards", "z2p_core.images", "z2p_core.losses", "z2p_core.noise",
-        *_NETWORK,
+        "pipeline.export", "storage.exports", *_NETWORK,
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
+        "pipeline.engines", "storage.exports",
         "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
         "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),
@@ -77,7 +79,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "sample": ("numpy", "trimesh"),
     "render": ("numpy", "trimesh", "bpy"),
     "shard": ("numpy", "h5py"),
-    "train": ("numpy", "torch"),
+    "train": ("numpy", "torch", "onnx", "onnxruntime"),
     "evaluate": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
     "reference": ("numpy", "trimesh", "bpy"),
 }

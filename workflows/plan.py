@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.engines import REFERENCE_ENGINE
 from storage.checkpoints import WeightsError, resolve
 from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry
@@ -178,6 +179,7 @@ def _weights_digest(start: str) -> str:
 def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshInput]) -> dict[str, Any]:
     parameters = to_dict(config.evaluate)
     parameters["sampler"] = plugin_fields(registry.load("samplers", config.evaluate.sampler))
+    parameters["engine"] = plugin_fields(registry.load("engines", REFERENCE_ENGINE))
     return stage_fields("evaluate") | {
         "train": train.entry.fingerprint,
         "meshes": sorted([mesh.name, mesh.identity] for mesh in meshes),  # the metrics' rows bear the names

@@ -9,6 +9,7 @@ entry-point group              subclass               example
 ``z2p.zbuffers``               `ZBuffer`              the paper's 5x5 splat (Eq. 1)
 ``z2p.gbuffers``               `GBuffer`              lit surfels and their shadow: a rough rendering
 ``z2p.encoders``               `PositionalEncoder`    random Fourier features (Eq. 3)
+``z2p.engines``                `Engine`               onnxruntime: what runs the trained network
 ``z2p.samplers``               `Sampler`              farthest-point sampling of a mesh
 ``z2p.readers``                `Reader`               a point-cloud file format
 ``z2p.baselines``              `Baseline`             ball pivoting, to compare pictures with
@@ -28,6 +29,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from z2p_core.engine import Engine as Engine
+from z2p_core.engine import TrainedNetwork as TrainedNetwork
 from z2p_core.scene import SceneDescription
 
 if TYPE_CHECKING:
@@ -139,6 +142,10 @@ class ZBuffer(ABC):
     def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
         """Picture (channels, height, width) float32 of a cloud (N, 3) float32 in world units; 0 where nothing is."""
 
+    def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera) -> None:
+        """Draws into `out`, contiguous and zero at first; one that does so without a copy overrides this."""
+        out[...] = self.draw(cloud, camera)
+
 
 class GBuffer(ABC):
     """Draws rough features of the lit scene from the bare cloud, which the network reads beside the z-buffer.
@@ -158,6 +165,10 @@ class GBuffer(ABC):
         `scene` has the light, the material and the floor; a floor of None touches the cloud's lowest point. Its
         rotation and lift are those of the cloud already.
         """
+
+    def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
+        """Draws into `out`, contiguous and zero at first; one that does so without a copy overrides this."""
+        out[...] = self.draw(cloud, camera, scene)
 
 
 class PositionalEncoder(ABC):

@@ -105,8 +105,8 @@ class UNet(nn.Module):
         x = F.pad(buffers, (0, right, 0, below))  # the background of a z-buffer is 0
         if self.unshuffle > 1:
             x = F.pixel_unshuffle(x, self.unshuffle)  # (B, C u u, H/u, W/u)
-        encoding = encoding.expand(len(x), *encoding.shape[-3:])
-        if encoding.shape[1]:
+        encoding = encoding.expand(x.shape[0], *encoding.shape[-3:])  # not len(): the export follows shapes
+        if int(encoding.shape[1]):
             missing = (0, x.shape[3] - encoding.shape[3], 0, x.shape[2] - encoding.shape[2])
             x = torch.cat([x, F.pad(encoding, missing, mode="replicate")], dim=1)
         picture = self.draw(x.contiguous(memory_format=torch.channels_last), w)

@@ -12,6 +12,7 @@ GROUPS = {
     "zbuffers": "ZBuffer",
     "gbuffers": "GBuffer",
     "encoders": "PositionalEncoder",
+    "engines": "Engine",
     "samplers": "Sampler",
     "readers": "Reader",
     "baselines": "Baseline",

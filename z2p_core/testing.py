@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.camera import Camera
+from z2p_core.engine_contract import check_engine as check_engine
 from z2p_core.expectations import check_array, check_class, expect, plain_json, refuses, same
 from z2p_core.interfaces import (
     Baseline,

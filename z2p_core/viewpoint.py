@@ -36,6 +36,8 @@ class Viewpoint:
     """Matrix (3, 3), rows, from the data's axes to the world's."""
     elevation: float
     """Of the camera above the horizon, degrees."""
+    floor: float | None = None
+    """Height of the floor in world units, for clouds that share one; None: each stands on its own lowest point."""
 
     def place(self, points: np.ndarray) -> np.ndarray:
         """Cloud (N, 3) float32 in world units of points (N, 3) in the data's; float64 inside, so UTM keeps digits."""
@@ -53,6 +55,7 @@ class Viewpoint:
             "radius": self.radius,
             "rotation": [list(row) for row in self.rotation],
             "elevation": self.elevation,
+            "floor": self.floor,
             "distance": DISTANCE,
             "field_of_view": FIELD_OF_VIEW,
         }
@@ -96,8 +99,9 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
         if not math.isclose(theirs, ours, rel_tol=1e-6):
             raise SettingError(f"camera: the weights know only {key} {ours:g}, got {theirs:g}; move the object by "
                                "centre and radius instead")
+    floor = None if data.get("floor") is None else float(_numbers(data, "floor", ()))
     x, y, z = centre.tolist()
-    return Viewpoint((x, y, z), radius, tuple(tuple(row) for row in rotation.tolist()), elevation)
+    return Viewpoint((x, y, z), radius, tuple(tuple(row) for row in rotation.tolist()), elevation, floor)
 
 
 def _numbers(data: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> np.ndarray:

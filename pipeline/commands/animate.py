@@ -57,13 +57,13 @@ def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options
 def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dict[str, Any]) -> bool:
     """True when a file failed."""
     columns = columns_from(options)
-    scans = found_scans(ctx, inputs, options["recursive"])
+    scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
     from pipeline.batch import told_fault
     from pipeline.infer import Renderer
     from pipeline.motion import Motion
     from storage.clouds import shown
 
-    renderer = Renderer(options["weights"])
+    renderer = Renderer(options["weights"], engine=options["engine"])
     look = look_from(renderer, ctx.meta.get(SETTINGS, {}), options)
     motion = Motion(options["motion"], options["frames"], options["steady"])
     failed = False

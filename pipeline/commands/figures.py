@@ -79,6 +79,8 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     from storage.pictures import encode, read_record, write_whole
 
     record = read_record(figure)
+    if "motion" in record:
+        raise Failure(f"{figure} is a loop; make it again with z2p animate SCAN --load-camera {figure}")
     output = output or figure.with_stem(f"{figure.stem}_2")
     if output.exists() and not options["overwrite"]:
         raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)

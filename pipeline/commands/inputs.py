@@ -11,23 +11,25 @@ import click
 STDIN = "-"
 
 
-def found_scans(ctx: click.Context, inputs: tuple[str, ...], recursive: bool) -> list[Path]:
+def found_scans(ctx: click.Context, inputs: tuple[str, ...], recursive: bool, quiet: bool) -> list[Path]:
     """The files behind the inputs; standard input is kept in a temporary file until the command ends.
 
     Raises:
         ScanError: an input is a URL or matches nothing, or standard input is empty.
         click.UsageError: standard input is named twice.
     """
-    from storage.clouds import find_scans
+    from storage.clouds import find_scans, shown
     from storage.incoming import PREFIX, spool
 
     if inputs.count(STDIN) > 1:
         raise click.UsageError("- stands for standard input, which can be read only once", ctx)
-    scans: list[Path] = []
-    for text in inputs:
-        if text == STDIN:
-            folder = ctx.with_resource(tempfile.TemporaryDirectory(prefix=PREFIX))
-            scans.append(spool(sys.stdin.buffer, Path(folder)))
-        else:
-            scans += find_scans([text], recursive)
-    return list(dict.fromkeys(scans))
+    def say(path: Path) -> None:
+        if not quiet:
+            told = "text without points; name the file itself to have it read"
+            click.echo(f"passed over: {shown(path)}: {told}", err=True)
+
+    scans = find_scans([text for text in inputs if text != STDIN], recursive, say)
+    if STDIN in inputs:
+        folder = ctx.with_resource(tempfile.TemporaryDirectory(prefix=PREFIX))
+        scans.append(spool(sys.stdin.buffer, Path(folder)))
+    return scans

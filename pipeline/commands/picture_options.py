@@ -22,6 +22,8 @@ OPTIONS = (
     click.option("--columns", metavar="NAMES",
                  help="What the columns of text files hold, as in x,y,z,r,g,b; of them x, y and z are read."),
     click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file."),
+    click.option("--engine", metavar="NAME",
+                 help="What runs the network: onnxruntime, openvino, torch; default: the first that is installed."),
     click.option("--up", default="auto", type=UpAxis(),
                  help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
                  "or the way an object stands."),

@@ -13,7 +13,8 @@ import click
 
 from z2p_core import __version__, registry
 
-PACKAGES = ("numpy", "torch", "pillow", "click", "safetensors", "trimesh", "pypcd4", "laspy", "lazrs", "jinja2",
+PACKAGES = ("numpy", "onnxruntime", "openvino", "torch", "onnx",
+            "pillow", "click", "safetensors", "trimesh", "pypcd4", "laspy", "lazrs", "jinja2",
             "pye57", "imageio-ffmpeg", "luigi", "bpy", "open3d", "open3d-cpu", "h5py", "kornia")  # fmt: skip
 
 

@@ -26,6 +26,8 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
     from pipeline.drawing import Look
     from pipeline.infer import Renderer
 
+NOT_WRITTEN = (".bmp", ".gif", ".mp4", ".svg", ".pdf", ".eps", ".exr", ".avif")
+"""Suffixes that nobody means as a folder's."""
 SUFFIXES = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif"}
 
 
@@ -73,12 +75,13 @@ def _run(
     columns = columns_from(options)
     if options["palette_name"] and "color" in values:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
-    scans = found_scans(ctx, inputs, options["recursive"])
+    scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
     from pipeline.batch import render_files
     from pipeline.infer import Renderer
 
     jobs = min(options["jobs"], len(scans))
-    renderer = Renderer(options["weights"], None if jobs == 1 else max(1, (os.cpu_count() or 1) // jobs))
+    threads = None if jobs == 1 else max(1, (os.cpu_count() or 1) // jobs)
+    renderer = Renderer(options["weights"], threads, options["engine"])
     look = look_from(renderer, values, options)
     tasks = _plan(ctx, scans, inputs, output, options)
     if options["same_frame"]:
@@ -116,6 +119,10 @@ def _plan(
     from storage.pictures import FORMATS, OPAQUE
 
     alone = output.suffix.lower() in FORMATS and not output.is_dir()
+    if output.suffix.lower() in NOT_WRITTEN and not output.is_dir():
+        loops = "; loops are made by z2p animate" if output.suffix.lower() in (".gif", ".mp4") else ""
+        raise click.UsageError(f"--output {output}: expected a folder, or a picture named {', '.join(FORMATS)}{loops}",
+                               ctx)  # fmt: skip
     suffix = output.suffix.lower() if alone else SUFFIXES[options["format_"]]
     if alone and len(scans) > 1:
         raise click.UsageError(f"--output {output} names one picture, but {len(scans)} scans match; give a folder", ctx)

@@ -71,8 +71,10 @@ def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> It
 
 def _told(outcome: Outcome) -> str:
     from storage.clouds import shown
+    from storage.incoming import is_spooled
 
-    name, pictures = shown(outcome.scan), shown(outcome.outputs[0])
+    name = "standard input" if is_spooled(outcome.scan) else shown(outcome.scan)
+    pictures = shown(outcome.outputs[0])
     if len(outcome.outputs) > 1:
         pictures += f" to {shown(Path(outcome.outputs[-1].name))}"
     if outcome.status == "failed":
@@ -91,11 +93,13 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
 
     `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn.
     """
+    from storage.incoming import is_spooled
+
     stances = [asdict(stance) for stance in outcome.stances]
     for stance in stances:
         stance["elevation"] = settings["elevation"] if stance["elevation"] is None else stance["elevation"]
     return {
-        "input": str(outcome.scan),
+        "input": "-" if is_spooled(outcome.scan) else str(outcome.scan),
         "output": str(outcome.outputs[0]),
         "outputs": [str(path) for path in outcome.outputs],
         "status": outcome.status,

@@ -48,8 +48,12 @@ class Surfels(GBuffer):
 
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
         picture = np.zeros((self.channels, camera.height, camera.width), dtype=np.float32)
+        self.draw_into(picture, cloud, camera, scene)
+        return picture
+
+    def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
         if not len(cloud):
-            return picture
+            return
         floor = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
         points, spacing, normals = native.surface(thinned(cloud, MOST_POINTS), camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
@@ -58,18 +62,11 @@ class Surfels(GBuffer):
         shaded = srgb_from_linear(np.clip(light * np.array([GREY, *base_color(scene)], dtype=np.float32), 0, 1))
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T
-        drawn = native.surfels(
+        native.surfels(
             (points - camera.position.astype(np.float32)) @ rotation.T, facing, radii,
-            np.column_stack([facing[:, :2], shaded]), camera.focal, camera.width, camera.height, SLACK,
+            np.column_stack([facing[:, :2], shaded]), camera, SLACK, SURE, NEAR, FAR, out[:-1],
         )  # fmt: skip
-        weight = drawn[..., 0].copy()
-        covered = weight > 0
-        np.divide(drawn, np.where(covered, weight, 1)[..., None], out=drawn)
-        picture[:-1] = drawn.transpose(2, 0, 1)  # weights, depth and features
-        picture[0] = 1 - np.exp(-SURE * weight)
-        picture[1] = np.clip((FAR - picture[1]) / (FAR - NEAR), 0, 1) * covered
-        picture[8] = floor_shadow(points, typical, camera, scene, floor)
-        return picture
+        floor_shadow(points, typical, camera, scene, floor, out[-1])
 
 
 def thinned(cloud: np.ndarray, most: int) -> np.ndarray:
@@ -124,9 +121,9 @@ def sky_lamps() -> np.ndarray:
 
 
 def floor_shadow(
-    points: np.ndarray, spacing: float, camera: Camera, scene: SceneDescription, floor: float
-) -> np.ndarray:
-    """Alpha (H, W) float32 of the shadow on the floor: the share of its light that the cloud takes away."""
+    points: np.ndarray, spacing: float, camera: Camera, scene: SceneDescription, floor: float, out: np.ndarray
+) -> None:
+    """Draws into `out` (H, W) the alpha of the floor's shadow: the share of its light that the cloud takes away."""
     side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
     lamps, axis, powers = light_lamps(scene.light)
     share = np.full(len(lamps), 1 / len(lamps))
@@ -134,6 +131,7 @@ def floor_shadow(
     sky = sky_lamps()
     hidden_sky = native.floor_shade(points, sky, sky[:, 2] / sky[:, 2].sum(), floor, FLOOR_HALF, side)
     centre = light_position(scene.light)
-    return native.floor_shadow(
-        hidden_light, hidden_sky, floor, FLOOR_HALF, centre, axis[0], float(powers.sum()), math.pi * AMBIENT, camera
-    )
+    native.floor_shadow(
+        hidden_light, hidden_sky, floor, FLOOR_HALF, centre, axis[0], float(powers.sum()), math.pi * AMBIENT, camera,
+        out,
+    )  # fmt: skip

@@ -1,8 +1,8 @@
-"""Points of a text file: xyz, xyzn, xyzrgb, pts and txt, with the columns that Open3D gives these suffixes."""
+"""Points of a text file: xyz, xyzn, xyzrgb and pts with the columns that Open3D gives them, and txt, asc and csv."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -18,6 +18,8 @@ _COLUMNS = {
 }
 _SIX_IN_XYZ = ("; six columns may hold normals or colours: say which with --columns x,y,z,nx,ny,nz or "
                "--columns x,y,z,r,g,b")  # fmt: skip
+_NAMED = (".txt", ".asc", ".csv")
+"""Suffixes of tables, whose first line may name the columns."""
 _HEAD = 1 << 16
 """Bytes from which the length of a line is told."""
 _LINES = 200_000
@@ -29,7 +31,7 @@ class Text(Reader):
 
     name = "text"
     version = "2"
-    suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt")
+    suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
 
     def memory(self, path: Path) -> int:
         """As many points as the first lines let expect; the text itself is read in parts."""
@@ -41,9 +43,10 @@ class Text(Reader):
         return path.stat().st_size * lines // len(head) * MEMORY_A_POINT
 
     def read(self, path: Path) -> list[np.ndarray]:
-        """The first three columns, or those called x, y, z, one cloud (N, 3) float64; .txt may have further columns.
+        """The first three columns, or those called x, y, z, one cloud (N, 3) float64.
 
-        A .pts begins with the number of its points; a file that has lost that line is read all the same.
+        A .pts begins with the number of its points; a file that has lost that line is read all the same. .txt, .asc and
+        .csv may have further columns, and begin with a line of names, among them x, y and z.
 
         Raises:
             ScanError: other columns than the suffix stands for or the user named, something not a number, or a wrong
@@ -51,12 +54,15 @@ class Text(Reader):
         """
         suffix = path.suffix.lower()
         parts: list[np.ndarray] = []
-        promised, before = None, 0
+        promised, before, names = None, 0, self.columns
         for lines in _content(path):
+            if not before and suffix in _NAMED and (found := _names(lines[0])):
+                del lines[0]
+                names = names or found
             if not before and suffix == ".pts" and len(lines[0].split()) == 1:
                 promised = lines.pop(0).strip()
             table = _numbers(lines, before)
-            parts.append(self._points(suffix, table))
+            parts.append(_points(suffix, table, names))
             before += len(lines)
         points = np.concatenate([np.empty((0, 3)), *parts])
         if promised is not None and promised != str(len(points)):
@@ -64,24 +70,38 @@ class Text(Reader):
                             f"{len(points)} came; mend the number or export the file again")
         return [points]
 
-    def _points(self, suffix: str, table: np.ndarray) -> np.ndarray:
-        """x, y and z of a part of the file."""
-        names = self.columns
-        if names is None:
-            _check_columns(suffix, table)
-            return table[:, :3].copy()
-        if len(table) and table.shape[1] != len(names):
-            raise ScanError(f"--columns names {len(names)} columns ({','.join(names)}), the file has {table.shape[1]}")
-        return table[:, [names.index(axis) for axis in "xyz"]] if len(table) else np.empty((0, 3))
+
+def _points(suffix: str, table: np.ndarray, names: Sequence[str] | None) -> np.ndarray:
+    """x, y and z of a part of the file."""
+    if names is None:
+        _check_columns(suffix, table)
+        return table[:, :3].copy()
+    if len(table) == 0:
+        return np.empty((0, 3))
+    if table.shape[1] != len(names):
+        raise ScanError(f"--columns or the file's first line names {len(names)} columns ({','.join(names)}), the file "
+                        f"has {table.shape[1]}")
+    return table[:, [names.index(axis) for axis in "xyz"]]
+
+
+def _names(line: str) -> tuple[str, ...]:
+    """The columns' names in a first line, lower-case; none if it holds numbers, or not x, y and z once each."""
+    names = tuple(word.strip("\"'").lower() for word in line.removeprefix("//").split())
+    return names if all(names.count(axis) == 1 for axis in "xyz") else ()
 
 
 def _content(path: Path) -> Iterator[list[str]]:
     """Lines that hold something, without comments, blanks between the numbers; so many at a time."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         while raw := list(islice(file, _LINES)):
-            lines = [line.split("#", 1)[0].replace(",", " ") for line in raw]
+            lines = [_parted(line.split("#", 1)[0]) for line in raw]
             if lines := [line for line in lines if line and not line.isspace()]:
                 yield lines
+
+
+def _parted(line: str) -> str:
+    """The line with blanks between its numbers; where semicolons part them, a comma is a decimal point."""
+    return line.replace(",", ".").replace(";", " ") if ";" in line else line.replace(",", " ")
 
 
 def _numbers(lines: list[str], before: int) -> np.ndarray:
@@ -100,7 +120,7 @@ def _check_columns(suffix: str, table: np.ndarray) -> None:
     columns = table.shape[1]
     if len(table) == 0:
         return
-    if suffix not in _COLUMNS:  # .txt
+    if suffix not in _COLUMNS:  # a table
         if columns < 3:
             raise ScanError(f"expected x y z and perhaps more on a line, got {columns} columns")
         return

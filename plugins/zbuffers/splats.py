@@ -6,6 +6,7 @@ import numpy as np
 
 from z2p_core.camera import Camera
 from z2p_core.interfaces import ZBuffer
+from z2p_core.native import intensity
 from z2p_core.splatting import nearest_depth, window_minimum
 
 ALPHA, BETA = 2.6, 0.6
@@ -24,13 +25,18 @@ class SplatPyramid(ZBuffer):
     channels = 4
 
     def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
-        picture = np.empty((self.channels, camera.height, camera.width), dtype=np.float32)
+        picture = np.zeros((self.channels, camera.height, camera.width), dtype=np.float32)
+        self.draw_into(picture, cloud, camera)
+        return picture
+
+    def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera) -> None:
         margin, inner = WIDE // 2, WIDE // 2 - MIDDLE // 2
         single = nearest_depth(cloud, camera, margin)
         middle = window_minimum(single, MIDDLE)
         wide = window_minimum(middle, WIDE - MIDDLE + 1)  # a window of windows
         middle = middle[inner:-inner, inner:-inner]
         for channel, depth in enumerate((middle, single[margin:-margin, margin:-margin], wide)):
-            np.exp((ALPHA - depth) / BETA, out=picture[channel])  # exp(-inf) is the background's 0
-        np.clip((FAR - middle) / 2, 0.0, 1.0, out=picture[3])
-        return picture
+            intensity(depth, ALPHA, BETA, out[channel])
+        np.subtract(FAR, middle, out=out[3])
+        out[3] *= 0.5
+        np.clip(out[3], 0.0, 1.0, out=out[3])

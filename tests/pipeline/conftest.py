@@ -11,44 +11,6 @@ from click.testing import CliRunner, Result
 
 
 @pytest.fixture(scope="session")
-def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
-    """Function that writes weights for the given controls and returns their file."""
-    import torch
-
-    from storage.checkpoints import save_weights
-    from z2p_core import registry
-    from z2p_core.config import NetworkConfig, to_dict
-    from z2p_core.model import build_network
-
-    def make(controls: tuple[str, ...] = ("color", "light", "elevation"), fixed_elevation: float | None = None) -> Path:
-        zbuffer, gbuffer = registry.load("zbuffers", "splats"), registry.load("gbuffers", "surfels")
-        encoder = registry.load("encoders", "fourier").create(np.random.default_rng(0))
-        carried = [registry.load("controls", name)() for name in controls]
-        config = NetworkConfig(widths=(16, 16), mapping=16)
-        torch.manual_seed(0)
-        settings = sum(control.size for control in carried)
-        network = build_network(config, zbuffer.channels + gbuffer.channels, encoder.channels, settings)
-        with torch.no_grad():
-            for parameter in network.parameters():
-                parameter.copy_(torch.randn_like(parameter) * 0.15)
-        path = tmp_path_factory.mktemp("weights") / "tiny.safetensors"
-        card = {
-            "network": to_dict(config),
-            "zbuffer": {"name": zbuffer.name, "version": zbuffer.version},
-            "gbuffer": {"name": gbuffer.name, "version": gbuffer.version},
-            "encoder": {"name": "fourier", "version": type(encoder).version, "state": encoder.state},
-            "controls": [{"name": one.name, "version": one.version, "size": one.size} for one in carried],
-            "resolution": [64],
-            "fixed_elevation": fixed_elevation,
-            "training": {},
-        }
-        save_weights(path, network.state_dict(), card)
-        return path
-
-    return make
-
-
-@pytest.fixture(scope="session")
 def tiny_weights(make_weights: Callable[..., Path]) -> Path:
     """Weights that carry color, light and elevation."""
     return make_weights()

@@ -132,8 +132,13 @@ def test_the_command(
     record = read_record(tmp_path / "out" / "one.webp")
     assert record["motion"] == {"kind": "turn", "frames": 3, "steady": 1, "fps": 24.0}
     assert "skipped" in z2p(*words).stderr
+    again = z2p("rerender", tmp_path / "out" / "one.webp")
+    assert again.exit_code == 2 and "is a loop; make it again with z2p animate" in again.stderr
     alone = z2p("animate", scans / "one.npy", "-o", tmp_path / "a.gif", "--weights", tiny_weights, "--resolution", 32,
                 "--frames", 3, "--motion", "light", "--fit", "tight")  # fmt: skip
     assert alone.exit_code == 0 and "background is white" in alone.stderr
     assert Image.open(tmp_path / "a.gif").n_frames == 3
+    seen = z2p("run-inference", scans / "one.npy", "-o", tmp_path / "b.png", "--weights", tiny_weights, "--resolution",
+               32, "--load-camera", tmp_path / "a.gif")  # fmt: skip
+    assert seen.exit_code == 0
     assert z2p("animate", scans, "-o", tmp_path / "a.gif", "--weights", tiny_weights).exit_code == 2

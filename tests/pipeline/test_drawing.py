@@ -55,3 +55,22 @@ def test_the_record_draws_the_same_picture_again(renderer: Renderer, cloud: np.n
                                                                              {"name": "a.ply"})  # fmt: skip
     again = draw(renderer, usable(cloud), ".ply", replace(look, placing=Placing(viewpoint=drawing.viewpoint)))
     assert np.array_equal(again.picture, drawing.picture)
+
+
+def test_a_shared_floor_is_drawn_at_and_never_above_the_cloud(
+    renderer: Renderer, cloud: np.ndarray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    floors: list[float | None] = []
+    original = renderer.render
+
+    def render(placed: np.ndarray, *rest: object, **named: object) -> np.ndarray:
+        floors.append(rest[3])  # values, width, height, floor
+        return original(placed, *rest, **named)
+
+    monkeypatch.setattr(renderer, "render", render)
+    own = draw(renderer, usable(cloud), "", Look(width=40, height=40)).viewpoint
+    lowest = float(own.place(cloud)[:, 2].min())
+    for floor in (None, lowest - 0.4, lowest + 0.4):
+        look = Look(placing=Placing(viewpoint=replace(own, floor=floor)), width=40, height=40)
+        draw(renderer, usable(cloud), "", look)
+    assert floors == [None, None, pytest.approx(lowest - 0.4), pytest.approx(lowest)]

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.buffers import draw_buffers
 from pipeline.infer import UP_AXES, Renderer, place_cloud
+from pipeline.load import load_network
 from storage.checkpoints import WeightsError
 from z2p_core.camera import Camera, turn
 from z2p_core.interfaces import ScanError
@@ -99,11 +100,13 @@ def test_order_of_points_does_not_matter(renderer: Renderer, cloud: np.ndarray) 
     assert np.array_equal(renderer.render(placed, None, 64, 64), renderer.render(placed[::-1].copy(), None, 64, 64))
 
 
-def test_the_picture_is_the_networks_with_straight_colour(renderer: Renderer, cloud: np.ndarray) -> None:
+def test_the_picture_is_the_networks_with_straight_colour(
+    renderer: Renderer, cloud: np.ndarray, tiny_weights: Path
+) -> None:
     """Premultiplied again and within rounding, it is what the network gave."""
     import torch
 
-    placed, loaded = place_cloud(cloud), renderer._loaded
+    placed, loaded = place_cloud(cloud), load_network(tiny_weights)
     camera = Camera(64, 64, 20.0)
     scene = SceneDescription()
     for control in renderer.controls.values():

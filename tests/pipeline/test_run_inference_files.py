@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import pytest
 from click.testing import Result
 
 
@@ -96,3 +97,28 @@ def test_inputs_that_match_nothing(render: Callable[..., Result], tmp_path: Path
         assert str(source) in result.stderr
         assert len(result.stderr.splitlines()) == 1
     assert render().exit_code == 2
+
+
+def test_a_scan_named_in_two_ways_is_drawn_once(
+    render: Callable[..., Result], scans: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(scans)
+    result = render("one.npy", scans / "one.npy", "./one.npy", scans)
+    assert result.exit_code == 0
+    assert "2 rendered, 0 skipped, 0 failed" in result.stderr
+
+
+def test_prose_in_a_folder_is_passed_over_and_said(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    for name, text in {"README.txt": "Scans of a fox.\nMade in May.\n", "list.csv": "name,owner\na,b\n", "e.txt": "",
+                       "one number.txt": "12\n"}.items():  # fmt: skip
+        (scans / name).write_text(text)
+    rows = [f"{i},{i * i % 7},{i * i % 5}\n" for i in range(40)]
+    (scans / "table.csv").write_text("X,Y,Z\n" + "".join(rows))
+    (scans / "plain.txt").write_text("# made by hand\n\n" + "".join(rows).replace(",", " "))
+    result = render(scans)
+    assert result.exit_code == 0, result.output
+    assert sorted(path.stem for path in (tmp_path / "out").iterdir()) == ["one", "plain", "table", "two"]
+    told = [line for line in result.stderr.splitlines() if line.startswith("passed over: ")]
+    assert len(told) == 4 and all("name the file itself" in line for line in told)
+    named = render(scans / "README.txt")
+    assert named.exit_code == 1 and "failed: " in named.stderr

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import json
 import os
 import subprocess
 import sys
@@ -71,8 +72,10 @@ def test_standard_input(tiny_weights: Path, scans: Path, tmp_path: Path, form: s
         blob = (scans / "two.xyz").read_bytes()
     blob = gzip.compress(blob) if form.endswith("gz") else blob
     words = ["run-inference", "-", "-o", str(tmp_path / "out"), "--weights", str(tiny_weights), "--resolution", "32"]
-    result = CliRunner().invoke(main, words, input=blob)
+    result = CliRunner().invoke(main, [*words, "--json"], input=blob)
     assert result.exit_code == 0, result.output
+    assert result.stderr.startswith("rendered: standard input -> ")
+    assert json.loads(result.stdout)["input"] == "-"
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["stdin.png"]
     assert read_record(tmp_path / "out" / "stdin.png")["input"]["path"] is None
     empty = CliRunner().invoke(main, words, input=b"")

@@ -30,7 +30,7 @@ def test_a_saved_camera_looks_the_same_again(render: Callable[..., Result], scan
         result = render(scans / "one.npy", "--load-camera", source, output=tmp_path / name)
         assert result.exit_code == 0, result.output
         assert np.array_equal(pixels(tmp_path / name / "one.png"), pixels(first))
-        assert "up as settled: the camera's" in result.stderr
+        assert "; before the given camera, elevation 44)" in result.stderr
     assert read_camera(camera).elevation == 44
     high = render(scans / "one.npy", "--load-camera", camera, "--elevation", 60, output=tmp_path / "high")
     assert high.exit_code == 0
@@ -75,6 +75,8 @@ def test_one_frame_for_a_series(render: Callable[..., Result], tmp_path: Path, c
     viewpoint = read_camera(tmp_path / "cam.json")
     reach = [np.linalg.norm(viewpoint.place(points), axis=1).max() for points in (cloud, small)]
     assert max(reach) == pytest.approx(1.0, abs=0.01)
+    lowest = min(viewpoint.place(points)[:, 2].min() for points in (cloud, small))
+    assert viewpoint.floor == pytest.approx(lowest, abs=0.01)  # the smaller one hovers above it
     sizes = [np.ptp(viewpoint.place(points), axis=0) for points in (cloud, small)]
     np.testing.assert_allclose(sizes[1], sizes[0] / 3, rtol=1e-4)
     assert render(folder, "--same-frame", output=tmp_path / "again").exit_code == 1
@@ -96,6 +98,15 @@ def test_formats_that_contradict_each_other(render: Callable[..., Result], scans
     result = render(scans / "one.npy", "--format", "webp", output=tmp_path / "a.png")
     assert result.exit_code == 2 and "does not fit" in result.stderr
     assert render(scans / "one.npy", "--format", "tiff", output=tmp_path / "a.tiff").exit_code == 0
+
+
+@pytest.mark.parametrize(("name", "told"), [("a.bmp", ".png, .webp"), ("a.gif", "z2p animate"), ("a.PDF", ".tiff")])
+def test_other_pictures_are_refused(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, name: str, told: str
+) -> None:
+    result = render(scans / "one.npy", output=tmp_path / name)
+    assert result.exit_code == 2 and told in " ".join(result.stderr.split())
+    assert not (tmp_path / name).exists()
 
 
 def test_palettes_are_opaque_colours_used_in_turn(

@@ -95,7 +95,8 @@ def test_a_damaged_newest_checkpoint_falls_back(shards, undisturbed, tmp_path):
 def test_what_a_run_leaves(undisturbed):
     names = {path.relative_to(undisturbed).as_posix() for path in undisturbed.rglob("*") if path.is_file()}
     assert names == {
-        "weights.safetensors", "curve.csv", "curve.png", "validation/step_000003.png", "validation/step_000006.png",
+        "weights.safetensors", "weights.onnx", "curve.csv", "curve.png", "validation/step_000003.png",
+        "validation/step_000006.png",
         f"checkpoints/{CHECKPOINT}", f"checkpoints/{PREVIOUS}",
     }  # fmt: skip
     rows = rows_of(undisturbed)

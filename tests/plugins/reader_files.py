@@ -11,8 +11,8 @@ import pytest
 from z2p_core import registry
 from z2p_core.interfaces import ScanError
 
-SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".obj", ".off", ".npy", ".npz", ".las", ".laz",
-            ".stl", ".glb", ".e57"]  # fmt: skip
+SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".obj", ".off", ".npy", ".npz",
+            ".las", ".laz", ".stl", ".glb", ".e57"]  # fmt: skip
 PLY_TYPES = {"float": "f4", "double": "f8"}
 
 

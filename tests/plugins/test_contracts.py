@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import laspy
 import numpy as np
 import pytest
 import trimesh
 
+from pipeline.export import export_onnx
+from pipeline.load import load_plugins
 from z2p_core import registry
-from z2p_core.interfaces import Reader
+from z2p_core.interfaces import Reader, TrainedNetwork
 from z2p_core.testing import (
     check_baseline,
     check_control,
     check_encoder,
+    check_engine,
     check_gbuffer,
     check_reader,
     check_sampler,
@@ -81,6 +86,26 @@ EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
 """Reader -> suffix, what writes an example, and the bytes of a file it must refuse."""
 
 
+NETWORKS: dict[str, dict[str, Any]] = {
+    "unshuffle_unet": {"widths": (16, 16, 24, 32), "mapping": 24},
+    "adain_unet": {"kind": "adain_unet", "unshuffle": 1, "widths": (8, 12, 16), "encoder": "none"},
+}
+"""Kind of network -> the shape that engines are tried on."""
+
+
+@pytest.fixture(scope="session")
+def exported(make_weights: Callable[..., Path]) -> Callable[[str], TrainedNetwork]:
+    """Function that gives a network of random weights and its export."""
+
+    @cache
+    def export(kind: str) -> TrainedNetwork:
+        file = make_weights(**NETWORKS[kind])
+        loaded, onnx = load_plugins(file), export_onnx(file).read_bytes()
+        return TrainedNetwork(loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build)
+
+    return export
+
+
 @pytest.mark.parametrize("name", registry.names("controls"))
 def test_control(name: str) -> None:
     check_control(registry.load("controls", name))
@@ -99,6 +124,15 @@ def test_gbuffer(name: str) -> None:
 @pytest.mark.parametrize("name", registry.names("encoders"))
 def test_encoder(name: str) -> None:
     check_encoder(registry.load("encoders", name))
+
+
+@pytest.mark.parametrize("name", registry.names("engines"))
+@pytest.mark.parametrize("kind", NETWORKS)
+def test_engine(name: str, kind: str, exported: Callable[[str], TrainedNetwork]) -> None:
+    engine = registry.load("engines", name)
+    if not engine.installed():
+        pytest.skip(f"{engine.package} is not installed")
+    check_engine(engine, exported(kind), cell=NETWORKS[kind].get("unshuffle", 4))
 
 
 @pytest.mark.parametrize("name", registry.names("samplers"))

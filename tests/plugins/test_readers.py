@@ -191,6 +191,23 @@ def test_text_keeps_rows_that_are_not_finite_and_a_byte_order_mark_away(tmp_path
     assert np.array_equal(read(path)[0], [[1, 2, 3], [np.nan, np.inf, 0]], equal_nan=True)
 
 
+@pytest.mark.parametrize(
+    "head", ["time,X,Y,Z,r", "//time X Y Z r", '"time";"x";"y";"z";"r"', "# time\ntime x y z r", "time, x, y, z, r"]
+)
+def test_tables_with_a_line_of_names(tmp_path: Path, head: str) -> None:
+    table = np.random.default_rng(4).normal(size=(20, 5))
+    separator = ";" if ";" in head else ","
+    for suffix in (".csv", ".txt", ".asc"):
+        path = tmp_path / f"scan{suffix}"
+        path.write_text("\n".join([head, *(separator.join(map(repr, row)) for row in table.tolist())]) + "\n")
+        assert np.array_equal(read(path)[0], table[:, 1:4])
+    (tmp_path / "decimal.csv").write_text("x;y;z\n1,5;2,25;-3\n0;0;1e1\n")
+    assert np.array_equal(read(tmp_path / "decimal.csv")[0], [[1.5, 2.25, -3], [0, 0, 10]])
+    refused(tmp_path / "a.csv", "a,b,c\n1,2,3\n", "same count of numbers")
+    refused(tmp_path / "a.csv", "x,y,z\n1,2,3,4\n", "names 3 columns")
+    refused(tmp_path / "a.xyz", "x,y,z\n1,2,3\n", "same count of numbers")
+
+
 def test_text_refusals(tmp_path: Path) -> None:
     refused(tmp_path / "a.xyz", "1 2 3 4 5 6\n", "--columns x,y,z,nx,ny,nz or --columns x,y,z,r,g,b")
     refused(tmp_path / "a.xyz", "1 2\n", "3 columns .x y z., got 2")

@@ -135,7 +135,8 @@ def samples(folder: Path) -> dict[str, bytes]:
     files[".e57"] = (folder / "a.e57").read_bytes()
     files[".ply"] = ply(points, "binary_little_endian")
     files |= {suffix: text.encode() for suffix, text in {
-        ".xyz": rows, ".txt": rows, ".pts": f"40\n{rows}", ".xyzn": six, ".xyzrgb": six, ".off": f"OFF\n40 0 0\n{rows}",
+        ".xyz": rows, ".txt": rows, ".asc": rows, ".csv": rows,
+        ".pts": f"40\n{rows}", ".xyzn": six, ".xyzrgb": six, ".off": f"OFF\n40 0 0\n{rows}",
         ".obj": "".join(f"v {row}\n" for row in rows.splitlines())}.items()}  # fmt: skip
     return files
 

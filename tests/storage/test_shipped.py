@@ -10,7 +10,9 @@ import pytest
 from pipeline.infer import Renderer, place_cloud
 from storage.checkpoints import SHIPPED, load_weights, shipped
 from storage.clouds import read_clouds
+from storage.exports import load_onnx
 from storage.fingerprints import file_digest
+from z2p_core import registry
 from z2p_core.images import composite, unit_from_bytes
 
 SAMPLES = Path(__file__).parents[2] / "samples"
@@ -28,7 +30,7 @@ def regular() -> Renderer:
 
 def test_regular_is_shipped_and_all_weights_fit_into_forty_megabytes() -> None:
     assert "regular" in shipped()
-    assert sum(path.stat().st_size for path in shipped().values()) < 40e6
+    assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 40e6
 
 
 @pytest.mark.parametrize("name", sorted(shipped()))
@@ -37,6 +39,20 @@ def test_each_has_a_card_that_names_this_very_file(name: str) -> None:
     assert file_digest(shipped()[name]) in page
     for control in load_weights(shipped()[name]).card["controls"]:
         assert control["name"] in page
+
+
+@pytest.mark.parametrize("name", sorted(shipped()))
+def test_each_has_an_export_of_this_very_network(name: str) -> None:
+    assert load_onnx(shipped()[name], load_weights(shipped()[name]).digest) is not None
+
+
+@pytest.mark.parametrize("engine", registry.names("engines"))
+def test_every_engine_draws_regular_as_torch_does(suzanne: np.ndarray, engine: str) -> None:
+    for side in (256, 512):
+        expected = Renderer("regular", engine="torch").render(suzanne, None, side, side)
+        picture = Renderer("regular", engine=engine).render(suzanne, None, side, side)
+        off = np.abs(picture.astype(int) - expected)[expected[..., 3] > 229]
+        assert np.quantile(off, 0.999) <= 2
 
 
 def test_regular_steers_colour_light_and_elevation(regular: Renderer) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from z2p_core import native
 from z2p_core.camera import Camera
+from z2p_core.images import bytes_from_unit, straight_from_premultiplied
 
 
 def sphere_of(count, seed=0, radius=1.0):
@@ -132,7 +133,8 @@ def test_the_floors_shadow_lies_where_the_camera_sees_it():
     column, row = ((place + half) / (2 * half) * side).astype(int)
     shade[row - 8 : row + 8, column - 8 : column + 8] = 1.0
     lamp, axis = np.float32([0, 0, 3]), DOWN
-    alpha = native.floor_shadow(shade, np.zeros_like(shade), floor, half, lamp, axis, 10.0, 1.0, camera)
+    alpha = np.full((64, 96), np.nan, np.float32)
+    native.floor_shadow(shade, np.zeros_like(shade), floor, half, lamp, axis, 10.0, 1.0, camera, alpha)
     (x, y), _ = (part[0] for part in camera.project(np.array([[*place, floor]])))
     found = np.average(np.argwhere(alpha > 0) + 0.5, axis=0, weights=alpha[alpha > 0])
     assert found[::-1] == pytest.approx([x, y], abs=0.5)
@@ -140,14 +142,24 @@ def test_the_floors_shadow_lies_where_the_camera_sees_it():
     light = 10.0 * (away[2] / np.linalg.norm(away)) ** 2 / (away @ away)
     assert alpha.max() == pytest.approx(light / (light + 1.0), rel=0.01)
     everywhere = np.ones_like(shade)
-    low = native.floor_shadow(everywhere, everywhere, floor, half, lamp, axis, 1.0, 1.0, Camera(32, 32, 0.0))
+    low = np.empty((32, 32), np.float32)
+    native.floor_shadow(everywhere, everywhere, floor, half, lamp, axis, 1.0, 1.0, Camera(32, 32, 0.0), low)
     assert not low[:16].any() and low[-1].max() == pytest.approx(1.0)  # nothing above the horizon
+
+
+NEAR, FAR = 1.0, 6.0
+
+
+def depth_of(drawn):
+    return FAR - drawn[1] * (FAR - NEAR)
 
 
 def surfels_of(points, normals, radius, camera, features=None, slack=2.0):
     features = np.zeros((len(points), 6), np.float32) if features is None else features
     radii = np.full(len(points), radius, np.float32)
-    return native.surfels(points, normals, radii, features, camera.focal, camera.width, camera.height, slack)
+    drawn = np.zeros((8, camera.height, camera.width), np.float32)
+    native.surfels(points, normals, radii, features, camera, slack, 25.0, NEAR, FAR, drawn)
+    return drawn
 
 
 TOWARDS = np.float32([0, 0, -1])
@@ -156,9 +168,10 @@ TOWARDS = np.float32([0, 0, -1])
 def test_a_disc_facing_the_camera_covers_its_area_at_its_depth():
     camera = Camera(128, 128)
     drawn = surfels_of(np.float32([[0.2, -0.1, 3.0]]), TOWARDS[None], 0.3, camera)
-    covered = drawn[..., 0] > 0
+    covered = drawn[0] > 0
     assert covered.sum() == pytest.approx(math.pi * (0.3 * camera.focal / 3) ** 2, rel=0.03)
-    np.testing.assert_allclose(drawn[covered][:, 1] / drawn[covered][:, 0], 3.0, rtol=1e-5)
+    np.testing.assert_allclose(depth_of(drawn)[covered], 3.0, rtol=1e-5)
+    assert drawn[0].max() == pytest.approx(1) and not drawn[:, ~covered].any()
     rows, columns = np.nonzero(covered)
     assert columns.mean() + 0.5 == pytest.approx(64 + 0.2 * camera.focal / 3, abs=0.2)
     assert rows.mean() + 0.5 == pytest.approx(64 - 0.1 * camera.focal / 3, abs=0.2)
@@ -167,9 +180,9 @@ def test_a_disc_facing_the_camera_covers_its_area_at_its_depth():
 def test_a_tilted_disc_has_the_depth_of_its_plane():
     camera, normal = Camera(128, 128), np.float32([0.6, 0, -0.8])
     drawn = surfels_of(np.float32([[0, 0, 3.0]]), normal[None], 0.4, camera)
-    rows, columns = np.nonzero(drawn[..., 0] > 0)
+    rows, columns = np.nonzero(drawn[0] > 0)
     rays = np.stack([(columns + 0.5 - 64) / camera.focal, (rows + 0.5 - 64) / camera.focal, np.ones(len(rows))], 1)
-    depth = drawn[rows, columns, 1] / drawn[rows, columns, 0]
+    depth = depth_of(drawn)[rows, columns]
     np.testing.assert_allclose(depth * (rays @ normal), 3.0 * normal[2], rtol=1e-4)
 
 
@@ -180,9 +193,59 @@ def test_the_nearest_disc_shows_and_touching_ones_blend():
         points = np.float32([[0, 0, 3.0], [0, 0, 3.0 + gap]])
         for order in ([0, 1], [1, 0]):
             drawn = surfels_of(points[order], np.tile(TOWARDS, (2, 1)), 0.2, camera, features[order])
-            assert (drawn[32, 32, 2] > 0, drawn[32, 32, 3] > 0) == (True, blended)
+            assert (drawn[2, 32, 32] > 0, drawn[3, 32, 32] > 0) == (True, blended)
+            assert drawn[2:4, 32, 32].sum() == pytest.approx(1)
 
 
 def test_discs_outside_the_picture_or_behind_the_camera_draw_nothing():
     points = np.float32([[0, 0, -3], [9, 0, 3], [0, -9, 3], [0, 0, 0]])
     assert not surfels_of(points, np.tile(TOWARDS, (4, 1)), 0.3, Camera(64, 64)).any()
+
+
+def test_discs_at_the_borders_are_cut_and_the_rest_of_them_is_as_in_a_larger_picture():
+    """The right column and the last row take what rounding up to whole vectors would spill over."""
+    rng = np.random.default_rng(0)
+    points = np.column_stack([rng.uniform(-2, 2, (400, 2)), rng.uniform(2.5, 4, 400)]).astype(np.float32)
+    normals = rng.normal(size=(400, 3))
+    normals[:, 2] = -np.abs(normals[:, 2]) - 0.5
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    features = rng.random((400, 6), np.float32)
+    small, large = Camera(61, 61), Camera(161, 61)  # the same focal length, the small one in the large one's middle
+    cut, whole = (surfels_of(points, normals, 0.12, camera, features) for camera in (small, large))
+    other = np.abs(cut - whole[:, :, 50:111]).max(0) > 2e-5
+    assert other.sum() <= 3  # where a rim just touches a pixel's centre, or not
+    assert (cut[0, :, [0, -1]] > 0).any() and (cut[0, [0, -1]] > 0).any()
+
+
+@pytest.mark.parametrize("shape", [(7, 64, 64), (8, 64, 63), (8, 64, 64)])
+def test_kernels_draw_only_into_arrays_of_the_right_size_and_kind(shape):
+    points, normals = np.float32([[0, 0, 3]]), TOWARDS[None]
+    out = np.zeros(shape, np.float64 if shape == (8, 64, 64) else np.float32)
+    with pytest.raises(ValueError, match=r"expected a contiguous float32 array \(8, 64, 64\)"):
+        native.surfels(points, normals, np.float32([1]), np.zeros((1, 6)), Camera(64, 64), 1.0, 25.0, NEAR, FAR, out)
+
+
+@pytest.mark.parametrize("stride", [40, 52])
+def test_intensity_is_the_exponential(stride):
+    depth = np.random.default_rng(0).uniform(-10, 80, (30, stride)).astype(np.float32)[:, 3:40]
+    depth[::3] = np.inf
+    out = np.empty(depth.shape, np.float32)
+    native.intensity(depth, 2.6, 0.6, out)
+    np.testing.assert_allclose(out, np.exp((2.6 - depth.astype(np.float64)) / 0.6), rtol=3e-5, atol=1e-37)
+    near = np.linspace(2.6, 4.6, 1000, dtype=np.float32).reshape(10, 100)
+    drawn = np.empty(near.shape, np.float32)
+    native.intensity(near, 2.6, 0.6, drawn)
+    np.testing.assert_allclose(drawn, np.exp((2.6 - near) / np.float32(0.6)), rtol=1e-6)
+
+
+def test_straight_bytes_are_those_of_plain_numpy():
+    rng = np.random.default_rng(0)
+    planes = rng.uniform(-0.1, 1.1, (4, 50, 61)).astype(np.float32)
+    planes[:3] *= planes[3]
+    planes[3, ::7], planes[3, 1::7] = 0, 1e-7
+    expected = bytes_from_unit(straight_from_premultiplied(np.clip(planes, 0, 1).transpose(1, 2, 0)))
+    found = native.straight_bytes(planes)
+    assert found.dtype == np.uint8 and found.shape == (50, 61, 4) and not found[::7].any()
+    assert np.abs(found.astype(int) - expected).max() <= 1 and (found != expected).mean() < 1e-3
+    odd = np.full((4, 2, 2), np.nan, np.float32)
+    assert not native.straight_bytes(odd).any()

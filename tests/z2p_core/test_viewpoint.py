@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -33,7 +34,10 @@ def test_clouds_keep_their_sizes_and_places_beside_each_other() -> None:
 
 def test_json_round_trip_is_exact() -> None:
     viewpoint = frame(points(5e6), random_rotation(np.random.default_rng(2)), 33.3)
-    assert viewpoint_from_json(json.loads(json.dumps(viewpoint.to_json()))) == viewpoint
+    for one in (viewpoint, replace(viewpoint, floor=-0.7)):
+        assert viewpoint_from_json(json.loads(json.dumps(one.to_json()))) == one
+    older = {key: value for key, value in viewpoint.to_json().items() if key != "floor"}
+    assert viewpoint_from_json(older) == viewpoint
 
 
 GOOD = Viewpoint((0.0, 0.0, 0.0), 1.0, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), 20.0).to_json()
@@ -49,6 +53,7 @@ GOOD = Viewpoint((0.0, 0.0, 0.0), 1.0, ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 
         ({"radius": "wide"}, "a number as 'radius'"),
         ({"rotation": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "no mirror"),
         ({"rotation": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}, "rotation matrix"),
+        ({"floor": "low"}, "a number as 'floor'"),
         ({"elevation": None}, "a number as 'elevation'"),
         ({"distance": 5.0}, "know only distance 3.6"),
         ({"field_of_view": 60}, "know only field_of_view 40"),

@@ -33,6 +33,40 @@ def library() -> ctypes.CDLL:
     )
 
 
+def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
+    """Depth (H + 2 margin, W + 2 margin) of the nearest of points (N, 3) in each pixel, infinity where there is none.
+
+    A point falls into the pixel that holds its projection; `margin` pixels beyond each border are kept.
+    """
+    height, width = camera.height + 2 * margin, camera.width + 2 * margin
+    depths = np.full(height * width + 1, np.inf, np.float32)  # the last takes the points that are not seen
+    view = np.concatenate([camera.rotation.ravel(), camera.position])
+    _call(
+        "z2p_nearest_depth", _floats(cloud), ctypes.c_int64(len(cloud)), _floats(view), ctypes.c_float(camera.focal),
+        width, height, margin, depths,
+    )  # fmt: skip
+    return depths[:-1].reshape(height, width)
+
+
+def window_minimum(picture: np.ndarray, size: int) -> np.ndarray:
+    """Minimum (H - size + 1, W - size + 1) of every size x size window of (H, W)."""
+    height, width = picture.shape
+    out = np.empty((height - size + 1, width - size + 1), np.float32)
+    _call("z2p_window_minimum", _floats(picture), height, width, size, out)
+    return out
+
+
+def intensity(depth: np.ndarray, alpha: float, beta: float, out: np.ndarray) -> None:
+    """Draws into `out` (H, W) exp((alpha - depth) / beta) of depths (H, W), whose rows may lie apart; 0 of infinity."""
+    if depth.dtype != np.float32 or depth.strides[1] != 4:
+        raise ValueError(f"expected float32 depths whose rows are whole, got {depth.dtype}, strides {depth.strides}")
+    height, width = depth.shape
+    _call(
+        "z2p_intensity", depth, ctypes.c_int64(depth.strides[0] // 4), height, width, ctypes.c_float(alpha),
+        ctypes.c_float(beta), _place(out, (height, width)),
+    )  # fmt: skip
+
+
 def surface(cloud: np.ndarray, viewer: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (N, 3), spacing (N,) and unit normals (N, 3) of a cloud (N, 3), N >= 1, all float32, in an own order.
 
@@ -80,44 +114,57 @@ def floor_shade(
 
 def floor_shadow(
     lamp_shade: np.ndarray, sky_shade: np.ndarray, floor: float, half: float, lamp: np.ndarray, axis: np.ndarray,
-    power: float, sky: float, camera: Camera,
-) -> np.ndarray:  # fmt: skip
-    """Alpha (H, W) of the shadow on the floor as the camera sees it, 0 above the horizon.
+    power: float, sky: float, camera: Camera, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Draws into `out` (H, W) the alpha of the shadow on the floor as the camera sees it, 0 above the horizon.
 
     The shades (S, S) are those of `floor_shade` for the lamp, which has a place (3,), a unit axis (3,) and a power as
     in `illuminate`, and for the sky, whose whole irradiance is `sky`.
     """
-    alpha = np.empty((camera.height, camera.width), np.float32)
     _call(
         "z2p_floor_shadow", _floats(lamp_shade), _floats(sky_shade), len(sky_shade), ctypes.c_float(half),
         ctypes.c_float(floor), _floats(lamp), _floats(axis), ctypes.c_float(power), ctypes.c_float(sky),
         _floats(camera.rotation), _floats(camera.position), ctypes.c_float(camera.focal), camera.width, camera.height,
-        alpha,
+        _place(out, (camera.height, camera.width)),
     )  # fmt: skip
-    return alpha
 
 
 def surfels(
-    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, features: np.ndarray,
-    focal: float, width: int, height: int, slack: float,
-) -> np.ndarray:  # fmt: skip
-    """Picture (height, width, 8): weight, then weighted depth and features, of discs seen by a pinhole camera.
+    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, features: np.ndarray, camera: Camera,
+    slack: float, sure: float, near: float, far: float, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Draws discs into `out` (8, H, W), which is 0 at first: coverage, depth and six features; 0 off the discs.
 
     Points (N, 3) and normals (N, 3) are in the camera's axes, the normals facing it; features are (N, 6). Where discs
-    overlap, those at most `slack` of their radius behind the nearest are summed.
+    overlap, those at most `slack` of their radius behind the nearest are averaged, by weights w that fall from 1 to 0
+    towards a disc's rim. Coverage is 1 - exp(-sure w) of their sum; depth goes from 1 at `near` to 0 at `far`.
     """
-    picture = np.zeros((height, width, 8), np.float32)
     _call(
         "z2p_surfels", _floats(points), _floats(normals), _floats(radii), _floats(features), len(points),
-        ctypes.c_float(focal), width, height, ctypes.c_float(slack), picture,
+        ctypes.c_float(camera.focal), camera.width, camera.height, ctypes.c_float(slack), ctypes.c_float(sure),
+        ctypes.c_float(near), ctypes.c_float(far), _place(out, (8, camera.height, camera.width)),
     )  # fmt: skip
-    return picture
+
+
+def straight_bytes(picture: np.ndarray) -> np.ndarray:
+    """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
+    _, height, width = picture.shape
+    out = np.empty((height, width, 4), np.uint8)
+    _call("z2p_straight_bytes", _floats(picture), ctypes.c_int64(height * width), out)
+    return out
 
 
 def _call(name: str, *arguments: Any) -> None:
     given = [x.ctypes.data_as(ctypes.c_void_p) if isinstance(x, np.ndarray) else x for x in arguments]
     if not getattr(library(), name)(*given):
         raise MemoryError(f"{name}: not enough memory")
+
+
+def _place(out: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """`out` itself, once it is sure that a kernel may write there."""
+    if out.shape != shape or out.dtype != np.float32 or not out.flags.c_contiguous:
+        raise ValueError(f"expected a contiguous float32 array {shape} to draw into, got {out.dtype} {out.shape}")
+    return out
 
 
 def _floats(array: np.ndarray) -> np.ndarray:

@@ -16,6 +16,8 @@ typedef struct {
 
 static float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
+static inline float least(float a, float b) { return b < a ? b : a; } /* unlike fminf one instruction */
+
 static View look_from(const float *lamp) {
     View view;
     float length = sqrtf(dot(lamp, lamp)), side = sqrtf(lamp[0] * lamp[0] + lamp[1] * lamp[1]);
@@ -31,44 +33,71 @@ static View look_from(const float *lamp) {
 }
 
 /* Minimum over 3 x 3 windows, in place; `line` holds one row. */
-static void spread_nearest(float *map, int side, float *line) {
+static inline void spread_nearest(float *map, int side, float *line) {
     for (int y = 0; y < side; y++) {
         float *row = map + (size_t)y * side;
         memcpy(line, row, sizeof(float) * (size_t)side);
-        for (int x = 1; x < side - 1; x++) row[x] = fminf(line[x], fminf(line[x - 1], line[x + 1]));
+        for (int x = 1; x < side - 1; x++) row[x] = least(line[x], least(line[x - 1], line[x + 1]));
     }
     float *above = line, *kept = line + side;
     memcpy(above, map, sizeof(float) * (size_t)side);
     for (int y = 1; y < side - 1; y++) {
         float *row = map + (size_t)y * side;
         memcpy(kept, row, sizeof(float) * (size_t)side);
-        for (int x = 0; x < side; x++) row[x] = fminf(row[x], fminf(above[x], row[x + side]));
+        for (int x = 0; x < side; x++) row[x] = least(row[x], least(above[x], row[x + side]));
         float *swap = above;
         above = kept;
         kept = swap;
     }
 }
 
-/* Depth map (side, side) of the cloud seen from a lamp, each point spread over 3 x 3 cells, with each point's depth
- * and cell in it (-1 outside). */
+/* Depth and cell in a lamp's map, -1 outside of it, of each point. Plain arithmetic, for vectors. */
+static inline void place_points(const float *restrict points, int count, const float *restrict lamp, const View *view,
+                                float half, float step, int side, float *restrict depth, int *restrict cell) {
+    const float *f = view->ahead, *r = view->across, *u = view->up;
+    for (int i = 0; i < count; i++) {
+        float dx = points[3 * i] - lamp[0], dy = points[3 * i + 1] - lamp[1], dz = points[3 * i + 2] - lamp[2];
+        float ahead = dx * f[0] + dy * f[1] + dz * f[2];
+        float x = (dx * r[0] + dy * r[1] + dz * r[2]) / ahead, y = (dx * u[0] + dy * u[1] + dz * u[2]) / ahead;
+        int column = (int)((x + half) / step) + 2, row = (int)((y + half) / step) + 2;
+        int inside = (column > 0) & (row > 0) & (column < side - 1) & (row < side - 1) & (ahead > 0);
+        depth[i] = ahead;
+        cell[i] = inside ? row * side + column : -1;
+    }
+}
+
+/* Draws the depth map of the cloud seen from a lamp, each point spread over 3 x 3 cells, and gives each point's depth
+ * in it and the depth of the nearest point about its cell. */
 static inline void draw_map(const float *points, int count, const float *lamp, float spacing, float radius, float *map,
-                     float *line, float *depth, int *cell) {
+                            float *line, float *depth, int *cell, float *nearest) {
     View view = look_from(lamp);
     float away = sqrtf(dot(lamp, lamp)), reach = fmaxf(away * away - radius * radius, 0.25f);
     float half = radius / sqrtf(reach) * 1.02f, step = spacing / 1.5f / away;
     int side = (int)fminf(2 * half / step + 5, LARGEST_MAP);
     step = 2 * half / (float)(side - 4);
+    place_points(points, count, lamp, &view, half, step, side, depth, cell);
     for (int i = 0; i < side * side; i++) map[i] = INFINITY;
-    for (int i = 0; i < count; i++) {
-        float d[3] = {points[3 * i] - lamp[0], points[3 * i + 1] - lamp[1], points[3 * i + 2] - lamp[2]};
-        depth[i] = dot(d, view.ahead);
-        float x = dot(d, view.across) / depth[i], y = dot(d, view.up) / depth[i];
-        int column = (int)((x + half) / step) + 2, row = (int)((y + half) / step) + 2;
-        int inside = column > 0 && row > 0 && column < side - 1 && row < side - 1 && depth[i] > 0;
-        cell[i] = inside ? row * side + column : -1;
-        if (inside && depth[i] < map[cell[i]]) map[cell[i]] = depth[i];
-    }
+    for (int i = 0; i < count; i++)
+        if (cell[i] >= 0 && depth[i] < map[cell[i]]) map[cell[i]] = depth[i];
     spread_nearest(map, side, line);
+    for (int i = 0; i < count; i++) nearest[i] = cell[i] >= 0 ? map[cell[i]] : INFINITY;
+}
+
+/* Adds to light (count) what a lamp gives the points that nothing nearer hides from it. Plain arithmetic again. */
+static inline void add_light(const float *restrict points, const float *restrict normals, int count,
+                             const float *restrict lamp, const float *restrict axis, float power, float spacing,
+                             const float *restrict depth, const float *restrict nearest, float *restrict light) {
+    for (int i = 0; i < count; i++) {
+        float dx = lamp[0] - points[3 * i], dy = lamp[1] - points[3 * i + 1], dz = lamp[2] - points[3 * i + 2];
+        float square = dx * dx + dy * dy + dz * dz, length = sqrtf(square);
+        float facing = (dx * normals[3 * i] + dy * normals[3 * i + 1] + dz * normals[3 * i + 2]) / length;
+        float shining = -(dx * axis[0] + dy * axis[1] + dz * axis[2]) / length, sine = 1 - facing * facing;
+        /* a slanting surface comes nearer within its own cells: do not let it shade itself */
+        float slope = sqrtf(sine > 0 ? sine : 0) / (facing > 0.05f ? facing : 0.05f);
+        float slack = spacing * (1.0f + 1.4f * (slope < 3.0f ? slope : 3.0f));
+        int lit = (facing > 0) & (shining > 0) & !(depth[i] > nearest[i] + slack);
+        light[i] += lit ? power * facing * shining / square : 0;
+    }
 }
 
 /* light (count): what the lamps give each point, sum of power x cos(at the point) x cos(at the lamp) / distance^2 over
@@ -77,23 +106,13 @@ static inline void draw_map(const float *points, int count, const float *lamp, f
 FAST int z2p_illuminate(const float *points, const float *normals, int count, const float *lamps, const float *axes,
                    const float *powers, int lamp_count, float spacing, float radius, float *light) {
     float *map = malloc(sizeof(float) * LARGEST_MAP * LARGEST_MAP), *line = malloc(sizeof(float) * 2 * LARGEST_MAP);
-    float *depth = malloc(sizeof(float) * (size_t)count);
-    int *cell = malloc(sizeof(int) * (size_t)count);
+    float *depth = malloc(sizeof(float) * 2 * ((size_t)count + 1)), *nearest = depth + count;
+    int *cell = malloc(sizeof(int) * ((size_t)count + 1));
     int fine = map && line && depth && cell;
     for (int i = 0; i < count; i++) light[i] = 0;
     for (int l = 0; fine && l < lamp_count; l++) {
-        const float *lamp = lamps + 3 * l;
-        draw_map(points, count, lamp, spacing, radius, map, line, depth, cell);
-        for (int i = 0; i < count; i++) {
-            float d[3] = {lamp[0] - points[3 * i], lamp[1] - points[3 * i + 1], lamp[2] - points[3 * i + 2]};
-            float square = dot(d, d), facing = dot(d, normals + 3 * i) / sqrtf(square);
-            if (facing <= 0) continue;
-            /* a slanting surface comes nearer within its own cells: do not let it shade itself */
-            float slope = fminf(sqrtf(fmaxf(1 - facing * facing, 0)) / fmaxf(facing, 0.05f), 3.0f);
-            if (cell[i] >= 0 && depth[i] > map[cell[i]] + spacing * (1.0f + 1.4f * slope)) continue;
-            float shining = fmaxf(-dot(d, axes + 3 * l), 0) / sqrtf(square);
-            light[i] += powers[l] * facing * shining / square;
-        }
+        draw_map(points, count, lamps + 3 * l, spacing, radius, map, line, depth, cell, nearest);
+        add_light(points, normals, count, lamps + 3 * l, axes + 3 * l, powers[l], spacing, depth, nearest, light);
     }
     free(map); free(line); free(depth); free(cell);
     return fine;

@@ -9,17 +9,22 @@
 
 #define NEAREST_PLANE 0.1f
 #define PIXEL 8 /* floats summed in each pixel: weight, depth and six features */
+#define LANES 8 /* pixels of a row are met so many at a time, beyond the disc's end too */
 
 typedef struct {
     float at[3], normal[3]; /* in the camera's axes */
     float radius, plane;    /* plane: normal . at */
-    int left, right, top, bottom;
+    int left, right, top, bottom, point;
 } Disc;
+
+typedef struct {
+    int left, top, wide, high; /* the part of the picture that discs reach */
+} Box;
 
 static int clamp_pixel(float value, int high) { return value < 0 ? 0 : value > (float)high ? high : (int)value; }
 
-/* The disc of a point and the rectangle of pixels that may show it; 0 when none does. */
-static int make_disc(Disc *disc, float focal, int width, int height) {
+/* Fills in the rectangle of pixels that may show the disc; 0 when none does. */
+static int place_disc(Disc *disc, float focal, int width, int height) {
     const float *p = disc->at;
     if (p[2] < NEAREST_PLANE) return 0;
     float reach = disc->radius * focal / fmaxf(p[2] - disc->radius, NEAREST_PLANE);
@@ -33,67 +38,130 @@ static int make_disc(Disc *disc, float focal, int width, int height) {
     return 1;
 }
 
-/* Along a row of pixels from disc->left to disc->right: depth of the disc on each ray, and weight, 0 for a miss. */
+/* The discs that the picture may show, how many they are, and the box that holds them all. */
+static int place_all(const float *points, const float *normals, const float *radii, int count, float focal, int width,
+                     int height, Disc *discs, Box *box) {
+    int placed = 0, left = width, right = -1, top = height, bottom = -1;
+    for (int i = 0; i < count; i++) {
+        Disc *disc = discs + placed;
+        memcpy(disc->at, points + 3 * (size_t)i, sizeof disc->at);
+        memcpy(disc->normal, normals + 3 * (size_t)i, sizeof disc->normal);
+        disc->radius = radii[i];
+        disc->point = i;
+        if (!place_disc(disc, focal, width, height)) continue;
+        placed++;
+        if (disc->left < left) left = disc->left;
+        if (disc->right > right) right = disc->right;
+        if (disc->top < top) top = disc->top;
+        if (disc->bottom > bottom) bottom = disc->bottom;
+    }
+    *box = (Box){left, top, right - left + 1, bottom - top + 1};
+    return placed;
+}
+
+/* Along a row of pixels from disc->left to disc->right, and on to whole LANES: depth of the disc on each ray, and
+ * weight, 0 for a miss. */
 static inline void meet_row(const Disc *disc, float focal, float middle, float ry, float *restrict depth,
                             float *restrict weight) {
     float inverse = 1 / (disc->radius * disc->radius), step = 1 / focal;
     float first = ((float)disc->left + 0.5f - middle) * step, across = disc->normal[0];
     float rest = disc->normal[1] * ry + disc->normal[2];
-    int wide = disc->right - disc->left + 1;
-    for (int i = 0; i < wide; i++) {
+    int wide = disc->right - disc->left + 1, whole = (wide + LANES - 1) / LANES * LANES;
+    for (int i = 0; i < whole; i++) {
         float rx = first + (float)i * step, slant = across * rx + rest;
         /* normals face the camera; a disc seen from its very edge is a miss */
-        float z = disc->plane / fminf(slant, -0.02f);
+        float z = disc->plane / (slant < -0.02f ? slant : -0.02f);
         float dx = rx * z - disc->at[0], dy = ry * z - disc->at[1], dz = z - disc->at[2];
         float inside = 1 - (dx * dx + dy * dy + dz * dz) * inverse;
-        int hit = (inside > 0) & (slant < -0.02f) & (z > NEAREST_PLANE);
+        int hit = (inside > 0) & (slant < -0.02f) & (z > NEAREST_PLANE) & (i < wide);
         depth[i] = z;
         weight[i] = hit ? inside * inside + 1e-3f : 0;
     }
 }
 
 /* Whether the disc's centre lies in the picture and far behind what is seen there. */
-static int hidden(const Disc *disc, const float *front, float focal, int width, int height, float slack) {
+static int hidden(const Disc *disc, const float *front, int stride, const Box *box, float focal, int width, int height,
+                  float slack) {
     float x = disc->at[0] / disc->at[2] * focal + 0.5f * (float)width;
     float y = disc->at[1] / disc->at[2] * focal + 0.5f * (float)height;
     if (!(x >= 0 && y >= 0 && x < (float)width && y < (float)height)) return 0;
-    return disc->at[2] > front[(size_t)(int)y * width + (int)x] + (slack + 1) * disc->radius;
+    const float *nearest = front + (size_t)((int)y - box->top) * stride + ((int)x - box->left);
+    return disc->at[2] > *nearest + (slack + 1) * disc->radius;
 }
 
-/* picture (height, width, 8), zero at first: summed weights, then weighted depth and features of what the nearest
- * surfels show. Points and normals are in the camera's axes, normals facing it; features (count, 6). A surfel counts
- * where it lies at most `slack` of its radius behind the nearest one. */
+static inline void keep_nearest(int count, const float *restrict depth, const float *restrict weight,
+                                float *restrict nearest) {
+    for (int i = 0; i < count; i++) {
+        float found = weight[i] > 0 ? depth[i] : INFINITY;
+        nearest[i] = found < nearest[i] ? found : nearest[i];
+    }
+}
+
+/* Adds the disc to the sums of those pixels where it lies at most `slack` of its radius behind the nearest one. */
+static inline void add_row(const Disc *disc, const float *depth, const float *weight, const float *nearest,
+                           const float *features, float slack, float *sums) {
+    int wide = disc->right - disc->left + 1;
+    float values[PIXEL] = {1, 0}, behind = slack * disc->radius;
+    memcpy(values + 2, features, sizeof(float) * (PIXEL - 2));
+    for (int x = 0; x < wide; x++, sums += PIXEL) {
+        if (weight[x] <= 0 || depth[x] > nearest[x] + behind) continue;
+        values[1] = depth[x];
+        for (int c = 0; c < PIXEL; c++) sums[c] += weight[x] * values[c];
+    }
+}
+
+/* Turns the sums in the box into the picture's planes (8, height, width): coverage, depth and features. */
+static inline void resolve(const float *sums, const Box *box, int width, int height, float sure, float near, float far,
+                           float *picture) {
+    size_t plane = (size_t)width * height;
+    float scale = 1 / (far - near);
+    for (int y = 0; y < box->high; y++) {
+        float *row = picture + (size_t)(box->top + y) * width + box->left;
+        for (int x = 0; x < box->wide; x++, sums += PIXEL) {
+            if (sums[0] <= 0) continue;
+            float inverse = 1 / sums[0], depth = (far - sums[1] * inverse) * scale;
+            row[x] = 1 - exp_fast(-sure * sums[0]);
+            row[plane + x] = depth < 0 ? 0 : depth > 1 ? 1 : depth;
+            for (int c = 2; c < PIXEL; c++) row[c * plane + x] = sums[c] * inverse;
+        }
+    }
+}
+
+/* picture (8, height, width), zero at first: coverage 1 - exp(-sure x weight), depth from 1 at `near` to 0 at `far`,
+ * and six features, averaged over what the nearest surfels show. Points and normals are in the camera's axes, normals
+ * facing it; features (count, 6). A surfel counts where it lies at most `slack` of its radius behind the nearest. */
 FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *features, int count,
-                     float focal, int width, int height, float slack, float *picture) {
-    float *front = malloc(sizeof(float) * (size_t)width * height);
-    float *depth = malloc(sizeof(float) * 2 * (size_t)width), *weight = depth + width;
-    int fine = front && depth;
-    for (size_t i = 0; fine && i < (size_t)width * height; i++) front[i] = INFINITY;
+                     float focal, int width, int height, float slack, float sure, float near, float far,
+                     float *picture) {
+    Disc *discs = malloc(sizeof(Disc) * ((size_t)count + 1));
+    if (!discs) return 0;
+    Box box;
+    int placed = place_all(points, normals, radii, count, focal, width, height, discs, &box);
+    if (!placed) { free(discs); return 1; }
+    int stride = box.wide + LANES; /* rows of pixels are met in whole lanes */
+    size_t pixels = (size_t)box.wide * box.high;
+    float *front = malloc(sizeof(float) * (size_t)stride * box.high), *sums = calloc(pixels * PIXEL, sizeof(float));
+    float *depth = malloc(sizeof(float) * 2 * (size_t)stride), *weight = depth + stride;
+    int fine = front && sums && depth;
+    for (size_t i = 0; fine && i < (size_t)stride * box.high; i++) front[i] = INFINITY;
     for (int pass = 0; fine && pass < 2; pass++)
-        for (int i = 0; i < count; i++) {
-            Disc disc = {{points[3 * i], points[3 * i + 1], points[3 * i + 2]},
-                         {normals[3 * i], normals[3 * i + 1], normals[3 * i + 2]}, radii[i], 0, 0, 0, 0, 0};
-            if (!make_disc(&disc, focal, width, height)) continue;
-            if (pass && hidden(&disc, front, focal, width, height, slack)) continue;
-            int wide = disc.right - disc.left + 1;
-            float values[PIXEL] = {1, 0};
-            memcpy(values + 2, features + (size_t)i * (PIXEL - 2), sizeof(float) * (PIXEL - 2));
-            for (int y = disc.top; y <= disc.bottom; y++) {
-                float *row = front + (size_t)y * width + disc.left;
-                meet_row(&disc, focal, 0.5f * (float)width, ((float)y + 0.5f - 0.5f * (float)height) / focal, depth,
+        for (int i = 0; i < placed; i++) {
+            const Disc *disc = discs + i;
+            if (pass && hidden(disc, front, stride, &box, focal, width, height, slack)) continue;
+            int whole = (disc->right - disc->left + LANES) / LANES * LANES;
+            for (int y = disc->top; y <= disc->bottom; y++) {
+                size_t column = (size_t)(disc->left - box.left), row = (size_t)(y - box.top);
+                float *nearest = front + row * stride + column;
+                meet_row(disc, focal, 0.5f * (float)width, ((float)y + 0.5f - 0.5f * (float)height) / focal, depth,
                          weight);
-                if (!pass) {
-                    for (int x = 0; x < wide; x++) row[x] = weight[x] > 0 && depth[x] < row[x] ? depth[x] : row[x];
-                    continue;
-                }
-                float *pixel = picture + ((size_t)y * width + disc.left) * PIXEL;
-                for (int x = 0; x < wide; x++, pixel += PIXEL) {
-                    if (weight[x] <= 0 || depth[x] > row[x] + slack * disc.radius) continue;
-                    values[1] = depth[x];
-                    for (int c = 0; c < PIXEL; c++) pixel[c] += weight[x] * values[c];
-                }
+                if (pass)
+                    add_row(disc, depth, weight, nearest, features + (size_t)disc->point * (PIXEL - 2), slack,
+                            sums + (row * box.wide + column) * PIXEL);
+                else
+                    keep_nearest(whole, depth, weight, nearest);
             }
         }
-    free(front); free(depth);
+    if (fine) resolve(sums, &box, width, height, sure, near, far, picture);
+    free(discs); free(front); free(sums); free(depth);
     return fine;
 }

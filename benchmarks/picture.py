@@ -1,0 +1,211 @@
+"""How long a picture takes, stage by stage and from end to end: ``python benchmarks/picture.py``.
+
+Prints a table (median, quartiles, limit, ratio to the baseline of the same run), and writes ``picture.json`` and curves
+of time against points and against resolution to --output. A quiet machine is needed for figures that mean something:
+the load is told with them, and ``--busy`` counts processor time instead. ``--quick`` takes a minute;
+``--points 1e8`` draws the whole curve.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from curves import draw_curve
+from measure import Figure, clocks, measure, table
+from subjects import cloud_of, random_weights
+
+from pipeline.buffers import draw_buffers
+from pipeline.infer import Renderer, place_cloud
+from storage.clouds import read_clouds
+from storage.pictures import encode
+from z2p_core import registry
+from z2p_core.camera import Camera
+from z2p_core.scene import SceneDescription
+
+FEW = 5_000
+ZBUFFER_LIMITS = {5_000: 2.0, 1_000_000: 6.0, 10_000_000: 40.0}
+PICTURE_LIMITS = {256: 10.0, 512: 30.0}
+PROCESS_LIMIT, FOLDER_LIMIT, MEMORY_LIMIT = 700.0, 40.0, 600.0
+"""Milliseconds of a process and of a cloud in a folder, and MB."""
+LOOP = "z-buffer, 5k points, double loop"
+PAPER = "the paper's U-Net, torch, 512"
+BOTH = "double loop and the paper's U-Net"
+
+
+def main() -> None:
+    """Measure, print and write everything."""
+    options = _options()
+    options.output.mkdir(parents=True, exist_ok=True)
+    import torch
+
+    torch.set_num_threads(options.threads)
+    with tempfile.TemporaryDirectory(prefix="z2p-benchmark-") as folder:
+        weights = random_weights(Path(folder)) if options.weights == "random" else Path(options.weights)
+        load = os.getloadavg()[0]
+        figures = [*_zbuffers(options), *_networks(options, weights)]
+        figures += [*_baseline(figures), *_whole(options, weights, Path(folder))]
+        curves = _curves(options, weights)
+    machine = _machine(options, load)
+    clock = "processor time" if options.busy else "time"
+    print(f"{machine['processor']}, {clock} on {options.threads} of {machine['cores']} cores, load {load:.1f} before\n")
+    print(table(figures))
+    content = {"machine": machine, "figures": [one.to_json() for one in figures], "curves": curves}
+    (options.output / "picture.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    print(f"\nwrote {options.output / 'picture.json'} and the curves beside it")
+
+
+def _options() -> Any:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--weights", default="regular", help="name, file, or random: random numbers of regular's shape")
+    parser.add_argument("--threads", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--points", type=float, default=1e6, help="largest cloud of the curve (1e8: 1.2 GB)")
+    parser.add_argument("--quick", action="store_true", help="no process starts, no paper's network, short curves")
+    parser.add_argument("--busy", action="store_true", help="one thread, and its processor time: for a busy machine")
+    parser.add_argument("--output", type=Path, default=Path("previews/benchmarks"))
+    options = parser.parse_args()
+    if options.busy:
+        options.threads = 1
+        clocks.append(time.process_time)
+    return options
+
+
+def _zbuffers(options: Any) -> list[Figure]:
+    from rivals import double_loop, torch_scatter
+
+    camera, zbuffer = Camera(512, 512), registry.load("zbuffers", "splats")()
+    figures = [measure(LOOP, partial(double_loop, cloud_of(FEW), camera), warm=False, repeats=3)]
+    for count, limit in ZBUFFER_LIMITS.items():
+        if count > options.points:
+            continue
+        cloud, told = cloud_of(count), _told(count)
+        scatter = f"z-buffer, {told} points, torch scatter"
+        figures.append(measure(scatter, partial(torch_scatter, cloud, camera)))
+        floor = measure("read", partial(np.max, cloud.view(np.uint32).reshape(-1))).median
+        figures.append(measure(f"z-buffer, {told} points", partial(zbuffer.draw, cloud, camera), limit,
+                               LOOP if count == FEW else scatter, floor))  # fmt: skip
+    gbuffer, scene = registry.load("gbuffers", "surfels")(), SceneDescription()
+    figures += [measure(f"G-buffer, {_told(count)} points", partial(gbuffer.draw, cloud_of(count), camera, scene))
+                for count in (FEW, 100_000)]  # fmt: skip
+    return figures
+
+
+def _networks(options: Any, weights: Path) -> list[Figure]:
+    figures = []
+    if not options.quick:
+        from rivals import paper_network
+
+        figures.append(measure(PAPER, paper_network(512), repeats=3, warm=False))
+    for side in (256, 512):
+        for name in sorted(registry.names("engines"), reverse=True):  # torch comes first, as the others' baseline
+            if not registry.load("engines", name).installed():
+                continue
+            renderer = Renderer(weights, options.threads, name)
+            run = partial(renderer._engine.run, *_inputs(renderer, side))
+            figures.append(measure(f"network, {name}, {side}", run, baseline=f"network, torch, {side}"))
+    return figures
+
+
+def _baseline(figures: list[Figure]) -> list[Figure]:
+    """The paper's whole path, from the times of its parts."""
+    parts = [one for one in figures if one.what in (LOOP, PAPER)]
+    if len(parts) < 2:
+        return []
+    sums = (sum(getattr(one, name) for one in parts) for name in ("median", "low", "high"))
+    return [Figure(BOTH, *sums, min(one.repeats for one in parts))]
+
+
+def _inputs(renderer: Renderer, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    loaded, camera = renderer._loaded, Camera(side, side)
+    buffers = draw_buffers(cloud_of(FEW), camera, SceneDescription(), loaded.zbuffer, loaded.gbuffer)
+    return buffers[None], renderer._encoding(side, side), np.full((1, loaded.settings), 0.5, np.float32)
+
+
+def _whole(options: Any, weights: Path, folder: Path) -> list[Figure]:
+    cloud, scan = cloud_of(FEW), folder / "scans" / "scan_000.xyz"
+    scan.parent.mkdir()
+    for number in range(10):
+        np.savetxt(scan.with_name(f"scan_{number:03d}.xyz"), cloud, fmt="%.6f")
+    np.save(folder / "scan.npy", cloud)
+    renderer = Renderer(weights, options.threads)
+    figures = [
+        measure("read, 5k points, .xyz", partial(read_clouds, scan)),
+        measure("read, 5k points, .npy", partial(read_clouds, folder / "scan.npy")),
+        measure("place, 5k points", partial(place_cloud, cloud.astype(np.float64))),
+    ]
+    for side, limit in PICTURE_LIMITS.items():
+        run = partial(renderer.render, cloud, None, side, side)
+        figures.append(measure(f"points to RGBA, {side}, {renderer.engine}", run, limit, BOTH if side == 512 else None))
+    picture = renderer.render(cloud)
+    figures.append(measure("encode, 512, .png", partial(encode, picture, ".png")))
+    if options.quick or options.busy:  # the processor time of other processes is not ours
+        return figures
+    command = [sys.executable, "-m", "pipeline.cli", "run-inference", "--weights", str(weights), "-q", "--overwrite"]
+    alone = [*command, str(scan), "-o", str(folder / "one.png")]
+    figures.append(measure("process start to PNG, 5k points, 512", partial(_process, alone), PROCESS_LIMIT, repeats=5))
+    many = [*command, str(scan.parent), "-o", str(folder / "many"), "--jobs", str(options.threads)]
+    ten, one = measure("ten", partial(_process, many), repeats=3), figures[-1]
+    each = [(time - one.median) / 9 for time in (ten.median, ten.low, ten.high)]
+    return [*figures, Figure("a further cloud of a folder", *each, ten.repeats, FOLDER_LIMIT)]
+
+
+def _process(command: list[str]) -> None:
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def _curves(options: Any, weights: Path) -> dict[str, Any]:
+    """Milliseconds against points and against the side, also drawn."""
+    camera, zbuffer = Camera(512, 512), registry.load("zbuffers", "splats")()
+    gbuffer, scene = registry.load("gbuffers", "surfels")(), SceneDescription()
+    counts = [10**power for power in range(3, 9) if 10**power <= options.points]
+    points: dict[str, list[float]] = {"z-buffer": [], "G-buffer": [], "reading 12 bytes a point": []}
+    for count in counts:
+        cloud = cloud_of(count)
+        runs = (partial(zbuffer.draw, cloud, camera), partial(gbuffer.draw, cloud, camera, scene),
+                partial(np.max, cloud.view(np.uint32).reshape(-1)))  # fmt: skip
+        for name, run in zip(points, runs, strict=True):
+            points[name].append(measure(name, run, repeats=5).median)
+    sides = (128, 256, 512) if options.quick else (128, 256, 512, 1024, 2048)
+    renderer, cloud = Renderer(weights, options.threads), cloud_of(FEW)
+    pixels = [measure("picture", partial(renderer.render, cloud, None, side, side), repeats=5).median for side in sides]
+    resolution = {f"points to RGBA, {renderer.engine}": pixels}
+    draw_curve(options.output / "points.png", "points", counts, points, ZBUFFER_LIMITS)
+    draw_curve(options.output / "resolution.png", "side in pixels", sides, resolution, PICTURE_LIMITS)
+    return {"points": {"at": counts, **points}, "resolution": {"at": list(sides), **resolution}}
+
+
+def _machine(options: Any, load: float) -> dict[str, Any]:
+    models = [line.split(":", 1)[1].strip() for line in _cpuinfo().splitlines() if line.startswith("model name")]
+    versions = {name: __import__(name).__version__ for name in ("numpy", "torch", "onnxruntime", "openvino")
+                if name not in registry.names("engines") or registry.load("engines", name).installed()}  # fmt: skip
+    return {
+        "processor": models[0] if models else platform.machine(), "cores": os.cpu_count(), "threads": options.threads,
+        "load before": load, "busy": options.busy, "versions": versions, "weights": str(options.weights),
+        "peak memory of the benchmark, MB": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3,
+        "peak memory of a process, MB": resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3,
+        "limit of a process, MB": MEMORY_LIMIT,
+    }  # fmt: skip
+
+
+def _cpuinfo() -> str:
+    path = Path("/proc/cpuinfo")
+    return path.read_text() if path.exists() else ""
+
+
+def _told(count: int) -> str:
+    return f"{count // 1_000_000}M" if count >= 1_000_000 else f"{count // 1000}k"
+
+
+if __name__ == "__main__":
+    main()

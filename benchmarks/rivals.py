@@ -1,0 +1,61 @@
+"""What z2p is timed against: Eq. 1 as a double loop, as torch scatter, and the paper's network in torch."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+
+from z2p_core.camera import Camera
+from z2p_core.config import NetworkConfig
+from z2p_core.model import build_network
+
+ALPHA, BETA, WINDOW = 2.6, 0.6, 5
+PAPER_WIDTHS = (64, 128, 256, 512, 1024)
+"""As in configs/paper.toml."""
+PAPER_SETTINGS = 7
+
+
+def double_loop(cloud: np.ndarray, camera: Camera) -> np.ndarray:
+    """The paper's z-buffer (H, W), one point and one pixel of its window at a time."""
+    picture = np.zeros((camera.height, camera.width), np.float32)
+    pixels, depths = camera.project(cloud)
+    reach = WINDOW // 2
+    for (x, y), depth in zip(pixels, depths, strict=True):
+        value = math.exp(-(float(depth) - ALPHA) / BETA)
+        for row in range(int(y) - reach, int(y) + reach + 1):
+            for column in range(int(x) - reach, int(x) + reach + 1):
+                if 0 <= row < camera.height and 0 <= column < camera.width and value > picture[row, column]:
+                    picture[row, column] = value
+    return picture
+
+
+def torch_scatter(cloud: np.ndarray, camera: Camera) -> torch.Tensor:
+    """The same as a scatter of the largest intensity and a max-pool."""
+    points = torch.from_numpy(cloud)
+    rotation = torch.from_numpy(camera.rotation.astype(np.float32))
+    inside = (points - torch.from_numpy(camera.position.astype(np.float32))) @ rotation.T
+    depth = inside[:, 2]
+    column = torch.floor(inside[:, 0] / depth * camera.focal + camera.width / 2).long()
+    row = torch.floor(inside[:, 1] / depth * camera.focal + camera.height / 2).long()
+    seen = (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height) & (depth > 0)
+    picture = torch.zeros(camera.height * camera.width)
+    value = torch.exp((ALPHA - depth[seen]) / BETA)
+    picture.scatter_reduce_(0, row[seen] * camera.width + column[seen], value, "amax")
+    return F.max_pool2d(picture.view(1, 1, camera.height, camera.width), WINDOW, 1, WINDOW // 2)
+
+
+def paper_network(side: int) -> Callable[[], object]:
+    """A call of the paper's U-Net, AdaIN everywhere at full resolution, on a square picture in torch float32."""
+    config = NetworkConfig(kind="adain_unet", widths=PAPER_WIDTHS, unshuffle=1)
+    network = build_network(config, 1, 40, PAPER_SETTINGS).eval()
+    inputs = torch.rand(1, 1, side, side), torch.rand(40, side, side), torch.rand(1, PAPER_SETTINGS)
+
+    def run() -> object:
+        with torch.inference_mode():
+            return network(*inputs)
+
+    return run

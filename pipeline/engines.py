@@ -1,0 +1,54 @@
+"""Which engine runs a network: the one that the user forces, or the first that is installed and can."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pipeline.load import LoadedWeights
+from storage.checkpoints import WeightsError
+from storage.exports import load_onnx
+from z2p_core import registry
+from z2p_core.interfaces import Engine, TrainedNetwork
+
+REFERENCE_ENGINE = "torch"
+"""What quality is measured with, and the other engines against."""
+
+
+def start_engine(loaded: LoadedWeights, file: Path, name: str | None = None, threads: int | None = None) -> Engine:
+    """The engine called `name`, or of those installed the one of the lowest rank, running the weights of `file`.
+
+    Raises:
+        PluginError: no such engine, or its library is not installed.
+        WeightsError: no engine can run these weights: the ONNX file beside them is missing, damaged or of others.
+    """
+    onnx = load_onnx(file, loaded.weights.digest)
+    network = TrainedNetwork(loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build)
+    return _chosen(name, onnx is not None, file)(network, threads)
+
+
+def _chosen(name: str | None, has_onnx: bool, file: Path) -> type[Engine]:
+    if name is not None:
+        engine: type[Engine] = registry.load("engines", name)
+        if not engine.installed():
+            raise registry.PluginError(f"engine {name!r} needs {engine.package}: pip install {_source(engine)}")
+        if engine.reads_onnx and not has_onnx:
+            raise WeightsError(f"engine {name!r} needs {file.with_suffix('.onnx').name} beside {file}; {_export(file)}")
+        return engine
+    known: list[type[Engine]] = sorted((registry.load("engines", one) for one in registry.names("engines")),
+                                       key=lambda one: (one.rank, one.name))  # fmt: skip
+    for engine in known:
+        if engine.installed() and (has_onnx or not engine.reads_onnx):
+            return engine
+    raise WeightsError(
+        f"{file}: expected {file.with_suffix('.onnx').name} beside it, or torch; {_export(file)}, or install torch "
+        'here: pip install "z2p[torch]"'
+    )
+
+
+def _source(engine: type[Engine]) -> str:
+    """What pip is to install for an engine: an extra of z2p for its own."""
+    return f'"z2p[{engine.name}]"' if engine.__module__.startswith("plugins.") else engine.package
+
+
+def _export(file: Path) -> str:
+    return f"where torch and onnx are installed, python -m pipeline.export {file} writes it"

@@ -1,0 +1,1 @@
+"""Built-in engines: libraries that run the trained network."""

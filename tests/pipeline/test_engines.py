@@ -1,0 +1,156 @@
+"""Engines in the whole path: which one runs, that it draws what torch draws, and that torch stays away."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+from pipeline.export import export_onnx
+from pipeline.infer import Renderer, place_cloud
+from storage.checkpoints import WeightsError, load_weights, save_weights
+from storage.exports import onnx_path
+from z2p_core import registry
+from z2p_core.registry import PluginError
+
+ONNX_ENGINES = [name for name in registry.names("engines") if registry.load("engines", name).reads_onnx]
+
+
+@pytest.fixture(scope="module")
+def exported_weights(tiny_weights: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = Path(shutil.copy(tiny_weights, tmp_path_factory.mktemp("exported")))
+    export_onnx(file)
+    return file
+
+
+@pytest.fixture
+def copied(exported_weights: Path, tmp_path: Path) -> Path:
+    """Weights and export that a test may spoil."""
+    shutil.copy(onnx_path(exported_weights), tmp_path)
+    return Path(shutil.copy(exported_weights, tmp_path))
+
+
+@pytest.mark.parametrize("engine", ONNX_ENGINES)
+@pytest.mark.parametrize(("width", "height"), [(64, 64), (97, 61), (33, 130), (200, 120)])
+def test_pictures_are_torchs(exported_weights: Path, cloud: np.ndarray, engine: str, width: int, height: int) -> None:
+    placed = place_cloud(cloud)
+    expected = Renderer(exported_weights, engine="torch").render(placed, None, width, height)
+    renderer = Renderer(exported_weights, threads=1, engine=engine)
+    assert renderer.engine == engine
+    picture = renderer.render(placed, None, width, height)
+    off = np.abs(picture.astype(int) - expected)[expected[..., 3] > 25]  # straight colour means little where alpha does
+    assert np.quantile(off, 0.999) <= 2 and expected[..., 3].std() > 10
+
+
+def test_the_lowest_rank_that_can_runs(exported_weights: Path, tiny_weights: Path) -> None:
+    assert Renderer(exported_weights).engine == "onnxruntime"
+    assert Renderer(tiny_weights).engine == "torch"  # there is no export beside them
+
+
+def test_an_engine_that_is_not_installed_is_passed_over_and_refused_when_forced(
+    exported_weights: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry.load("engines", "onnxruntime"), "package", "no_such_package")
+    assert Renderer(exported_weights).engine == "openvino"
+    with pytest.raises(PluginError, match="needs no_such_package: pip install"):
+        Renderer(exported_weights, engine="onnxruntime")
+
+
+def test_without_torch_and_export_the_message_says_how_to_get_on(
+    tiny_weights: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(registry.load("engines", "torch"), "package", "no_such_package")
+    told = r"tiny.onnx beside it, or torch; .* python -m pipeline.export .*z2p\[torch\]"
+    with pytest.raises(WeightsError, match=told):
+        Renderer(tiny_weights)
+    with pytest.raises(WeightsError, match=r"'onnxruntime' needs tiny.onnx beside"):
+        Renderer(tiny_weights, engine="onnxruntime")
+
+
+def test_an_unknown_engine_is_told_with_the_known_ones(exported_weights: Path) -> None:
+    with pytest.raises(PluginError, match="unknown engine 'abacus'; installed: onnxruntime, openvino, torch"):
+        Renderer(exported_weights, engine="abacus")
+
+
+def test_an_export_of_other_weights_is_refused(copied: Path) -> None:
+    weights = load_weights(copied)
+    name, tensor = next(iter(weights.tensors.items()))
+    save_weights(copied, {**weights.tensors, name: tensor + 1}, weights.card)
+    with pytest.raises(WeightsError, match=r"tiny.onnx: made from other weights than tiny.safetensors"):
+        Renderer(copied)
+    export_onnx(copied)
+    assert Renderer(copied).engine == "onnxruntime"
+
+
+@pytest.mark.parametrize("place", [100, -200, -300])
+def test_a_flipped_bit_is_noticed(copied: Path, place: int) -> None:
+    content = bytearray(onnx_path(copied).read_bytes())
+    content[place] ^= 1
+    onnx_path(copied).write_bytes(content)
+    with pytest.raises(WeightsError, match="damaged"):
+        Renderer(copied)
+
+
+@pytest.mark.parametrize("left", [0, 50, -1])
+def test_a_truncated_export_is_refused(copied: Path, left: int) -> None:
+    content = onnx_path(copied).read_bytes()
+    onnx_path(copied).write_bytes(content[:left])
+    with pytest.raises(WeightsError, match="damaged"):
+        Renderer(copied)
+
+
+def test_a_linked_weights_file_finds_the_export_of_the_file_itself(copied: Path, tmp_path: Path) -> None:
+    link = tmp_path / "elsewhere" / "linked.safetensors"
+    link.parent.mkdir()
+    link.symlink_to(copied)
+    assert Renderer(link).engine == "onnxruntime"
+
+
+def test_the_command_never_imports_torch(exported_weights: Path, scans: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys; from pipeline.cli import main\n"
+        "try: main(sys.argv[1:])\n"
+        "except SystemExit as end: assert end.code == 0, end\n"
+        "heavy = {'torch', 'onnx', 'openvino', 'kornia', 'h5py', 'open3d'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    words = ("run-inference", scans, "-o", tmp_path / "out", "--weights", exported_weights, "--resolution", "64")
+    done = subprocess.run([sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert len(list((tmp_path / "out").glob("*.png"))) == 2
+
+
+def test_python_never_imports_torch_either(exported_weights: Path) -> None:
+    code = (
+        "import sys, numpy, z2p_core\n"
+        "points = numpy.random.default_rng(0).normal(size=(200, 3))\n"
+        "assert z2p_core.render(points, size=64, weights=sys.argv[1]).array.shape == (64, 64, 4)\n"
+        "assert 'torch' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code, str(exported_weights)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_option_forces_it(z2p: Callable[..., Result], exported_weights: Path, scans: Path, tmp_path: Path) -> None:
+    words = ("run-inference", scans / "one.npy", "--weights", exported_weights, "--resolution", 64, "-o")
+    for engine in registry.names("engines"):
+        result = z2p(*words, tmp_path / f"{engine}.png", "--engine", engine)
+        assert result.exit_code == 0, result.output
+    refused = z2p(*words, tmp_path / "abacus.png", "--engine", "abacus")
+    assert refused.exit_code == 2 and "unknown engine 'abacus'" in refused.stderr
+
+
+def test_half_weights_make_a_small_export_and_whole_ones_an_exact_one(make_weights: Callable[..., Path]) -> None:
+    whole = make_weights(widths=(32, 48), mapping=64)
+    weights = load_weights(whole)
+    half = whole.with_name("half.safetensors")
+    save_weights(half, weights.tensors, weights.card, half=True)
+    small, large = (export_onnx(file).stat().st_size for file in (half, whole))
+    size = sum(tensor.size for tensor in weights.tensors.values())
+    assert small < 2 * size + 60_000 < 4 * size < large

@@ -1,0 +1,55 @@
+"""What runs a trained network: an engine, and the forms in which it is handed the network."""
+
+from __future__ import annotations
+
+import importlib.util
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class TrainedNetwork:
+    """A trained network in the forms that engines take; see `z2p_core.model.build_network` for what it computes."""
+
+    buffer_channels: int
+    encoder_channels: int
+    settings: int
+    onnx: bytes | None
+    """ONNX model with inputs ``buffers``, ``encoding`` and ``settings`` and output ``picture``, of any batch, height
+    and width; None where no export lies beside the weights."""
+    module: Callable[[], Any]
+    """Gives the torch module in evaluation mode, float32, on the CPU; imports torch, so only what needs it calls it."""
+
+
+class Engine(ABC):
+    """Computes the network's pictures, with a library of its own. Several threads may call `run` at once."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    package: ClassVar[str]
+    """The library's import name. The plugin's module must not import it: only `__init__` does."""
+    rank: ClassVar[int]
+    """Where the user forces none, the installed engine of the lowest rank runs."""
+    reads_onnx: ClassVar[bool] = True
+    """Whether it needs `TrainedNetwork.onnx`; False for one that takes the torch module."""
+
+    @classmethod
+    def installed(cls) -> bool:
+        """Whether its library is there; nothing is imported to find out."""
+        return importlib.util.find_spec(cls.package) is not None
+
+    @abstractmethod
+    def __init__(self, network: TrainedNetwork, threads: int | None = None) -> None:
+        """Engine ready to run that network on at most so many threads, None for as many as there are cores."""
+
+    @abstractmethod
+    def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
+        """Pictures (B, 4, H, W) float32 in [0, 1], colour times alpha and alpha.
+
+        Of buffers (B, C, H, W), the encoding (E, h, w) of the pixel blocks' centres (sides rounded up) and settings
+        (B, S) in [0, 1], all float32; H, W >= 32. Within 2/255 of the torch network at the 99.9th percentile.
+        """
