@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -52,6 +53,7 @@ class Difference:
 
 def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Difference]:
     """Every difference between the fields of two results of one stage, in the new one's order."""
+    old, new = (json.loads(json.dumps(fields)) for fields in (old, new))  # a tuple is a list in a manifest
     found: list[Difference] = []
     for key in [*new, *(key for key in old if key not in new)]:
         if key not in old or key not in new:

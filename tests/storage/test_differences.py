@@ -20,6 +20,7 @@ def told(**changed):
     "changed, expected",
     [
         ({}, []),
+        ({"parameters": {**OLD["parameters"], "passes": ()}}, []),
         ({"stage_version": 2}, ["stage version 1 -> 2"]),
         ({"code": {"pipeline.render": "b"}}, ["code of pipeline.render changed"]),
         ({"packages": {"bpy": "5.0.2"}}, ["package bpy 5.0.1 -> 5.0.2"]),

@@ -142,14 +142,14 @@ def test_stage_fields_hold_code_and_packages_without_builds():
 
 
 def test_a_plugins_code_is_that_of_its_whole_package(tmp_path, monkeypatch):
-    package = tmp_path / "gloss_plugin"
+    package = tmp_path / "coded_plugin"
     package.mkdir()
     (package / "__init__.py").write_text("")
     (package / "strength.py").write_text("STRENGTH = 2\n")
     (package / "control.py").write_text("from .strength import STRENGTH\nclass Gloss:\n    name, version = 'g', '1'\n")
     (package / "other.py").write_text("X = 1\n")
     monkeypatch.syspath_prepend(tmp_path)
-    plugin = __import__("gloss_plugin.control", fromlist=["Gloss"]).Gloss
+    plugin = __import__("coded_plugin.control", fromlist=["Gloss"]).Gloss
     before = plugin_fields(plugin)
     (package / "other.py").write_text("X = 2\n")
     (package / "strength.py").write_text("STRENGTH = 2  # as ever\n")

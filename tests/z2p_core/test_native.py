@@ -197,6 +197,12 @@ def test_the_nearest_disc_shows_and_touching_ones_blend():
             assert drawn[2:4, 32, 32].sum() == pytest.approx(1)
 
 
+def test_kernels_older_than_the_code_are_told(monkeypatch):
+    monkeypatch.setattr(native, "library", object)
+    with pytest.raises(ImportError, match="z2p_surface is missing; install z2p again"):
+        native.surface(sphere_of(10), VIEWER)
+
+
 def test_discs_outside_the_picture_or_behind_the_camera_draw_nothing():
     points = np.float32([[0, 0, -3], [9, 0, 3], [0, -9, 3], [0, 0, 0]])
     assert not surfels_of(points, np.tile(TOWARDS, (4, 1)), 0.3, Camera(64, 64)).any()

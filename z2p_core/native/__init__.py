@@ -156,7 +156,10 @@ def straight_bytes(picture: np.ndarray) -> np.ndarray:
 
 def _call(name: str, *arguments: Any) -> None:
     given = [x.ctypes.data_as(ctypes.c_void_p) if isinstance(x, np.ndarray) else x for x in arguments]
-    if not getattr(library(), name)(*given):
+    kernel = getattr(library(), name, None)
+    if kernel is None:
+        raise ImportError(f"z2p's compiled kernels are older than its code: {name} is missing; install z2p again")
+    if not kernel(*given):
         raise MemoryError(f"{name}: not enough memory")
 
 
