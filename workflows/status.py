@@ -104,7 +104,7 @@ class _Earlier:
     def is_new(self, step: Step, known: str) -> bool:
         """Whether a result with those fields, as JSON, was made of another result than the step's."""
         before = self.like(step)
-        if step.entry.stage == "render":
+        if step.entry.stage in ("render", "shapes"):  # what follows knows them by their meshes, not by a fingerprint
             return before is None or bool(differences(_shared(before["fields"]), _shared(step.entry.fields)))
         return step.entry.fingerprint not in known
 

@@ -44,6 +44,14 @@ def test_reasons_name_what_changed_and_upstream_by_name(config, store, meshes):
     assert found["evaluate"] == ("stale", "views 2 -> 3", "upstream train")
 
 
+def test_unchanged_built_in_shapes_are_no_reason(config, store):
+    builtin = edited(edited(config, "meshes", "builtin"), "evaluate_meshes", "")
+    fill(store, make_plan(builtin))
+    found = told(store, make_plan(edited(builtin, "train.steps", 7)))
+    assert found["shapes"] == ("fresh",)
+    assert found["train"] == ("stale", "steps 150 -> 7") and found["evaluate"] == ("stale", "upstream train")
+
+
 def test_renders_cut_anew_have_their_reason(config, store):
     fill(store, make_plan(config))
     recut = edited(config, "render.chunk", 6)
