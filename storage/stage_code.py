@@ -86,7 +86,6 @@ PACKAGES: dict[str, tuple[str, ...]] = {
 """Stage -> the declared packages whose versions shape its result."""
 
 
-
 def stage_code(stage: str) -> dict[str, str]:
     """Digest (64 hex digits) of each part that `SHAPING` lists for a stage.
 
