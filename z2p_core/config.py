@@ -61,6 +61,8 @@ class NetworkConfig:
     """Channels at each level, finest first."""
     unshuffle: int = 4
     """Side of the pixel blocks folded into channels before the first level; the paper's network has none (1)."""
+    refine: int = 16
+    """Channels between the two last convolutions, which work on single pixels; 0 for none (the paper)."""
     mapping: int = 512
     """Length of w, the mapped settings vector."""
     zbuffer: str = "splats"

@@ -33,8 +33,10 @@ def build_network(config: NetworkConfig, buffer_channels: int, encoder_channels:
     kinds: dict[str, Callable[..., UNet]] = {"unshuffle_unet": UnshuffleUNet, "adain_unet": AdainUNet}
     if config.kind not in kinds:
         raise ValueError(f"unknown network {config.kind!r}; known: {', '.join(kinds)}")
-    if len(config.widths) < 2 or min(config.widths) < 1 or config.mapping < 1 or config.unshuffle < 1:
-        raise ValueError(f"network: expected two or more widths, a mapping and an unshuffle above 0, got {config}")
+    if len(config.widths) < 2 or min(*config.widths, config.mapping, config.unshuffle, config.refine + 1) < 1:
+        raise ValueError(
+            f"network: expected two or more widths, a mapping and an unshuffle above 0, refine not below, got {config}"
+        )
     if config.kind == "adain_unet" and config.unshuffle != 1:
         raise ValueError(f"adain_unet works at full resolution: expected unshuffle = 1, got {config.unshuffle}")
     if buffer_channels < 1 or encoder_channels < 0 or settings < 1:
@@ -102,14 +104,14 @@ class UNet(nn.Module):
         height, width = buffers.shape[-2:]
         w = self.mapping(settings)  # (B, M)
         right, below = -width % self.stride, -height % self.stride
-        x = F.pad(buffers, (0, right, 0, below))  # the background of a z-buffer is 0
-        if self.unshuffle > 1:
-            x = F.pixel_unshuffle(x, self.unshuffle)  # (B, C u u, H/u, W/u)
+        buffers = F.pad(buffers, (0, right, 0, below))  # the background of a z-buffer is 0
+        x = F.pixel_unshuffle(buffers, self.unshuffle) if self.unshuffle > 1 else buffers  # (B, C u u, H/u, W/u)
         encoding = encoding.expand(x.shape[0], *encoding.shape[-3:])  # not len(): the export follows shapes
         if int(encoding.shape[1]):
             missing = (0, x.shape[3] - encoding.shape[3], 0, x.shape[2] - encoding.shape[2])
             x = torch.cat([x, F.pad(encoding, missing, mode="replicate")], dim=1)
         picture = self.draw(x.contiguous(memory_format=torch.channels_last), w)
+        picture = self.refine(picture, buffers)
         picture = picture[:, :, :height, :width].float()  # (B, 4, H, W)
         return picture if self.training else picture.clamp(0, 1)
 
@@ -117,9 +119,16 @@ class UNet(nn.Module):
         """Picture (B, 4, H, W) at full resolution from the joined input at the finest level."""
         raise NotImplementedError
 
+    def refine(self, picture: Tensor, buffers: Tensor) -> Tensor:
+        """The picture (B, 4, H, W) once more, beside the buffers (B, C, H, W) that it was drawn from."""
+        return picture
+
 
 class UnshuffleUNet(UNet):
-    """The fast network: pixel blocks folded into channels, residual blocks, additive skips, pixels unfolded again."""
+    """The fast network: pixel blocks folded into channels, residual blocks, additive skips, pixels unfolded again.
+
+    Last come two thin convolutions at full resolution: a block of pixels has few channels to say where an edge runs.
+    """
 
     def __init__(self, config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int) -> None:
         super().__init__(config, settings)
@@ -138,9 +147,14 @@ class UnshuffleUNet(UNet):
         # Straight before the last convolution, so that colour can multiply shading.
         self.tint = Modulation(widths[0], config.mapping)
         self.head = nn.Conv2d(widths[0], 4 * cell, 3, padding=1)
+        self.look = nn.Conv2d(4 + buffer_channels, config.refine, 3, padding=1) if config.refine else None
+        self.touch = nn.Conv2d(config.refine, 4, 3, padding=1) if config.refine else None
         with torch.no_grad():
             self.head.weight *= 0.1  # start near an empty picture
             self.stem.weight[widths[0] :] *= 0.1
+            if self.touch is not None:
+                nn.init.zeros_(self.touch.weight)
+                nn.init.zeros_(self.touch.bias)
 
     def draw(self, x: Tensor, w: Tensor) -> Tensor:
         x, traced = self.stem(x).split([self.head.in_channels, self.head.out_channels], dim=1)  # (B, W0, H/u, W/u)
@@ -155,6 +169,12 @@ class UnshuffleUNet(UNet):
             x = decode(x, w)
         x = self.head(self.tint(F.relu(x), w)) + traced  # (B, 4 u u, H/u, W/u)
         return F.pixel_shuffle(x, self.unshuffle)
+
+    def refine(self, picture: Tensor, buffers: Tensor) -> Tensor:
+        if self.look is None or self.touch is None:
+            return picture
+        beside = torch.cat([picture, buffers.to(picture.dtype)], dim=1).contiguous(memory_format=torch.channels_last)
+        return picture + self.touch(F.relu(self.look(beside)))
 
 
 class ResidualBlocks(nn.Module):

@@ -22,13 +22,20 @@ MOST_POINTS = 40_000
 RADIUS, SLACK = 1.45, 1.2
 """Of a disc in spacings, wide enough to leave hardly a hole between random points (exp(-pi r^2), 0.1 %), and how far
 behind the nearest disc another still counts, in radii."""
-SURE = 25.0
-"""Of coverage: a pixel that discs only touch with their rim stays in doubt."""
+SURE, FULL = 25.0, 2.2
+"""Of coverage: a pixel that discs only touch with their rim stays in doubt. Of density: what discs of that radius add
+up to where they lie all around; about half of it is the surface's border."""
 NEAR, FAR = 2.6, 4.6
 """Depths of the unit sphere's near and far end."""
-LAMPS_A_SIDE, SKY_DIRECTIONS = 4, 16
-FLOOR_HALF, FLOOR_CELL, FLOOR_MOST = 4.5, 0.02, 450
-"""Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side."""
+LAMPS, FLOOR_LAMPS, SKY_DIRECTIONS = 16, 64, 16
+"""Points that stand for the area light, over points and over the floor, where its penumbra shows; and for the sky."""
+PLASTIC = 1.32471795724
+"""Whose powers spread points evenly over a square, few of them in a row (Roberts, R2 sequence)."""
+FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.02, 450, 64
+"""Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side; and cells
+a side for the light that comes back from the cloud."""
+FLOOR_ALBEDO = 0.85
+"""Blender's own 0.8 for a surface without a material, and a little for light that goes to and fro."""
 GREY = 0.5
 """Albedo of the grey picture: dark enough to stay below white under the nearest light."""
 SKY = 50.0
@@ -36,15 +43,16 @@ SKY = 50.0
 
 
 class Surfels(GBuffer):
-    """Nine channels.
+    """Ten channels.
 
-    Coverage; depth, 1 near to 0 far; normal to the right and down (2); grey radiance under the light, then radiance in
-    the surface's colour (3), sRGB; all of these 0 off the discs. Last the floor shadow's alpha.
+    Coverage; density, half at a border; depth, 1 near to 0 far; normal to the right and down (2); grey radiance, then
+    radiance in the surface's colour (3), sRGB; all of these 0 off the discs. Last the floor shadow's alpha. Light is
+    the lamp's, the sky's, what the lit floor sends back, and what parts of the cloud send to each other and the floor.
     """
 
     name = "surfels"
-    version = "1"
-    channels = 9
+    version = "2"
+    channels = 10
 
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
         picture = np.zeros((self.channels, camera.height, camera.width), dtype=np.float32)
@@ -58,15 +66,48 @@ class Surfels(GBuffer):
         points, spacing, normals = native.surface(thinned(cloud, MOST_POINTS), camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
         radii = RADIUS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
-        light = radiance(points, normals, typical, scene)[:, None]
-        shaded = srgb_from_linear(np.clip(light * np.array([GREY, *base_color(scene)], dtype=np.float32), 0, 1))
+        shaded = Lighting(points, normals, typical, scene, floor).draw(camera, out[-1])
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T
         native.surfels(
             (points - camera.position.astype(np.float32)) @ rotation.T, facing, radii,
-            np.column_stack([facing[:, :2], shaded]), camera, SLACK, SURE, NEAR, FAR, out[:-1],
+            np.column_stack([facing[:, :2], shaded]), camera, SLACK, SURE, FULL, NEAR, FAR, out[:-1],
         )  # fmt: skip
-        floor_shadow(points, typical, camera, scene, floor, out[-1])
+
+
+class Lighting:
+    """Light on the points (N, 3) of a cloud of that spacing, whose normals (N, 3) face the viewer, and on its floor."""
+
+    def __init__(
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
+    ) -> None:
+        self.points, self.normals = points, normals
+        self.color = np.array(base_color(scene), dtype=np.float32)
+        self.axes = sky_axes()
+        weights = self.axes[:, 2] / self.axes[:, 2].sum()
+        lamps, axes, powers = light_lamps(scene.light, FLOOR_LAMPS)
+        self.floor = native.Floor(
+            height, FLOOR_HALF, light_position(scene.light), axes[0], float(powers.sum()), AMBIENT, FLOOR_ALBEDO
+        )
+        side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
+        share = powers / powers.sum()
+        self.shades = (
+            native.floor_shade(points, lamps, share, height, FLOOR_HALF, side),
+            native.floor_shade(points, SKY * self.axes, weights, height, FLOOR_HALF, side),
+        )
+        radius = float(np.sqrt((points**2).sum(1).max())) + spacing
+        direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
+        hits = native.first_hits(points, normals, self.axes, spacing, radius)
+        self.first, self.second = native.gather(points, normals, self.axes, hits, direct, self.floor, *self.shades)
+        self.glow = native.floor_glow(points, normals, self.first, self.axes, weights, self.floor, GLOW_CELLS)
+
+    def draw(self, camera: Camera, shadow: np.ndarray) -> np.ndarray:
+        """Radiance (N, 4) of the points, sRGB: grey, then in colour. The floor's alpha goes into `shadow` (H, W)."""
+        native.floor_shadow(*self.shades, self.glow * float(self.color.mean()), self.floor, camera, shadow)
+        albedo = np.array([GREY, *self.color], dtype=np.float32)
+        # What comes back once more, and again, is about as much as an albedo times what came back first.
+        light = self.first[0][:, None] + self.second[:, None] * albedo * (1 + albedo)
+        return srgb_from_linear(np.clip(albedo * light, 0, 1))
 
 
 def thinned(cloud: np.ndarray, most: int) -> np.ndarray:
@@ -86,52 +127,22 @@ def base_color(scene: SceneDescription) -> tuple[float, float, float]:
     return (color[0], color[1], color[2]) if isinstance(color, tuple) else (color, color, color)
 
 
-def radiance(points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription) -> np.ndarray:
-    """Radiance (N,) float32 of a white diffuse surface at the points: area light and sky, as far as they see them."""
-    radius = float(np.sqrt((points**2).sum(1).max())) + spacing
-    lamps, axes, powers = light_lamps(scene.light)
-    direct = native.illuminate(points, normals, lamps, axes, powers, spacing, radius)
-    sky = sky_lamps()
-    towards = -sky / SKY
-    # the whole sphere of directions would give a quarter of the powers' sum to an open point
-    share = np.full(len(sky), 2.0 / SKY_DIRECTIONS * SKY**2)
-    above = native.illuminate(points, normals, sky, towards, share, spacing, radius)
-    return direct / math.pi + AMBIENT * (above + 0.5 * (1 - normals[:, 2]))
-
-
-def light_lamps(light: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places (16, 3), axes (16, 3) and powers (16,) of points spread over the square area light."""
+def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places (L, 3), axes (L, 3) and powers (L,) of points spread over the square area light."""
     centre = light_position(light)
     axis = -centre / np.linalg.norm(centre)
     across = np.cross(axis, (0.0, 0.0, 1.0))
     across /= np.linalg.norm(across)
-    steps = ((np.arange(LAMPS_A_SIDE) + 0.5) / LAMPS_A_SIDE - 0.5) * LIGHT_SIDE
-    x, y = (grid.reshape(-1, 1) for grid in np.meshgrid(steps, steps))
+    steps = (np.arange(count) + 0.5)[:, None] * (1 / PLASTIC, 1 / PLASTIC**2)
+    x, y = (steps % 1 - 0.5).T[..., None] * LIGHT_SIDE
     lamps = centre + x * across + y * np.cross(across, axis)
-    power = LIGHT_RADIANCE * LIGHT_SIDE**2 / len(lamps)
-    return lamps, np.repeat(axis[None], len(lamps), axis=0), np.full(len(lamps), power)
+    power = LIGHT_RADIANCE * LIGHT_SIDE**2 / count
+    return lamps, np.repeat(axis[None], count, axis=0), np.full(count, power)
 
 
-def sky_lamps() -> np.ndarray:
-    """Directions (16, 3) spread evenly over the upper half of the sky, as lamps far away."""
+def sky_axes() -> np.ndarray:
+    """Directions (16, 3) spread evenly over the upper half of the sky."""
     height = (np.arange(SKY_DIRECTIONS) + 0.5) / SKY_DIRECTIONS
     angle = np.arange(SKY_DIRECTIONS) * math.pi * (3 - math.sqrt(5))
     side = np.sqrt(1 - height**2)
-    return SKY * np.column_stack([side * np.cos(angle), side * np.sin(angle), height])
-
-
-def floor_shadow(
-    points: np.ndarray, spacing: float, camera: Camera, scene: SceneDescription, floor: float, out: np.ndarray
-) -> None:
-    """Draws into `out` (H, W) the alpha of the floor's shadow: the share of its light that the cloud takes away."""
-    side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
-    lamps, axis, powers = light_lamps(scene.light)
-    share = np.full(len(lamps), 1 / len(lamps))
-    hidden_light = native.floor_shade(points, lamps, share, floor, FLOOR_HALF, side)
-    sky = sky_lamps()
-    hidden_sky = native.floor_shade(points, sky, sky[:, 2] / sky[:, 2].sum(), floor, FLOOR_HALF, side)
-    centre = light_position(scene.light)
-    native.floor_shadow(
-        hidden_light, hidden_sky, floor, FLOOR_HALF, centre, axis[0], float(powers.sum()), math.pi * AMBIENT, camera,
-        out,
-    )  # fmt: skip
+    return np.column_stack([side * np.cos(angle), side * np.sin(angle), height])

@@ -11,7 +11,7 @@ from PIL import Image
 from synthetic import sphere_shard
 
 from pipeline.buffers import draw_buffers
-from pipeline.load import load_network
+from pipeline.load import load_network, load_plugins
 from pipeline.run import TrainError
 from pipeline.train import learning_rate, train
 from storage.checkpoints import CHECKPOINT, PREVIOUS, Weights, WeightsError, load_weights, save_weights
@@ -203,7 +203,9 @@ def test_half_weights_draw_nearly_the_same(undisturbed, tmp_path):
     save_weights(tmp_path / "half.safetensors", weights.tensors, weights.card, half=True)
     size = (tmp_path / "half.safetensors").stat().st_size
     assert size < 0.6 * (undisturbed / "weights.safetensors").stat().st_size
-    inputs = torch.rand(1, 13, 32, 32), torch.rand(40, 8, 8), torch.rand(1, 7)
+    loaded = load_plugins(weights)
+    encoding = torch.rand(loaded.encoder.channels, 8, 8)
+    inputs = torch.rand(1, loaded.buffer_channels, 32, 32), encoding, torch.rand(1, loaded.settings)
     with torch.no_grad():
         whole, half = (load_network(path).network(*inputs) for path in
                        (undisturbed / "weights.safetensors", tmp_path / "half.safetensors"))

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plugins.gbuffers.surfels import Surfels, light_lamps, sky_lamps, thinned
+from plugins.gbuffers.surfels import Surfels, light_lamps, sky_axes, thinned
 from z2p_core.camera import Camera, light_position
+from z2p_core.images import linear_from_srgb
 from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 
 CAMERA = Camera(96, 96)
-COVERAGE, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = range(9)
+COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = range(10)
 
 
 def sphere_of(count=4000, radius=0.6):
@@ -51,9 +52,34 @@ def test_colours_are_those_of_the_material_and_the_rest_does_not_know_them():
     seen = picture[COVERAGE] > 0
     assert not picture[BLUE].any() and (picture[RED][seen] > picture[GREEN][seen]).all()
     grey = Surfels().draw(sphere_of(), CAMERA, replace(SCENE, material={}))
-    for channel in (COVERAGE, DEPTH, RIGHT, DOWN, GREY, SHADOW):
+    for channel in (COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY):
         np.testing.assert_array_equal(picture[channel], grey[channel])
     np.testing.assert_array_equal(grey[RED], grey[BLUE])
+
+
+def test_a_bright_surface_gives_light_to_itself_and_to_the_floor():
+    cave = sphere_of(8000)
+    cave = cave[cave[:, 1] > -0.2]  # a bowl that opens to the viewer
+    dark, bright = (
+        Surfels().draw(cave, CAMERA, replace(SCENE, material={"Base Color": (x, x, x, 1.0)})) for x in (0.1, 0.9)
+    )
+    seen = dark[COVERAGE] > 0.9
+    ratio = linear_from_srgb(bright[RED][seen]) / linear_from_srgb(dark[RED][seen])
+    assert np.median(ratio) > 9 * 1.15
+    shadowed = (dark[SHADOW] > 0.05) & (dark[COVERAGE] == 0)
+    assert (bright[SHADOW] - dark[SHADOW])[shadowed].mean() < -0.005
+
+
+def test_density_is_about_half_at_the_border_of_a_sheet():
+    rng = np.random.default_rng(0)
+    wall = np.column_stack([rng.uniform(-0.6, 0.6, 6000), np.zeros(6000), rng.uniform(-0.6, 0.6, 6000)])
+    camera = Camera(512, 512, 0.0)
+    picture = Surfels().draw(wall.astype(np.float32), camera, SCENE)
+    border = 0.6 / 3.6 * camera.focal
+    rows, columns = np.mgrid[:512, :512] + 0.5 - 256
+    beside = (np.abs(rows) < border - 12) & (np.abs(np.abs(columns) - border) < 0.7)
+    within = (np.abs(rows) < border - 12) & (np.abs(columns) < border - 12)
+    assert picture[DENSITY][beside].mean() == pytest.approx(0.55, abs=0.12) and picture[DENSITY][within].mean() > 0.75
 
 
 def test_the_floor_touches_the_lowest_point_unless_it_is_told():
@@ -61,24 +87,25 @@ def test_the_floor_touches_the_lowest_point_unless_it_is_told():
     lowest = float(cloud[:, 2].min())
     resting, told, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=x)) for x in (None, lowest, lowest - 0.3))
     np.testing.assert_array_equal(resting, told)
-    assert np.array_equal(resting[:SHADOW], deep[:SHADOW]) and not np.array_equal(resting[SHADOW], deep[SHADOW])
+    assert np.array_equal(resting[:GREY], deep[:GREY]) and not np.array_equal(resting[SHADOW], deep[SHADOW])
 
 
 def test_the_area_light_is_a_square_that_faces_the_origin():
     light = (3.5, -30.0, 60.0)
-    lamps, axes, powers = light_lamps(light)
+    lamps, axes, powers = light_lamps(light, 64)
     centre = light_position(light)
-    np.testing.assert_allclose(lamps.mean(0), centre, atol=1e-9)
+    np.testing.assert_allclose(lamps.mean(0), centre, atol=0.03)
     np.testing.assert_allclose((lamps - centre) @ centre, 0, atol=1e-9)
     np.testing.assert_allclose(axes @ centre, -3.5, atol=1e-9)
     assert np.ptp((lamps - centre) @ np.cross(centre, [0, 0, 1]) / np.linalg.norm(np.cross(centre, [0, 0, 1]))) == (
-        pytest.approx(LIGHT_SIDE * 3 / 4)
+        pytest.approx(LIGHT_SIDE, rel=0.05)
     )
     assert powers.sum() == pytest.approx(LIGHT_RADIANCE * LIGHT_SIDE**2)
 
 
 def test_the_sky_is_above_and_even():
-    sky = sky_lamps() / np.linalg.norm(sky_lamps(), axis=1, keepdims=True)
+    sky = sky_axes()
+    np.testing.assert_allclose(np.linalg.norm(sky, axis=1), 1)
     assert (sky[:, 2] > 0).all() and np.abs(sky[:, :2].mean(0)).max() < 0.06
     assert sky[:, 2].mean() == pytest.approx(0.5, abs=1e-6)
 

@@ -1,5 +1,7 @@
 """The networks: Eq. 2 by hand, any size of picture, no talk between batch mates, gradients everywhere."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -95,6 +97,22 @@ def test_training_output_keeps_gradients_outside_the_range():
     picture = network(*inputs_of(FAST, 1, 64, 64))
     assert picture.max() > 1
     assert network.eval()(*inputs_of(FAST, 1, 64, 64)).max() == 1
+
+
+def test_the_last_convolutions_start_as_nothing_and_reach_two_pixels():
+    torch.manual_seed(0)
+    network = build_network(FAST, 3, 0, 7).eval()
+    without = build_network(replace(FAST, refine=0), 3, 0, 7).eval()
+    without.load_state_dict({name: x for name, x in network.state_dict().items() if name in without.state_dict()})
+    buffers, settings = torch.rand(1, 3, 64, 64), torch.rand(1, 7)
+    nothing = torch.zeros(0, 16, 16)
+    torch.testing.assert_close(network(buffers, nothing, settings), without(buffers, nothing, settings))
+    torch.nn.init.normal_(network.touch.weight)
+    picture = torch.rand(1, 4, 64, 64)
+    changed = buffers.clone()
+    changed[..., 20, 30] += 1
+    rows, columns = (network.refine(picture, buffers) != network.refine(picture, changed))[0].any(0).nonzero().T
+    assert (rows.min(), rows.max(), columns.min(), columns.max()) == (18, 22, 28, 32)
 
 
 def test_a_network_without_encoding():

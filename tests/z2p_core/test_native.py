@@ -67,98 +67,18 @@ def test_degenerate_clouds_have_finite_answers(cloud):
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-4)
 
 
-UP, DOWN = np.float32([0, 0, 1]), np.float32([0, 0, -1])
-
-
-def test_light_falls_with_distance_and_angle():
-    points = np.float32([[0, 0, 0], [0.5, 0, -1], [3, 0, 0]])
-    lamp = np.float32([[0, 0, 3]])
-    light = native.illuminate(points, np.tile(UP, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
-    # both cosines count: beside the lamp's axis it shines weaker, and falls slanting
-    np.testing.assert_allclose(light, [1.0, 9 * 16 / 16.25**2, 9 / 18 * 0.5], rtol=1e-5)
-    away = native.illuminate(points, np.tile(DOWN, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
-    assert not away.any()
-
-
-def test_a_sheet_hides_the_lamp_from_what_lies_below_it_and_not_itself():
-    spacing = 0.6 / math.sqrt(4000)
-    sheet = square_of(4000, 0.3, 0.5)
-    below, beside = square_of(200, 0.1, -0.5, seed=1), square_of(200, 0.1, -0.5, seed=2) + np.float32([0.9, 0, 0])
-    points = np.concatenate([sheet, below, beside])
-    lamp = np.float32([[0, 0, 3.5]])
-    light = native.illuminate(
-        points, np.tile(UP, (len(points), 1)), lamp, DOWN[None], np.float32([1.0]), spacing, 1.5
-    ) > 0  # fmt: skip
-    assert light[:4000].mean() == 1.0 and light[4200:].mean() == 1.0
-    assert light[4000:4200].mean() < 0.06  # the sheet is random points, and has a gap here and there
-
-
-def test_a_slanting_plane_does_not_shade_itself():
-    rng, count = np.random.default_rng(0), 5000
-    flat = rng.uniform(-0.7, 0.7, (count, 2))
-    points = np.column_stack([flat, 2.0 * flat[:, 0]]).astype(np.float32) * np.float32(0.5)
-    normal = np.float32([-2, 0, 1]) / math.sqrt(5)
-    spacing = 0.7 * math.sqrt(math.sqrt(5) / count)
-    lamp = np.float32([[0, -1.5, 3.0]])
-    light = native.illuminate(
-        points, np.tile(normal, (count, 1)), lamp, -lamp / np.linalg.norm(lamp), np.float32([1.0]), spacing, 1.3
-    )  # fmt: skip
-    assert (light > 0).mean() > 0.99
-
-
-def test_the_shade_of_a_sheet_on_the_floor_has_its_size_and_place():
-    side, half = 200, 2.0
-    sheet = square_of(20_000, 0.25, 0.0) + np.float32([0.5, 0, 0])
-    lamps = np.float32([[0.5, 0, 2.0], [0.5, 0, 50.0]])
-    shade = native.floor_shade(sheet, lamps, np.float32([0.75, 0.25]), -1.0, half, side)
-    cell = 2 * half / side
-    rows, columns = np.nonzero(shade >= 0.75)
-    middle = (columns.mean() + 0.5) * cell - half, (rows.mean() + 0.5) * cell - half
-    assert middle == pytest.approx((0.5, 0), abs=cell)
-    # the near lamp stretches half a unit by 3 / 2, the far one hardly
-    assert len(rows) * cell**2 == pytest.approx(0.75**2, rel=0.08)
-    assert (shade == 1.0).sum() * cell**2 == pytest.approx((0.5 * 51 / 50) ** 2, rel=0.08)
-    assert set(np.unique(shade)) == {0.0, 0.75, 1.0}
-
-
-def test_points_above_a_lamp_and_far_off_cast_no_shade():
-    points = np.float32([[0, 0, 2.5], [0, 0, 2.0], [1.9, 0, 1.9]])
-    assert not native.floor_shade(points, np.float32([[0, 0, 2.0]]), np.float32([1.0]), -1.0, 2.0, 64).any()
-
-
-def test_the_floors_shadow_lies_where_the_camera_sees_it():
-    camera, floor, half, side = Camera(96, 64, 35.0), -0.8, 2.0, 400
-    shade = np.zeros((side, side), np.float32)
-    place = np.array([0.6, -0.4])
-    column, row = ((place + half) / (2 * half) * side).astype(int)
-    shade[row - 8 : row + 8, column - 8 : column + 8] = 1.0
-    lamp, axis = np.float32([0, 0, 3]), DOWN
-    alpha = np.full((64, 96), np.nan, np.float32)
-    native.floor_shadow(shade, np.zeros_like(shade), floor, half, lamp, axis, 10.0, 1.0, camera, alpha)
-    (x, y), _ = (part[0] for part in camera.project(np.array([[*place, floor]])))
-    found = np.average(np.argwhere(alpha > 0) + 0.5, axis=0, weights=alpha[alpha > 0])
-    assert found[::-1] == pytest.approx([x, y], abs=0.5)
-    away = lamp - [*place, floor]
-    light = 10.0 * (away[2] / np.linalg.norm(away)) ** 2 / (away @ away)
-    assert alpha.max() == pytest.approx(light / (light + 1.0), rel=0.01)
-    everywhere = np.ones_like(shade)
-    low = np.empty((32, 32), np.float32)
-    native.floor_shadow(everywhere, everywhere, floor, half, lamp, axis, 1.0, 1.0, Camera(32, 32, 0.0), low)
-    assert not low[:16].any() and low[-1].max() == pytest.approx(1.0)  # nothing above the horizon
-
-
-NEAR, FAR = 1.0, 6.0
+FULL, NEAR, FAR = 2.0, 1.0, 6.0
 
 
 def depth_of(drawn):
-    return FAR - drawn[1] * (FAR - NEAR)
+    return FAR - drawn[2] * (FAR - NEAR)
 
 
 def surfels_of(points, normals, radius, camera, features=None, slack=2.0):
     features = np.zeros((len(points), 6), np.float32) if features is None else features
     radii = np.full(len(points), radius, np.float32)
-    drawn = np.zeros((8, camera.height, camera.width), np.float32)
-    native.surfels(points, normals, radii, features, camera, slack, 25.0, NEAR, FAR, drawn)
+    drawn = np.zeros((9, camera.height, camera.width), np.float32)
+    native.surfels(points, normals, radii, features, camera, slack, 25.0, FULL, NEAR, FAR, drawn)
     return drawn
 
 
@@ -193,8 +113,17 @@ def test_the_nearest_disc_shows_and_touching_ones_blend():
         points = np.float32([[0, 0, 3.0], [0, 0, 3.0 + gap]])
         for order in ([0, 1], [1, 0]):
             drawn = surfels_of(points[order], np.tile(TOWARDS, (2, 1)), 0.2, camera, features[order])
-            assert (drawn[2, 32, 32] > 0, drawn[3, 32, 32] > 0) == (True, blended)
-            assert drawn[2:4, 32, 32].sum() == pytest.approx(1)
+            assert (drawn[3, 32, 32] > 0, drawn[4, 32, 32] > 0) == (True, blended)
+            assert drawn[3:5, 32, 32].sum() == pytest.approx(1)
+
+
+def test_density_is_the_weight_of_the_discs_over_that_of_a_full_surface():
+    camera = Camera(64, 64)
+    for count in (1, 2, 5):
+        points = np.tile(np.float32([[0, 0, 3.0]]), (count, 1))
+        drawn = surfels_of(points, np.tile(TOWARDS, (count, 1)), 0.5, camera)
+        assert drawn[1, 32, 32] == pytest.approx(min(1.0, count / FULL), rel=0.02)  # each weighs 1 in its middle
+        assert (drawn[1][drawn[0] == 0] == 0).all() and drawn[1].min() >= 0 and drawn[1].max() <= 1
 
 
 def test_kernels_older_than_the_code_are_told(monkeypatch):
@@ -223,12 +152,14 @@ def test_discs_at_the_borders_are_cut_and_the_rest_of_them_is_as_in_a_larger_pic
     assert (cut[0, :, [0, -1]] > 0).any() and (cut[0, [0, -1]] > 0).any()
 
 
-@pytest.mark.parametrize("shape", [(7, 64, 64), (8, 64, 63), (8, 64, 64)])
+@pytest.mark.parametrize("shape", [(8, 64, 64), (9, 64, 63), (9, 64, 64)])
 def test_kernels_draw_only_into_arrays_of_the_right_size_and_kind(shape):
     points, normals = np.float32([[0, 0, 3]]), TOWARDS[None]
-    out = np.zeros(shape, np.float64 if shape == (8, 64, 64) else np.float32)
-    with pytest.raises(ValueError, match=r"expected a contiguous float32 array \(8, 64, 64\)"):
-        native.surfels(points, normals, np.float32([1]), np.zeros((1, 6)), Camera(64, 64), 1.0, 25.0, NEAR, FAR, out)
+    out = np.zeros(shape, np.float64 if shape == (9, 64, 64) else np.float32)
+    with pytest.raises(ValueError, match=r"expected a contiguous float32 array \(9, 64, 64\)"):
+        native.surfels(
+            points, normals, np.float32([1]), np.zeros((1, 6)), Camera(64, 64), 1.0, 25.0, FULL, NEAR, FAR, out
+        )
 
 
 @pytest.mark.parametrize("stride", [40, 52])

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.machinery
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,29 @@ from typing import Any
 import numpy as np
 
 from z2p_core.camera import Camera
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The floor's square and the light on it, in world units."""
+
+    height: float
+    half: float
+    """How far it reaches to every side of the origin."""
+    lamp: np.ndarray
+    """Place (3,) of the light, which shines along its unit axis (3,)."""
+    axis: np.ndarray
+    power: float
+    sky: float
+    """Radiance of the sky."""
+    albedo: float
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The fields (11,) float32 in their order, as the kernels read them."""
+        return np.array(
+            [self.height, self.half, *self.lamp, *self.axis, self.power, self.sky, self.albedo], np.float32
+        )
 
 
 @lru_cache(maxsize=1)
@@ -84,12 +108,12 @@ def illuminate(
     points: np.ndarray, normals: np.ndarray, lamps: np.ndarray, axes: np.ndarray, powers: np.ndarray,
     spacing: float, radius: float,
 ) -> np.ndarray:  # fmt: skip
-    """Light (N,) on points (N, 3) with normals: what of lamps (L, 3) that shine along unit axes (L, 3) reaches them.
+    """Light (2, N) on points (N, 3) with normals: what of lamps (L, 3) that shine along unit axes (L, 3) reaches them.
 
     A lamp of power p gives p cos cos / distance^2 where the cloud, of that spacing and within `radius` of the origin,
-    does not hide it.
+    does not hide it: to the side that the normal points to, row 0, or to the other one.
     """
-    light = np.empty(len(points), np.float32)
+    light = np.empty((2, len(points)), np.float32)
     _call(
         "z2p_illuminate", _floats(points), _floats(normals), len(points), _floats(lamps), _floats(axes),
         _floats(powers), len(lamps), ctypes.c_float(spacing), ctypes.c_float(radius), light,
@@ -112,37 +136,81 @@ def floor_shade(
     return shade
 
 
+def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacing: float, radius: float) -> np.ndarray:
+    """The point (2 A, N) int32 that each of points (N, 3) sees first along unit axes (A, 3), and against each.
+
+    -1 where the view is free. The cloud has that spacing and lies within `radius` of the origin.
+    """
+    hits = np.empty((2 * len(axes), len(points)), np.int32)
+    _call(
+        "z2p_first_hits", _floats(points), _floats(normals), len(points), _floats(axes), len(axes),
+        ctypes.c_float(spacing), ctypes.c_float(radius), hits,
+    )  # fmt: skip
+    return hits
+
+
+def gather(
+    points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, direct: np.ndarray, floor: Floor,
+    lamp_shade: np.ndarray, sky_shade: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Radiance (2, N) of a white diffuse cloud on both sides, and (N,) what its points add to each other on side 0.
+
+    `direct` (2, N) is what comes straight from the lamps, as a radiance; `hits` those of `first_hits`; the shades
+    (S, S) those of `floor_shade`. The second is that of a white surface too: it is to be scaled by the albedo.
+    """
+    first, second = np.array(direct, np.float32), np.empty(len(points), np.float32)
+    _call(
+        "z2p_gather", _floats(points), _floats(normals), len(points), _floats(axes), len(axes), hits, floor.numbers,
+        _floats(lamp_shade), _floats(sky_shade), len(sky_shade), first, second,
+    )  # fmt: skip
+    return first, second
+
+
+def floor_glow(
+    points: np.ndarray, normals: np.ndarray, light: np.ndarray, axes: np.ndarray, weights: np.ndarray, floor: Floor,
+    side: int,
+) -> np.ndarray:  # fmt: skip
+    """What the floor's cells (side, side) see of the cloud, as the radiance of a white floor.
+
+    `light` (2, N) is the cloud's radiance on both sides; unit axes (A, 3) go up, their weights (A,) sum to 1.
+    """
+    glow = np.empty((side, side), np.float32)
+    _call(
+        "z2p_floor_glow", _floats(points), _floats(normals), _floats(light), len(points), _floats(axes),
+        _floats(weights), len(axes), ctypes.c_float(floor.height), ctypes.c_float(floor.half), side, glow,
+    )  # fmt: skip
+    return glow
+
+
 def floor_shadow(
-    lamp_shade: np.ndarray, sky_shade: np.ndarray, floor: float, half: float, lamp: np.ndarray, axis: np.ndarray,
-    power: float, sky: float, camera: Camera, out: np.ndarray,
-) -> None:  # fmt: skip
+    lamp_shade: np.ndarray, sky_shade: np.ndarray, glow: np.ndarray, floor: Floor, camera: Camera, out: np.ndarray
+) -> None:
     """Draws into `out` (H, W) the alpha of the shadow on the floor as the camera sees it, 0 above the horizon.
 
-    The shades (S, S) are those of `floor_shade` for the lamp, which has a place (3,), a unit axis (3,) and a power as
-    in `illuminate`, and for the sky, whose whole irradiance is `sky`.
+    The shades (S, S) are those of `floor_shade` for the lamp and for the sky, the glow (G, G) that of `floor_glow`.
     """
     _call(
-        "z2p_floor_shadow", _floats(lamp_shade), _floats(sky_shade), len(sky_shade), ctypes.c_float(half),
-        ctypes.c_float(floor), _floats(lamp), _floats(axis), ctypes.c_float(power), ctypes.c_float(sky),
-        _floats(camera.rotation), _floats(camera.position), ctypes.c_float(camera.focal), camera.width, camera.height,
-        _place(out, (camera.height, camera.width)),
+        "z2p_floor_shadow", _floats(lamp_shade), _floats(sky_shade), len(sky_shade), _floats(glow), len(glow),
+        floor.numbers, _floats(camera.rotation), _floats(camera.position), ctypes.c_float(camera.focal), camera.width,
+        camera.height, _place(out, (camera.height, camera.width)),
     )  # fmt: skip
 
 
 def surfels(
     points: np.ndarray, normals: np.ndarray, radii: np.ndarray, features: np.ndarray, camera: Camera,
-    slack: float, sure: float, near: float, far: float, out: np.ndarray,
+    slack: float, sure: float, full: float, near: float, far: float, out: np.ndarray,
 ) -> None:  # fmt: skip
-    """Draws discs into `out` (8, H, W), which is 0 at first: coverage, depth and six features; 0 off the discs.
+    """Draws discs into `out` (9, H, W), 0 at first: coverage, density, depth and six features; 0 off the discs.
 
     Points (N, 3) and normals (N, 3) are in the camera's axes, the normals facing it; features are (N, 6). Where discs
     overlap, those at most `slack` of their radius behind the nearest are averaged, by weights w that fall from 1 to 0
-    towards a disc's rim. Coverage is 1 - exp(-sure w) of their sum; depth goes from 1 at `near` to 0 at `far`.
+    towards a disc's rim. Of their sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes from
+    1 at `near` to 0 at `far`.
     """
     _call(
         "z2p_surfels", _floats(points), _floats(normals), _floats(radii), _floats(features), len(points),
         ctypes.c_float(camera.focal), camera.width, camera.height, ctypes.c_float(slack), ctypes.c_float(sure),
-        ctypes.c_float(near), ctypes.c_float(far), _place(out, (8, camera.height, camera.width)),
+        ctypes.c_float(full), ctypes.c_float(near), ctypes.c_float(far), _place(out, (9, camera.height, camera.width)),
     )  # fmt: skip
 
 

@@ -6,9 +6,10 @@
 #include <string.h>
 
 #include "fast.h"
+#include "floor.h"
 
 #define LARGEST_MAP 512
-#define MOST_LAMPS 32
+#define MOST_LAMPS 64
 
 typedef struct {
     float across[3], up[3], ahead[3]; /* axes of the view from a lamp at the origin */
@@ -83,33 +84,36 @@ static inline void draw_map(const float *points, int count, const float *lamp, f
     for (int i = 0; i < count; i++) nearest[i] = cell[i] >= 0 ? map[cell[i]] : INFINITY;
 }
 
-/* Adds to light (count) what a lamp gives the points that nothing nearer hides from it. Plain arithmetic again. */
+/* Adds to light (2, count) what a lamp gives the points that nothing nearer hides from it, on the side that the normal
+ * points to and on the other one. Plain arithmetic again. */
 static inline void add_light(const float *restrict points, const float *restrict normals, int count,
                              const float *restrict lamp, const float *restrict axis, float power, float spacing,
                              const float *restrict depth, const float *restrict nearest, float *restrict light) {
     for (int i = 0; i < count; i++) {
         float dx = lamp[0] - points[3 * i], dy = lamp[1] - points[3 * i + 1], dz = lamp[2] - points[3 * i + 2];
         float square = dx * dx + dy * dy + dz * dz, length = sqrtf(square);
-        float facing = (dx * normals[3 * i] + dy * normals[3 * i + 1] + dz * normals[3 * i + 2]) / length;
+        float towards = (dx * normals[3 * i] + dy * normals[3 * i + 1] + dz * normals[3 * i + 2]) / length;
+        float facing = fabsf(towards);
         float shining = -(dx * axis[0] + dy * axis[1] + dz * axis[2]) / length, sine = 1 - facing * facing;
         /* a slanting surface comes nearer within its own cells: do not let it shade itself */
         float slope = sqrtf(sine > 0 ? sine : 0) / (facing > 0.05f ? facing : 0.05f);
         float slack = spacing * (1.0f + 1.4f * (slope < 3.0f ? slope : 3.0f));
-        int lit = (facing > 0) & (shining > 0) & !(depth[i] > nearest[i] + slack);
-        light[i] += lit ? power * facing * shining / square : 0;
+        float found = (shining > 0) & !(depth[i] > nearest[i] + slack) ? power * facing * shining / square : 0;
+        light[i] += towards > 0 ? found : 0;
+        light[count + i] += towards > 0 ? 0 : found;
     }
 }
 
-/* light (count): what the lamps give each point, sum of power x cos(at the point) x cos(at the lamp) / distance^2 over
- * the lamps that no other part of the cloud hides from it. A lamp has a place (3), a unit axis (3) along which it shines
- * and a power; one far away is a direction of the sky. `spacing` is that of the cloud, `radius` bounds it. */
+/* light (2, count): what the lamps give each point, on the side that its normal points to and on the other one: the sum
+ * of power x cos(at the point) x cos(at the lamp) / distance^2 over the lamps that no other part of the cloud hides from
+ * it. A lamp has a place (3), a unit axis (3) along which it shines and a power. `spacing` is that of the cloud, `radius` bounds it. */
 FAST int z2p_illuminate(const float *points, const float *normals, int count, const float *lamps, const float *axes,
                    const float *powers, int lamp_count, float spacing, float radius, float *light) {
     float *map = malloc(sizeof(float) * LARGEST_MAP * LARGEST_MAP), *line = malloc(sizeof(float) * 2 * LARGEST_MAP);
     float *depth = malloc(sizeof(float) * 2 * ((size_t)count + 1)), *nearest = depth + count;
     int *cell = malloc(sizeof(int) * ((size_t)count + 1));
     int fine = map && line && depth && cell;
-    for (int i = 0; i < count; i++) light[i] = 0;
+    for (size_t i = 0; i < 2 * (size_t)count; i++) light[i] = 0;
     for (int l = 0; fine && l < lamp_count; l++) {
         draw_map(points, count, lamps + 3 * l, spacing, radius, map, line, depth, cell, nearest);
         add_light(points, normals, count, lamps + 3 * l, axes + 3 * l, powers[l], spacing, depth, nearest, light);
@@ -118,12 +122,37 @@ FAST int z2p_illuminate(const float *points, const float *normals, int count, co
     return fine;
 }
 
-/* Bits of the cell itself and its four neighbours along an axis, joined or shared, from one mask into another. The axis
- * has the stride of its step; cells at the rim, which stay empty, are left out. */
-FAST static void window_bits(const uint32_t *restrict from, uint32_t *restrict to, size_t side, size_t step, int shared) {
-    for (size_t i = 2 * side; i < side * (side - 2); i++) {
-        uint32_t a = from[i - 2 * step], b = from[i - step], c = from[i], d = from[i + step], e = from[i + 2 * step];
+/* Sets the lamps' bits in the cells of the mask where the point would lie on the floor; those off it, in the last cell. */
+static inline void mark(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
+                        uint64_t *mask, int *restrict cells) {
+    float scale = (float)side / (2 * half), low = 4, high = (float)side - 4;
+    for (int l = 0; l < lamp_count; l++) {
+        float lx = lamps[l], ly = lamps[MOST_LAMPS + l], lz = lamps[2 * MOST_LAMPS + l];
+        float drop = lz - p[2], stretch = (lz - floor) / drop;
+        float x = (lx + (p[0] - lx) * stretch + half) * scale, y = (ly + (p[1] - ly) * stretch + half) * scale;
+        int inside = (drop > 1e-3f) & (x >= low) & (y >= low) & (x < high) & (y < high);
+        cells[l] = inside ? (int)y * side + (int)x : side * side;
+    }
+    for (int l = 0; l < lamp_count; l++) mask[cells[l]] |= (uint64_t)1 << l;
+}
+
+/* Bits of the cell itself and its four neighbours along an axis, joined or shared, from one mask into another, over some
+ * cells. The axis has the stride of its step. */
+FAST static void window_bits(const uint64_t *restrict from, uint64_t *restrict to, size_t first, size_t last, size_t step,
+                             int shared) {
+    for (size_t i = first; i < last; i++) {
+        uint64_t a = from[i - 2 * step], b = from[i - step], c = from[i], d = from[i + step], e = from[i + 2 * step];
         to[i] = shared ? a & b & c & d & e : a | b | c | d | e;
+    }
+}
+
+/* Sum of the weights of the bits of each cell, from one cell to another. */
+FAST static void weigh(const uint64_t *mask, size_t first, size_t last, const float *weights, int even, float *shade) {
+    for (size_t i = first; i < last; i++) {
+        float sum = 0;
+        if (even) sum = (float)__builtin_popcountll(mask[i]) * weights[0];
+        else for (uint64_t bits = mask[i]; bits; bits &= bits - 1) sum += weights[__builtin_ctzll(bits)];
+        shade[i] = sum;
     }
 }
 
@@ -131,30 +160,31 @@ FAST static void window_bits(const uint32_t *restrict from, uint32_t *restrict t
  * reaches `half` to every side of the origin at height `floor`; holes between points are closed over two cells. */
 int z2p_floor_shade(const float *points, int count, const float *lamps, const float *weights, int lamp_count,
                     float floor, float half, int side, float *shade) {
-    uint32_t *mask = calloc((size_t)side * side, sizeof(uint32_t)), *other = calloc((size_t)side * side, sizeof(uint32_t));
-    int fine = mask && other && lamp_count <= MOST_LAMPS;
-    float scale = (float)side / (2 * half);
+    size_t cells = (size_t)side * side, first = cells, last = 0;
+    uint64_t *mask = calloc(cells + 1, sizeof(uint64_t)), *other = calloc(cells + 1, sizeof(uint64_t));
+    int fine = mask && other && lamp_count <= MOST_LAMPS, even = 1, found[MOST_LAMPS];
+    float places[3 * MOST_LAMPS];
     for (int l = 0; fine && l < lamp_count; l++) {
-        const float *lamp = lamps + 3 * l;
-        for (int i = 0; i < count; i++) {
-            const float *p = points + 3 * i;
-            float drop = lamp[2] - p[2];
-            if (drop <= 1e-3f) continue;
-            float stretch = (lamp[2] - floor) / drop;
-            float x = (lamp[0] + (p[0] - lamp[0]) * stretch + half) * scale;
-            float y = (lamp[1] + (p[1] - lamp[1]) * stretch + half) * scale;
-            if (x >= 4 && y >= 4 && x < (float)side - 4 && y < (float)side - 4)
-                mask[(size_t)(int)y * side + (int)x] |= 1u << l;
+        for (int a = 0; a < 3; a++) places[a * MOST_LAMPS + l] = lamps[3 * l + a];
+        even &= weights[l] == weights[0];
+    }
+    for (int i = 0; fine && i < count; i++) mark(points + 3 * i, places, lamp_count, floor, half, side, mask, found);
+    if (fine) {
+        mask[cells] = 0;
+        memset(shade, 0, sizeof(float) * cells);
+        while (first && !mask[cells - first]) first--;
+        first = cells - first;
+        for (last = cells; last > first && !mask[last - 1];) last--;
+    }
+    if (fine && last > first) { /* rows that closing reaches; the outermost four stay empty */
+        size_t top = first / (size_t)side - 2, bottom = (last - 1) / (size_t)side + 3;
+        first = top * (size_t)side;
+        last = bottom * (size_t)side;
+        for (int shared = 0; shared < 2; shared++) {
+            window_bits(mask, other, first, last, 1, shared);
+            window_bits(other, mask, first, last, (size_t)side, shared);
         }
-    }
-    for (int shared = 0; fine && shared < 2; shared++) {
-        window_bits(mask, other, side, 1, shared);
-        window_bits(other, mask, side, side, shared);
-    }
-    for (size_t i = 0; fine && i < (size_t)side * side; i++) {
-        float sum = 0;
-        for (uint32_t bits = mask[i]; bits; bits &= bits - 1) sum += weights[__builtin_ctz(bits)];
-        shade[i] = sum;
+        weigh(mask, first, last, weights, even, shade);
     }
     free(mask); free(other);
     return fine;
@@ -190,13 +220,13 @@ static inline void shaded_part(const float *restrict first, const float *restric
     bounds[3] = (float)bottom + 1;
 }
 
-/* alpha (height, width): the share of the floor's light that is hidden at each pixel, 0 where no floor is seen. The
- * lamp (3) shines along its axis (3) with that power, the sky gives `sky`; rotation (3, 3) and place (3) are the
- * camera's. The two grids (side, side) say how much of each is hidden; see z2p_floor_shade. */
-FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int side, float half, float floor,
-                     const float *lamp, const float *axis, float power, float sky, const float *rotation,
-                     const float *place, float focal, int width, int height, float *alpha) {
-    float scale = (float)side / (2 * half), part[4];
+/* alpha (height, width): the share of the floor's light that is missing at each pixel, 0 where no floor is seen. Two
+ * grids (side, side) say how much of the lamp's and the sky's light is hidden (see z2p_floor_shade), and `glow` (coarse,
+ * coarse) what comes back from the cloud, as a radiance; rotation (3, 3) and place (3) are the camera's. */
+FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int side, const float *glow, int coarse,
+                          const Floor *floor, const float *rotation, const float *place, float focal, int width,
+                          int height, float *alpha) {
+    float half = floor->half, scale = (float)side / (2 * half), ratio = (float)coarse / (float)side, part[4];
     float *columns = malloc(sizeof(float) * 2 * ((size_t)width + 1)), *rows = columns + width;
     if (!columns) return 0;
     shaded_part(lamp_shade, sky_shade, side, part);
@@ -205,7 +235,7 @@ FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int s
         for (int u = 0; u < width; u++) { /* where each pixel's ray meets the floor, in cells; far off if it does not */
             float x = ((float)u + 0.5f - 0.5f * (float)width) / focal, ray[3];
             for (int a = 0; a < 3; a++) ray[a] = x * rotation[a] + y * rotation[3 + a] + rotation[6 + a];
-            float reach = (floor - place[2]) / (ray[2] < -1e-6f ? ray[2] : -1e-6f);
+            float reach = (floor->height - place[2]) / (ray[2] < -1e-6f ? ray[2] : -1e-6f);
             columns[u] = (place[0] + reach * ray[0] + half) * scale - 0.5f;
             rows[u] = ray[2] < -1e-6f ? (place[1] + reach * ray[1] + half) * scale - 0.5f : -2.0f;
         }
@@ -216,10 +246,10 @@ FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int s
             if (!(column > part[0] && column < part[1] && row > part[2] && row < part[3])) continue;
             float hidden_lamp = sample(lamp_shade, side, column, row), hidden_sky = sample(sky_shade, side, column, row);
             if (hidden_lamp + hidden_sky <= 0) continue;
-            float d[3] = {lamp[0] - ((column + 0.5f) / scale - half), lamp[1] - ((row + 0.5f) / scale - half),
-                          lamp[2] - floor}, square = dot(d, d);
-            float light = power * fmaxf(-dot(d, axis), 0) * d[2] / (square * square);
-            out[u] = (light * hidden_lamp + sky * hidden_sky) / (light + sky);
+            float back = sample(glow, coarse, (column + 0.5f) * ratio - 0.5f, (row + 0.5f) * ratio - 0.5f);
+            float light = lamp_on_floor(floor, (column + 0.5f) / scale - half, (row + 0.5f) / scale - half);
+            float missing = light * hidden_lamp + floor->sky * hidden_sky - back;
+            out[u] = fmaxf(missing, 0) / (light + floor->sky);
         }
     }
     free(columns);

@@ -110,28 +110,29 @@ static inline void add_row(const Disc *disc, const float *depth, const float *we
     }
 }
 
-/* Turns the sums in the box into the picture's planes (8, height, width): coverage, depth and features. */
-static inline void resolve(const float *sums, const Box *box, int width, int height, float sure, float near, float far,
-                           float *picture) {
+/* Turns the sums in the box into the picture's planes (9, height, width): coverage, density, depth and features. */
+static inline void resolve(const float *sums, const Box *box, int width, int height, float sure, float full, float near,
+                           float far, float *picture) {
     size_t plane = (size_t)width * height;
     float scale = 1 / (far - near);
     for (int y = 0; y < box->high; y++) {
         float *row = picture + (size_t)(box->top + y) * width + box->left;
         for (int x = 0; x < box->wide; x++, sums += PIXEL) {
             if (sums[0] <= 0) continue;
-            float inverse = 1 / sums[0], depth = (far - sums[1] * inverse) * scale;
+            float inverse = 1 / sums[0], depth = (far - sums[1] * inverse) * scale, density = sums[0] / full;
             row[x] = 1 - exp_fast(-sure * sums[0]);
-            row[plane + x] = depth < 0 ? 0 : depth > 1 ? 1 : depth;
-            for (int c = 2; c < PIXEL; c++) row[c * plane + x] = sums[c] * inverse;
+            row[plane + x] = density > 1 ? 1 : density;
+            row[2 * plane + x] = depth < 0 ? 0 : depth > 1 ? 1 : depth;
+            for (int c = 2; c < PIXEL; c++) row[(c + 1) * plane + x] = sums[c] * inverse;
         }
     }
 }
 
-/* picture (8, height, width), zero at first: coverage 1 - exp(-sure x weight), depth from 1 at `near` to 0 at `far`,
- * and six features, averaged over what the nearest surfels show. Points and normals are in the camera's axes, normals
+/* picture (9, height, width), zero at first: coverage 1 - exp(-sure x weight), density weight / full up to 1, depth from 1
+ * at `near` to 0 at `far`, and six features, averaged over what the nearest surfels show. Points and normals are in the camera's axes, normals
  * facing it; features (count, 6). A surfel counts where it lies at most `slack` of its radius behind the nearest. */
 FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *features, int count,
-                     float focal, int width, int height, float slack, float sure, float near, float far,
+                     float focal, int width, int height, float slack, float sure, float full, float near, float far,
                      float *picture) {
     Disc *discs = malloc(sizeof(Disc) * ((size_t)count + 1));
     if (!discs) return 0;
@@ -161,7 +162,7 @@ FAST int z2p_surfels(const float *points, const float *normals, const float *rad
                     keep_nearest(whole, depth, weight, nearest);
             }
         }
-    if (fine) resolve(sums, &box, width, height, sure, near, far, picture);
+    if (fine) resolve(sums, &box, width, height, sure, full, near, far, picture);
     free(discs); free(front); free(sums); free(depth);
     return fine;
 }

@@ -1,0 +1,191 @@
+"""The kernels of light against plain geometry: lamps, sheets and floors whose answers are known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from z2p_core import native
+from z2p_core.camera import Camera
+
+
+def sphere_of(count, seed=0, radius=1.0):
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return (radius * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
+
+
+def square_of(count, half, height, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-half, half, (count, 2)), np.full(count, height)]).astype(np.float32)
+
+
+UP, DOWN = np.float32([0, 0, 1]), np.float32([0, 0, -1])
+
+
+def test_light_falls_with_distance_and_angle():
+    points = np.float32([[0, 0, 0], [0.5, 0, -1], [3, 0, 0]])
+    lamp = np.float32([[0, 0, 3]])
+    light = native.illuminate(points, np.tile(UP, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
+    # both cosines count: beside the lamp's axis it shines weaker, and falls slanting
+    np.testing.assert_allclose(light[0], [1.0, 9 * 16 / 16.25**2, 9 / 18 * 0.5], rtol=1e-5)
+    assert not light[1].any()
+    away = native.illuminate(points, np.tile(DOWN, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
+    np.testing.assert_array_equal(away, light[::-1])  # the side that is lit is told apart
+
+
+def test_a_sheet_hides_the_lamp_from_what_lies_below_it_and_not_itself():
+    spacing = 0.6 / math.sqrt(4000)
+    sheet = square_of(4000, 0.3, 0.5)
+    below, beside = square_of(200, 0.1, -0.5, seed=1), square_of(200, 0.1, -0.5, seed=2) + np.float32([0.9, 0, 0])
+    points = np.concatenate([sheet, below, beside])
+    lamp = np.float32([[0, 0, 3.5]])
+    light = native.illuminate(
+        points, np.tile(UP, (len(points), 1)), lamp, DOWN[None], np.float32([1.0]), spacing, 1.5
+    )[0] > 0  # fmt: skip
+    assert light[:4000].mean() == 1.0 and light[4200:].mean() == 1.0
+    assert light[4000:4200].mean() < 0.06  # the sheet is random points, and has a gap here and there
+
+
+def test_a_slanting_plane_does_not_shade_itself():
+    rng, count = np.random.default_rng(0), 5000
+    flat = rng.uniform(-0.7, 0.7, (count, 2))
+    points = np.column_stack([flat, 2.0 * flat[:, 0]]).astype(np.float32) * np.float32(0.5)
+    normal = np.float32([-2, 0, 1]) / math.sqrt(5)
+    spacing = 0.7 * math.sqrt(math.sqrt(5) / count)
+    lamp = np.float32([[0, -1.5, 3.0]])
+    light = native.illuminate(
+        points, np.tile(normal, (count, 1)), lamp, -lamp / np.linalg.norm(lamp), np.float32([1.0]), spacing, 1.3
+    )[0]  # fmt: skip
+    assert (light > 0).mean() > 0.99
+
+
+def test_the_shade_of_a_sheet_on_the_floor_has_its_size_and_place():
+    side, half = 200, 2.0
+    sheet = square_of(20_000, 0.25, 0.0) + np.float32([0.5, 0, 0])
+    lamps = np.float32([[0.5, 0, 2.0], [0.5, 0, 50.0]])
+    shade = native.floor_shade(sheet, lamps, np.float32([0.75, 0.25]), -1.0, half, side)
+    cell = 2 * half / side
+    rows, columns = np.nonzero(shade >= 0.75)
+    middle = (columns.mean() + 0.5) * cell - half, (rows.mean() + 0.5) * cell - half
+    assert middle == pytest.approx((0.5, 0), abs=cell)
+    # the near lamp stretches half a unit by 3 / 2, the far one hardly
+    assert len(rows) * cell**2 == pytest.approx(0.75**2, rel=0.08)
+    assert (shade == 1.0).sum() * cell**2 == pytest.approx((0.5 * 51 / 50) ** 2, rel=0.08)
+    assert set(np.unique(shade)) == {0.0, 0.75, 1.0}
+
+
+def test_points_above_a_lamp_and_far_off_cast_no_shade():
+    points = np.float32([[0, 0, 2.5], [0, 0, 2.0], [1.9, 0, 1.9]])
+    assert not native.floor_shade(points, np.float32([[0, 0, 2.0]]), np.float32([1.0]), -1.0, 2.0, 64).any()
+
+
+def floor_under(lamp=(0, 0, 3), power=10.0, sky=1.0, height=-0.8, half=2.0):
+    return native.Floor(height, half, np.float32(lamp), DOWN, power, sky, 0.5)
+
+
+def light_on(floor, place):
+    """Radiance of a white floor under the lamp at a place (2,)."""
+    away = floor.lamp - [*place, floor.height]
+    return floor.power * (away[2] / np.linalg.norm(away)) ** 2 / (away @ away) / math.pi
+
+
+NO_GLOW = np.zeros((16, 16), np.float32)
+
+
+def test_the_floors_shadow_lies_where_the_camera_sees_it():
+    camera, floor, side = Camera(96, 64, 35.0), floor_under(), 400
+    shade = np.zeros((side, side), np.float32)
+    place = np.array([0.6, -0.4])
+    column, row = ((place + floor.half) / (2 * floor.half) * side).astype(int)
+    shade[row - 8 : row + 8, column - 8 : column + 8] = 1.0
+    alpha = np.full((64, 96), np.nan, np.float32)
+    native.floor_shadow(shade, np.zeros_like(shade), NO_GLOW, floor, camera, alpha)
+    (x, y), _ = (part[0] for part in camera.project(np.array([[*place, floor.height]])))
+    found = np.average(np.argwhere(alpha > 0) + 0.5, axis=0, weights=alpha[alpha > 0])
+    assert found[::-1] == pytest.approx([x, y], abs=0.5)
+    light = light_on(floor, place)
+    assert alpha.max() == pytest.approx(light / (light + 1.0), rel=0.02)
+    everywhere = np.ones_like(shade)
+    low = np.empty((32, 32), np.float32)
+    native.floor_shadow(everywhere, everywhere, NO_GLOW, floor, Camera(32, 32, 0.0), low)
+    assert not low[:16].any() and low[-1].max() == pytest.approx(1.0)  # nothing above the horizon
+
+
+def test_light_that_comes_back_thins_the_floors_shadow():
+    camera, floor = Camera(64, 64, 60.0), floor_under(power=0.0)
+    hidden, none = np.full((100, 100), 0.5, np.float32), np.zeros((100, 100), np.float32)
+    alphas = []
+    for glow in (0.0, 0.25, 0.75):
+        alpha = np.empty((64, 64), np.float32)
+        native.floor_shadow(none, hidden, np.full((16, 16), glow, np.float32), floor, camera, alpha)
+        alphas.append(alpha[32, 32])
+    assert alphas == pytest.approx([0.5, 0.25, 0.0])
+
+
+AXES = np.float32([[0, 0, 1], [1, 0, 0], [0, 0.6, 0.8]])
+
+
+def test_points_see_the_nearest_others_along_an_axis_and_against_it():
+    """Three sheets one above the other: each sees its neighbour, whatever lies beyond."""
+    heights, count = (0.6, 0.0, -0.5), 3000
+    points = np.concatenate([square_of(count, 0.4, height, seed) for seed, height in enumerate(heights)])
+    hits = native.first_hits(points, np.tile(UP, (3 * count, 1)), AXES, 0.8 / math.sqrt(count), 1.0)
+    assert hits.shape == (6, 3 * count) and hits.dtype == np.int32
+    inner = (np.abs(points[:, :2]) < 0.35).all(1)
+    sheet = np.repeat([0, 1, 2], count)
+    seen_above, seen_below = (np.where(row >= 0, sheet[row], -1) for row in hits[:2])
+    for number, (above, below) in enumerate([(-1, 1), (0, 2), (1, -1)]):
+        of_it = inner & (sheet == number)
+        assert (seen_above[of_it] == above).mean() > 0.97 and (seen_below[of_it] == below).mean() > 0.97
+    shift = points[hits[0]] - points
+    assert np.abs(shift[hits[0] >= 0][:, :2]).max() < 3 * 0.8 / math.sqrt(count)
+
+
+def test_a_sphere_sees_nothing_outwards_and_its_other_side_inwards():
+    points = sphere_of(5000, radius=0.8)
+    hits = native.first_hits(points, points / 0.8, AXES[:1], math.sqrt(4 * math.pi * 0.64 / 5000), 0.85)
+    upper, lower = points[:, 2] > 0.3, points[:, 2] < -0.3
+    assert (hits[0][upper] < 0).mean() > 0.99 and (hits[1][lower] < 0).mean() > 0.99
+    across = hits[0][lower]
+    assert (across >= 0).mean() > 0.99 and (points[across[across >= 0], 2] > 0.2).mean() > 0.99
+
+
+def all_around(count=400):
+    """Unit axes (A, 3) over the upper half of the sphere."""
+    height = (np.arange(count) + 0.5) / count
+    angle = np.arange(count) * math.pi * (3 - math.sqrt(5))
+    side = np.sqrt(1 - height**2)
+    return np.column_stack([side * np.cos(angle), side * np.sin(angle), height]).astype(np.float32)
+
+
+def test_an_open_point_gathers_the_sky_above_and_the_floor_below():
+    axes, floor, none = all_around(), floor_under(power=0.0, sky=0.7, half=9.0), np.zeros((8, 8), np.float32)
+    normals = np.float32([[0, 0, 1], [0, 0, -1], [1, 0, 0]])
+    free = np.full((2 * len(axes), 3), -1, np.int32)
+    points, direct = np.zeros((3, 3)), np.zeros((2, 3))
+    first, second = native.gather(points, normals, axes, free, direct, floor, none, none)
+    np.testing.assert_allclose(first[0], [0.7, 0.35, 0.525], rtol=0.02)  # the floor sends half of the sky's light back
+    np.testing.assert_allclose(first[1], [0.35, 0.7, 0.525], rtol=0.02)
+    assert not second.any()
+    dark, _ = native.gather(points, normals, axes, free, direct, floor, none, np.ones_like(none))
+    assert dark[0, 1] < 0.1 * first[0, 1] and dark[0, 0] == first[0, 0]  # a floor that sees no sky gives none
+
+
+def test_points_light_each_other_with_the_side_that_they_show():
+    axes, floor, none = all_around(), floor_under(power=0.0, sky=0.0), np.zeros((8, 8), np.float32)
+    hits = np.full((2 * len(axes), 2), -1, np.int32)
+    hits[::2, 0] = 1  # all that the first point sees above is the second
+    direct = np.float32([[0, 3.0], [0, 5.0]])
+    for down, expected in ((DOWN, 3.0), (UP, 5.0)):
+        _, second = native.gather(np.zeros((2, 3)), np.stack([UP, down]), axes, hits, direct, floor, none, none)
+        assert second[0] == pytest.approx(expected, rel=0.02) and second[1] == 0
+
+
+def test_the_floor_sees_the_lower_side_of_what_hangs_over_it():
+    floor = floor_under(half=2.0)
+    sheet = np.concatenate([square_of(20_000, 0.5, 0.0), square_of(20_000, 0.5, 0.4, seed=1)])
+    light = np.float32([[1.0], [2.0]]) * np.ones((1, 40_000), np.float32)
+    light[:, 20_000:] *= 10  # the upper sheet, which the lower one hides
+    glow = native.floor_glow(sheet, np.tile(UP, (40_000, 1)), light, UP[None], np.float32([1.0]), floor, 32)
+    middle, rim = glow[14:18, 14:18], glow[:10, :10]
+    assert (middle == 2.0).all() and not rim.any()
