@@ -6,7 +6,8 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -59,12 +60,14 @@ class Subject:
 
 @dataclass(frozen=True)
 class Trial:
-    """One view of a mesh: the normalised cloud (N, 3) float32 that goes in, and the render that should come out.
+    """One view of a mesh by the one seed of `config`.
 
-    `truth` (H, W, 4) is straight sRGB RGBA, `coverage` (H, W) the object's share of each pixel; float32 in [0, 1].
+    The normalised cloud (N, 3) float32 goes in, and the render should come out: `truth` (H, W, 4) is straight sRGB
+    RGBA, `coverage` (H, W) the object's share of each pixel; float32 in [0, 1].
     """
 
     subject: Subject
+    config: EvaluateConfig
     index: int
     view: View
     cloud: np.ndarray
@@ -81,7 +84,7 @@ def evaluate(
     log: Log = lambda line: None,
     baselines: Sequence[str] = (),
 ) -> Path:
-    """``out/metrics.json``: a row a mesh and view, means and spread; beside it the pictures and contact sheets.
+    """``out/metrics.json``: a row a mesh, view and seed, means and spread; beside it the pictures and contact sheets.
 
     Views and clouds follow from the seed, the mesh's bytes and the view's number, not from names or other meshes.
     Each of `baselines` gets the same clouds, and its own rows and means under its name. Ground truth and the baselines'
@@ -102,9 +105,11 @@ def evaluate(
     (out / "pictures").mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (OURS, *rivals)}
     sheet: list[SheetRow] = []
-    for trial in (trial for subject in subjects for trial in _trials(subject, renderer, config, truth_root, log)):
-        results = {OURS: _run_weights(renderer, trial, config)}
-        results |= {name: _run_baseline(rival, trial, config, truth_root, log) for name, rival in rivals.items()}
+    runs = [replace(config, seed=config.seed + number, seeds=1) for number in range(config.seeds)]
+    trials = (_trials(subject, renderer, run, truth_root, log) for run in runs for subject in subjects)
+    for trial in chain.from_iterable(trials):
+        results = {OURS: _run_weights(renderer, trial)}
+        results |= {name: _run_baseline(rival, trial, truth_root, log) for name, rival in rivals.items()}
         for name, (row, _) in results.items():
             rows[name].append(row)
         _save_pictures(trial, results, out / "pictures", log)
@@ -156,15 +161,20 @@ def render_truth(
 
 
 def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Means, spread (standard deviation over the rows) and means by mesh; rows without a figure are left out of it."""
-    by_mesh: dict[str, list[Mapping[str, Any]]] = {}
+    """Means, spread (standard deviation over the rows), means by mesh, and by seed with the spread of these.
+
+    Rows without a figure are left out of it.
+    """
+    groups: dict[str, dict[Any, list[Mapping[str, Any]]]] = {"mesh": {}, "seed": {}}
     for row in rows:
-        by_mesh.setdefault(row["mesh"], []).append(row)
+        for key, group in groups.items():
+            group.setdefault(row.get(key, 0), []).append(row)
+    meshes, seeds = ({name: _over(own, np.mean) for name, own in group.items()} for group in groups.values())
+    spread = _over(list(seeds.values()), np.std)
     return {
-        "means": _over(rows, np.mean),
-        "spread": _over(rows, np.std),
-        "meshes": {mesh: _over(own, np.mean) for mesh, own in by_mesh.items()},
-    }
+        "means": _over(rows, np.mean), "spread": _over(rows, np.std), "spread_over_seeds": spread,
+        "meshes": meshes, "seeds": seeds,
+    }  # fmt: skip
 
 
 def place(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
@@ -191,14 +201,14 @@ def _trials(
         cloud = draw_cloud(subject.mesh, subject.sphere, config.sampler, config.points, kind, config.noise, rng)
         picture = read_render(path, (side, side, 4))
         coverage = read_render(path.with_suffix(".coverage.png"), (side, side))
-        yield Trial(subject, index, view, cloud, picture, coverage)
+        yield Trial(subject, config, index, view, cloud, picture, coverage)
 
 
-def _run_weights(renderer: Renderer, trial: Trial, config: EvaluateConfig) -> Result:
+def _run_weights(renderer: Renderer, trial: Trial) -> Result:
     placed = place(trial.cloud, trial.view.scene)
     floor = on_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
     started = time.perf_counter()
-    prediction = renderer.render(placed, trial.view.values, config.resolution, config.resolution, floor)
+    prediction = renderer.render(placed, trial.view.values, *2 * (trial.config.resolution,), floor)
     seconds = time.perf_counter() - started
     picture = unit_from_bytes(prediction)
     row = {**_figures(picture, trial), "seconds": round(seconds, 4),
@@ -206,10 +216,8 @@ def _run_weights(renderer: Renderer, trial: Trial, config: EvaluateConfig) -> Re
     return row, picture
 
 
-def _run_baseline(
-    baseline: type[Baseline], trial: Trial, config: EvaluateConfig, truth_root: Path, log: Log
-) -> Result:
-    subject = trial.subject
+def _run_baseline(baseline: type[Baseline], trial: Trial, truth_root: Path, log: Log) -> Result:
+    subject, config = trial.subject, trial.config
     cloud_fields = stage_fields("sample") | {
         "mesh": subject.identity, "view": trial.index, "points": config.points, "noise": config.noise,
         "sampler": plugin_fields(registry.load("samplers", config.sampler)), "seed": config.seed,
@@ -223,9 +231,9 @@ def _run_baseline(
 
 
 def _save_pictures(trial: Trial, results: Mapping[str, Result], folder: Path, log: Log) -> None:
-    """Write MESH_VIEW.png, and MESH_VIEW_NAME.png for each baseline."""
+    """Write MESH_SEED_VIEW.png, and MESH_SEED_VIEW_NAME.png for each baseline."""
     for name, (row, picture) in results.items():
-        stem = f"{trial.subject.name}_{trial.index}" + (f"_{name}" if name else "")
+        stem = f"{trial.subject.name}_{trial.config.seed}_{trial.index}" + (f"_{name}" if name else "")
         Image.fromarray(bytes_from_unit(picture)).save(folder / f"{stem}.png")
         log(" ".join(filter(None, (trial.subject.name, str(trial.index), name))) + ": " + ", ".join(_label(row)))
 
@@ -239,7 +247,7 @@ def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
 
 def _figures(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
     figures = picture_metrics(picture, trial.truth, trial.coverage)
-    return {"mesh": trial.subject.name, "view": trial.index} | {
+    return {"mesh": trial.subject.name, "seed": trial.config.seed, "view": trial.index} | {
         name: _number(value) for name, value in figures.items()
     }
 

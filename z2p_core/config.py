@@ -135,6 +135,8 @@ class EvaluateConfig:
     elevation: float | None = 20.0
     """Camera elevation of every view in degrees; None draws it as training does."""
     seed: int = 0
+    seeds: int = 1
+    """How many seeds from `seed` on are measured, each with views, clouds and noise of its own."""
 
 
 @dataclass(frozen=True)

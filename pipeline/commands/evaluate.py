@@ -36,6 +36,8 @@ def _split(context: click.Context, parameter: click.Parameter, text: str) -> tup
               help="Standard deviation of Gaussian noise, in units of the mesh's radius.")
 @click.option("--sampler", default="uniform", metavar="NAME", help="How clouds are drawn; see `z2p plugins`.")
 @click.option("--seed", default=0, type=click.IntRange(min=0), metavar="K", help="Seed of views, clouds and noise.")
+@click.option("--seeds", default=1, type=click.IntRange(min=1), metavar="N",
+              help="How many seeds, from --seed on: means over all, and their spread.")
 @click.option("--resolution", default=256, type=click.IntRange(*SIDES), metavar="R", help="Side of the pictures.")
 @click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples a pixel.")
 @click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
@@ -72,12 +74,22 @@ def evaluate(
 
 
 def _print_means(metrics: dict[str, Any]) -> None:
-    """A line a figure: its mean and, where there are baselines, theirs beside it under a line of names."""
-    columns = [metrics["means"], *(theirs["means"] for theirs in metrics["baselines"].values())]
+    """A line a figure: its mean and, where there are baselines, theirs beside it under a line of names.
+
+    Where there are several seeds, the spread (standard deviation) of their means follows each mean.
+    """
+    columns = [metrics, *metrics["baselines"].values()]
+    several = len(metrics["seeds"]) > 1
     if metrics["baselines"]:
-        click.echo(" ".join([f"{'':<16}", *(f"{name:>9}" for name in ("z2p", *metrics["baselines"]))]))
-    for name in dict.fromkeys(name for means in columns for name in means):
-        numbers = (f"{means[name]:9.4f}" if name in means else f"{'-':>9}" for means in columns)
+        wide = 19 if several else 9
+        click.echo(" ".join([f"{'':<16}", *(f"{name:>{wide}}" for name in ("z2p", *metrics["baselines"]))]))
+    for name in dict.fromkeys(name for column in columns for name in column["means"]):
+        numbers = []
+        for column in columns:
+            mean, spread = column["means"].get(name), column["spread_over_seeds"].get(name)
+            numbers.append(f"{'-':>9}" if mean is None else f"{mean:9.4f}")
+            if several:
+                numbers.append(f"{'':>9}" if spread is None else f"+-{spread:7.4f}")
         click.echo(" ".join([f"{name:<16}", *numbers]))
 
 

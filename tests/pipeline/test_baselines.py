@@ -74,13 +74,13 @@ def test_each_baseline_has_rows_means_pictures_and_a_column(rendered, meshes, ti
     assert alone["baselines"] == {} and list(data["baselines"]) == ["balls", "bpa"]
     assert {**alone["rows"][0], "seconds": 0} == {**data["rows"][0], "seconds": 0}
     for theirs in data["baselines"].values():
-        assert list(theirs) == ["means", "spread", "meshes", "rows"]
+        assert list(theirs) == ["means", "spread", "spread_over_seeds", "meshes", "seeds", "rows"]
         assert [(row["mesh"], row["view"]) for row in theirs["rows"]] == [("vase", 0), ("vase", 1)]
         assert set(theirs["means"]) == {*NAMES, "seconds", "render_seconds"}
         assert theirs["means"]["psnr_white"] == 100 and "error" not in theirs["rows"][0]
     assert [one["name"] for one in data["settings"]["baselines"]] == ["balls", "bpa"]
     pictures = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
-    assert pictures == {f"vase_{view}{name}.png" for view in (0, 1) for name in ("", "_balls", "_bpa")}
+    assert pictures == {f"vase_0_{view}{name}.png" for view in (0, 1) for name in ("", "_balls", "_bpa")}
     with Image.open(tmp_path / "out" / "sheet.png") as sheet:
         assert sheet.width > 1.3 * width
 
@@ -134,7 +134,7 @@ def test_a_baseline_that_fails_counts_as_an_empty_picture(rendered, meshes, tiny
         assert all(row["seconds"] is None and row["render_seconds"] is None for row in failed["rows"])
         assert failed["means"]["alpha_l1"] > 0.1 and "seconds" not in failed["means"]
         assert data["baselines"]["balls"]["means"]["psnr_white"] == 100
-    with Image.open(tmp_path / "out" / "pictures" / "vase_0_bpa.png") as picture:
+    with Image.open(tmp_path / "out" / "pictures" / "vase_0_0_bpa.png") as picture:
         assert picture.mode == "RGBA" and not np.asarray(picture).any()
 
 

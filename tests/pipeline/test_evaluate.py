@@ -92,9 +92,22 @@ def test_a_row_a_mesh_and_view_with_means_and_pictures(by_hand, meshes, tiny_wei
     assert data["settings"]["weights"] == {"name": "tiny.safetensors", "sha256": file_digest(tiny_weights)}
     assert str(tmp_path) not in path.read_text()
     for row in data["rows"]:
-        with Image.open(out / "pictures" / f"{row['mesh']}_{row['view']}.png") as picture:
+        with Image.open(out / "pictures" / f"{row['mesh']}_{row['seed']}_{row['view']}.png") as picture:
             assert (picture.mode, picture.size) == ("RGBA", (SIDE, SIDE))
     assert (out / "sheet.png").exists() and not (out / "sheet_2.png").exists()
+
+
+def test_seeds_are_measured_one_by_one_and_their_means_compared(by_hand, meshes, tiny_weights, tmp_path) -> None:
+    config = replace(CONFIG, seed=3, seeds=2)
+    several = metrics(evaluate(meshes, tiny_weights, tmp_path / "out", config, tmp_path / "t"))
+    assert [row["seed"] for row in several["rows"]] == [3] * 4 + [4] * 4 and list(several["seeds"]) == ["3", "4"]
+    alone = metrics(evaluate(meshes, tiny_weights, tmp_path / "one", replace(CONFIG, seed=4), tmp_path / "t"))
+    for row, other in zip(alone["rows"], several["rows"][4:], strict=True):
+        assert all(row[name] == other[name] for name in NAMES)
+    assert several["seeds"]["4"]["psnr_white"] == alone["means"]["psnr_white"]
+    means = [several["seeds"][seed]["psnr_white"] for seed in ("3", "4")]
+    assert several["spread_over_seeds"]["psnr_white"] == pytest.approx(np.std(means), abs=1e-5)
+    assert len(list((tmp_path / "out" / "pictures").glob("*.png"))) == 8
 
 
 def test_a_renderer_that_draws_the_truth_gets_the_best_figures(by_hand, meshes, tiny_weights, tmp_path, monkeypatch):
