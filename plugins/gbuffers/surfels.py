@@ -8,6 +8,11 @@ numbers alone, where shade and shadow fall, is here in its place; the network ma
 from __future__ import annotations
 
 import math
+import os
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -66,13 +71,26 @@ class Surfels(GBuffer):
         points, spacing, normals = native.surface(thinned(cloud, MOST_POINTS), camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
         radii = RADIUS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
-        shaded = Lighting(points, normals, typical, scene, floor).draw(camera, out[-1])
+        lighting = Lighting(points, normals, typical, scene, floor)
+        shadow = beside(lighting.draw_shadow, camera, out[-1])
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T
         native.surfels(
             (points - camera.position.astype(np.float32)) @ rotation.T, facing, radii,
-            np.column_stack([facing[:, :2], shaded]), camera, SLACK, SURE, FULL, NEAR, FAR, out[:-1],
+            np.column_stack([facing[:, :2], lighting.colors()]), camera, SLACK, SURE, FULL, NEAR, FAR, out[:-1],
         )  # fmt: skip
+        shadow.result()
+
+
+def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+    """What the work gives, done on a second core meanwhile: kernels hold no lock."""
+    return _second_thread(os.getpid()).submit(work, *arguments)
+
+
+@lru_cache(maxsize=1)
+def _second_thread(process: int) -> ThreadPoolExecutor:
+    """One for each process: a fork would inherit the object without its thread."""
+    return ThreadPoolExecutor(max_workers=1, thread_name_prefix="surfels")
 
 
 class Lighting:
@@ -81,10 +99,10 @@ class Lighting:
     def __init__(
         self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
     ) -> None:
-        self.points, self.normals = points, normals
         self.color = np.array(base_color(scene), dtype=np.float32)
-        self.axes = sky_axes()
-        weights = self.axes[:, 2] / self.axes[:, 2].sum()
+        radius, sky = float(np.sqrt((points**2).sum(1).max())) + spacing, sky_axes()
+        hits = beside(native.first_hits, points, normals, sky, spacing, radius)
+        weights = sky[:, 2] / sky[:, 2].sum()
         lamps, axes, powers = light_lamps(scene.light, FLOOR_LAMPS)
         self.floor = native.Floor(
             height, FLOOR_HALF, light_position(scene.light), axes[0], float(powers.sum()), AMBIENT, FLOOR_ALBEDO
@@ -93,17 +111,18 @@ class Lighting:
         share = powers / powers.sum()
         self.shades = (
             native.floor_shade(points, lamps, share, height, FLOOR_HALF, side),
-            native.floor_shade(points, SKY * self.axes, weights, height, FLOOR_HALF, side),
+            native.floor_shade(points, SKY * sky, weights, height, FLOOR_HALF, side),
         )
-        radius = float(np.sqrt((points**2).sum(1).max())) + spacing
         direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
-        hits = native.first_hits(points, normals, self.axes, spacing, radius)
-        self.first, self.second = native.gather(points, normals, self.axes, hits, direct, self.floor, *self.shades)
-        self.glow = native.floor_glow(points, normals, self.first, self.axes, weights, self.floor, GLOW_CELLS)
+        self.first, self.second = native.gather(points, normals, sky, hits.result(), direct, self.floor, *self.shades)
+        self.glow = native.floor_glow(points, normals, self.first, sky, weights, self.floor, GLOW_CELLS)
 
-    def draw(self, camera: Camera, shadow: np.ndarray) -> np.ndarray:
-        """Radiance (N, 4) of the points, sRGB: grey, then in colour. The floor's alpha goes into `shadow` (H, W)."""
-        native.floor_shadow(*self.shades, self.glow * float(self.color.mean()), self.floor, camera, shadow)
+    def draw_shadow(self, camera: Camera, out: np.ndarray) -> None:
+        """Draws into `out` (H, W) the alpha of the floor's shadow."""
+        native.floor_shadow(*self.shades, self.glow * float(self.color.mean()), self.floor, camera, out)
+
+    def colors(self) -> np.ndarray:
+        """Radiance (N, 4) of the points, sRGB: grey, then in the surface's colour."""
         albedo = np.array([GREY, *self.color], dtype=np.float32)
         # What comes back once more, and again, is about as much as an albedo times what came back first.
         light = self.first[0][:, None] + self.second[:, None] * albedo * (1 + albedo)
