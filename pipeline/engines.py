@@ -7,6 +7,7 @@ from pathlib import Path
 from pipeline.load import LoadedWeights
 from storage.checkpoints import WeightsError
 from storage.exports import load_onnx
+from storage.graphs import load_graph
 from z2p_core import registry
 from z2p_core.interfaces import Engine, TrainedNetwork
 
@@ -19,9 +20,9 @@ def start_engine(loaded: LoadedWeights, file: Path, name: str | None = None, thr
 
     Raises:
         PluginError: no such engine, or its library is not installed.
-        WeightsError: no engine can run these weights: the ONNX file beside them is missing, damaged or of others.
+        WeightsError: no engine can run these weights: the export beside them is missing, damaged or of others.
     """
-    onnx = load_onnx(file, loaded.weights.digest)
+    onnx = load_onnx(file, loaded.weights.digest) or load_graph(file, loaded.weights.digest)
     network = TrainedNetwork(loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build)
     return _chosen(name, onnx is not None, file)(network, threads)
 

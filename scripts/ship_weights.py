@@ -1,6 +1,9 @@
-"""Puts the weights of a finished pipeline run among those that z2p ships, with their ONNX export and card.
+"""Puts the weights of a finished pipeline run among those that z2p ships, as float16, with their export and card.
 
-    python scripts/ship_weights.py runs/regular regular    # -> storage/weights/regular.{safetensors,onnx,md}
+    python scripts/ship_weights.py runs/regular regular    # -> storage/weights/regular.{safetensors,graph,md}
+
+The ONNX export is shipped as a graph file, which leaves out the numbers that the weights hold: all sets together must
+stay within `LARGEST`.
 """
 
 from __future__ import annotations
@@ -13,11 +16,15 @@ from typing import Any
 from pipeline.export import export_onnx
 from storage.checkpoints import SHIPPED, load_weights, save_weights
 from storage.fingerprints import file_digest
+from storage.graphs import save_graph
+
+LARGEST = 40e6
+"""Bytes of all shipped sets together."""
 
 CARD = """# Weights `{name}`
 
-Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16,
-and exported to `{name}.onnx` for the engines without torch.
+Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16;
+`{name}.graph` makes an ONNX file of them for the engines without torch.
 
 - **Made by** `z2p pipeline --config configs/{config}.toml --meshes DIR --evaluate-meshes DIR`, training result
   `{fingerprint}`; sha256 of the shipped file `{digest}`.
@@ -42,13 +49,25 @@ def main(run: Path, name: str) -> None:
     metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
     shipped = SHIPPED / f"{name}.safetensors"
     save_weights(shipped, weights.tensors, weights.card, half=True)
-    exported = export_onnx(shipped)
+    exported = export_graph(shipped)
     fingerprint = (run / "weights.safetensors").resolve().parent.name
     text = describe(name, run.name, weights.card, metrics, fingerprint, file_digest(shipped))
     shipped.with_suffix(".md").write_text(text, encoding="utf-8")
     for file in (shipped, exported):
         print(f"{file} ({file.stat().st_size / 1e6:.1f} MB)")
     print(shipped.with_suffix(".md"))
+    total = sum(file.stat().st_size for file in SHIPPED.iterdir())
+    print(f"all that is shipped: {total / 1e6:.1f} MB of {LARGEST / 1e6:.0f} MB")
+    if total > LARGEST:
+        sys.exit(f"Error: {name} does not fit: expected at most {LARGEST / 1e6:.0f} MB in all; leave out another set")
+
+
+def export_graph(shipped: Path) -> Path:
+    """The graph file of shipped weights, in place of any whole export beside them."""
+    exported = export_onnx(shipped)
+    graph = save_graph(shipped, load_weights(shipped).digest, exported.read_bytes())
+    exported.unlink()
+    return graph
 
 
 def describe(
