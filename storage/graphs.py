@@ -18,27 +18,29 @@ from safetensors import safe_open
 from storage.checkpoints import WeightsError
 
 FORMAT = 1
+INT8 = "int8"
+"""Form of the network that computes in 8 bits; its graph file is another."""
 _MAGIC = b"z2p graph\n"
 _KEYS = {"weights", "sha256", "pieces"}
 SMALLEST = 512
 """Bytes below which a tensor is kept in the graph rather than looked for."""
 
 
-def graph_path(weights: Path) -> Path:
-    """Where the graph file of a weights file belongs: beside it, under the same name."""
-    return weights.with_suffix(".graph")
+def graph_path(weights: Path, form: str = "") -> Path:
+    """Where the graph file of a weights file belongs: beside it, under the same name, and that of another form."""
+    return weights.with_suffix(f".{form}.graph" if form else ".graph")
 
 
-def save_graph(weights: Path, digest: str, onnx: bytes) -> Path:
+def save_graph(weights: Path, digest: str, onnx: bytes, form: str = "") -> Path:
     """The graph file of `weights`, whose content digest (64 hex digits) it names; written complete or not at all.
 
-    `onnx` is the ONNX file made of these weights. Large are only constants that it stores otherwise than they do.
+    `onnx` is an ONNX file made of these weights. Large are only constants that it stores otherwise than they do.
     """
     source = weights.read_bytes()
     pieces, rest = _split(onnx, source, _tensor_places(weights, source))
     packed = zlib.compress(rest, 9)
     header = {"format": FORMAT, "weights": digest, "sha256": hashlib.sha256(onnx).hexdigest(), "pieces": pieces}
-    path = graph_path(weights)
+    path = graph_path(weights, form)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with temporary.open("wb") as file:
@@ -51,13 +53,14 @@ def save_graph(weights: Path, digest: str, onnx: bytes) -> Path:
     return path
 
 
-def load_graph(weights: Path, digest: str) -> bytes | None:
-    """The ONNX file of `weights`, joined from it and the graph file beside it; None where there is none.
+def load_graph(weights: Path, digest: str, form: str = "") -> bytes | None:
+    """The ONNX file of `weights` in that form, joined from it and the graph file beside it; None where there is none.
 
     Raises:
         WeightsError: it was made from other weights, by another version of z2p, or is damaged.
     """
-    path = next((path for path in map(graph_path, (weights, weights.resolve())) if path.is_file()), None)
+    places = (graph_path(file, form) for file in (weights, weights.resolve()))
+    path = next((path for path in places if path.is_file()), None)
     if path is None:
         return None
     again = f"remove it, or write the whole export: python -m pipeline.export {weights}"

@@ -53,7 +53,8 @@ def test_every_engine_draws_regular_as_torch_does(suzanne: np.ndarray, engine: s
         expected = Renderer("regular", engine="torch").render(suzanne, None, side, side)
         picture = Renderer("regular", engine=engine).render(suzanne, None, side, side)
         off = np.abs(picture.astype(int) - expected)[expected[..., 3] > 229]
-        assert np.quantile(off, 0.999) <= 2
+        exact = registry.load("engines", engine).exact
+        assert np.quantile(off, 0.999) <= (2 if exact else 12) and off.mean() < (0.2 if exact else 1.5)
 
 
 def test_regular_steers_colour_light_and_elevation(regular: Renderer) -> None:
