@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NoReturn
 
 from pipeline.load import LoadedWeights
 from storage.checkpoints import WeightsError
 from storage.exports import load_onnx
+from storage.graphs import INT8, graph_path, load_graph
 from z2p_core import registry
 from z2p_core.interfaces import Engine, TrainedNetwork
 
@@ -19,25 +21,27 @@ def start_engine(loaded: LoadedWeights, file: Path, name: str | None = None, thr
 
     Raises:
         PluginError: no such engine, or its library is not installed.
-        WeightsError: no engine can run these weights: the ONNX file beside them is missing, damaged or of others.
+        WeightsError: no engine can run these weights: the export beside them is missing, damaged or of others.
     """
-    onnx = load_onnx(file, loaded.weights.digest)
-    network = TrainedNetwork(loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build)
-    return _chosen(name, onnx is not None, file)(network, threads)
+    digest = loaded.weights.digest
+    onnx = load_onnx(file, digest) or load_graph(file, digest)
+    int8 = load_graph(file, digest, INT8)
+    network = TrainedNetwork(loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8)
+    return _chosen(name, network, file)(network, threads)
 
 
-def _chosen(name: str | None, has_onnx: bool, file: Path) -> type[Engine]:
+def _chosen(name: str | None, network: TrainedNetwork, file: Path) -> type[Engine]:
     if name is not None:
         engine: type[Engine] = registry.load("engines", name)
         if not engine.installed():
             raise registry.PluginError(f"engine {name!r} needs {engine.package}: pip install {_source(engine)}")
-        if engine.reads_onnx and not has_onnx:
-            raise WeightsError(f"engine {name!r} needs {file.with_suffix('.onnx').name} beside {file}; {_export(file)}")
+        if not _can_run(engine, network):
+            _refuse(engine, file)
         return engine
     known: list[type[Engine]] = sorted((registry.load("engines", one) for one in registry.names("engines")),
                                        key=lambda one: (one.rank, one.name))  # fmt: skip
     for engine in known:
-        if engine.installed() and (has_onnx or not engine.reads_onnx):
+        if engine.exact and engine.installed() and _can_run(engine, network):
             return engine
     raise WeightsError(
         f"{file}: expected {file.with_suffix('.onnx').name} beside it, or torch; {_export(file)}, or install torch "
@@ -45,9 +49,22 @@ def _chosen(name: str | None, has_onnx: bool, file: Path) -> type[Engine]:
     )
 
 
+def _can_run(engine: type[Engine], network: TrainedNetwork) -> bool:
+    if engine.reads_int8:
+        return network.int8 is not None
+    return network.onnx is not None or not engine.reads_onnx
+
+
+def _refuse(engine: type[Engine], file: Path) -> NoReturn:
+    if engine.reads_int8:
+        raise WeightsError(f"engine {engine.name!r} needs {graph_path(file, INT8).name} beside {file}, which shipped "
+                           "weights have where 8 bits are good enough for them; choose another engine")
+    raise WeightsError(f"engine {engine.name!r} needs {file.with_suffix('.onnx').name} beside {file}; {_export(file)}")
+
+
 def _source(engine: type[Engine]) -> str:
     """What pip is to install for an engine: an extra of z2p for its own."""
-    return f'"z2p[{engine.name}]"' if engine.__module__.startswith("plugins.") else engine.package
+    return f'"z2p[{engine.package}]"' if engine.__module__.startswith("plugins.") else engine.package
 
 
 def _export(file: Path) -> str:

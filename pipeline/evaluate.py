@@ -83,16 +83,18 @@ def evaluate(
     truth_root: Path,
     log: Log = lambda line: None,
     baselines: Sequence[str] = (),
+    engine: str = REFERENCE_ENGINE,
 ) -> Path:
     """``out/metrics.json``: a row a mesh, view and seed, means and spread; beside it the pictures and contact sheets.
 
     Views and clouds follow from the seed, the mesh's bytes and the view's number, not from names or other meshes.
     Each of `baselines` gets the same clouds, and its own rows and means under its name. Ground truth and the baselines'
-    pictures are kept under `truth_root` by what shapes them, so that the next weights find them there.
+    pictures are kept under `truth_root` by what shapes them, so that the next weights find them there. `engine` runs
+    the network.
 
     Raises:
         ScanError: no meshes, or one that cannot be read.
-        WeightsError, PluginError: the weights, or a plugin that they or the config need, cannot be used.
+        WeightsError, PluginError: the weights, the engine, or a plugin that they or the config need, cannot be used.
         SettingError: an elevation that the weights do not know.
         RenderError: Blender failed, or a kept render is damaged.
     """
@@ -100,7 +102,7 @@ def evaluate(
         raise ScanError("expected meshes to evaluate on, got none; give a folder with at least one")
     registry.load("samplers", config.sampler)  # an unknown one shows before the first render
     rivals = load_baselines(baselines)
-    renderer = Renderer(weights, engine=REFERENCE_ENGINE)
+    renderer = Renderer(weights, engine=engine)
     subjects = [_read_subject(name, path) for name, path in meshes.items()]  # so does a broken mesh
     (out / "pictures").mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (OURS, *rivals)}
@@ -118,6 +120,7 @@ def evaluate(
     settings = {
         "config": to_dict(config),
         "weights": {"name": Path(weights).name, "sha256": file_digest(resolve(weights))},
+        "engine": engine,
         "meshes": {subject.name: subject.identity for subject in subjects},
         "baselines": [plugin_fields(plugin) for plugin in rivals.values()],
     }

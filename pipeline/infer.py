@@ -70,6 +70,17 @@ class Renderer:
 
         The floor lies at that height; None puts it under the lowest point.
         """
+        return straight_bytes(self._engine.run(*self.inputs(cloud, values, width, height, floor))[0])
+
+    def inputs(
+        self,
+        cloud: np.ndarray,
+        values: dict[str, Value] | None = None,
+        width: int = 512,
+        height: int = 512,
+        floor: float | None = None,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the engine is run on for that picture: buffers, encoding and settings, as `Engine.run` takes them."""
         scene = SceneDescription(floor=floor)
         if self.fixed_elevation is not None:
             scene.elevation = self.fixed_elevation
@@ -79,8 +90,7 @@ class Renderer:
             encoded.extend(self.controls[name].encode(value))
         camera = Camera(width, height, scene.elevation)
         buffers = draw_buffers(cloud, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
-        inputs = buffers[None], self._encoding(width, height), np.array([encoded], dtype=np.float32)
-        return straight_bytes(self._engine.run(*inputs)[0])
+        return buffers[None], self._encoding(width, height), np.array([encoded], dtype=np.float32)
 
     def _encoding(self, width: int, height: int) -> np.ndarray:
         """The encoder's features (E, h, w) of a picture of that size; the last are kept, as most are of one size."""

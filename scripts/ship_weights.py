@@ -1,23 +1,47 @@
-"""Puts the weights of a finished pipeline run among those that z2p ships, with their ONNX export and card.
+"""Puts the weights of a finished pipeline run among those that z2p ships, as float16, with their exports and card.
 
-    python scripts/ship_weights.py runs/regular regular    # -> storage/weights/regular.{safetensors,onnx,md}
+    python scripts/ship_weights.py runs/regular regular --meshes DIR --truth runs/truth
+
+writes storage/weights/regular.{safetensors,graph,int8.graph,md}. Graph files are ONNX without the numbers that the
+weights hold; all sets together must stay within `LARGEST`. --meshes are those that the run was evaluated on: the form
+in 8 bits ships only where it is as good on them as `WORSE` asks, and without them it does not.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from pipeline.calibration import calibration_inputs
+from pipeline.evaluate import evaluate
 from pipeline.export import export_onnx
+from pipeline.infer import Renderer
+from pipeline.load import load_plugins
+from pipeline.streamline import quantised, strided_stem
 from storage.checkpoints import SHIPPED, load_weights, save_weights
 from storage.fingerprints import file_digest
+from storage.graphs import INT8, graph_path, save_graph
+from storage.meshes import find_meshes
+from z2p_core.config import EvaluateConfig, from_dict
+
+LARGEST = 40e6
+"""Bytes of all shipped sets together."""
+CALIBRATION = 24
+"""Views that the form in 8 bits is scaled by."""
+ENGINES = ("torch", "onnxruntime", "onnxruntime-int8")
+WORSE = {"psnr_white": 0.2, "psnr_foreground": 0.2, "ssim": 0.003}
+"""How much worse than torch's float32 the form in 8 bits may be."""
 
 CARD = """# Weights `{name}`
 
-Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16,
-and exported to `{name}.onnx` for the engines without torch.
+Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16;
+`{name}.graph` makes an ONNX file of them for the engines without torch.
 
 - **Made by** `z2p pipeline --config configs/{config}.toml --meshes DIR --evaluate-meshes DIR`, training result
   `{fingerprint}`; sha256 of the shipped file `{digest}`.
@@ -36,19 +60,68 @@ and exported to `{name}.onnx` for the engines without torch.
 """
 
 
-def main(run: Path, name: str) -> None:
+def main(run: Path, name: str, meshes: Path | None, truth: Path | None) -> None:
     """Ship `run/weights.safetensors` under `name`; its figures come from `run/metrics.json`."""
     weights = load_weights(run / "weights.safetensors")
     metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
     shipped = SHIPPED / f"{name}.safetensors"
     save_weights(shipped, weights.tensors, weights.card, half=True)
-    exported = export_onnx(shipped)
+    engines = export_graphs(shipped, metrics["settings"]["config"], meshes, truth)
     fingerprint = (run / "weights.safetensors").resolve().parent.name
-    text = describe(name, run.name, weights.card, metrics, fingerprint, file_digest(shipped))
+    text = describe(name, run.name, weights.card, metrics, fingerprint, file_digest(shipped)) + engines
     shipped.with_suffix(".md").write_text(text, encoding="utf-8")
-    for file in (shipped, exported):
-        print(f"{file} ({file.stat().st_size / 1e6:.1f} MB)")
-    print(shipped.with_suffix(".md"))
+    for file in sorted(SHIPPED.glob(f"{name}.*")):
+        print(f"{file} ({file.stat().st_size / 1e6:.2f} MB)")
+    total = sum(file.stat().st_size for file in SHIPPED.iterdir())
+    print(f"all that is shipped: {total / 1e6:.1f} MB of {LARGEST / 1e6:.0f} MB")
+    if total > LARGEST:
+        sys.exit(f"Error: {name} does not fit: expected at most {LARGEST / 1e6:.0f} MB in all; leave out another set")
+
+
+def export_graphs(shipped: Path, config: dict[str, Any], meshes: Path | None, truth: Path | None) -> str:
+    """Write the graph files of shipped weights, in place of older ones; a table of what engines make of them."""
+    for form in ("", INT8):
+        graph_path(shipped, form).unlink(missing_ok=True)
+    exported, loaded = export_onnx(shipped), load_plugins(shipped)
+    onnx, digest = exported.read_bytes(), loaded.weights.digest
+    exported.unlink()  # an ONNX file would be taken before the graphs
+    plain = strided_stem(onnx, loaded.buffer_channels, loaded.config.unshuffle)
+    save_graph(shipped, digest, plain)
+    if meshes is None:
+        print("without --meshes: nothing in 8 bits")
+        return ""
+    calibration = calibration_inputs(Renderer(shipped), CALIBRATION, np.random.default_rng(0))
+    save_graph(shipped, digest, quantised(plain, calibration), INT8)
+    settings = from_dict(EvaluateConfig, config)
+    means = {engine: measure(shipped, settings, meshes, truth, engine) for engine in ENGINES}
+    reference, tried = means["torch"], means["onnxruntime-int8"]
+    worse = {figure: reference[figure] - tried[figure] for figure in WORSE}
+    if any(worse[figure] > WORSE[figure] for figure in WORSE):
+        print(f"8 bits are not good enough and do not ship: expected at most {WORSE} worse, got {worse}")
+        graph_path(shipped, INT8).unlink()
+        del means["onnxruntime-int8"]
+    return "\n" + engine_table(means)
+
+
+def measure(
+    weights: Path, config: EvaluateConfig, meshes: Path, truth: Path | None, engine: str
+) -> dict[str, float]:
+    """The means of an evaluation on one engine."""
+    with tempfile.TemporaryDirectory(prefix="z2p-ship-") as folder:
+        out = Path(folder)
+        written = evaluate(find_meshes(meshes), weights, out, config, truth or out / "truth", engine=engine)
+        means: dict[str, float] = json.loads(written.read_text(encoding="utf-8"))["means"]
+    return means
+
+
+def engine_table(means: dict[str, dict[str, float]]) -> str:
+    """The engines' figures side by side, in Markdown."""
+    figures = [figure for figure in next(iter(means.values())) if figure != "seconds"]
+    lines = ["- **By engine**, on the same meshes; float16 weights:", ""]
+    lines += [f"| engine | {' | '.join(figures)} |", "|---" * (len(figures) + 1) + "|"]
+    for engine, own in means.items():
+        lines.append(f"| {engine} | {' | '.join(f'{own[figure]:.4f}' for figure in figures)} |")
+    return "\n".join([*lines, ""])
 
 
 def describe(
@@ -85,8 +158,15 @@ def describe(
     )
 
 
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("run", type=Path, help="folder with weights.safetensors and metrics.json")
+    parser.add_argument("name", nargs="?", help="of the shipped weights; default: the folder's")
+    parser.add_argument("--meshes", type=Path, help="folder of the meshes that the run was evaluated on")
+    parser.add_argument("--truth", type=Path, help="folder that keeps their renders")
+    return parser.parse_args()
+
+
 if __name__ == "__main__":
-    if len(sys.argv) not in (2, 3):
-        sys.exit(__doc__)
-    folder = Path(sys.argv[1])
-    main(folder, sys.argv[2] if len(sys.argv) == 3 else folder.name)
+    options = _options()
+    main(options.run, options.name or options.run.name, options.meshes, options.truth)

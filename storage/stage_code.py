@@ -47,7 +47,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
-        "pipeline.engines", "storage.exports",
+        "pipeline.engines", "storage.exports", "storage.graphs",
         "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
         "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),

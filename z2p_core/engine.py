@@ -23,6 +23,8 @@ class TrainedNetwork:
     and width; None where no export lies beside the weights."""
     module: Callable[[], Any]
     """Gives the torch module in evaluation mode, float32, on the CPU; imports torch, so only what needs it calls it."""
+    int8: bytes | None = None
+    """ONNX model like the other, whose inner convolutions are in 8 bits (QDQ); None where the weights have none."""
 
 
 class Engine(ABC):
@@ -36,6 +38,10 @@ class Engine(ABC):
     """Where the user forces none, the installed engine of the lowest rank runs."""
     reads_onnx: ClassVar[bool] = True
     """Whether it needs `TrainedNetwork.onnx`; False for one that takes the torch module."""
+    reads_int8: ClassVar[bool] = False
+    """Whether it is `TrainedNetwork.int8` that it needs instead."""
+    exact: ClassVar[bool] = True
+    """Whether it keeps within 2/255 of torch; what does not says so, and `z2p evaluate --engine` judges it."""
 
     @classmethod
     def installed(cls) -> bool:
@@ -51,5 +57,6 @@ class Engine(ABC):
         """Pictures (B, 4, H, W) float32 in [0, 1], colour times alpha and alpha.
 
         Of buffers (B, C, H, W), the encoding (E, h, w) of the pixel blocks' centres (sides rounded up) and settings
-        (B, S) in [0, 1], all float32; H, W >= 32. Within 2/255 of the torch network at the 99.9th percentile.
+        (B, S) in [0, 1], all float32; H, W >= 32. Where `exact`, within 2/255 of the torch network at the 99.9th
+        percentile.
         """

@@ -13,6 +13,8 @@ SIZES = ((64, 64), (97, 61), (33, 130), (128, 96), (256, 256))
 """Width and height of the pictures that it is tried on, whatever the network's stride; portrait and landscape too."""
 TOLERANCE, QUANTILE = 2 / 255, 0.999
 """How far from torch it may be, and for what share of the values."""
+ROUGH = 8 / 255
+"""How far from torch one that is not exact may be, on the mean: near enough to be the same picture."""
 
 Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -39,8 +41,9 @@ def check_engine(engine_class: type[Engine], network: TrainedNetwork, cell: int)
         same(picture, kept, f"{what}: the picture given first, after another run")
         for array, before in zip(inputs, given, strict=True):
             same(array, before, f"{what}: its inputs afterwards")
-        off = float(np.quantile(np.abs(picture - _reference(network, inputs)), QUANTILE))
-        expect(off <= TOLERANCE, f"{what}: expected torch's within {TOLERANCE:.4f}, got {off:.4f} off")
+        off = np.abs(picture - _reference(network, inputs))
+        far, most = (np.quantile(off, QUANTILE), TOLERANCE) if engine_class.exact else (off.mean(), ROUGH)
+        expect(far <= most, f"{what}: expected torch's within {most:.4f}, got {far:.4f} off")
     _check_threads(engine, [_inputs(network, cell, 1, *size, rng) for size in SIZES[:4]])
 
 

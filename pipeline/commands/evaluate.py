@@ -26,6 +26,7 @@ def _split(context: click.Context, parameter: click.Parameter, text: str) -> tup
 @click.option("--meshes", required=True, type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
               help="Folder of meshes to render and to draw clouds from.")
 @click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file.")
+@click.option("--engine", default="torch", metavar="NAME", help="What runs the network; see `z2p plugins`.")
 @click.option("--output", "-o", required=True, type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
               help="Folder for metrics.json and the contact sheet.")
 @click.option("--truth", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
@@ -44,7 +45,8 @@ def _split(context: click.Context, parameter: click.Parameter, text: str) -> tup
 @click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split,
               help="Comma-separated baselines to put beside it, as bpa,poisson,balls; see `z2p plugins`.")
 def evaluate(
-    meshes: Path, weights: str, output: Path, truth: Path | None, baseline: tuple[str, ...], **options: Any
+    meshes: Path, weights: str, engine: str, output: Path, truth: Path | None, baseline: tuple[str, ...],
+    **options: Any,
 ) -> None:
     """Measure weights against Blender renders of meshes.
 
@@ -59,6 +61,7 @@ def evaluate(
     config = EvaluateConfig(**options)
     for name in baseline:
         registry.load("baselines", name)
+    registry.load("engines", engine)
     found, file = find_meshes(meshes), resolve(weights)
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if missing:
@@ -66,7 +69,7 @@ def evaluate(
     try:
         from pipeline.evaluate import evaluate as measure
 
-        measure(found, file, output, config, truth_root=truth or output / "truth", log=_say, baselines=baseline)
+        measure(found, file, output, config, truth or output / "truth", _say, baseline, engine)
     except ImportError as error:
         raise Failure(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
     _print_means(json.loads((output / "metrics.json").read_text()))

@@ -23,7 +23,8 @@ OPTIONS = (
                  help="What the columns of text files hold, as in x,y,z,r,g,b; of them x, y and z are read."),
     click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file."),
     click.option("--engine", metavar="NAME",
-                 help="What runs the network: onnxruntime, openvino, torch; default: the first that is installed."),
+                 help="What runs the network: onnxruntime, openvino, torch; default: the first that is installed. "
+                 "Quicker, less exact: onnxruntime-int8, openvino-bf16, openvino-int8."),
     click.option("--up", default="auto", type=UpAxis(),
                  help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
                  "or the way an object stands."),

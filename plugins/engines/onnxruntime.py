@@ -1,4 +1,4 @@
-"""onnxruntime: small, quick to start; comes with every z2p."""
+"""onnxruntime: small, quick to start; comes with every z2p. In float32, and in 8 bits."""
 
 from __future__ import annotations
 
@@ -21,9 +21,19 @@ class OnnxRuntime(Engine):
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads or 0  # 0: as many as there are cores
         options.log_severity_level = 3
-        self._session = onnxruntime.InferenceSession(network.onnx, options, providers=["CPUExecutionProvider"])
+        model = network.int8 if self.reads_int8 else network.onnx
+        self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
 
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
         picture: np.ndarray
         (picture,) = self._session.run(None, {"buffers": buffers, "encoding": encoding, "settings": settings})
         return picture
+
+
+class OnnxRuntimeInt8(OnnxRuntime):
+    """The exported network whose inner convolutions are in 8 bits, twice as quick; on processors with VNNI."""
+
+    name = "onnxruntime-int8"
+    rank = 110
+    reads_int8 = True
+    exact = False

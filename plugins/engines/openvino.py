@@ -1,12 +1,16 @@
-"""OpenVINO: Intel's engine, quickest per picture on its processors, slower to start than onnxruntime."""
+"""OpenVINO: Intel's engine, quickest per picture, slower to start than onnxruntime. In float32, bfloat16 and 8 bits."""
 
 from __future__ import annotations
 
 import threading
+from typing import Any, ClassVar
 
 import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
+
+MOST_SIZES = 4
+"""Networks kept at a time: each is compiled for one size of picture, which makes it a fifth quicker."""
 
 
 class OpenVino(Engine):
@@ -16,20 +20,61 @@ class OpenVino(Engine):
     version = "1"
     package = "openvino"
     rank = 20
+    precision: ClassVar[str] = "f32"
 
     def __init__(self, network: TrainedNetwork, threads: int | None = None) -> None:
         import openvino
 
-        options: dict[str, object] = {"INFERENCE_PRECISION_HINT": "f32", "PERFORMANCE_HINT": "LATENCY"}
+        self._options: dict[str, object] = {
+            "INFERENCE_PRECISION_HINT": self.precision, "PERFORMANCE_HINT": "LATENCY",
+        }  # fmt: skip
         if threads is not None:
-            options["INFERENCE_NUM_THREADS"] = threads
-        core = openvino.Core()
-        self._compiled = core.compile_model(core.read_model(network.onnx, b""), "CPU", options)
+            self._options["INFERENCE_NUM_THREADS"] = threads
+        self._core = openvino.Core()
+        model = network.int8 if self.reads_int8 else network.onnx
+        self._read = lambda: self._core.read_model(model, b"")
+        self._compiled: dict[tuple[Any, ...], Any] = {}
+        self._lock = threading.Lock()
         self._own = threading.local()  # a request serves one thread at a time
 
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
-        if not hasattr(self._own, "request"):
-            self._own.request = self._compiled.create_infer_request()
         inputs = {"buffers": buffers, "encoding": encoding, "settings": settings}
-        picture: np.ndarray = self._own.request.infer(inputs)["picture"].copy()  # its memory is the request's
+        picture: np.ndarray = self._request(inputs).infer(inputs)["picture"].copy()  # its memory is the request's
         return picture
+
+    def _request(self, inputs: dict[str, np.ndarray]) -> Any:
+        """This thread's own request to the network of that size."""
+        size = tuple(array.shape for array in inputs.values())
+        compiled = self._network(size, inputs)
+        if getattr(self._own, "compiled", None) is not compiled:
+            self._own.compiled, self._own.request = compiled, compiled.create_infer_request()
+        return self._own.request
+
+    def _network(self, size: tuple[Any, ...], inputs: dict[str, np.ndarray]) -> Any:
+        with self._lock:
+            compiled = self._compiled.pop(size, None)
+            if compiled is None:
+                model = self._read()
+                model.reshape({name: array.shape for name, array in inputs.items()})
+                compiled = self._core.compile_model(model, "CPU", self._options)
+            self._compiled[size] = compiled  # the last used come last
+            while len(self._compiled) > MOST_SIZES:
+                del self._compiled[next(iter(self._compiled))]
+            return compiled
+
+
+class OpenVinoBfloat16(OpenVino):
+    """The exported network in bfloat16, where the processor has it (AVX512-BF16, AMX); float32 elsewhere."""
+
+    name = "openvino-bf16"
+    rank = 120
+    exact = False
+    precision = "bf16"
+
+
+class OpenVinoInt8(OpenVinoBfloat16):
+    """The exported network whose inner convolutions are in 8 bits, the rest in bfloat16 where there is that."""
+
+    name = "openvino-int8"
+    rank = 130
+    reads_int8 = True

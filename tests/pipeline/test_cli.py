@@ -80,9 +80,9 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
 
     def measure(
         meshes: object, weights: object, out: Path, config: object, truth_root: Path, log: object,
-        baselines: tuple[str, ...],
+        baselines: tuple[str, ...], engine: str,
     ) -> None:
-        called.append((meshes, weights, out, config, truth_root))
+        called.append((meshes, weights, out, config, truth_root, engine))
         out.mkdir(exist_ok=True)
         data = {"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}, "baselines": {}}
         theirs = {"means": {"ssim": 0.5, "render_seconds": 2}}
@@ -99,9 +99,9 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
     result = z2p(*words, "--views", 3, "--noise", "0.01", "--elevation", "random", "--resolution", 64)
     assert result.exit_code == 0, result.output
     assert result.stdout.split() == ["psnr_white", "26.5000", "ssim", "0.8500"]
-    [(found, weights, _, config, truth)] = called
+    [(found, weights, _, config, truth, engine)] = called
     assert found == {"a": meshes / "a.ply", "b.obj": meshes / "b.obj", "b.ply": meshes / "b.ply"}
-    assert (weights, truth) == (tiny_weights, out / "truth")
+    assert (weights, truth, engine) == (tiny_weights, out / "truth", "torch")
     assert config == EvaluateConfig(
         views=3, points=5000, noise=0.01, resolution=64, samples=64, elevation=None, seed=0, sampler="uniform"
     )
@@ -110,6 +110,8 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
     assert beside[3] == ["render_seconds", "-", "2.0000", "2.0000"]
     unknown = z2p(*words, "--baseline", "bpa,nosuch")
     assert unknown.exit_code == 2 and "unknown baseline 'nosuch'; installed: balls, bpa, poisson" in unknown.stderr
+    assert z2p(*words, "--engine", "onnxruntime").exit_code == 0 and called[-1][-1] == "onnxruntime"
+    assert "unknown engine 'abacus'" in z2p(*words, "--engine", "abacus").stderr
     assert z2p(*words, "--elevation", "90").exit_code == 2
     assert z2p("evaluate", "--meshes", meshes, "--output", out, "--weights", "nosuch").exit_code == 2
 

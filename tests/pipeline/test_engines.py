@@ -19,7 +19,10 @@ from storage.exports import onnx_path
 from z2p_core import registry
 from z2p_core.registry import PluginError
 
-ONNX_ENGINES = [name for name in registry.names("engines") if registry.load("engines", name).reads_onnx]
+KNOWN = {name: registry.load("engines", name) for name in registry.names("engines")}
+ONNX_ENGINES = [name for name, engine in KNOWN.items() if engine.reads_onnx and engine.exact]
+WHOLE = [name for name, engine in KNOWN.items() if not engine.reads_int8]
+INT8_ENGINES = [name for name, engine in KNOWN.items() if engine.reads_int8]
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +76,24 @@ def test_without_torch_and_export_the_message_says_how_to_get_on(
         Renderer(tiny_weights, engine="onnxruntime")
 
 
+@pytest.mark.parametrize("engine", INT8_ENGINES)
+def test_an_engine_in_8_bits_needs_a_graph_of_its_own(exported_weights: Path, engine: str) -> None:
+    with pytest.raises(WeightsError, match=rf"'{engine}' needs tiny.int8.graph beside .* choose another engine"):
+        Renderer(exported_weights, engine=engine)
+
+
+def test_no_engine_that_is_less_exact_runs_unasked(exported_weights: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for engine in KNOWN.values():
+        if engine.exact:
+            monkeypatch.setattr(engine, "package", "no_such_package")
+    monkeypatch.setattr(KNOWN["openvino-bf16"], "package", "openvino")
+    with pytest.raises(WeightsError, match="or torch"):
+        Renderer(exported_weights)
+    assert Renderer(exported_weights, engine="openvino-bf16").engine == "openvino-bf16"
+
+
 def test_an_unknown_engine_is_told_with_the_known_ones(exported_weights: Path) -> None:
-    with pytest.raises(PluginError, match="unknown engine 'abacus'; installed: onnxruntime, openvino, torch"):
+    with pytest.raises(PluginError, match=r"unknown engine 'abacus'; installed: onnxruntime, .*openvino, .*torch"):
         Renderer(exported_weights, engine="abacus")
 
 
@@ -139,7 +158,7 @@ def test_python_never_imports_torch_either(exported_weights: Path) -> None:
 
 def test_the_option_forces_it(z2p: Callable[..., Result], exported_weights: Path, scans: Path, tmp_path: Path) -> None:
     words = ("run-inference", scans / "one.npy", "--weights", exported_weights, "--resolution", 64, "-o")
-    for engine in registry.names("engines"):
+    for engine in WHOLE:
         result = z2p(*words, tmp_path / f"{engine}.png", "--engine", engine)
         assert result.exit_code == 0, result.output
     refused = z2p(*words, tmp_path / "abacus.png", "--engine", "abacus")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from PIL import Image
 
 from pipeline import render, truth
 from pipeline.evaluate import draw_views, evaluate, place, summarise
+from pipeline.export import export_onnx
 from pipeline.infer import Renderer
 from pipeline.render import RenderSettings
 from pipeline.sample import draw_cloud
@@ -128,6 +130,24 @@ def test_same_seed_same_figures_whatever_other_meshes_and_names(by_hand, meshes,
     assert rows(meshes, "seed", replace(CONFIG, seed=1)) != both
     noisy = rows(meshes, "noisy", replace(CONFIG, noise=0.05))
     assert noisy != both and [row["values"] for row in noisy] == [row["values"] for row in both]
+
+
+def test_the_engine_that_is_asked_for_runs_and_is_told(by_hand, meshes, tiny_weights, tmp_path, monkeypatch) -> None:
+    started: list[object] = []
+
+    class Watched(Renderer):
+        def __init__(self, *words: Any, **named: Any) -> None:
+            super().__init__(*words, **named)
+            started.append(self.engine)
+
+    monkeypatch.setattr("pipeline.evaluate.Renderer", Watched)
+    file = Path(shutil.copy(tiny_weights, tmp_path))
+    export_onnx(file)
+    data = {engine: metrics(evaluate(meshes, file, tmp_path / engine, CONFIG, tmp_path / "truth", engine=engine))
+            for engine in ("torch", "onnxruntime")}  # fmt: skip
+    assert started == ["torch", "onnxruntime"] == [one["settings"]["engine"] for one in data.values()]
+    for name in ("psnr_white", "ssim"):
+        assert data["onnxruntime"]["means"][name] == pytest.approx(data["torch"]["means"][name], abs=0.02)
 
 
 def test_truth_is_rendered_once_and_more_views_keep_it(by_hand, meshes, tiny_weights, tmp_path) -> None:

@@ -11,9 +11,11 @@ import laspy
 import numpy as np
 import pytest
 import trimesh
+from numpy.random import default_rng
 
 from pipeline.export import export_onnx
 from pipeline.load import load_plugins
+from pipeline.streamline import quantised
 from z2p_core import registry
 from z2p_core.interfaces import Reader, TrainedNetwork
 from z2p_core.testing import (
@@ -101,7 +103,10 @@ def exported(make_weights: Callable[..., Path]) -> Callable[[str], TrainedNetwor
     def export(kind: str) -> TrainedNetwork:
         file = make_weights(**NETWORKS[kind])
         loaded, onnx = load_plugins(file), export_onnx(file).read_bytes()
-        return TrainedNetwork(loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build)
+        channels, settings, rng = (loaded.buffer_channels, loaded.encoder.channels), loaded.settings, default_rng(0)
+        shapes = (1, channels[0], 64, 64), (channels[1], *([64 // loaded.config.unshuffle] * 2)), (1, settings)
+        calibration = [tuple(rng.random(shape, dtype=np.float32) for shape in shapes) for _ in range(4)]
+        return TrainedNetwork(*channels, settings, onnx, loaded.build, quantised(onnx, calibration))
 
     return export
 

@@ -10,8 +10,8 @@ import pytest
 from pipeline.infer import Renderer, place_cloud
 from storage.checkpoints import SHIPPED, load_weights, shipped
 from storage.clouds import read_clouds
-from storage.exports import load_onnx
 from storage.fingerprints import file_digest
+from storage.graphs import load_graph
 from z2p_core import registry
 from z2p_core.images import composite, unit_from_bytes
 
@@ -31,6 +31,7 @@ def regular() -> Renderer:
 def test_regular_is_shipped_and_all_weights_fit_into_forty_megabytes() -> None:
     assert "regular" in shipped()
     assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 40e6
+    assert not list(SHIPPED.glob("*.onnx"))  # a graph file says the same in a few kilobytes
 
 
 @pytest.mark.parametrize("name", sorted(shipped()))
@@ -43,7 +44,7 @@ def test_each_has_a_card_that_names_this_very_file(name: str) -> None:
 
 @pytest.mark.parametrize("name", sorted(shipped()))
 def test_each_has_an_export_of_this_very_network(name: str) -> None:
-    assert load_onnx(shipped()[name], load_weights(shipped()[name]).digest) is not None
+    assert load_graph(shipped()[name], load_weights(shipped()[name]).digest) is not None
 
 
 @pytest.mark.parametrize("engine", registry.names("engines"))
@@ -52,7 +53,8 @@ def test_every_engine_draws_regular_as_torch_does(suzanne: np.ndarray, engine: s
         expected = Renderer("regular", engine="torch").render(suzanne, None, side, side)
         picture = Renderer("regular", engine=engine).render(suzanne, None, side, side)
         off = np.abs(picture.astype(int) - expected)[expected[..., 3] > 229]
-        assert np.quantile(off, 0.999) <= 2
+        exact = registry.load("engines", engine).exact
+        assert np.quantile(off, 0.999) <= (2 if exact else 12) and off.mean() < (0.2 if exact else 1.5)
 
 
 def test_regular_steers_colour_light_and_elevation(regular: Renderer) -> None:

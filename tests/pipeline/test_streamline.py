@@ -1,0 +1,95 @@
+"""Quicker forms of an export: the strided stem is the same network, and 8 bits are nearly that."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+
+from pipeline.calibration import calibration_inputs
+from pipeline.export import export_onnx
+from pipeline.infer import Renderer
+from pipeline.streamline import INPUTS, Inputs, quantised, strided_stem
+from storage.checkpoints import load_weights, save_weights
+from storage.graphs import INT8, graph_path, load_graph, save_graph
+
+FORMS: dict[str, dict[str, Any]] = {
+    "unshuffle": {"widths": (16, 16, 24), "mapping": 24},
+    "cells of two": {"widths": (16, 24), "mapping": 16, "unshuffle": 2},
+    "one setting": {"widths": (16, 16), "controls": ("light",), "fixed_elevation": 20.0},
+}
+
+
+def halved(file: Path) -> Path:
+    """The weights again, as they are shipped."""
+    weights = load_weights(file)
+    half = file.with_name("half.safetensors")
+    save_weights(half, weights.tensors, weights.card, half=True)
+    return half
+
+
+def drawn(model: bytes, inputs: Inputs) -> np.ndarray:
+    session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
+    picture: np.ndarray = session.run(None, dict(zip(INPUTS, inputs, strict=True)))[0]
+    return picture
+
+
+def operators(model: bytes) -> list[str]:
+    return [node.op_type for node in onnx.load_from_string(model).graph.node]
+
+
+def random_inputs(renderer: Renderer, batch: int, width: int, height: int) -> Inputs:
+    rng, cell = np.random.default_rng(0), renderer._loaded.config.unshuffle
+    given = renderer.inputs(rng.normal(size=(300, 3)).astype(np.float32) / 3, None, width, height)
+    shapes = (batch, *given[0].shape[1:]), given[1].shape, (batch, *given[2].shape[1:])
+    assert given[1].shape[1:] == (-(-height // cell), -(-width // cell))
+    buffers, encoding, settings = (rng.random(shape, dtype=np.float32) for shape in shapes)
+    return buffers, encoding, settings
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("half", [True, False])
+def test_the_strided_stem_is_the_same_network(make_weights: Callable[..., Path], form: str, half: bool) -> None:
+    file = make_weights(**FORMS[form])
+    file = halved(file) if half else file
+    model, renderer = export_onnx(file).read_bytes(), Renderer(file)
+    lean = strided_stem(model, renderer._loaded.buffer_channels, renderer._loaded.config.unshuffle)
+    for batch, width, height in ((1, 64, 64), (2, 97, 61), (3, 33, 130)):
+        inputs = random_inputs(renderer, batch, width, height)
+        assert np.abs(drawn(lean, inputs) - drawn(model, inputs)).max() < 1e-3  # random weights: steep
+    assert operators(lean).count("Transpose") < operators(model).count("Transpose")
+    assert len(lean) < len(model) + 1000
+
+
+def test_a_network_without_a_stem_stays_as_it_is(make_weights: Callable[..., Path]) -> None:
+    file = make_weights(kind="adain_unet", unshuffle=1, widths=(8, 12), encoder="none")
+    model = export_onnx(file).read_bytes()
+    assert strided_stem(model, 13, 1) == model
+
+
+def test_calibration_is_the_same_for_the_same_rng_and_sees_every_control(make_weights: Callable[..., Path]) -> None:
+    renderer = Renderer(make_weights())
+    first, second = (list(calibration_inputs(renderer, 3, np.random.default_rng(1))) for _ in range(2))
+    for one, other in zip(first, second, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+    assert not np.array_equal(first[0][2], first[1][2]) and all(buffers.any() for buffers, _, _ in first)
+
+
+def test_eight_bits_are_near_and_their_graph_holds_no_weights(make_weights: Callable[..., Path]) -> None:
+    file = halved(make_weights(widths=(32, 48, 64), mapping=64))
+    model, renderer = export_onnx(file).read_bytes(), Renderer(file)
+    given = list(calibration_inputs(renderer, 4, np.random.default_rng(0)))
+    small = quantised(model, given[:3])
+    kinds = operators(small)
+    assert kinds.count("QuantizeLinear") > 10 and kinds.count("Conv") == operators(model).count("Conv")
+    off = np.abs(drawn(small, given[3]) - drawn(model, given[3]))
+    assert 0 < off.mean() < 0.03
+    save_graph(file, load_weights(file).digest, small, INT8)
+    assert graph_path(file, INT8).stat().st_size < 0.25 * file.stat().st_size
+    assert load_graph(file, load_weights(file).digest, INT8) == small
+    assert Renderer(file, engine="onnxruntime-int8").engine == "onnxruntime-int8"
