@@ -108,6 +108,7 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
 def weights_card(run: Run) -> dict[str, Any]:
     """The card that goes with the weights; see `storage.checkpoints.Weights`."""
     training = {**_semantic(run.config), "renders": len(run.data.training), "meshes": len(run.data.shards)}
+    training["start"] = Path(run.config.start).stem  # a path would tell of the machine, and mean nothing on others
     return {
         "network": to_dict(run.config.network),
         **_plugins(run),

@@ -13,7 +13,7 @@ Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Buffers, encoding and settings as `z2p_core.interfaces.Engine.run` takes them."""
 
 INPUTS = ("buffers", "encoding", "settings")
-WHOLE = ("/stem", "/head")
+WHOLE = ("/stem", "/head", "/look", "/touch")
 """Convolutions that stay in float32: they read and write the picture, where 8 bits show (SSIM 0.862 for 0.909)."""
 PERCENTILE = 99.999
 """Of an activation's values, how many the 8 bits reach."""

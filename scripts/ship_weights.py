@@ -60,15 +60,16 @@ Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixe
 """
 
 
-def main(run: Path, name: str, meshes: Path | None, truth: Path | None) -> None:
+def main(run: Path, name: str, meshes: Path | None, truth: Path | None, begun: str) -> None:
     """Ship `run/weights.safetensors` under `name`; its figures come from `run/metrics.json`."""
     weights = load_weights(run / "weights.safetensors")
     metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
     shipped = SHIPPED / f"{name}.safetensors"
+    weights.card["training"]["start"] = Path(weights.card["training"].get("start", "")).stem
     save_weights(shipped, weights.tensors, weights.card, half=True)
     engines = export_graphs(shipped, metrics["settings"]["config"], meshes, truth)
     fingerprint = (run / "weights.safetensors").resolve().parent.name
-    text = describe(name, run.name, weights.card, metrics, fingerprint, file_digest(shipped)) + engines
+    text = describe(name, run.name, weights.card, metrics, fingerprint, file_digest(shipped), begun) + engines
     shipped.with_suffix(".md").write_text(text, encoding="utf-8")
     for file in sorted(SHIPPED.glob(f"{name}.*")):
         print(f"{file} ({file.stat().st_size / 1e6:.2f} MB)")
@@ -125,9 +126,15 @@ def engine_table(means: dict[str, dict[str, float]]) -> str:
 
 
 def describe(
-    name: str, run: str, card: dict[str, Any], metrics: dict[str, Any], fingerprint: str, digest: str
+    name: str,
+    run: str,
+    card: dict[str, Any],
+    metrics: dict[str, Any],
+    fingerprint: str,
+    digest: str,
+    begun: str = "",
 ) -> str:
-    """The model card in Markdown."""
+    """The model card in Markdown; `begun` says what training started from, where its config cannot."""
     training, config = card["training"], metrics["settings"]["config"]
     sides = card["resolution"]
     share = [(min(sides) / side) ** 2 for side in sides]  # a step at a larger side takes fewer samples
@@ -140,7 +147,7 @@ def describe(
     return CARD.format(
         name=name,
         config=run,
-        begun=f"fine-tuned from `{training['start']}`" if training.get("start") else "begun at random",
+        begun=begun or (f"fine-tuned from `{training['start']}`" if training.get("start") else "begun at random"),
         controls=", ".join(control["name"] for control in card["controls"]),
         kind=card["network"]["kind"],
         widths="-".join(map(str, card["network"]["widths"])),
@@ -163,10 +170,11 @@ def _options() -> argparse.Namespace:
     parser.add_argument("run", type=Path, help="folder with weights.safetensors and metrics.json")
     parser.add_argument("name", nargs="?", help="of the shipped weights; default: the folder's")
     parser.add_argument("--meshes", type=Path, help="folder of the meshes that the run was evaluated on")
+    parser.add_argument("--begun", default="", help="what training started from, for the card")
     parser.add_argument("--truth", type=Path, help="folder that keeps their renders")
     return parser.parse_args()
 
 
 if __name__ == "__main__":
     options = _options()
-    main(options.run, options.name or options.run.name, options.meshes, options.truth)
+    main(options.run, options.name or options.run.name, options.meshes, options.truth, options.begun)
