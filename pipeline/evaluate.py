@@ -258,7 +258,7 @@ def _figures(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
 def render_settings(config: EvaluateConfig) -> RenderSettings:
     """How the ground truth is rendered."""
     side = config.resolution
-    return RenderSettings((side, side), config.samples, config.denoise, seed=config.seed)
+    return RenderSettings((side, side), config.samples, config.denoise, config.bounces, seed=config.seed)
 
 
 def _label(figures: Mapping[str, float | None]) -> list[str]:

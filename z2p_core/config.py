@@ -132,6 +132,7 @@ class EvaluateConfig:
     resolution: int = 128
     samples: int = 16
     denoise: str = "high"
+    bounces: int = 3
     elevation: float | None = 20.0
     """Camera elevation of every view in degrees; None draws it as training does."""
     seed: int = 0

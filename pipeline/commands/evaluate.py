@@ -41,6 +41,8 @@ def _split(context: click.Context, parameter: click.Parameter, text: str) -> tup
               help="How many seeds, from --seed on: means over all, and their spread.")
 @click.option("--resolution", default=256, type=click.IntRange(*SIDES), metavar="R", help="Side of the pictures.")
 @click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples a pixel.")
+@click.option("--bounces", default=3, type=click.IntRange(min=0), metavar="N",
+              help="How often light may bounce; 6 for what is glossy.")
 @click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
 @click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split,
               help="Comma-separated baselines to put beside it, as bpa,poisson,balls; see `z2p plugins`.")
