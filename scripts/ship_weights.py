@@ -60,7 +60,7 @@ Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixe
 """
 
 
-def main(run: Path, name: str, meshes: Path | None, truth: Path | None, begun: str) -> None:
+def main(run: Path, name: str, meshes: Path | None, truth: Path | None, begun: str = "") -> None:
     """Ship `run/weights.safetensors` under `name`; its figures come from `run/metrics.json`."""
     weights = load_weights(run / "weights.safetensors")
     metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
