@@ -32,7 +32,8 @@ def lead(findings: Findings, sweeps: Sequence[str]) -> str:
 
 def _told(duel: Duel) -> str:
     title, form, _ = FIGURES[duel.figure]
-    return f"{title}, {duel.theirs} {form.format(duel.their_value)} against {duel.ours} {form.format(duel.our_value)}"
+    ours, theirs = f"{duel.ours} {form.format(duel.our_value)}", f"{duel.theirs} {form.format(duel.their_value)}"
+    return f"{title}, {theirs} against {ours}" if duel.lost else f"{title}, {ours} against {theirs}"
 
 
 def _where(others: dict[str, list[Duel]]) -> str:

@@ -124,7 +124,9 @@ def _sweep_section(findings: Findings, folders: Mapping[str, Path], sweep: str, 
     meshes = [mesh for mesh in findings.meshes(sweep) if mesh]
     text = kind.shows + (f" Meshes: {', '.join(meshes)}." if meshes else " Shapes made for it.")
     text += f" In the paper: {kind.figure}." if kind.figure else ""
-    strips = [_strip(findings, folders, sweep, mesh) for mesh in findings.meshes(sweep)[: 4 if sweep == "base" else 1]]
+    strips = [_strip(findings, folders, sweep, mesh) for mesh in findings.meshes(sweep)[:1 if several else None]]
+    if not several:
+        strips = [_side_by_side(strips)]
     return Section(sweep, kind.title, text, f"{_without_sweeps(command)} --sweeps {sweep}", plots, strips, tables)
 
 
@@ -141,6 +143,14 @@ def _strip(findings: Findings, folders: Mapping[str, Path], sweep: str, mesh: st
                  for row in truth]  # fmt: skip
         rows.append((name, cells))
     return Strip(of, [row["level"] for row in truth], rows)
+
+
+def _side_by_side(strips: Sequence[Strip]) -> Strip:
+    """One strip with a column a mesh, of strips with one column each."""
+    names = [name for name, _ in strips[0].rows]
+    cells = [[cell for strip in strips for cell in strip.rows[index][1]] for index in range(len(names))]
+    columns = [strip.title for strip in strips for _ in strip.columns]
+    return Strip("", columns, list(zip(names, cells, strict=True)))
 
 
 def _trust_sections(trust: Sequence[Mapping[str, Any]], folders: Mapping[str, Path], command: str) -> list[Section]:
@@ -174,7 +184,7 @@ def _scan_sections(findings: Findings, folders: Mapping[str, Path], command: str
 def _absent(findings: Findings, config: ReportConfig) -> list[tuple[str, str]]:
     """What the paper's evaluation has and this report has not, and what it would take."""
     weights = set(findings.named(WEIGHTS))
-    material = any(KINDS and "psnr_white" in row for name in weights for row in findings.rows("material", name))
+    material = any("psnr_white" in row for name in weights for row in findings.rows("material", name))
     there = {ABSENT[2][0]: "paper" in weights, ABSENT[3][0]: "denoise" in weights, ABSENT[4][0]: material}
     found = [(title, why) for title, why in ABSENT if not there.get(title)]
     found += [(KINDS[sweep].title, "left out by the config or by --sweeps") for sweep in SWEEP_NAMES
