@@ -49,7 +49,7 @@ class Ability:
 
 ABILITIES = (
     Ability("raw", "Raw xyz points", "every plain cloud, given as bare xyz, gives a picture"),
-    Ability("normals", "Handles points without normals", "no step of it estimates or orients normals of the cloud"),
+    Ability("normals", "Handles points without normals", "no step of it solves for oriented normals"),
     Ability("unseen", "Generalizes to unseen objects", "object PSNR of the plain case is 18 dB or more on every mesh"),
     Ability("inner", "Robust to internal points", "most inner points cost 1 dB of object PSNR or less"),
     Ability("points", "Robust to number of points", "object PSNR at 1,000 to 20,000 points stays within 4 dB"),
@@ -86,8 +86,9 @@ def _normals(findings: Findings, method: str, is_weights: bool) -> Verdict:
     if not rows:
         return Verdict(None, "not measured")
     needs = any("normals" in row.get("steps", {}) for row in rows)
-    inside = "; unoriented planes of neighbours shade its buffers" if is_weights else ""
-    return Verdict(not needs, ("a step of it is normals" if needs else "no such step") + inside)
+    planes = is_weights or any("planes" in row.get("steps", {}) for row in rows)
+    inside = "; planes through neighbours, not oriented" if planes and not needs else ""
+    return Verdict(not needs, ("a step of it orients normals" if needs else "no such step") + inside)
 
 
 def _unseen(findings: Findings, method: str, is_weights: bool) -> Verdict:

@@ -18,8 +18,8 @@ PAPER_TABLE_2 = {
 PAPER_TABLE_3 = {"poisson": (2.76, 10.63, 10.53, 23.92), "bpa": (2.76, 1.03, 10.06, 13.85)}
 """Baseline -> seconds for normals, reconstruction and render, and in all."""
 WORTH = ("rank_correlation", "area", "best_area", "gain")
-ALIKE = 0.5
-"""Least share of the best possible gain that a map of doubt needs to earn its place."""
+LEAST_GAIN, MARGIN = 0.5, 0.1
+"""What a map of doubt needs to earn its place: a share of the best possible gain, and how much more than a free map."""
 
 
 @dataclass(frozen=True)
@@ -103,9 +103,10 @@ def reconstruction_times_table(times: Mapping[str, Any]) -> Table:
         if "error" in told:
             rows.append((name, "-", "-", "-", "-", told["error"]))
             continue
-        normals = told["steps"].get("normals")
+        normals = told["steps"].get("normals", told["steps"].get("planes"))
         rest = told["whole"] - (normals or 0.0)
-        others = ", ".join(f"{step} {taken:.2f}" for step, taken in told["steps"].items() if step != "normals")
+        rest_of = {step: taken for step, taken in told["steps"].items() if step not in ("normals", "planes")}
+        others = ", ".join(f"{step} {taken:.2f}" for step, taken in rest_of.items())
         rows.append((name, "-" if normals is None else f"{normals:.2f}", f"{rest:.2f}",
                      f"{told['render']:.2f}" if told["render"] else "-", f"{told['total']:.2f}", others))
     for name, own in PAPER_TABLE_3.items():
@@ -125,7 +126,7 @@ def trust_table(told: Sequence[Mapping[str, Any]]) -> tuple[Table, str]:
             rows.append((method, name, *(_cell(values, None) for values in held.values()), str(len(rows_of))))
     head = ("weights", "map", "rank correlation", "area under sparsification", "best area", "share of the best gain",
             "rows")  # fmt: skip
-    note = ("Inside the object's box. Area: mean error left, over the whole, as the most doubted pixels go; 1 for a "
+    note = ("On the object. Area: mean error left, over the whole, as the most doubted pixels go; 1 for a "
             "map that knows nothing. Gain: share of the way from 1 to the best area.")
     table = Table("Maps of doubt", head, tuple(rows), note)
     return table, _trusted(gains)
@@ -137,10 +138,10 @@ def _trusted(gains: Mapping[tuple[str, str], float]) -> str:
         own = gains[method, "disagreement"]
         rival, most = max(((name, gain) for (one, name), gain in gains.items() if one == method and
                            name != "disagreement"), key=lambda pair: pair[1])  # fmt: skip
-        earns = own >= ALIKE and own > most
+        earns = own >= LEAST_GAIN and own >= most + MARGIN
         said.append(f"{method}: disagreement gains {own:.0%} of what a perfect map would, the best map that costs "
-                    f"nothing ({rival}) {most:.0%}: it {'earns' if earns else 'does not earn'} its place (bound: "
-                    f"{ALIKE:.0%} and more than the others).")  # fmt: skip
+                    f"nothing ({rival}) {most:.0%}: it {'earns' if earns else 'does not earn'} its place (bounds: "
+                    f"{LEAST_GAIN:.0%}, and {MARGIN:.0%} more than a free map).")  # fmt: skip
     return " ".join(said)
 
 

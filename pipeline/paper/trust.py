@@ -16,7 +16,6 @@ from pipeline.paper.references import references
 from pipeline.paper.sweeps import Case, Subject, sweep_cases
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite
-from z2p_core.metrics import object_box
 from z2p_core.report_config import ReportConfig
 
 TRUST = "trust.json"
@@ -54,12 +53,13 @@ def measure_trust(
         error = np.abs(picture - composite(truth, WHITE)).mean(-1)
         maps = {"disagreement": disagreement(method, case, config), "edges": _edges(picture),
                 "sparseness": _sparseness(case, config.resolution)}  # fmt: skip
-        box = object_box(coverage)
-        rows.append({"view": case.view, "maps": {name: worth(found[box], error[box]) for name, found in maps.items()}})
+        shown = coverage > 0  # around it nothing is easier than to be sure
+        worths = {name: worth(found[shown], error[shown]) for name, found in maps.items()}
+        rows.append({"view": case.view, "maps": worths})
         if index == 0:
-            for name, shown in {"picture": picture, "error": SHOWN * error, **{
+            for name, drawing in {"picture": picture, "error": SHOWN * error, **{
                 "disagreement": SHOWN * maps["disagreement"]}}.items():  # fmt: skip
-                Image.fromarray(bytes_from_unit(shown)).save(out / f"{name}.png")
+                Image.fromarray(bytes_from_unit(drawing)).save(out / f"{name}.png")
         log(f"trust {subject.name} {method.name}: rank correlation "
             f"{rows[-1]['maps']['disagreement']['rank_correlation']:.2f}")  # fmt: skip
     path = out / TRUST
@@ -81,7 +81,7 @@ def disagreement(method: Method, case: Case, config: ReportConfig) -> np.ndarray
 
 
 def worth(predicted: np.ndarray, error: np.ndarray) -> dict[str, float]:
-    """What a map (H, W) of doubt is worth against the true error (H, W).
+    """What a map of doubt is worth against the true error, both (N,) or (H, W).
 
     ``rank_correlation`` is Spearman's. ``area`` lies under the sparsification curve: the error of what is left, over
     the error of all, as the most doubted pixels are taken away; 1 for a map that knows nothing. ``best_area`` is that

@@ -27,7 +27,7 @@ class Splats(Baseline):
         if len(cloud) <= NEIGHBOURS:
             raise ScanError(f"splats need more than {NEIGHBOURS} points, got {len(cloud)}; give a denser cloud")
         points = np.ascontiguousarray(cloud, dtype=np.float64)
-        with self.timed("normals"):
+        with self.timed("planes"):
             first, second, spacing = _tangents(points)
         if not spacing.max() > 0:
             raise ScanError(f"expected points on a surface, got {len(cloud)} at one place")

@@ -93,7 +93,7 @@ def _openness(depth: np.ndarray, camera: Camera, reach: int) -> np.ndarray:
 def _filled(depth: np.ndarray, reach: int, spacing: float, step: float) -> np.ndarray:
     """The depth with gaps of about `reach` pixels closed, smoothed within `step`; infinity beyond the outline."""
     valid = np.isfinite(depth)
-    inside = ~_spread(~_spread(valid, reach // 2 + 1), reach // 2 + 1)
+    inside = ~_spread(~_spread(valid, reach // 2 + 1), reach // 2 + 1, True)
     filled = depth
     for _ in range(4 * reach):
         wanted = inside & ~np.isfinite(filled)
@@ -150,14 +150,14 @@ def _slope(places: np.ndarray, inside: np.ndarray, down: int, right: int) -> np.
     return np.where(use_ahead[..., None], ahead, np.where(known_behind[..., None], behind, 0))
 
 
-def _spread(mask: np.ndarray, radius: int) -> np.ndarray:
-    """Mask (H, W) grown by a square of that radius."""
+def _spread(mask: np.ndarray, radius: int, beyond: bool = False) -> np.ndarray:
+    """Mask (H, W) grown by a square of that radius; `beyond` says whether it holds outside of the picture."""
     grown = mask.copy()
     for step in range(1, radius + 1):
-        grown |= _moved(mask, 0, step, False) | _moved(mask, 0, -step, False)
+        grown |= _moved(mask, 0, step, beyond) | _moved(mask, 0, -step, beyond)
     rows = grown.copy()
     for step in range(1, radius + 1):
-        grown |= _moved(rows, step, 0, False) | _moved(rows, -step, 0, False)
+        grown |= _moved(rows, step, 0, beyond) | _moved(rows, -step, 0, beyond)
     return grown
 
 

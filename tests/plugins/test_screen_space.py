@@ -28,6 +28,13 @@ def inside(share: float) -> np.ndarray:
     return np.hypot(row - 48, column - 48) < share * CAMERA.focal * 0.6 / 3.55
 
 
+def test_nothing_reaches_out_to_the_pictures_edge() -> None:
+    """Closing gaps must not draw a line from the object to a border that it is near."""
+    alpha = paint(ball(300, radius=0.95))[..., 3]
+    border = np.concatenate([alpha[:3].ravel(), alpha[-3:].ravel(), alpha[:, :3].ravel(), alpha[:, -3:].ravel()])
+    assert border.max() == 0 and alpha.mean() > 0.3
+
+
 @pytest.mark.parametrize(("count", "closed"), [(600, 0.9), (2000, 0.97), (20_000, 0.99)])
 def test_a_ball_is_closed_and_ends_at_its_outline(count: int, closed: float) -> None:
     alpha = paint(ball(count))[..., 3]
