@@ -137,7 +137,7 @@ def test_the_default_plan_covers_the_papers_evaluation(tmp_path: Path) -> None:
     assert [method.name for method in found.methods] == methods
 
 
-@pytest.mark.parametrize("name", ["report.toml", "report-quick.toml", "report-tiny.toml"])
+@pytest.mark.parametrize("name", sorted(path.name for path in CONFIGS.glob("report*.toml")))
 def test_the_configs_can_be_planned(name: str) -> None:
     assert "report" in load_report_plan(report_source(str(CONFIGS / name), "", "", "", "")).steps
 
