@@ -1,4 +1,7 @@
-"""What baselines make of the same clouds: meshes, rendered by Cycles in the ground truth's place, light and floor."""
+"""What others make of the same clouds, in the ground truth's place, light and floor.
+
+A baseline makes a mesh, which Cycles renders; a painter draws the picture itself.
+"""
 
 from __future__ import annotations
 
@@ -6,22 +9,30 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from PIL import Image
 
 from pipeline.render import RenderError, RenderSettings, read_render, render_mesh
 from storage.fingerprints import fingerprint, plugin_fields, stage_fields
 from storage.meshes import Mesh
 from z2p_core import registry
+from z2p_core.camera import Camera
+from z2p_core.images import bytes_from_unit
 from z2p_core.interfaces import ScanError
 from z2p_core.scene import SceneDescription
 
 if TYPE_CHECKING:
-    from z2p_core.interfaces import Baseline
+    from z2p_core.interfaces import Painter
+
+Rival = Any
+"""A class of `Baseline` or of `Painter`."""
+Job = tuple[str, SceneDescription]
+Log = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -29,58 +40,75 @@ class Rebuilt:
     """A baseline's picture of a cloud.
 
     `picture` (H, W, 4) float32 is straight sRGB RGBA in [0, 1], all 0 where there is an `error`: what the baseline said
-    of a cloud that it could not use. The seconds are those of the reconstruction and of Blender, its start included.
+    of a cloud that it could not use. The seconds are those of the reconstruction, step by step in `steps` where the
+    baseline tells them, and of Blender, its start included; one mesh's scenes share theirs evenly.
     """
 
     picture: np.ndarray
     seconds: float | None
     render_seconds: float | None
     error: str = ""
+    steps: Mapping[str, float] = field(default_factory=dict)
 
 
-def load_baselines(names: Sequence[str]) -> dict[str, type[Baseline]]:
-    """Baseline classes by name, in the order given.
+def load_baselines(names: Sequence[str]) -> dict[str, Rival]:
+    """Baseline and painter classes by name, in the order given.
 
     Raises:
         PluginError: one is unknown or broken.
     """
-    return {name: registry.load("baselines", name) for name in names}
+    painters = registry.names("painters")
+    return {name: registry.load("painters" if name in painters else "baselines", name) for name in names}
 
 
 def rebuild(
-    baseline: type[Baseline],
+    baseline: Rival,
     cloud: np.ndarray,
     cloud_fields: Mapping[str, Any],
     rng: np.random.Generator,
     scene: SceneDescription,
     settings: RenderSettings,
     root: Path,
-    log: Callable[[str], None] = lambda line: None,
+    log: Log = lambda line: None,
 ) -> Rebuilt:
-    """Picture of a normalised cloud (N, 3) in a scene, whose `floor` is the true mesh's.
+    """Picture of a normalised cloud in one scene; see `rebuild_scenes`."""
+    return rebuild_scenes(baseline, cloud, cloud_fields, rng, [scene], settings, root, log)[0]
 
-    Kept under `root`, as the ground truth is, by all that shapes it; `cloud_fields` are what shapes the cloud.
+
+def rebuild_scenes(
+    rival: Rival,
+    cloud: np.ndarray,
+    cloud_fields: Mapping[str, Any],
+    rng: np.random.Generator,
+    scenes: Sequence[SceneDescription],
+    settings: RenderSettings,
+    root: Path,
+    log: Log = lambda line: None,
+) -> list[Rebuilt]:
+    """Pictures of a normalised cloud (N, 3) in scenes, whose `floor` is the true mesh's.
+
+    Kept under `root`, as the ground truth is, by all that shapes them; `cloud_fields` are what shapes the cloud. A
+    cloud is reconstructed once for all scenes that are missing, and once a viewpoint where the baseline asks for it.
 
     Raises:
         PluginError: the baseline breaks its contract.
         RenderError: Blender failed, or a kept render is damaged.
     """
     parameters = {name: value for name, value in asdict(settings).items() if name != "threads"}
-    fields = stage_fields("render") | {"baseline": plugin_fields(baseline), "parameters": parameters}
+    fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": parameters}
     folder = root / fingerprint(fields)[:32]
-    stem = fingerprint({"cloud": cloud_fields, "scene": scene.to_json()})[:32]
-    record = folder / f"{stem}.json"
-    if not record.exists():
+    stems = [fingerprint({"cloud": cloud_fields, "scene": scene.to_json()})[:32] for scene in scenes]
+    missing = {stem: scene for stem, scene in zip(stems, scenes, strict=True) if not (folder / f"{stem}.json").exists()}
+    for jobs in _by_mesh(rival, list(missing.items())):
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / f"{stem}.png").unlink(missing_ok=True)  # cut off before its times were written
-        told = _reconstruct_and_render(baseline, cloud, rng, (stem, scene), folder, settings, log)
-        temporary = folder / f".{stem}.json"
-        temporary.write_text(json.dumps(told), encoding="utf-8")
-        temporary.replace(record)
-    told = _read_record(record)
-    shape = (settings.resolution[1], settings.resolution[0], 4)
-    picture = np.zeros(shape, np.float32) if told["error"] else read_render(folder / f"{stem}.png", shape)
-    return Rebuilt(picture, told["seconds"], told["render_seconds"], told["error"])
+        for stem, _ in jobs:
+            (folder / f"{stem}.png").unlink(missing_ok=True)  # cut off before its times were written
+        told = _made(rival, cloud, rng, jobs, folder, settings, log)
+        for stem, _ in jobs:
+            temporary = folder / f".{stem}.json"
+            temporary.write_text(json.dumps(told), encoding="utf-8")
+            temporary.replace(folder / f"{stem}.json")
+    return [_kept(folder, stem, settings) for stem in stems]
 
 
 def on_true_floor(scene: SceneDescription, vertices: np.ndarray) -> SceneDescription:
@@ -89,37 +117,96 @@ def on_true_floor(scene: SceneDescription, vertices: np.ndarray) -> SceneDescrip
     return replace(scene, floor=lowest)
 
 
-def _reconstruct_and_render(
-    baseline: type[Baseline],
+def viewer_of(scene: SceneDescription) -> np.ndarray:
+    """Place (3,) of the scene's camera in the axes of the cloud before it is turned and lifted."""
+    position = Camera(1, 1, scene.elevation).position - (0.0, 0.0, scene.lift)
+    viewer: np.ndarray = np.array(scene.rotation).T @ position
+    return viewer
+
+
+def _by_mesh(rival: Rival, jobs: list[Job]) -> list[list[Job]]:
+    """The jobs in groups that one reconstruction serves; a painter needs none, and has each alone."""
+    if not hasattr(rival, "reconstruct"):
+        return [[job] for job in jobs]
+    groups: dict[Any, list[Job]] = {}
+    for stem, scene in jobs:
+        viewer = tuple(np.round(viewer_of(scene), 9)) if rival.for_view else None
+        groups.setdefault(viewer, []).append((stem, scene))
+    return list(groups.values())
+
+
+def _made(
+    rival: Rival,
     cloud: np.ndarray,
     rng: np.random.Generator,
-    job: tuple[str, SceneDescription],
+    jobs: list[Job],
     folder: Path,
     settings: RenderSettings,
-    log: Callable[[str], None],
+    log: Log,
 ) -> dict[str, Any]:
-    """What is kept beside the picture: times, and the error of a baseline that made none."""
-    _warm_up(baseline)
+    """What is kept beside the pictures: times, and the error of a baseline that made none."""
+    _warm_up(rival)
+    maker = rival()
     started = time.perf_counter()
     try:
-        vertices, faces = baseline().reconstruct(cloud, rng)
+        if not hasattr(maker, "reconstruct"):
+            _save(_painted(maker, cloud, jobs[0][1], settings), folder / f"{jobs[0][0]}.png")
+            return _record(maker, time.perf_counter() - started, 0.0)
+        vertices, faces = maker.reconstruct_for(cloud, viewer_of(jobs[0][1]), rng)
     except ScanError as error:
-        log(f"{baseline.name}: {error}; an empty picture counts")
-        return {"seconds": None, "render_seconds": None, "error": str(error)}
+        log(f"{rival.name}: {error}; an empty picture counts")
+        return {"seconds": None, "render_seconds": None, "error": str(error), "steps": {}}
     seconds = time.perf_counter() - started
-    _check(baseline.name, vertices, faces)
+    _check(rival.name, vertices, faces)
     started = time.perf_counter()
-    render_mesh(Mesh(vertices, faces, smooth=True), [job], folder, settings, name=baseline.name)
-    rendered = time.perf_counter() - started
-    return {"seconds": round(seconds, 4), "render_seconds": round(rendered, 4), "error": ""}
+    render_mesh(Mesh(vertices, faces, smooth=True), jobs, folder, settings, name=rival.name)
+    return _record(maker, seconds, (time.perf_counter() - started) / len(jobs))
+
+
+def _record(maker: Any, seconds: float, render_seconds: float) -> dict[str, Any]:
+    steps = {step: round(taken, 4) for step, taken in maker.seconds.items()}
+    return {"seconds": round(seconds, 4), "render_seconds": round(render_seconds, 4), "error": "", "steps": steps}
+
+
+def _painted(painter: Painter, cloud: np.ndarray, scene: SceneDescription, settings: RenderSettings) -> np.ndarray:
+    """Picture (H, W, 4) uint8.
+
+    Raises:
+        PluginError: the painter breaks its contract.
+    """
+    width, height = settings.resolution
+    placed = cloud.astype(np.float64) @ np.array(scene.rotation).T + (0.0, 0.0, scene.lift)
+    picture = painter.paint(placed.astype(np.float32), Camera(width, height, scene.elevation), scene)
+    if picture.shape != (height, width, 4) or not (picture.min() >= 0 and picture.max() <= 1):
+        raise registry.PluginError(f"painter {painter.name!r}: expected ({height}, {width}, 4) in [0, 1], "
+                                   f"got {picture.shape} from {picture.min():g} to {picture.max():g}")
+    return bytes_from_unit(picture)
+
+
+def _save(picture: np.ndarray, path: Path) -> None:
+    temporary = path.with_name(f".{path.name}")
+    Image.fromarray(picture).save(temporary, format="PNG")
+    temporary.replace(path)
+
+
+def _kept(folder: Path, stem: str, settings: RenderSettings) -> Rebuilt:
+    told = _read_record(folder / f"{stem}.json")
+    shape = (settings.resolution[1], settings.resolution[0], 4)
+    picture = np.zeros(shape, np.float32) if told["error"] else read_render(folder / f"{stem}.png", shape)
+    return Rebuilt(picture, told["seconds"], told["render_seconds"], told["error"], told["steps"])
 
 
 @cache
-def _warm_up(baseline: type[Baseline]) -> None:
+def _warm_up(rival: Rival) -> None:
     """Nothing: a small cloud goes through first, so that no cloud's time holds the import of libraries."""
     points = np.random.default_rng(0).normal(size=(200, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    maker = rival()
     with suppress(ScanError):  # told when a cloud that counts is refused
-        baseline().reconstruct(points / np.linalg.norm(points, axis=1, keepdims=True), np.random.default_rng(0))
+        if hasattr(maker, "reconstruct"):
+            maker.reconstruct(points, np.random.default_rng(0))
+        else:
+            maker.paint(points.astype(np.float32), Camera(32, 32), SceneDescription())
 
 
 def _check(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:
@@ -134,6 +221,6 @@ def _check(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:
 def _read_record(path: Path) -> dict[str, Any]:
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
-        return {name: told[name] for name in ("seconds", "render_seconds", "error")}
+        return {name: told[name] for name in ("seconds", "render_seconds", "error")} | {"steps": told.get("steps", {})}
     except (ValueError, KeyError, TypeError) as error:
         raise RenderError(f"{path}: not a readable record ({error}); delete it to render again") from error

@@ -18,6 +18,7 @@ COMMANDS = {
     "rerender": ("pipeline.commands.figures:rerender", "Draw a picture again with something changed."),
     "info": ("pipeline.commands.figures:info", "Show what made a picture."),
     "evaluate": ("pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
+    "report-paper": ("pipeline.commands.report_paper:report_paper", "Make the paper's evaluation, as one page."),
     "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
     "status": ("pipeline.commands.workspace:status", "Say which stages are fresh, stale or missing, and why."),
     "verify": ("pipeline.commands.workspace:verify", "Compare every stored result with its digests."),

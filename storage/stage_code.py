@@ -26,6 +26,13 @@ _NETWORK = (
     "z2p_core.camera", "z2p_core.scene", *_KERNELS,
 )
 
+_CASES = (
+    *(f"pipeline.paper.{name}" for name in ("sweeps", "clouds", "made", "references", "methods")), "pipeline.baselines",
+    *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer", "pipeline.engines",
+    "pipeline.sample:draw_cloud", "pipeline.truth", "pipeline.views", "pipeline.shapes", "storage.exports",
+    "z2p_core.framing:UP_AXES", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
+)
+
 SHAPING: dict[str, tuple[str, ...]] = {
     "shapes": (
         "workflows.stages:Shapes", "pipeline.shapes", "pipeline.render:export_suzanne", "pipeline.render:_run_blender",
@@ -52,6 +59,23 @@ SHAPING: dict[str, tuple[str, ...]] = {
         "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),
     "reference": ("pipeline.truth", "z2p_core.scene", *_PICTURES),
+    "measure": (
+        "workflows.report_stages:Measure", "pipeline.paper.measure", "z2p_core.metrics", *_CASES,
+    ),
+    "scans": (
+        "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
+        "pipeline.placing", "storage.clouds", "storage.incoming", "z2p_core.framing", "z2p_core.foreground",
+        "z2p_core.viewpoint", "z2p_core.standing", *_CASES,
+    ),
+    "times": ("workflows.report_stages:Times", "pipeline.paper.times", *_CASES),
+    "trust": ("workflows.report_stages:Trust", "pipeline.paper.trust", "pipeline.paper.measure",
+              "z2p_core.metrics", *_CASES),
+    "report": (
+        "workflows.report_stages:Report",
+        *(f"pipeline.paper.{name}" for name in ("report", "abilities", "findings", "kinds", "lead", "plots", "tables")),
+        *(f"pipeline.paper.methods:{name}" for name in ("Method", "BASELINE", "TRUTH", "WEIGHTS")),
+        "pipeline.paper.measure:ROWS", "pipeline.paper.times:TIMES", "pipeline.paper.trust:TRUST",
+    ),
 }
 """Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
 
@@ -66,6 +90,11 @@ NOT_SHAPING: dict[str, str] = {
     "workflows.tasks": "what all tasks share: where files lie, not what is in them",
     "workflows.task_log": "tells how a task is doing",
     "workflows.known_views": "copies renders whose fields and digests are the very same",
+    "z2p_core.report_config": "the values that a stage gets are in its fingerprint",
+    "workflows.report_task": "what the report's tasks share: where files lie, not what is in them",
+    "plugins.baselines.normals": "in the digests of the plugins that use it",
+    "storage.memory": "refuses what does not fit, and changes nothing of what does",
+    "storage.pictures": "writes a report's files as they are given",
     "z2p_core.viewpoint": "turns users' clouds; the pipeline's views are drawn",
     "z2p_core.framing": "frames users' clouds; the pipeline's are framed by their mesh",
 }
@@ -82,6 +111,11 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "train": ("numpy", "torch", "onnx", "onnxruntime"),
     "evaluate": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
     "reference": ("numpy", "trimesh", "bpy"),
+    "measure": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
+    "scans": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
+    "times": ("numpy", "trimesh", "bpy", "torch", "onnxruntime"),
+    "trust": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
+    "report": ("numpy",),
 }
 """Stage -> the declared packages whose versions shape its result."""
 

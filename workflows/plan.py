@@ -6,10 +6,10 @@ and compared with what a store holds.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from pipeline.engines import REFERENCE_ENGINE
 from storage.checkpoints import WeightsError, resolve
@@ -52,6 +52,26 @@ class Step:
         return self.entry.name
 
 
+class Named(Protocol):
+    """A configuration of any plan."""
+
+    @property
+    def name(self) -> str:
+        """What its results are kept under."""
+
+
+class Planned(Protocol):
+    """What any plan is to those that keep its results and tell how it is doing."""
+
+    @property
+    def config(self) -> Named:
+        """What it was made of."""
+
+    @property
+    def steps(self) -> Mapping[str, Step]:
+        """All steps by name, upstream first."""
+
+
 @dataclass(frozen=True)
 class Plan:
     """All steps by name, upstream first, and what they work on."""
@@ -72,10 +92,10 @@ def make_plan(config: PipelineConfig) -> Plan:
         PluginError: a plugin that the config names is unknown or broken.
     """
     _check(config)
-    training, warnings = _distinct(_meshes(config.meshes, kept_aside=False))
+    training, warnings = distinct(_meshes(config.meshes, kept_aside=False))
     evaluation = training
     if config.evaluate_meshes or config.meshes == "builtin":
-        evaluation, repeated = _distinct(_meshes(config.evaluate_meshes or "builtin", kept_aside=True))
+        evaluation, repeated = distinct(_meshes(config.evaluate_meshes or "builtin", kept_aside=True))
         warnings += repeated
     else:
         warnings += ["no meshes kept aside for evaluation (--evaluate-meshes): the metrics are taken on the training "
@@ -92,7 +112,7 @@ def assemble(
     """Plan of a config and meshes whose identities are known; no file but the plugins' source is read."""
     steps: list[Step] = []
     if any(mesh.path is None for mesh in [*training, *evaluation]):
-        steps.append(Step(Entry("shapes", "shapes", _shapes_fields())))
+        steps.append(Step(Entry("shapes", "shapes", shapes_fields())))
     shards = []
     for mesh in training:
         chain = _mesh_chain(config, mesh)
@@ -131,7 +151,7 @@ def _mesh_chain(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
     return [pool, *chunks, Step(Entry("shard", f"shard/{mesh.name}", shard, where), upstream, mesh)]
 
 
-def _shapes_fields() -> dict[str, Any]:
+def shapes_fields() -> dict[str, Any]:
     from pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
 
     return stage_fields("shapes") | {"shapes": sorted([*TRAINING_SHAPES, *VALIDATION_SHAPES])}
@@ -218,7 +238,7 @@ def meshes_in(folder: Path) -> list[MeshInput]:
     return [MeshInput(name, file_digest(path), path.absolute()) for name, path in find_meshes(folder).items()]
 
 
-def _distinct(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:
+def distinct(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:
     """The meshes without repeated contents, and a warning for each that was left out."""
     found: dict[str, MeshInput] = {}
     warnings = []

@@ -16,7 +16,7 @@ from pathlib import Path
 import luigi.configuration
 
 from storage.layout import Store
-from workflows.plan import Plan, Step
+from workflows.plan import Planned, Step
 from workflows.running import Registration
 from workflows.task_log import last_lines, say
 
@@ -26,7 +26,7 @@ IDLE_SECONDS = 60.0
 _watched: set[tuple[int, Path]] = set()
 
 
-def watch(store: Store, plan: Plan, source: str) -> None:
+def watch(store: Store, plan: Planned, source: str) -> None:
     """Note the pipeline as running and begin to tell how it is doing; once a process, and not in luigi's children."""
     if multiprocessing.parent_process() is not None or (os.getpid(), store.root) in _watched:
         return

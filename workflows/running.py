@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from storage.layout import Store
-from workflows.plan import Plan
+from workflows.plan import Planned
 
 SILENT_SECONDS = 600.0
 """A pipeline of another machine counts as dead when it has been silent for so long."""
@@ -29,7 +29,7 @@ SILENT_SECONDS = 600.0
 class Registration:
     """A pipeline's note of the results that it uses; it goes when the process ends."""
 
-    def __init__(self, store: Store, plan: Plan, source: str) -> None:
+    def __init__(self, store: Store, plan: Planned, source: str) -> None:
         note = _note(store, plan, source)
         self._process = os.getpid()
         with gate(store, shared=True):
@@ -51,7 +51,7 @@ class Registration:
             self._file.close()
 
 
-def keep(store: Store, plan: Plan, source: str) -> None:
+def keep(store: Store, plan: Planned, source: str) -> None:
     """Note the plan's results as those of its configuration, in place of an earlier run's."""
     _write(store.root / ".kept" / f"{plan.config.name}.json", _note(store, plan, source))
 
@@ -86,7 +86,7 @@ def gate(store: Store, *, shared: bool) -> Iterator[None]:
         yield
 
 
-def _note(store: Store, plan: Plan, source: str) -> dict[str, Any]:
+def _note(store: Store, plan: Planned, source: str) -> dict[str, Any]:
     folders = [store.folder(step.entry).relative_to(store.root).as_posix() for step in plan.steps.values()]
     return {"name": plan.config.name, "host": os.uname().nodename, "source": json.loads(source),
             "results": sorted(folders)}  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import shutil
 import time
+from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -42,8 +43,13 @@ class StageTask(luigi.Task):
         return load_plan(self.source)
 
     @property
+    def steps(self) -> dict[str, Step]:
+        """All steps that the task's own is one of."""
+        return load_steps(self.source)
+
+    @property
     def step(self) -> Step:
-        step = self.plan.steps.get(self.step_name)
+        step = self.steps.get(self.step_name)
         if step is None or step.entry.fingerprint != self.fingerprint:
             raise ConfigError(f"{self.step_name}: config, meshes, plugins or code changed since the pipeline started; "
                               "start it again")
@@ -59,7 +65,7 @@ class StageTask(luigi.Task):
         return self.store.log(self.step.entry)
 
     def requires(self) -> list[StageTask]:
-        return [task_of(self.plan.steps[name], self.source, self.workspace) for name in self.step.upstream]
+        return [task_of(self.steps[name], self.source, self.workspace) for name in self.step.upstream]
 
     def complete(self) -> bool:
         return self.store.complete(self.step.entry)
@@ -122,7 +128,7 @@ class StageTask(luigi.Task):
 
     def upstream_folders(self, stage: str) -> list[Path]:
         """Result folders of the upstream steps of a stage, in the plan's order."""
-        entries = [self.plan.steps[name].entry for name in self.step.upstream]
+        entries = [self.steps[name].entry for name in self.step.upstream]
         return [self.store.folder(entry) for entry in entries if entry.stage == stage]
 
     def mesh_path(self, mesh: MeshInput | None = None) -> Path:
@@ -141,10 +147,16 @@ class StageTask(luigi.Task):
 
 def task_of(step: Step, source: str, workspace: str) -> StageTask:
     """The task that makes a step's result."""
-    kinds: dict[str, type[StageTask]] = {kind.stage: kind for kind in StageTask.__subclasses__()}
+    kinds: dict[str, type[StageTask]] = {kind.stage: kind for kind in _kinds(StageTask)}
     return kinds[step.entry.stage](
         step_name=step.name, fingerprint=step.entry.fingerprint, workspace=workspace, source=source
     )
+
+
+def _kinds(kind: type[StageTask]) -> Iterator[type[StageTask]]:
+    for below in kind.__subclasses__():
+        yield below
+        yield from _kinds(below)
 
 
 def source_of(config: str, meshes: str, evaluate_meshes: str) -> str:
@@ -179,6 +191,15 @@ def load_plan(source: str) -> Plan:
     for warning in plan.warnings:
         say(f"warning: {warning}")
     return plan
+
+
+def load_steps(source: str) -> dict[str, Step]:
+    """Steps of a `source_of`, or of a `workflows.report_plan.report_source`."""
+    if "report" in json.loads(source):
+        from workflows.report_plan import load_report_plan  # late: it builds on this module's neighbours
+
+        return dict(load_report_plan(source).steps)
+    return load_plan(source).steps
 
 
 def tell_failure(task: StageTask, reason: str, users_error: bool = False) -> None:

@@ -13,6 +13,7 @@ entry-point group              subclass               example
 ``z2p.samplers``               `Sampler`              farthest-point sampling of a mesh
 ``z2p.readers``                `Reader`               a point-cloud file format
 ``z2p.baselines``              `Baseline`             ball pivoting, to compare pictures with
+``z2p.painters``               `Painter`              depth filled in on the screen, to compare with as well
 =============================  =====================  ===========================================
 
 Every plugin has a ``name`` (that of its entry point) and a ``version``: raise the version whenever its results change.
@@ -29,6 +30,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from z2p_core.baseline import Baseline as Baseline
+from z2p_core.baseline import Painter as Painter
 from z2p_core.engine import Engine as Engine
 from z2p_core.engine import TrainedNetwork as TrainedNetwork
 from z2p_core.scene import SceneDescription
@@ -213,23 +216,6 @@ class Sampler(ABC):
         self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator
     ) -> np.ndarray:
         """Exactly `count` points (count, 3) float64 on the triangles faces (M, 3) int of vertices (V, 3) float64."""
-
-
-class Baseline(ABC):
-    """Turns a bare cloud into a mesh, which Blender renders: what evaluation compares z2p with."""
-
-    name: ClassVar[str]
-    version: ClassVar[str]
-
-    @abstractmethod
-    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (V, 3) float64 and triangles (M, 3) int, M >= 1, of a cloud (N, 3) float in world units.
-
-        The cloud has neither normals nor colours and lies in the unit sphere; so does the mesh, in the same place.
-
-        Raises:
-            ScanError: no mesh can be made of this cloud; evaluation then counts an empty picture and goes on.
-        """
 
 
 @dataclass(frozen=True)

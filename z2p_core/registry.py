@@ -16,6 +16,7 @@ GROUPS = {
     "samplers": "Sampler",
     "readers": "Reader",
     "baselines": "Baseline",
+    "painters": "Painter",
 }
 """Short group name -> interface class in `z2p_core.interfaces`. The entry-point group is ``z2p.<short name>``."""
 

@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
+from z2p_core.baseline_contract import check_baseline as check_baseline
+from z2p_core.baseline_contract import check_painter as check_painter
 from z2p_core.camera import Camera
 from z2p_core.engine_contract import check_engine as check_engine
 from z2p_core.expectations import check_array, check_class, expect, plain_json, refuses, same
 from z2p_core.interfaces import (
-    Baseline,
     Control,
     GBuffer,
     PositionalEncoder,
@@ -151,33 +152,6 @@ def check_sampler(sampler_class: type[Sampler]) -> None:
     same(faces, given[1], f"{name}: the faces given to sample")
     sides = {(axis, sign) for axis in range(3) for sign in (-1, 1) if (sign * points[:, axis] > BOX[axis] - 1e-4).any()}
     expect(len(sides) == 6, f"{name}: {count} points on a box leave {6 - len(sides)} of its sides empty")
-
-
-def check_baseline(baseline_class: type[Baseline]) -> None:
-    """None when the class keeps what `Baseline` promises: a mesh where the cloud is, the same one every time.
-
-    Raises:
-        AssertionError: it does not; the message says what was expected and what came.
-    """
-    check_class("baselines", baseline_class, Baseline)
-    baseline, name = baseline_class(), baseline_class.name
-    directions = np.random.default_rng(0).normal(size=(800, 3))
-    cloud = 0.9 * directions / np.linalg.norm(directions, axis=1, keepdims=True)
-    given = cloud.copy()
-    vertices, faces = baseline.reconstruct(cloud, np.random.default_rng(1))
-    check_array(vertices, (len(vertices), 3), np.float64, f"{name}: vertices")
-    whole = isinstance(faces, np.ndarray) and np.issubdtype(faces.dtype, np.integer)
-    expect(whole and faces.ndim == 2 and faces.shape[1] == 3 and len(faces) > 0,
-           f"{name}: expected triangles (M, 3) int, M >= 1, got {faces!r}")  # fmt: skip
-    known = faces.min() >= 0 and faces.max() < len(vertices)
-    expect(bool(known), f"{name}: triangles use vertices {faces.min()} to {faces.max()}, there are {len(vertices)}")
-    off = np.abs(np.linalg.norm(vertices[faces.ravel()], axis=1) - 0.9).max()
-    expect(off < 0.2, f"{name}: a vertex lies {off:.2g} off the sphere that the cloud is on")
-    again = baseline.reconstruct(cloud, np.random.default_rng(1))
-    same(again[0], vertices, f"{name}: the same cloud and rng, vertices")
-    same(again[1], faces, f"{name}: the same cloud and rng, triangles")
-    same(cloud, given, f"{name}: the cloud given to reconstruct")
-    refuses(lambda: baseline.reconstruct(cloud[:0], np.random.default_rng(1)), ScanError, f"{name}: an empty cloud")
 
 
 def check_reader(reader_class: type[Reader], example_file: Path, broken_file: Path | None = None) -> None:

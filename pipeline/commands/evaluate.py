@@ -54,6 +54,7 @@ def evaluate(
 
     Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
     """
+    from pipeline.baselines import load_baselines
     from storage.checkpoints import resolve
     from storage.meshes import find_meshes
     from z2p_core import registry
@@ -61,8 +62,7 @@ def evaluate(
     if options["elevation"] == "random":
         options["elevation"] = None
     config = EvaluateConfig(**options)
-    for name in baseline:
-        registry.load("baselines", name)
+    load_baselines(baseline)
     registry.load("engines", engine)
     found, file = find_meshes(meshes), resolve(weights)
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]

@@ -25,7 +25,8 @@ class BallPivoting(Baseline):
         """
         import open3d  # late: the pipeline extra
 
-        scan = oriented(cloud)
+        with self.timed("normals"):
+            scan = oriented(cloud)
         spacing = float(np.mean(scan.compute_nearest_neighbor_distance()))
         if spacing == 0:
             raise ScanError(f"expected points apart from each other, got {len(cloud)} that all come twice")

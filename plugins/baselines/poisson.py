@@ -27,7 +27,8 @@ class Poisson(Baseline):
         """
         import open3d  # late: the pipeline extra
 
-        scan = oriented(cloud)
+        with self.timed("normals"):
+            scan = oriented(cloud)
         mesh, densities = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(scan, depth=DEPTH, n_threads=1)
         density: np.ndarray = np.asarray(densities)
         if len(density):

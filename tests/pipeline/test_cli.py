@@ -109,7 +109,8 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
     assert beside[0] == ["z2p", "balls", "bpa"] and beside[1] == ["psnr_white", "26.5000", "-", "-"]
     assert beside[3] == ["render_seconds", "-", "2.0000", "2.0000"]
     unknown = z2p(*words, "--baseline", "bpa,nosuch")
-    assert unknown.exit_code == 2 and "unknown baseline 'nosuch'; installed: balls, bpa, poisson" in unknown.stderr
+    known = "balls, bpa, hpr, poisson, splats"
+    assert unknown.exit_code == 2 and f"unknown baseline 'nosuch'; installed: {known}" in unknown.stderr
     assert z2p(*words, "--engine", "onnxruntime").exit_code == 0 and called[-1][-1] == "onnxruntime"
     assert "unknown engine 'abacus'" in z2p(*words, "--engine", "abacus").stderr
     assert z2p(*words, "--elevation", "90").exit_code == 2

@@ -24,6 +24,7 @@ from z2p_core.testing import (
     check_encoder,
     check_engine,
     check_gbuffer,
+    check_painter,
     check_reader,
     check_sampler,
     check_zbuffer,
@@ -148,6 +149,11 @@ def test_sampler(name: str) -> None:
 @pytest.mark.parametrize("name", registry.names("baselines"))
 def test_baseline(name: str) -> None:
     check_baseline(registry.load("baselines", name))
+
+
+@pytest.mark.parametrize("name", registry.names("painters"))
+def test_painter(name: str) -> None:
+    check_painter(registry.load("painters", name))
 
 
 @pytest.mark.parametrize("name", registry.names("readers"))

@@ -20,6 +20,11 @@ ENTRY = {
     "train": {"workflows.stages:Train", "pipeline.train:train"},
     "reference": {"pipeline.truth:render_references", "pipeline.blender:main"},
     "evaluate": {"workflows.stages:Evaluate", "pipeline.evaluate:evaluate", "pipeline.blender:main"},
+    "measure": {"workflows.report_stages:Measure", "pipeline.paper.measure:measure", "pipeline.blender:main"},
+    "scans": {"workflows.report_stages:Scans", "pipeline.paper.scans:show_scans", "pipeline.blender:main"},
+    "times": {"workflows.report_stages:Times", "pipeline.paper.times:measure_times", "pipeline.blender:main"},
+    "trust": {"workflows.report_stages:Trust", "pipeline.paper.trust:measure_trust", "pipeline.blender:main"},
+    "report": {"workflows.report_stages:Report", "pipeline.paper.report:write_report"},
 }
 """Stage -> its luigi task, the function that this calls, and what its Blender process runs."""
 PLUGINS = {
@@ -28,6 +33,10 @@ PLUGINS = {
     "shard": {"controls"},
     "train": {"zbuffers", "gbuffers", "encoders"},
     "evaluate": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines"},
+    "measure": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters"},
+    "scans": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters"},
+    "times": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters"},
+    "trust": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines"},
 }
 DISTRIBUTIONS = {"trimesh": "trimesh", "bpy": "bpy", "h5py": "h5py", "torch": "torch", "kornia": "kornia",
                  "flip_evaluator": "flip-evaluator", "numpy": "numpy"}  # fmt: skip
@@ -117,6 +126,11 @@ def test_every_excuse_is_needed_and_every_stage_is_told():
     used = {one for stage in SHAPING for part in [*SHAPING[stage], *plugin_modules(stage)] for m, n in
             in_project(needs(part)) for one in (m, f"{stage}/{m}:{n}")}  # fmt: skip
     assert set(NOT_SHAPING) <= used
+
+
+def test_everything_that_is_listed_is_there():
+    for stage in SHAPING:
+        assert all(len(digest) == 64 for digest in stage_fields(stage)["code"].values())
 
 
 def test_code_in_other_languages_is_listed_as_well():

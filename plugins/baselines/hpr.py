@@ -1,0 +1,51 @@
+"""Hidden point removal and the triangles between the points that are left (Katz, Tal, Basri, SIGGRAPH 2007)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from plugins.baselines.normals import arrays
+from z2p_core.camera import Camera
+from z2p_core.interfaces import Baseline, ScanError
+
+FLIP = 360.0
+"""Radius of the sphere that the points are flipped over, in world units: a hundred times the camera's distance."""
+LONGEST = 4.0
+"""Sides of a triangle, in typical sides: longer ones join an outline to what lies behind it."""
+
+
+class VisibleTriangles(Baseline):
+    """What the camera sees of the cloud as triangles; nothing of its far side, so shadows come from the near one."""
+
+    name = "hpr"
+    version = "1"
+    for_view = True
+
+    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """The mesh for the camera at its usual place; see `reconstruct_for`."""
+        return self.reconstruct_for(cloud, Camera(1, 1).position, rng)
+
+    def reconstruct_for(
+        self, cloud: np.ndarray, viewer: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (V, 3) float64, the visible points, and triangles (M, 3) int64 between them.
+
+        Raises:
+            ScanError: too few points, or points in one plane with the viewer.
+        """
+        import open3d  # late: the pipeline extra
+
+        if len(cloud) < 5:
+            raise ScanError(f"hidden point removal needs 5 points or more, got {len(cloud)}; give a denser cloud")
+        scan = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(np.ascontiguousarray(cloud, np.float64)))
+        try:
+            mesh, _ = scan.hidden_point_removal(np.asarray(viewer, np.float64), FLIP)
+        except RuntimeError as error:  # its convex hull refuses points in one plane
+            reason = " ".join(str(error).split())[:160]
+            message = f"the visible points cannot be found ({reason}); expected points that span a volume"
+            raise ScanError(message) from error
+        vertices, faces = arrays(mesh)
+        corners = vertices[faces]
+        longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        kept = longest <= LONGEST * np.median(longest)
+        return vertices, faces[kept]

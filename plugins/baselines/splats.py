@@ -1,0 +1,56 @@
+"""Oriented splats (Zwicker et al., Surface Splatting, 2001) as geometry: a disc at each point, in its tangent plane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.interfaces import Baseline, ScanError
+
+NEIGHBOURS = 12
+RADIUS = 1.3
+"""Of a disc, in spacings (the side of a point's share of the surface): wide enough to leave few holes."""
+CORNERS = 8
+
+
+class Splats(Baseline):
+    """An octagon around every point, in the plane through its neighbours; shaded from both sides, so never oriented."""
+
+    name = "splats"
+    version = "1"
+
+    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (8 N, 3) float64 and triangles (6 N, 3) int64.
+
+        Raises:
+            ScanError: too few points, or points at one place.
+        """
+        if len(cloud) <= NEIGHBOURS:
+            raise ScanError(f"splats need more than {NEIGHBOURS} points, got {len(cloud)}; give a denser cloud")
+        points = np.ascontiguousarray(cloud, dtype=np.float64)
+        with self.timed("planes"):
+            first, second, spacing = _tangents(points)
+        if not spacing.max() > 0:
+            raise ScanError(f"expected points on a surface, got {len(cloud)} at one place")
+        typical = float(np.median(spacing[spacing > 0]))
+        radius = RADIUS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
+        angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
+        rim = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
+        vertices = points[:, None] + radius[:, None, None] * rim
+        fan = np.array([(0, corner, corner + 1) for corner in range(1, CORNERS - 1)])
+        faces = CORNERS * np.arange(len(points))[:, None, None] + fan
+        return vertices.reshape(-1, 3), faces.reshape(-1, 3)
+
+
+def _tangents(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Two unit tangents (N, 3) each and the spacing (N,) of points (N, 3), by their nearest ones."""
+    import open3d  # late: the pipeline extra
+
+    places = open3d.core.Tensor.from_numpy(points)
+    search = open3d.core.nns.NearestNeighborSearch(places)
+    search.knn_index()
+    nearest, squared = (found.numpy() for found in search.knn_search(places, NEIGHBOURS + 1))
+    around = points[nearest]
+    around = around - around.mean(axis=1, keepdims=True)
+    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))  # ascending: the normal comes first
+    spacing = np.sqrt(np.pi * squared[:, -1] / NEIGHBOURS)
+    return axes[:, :, 1], axes[:, :, 2], spacing
