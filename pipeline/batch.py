@@ -54,6 +54,8 @@ class Outcome:
     points: int = 0
     dropped: int = 0
     """Rows left out because they were not finite."""
+    total: int = 0
+    """How many points the file has, if those read only stand for them."""
     stances: list[Stance] = field(default_factory=list)
     """Of each picture that was drawn."""
     viewpoints: list[Viewpoint] = field(default_factory=list)
@@ -199,6 +201,7 @@ def _render_clouds(
     scans = read_clouds(task.scan, columns)
     outcome.points = sum(len(scan.points) for scan in scans)
     outcome.dropped = sum(scan.dropped for scan in scans)
+    outcome.total = sum(scan.total or 0 for scan in scans)
     if len(scans) > 1:
         outcome.outputs = _batch_outputs(task, len(scans), planned)
     faults = []
