@@ -56,7 +56,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="z2p-benchmark-") as folder:
         weights = random_weights(Path(folder)) if options.weights == "random" else Path(options.weights)
         load = os.getloadavg()[0]
-        figures = [*_zbuffers(options), *_networks(options, weights)]
+        figures = [*_zbuffers(options), *_networks(options, weights), *_cuda(weights)]
         figures += [*_baseline(figures), *_whole(options, weights, Path(folder))]
         curves, memory = _curves(options, weights), _peak(options, weights, Path(folder))
     machine = _machine(options, load, memory)
@@ -116,6 +116,22 @@ def _networks(options: Any, weights: Path) -> list[Figure]:
             renderer = Renderer(weights, options.threads, name)
             run = partial(renderer._engine.run, *renderer.inputs(cloud_of(FEW), None, side, side))
             figures.append(measure(f"network, {name}, {side}", run, baseline=f"network, torch, {side}"))
+    return figures
+
+
+def _cuda(weights: Path) -> list[Figure]:
+    """Time on the graphics card, transfers apart, with what its memory's bandwidth allows as a floor."""
+    import torch
+
+    if not torch.cuda.is_available():
+        return []
+    from rivals import cuda_network
+
+    figures = []
+    for side in (256, 512):
+        for batch in (1, 16):
+            run, floor = cuda_network(weights, side, batch)
+            figures.append(measure(f"network, torch on CUDA, {side}, batch {batch}", run, floor=floor))
     return figures
 
 
