@@ -81,13 +81,15 @@ def _outer(points: np.ndarray) -> np.ndarray:
 
     The polygon is that of the farthest points in `DIRECTIONS` directions (after Akl and Toussaint, 1978).
     """
-    if len(points) < 4 * DIRECTIONS:
+    if len(points) < 4 * DIRECTIONS or not np.ptp(points, axis=0).all():
         return points
     angle = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
-    corners = points[(points @ np.stack([np.cos(angle), np.sin(angle)])).argmax(0)]
+    near = points - points[0]  # far from the origin, digits are few
+    corners = near[(near @ np.stack([np.cos(angle), np.sin(angle)])).argmax(0)]
+    corners = corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]  # one may lie farthest in two directions
     edge = np.roll(corners, -1, axis=0) - corners
     normal = np.stack([-edge[:, 1], edge[:, 0]])  # to the left, which is inside
-    beyond = points @ normal - (corners * normal.T).sum(1)
+    beyond = near @ normal - (corners * normal.T).sum(1)
     slack = 1e-9 * np.ptp(points, axis=0).max() * np.abs(normal).max()
     outer: np.ndarray = points[(beyond <= slack).any(axis=1)]
     return outer
