@@ -26,8 +26,9 @@ from curves import draw_curve
 from measure import Figure, clocks, measure, table
 from subjects import cloud_of, random_weights
 
-from pipeline.buffers import draw_buffers
-from pipeline.infer import Renderer, place_cloud
+from pipeline.infer import Renderer
+from pipeline.placing import Placing, place
+from storage.checkpoints import WeightsError
 from storage.clouds import read_clouds
 from storage.pictures import encode
 from z2p_core import registry
@@ -37,8 +38,9 @@ from z2p_core.scene import SceneDescription
 FEW = 5_000
 ZBUFFER_LIMITS = {5_000: 2.0, 1_000_000: 6.0, 10_000_000: 40.0}
 PICTURE_LIMITS = {256: 10.0, 512: 30.0}
-PROCESS_LIMIT, FOLDER_LIMIT, MEMORY_LIMIT = 700.0, 40.0, 600.0
-"""Milliseconds of a process and of a cloud in a folder, and MB."""
+PROCESS_LIMIT, FOLDER_LIMIT, MEMORY_LIMIT = 700.0, 8000.0, 600.0
+"""Milliseconds of a process and of one that draws a folder of `CLOUDS`, and MB."""
+CLOUDS = 200
 LOOP = "z-buffer, 5k points, double loop"
 PAPER = "the paper's U-Net, torch, 512"
 BOTH = "double loop and the paper's U-Net"
@@ -54,7 +56,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="z2p-benchmark-") as folder:
         weights = random_weights(Path(folder)) if options.weights == "random" else Path(options.weights)
         load = os.getloadavg()[0]
-        figures = [*_zbuffers(options), *_networks(options, weights)]
+        figures = [*_zbuffers(options), *_networks(options, weights), *_cuda(weights)]
         figures += [*_baseline(figures), *_whole(options, weights, Path(folder))]
         curves, memory = _curves(options, weights), _peak(options, weights, Path(folder))
     machine = _machine(options, load, memory)
@@ -62,7 +64,7 @@ def main() -> None:
     print(f"{machine['processor']}, {clock} on {options.threads} of {machine['cores']} cores, load {load:.1f} before\n")
     print(table(figures))
     if memory is not None:
-        print(f"\npeak memory of z2p over a folder of ten clouds: {memory:.0f} MB, limit {MEMORY_LIMIT:.0f}")
+        print(f"\npeak memory of z2p over a folder of {CLOUDS} clouds: {memory:.0f} MB, limit {MEMORY_LIMIT:.0f}")
     content = {"machine": machine, "figures": [one.to_json() for one in figures], "curves": curves}
     (options.output / "picture.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     print(f"\nwrote {options.output / 'picture.json'} and the curves beside it")
@@ -110,13 +112,39 @@ def _networks(options: Any, weights: Path) -> list[Figure]:
 
         figures.append(measure(PAPER, paper_network(512), repeats=3, warm=False))
     for side in (256, 512):
-        for name in sorted(registry.names("engines"), reverse=True):  # torch comes first, as the others' baseline
-            if not registry.load("engines", name).installed():
-                continue
+        for name in reversed(_engines(weights, options.threads)):  # torch comes first, as the others' baseline
             renderer = Renderer(weights, options.threads, name)
-            run = partial(renderer._engine.run, *_inputs(renderer, side))
+            run = partial(renderer._engine.run, *renderer.inputs(cloud_of(FEW), None, side, side))
             figures.append(measure(f"network, {name}, {side}", run, baseline=f"network, torch, {side}"))
     return figures
+
+
+def _cuda(weights: Path) -> list[Figure]:
+    """Time on the graphics card, transfers apart, with what its memory's bandwidth allows as a floor."""
+    import torch
+
+    if not torch.cuda.is_available():
+        return []
+    from rivals import cuda_network
+
+    figures = []
+    for side in (256, 512):
+        for batch in (1, 16):
+            run, floor = cuda_network(weights, side, batch)
+            figures.append(measure(f"network, torch on CUDA, {side}, batch {batch}", run, floor=floor))
+    return figures
+
+
+def _engines(weights: Path, threads: int) -> list[str]:
+    """The engines that can run these weights here."""
+    able = []
+    for name in registry.names("engines"):
+        try:
+            Renderer(weights, threads, name)
+        except (WeightsError, registry.PluginError):
+            continue
+        able.append(name)
+    return able
 
 
 def _baseline(figures: list[Figure]) -> list[Figure]:
@@ -128,38 +156,35 @@ def _baseline(figures: list[Figure]) -> list[Figure]:
     return [Figure(BOTH, *sums, min(one.repeats for one in parts))]
 
 
-def _inputs(renderer: Renderer, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    loaded, camera = renderer._loaded, Camera(side, side)
-    buffers = draw_buffers(cloud_of(FEW), camera, SceneDescription(), loaded.zbuffer, loaded.gbuffer)
-    return buffers[None], renderer._encoding(side, side), np.full((1, loaded.settings), 0.5, np.float32)
-
-
 def _whole(options: Any, weights: Path, folder: Path) -> list[Figure]:
     cloud, scan = cloud_of(FEW), folder / "scans" / "scan_000.xyz"
     scan.parent.mkdir()
-    for number in range(10):
+    for number in range(CLOUDS if not (options.quick or options.busy) else 1):
         np.savetxt(scan.with_name(f"scan_{number:03d}.xyz"), cloud, fmt="%.6f")
     np.save(folder / "scan.npy", cloud)
-    renderer = Renderer(weights, options.threads)
     figures = [
         measure("read, 5k points, .xyz", partial(read_clouds, scan)),
         measure("read, 5k points, .npy", partial(read_clouds, folder / "scan.npy")),
-        measure("place, 5k points", partial(place_cloud, cloud.astype(np.float64))),
+        measure("place, 5k points", partial(place, read_clouds(scan)[0], ".xyz", Placing())),
     ]
+    engines = _engines(weights, options.threads)
     for side, limit in PICTURE_LIMITS.items():
-        run = partial(renderer.render, cloud, None, side, side)
-        figures.append(measure(f"points to RGBA, {side}, {renderer.engine}", run, limit, BOTH if side == 512 else None))
-    picture = renderer.render(cloud)
+        for name in engines:
+            run = partial(Renderer(weights, options.threads, name).render, cloud, None, side, side)
+            baseline = BOTH if side == 512 else None
+            figures.append(measure(f"points to RGBA, {side}, {name}", run, limit, baseline))
+    picture = Renderer(weights, options.threads).render(cloud)
     figures.append(measure("encode, 512, .png", partial(encode, picture, ".png")))
     if options.quick or options.busy:  # the processor time of other processes is not ours
         return figures
     command = _command(weights)
     alone = [*command, str(scan), "-o", str(folder / "one.png")]
     figures.append(measure("process start to PNG, 5k points, 512", partial(_process, alone), PROCESS_LIMIT, repeats=5))
-    many = [*command, str(scan.parent), "-o", str(folder / "many"), "--jobs", str(options.threads)]
-    ten, one = measure("ten", partial(_process, many), repeats=3), figures[-1]
-    each = [(time - one.median) / 9 for time in (ten.median, ten.low, ten.high)]
-    return [*figures, Figure("a further cloud of a folder", *each, ten.repeats, FOLDER_LIMIT)]
+    for name in engines:
+        many = [*command, str(scan.parent), "-o", str(folder / "many"), "--engine", name]
+        told = f"process, a folder of {CLOUDS} clouds of 5k points, {name}"
+        figures.append(measure(told, partial(_process, many), FOLDER_LIMIT, repeats=3, warm=False))
+    return figures
 
 
 def _process(command: list[str]) -> None:
@@ -188,7 +213,7 @@ def _curves(options: Any, weights: Path) -> dict[str, Any]:
 
 
 def _peak(options: Any, weights: Path, folder: Path) -> float | None:
-    """Peak memory in MB of a process that draws ten clouds, told by a small one between: a child inherits our peak."""
+    """Peak memory in MB of a process that draws a folder, told by a small one between: a child inherits our peak."""
     if options.quick or options.busy:
         return None
     told = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True)"

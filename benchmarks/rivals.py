@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 
+from pipeline.load import load_plugins
 from z2p_core.camera import Camera
 from z2p_core.config import NetworkConfig
 from z2p_core.model import build_network
@@ -59,3 +61,40 @@ def paper_network(side: int) -> Callable[[], object]:
             return network(*inputs)
 
     return run
+
+
+def cuda_network(weights: Path, side: int, batch: int) -> tuple[Callable[[], object], float]:
+    """A call of the network on the graphics card in float32, ended when the card is done; and a floor in milliseconds.
+
+    The floor is reading all inputs and weights and writing all pictures once, at the bandwidth of copying on that card.
+    """
+    loaded = load_plugins(weights)
+    network = loaded.build().cuda()
+    cell = loaded.config.unshuffle
+    shapes = (
+        (batch, loaded.buffer_channels, side, side), (loaded.encoder.channels, side // cell, side // cell),
+        (batch, loaded.settings),
+    )  # fmt: skip
+    inputs = [torch.rand(shape, device="cuda") for shape in shapes]
+
+    def run() -> object:
+        with torch.inference_mode():
+            picture = network(*inputs)
+        torch.cuda.synchronize()
+        return picture
+
+    moved = sum(tensor.nbytes for tensor in (*inputs, *network.parameters())) + 16 * batch * side * side
+    return run, 1e3 * moved / _bandwidth()
+
+
+def _bandwidth() -> float:
+    """Bytes a second that the graphics card reads and writes while it copies."""
+    source = torch.empty(1 << 28, dtype=torch.uint8, device="cuda")
+    target, began, ended = torch.empty_like(source), *(torch.cuda.Event(enable_timing=True) for _ in range(2))
+    target.copy_(source)
+    began.record()
+    for _ in range(10):
+        target.copy_(source)
+    ended.record()
+    torch.cuda.synchronize()
+    return 10 * 2 * source.nbytes / (began.elapsed_time(ended) / 1e3)

@@ -8,8 +8,10 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from pipeline.drawing import Drawing, Look, draw, record
@@ -23,6 +25,9 @@ from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.viewpoint import Viewpoint
 
 __all__ = ["Look", "Outcome", "Task", "plan_outputs", "render_files", "source_of", "told_fault", "write_picture"]
+
+HEAVY = 100_000_000
+"""Bytes of a file from which on it is read and drawn while no other such file is."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,8 @@ class Outcome:
     points: int = 0
     dropped: int = 0
     """Rows left out because they were not finite."""
+    total: int = 0
+    """How many points the file has, if those read only stand for them."""
     stances: list[Stance] = field(default_factory=list)
     """Of each picture that was drawn."""
     viewpoints: list[Viewpoint] = field(default_factory=list)
@@ -87,12 +94,15 @@ def render_files(
 ) -> Iterator[Outcome]:
     """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only.
 
-    `columns` names those of text files; `drawn` is told of every picture, for a file may hold thousands of clouds.
+    Files above `HEAVY` bytes wait for one another, so that no two of them are in memory. `columns` names those of text
+    files; `drawn` is told of every picture, for a file may hold thousands of clouds.
     """
     planned = frozenset(task.output for task in tasks)
+    heavy = Lock()
 
     def work(task: Task) -> Outcome:
-        return _render_file(task, renderer, look, overwrite, planned, columns, drawn)
+        with heavy if _is_heavy(task.scan) else nullcontext():
+            return _render_file(task, renderer, look, overwrite, planned, columns, drawn)
 
     if jobs == 1:
         yield from map(work, tasks)
@@ -130,6 +140,13 @@ def told_fault(error: Exception, scan: Path) -> str:
     text = " ".join(str(error).split()).removeprefix(f"{shown(scan)}: ")
     text = text if text.isprintable() else ascii(text)[1:-1]
     return text if isinstance(error, ScanError | SettingError | PictureError) else f"{type(error).__name__}: {text}"
+
+
+def _is_heavy(scan: Path) -> bool:
+    try:
+        return scan.stat().st_size > HEAVY
+    except OSError:  # told when it is read
+        return False
 
 
 def _sub_folder(scan: Path, folders: list[Path]) -> Path:
@@ -184,6 +201,7 @@ def _render_clouds(
     scans = read_clouds(task.scan, columns)
     outcome.points = sum(len(scan.points) for scan in scans)
     outcome.dropped = sum(scan.dropped for scan in scans)
+    outcome.total = sum(scan.total or 0 for scan in scans)
     if len(scans) > 1:
         outcome.outputs = _batch_outputs(task, len(scans), planned)
     faults = []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +34,8 @@ class Scan:
     label: str
     sensor: Sensor | None = None
     """Where the cloud was seen from, when the file tells."""
+    total: int | None = None
+    """How many points the file has, where those here only stand for them."""
 
 
 def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
@@ -196,7 +198,7 @@ def _clouds(reader: Reader, path: Path) -> list[RawCloud]:
     """What the reader gives; a stranger's reader that fails in its own way must not end the batch."""
     try:
         given = [cloud if isinstance(cloud, RawCloud) else RawCloud(cloud) for cloud in reader.read(path)]
-        clouds = [RawCloud(np.asarray(cloud.points, dtype=np.float64), cloud.sensor) for cloud in given]
+        clouds = [replace(cloud, points=np.asarray(cloud.points, dtype=np.float64)) for cloud in given]
     except ScanError:
         raise
     except Exception as error:  # named, chained and passed on as this file's failure
@@ -225,4 +227,4 @@ def _scan(raw: RawCloud, label: str) -> Scan:
         raise ScanError(f"{where}expected at least {FEWEST_POINTS} finite points, got {len(points)} of {len(cloud)}")
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
-    return Scan(points, dropped, label, raw.sensor)
+    return Scan(points, dropped, label, raw.sensor, raw.total)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from storage.meshes import shown
+from storage.png import png
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
@@ -56,14 +57,16 @@ def encode(
     Raises:
         PictureError: a suffix that stands for no format.
     """
-    from PIL import Image
-
     if suffix not in FORMATS:
         raise PictureError(f"expected a picture named {', '.join(FORMATS)}, got {suffix or 'no suffix'!r}")
     if background is None and suffix in OPAQUE:
         background = WHITE
     if background is not None:
         picture = bytes_from_unit(composite(unit_from_bytes(picture), background))
+    if suffix == ".png":
+        return png(picture, {} if record is None else {KEY: json.dumps(record, allow_nan=False)})
+    from PIL import Image  # late: PNG, which most are, does without
+
     image, encoded = Image.fromarray(picture), io.BytesIO()
     image.save(encoded, format=FORMATS[suffix], **_options(FORMATS[suffix], record))
     return encoded.getvalue()
@@ -117,13 +120,8 @@ def write_whole(content: bytes, path: Path) -> None:
 
 def _options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:
     """Pillow's options for a format, the record among them."""
-    from PIL import Image, PngImagePlugin
+    from PIL import Image
 
-    if format == "PNG":
-        chunk = PngImagePlugin.PngInfo()
-        if record is not None:
-            chunk.add_text(KEY, json.dumps(record, allow_nan=False))
-        return {"compress_level": 4, "pnginfo": chunk}
     kinds: dict[str, dict[str, Any]] = {
         "WEBP": {"lossless": True, "exact": True},
         "JPEG": {"quality": 95, "subsampling": 0},

@@ -1,11 +1,13 @@
-"""The benchmark of a picture runs and tells what it promises; what its figures are is not tested."""
+"""The benchmarks run and tell what they promise; what their figures are is not tested."""
 
 from __future__ import annotations
 
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -24,3 +26,45 @@ def test_the_benchmark_of_a_picture_times_every_stage(tmp_path: Path) -> None:
         assert told[stage]["median"] > 0 and f"| {stage} |" in done.stdout
     assert told["z-buffer, 5k points"]["median"] < told[told["z-buffer, 5k points"]["baseline"]]["median"]
     assert {"points.png", "resolution.png"} <= {file.name for file in tmp_path.iterdir()}
+
+
+def run_benchmark(script: str, out: Path, *words: object) -> tuple[str, Any]:
+    """What a benchmark printed, and the JSON that it wrote."""
+    command = [sys.executable, str(ROOT / "benchmarks" / script), *map(str, words), "--output", str(out)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout, json.loads((out / script).with_suffix(".json").read_text())
+
+
+@pytest.mark.slow
+def test_the_benchmark_of_endurance_watches_memory(
+    tmp_path: Path, make_weights: Callable[..., Path]
+) -> None:
+    printed, rows = run_benchmark(
+        "endurance.py", tmp_path, "--weights", make_weights(), "--pictures", 30, "--points", 20_000
+    )
+    most, growth, huge = rows
+    assert 50 < most["MB"] < 600 and len(most["curve"]) == 30 and abs(growth["MB"]) < most["MB"]
+    assert 50 < huge["MB"] < 1000 and "a cloud of 20000 points" in printed
+    assert {path.name for path in tmp_path.iterdir()} == {"endurance.json", "memory.png"}
+
+
+@pytest.mark.slow
+def test_the_benchmark_of_training_tells_who_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "tests" / "pipeline"))
+    from synthetic import sphere_shard
+
+    sphere_shard(tmp_path / "shards" / "one" / "shard.h5", 4, 32)
+    words = [tmp_path / "shards", "--config", "configs/tiny.toml", "--steps", 3, "--threads", 1]
+    printed, content = run_benchmark("training.py", tmp_path, *words)
+    assert [row["samples a second"] > 0 for row in content["rows"]] == [True] * 3
+    assert 0 <= content["rows"][-1]["waiting"] <= 1 and "both, as a training runs" in printed
+    assert any(name.startswith("kernel ") for name in content["share of making a batch"])
+
+
+@pytest.mark.slow
+def test_the_benchmark_of_rendering_takes_a_picture_apart(tmp_path: Path) -> None:
+    printed, content = run_benchmark("rendering.py", tmp_path, "--resolution", 48, "--views", 2, "--samples", 2)
+    parts = content["seconds, processors' seconds"]
+    assert parts["a picture"][1] > 0 and parts["process start, mesh and first scene"][0] > 0
+    assert "images a minute" in printed and len(parts) == 7

@@ -133,7 +133,8 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
     """
     points = _thinned(points - (points.min(0) + points.max(0)) / 2)
-    shown = [_showing(points, 360.0 / AZIMUTHS * step, elevation) for step in range(AZIMUTHS)]
+    axes, reach = np.ascontiguousarray(points.T), float(np.sqrt((points**2).sum(1).max())) or 1.0
+    shown = [_showing(axes, reach, 360.0 / AZIMUTHS * step, elevation) for step in range(AZIMUTHS)]
     nearest_first = sorted(range(AZIMUTHS), key=lambda step: (min(step, AZIMUTHS - step), step))
     broadest = next(step for step in nearest_first if shown[step] >= (1 - TIE) * max(shown))
     while True:
@@ -258,16 +259,16 @@ def _layered(u: np.ndarray, v: np.ndarray, depth: np.ndarray, scale: float) -> f
     return len(np.unique(cell[order][1:][gap])) / taken
 
 
-def _showing(points: np.ndarray, azimuth: float, elevation: float) -> float:
-    """How much a view of centred points (N, 3) from afar shows: covered area times the root of its breadth.
+def _showing(axes: np.ndarray, reach: float, azimuth: float, elevation: float) -> float:
+    """How much a view from afar shows of points (3, N) that lie within `reach` of the origin.
 
-    Without the breadth, a thin thing's small parts (the arm of a lamp) would count no more than noise. The area is that
-    of 3 x 3 dots on a coarse picture, which lets few points cover what they stand for.
+    That is the covered area times the root of its breadth: without the breadth, a thin thing's small parts (the arm of
+    a lamp) would count no more than noise. The area is that of 3 x 3 dots on a coarse picture, which lets few points
+    cover what they stand for.
     """
     angle = math.radians(elevation)
-    x, y, z = (points @ turn(azimuth).T).T
-    reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
-    side = int(np.clip(2 * math.sqrt(len(points)), 12, 48))
+    x, y, z = turn(azimuth) @ axes
+    side = int(np.clip(2 * math.sqrt(axes.shape[1]), 12, 48))
     picture = np.zeros((side + 2, side + 2), dtype=bool)
     column, row = (((axis / reach + 1) / 2 * (side - 1)).astype(np.int64) + 1 for axis in
                    (x, z * math.cos(angle) + y * math.sin(angle)))

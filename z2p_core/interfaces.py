@@ -234,6 +234,8 @@ class RawCloud:
 
     points: np.ndarray
     sensor: Sensor | None = None
+    total: int | None = None
+    """How many points the file has, where those here only stand for them (`z2p_core.spread`)."""
 
 
 MEMORY_A_POINT = 170

@@ -46,7 +46,8 @@ SUFFIXES = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif"}
 @click.option("--gallery", is_flag=True, help="OUT/gallery.html, one page with all pictures and their settings.")
 @click.option("--overwrite", is_flag=True, help="Render again what is there; it is skipped otherwise.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON line a file on stdout.")
-@click.option("--jobs", default=1, type=click.IntRange(min=1), metavar="N", help="Files rendered at the same time.")
+@click.option("--jobs", type=click.IntRange(min=1), metavar="N",
+              help="Files rendered at the same time.  [default: one a core]")
 @click.option("--quiet", "-q", is_flag=True, help="Tell of failures only.")
 @click.pass_context
 def run_inference(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: Any) -> None:
@@ -79,8 +80,9 @@ def _run(
     from pipeline.batch import render_files
     from pipeline.infer import Renderer
 
-    jobs = min(options["jobs"], len(scans))
-    threads = None if jobs == 1 else max(1, (os.cpu_count() or 1) // jobs)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    jobs = min(options["jobs"] or cores, len(scans))
+    threads = None if jobs == 1 else max(1, cores // jobs)
     renderer = Renderer(options["weights"], threads, options["engine"])
     look = look_from(renderer, values, options)
     tasks = _plan(ctx, scans, inputs, output, options)

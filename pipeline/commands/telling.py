@@ -82,9 +82,10 @@ def _told(outcome: Outcome) -> str:
     if outcome.status == "skipped":
         return f"skipped: {name}: {pictures} is there already; --overwrite renders it again"
     dropped = f", {outcome.dropped} not finite dropped" if outcome.dropped else ""
+    spread = f" that stand for {outcome.total}" if outcome.total else ""
     stances = list(dict.fromkeys(stance.told for stance in outcome.stances))
     others = "; its other clouds otherwise" if len(stances) > 1 else ""
-    return (f"rendered: {name} -> {pictures} ({outcome.points} points{dropped}, {outcome.seconds:.2f} s; "
+    return (f"rendered: {name} -> {pictures} ({outcome.points} points{spread}{dropped}, {outcome.seconds:.2f} s; "
             f"{stances[0]}{others})")
 
 
@@ -105,6 +106,7 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
         "status": outcome.status,
         "points": outcome.points,
         "dropped": outcome.dropped,
+        "total": outcome.total or outcome.points + outcome.dropped,
         "seconds": round(outcome.seconds, 4),
         "error": outcome.error,
         "stances": stances,

@@ -8,7 +8,8 @@ from typing import IO
 
 import numpy as np
 
-from z2p_core.interfaces import Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
+from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
 
 _LARGEST = 2 << 30
 _SUSPICIOUS, _WORST_RATIO = 100 << 20, 200
@@ -23,8 +24,21 @@ class NumpyArrays(Reader):
     version = "1"
     suffixes = (".npy", ".npz")
 
-    def read(self, path: Path) -> list[np.ndarray]:
+    def memory(self, path: Path) -> int:
+        """As for packed coordinates, but that of a very large cloud only some points are read."""
+        if path.suffix.lower() == ".npy":
+            try:
+                with path.open("rb") as file:
+                    if _is_spread(*_header(file, path.stat().st_size)):
+                        return MOST_ROWS * MEMORY_A_POINT + 2 * BLOCK
+            except Exception:  # numpy raises whatever its parsing stumbles over, and read says what is wrong
+                return 0
+        return super().memory(path)
+
+    def read(self, path: Path) -> list[np.ndarray | RawCloud]:
         """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` or the only one.
+
+        Of a single cloud of very many points in an npy, some that stand for all.
 
         Raises:
             ScanError: another shape, no numbers, pickled objects, or a size that the file cannot hold.
@@ -34,6 +48,9 @@ class NumpyArrays(Reader):
                 array = _from_zip(path)
             else:
                 with path.open("rb") as file:
+                    shape, fortran, dtype = _header(file, path.stat().st_size)
+                    if _is_spread(shape, fortran, dtype):
+                        return [_spread(file, shape, dtype)]
                     array = _array(file, path.stat().st_size)
         except ScanError:
             raise
@@ -67,11 +84,38 @@ def _from_zip(path: Path) -> np.ndarray:
 
 def _array(file: IO[bytes], size: int) -> np.ndarray:
     """The array in an npy stream of `size` bytes, after its header has been weighed against them."""
+    _header(file, size)
+    file.seek(0)
+    return np.lib.format.read_array(file, allow_pickle=False)
+
+
+def _is_spread(shape: tuple[int, ...], fortran: bool, dtype: np.dtype) -> bool:
+    """Whether this is one cloud, row by row, of more points than are drawn."""
+    return len(shape) == 2 and 3 <= shape[1] <= _MOST_COLUMNS and shape[0] > MOST_ROWS and not fortran
+
+
+def _spread(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawCloud:
+    """Points spread over the rows that follow a header, read in blocks."""
+    _check_shape(shape)
+    row = shape[1] * dtype.itemsize
+
+    def read(rows: int) -> np.ndarray:
+        return np.frombuffer(file.read(rows * row), dtype).reshape(rows, shape[1])[:, :3]
+
+    return RawCloud(spread_points(read, shape[0], row, np.random.default_rng(0), MOST_ROWS), total=shape[0])
+
+
+def _header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, whether columns come first, and type of an npy stream of `size` bytes, which its array must fill.
+
+    The stream stays where the array begins.
+    """
+    file.seek(0)
     version = np.lib.format.read_magic(file)
     if version not in ((1, 0), (2, 0)):
         raise ScanError(f"npy format {version} holds no plain array; save the points with numpy.save")
     parse = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, dtype = parse(file)
+    shape, fortran, dtype = parse(file)
     if dtype.hasobject:
         raise ScanError("the array holds pickled objects, which are never opened; save one plain float array a file, "
                         "or a batch (B, N, 3)")
@@ -81,19 +125,21 @@ def _array(file: IO[bytes], size: int) -> np.ndarray:
     if promised != size - file.tell():
         raise ScanError(f"the npy header promises {shape} {dtype}, {promised} bytes, but {size - file.tell()} follow; "
                         "the file is cut short: save it again")
-    file.seek(0)
-    return np.lib.format.read_array(file, allow_pickle=False)
+    return shape, fortran, dtype
 
 
-def _clouds(array: np.ndarray) -> list[np.ndarray]:
+def _clouds(array: np.ndarray) -> list[np.ndarray | RawCloud]:
     """Clouds (N, 3) float64 of an array whose shape says which axis is which."""
-    shape = array.shape
-    if array.ndim not in (2, 3) or (shape[-1] != 3 and not 6 <= shape[-1] <= _MOST_COLUMNS) or _lies_flat(shape):
+    _check_shape(array.shape)
+    batch = array if array.ndim == 3 else array[None]
+    return [np.ascontiguousarray(cloud[:, :3], dtype=np.float64) for cloud in batch]
+
+
+def _check_shape(shape: tuple[int, ...]) -> None:
+    if len(shape) not in (2, 3) or (shape[-1] != 3 and not 6 <= shape[-1] <= _MOST_COLUMNS) or _lies_flat(shape):
         hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _lies_flat(shape) else ""
         hint = "; keep the first three columns, array[..., :3]" if shape[-1:] in ((4,), (5,)) else hint
         raise ScanError(f"expected (N, 3), (N, 6 or more) or a batch (B, N, 3), got {shape}{hint}")
-    batch = array if array.ndim == 3 else array[None]
-    return [np.ascontiguousarray(cloud[:, :3], dtype=np.float64) for cloud in batch]
 
 
 def _lies_flat(shape: tuple[int, ...]) -> bool:

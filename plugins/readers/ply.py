@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
+from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
 
 
 class Ply(Reader):
@@ -30,10 +31,12 @@ class Ply(Reader):
             return 0  # read says what is wrong
         if header.ascii:
             return MEMORY_A_CHARACTER * path.stat().st_size
+        if vertex.count > MOST_ROWS:
+            return MOST_ROWS * MEMORY_A_POINT + 2 * BLOCK
         return vertex.count * MEMORY_A_POINT + 2 * vertex.least_bytes(ascii=False)
 
-    def read(self, path: Path) -> list[np.ndarray]:
-        """The file's vertices, one cloud (N, 3) float64.
+    def read(self, path: Path) -> list[np.ndarray | RawCloud]:
+        """The file's vertices, one cloud (N, 3) float64; of very many in a binary file, some that stand for all.
 
         Raises:
             ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
@@ -45,6 +48,8 @@ class Ply(Reader):
             if vertex.count == 0:
                 return [np.empty((0, 3))]
             file.seek(header.size)
+            if vertex.count > MOST_ROWS and not header.ascii:
+                return [_spread(file, header, vertex)]
             body = _rows_ascii(file, header, vertex) if header.ascii else _rows_binary(file, header, vertex)
         return [_load(header, vertex, body)]
 
@@ -66,9 +71,26 @@ def _vertex(header: PlyHeader) -> PlyElement:
 
 
 def _rows_binary(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> bytes:
+    _seek(file, header, vertex)
+    return file.read(vertex.least_bytes(ascii=False))
+
+
+def _spread(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> RawCloud:
+    """Points spread over the vertex rows, read in blocks."""
+    _seek(file, header, vertex)
+
+    def read(rows: int) -> np.ndarray:
+        table = np.frombuffer(file.read(rows * vertex.dtype.itemsize), vertex.dtype)
+        return np.column_stack([table[axis] for axis in "xyz"])
+
+    points = spread_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MOST_ROWS)
+    return RawCloud(points, total=vertex.count)
+
+
+def _seek(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> None:
+    """Goes on from the header's end to the first vertex row of a binary file."""
     before = header.elements[: header.elements.index(vertex)]
     file.seek(sum(element.least_bytes(ascii=False) for element in before), io.SEEK_CUR)
-    return file.read(vertex.least_bytes(ascii=False))
 
 
 def _rows_ascii(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> bytes:

@@ -93,8 +93,9 @@ def _names(line: str) -> tuple[str, ...]:
 def _content(path: Path) -> Iterator[list[str]]:
     """Lines that hold something, without comments, blanks between the numbers; so many at a time."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
-        while raw := list(islice(file, _LINES)):
-            lines = [_parted(line.split("#", 1)[0]) for line in raw]
+        while lines := list(islice(file, _LINES)):
+            if any(sign in line for sign in "#,;" for line in lines):
+                lines = [_parted(line.split("#", 1)[0]) for line in lines]
             if lines := [line for line in lines if line and not line.isspace()]:
                 yield lines
 

@@ -99,6 +99,34 @@ def test_bad_files_do_not_stop_the_others_and_threads_change_nothing(
     assert len(set(pictures[0])) == 5
 
 
+def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
+    tmp_path: Path, renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline import batch
+
+    at_work, together = set[str](), set[frozenset[str]]()
+    both_light = threading.Barrier(2, timeout=20)
+    original = batch.read_clouds
+
+    def watched(path: Path, columns: None) -> list[batch.Scan]:
+        at_work.add(path.stem)
+        together.add(frozenset(at_work))
+        if path.stem.startswith("light"):
+            both_light.wait()  # for ever, if they came one after the other
+        try:
+            return original(path)
+        finally:
+            at_work.remove(path.stem)
+
+    monkeypatch.setattr(batch, "read_clouds", watched)
+    monkeypatch.setattr(batch, "HEAVY", 5_000)
+    for name, count in {"light1": 50, "light2": 60, "heavy1": 900, "heavy2": 901, "heavy3": 902}.items():
+        np.save(tmp_path / f"{name}.npy", np.random.default_rng(count).normal(size=(count, 3)))
+    tasks = plan_outputs(sorted(tmp_path.glob("*.npy"), reverse=True), [], tmp_path, False)
+    assert [one.status for one in render_files(tasks, renderer, LOOK, jobs=3)] == ["ok"] * 5
+    assert all(sum(name.startswith("heavy") for name in names) < 2 for names in together)
+
+
 def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
     from pipeline import batch
 

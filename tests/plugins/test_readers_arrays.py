@@ -15,6 +15,7 @@ import trimesh
 from pypcd4 import Encoding, PointCloud
 from reader_files import SUFFIXES, cloud, e57, las, ply, read, refused
 
+from storage.clouds import read_clouds
 from z2p_core import registry
 from z2p_core.interfaces import ScanError
 
@@ -209,3 +210,28 @@ def test_memory_is_at_least_that_of_the_points_and_not_absurd(tmp_path: Path, su
                  if suffix in plugin.suffixes)  # fmt: skip
     needed = reader().memory(path)
     assert 39 * 24 * 3 <= needed <= 100 * max(path.stat().st_size, 40 * 24)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".ply"])
+def test_of_very_many_points_some_stand_for_all(
+    suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plugin = registry.load("readers", {".npy": "numpy", ".ply": "ply"}[suffix])
+    table = np.random.default_rng(0).normal(size=(5000, 6)).astype("<f4")
+    table[17, 0] = np.nan
+    path = tmp_path / f"large{suffix}"
+    if suffix == ".npy":
+        np.save(path, table)
+    else:
+        names = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
+        header = f"ply\nformat binary_little_endian 1.0\nelement vertex 5000\n{names}end_header\n"
+        path.write_bytes(header.encode() + table.tobytes())
+    [whole] = read_clouds(path)
+    before = plugin().memory(path)
+    for name, value in {"MOST_ROWS": 1000, "BLOCK": 0}.items():
+        monkeypatch.setattr(sys.modules[plugin.__module__], name, value)
+    [some] = read_clouds(path)
+    assert whole.total is None and len(whole.points) == 4999
+    assert some.total == 5000 and 999 <= len(some.points) <= 1000
+    assert {row.tobytes() for row in some.points} <= {row.tobytes() for row in whole.points}
+    assert plugin().memory(path) < before / 4

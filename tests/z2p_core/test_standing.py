@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from z2p_core import standing
 from z2p_core.camera import turn
 from z2p_core.framing import choose_up
 from z2p_core.standing import area_of, hull, stance, topples
@@ -98,3 +101,23 @@ def test_hulls() -> None:
     assert {tuple(corner) for corner in found} == {tuple(corner) for corner in square}
     assert area_of(found) == pytest.approx(1)
     assert area_of(hull(np.array([[0.0, 0], [1, 1], [2, 2]]))) == 0
+
+
+@given(st.integers(3, 600), st.integers(0, 50), st.sampled_from(["ball", "square", "line", "grid", "far"]))
+def test_the_hull_is_that_of_all_points_though_most_are_left_out(count: int, seed: int, kind: str) -> None:
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 2))
+    if kind == "square":
+        points = rng.uniform(-1, 1, (count, 2))
+    elif kind == "line":
+        points[:, 1] = 2 * points[:, 0]
+    elif kind == "grid":
+        points = rng.integers(0, 9, (count, 2)).astype(float)
+    elif kind == "far":
+        points = points * 1e-3 + 5e6
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(standing, "DIRECTIONS", 10**9)  # nothing is left out
+        expected = hull(points)
+    assert np.array_equal(hull(points), expected)
+    if count > 300 and kind == "square":
+        assert len(standing._outer(points)) < count / 2

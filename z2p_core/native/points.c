@@ -5,12 +5,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fast.h"
+
 #define K 12          /* neighbours, the point itself among them */
 #define COARSE 24     /* cells along the longest side of the grid that estimates the surface's area */
 #define POINTS_A_CELL 3.5f
 #define MOST_CELLS (1 << 22)
 #define FARTHEST_RING 6
 #define CHUNK 32      /* points whose distances are computed at a time */
+#define LANES 16      /* points whose normals are */
 
 typedef struct {
     float low[3], cell;
@@ -149,33 +152,74 @@ static void nearest(const Grid *grid, const float *points, int self, Near *near)
     }
 }
 
-/* Unit eigenvector of the smallest eigenvalue of a symmetric matrix xx xy xz yy yz zz, by Jacobi rotations. */
-static void smallest_axis(const float *m, float *axis) {
-    float a[3][3] = {{m[0], m[1], m[2]}, {m[1], m[3], m[4]}, {m[2], m[4], m[5]}};
-    float v[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-    for (int sweep = 0; sweep < 6; sweep++)
-        for (int p = 0; p < 2; p++)
-            for (int q = p + 1; q < 3; q++) {
-                if (fabsf(a[p][q]) < 1e-20f) continue;
-                float theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
-                float t = (theta >= 0 ? 1.0f : -1.0f) / (fabsf(theta) + sqrtf(theta * theta + 1));
-                float c = 1 / sqrtf(t * t + 1), s = t * c;
-                for (int i = 0; i < 3; i++) {
-                    float ip = a[i][p], iq = a[i][q];
-                    a[i][p] = c * ip - s * iq;
-                    a[i][q] = s * ip + c * iq;
-                }
-                for (int i = 0; i < 3; i++) {
-                    float pi = a[p][i], qi = a[q][i];
-                    a[p][i] = c * pi - s * qi;
-                    a[q][i] = s * pi + c * qi;
-                    float vp = v[i][p], vq = v[i][q];
-                    v[i][p] = c * vp - s * vq;
-                    v[i][q] = s * vp + c * vq;
-                }
-            }
-    int best = a[0][0] <= a[1][1] ? (a[0][0] <= a[2][2] ? 0 : 2) : (a[1][1] <= a[2][2] ? 1 : 2);
-    for (int i = 0; i < 3; i++) axis[i] = v[i][best];
+/* One Jacobi rotation of symmetric matrices, a lane each: takes away pq, turns pr and qr, and the vectors p and q. */
+static inline void rotate(float *pp, float *qq, float *pq, float *pr, float *qr, float (*p)[LANES], float (*q)[LANES]) {
+    for (int i = 0; i < LANES; i++) {
+        int none = fabsf(pq[i]) < 1e-20f;
+        float theta = (qq[i] - pp[i]) / (none ? 1.0f : 2 * pq[i]);
+        float t = (theta >= 0 ? 1.0f : -1.0f) / (fabsf(theta) + sqrtf(theta * theta + 1));
+        if (none) t = 0;
+        float c = 1 / sqrtf(t * t + 1), s = t * c, r = pr[i];
+        pp[i] -= t * pq[i];
+        qq[i] += t * pq[i];
+        pq[i] = none ? pq[i] : 0;
+        pr[i] = c * r - s * qr[i];
+        qr[i] = s * r + c * qr[i];
+        for (int axis = 0; axis < 3; axis++) {
+            float x = p[axis][i], y = q[axis][i];
+            p[axis][i] = c * x - s * y;
+            q[axis][i] = s * x + c * y;
+        }
+    }
+}
+
+/* Unit eigenvectors of the smallest eigenvalues of symmetric matrices xx xy xz yy yz zz, which are overwritten. */
+FAST void z2p_smallest_axes(float (*m)[LANES], float (*axes)[LANES]) {
+    float x[3][LANES], y[3][LANES], z[3][LANES];
+    for (int axis = 0; axis < 3; axis++)
+        for (int i = 0; i < LANES; i++) {
+            x[axis][i] = axis == 0;
+            y[axis][i] = axis == 1;
+            z[axis][i] = axis == 2;
+        }
+    for (int sweep = 0; sweep < 6; sweep++) {
+        rotate(m[0], m[3], m[1], m[2], m[4], x, y);
+        rotate(m[0], m[5], m[2], m[1], m[4], x, z);
+        rotate(m[3], m[5], m[4], m[1], m[2], y, z);
+    }
+    for (int i = 0; i < LANES; i++) {
+        int first = m[0][i] <= m[3][i] && m[0][i] <= m[5][i], second = m[3][i] <= m[5][i];
+        for (int axis = 0; axis < 3; axis++) axes[axis][i] = first ? x[axis][i] : second ? y[axis][i] : z[axis][i];
+    }
+}
+
+/* Spacing of a point of `points`, and the covariance xx xy xz yy yz zz of its neighbours; how many these are. */
+static int neighbourhood(const Grid *grid, const float *points, int self, float *spacing, float *m) {
+    Near near;
+    nearest(grid, points, self, &near);
+    const int many = near.count, *found = near.found;
+    float mean[3] = {0, 0, 0};
+    *spacing = many > 1 ? sqrtf(3.14159265f * near.distance[many - 1] / (float)many) : 0;
+    for (int j = 0; j < many; j++)
+        for (int axis = 0; axis < 3; axis++) mean[axis] += points[3 * found[j] + axis] / (float)many;
+    for (int j = 0; j < many; j++) {
+        const float *q = points + 3 * found[j];
+        float x = q[0] - mean[0], y = q[1] - mean[1], z = q[2] - mean[2];
+        m[0] += x * x; m[1] += x * y; m[2] += x * z; m[3] += y * y; m[4] += y * z; m[5] += z * z;
+    }
+    return many;
+}
+
+/* The normal n of a point: the axis of its neighbours, or, where these are too few, the way to the viewer, faced. */
+static void face(const float *point, const float *viewer, const float *axis, int many, float *n) {
+    float towards[3], facing = 0, length = 0;
+    for (int i = 0; i < 3; i++) {
+        towards[i] = viewer[i] - point[i];
+        length += towards[i] * towards[i];
+        facing += axis[i] * towards[i];
+    }
+    for (int i = 0; i < 3; i++)
+        n[i] = many < 3 ? towards[i] / sqrtf(length + 1e-20f) : facing < 0 ? -axis[i] : axis[i];
 }
 
 /* For a cloud (count, 3): the same points in an order of their own, each one's spacing (the side of the patch of
@@ -183,32 +227,19 @@ static void smallest_axis(const float *m, float *axis) {
 int z2p_surface(const float *points, int count, const float *viewer, float *sorted, float *spacing, float *normals) {
     Grid grid = {.start = NULL};
     if (!build(&grid, points, count, sorted)) { free(grid.start); return 0; }
-    for (int i = 0; i < count; i++) {
-        Near near;
-        nearest(&grid, sorted, i, &near);
-        const int many = near.count, *found = near.found;
-        float mean[3] = {0, 0, 0}, m[6] = {0, 0, 0, 0, 0, 0};
-        spacing[i] = many > 1 ? sqrtf(3.14159265f * near.distance[many - 1] / (float)many) : 0;
-        for (int j = 0; j < many; j++)
-            for (int axis = 0; axis < 3; axis++) mean[axis] += sorted[3 * found[j] + axis] / (float)many;
-        for (int j = 0; j < many; j++) {
-            const float *q = sorted + 3 * found[j];
-            float x = q[0] - mean[0], y = q[1] - mean[1], z = q[2] - mean[2];
-            m[0] += x * x; m[1] += x * y; m[2] += x * z; m[3] += y * y; m[4] += y * z; m[5] += z * z;
+    for (int first = 0; first < count; first += LANES) {
+        int many[LANES], lanes = count - first < LANES ? count - first : LANES;
+        float m[6][LANES] = {{0}}, axes[3][LANES];
+        for (int i = 0; i < lanes; i++) {
+            float own[6] = {0, 0, 0, 0, 0, 0};
+            many[i] = neighbourhood(&grid, sorted, first + i, spacing + first + i, own);
+            for (int j = 0; j < 6; j++) m[j][i] = own[j];
         }
-        float *n = normals + 3 * i, towards[3], facing = 0, length = 0;
-        for (int axis = 0; axis < 3; axis++) {
-            towards[axis] = viewer[axis] - sorted[3 * i + axis];
-            length += towards[axis] * towards[axis];
+        z2p_smallest_axes(m, axes);
+        for (int i = 0; i < lanes; i++) {
+            const float axis[3] = {axes[0][i], axes[1][i], axes[2][i]};
+            face(sorted + 3 * (first + i), viewer, axis, many[i], normals + 3 * (first + i));
         }
-        if (many < 3) {
-            for (int axis = 0; axis < 3; axis++) n[axis] = towards[axis] / sqrtf(length + 1e-20f);
-            continue;
-        }
-        smallest_axis(m, n);
-        for (int axis = 0; axis < 3; axis++) facing += n[axis] * towards[axis];
-        if (facing < 0)
-            for (int axis = 0; axis < 3; axis++) n[axis] = -n[axis];
     }
     free(grid.start);
     return 1;

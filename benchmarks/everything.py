@@ -1,0 +1,39 @@
+"""Every benchmark of speed in one go: ``python benchmarks/everything.py [--shards DIR]``.
+
+Runs picture.py (clouds up to 100 million points), endurance.py, rendering.py and, with shards, training.py one after
+the other on what should be a quiet machine; prints their tables, and leaves their JSON and curves in --output.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+
+
+def main() -> None:
+    """Run them all; the exit status tells of any that failed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--weights", default="regular", help="name or file")
+    parser.add_argument("--shards", type=Path, help="folder of shards to train on, as runs/shard")
+    parser.add_argument("--points", default="1e8", help="largest cloud")
+    parser.add_argument("--output", type=Path, default=Path("previews/benchmarks"))
+    options = parser.parse_args()
+    shared, weights = ["--output", str(options.output)], ["--weights", options.weights, "--points", options.points]
+    runs = {"picture.py": weights, "endurance.py": weights, "rendering.py": []}
+    if options.shards is not None:
+        runs["training.py"] = [str(options.shards)]
+    failed = []
+    for script, words in runs.items():
+        print(f"\n## {script}\n", flush=True)
+        if subprocess.run([sys.executable, str(HERE / script), *words, *shared]).returncode:
+            failed.append(script)
+    if failed:
+        sys.exit(f"Error: {', '.join(failed)} failed; see above")
+
+
+if __name__ == "__main__":
+    main()
