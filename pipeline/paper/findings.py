@@ -15,8 +15,8 @@ from pipeline.paper.methods import BASELINE, WEIGHTS, Method
 FIGURES: dict[str, tuple[str, str, bool]] = {
     "psnr_foreground": ("PSNR on the object", "{:.2f} dB", True),
     "psnr_white": ("PSNR on white", "{:.2f} dB", True),
-    "ssim": ("SSIM", "{:.3f}", True),
-    "flip": ("FLIP", "{:.3f}", False),
+    "ssim": ("SSIM", "{:.4f}", True),
+    "flip": ("FLIP", "{:.4f}", False),
 }
 """Figure -> its title, how it is told, and whether more is better."""
 KEPT = "contrast_kept"

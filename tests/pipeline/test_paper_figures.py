@@ -65,7 +65,7 @@ def test_ties_share_their_rank() -> None:
 def test_the_first_paragraph_tells_of_a_baseline_that_wins_and_comes_first() -> None:
     text = lead(findings(row("base", "0", "regular", 25.0), row("base", "0", "bpa", 27.0, ssim=0.5)), ["base"])
     assert text.startswith("In the plain case a baseline wins: PSNR on the object, bpa 27.00 dB against regular 25.00")
-    assert "In the other figures z2p wins: SSIM, regular 0.625 against bpa 0.500" in text
+    assert "In the other figures z2p wins: SSIM, regular 0.6250 against bpa 0.5000" in text
 
 
 def test_the_first_paragraph_counts_where_baselines_are_ahead() -> None:
@@ -99,7 +99,7 @@ def test_ticks_follow_from_figures() -> None:
     ours, theirs = (verdicts(findings(*rows), name, name == "regular") for name in ("regular", "bpa"))
     assert all(ours[key].passed for key in ("raw", "normals", "unseen", "inner", "shadows"))
     assert not any(theirs[key].passed for key in ("normals", "unseen", "inner", "shadows"))
-    assert "5.0 dB lost" in theirs["inner"].why and theirs["inner"].paper == "no"
+    assert "loses 0.125" in theirs["inner"].why and theirs["inner"].paper == "no"
     assert ours["points"].passed is None and ours["scenes"].passed is None and ours["colors"].passed is False
 
 
