@@ -44,6 +44,8 @@ def curves(findings: Findings, sweep: str, axis: str, log: bool, figures: Sequen
         panel.grid(alpha=0.25)
         if numeric and log:
             panel.set_xscale("log")
+            panel.set_xticks([float(level) for level in shown], shown, rotation=25, fontsize=8)
+            panel.minorticks_off()
         if not numeric:
             panel.set_xticks(range(len(shown)), shown, rotation=25, fontsize=8)
     picture.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)

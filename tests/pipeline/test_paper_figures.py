@@ -83,6 +83,15 @@ def test_less_is_better_for_flip() -> None:
     assert found["flip"].lost and not found["ssim"].lost
 
 
+def test_kept_contrast_is_best_at_one_and_told_in_the_first_paragraph() -> None:
+    plain = [row("base", "0", "regular", 25.0), row("base", "0", "bpa", 24.0)]
+    rows = [row("gap", "0.1", "regular", 20.0, contrast_kept=0.9), row("gap", "0.1", "bpa", 20.0, contrast_kept=1.4)]
+    found = findings(*plain, *rows)
+    assert [line[1] for line in level_table(found, "gap", "contrast_kept", "kept").rows] == ["*0.900", "1.400"]
+    told = "the contrast of bpa is farther from the truth's (off by 40% on average) than that of regular (10%)"
+    assert f"Near surfaces: {told}." in lead(found, ["base", "gap"])
+
+
 def test_tables_mark_the_best_and_give_spreads() -> None:
     found = findings(row("base", "0", "regular", 25.0), row("base", "0", "regular", 27.0, mesh="spot"),
                      row("base", "0", "bpa", 24.0))  # fmt: skip

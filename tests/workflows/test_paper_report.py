@@ -11,7 +11,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from workflows.report_plan import load_report_plan, report_source
 from workflows.sweep import unneeded
@@ -19,6 +21,7 @@ from workflows.tasks import Store
 from z2p_core.config import ConfigError
 from z2p_core.registry import PluginError
 
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 CONFIGS = Path(__file__).parents[2] / "configs"
 CONFIG = CONFIGS / "report-tiny.toml"
 METHODS = ("truth", "regular", "splats", "screen")
@@ -69,6 +72,23 @@ def test_it_makes_a_page_that_needs_nothing_else(finished) -> None:
     assert told["lead"] in page.replace("&#39;", "'") and re.search("baseline|z2p wins", told["lead"])
     assert "--sweeps noise" in page and "Ablation" in page and "Table 1" in page
     assert set(told["abilities"]) == set(METHODS[1:])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_a_browser_shows_it_offline(finished) -> None:
+    cwd, _ = finished
+    shot = cwd / "shot.png"
+    page = (cwd / "runs" / "tiny-report" / "report.html").resolve().as_uri()
+    command = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+               f"--user-data-dir={cwd / 'profile'}", f"--screenshot={shot}", "--window-size=1200,6000"]  # fmt: skip
+    subprocess.run([*command, page], capture_output=True, timeout=120, check=True)
+    with Image.open(shot) as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    assert ((np.abs(pixels - (0xD1, 0x49, 0x5B)).max(-1) < 8).sum()) > 100  # the first paragraph's bar
+    colorful = np.ptp(pixels, axis=-1) > 60
+    assert colorful.sum() > 5000  # pictures and curves are drawn, far down the page too
+    assert colorful[3000:].sum() > 500
 
 
 @pytest.mark.slow
