@@ -17,7 +17,8 @@ from PIL import Image
 
 from workflows.report_plan import load_report_plan, report_source
 from workflows.sweep import unneeded
-from workflows.tasks import Store
+from workflows.tasks import Store, task_of
+from z2p_core import registry
 from z2p_core.config import ConfigError
 from z2p_core.registry import PluginError
 
@@ -173,6 +174,17 @@ def test_only_what_a_setting_shapes_hangs_on_it(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in draws} == {"trust", "report"}
     everything = {name for name, one in prints("seed = 1").items() if before.get(name) == one}
     assert everything == {"shapes"}
+
+
+def test_a_method_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, monkeypatch) -> None:
+    """What it renders would be kept under another's name."""
+    source = report_source(str(CONFIG), "", "", "", "")
+    step = load_report_plan(source).steps["measure/noise/bumpy_ball/splats"]
+    task = task_of(step, source, str(tmp_path / "runs"))
+    task._check_code()
+    monkeypatch.setattr(registry.load("baselines", "splats"), "version", "changed")
+    with pytest.raises(ConfigError, match="splats changed since the report started"):
+        task._check_code()
 
 
 def test_sweeps_can_be_chosen_and_the_plain_case_stays(tmp_path: Path) -> None:
