@@ -19,6 +19,7 @@ from PIL import Image
 
 from pipeline.render import RenderError, RenderSettings, read_render, render_mesh
 from storage.fingerprints import fingerprint, plugin_fields, stage_fields
+from storage.layout import Entry, Store
 from storage.meshes import Mesh
 from z2p_core import registry
 from z2p_core.camera import Camera
@@ -98,16 +99,18 @@ def rebuild_scenes(
     fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": parameters}
     folder = root / fingerprint(fields)[:32]
     stems = [fingerprint({"cloud": cloud_fields, "scene": scene.to_json()})[:32] for scene in scenes]
-    missing = {stem: scene for stem, scene in zip(stems, scenes, strict=True) if not (folder / f"{stem}.json").exists()}
-    for jobs in _by_mesh(rival, list(missing.items())):
-        folder.mkdir(parents=True, exist_ok=True)
-        for stem, _ in jobs:
-            (folder / f"{stem}.png").unlink(missing_ok=True)  # cut off before its times were written
-        told = _made(rival, cloud, rng, jobs, folder, settings, log)
-        for stem, _ in jobs:
-            temporary = folder / f".{stem}.json"
-            temporary.write_text(json.dumps(told), encoding="utf-8")
-            temporary.replace(folder / f"{stem}.json")
+    with Store(root).lock(Entry("reference", rival.name, {"folder": folder.name, "cloud": cloud_fields})):
+        wanted = dict(zip(stems, scenes, strict=True))
+        missing = [(stem, scene) for stem, scene in wanted.items() if not (folder / f"{stem}.json").exists()]
+        for jobs in _by_mesh(rival, missing):
+            folder.mkdir(parents=True, exist_ok=True)
+            for stem, _ in jobs:
+                (folder / f"{stem}.png").unlink(missing_ok=True)  # cut off before its times were written
+            told = _made(rival, cloud, rng, jobs, folder, settings, log)
+            for stem, _ in jobs:
+                temporary = folder / f".{stem}.json"
+                temporary.write_text(json.dumps(told), encoding="utf-8")
+                temporary.replace(folder / f"{stem}.json")
     return [_kept(folder, stem, settings) for stem in stems]
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pipeline.paper.methods import method_fields
 from workflows.report_plan import ReportPlan, ReportStep, load_report_plan
 from workflows.tasks import StageTask
+from z2p_core.config import ConfigError
 
 
 class ReportTask(StageTask):
@@ -20,6 +22,17 @@ class ReportTask(StageTask):
     def part(self) -> ReportStep:
         """The task's step, with sweep and method."""
         return self.report.steps[self.step.name]
+
+    def _check_code(self) -> None:
+        """As for every task; the method's plugins and weights must be those of the plan as well.
+
+        What baselines render is kept by their code as the disk has it: code that was loaded before an edit would be
+        kept under the edited one's name.
+        """
+        super()._check_code()
+        method = self.part.method
+        if method is not None and method_fields(method) != self.part.entry.fields["method"]:
+            raise ConfigError(f"{self.step_name}: {method.name} changed since the report started; start it again")
 
     @property
     def truth(self) -> Path:

@@ -15,11 +15,12 @@ from pipeline.paper.methods import BASELINE, WEIGHTS, Method
 FIGURES: dict[str, tuple[str, str, bool]] = {
     "psnr_foreground": ("PSNR on the object", "{:.2f} dB", True),
     "psnr_white": ("PSNR on white", "{:.2f} dB", True),
-    "ssim": ("SSIM", "{:.3f}", True),
-    "flip": ("FLIP", "{:.3f}", False),
+    "ssim": ("SSIM", "{:.4f}", True),
+    "flip": ("FLIP", "{:.4f}", False),
 }
 """Figure -> its title, how it is told, and whether more is better."""
 KEPT = "contrast_kept"
+"""Best at 1: below it contrast is lost, above it there is more than in truth."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,14 @@ def duels(findings: Findings, sweep: str) -> list[Duel]:
             if len(best) == 2:
                 found.append(Duel(sweep, level, figure, *best[0], *best[1]))
     return found
+
+
+def best(figure: str, values: Sequence[float]) -> float | None:
+    """The best of values of a figure; None of nothing."""
+    if figure == KEPT:
+        return min(values, key=lambda value: abs(1 - value), default=None)
+    more = figure in FIGURES and FIGURES[figure][2]
+    return (max if more else min)(values, default=None)
 
 
 def mean(values: Sequence[float]) -> float | None:

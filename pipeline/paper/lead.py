@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.paper.findings import FIGURES, Duel, Findings, duels, mean
+from pipeline.paper.findings import FIGURES, KEPT, Duel, Findings, duels, mean
 from pipeline.paper.kinds import KINDS
 from pipeline.paper.methods import BASELINE, WEIGHTS
 
@@ -46,16 +46,19 @@ def _kept(findings: Findings) -> list[str]:
     """Sentences on the limits."""
     said = []
     for sweep in ("bumps", "gap"):
-        best = {}
+        nearest = {}
         for kind in (WEIGHTS, BASELINE):
-            means = {name: mean(findings.values(sweep, name, "contrast_kept")) for name in findings.named(kind)}
+            means = {name: mean([abs(1 - kept) for kept in findings.values(sweep, name, KEPT)])
+                   for name in findings.named(kind)}  # fmt: skip
             known = {name: value for name, value in means.items() if value is not None}
             if known:
-                name = max(known, key=lambda one: known[one])
-                best[kind] = name, known[name]
-        if len(best) == 2:
-            (ours, our_value), (theirs, their_value) = best[WEIGHTS], best[BASELINE]
-            verb = "more" if their_value > our_value else "less"
-            said.append(f"{KINDS[sweep].title.removeprefix('Limit: ').capitalize()}: {theirs} keeps {verb} contrast "
-                        f"({their_value:.0%} on average) than {ours} ({our_value:.0%}).")  # fmt: skip
+                name = min(known, key=lambda one: known[one])
+                nearest[kind] = name, known[name]
+        if len(nearest) == 2:
+            (ours, our_value), (theirs, their_value) = nearest[WEIGHTS], nearest[BASELINE]
+            side = "nearer to" if their_value < our_value else "farther from"
+            title = KINDS[sweep].title.removeprefix("Limit: ").capitalize()
+            off = f"off by {their_value:.0%} on average"
+            said.append(f"{title}: the contrast of {theirs} is {side} the truth's ({off}) than that of {ours} "
+                        f"({our_value:.0%}).")  # fmt: skip
     return said

@@ -59,10 +59,8 @@ def measure(
             row["picture"] = f"{index:02}.png"
             _save(one.picture, out / row["picture"])
             if method.kind != TRUTH:
-                row |= figures(case, one.picture, *truths[index])
-                row |= _kept(cases, index, drawn, truths)
-        if one.seconds is not None:
-            row |= {"seconds": one.seconds, "steps": dict(one.steps)}
+                row |= figures(one.picture, *truths[index]) | _kept(cases, index, drawn, truths)
+        row |= {"seconds": one.seconds, "steps": dict(one.steps)} if one.seconds is not None else {}
         rows.append(row | ({"error": one.error} if one.error else {}))
         log(f"{sweep} {subject.name if subject else 'own shapes'} {case.level} {method.name}: {_told(rows[-1])}")
     path = out / ROWS
@@ -71,7 +69,7 @@ def measure(
     return path
 
 
-def figures(case: Case, picture: np.ndarray, truth: np.ndarray, coverage: np.ndarray) -> dict[str, float]:
+def figures(picture: np.ndarray, truth: np.ndarray, coverage: np.ndarray) -> dict[str, float]:
     """The six figures of `z2p_core.metrics`, and how much of the true shadow is there; those that can be told.
 
     The shadow's share is the gain of the picture's alpha on the truth's where the object covers nothing: 1 for the

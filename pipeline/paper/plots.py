@@ -23,7 +23,7 @@ def curves(findings: Findings, sweep: str, axis: str, log: bool, figures: Sequen
     """Data URI of a picture with a panel a figure and a line a method; bars span a standard deviation over the rows."""
     from matplotlib.figure import Figure  # late: slow to import
 
-    picture = Figure(figsize=(3.7 * len(figures), 3.1), layout="constrained")
+    picture = Figure(figsize=(3.7 * len(figures) + 1, 3.1), layout="constrained")
     panels = picture.subplots(1, len(figures), squeeze=False)[0]
     levels = findings.levels(sweep)
     for panel, figure in zip(panels, figures, strict=True):
@@ -44,9 +44,11 @@ def curves(findings: Findings, sweep: str, axis: str, log: bool, figures: Sequen
         panel.grid(alpha=0.25)
         if numeric and log:
             panel.set_xscale("log")
+            panel.set_xticks([float(level) for level in shown], shown, rotation=25, fontsize=8)
+            panel.minorticks_off()
         if not numeric:
             panel.set_xticks(range(len(shown)), shown, rotation=25, fontsize=8)
-    panels[0].legend(fontsize=7)
+    picture.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
     held = io.BytesIO()
     picture.savefig(held, format="svg", metadata={"Date": None})
     return f"data:image/svg+xml;base64,{base64.b64encode(held.getvalue()).decode()}"

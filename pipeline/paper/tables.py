@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.paper.abilities import ABILITIES, QUOTED, Verdict, verdicts
-from pipeline.paper.findings import FIGURES, Findings, mean, spread
+from pipeline.paper.findings import FIGURES, Findings, best, mean, spread
 from pipeline.paper.methods import BASELINE, WEIGHTS
 
 PAPER_TABLE_2 = {
@@ -38,12 +38,9 @@ def means_table(findings: Findings, sweep: str, title: str) -> Table:
     names = [*findings.named(WEIGHTS), *findings.named(BASELINE)]
     figures = [*FIGURES, "alpha_l1", "shadow_l1"]
     found = {name: {figure: findings.values(sweep, name, figure, level) for figure in figures} for name in names}
-    best = {}
-    for figure in figures:
-        means = [value for name in names if (value := mean(found[name][figure])) is not None]
-        if means:
-            best[figure] = max(means) if figure in FIGURES and FIGURES[figure][2] else min(means)
-    rows = [(name, *(_cell(found[name][figure], best.get(figure)) for figure in figures),
+    first = {figure: best(figure, [value for name in names if (value := mean(found[name][figure])) is not None])
+             for figure in figures}  # fmt: skip
+    rows = [(name, *(_cell(found[name][figure], first[figure]) for figure in figures),
              str(len(findings.rows(sweep, name, level)))) for name in names]  # fmt: skip
     heads = [FIGURES[figure][0] if figure in FIGURES else figure.replace("_", " ") for figure in figures]
     return Table(title, ("method", *heads, "rows"), tuple(rows), "Mean ± standard deviation over meshes and views; "
@@ -55,14 +52,12 @@ def level_table(findings: Findings, sweep: str, figure: str, title: str) -> Tabl
     levels = [level for level in findings.levels(sweep)
               if any(figure in row for row in findings.every if row["sweep"] == sweep and row["level"] == level)]
     names = [*findings.named(WEIGHTS), *findings.named(BASELINE)]
-    more = FIGURES[figure][2] if figure in FIGURES else True
-    rows = []
-    best = {}
+    first = {}
     for level in levels:
-        known = [value for name in names if (value := mean(findings.values(sweep, name, figure, level))) is not None]
-        best[level] = (max if more else min)(known) if known else None
-    for name in names:
-        rows.append((name, *(_cell(findings.values(sweep, name, figure, level), best[level]) for level in levels)))
+        means = [mean(findings.values(sweep, name, figure, level)) for name in names]
+        first[level] = best(figure, [value for value in means if value is not None])
+    rows = [(name, *(_cell(findings.values(sweep, name, figure, level), first[level]) for level in levels))
+            for name in names]  # fmt: skip
     return Table(title, ("method", *levels), tuple(rows))
 
 

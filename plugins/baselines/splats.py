@@ -10,6 +10,8 @@ NEIGHBOURS = 12
 RADIUS = 1.3
 """Of a disc, in spacings (the side of a point's share of the surface): wide enough to leave few holes."""
 CORNERS = 8
+APART = 0.05
+"""Spacings that discs lie above and below their points, at random: in one plane they would shade each other black."""
 
 
 class Splats(Baseline):
@@ -35,7 +37,8 @@ class Splats(Baseline):
         radius = RADIUS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
         angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
         rim = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
-        vertices = points[:, None] + radius[:, None, None] * rim
+        height = APART * typical * rng.uniform(-0.5, 0.5, (len(points), 1))
+        vertices = (points + height * np.cross(first, second))[:, None] + radius[:, None, None] * rim
         fan = np.array([(0, corner, corner + 1) for corner in range(1, CORNERS - 1)])
         faces = CORNERS * np.arange(len(points))[:, None, None] + fan
         return vertices.reshape(-1, 3), faces.reshape(-1, 3)

@@ -65,7 +65,7 @@ def test_ties_share_their_rank() -> None:
 def test_the_first_paragraph_tells_of_a_baseline_that_wins_and_comes_first() -> None:
     text = lead(findings(row("base", "0", "regular", 25.0), row("base", "0", "bpa", 27.0, ssim=0.5)), ["base"])
     assert text.startswith("In the plain case a baseline wins: PSNR on the object, bpa 27.00 dB against regular 25.00")
-    assert "In the other figures z2p wins: SSIM, regular 0.625 against bpa 0.500" in text
+    assert "In the other figures z2p wins: SSIM, regular 0.6250 against bpa 0.5000" in text
 
 
 def test_the_first_paragraph_counts_where_baselines_are_ahead() -> None:
@@ -81,6 +81,15 @@ def test_less_is_better_for_flip() -> None:
     found = {duel.figure: duel for duel in duels(findings(row("base", "0", "regular", 25.0, flip=0.2),
                                                           row("base", "0", "bpa", 25.0, flip=0.1)), "base")}
     assert found["flip"].lost and not found["ssim"].lost
+
+
+def test_kept_contrast_is_best_at_one_and_told_in_the_first_paragraph() -> None:
+    plain = [row("base", "0", "regular", 25.0), row("base", "0", "bpa", 24.0)]
+    rows = [row("gap", "0.1", "regular", 20.0, contrast_kept=0.9), row("gap", "0.1", "bpa", 20.0, contrast_kept=1.4)]
+    found = findings(*plain, *rows)
+    assert [line[1] for line in level_table(found, "gap", "contrast_kept", "kept").rows] == ["*0.900", "1.400"]
+    told = "the contrast of bpa is farther from the truth's (off by 40% on average) than that of regular (10%)"
+    assert f"Near surfaces: {told}." in lead(found, ["base", "gap"])
 
 
 def test_tables_mark_the_best_and_give_spreads() -> None:
@@ -99,7 +108,7 @@ def test_ticks_follow_from_figures() -> None:
     ours, theirs = (verdicts(findings(*rows), name, name == "regular") for name in ("regular", "bpa"))
     assert all(ours[key].passed for key in ("raw", "normals", "unseen", "inner", "shadows"))
     assert not any(theirs[key].passed for key in ("normals", "unseen", "inner", "shadows"))
-    assert "5.0 dB lost" in theirs["inner"].why and theirs["inner"].paper == "no"
+    assert "loses 0.125" in theirs["inner"].why and theirs["inner"].paper == "no"
     assert ours["points"].passed is None and ours["scenes"].passed is None and ours["colors"].passed is False
 
 

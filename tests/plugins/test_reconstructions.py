@@ -60,7 +60,7 @@ def test_splats_lie_flat_on_the_sphere_and_leave_few_holes() -> None:
     cloud = sphere(2000)
     vertices, faces = rebuild("splats", cloud)
     corners = vertices.reshape(len(cloud), 8, 3)
-    assert corners.mean(axis=1) == pytest.approx(cloud, abs=1e-9)
+    assert corners.mean(axis=1) == pytest.approx(cloud, abs=0.002)
     normals = np.cross(corners[:, 0] - corners[:, 4], corners[:, 2] - corners[:, 6])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     assert np.quantile(np.abs((normals * cloud).sum(1)), 0.05) > 0.97  # along the radius, whichever way round
@@ -86,6 +86,14 @@ def test_steps_are_timed_as_they_run() -> None:
         baseline = registry.load("baselines", name)()
         baseline.reconstruct(sphere(), np.random.default_rng(0))
         assert list(baseline.seconds) == steps and all(taken > 0 for taken in baseline.seconds.values())
+
+
+def test_splats_on_a_plane_lie_in_no_two_planes_alike() -> None:
+    """Discs in one plane would hide the light from each other, by nothing but rounding."""
+    flat = np.random.default_rng(1).uniform(-1, 1, (300, 3)) * (1, 1, 0)
+    vertices, _ = rebuild("splats", flat)
+    heights = vertices.reshape(300, 8, 3)[:, :, 2]
+    assert np.ptp(heights, axis=1).max() < 1e-9 < np.diff(np.sort(heights[:, 0])).min()
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,18 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from workflows.report_plan import load_report_plan, report_source
 from workflows.sweep import unneeded
-from workflows.tasks import Store
+from workflows.tasks import Store, task_of
+from z2p_core import registry
 from z2p_core.config import ConfigError
 from z2p_core.registry import PluginError
 
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 CONFIGS = Path(__file__).parents[2] / "configs"
 CONFIG = CONFIGS / "report-tiny.toml"
 METHODS = ("truth", "regular", "splats", "screen")
@@ -69,6 +73,23 @@ def test_it_makes_a_page_that_needs_nothing_else(finished) -> None:
     assert told["lead"] in page.replace("&#39;", "'") and re.search("baseline|z2p wins", told["lead"])
     assert "--sweeps noise" in page and "Ablation" in page and "Table 1" in page
     assert set(told["abilities"]) == set(METHODS[1:])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")
+def test_a_browser_shows_it_offline(finished) -> None:
+    cwd, _ = finished
+    shot = cwd / "shot.png"
+    page = (cwd / "runs" / "tiny-report" / "report.html").resolve().as_uri()
+    command = [str(CHROMIUM), "--headless", "--no-sandbox", "--disable-gpu", "--hide-scrollbars",
+               f"--user-data-dir={cwd / 'profile'}", f"--screenshot={shot}", "--window-size=1200,6000"]  # fmt: skip
+    subprocess.run([*command, page], capture_output=True, timeout=120, check=True)
+    with Image.open(shot) as picture:
+        pixels = np.asarray(picture.convert("RGB")).astype(int)
+    assert ((np.abs(pixels - (0xD1, 0x49, 0x5B)).max(-1) < 8).sum()) > 100  # the first paragraph's bar
+    colorful = np.ptp(pixels, axis=-1) > 60
+    assert colorful.sum() > 5000  # pictures and curves are drawn, far down the page too
+    assert colorful[3000:].sum() > 500
 
 
 @pytest.mark.slow
@@ -153,6 +174,17 @@ def test_only_what_a_setting_shapes_hangs_on_it(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in draws} == {"trust", "report"}
     everything = {name for name, one in prints("seed = 1").items() if before.get(name) == one}
     assert everything == {"shapes"}
+
+
+def test_a_method_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, monkeypatch) -> None:
+    """What it renders would be kept under another's name."""
+    source = report_source(str(CONFIG), "", "", "", "")
+    step = load_report_plan(source).steps["measure/noise/bumpy_ball/splats"]
+    task = task_of(step, source, str(tmp_path / "runs"))
+    task._check_code()
+    monkeypatch.setattr(registry.load("baselines", "splats"), "version", "changed")
+    with pytest.raises(ConfigError, match="splats changed since the report started"):
+        task._check_code()
 
 
 def test_sweeps_can_be_chosen_and_the_plain_case_stays(tmp_path: Path) -> None:
