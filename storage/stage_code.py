@@ -29,7 +29,8 @@ _NETWORK = (
 _CASES = (
     *(f"pipeline.paper.{name}" for name in ("sweeps", "clouds", "made", "references", "methods")), "pipeline.baselines",
     *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer", "pipeline.engines",
-    "pipeline.sample:draw_cloud", "pipeline.truth", "pipeline.views", "pipeline.shapes", "storage.exports",
+    "pipeline.sample:draw_cloud", "pipeline.truth", "pipeline.views", "pipeline.shapes",
+    "storage.exports", "storage.graphs",
     "z2p_core.framing:UP_AXES", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
 )
 

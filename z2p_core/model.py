@@ -171,10 +171,11 @@ class UnshuffleUNet(UNet):
         return F.pixel_shuffle(x, self.unshuffle)
 
     def refine(self, picture: Tensor, buffers: Tensor) -> Tensor:
-        if self.look is None or self.touch is None:
+        first, last = self.look, self.touch
+        if first is None or last is None:
             return picture
         beside = torch.cat([picture, buffers.to(picture.dtype)], dim=1).contiguous(memory_format=torch.channels_last)
-        return picture + self.touch(F.relu(self.look(beside)))
+        return picture + last(F.relu(first(beside)))
 
 
 class ResidualBlocks(nn.Module):

@@ -84,8 +84,8 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
     ) -> None:
         called.append((meshes, weights, out, config, truth_root, engine))
         out.mkdir(exist_ok=True)
-        data = {"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}, "baselines": {}}
-        theirs = {"means": {"ssim": 0.5, "render_seconds": 2}}
+        data = {"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}, "spread_over_seeds": {}, "seeds": {"0": {}}}
+        theirs = {"means": {"ssim": 0.5, "render_seconds": 2}, "spread_over_seeds": {}}
         (out / "metrics.json").write_text(json.dumps({**data, "baselines": dict.fromkeys(baselines, theirs)}))
 
     monkeypatch.setitem(sys.modules, "pipeline.evaluate", SimpleNamespace(evaluate=measure))

@@ -34,7 +34,7 @@ def assert_equal(first, second):
 
 def test_shapes_types_and_premultiplied_targets(shards):
     batch = pictures(shards).batch(0)
-    assert batch.buffers.shape == (4, 10, 32, 32) and batch.settings.shape == (4, 7)
+    assert batch.buffers.shape == (4, 11, 32, 32) and batch.settings.shape == (4, 7)
     assert batch.target.shape == (4, 4, 32, 32) and batch.coverage.shape == (4, 1, 32, 32)
     assert all(tensor.dtype == torch.float32 for tensor in vars(batch).values())
     assert batch.target.min() >= 0 and batch.target.max() <= 1 and batch.buffers[:, 0].max() > 0.1

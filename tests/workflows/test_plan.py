@@ -64,6 +64,7 @@ EFFECTS = {
     "train.network.kind": ("adain_unet", AFTER_SHARDS),
     "train.network.widths": ((32, 32), AFTER_SHARDS),
     "train.network.unshuffle": (2, AFTER_SHARDS),
+    "train.network.refine": (0, AFTER_SHARDS),
     "train.network.mapping": (64, AFTER_SHARDS),
     "train.network.zbuffer": ("paper", AFTER_SHARDS),
     "train.network.gbuffer": ("none", AFTER_SHARDS),
@@ -99,7 +100,9 @@ EFFECTS = {
     "evaluate.samples": (8, {"evaluate"}),
     "evaluate.denoise": ("fast", {"evaluate"}),
     "evaluate.elevation": (None, {"evaluate"}),
+    "evaluate.bounces": (1, {"evaluate"}),
     "evaluate.seed": (1, {"evaluate"}),
+    "evaluate.seeds": (2, {"evaluate"}),
 }
 
 
