@@ -28,7 +28,7 @@ from storage.meshes import Mesh, read_mesh
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig, to_dict
 from z2p_core.geometry import Sphere, bounding_sphere
-from z2p_core.images import bytes_from_unit, unit_from_bytes
+from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.metrics import NAMES, picture_metrics
 from z2p_core.scene import SceneDescription
@@ -210,10 +210,13 @@ def _trials(
 def _run_weights(renderer: Renderer, trial: Trial) -> Result:
     placed = place(trial.cloud, trial.view.scene)
     floor = on_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
+    factor = trial.config.supersample
+    side = trial.config.resolution * factor
     started = time.perf_counter()
-    prediction = renderer.render(placed, trial.view.values, *2 * (trial.config.resolution,), floor)
+    picture = unit_from_bytes(renderer.render(placed, trial.view.values, side, side, floor))
+    if factor > 1:
+        picture = shrink(picture, factor)
     seconds = time.perf_counter() - started
-    picture = unit_from_bytes(prediction)
     row = {**_figures(picture, trial), "seconds": round(seconds, 4),
            "elevation": trial.view.scene.elevation, "values": trial.view.values}  # fmt: skip
     return row, picture

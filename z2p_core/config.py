@@ -133,6 +133,8 @@ class EvaluateConfig:
     samples: int = 16
     denoise: str = "high"
     bounces: int = 3
+    supersample: int = 1
+    """How much larger the weights draw before their picture is shrunk to the resolution."""
     elevation: float | None = 20.0
     """Camera elevation of every view in degrees; None draws it as training does."""
     seed: int = 0

@@ -173,6 +173,17 @@ def test_kept_truth_needs_no_blender(by_hand, meshes, tiny_weights, tmp_path, mo
     assert first["means"]["ssim"] == second["means"]["ssim"]
 
 
+def test_supersampled_pictures_are_drawn_larger_and_shrunk(by_hand, meshes, tiny_weights, tmp_path) -> None:
+    plain, double = (
+        metrics(evaluate(meshes, tiny_weights, tmp_path / str(factor), replace(CONFIG, supersample=factor), tmp_path))
+        for factor in (1, 2)
+    )
+    assert len(by_hand) == 4  # the truth is the same
+    assert [row["psnr_white"] for row in plain["rows"]] != [row["psnr_white"] for row in double["rows"]]
+    with Image.open(tmp_path / "2" / "pictures" / "gear_0_0.png") as picture:
+        assert picture.size == (SIDE, SIDE)
+
+
 def test_elevation_is_the_configs_or_drawn(tiny_weights: Path) -> None:
     renderer = Renderer(tiny_weights)
     fixed = draw_views(renderer, "ab" * 32, replace(CONFIG, views=6, elevation=35.0))

@@ -101,6 +101,7 @@ EFFECTS = {
     "evaluate.denoise": ("fast", {"evaluate"}),
     "evaluate.elevation": (None, {"evaluate"}),
     "evaluate.bounces": (1, {"evaluate"}),
+    "evaluate.supersample": (2, {"evaluate"}),
     "evaluate.seed": (1, {"evaluate"}),
     "evaluate.seeds": (2, {"evaluate"}),
 }
