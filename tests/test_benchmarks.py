@@ -66,5 +66,5 @@ def test_the_benchmark_of_training_tells_who_waits(tmp_path: Path, monkeypatch: 
 def test_the_benchmark_of_rendering_takes_a_picture_apart(tmp_path: Path) -> None:
     printed, content = run_benchmark("rendering.py", tmp_path, "--resolution", 48, "--views", 2, "--samples", 2)
     parts = content["seconds, processors' seconds"]
-    assert parts["a picture"][1] > 0 and parts["process start, mesh and first scene"][0] > 0
+    assert parts["a picture"][1] > 0  # the other parts are differences, which a busy machine may turn around
     assert "images a minute" in printed and len(parts) == 7

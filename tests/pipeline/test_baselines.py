@@ -206,5 +206,5 @@ def test_real_renders_come_near_the_truth(meshes, tiny_weights, tmp_path) -> Non
     assert bpa["alpha_l1"] < 0.04 and bpa["psnr_white"] > 22 and bpa["render_seconds"] > 0
     assert balls["psnr_white"] < bpa["psnr_white"]
     inside = np.asarray(Image.open(next((tmp_path / "truth" / "reference").rglob("*.coverage.png")))) == 255
-    assert (np.asarray(Image.open(tmp_path / "out" / "pictures" / "vase_0_balls.png"))[inside, 3] > 0).mean() > 0.5
+    assert (np.asarray(Image.open(tmp_path / "out" / "pictures" / "vase_0_0_balls.png"))[inside, 3] > 0).mean() > 0.5
     assert run(meshes, tiny_weights, tmp_path, config, "balls", "bpa")["baselines"] == data["baselines"]
