@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-import os
 import traceback
 from pathlib import Path
 
 import luigi
 
 from storage.layout import Store
+from workflows.links import link, linked
 from workflows.plan import USERS_ERRORS
 from workflows.progress import watch
 from workflows.status import states, table, to_run
@@ -60,18 +60,12 @@ class FullPipeline(luigi.Task):
         if self.dry_run:
             return True  # so that luigi does nothing
         if all(task.complete() for task in tasks):
-            links = self.results().items()
-            return all(shown.is_symlink() and shown.resolve() == found.resolve() for shown, found in links)
+            return linked(self.results())
         watch(self.store, load_plan(self.source), self.source)
         return False
 
     def run(self) -> None:
-        for shown, found in self.results().items():
-            shown.parent.mkdir(parents=True, exist_ok=True)
-            link = shown.with_name(f".{shown.name}.{os.getpid()}")
-            link.unlink(missing_ok=True)
-            link.symlink_to(os.path.relpath(found, shown.parent))
-            link.replace(shown)
+        link(self.results())
 
     def results(self) -> dict[Path, Path]:
         """Path under ``<workspace>/<config name>/`` -> the file in the store that it leads to."""

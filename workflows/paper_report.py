@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import luigi
 
 from storage.layout import Store
+from workflows.links import link, linked
 from workflows.plan import USERS_ERRORS
 from workflows.progress import watch
 from workflows.report_plan import ReportPlan, load_report_plan, report_source
@@ -52,19 +52,13 @@ class PaperReport(luigi.Task):
         except USERS_ERRORS:
             return False  # luigi calls requires() next, whose error is told in one line
         if all(task.complete() for task in tasks):
-            links = self.results().items()
-            return all(shown.is_symlink() and shown.resolve() == found.resolve() for shown, found in links)
+            return linked(self.results())
         watch(self.store, self.plan, self.source)
         _import_libraries()
         return False
 
     def run(self) -> None:
-        for shown, found in self.results().items():
-            shown.parent.mkdir(parents=True, exist_ok=True)
-            link = shown.with_name(f".{shown.name}.{os.getpid()}")
-            link.unlink(missing_ok=True)
-            link.symlink_to(os.path.relpath(found, shown.parent))
-            link.replace(shown)
+        link(self.results())
 
     def results(self) -> dict[Path, Path]:
         """Path under ``<workspace>/<config name>/`` -> the file in the store that it leads to."""

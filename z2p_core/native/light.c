@@ -106,7 +106,8 @@ static inline void add_light(const float *restrict points, const float *restrict
 
 /* light (2, count): what the lamps give each point, on the side that its normal points to and on the other one: the sum
  * of power x cos(at the point) x cos(at the lamp) / distance^2 over the lamps that no other part of the cloud hides from
- * it. A lamp has a place (3), a unit axis (3) along which it shines and a power. `spacing` is that of the cloud, `radius` bounds it. */
+ * it. A lamp has a place (3), a unit axis (3) along which it shines and a power. `spacing` is that of the cloud,
+ * `radius` bounds it. */
 FAST int z2p_illuminate(const float *points, const float *normals, int count, const float *lamps, const float *axes,
                    const float *powers, int lamp_count, float spacing, float radius, float *light) {
     float *map = malloc(sizeof(float) * LARGEST_MAP * LARGEST_MAP), *line = malloc(sizeof(float) * 2 * LARGEST_MAP);
@@ -160,7 +161,7 @@ FAST static void weigh(const uint64_t *mask, size_t first, size_t last, const fl
  * reaches `half` to every side of the origin at height `floor`; holes between points are closed over two cells. */
 int z2p_floor_shade(const float *points, int count, const float *lamps, const float *weights, int lamp_count,
                     float floor, float half, int side, float *shade) {
-    size_t cells = (size_t)side * side, first = cells, last = 0;
+    size_t cells = (size_t)side * side, first = 0, last = cells;
     uint64_t *mask = calloc(cells + 1, sizeof(uint64_t)), *other = calloc(cells + 1, sizeof(uint64_t));
     int fine = mask && other && lamp_count <= MOST_LAMPS, even = 1, found[MOST_LAMPS];
     float places[3 * MOST_LAMPS];
@@ -172,9 +173,8 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, const fl
     if (fine) {
         mask[cells] = 0;
         memset(shade, 0, sizeof(float) * cells);
-        while (first && !mask[cells - first]) first--;
-        first = cells - first;
-        for (last = cells; last > first && !mask[last - 1];) last--;
+        while (first < cells && !mask[first]) first++;
+        while (last > first && !mask[last - 1]) last--;
     }
     if (fine && last > first) { /* rows that closing reaches; the outermost four stay empty */
         size_t top = first / (size_t)side - 2, bottom = (last - 1) / (size_t)side + 3;
