@@ -18,7 +18,7 @@ from pipeline.load import load_network
 from storage.checkpoints import load_checkpoint
 from z2p_core import registry
 from z2p_core.camera import Camera
-from z2p_core.config import TrainConfig, to_dict
+from z2p_core.config import NetworkConfig, TrainConfig, from_dict, to_dict
 from z2p_core.interfaces import PositionalEncoder
 from z2p_core.model import build_network
 
@@ -96,7 +96,11 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
         "network": to_dict(config.network),
         "controls": [[control["name"], control["version"]] for control in data.controls],
     }
-    came = {"network": card["network"], "controls": [[entry["name"], entry["version"]] for entry in card["controls"]]}
+    came = {
+        # older cards lack what networks have had no choice of before
+        "network": to_dict(from_dict(NetworkConfig, card["network"])),
+        "controls": [[entry["name"], entry["version"]] for entry in card["controls"]],
+    }
     for part, wanted in expected.items():
         if came[part] != wanted:
             raise TrainError(

@@ -17,7 +17,7 @@ from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugi
 from storage.layout import Entry
 from storage.meshes import find_meshes
 from z2p_core import registry
-from z2p_core.config import ConfigError, PipelineConfig, to_dict
+from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict
 from z2p_core.interfaces import ScanError
 
 USERS_ERRORS = (ConfigError, ScanError, registry.PluginError)
@@ -179,6 +179,8 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
     if start:
         parameters["start"] = _weights_digest(start)
     network = parameters["network"]
+    if network["conditioning"] == NetworkConfig.conditioning:
+        del network["conditioning"]  # results of before there was a choice mean the same, and can be adopted
     network["zbuffer"] = plugin_fields(registry.load("zbuffers", network["zbuffer"]))
     network["gbuffer"] = plugin_fields(registry.load("gbuffers", network["gbuffer"]))
     network["encoder"] = plugin_fields(registry.load("encoders", network["encoder"]))

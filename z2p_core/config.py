@@ -65,6 +65,8 @@ class NetworkConfig:
     """Channels between the two last convolutions, which work on single pixels; 0 for none (the paper)."""
     mapping: int = 512
     """Length of w, the mapped settings vector."""
+    conditioning: str = "adain"
+    """``adain``: the settings modulate features (paper Eq. 2); ``input``: they are constant channels of the input."""
     zbuffer: str = "splats"
     gbuffer: str = "surfels"
     """Rough features of the lit scene beside the z-buffer; ``none`` leaves light to the settings alone (the paper)."""

@@ -1,6 +1,8 @@
 """The conditioned U-Nets: z-buffer and settings in, premultiplied sRGB and alpha out. One file, in reading order.
 
 B batch, C z-buffer channels, E encoding channels, S settings, M mapping, u unshuffle, W a level's width.
+
+Settings either modulate features (`conditioning` "adain") or, for comparison, are constant channels of the input.
 """
 
 from __future__ import annotations
@@ -39,6 +41,9 @@ def build_network(config: NetworkConfig, buffer_channels: int, encoder_channels:
         )
     if config.kind == "adain_unet" and config.unshuffle != 1:
         raise ValueError(f"adain_unet works at full resolution: expected unshuffle = 1, got {config.unshuffle}")
+    known = ("adain",) if config.kind == "adain_unet" else ("adain", "input")
+    if config.conditioning not in known:
+        raise ValueError(f"{config.kind}: conditioning: expected {' or '.join(known)}, got {config.conditioning!r}")
     if buffer_channels < 1 or encoder_channels < 0 or settings < 1:
         raise ValueError(
             f"network: expected a z-buffer channel and a setting at least, got {buffer_channels} z-buffer and "
@@ -91,6 +96,26 @@ class AdaIN(Modulation):
     normalise = True
 
 
+class Unmodulated(nn.Module):
+    """Stands where a modulation would: x as it is, for settings that came with the input.
+
+    It does not normalise either: instance statistics would take constant channels, and so the settings, away.
+    """
+
+    def __init__(self, channels: int, mapping: int) -> None:
+        super().__init__()
+
+    def forward(self, x: Tensor, w: Tensor) -> Tensor:
+        return x
+
+
+def modulation(config: NetworkConfig, stride: int) -> type[Modulation | Unmodulated]:
+    """The layer that brings the settings into the fast network at a stride."""
+    if config.conditioning == "input":
+        return Unmodulated
+    return AdaIN if stride >= NORMALISE_FROM else Modulation
+
+
 class UNet(nn.Module):
     """What both networks share: the mapping, padding to a multiple of the stride, and the range of the output."""
 
@@ -98,11 +123,11 @@ class UNet(nn.Module):
         super().__init__()
         self.unshuffle = config.unshuffle
         self.stride = config.unshuffle * 2 ** (len(config.widths) - 1)
-        self.mapping = MappingNetwork(settings, config.mapping)
+        self.mapping = MappingNetwork(settings, config.mapping) if config.conditioning == "adain" else None
 
     def forward(self, buffers: Tensor, encoding: Tensor, settings: Tensor) -> Tensor:
         height, width = buffers.shape[-2:]
-        w = self.mapping(settings)  # (B, M)
+        w = self.mapping(settings) if self.mapping else settings  # (B, M), or (B, S) that no layer modulates with
         right, below = -width % self.stride, -height % self.stride
         buffers = F.pad(buffers, (0, right, 0, below))  # the background of a z-buffer is 0
         x = F.pixel_unshuffle(buffers, self.unshuffle) if self.unshuffle > 1 else buffers  # (B, C u u, H/u, W/u)
@@ -110,6 +135,9 @@ class UNet(nn.Module):
         if int(encoding.shape[1]):
             missing = (0, x.shape[3] - encoding.shape[3], 0, x.shape[2] - encoding.shape[2])
             x = torch.cat([x, F.pad(encoding, missing, mode="replicate")], dim=1)
+        if self.mapping is None:
+            planes = (settings * 2 - 1)[:, :, None, None].expand(-1, -1, *x.shape[-2:])  # (B, S, H/u, W/u)
+            x = torch.cat([x, planes.to(x.dtype)], dim=1)
         picture = self.draw(x.contiguous(memory_format=torch.channels_last), w)
         picture = self.refine(picture, buffers)
         picture = picture[:, :, :height, :width].float()  # (B, 4, H, W)
@@ -133,19 +161,20 @@ class UnshuffleUNet(UNet):
     def __init__(self, config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int) -> None:
         super().__init__(config, settings)
         widths, cell = config.widths, config.unshuffle**2
+        inputs = buffer_channels * cell + encoder_channels + (0 if self.mapping else settings)
         # The G-buffer is a picture already: beside what the network works on, let its pixels through to the output.
-        self.stem = nn.Conv2d(buffer_channels * cell + encoder_channels, widths[0] + 4 * cell, 1)
+        self.stem = nn.Conv2d(inputs, widths[0] + 4 * cell, 1)
         self.encode, self.shrink = nn.ModuleList(), nn.ModuleList()
         self.grow, self.decode = nn.ModuleList(), nn.ModuleList()
         for level, (fine, coarse) in enumerate(pairwise(widths)):
             stride = config.unshuffle * 2**level
-            self.encode.append(ResidualBlocks(1, fine, config.mapping, stride))
+            self.encode.append(ResidualBlocks(1, fine, config, stride))
             self.shrink.append(nn.Conv2d(fine, coarse, 2, stride=2))
             self.grow.append(nn.Conv2d(coarse, fine, 1))
-            self.decode.append(ResidualBlocks(2, fine, config.mapping, stride))
-        self.bottom = ResidualBlocks(2, widths[-1], config.mapping, self.stride)
-        # Straight before the last convolution, so that colour can multiply shading.
-        self.tint = Modulation(widths[0], config.mapping)
+            self.decode.append(ResidualBlocks(2, fine, config, stride))
+        self.bottom = ResidualBlocks(2, widths[-1], config, self.stride)
+        # Straight before the last convolution, so that colour can multiply shading; never normalised.
+        self.tint = modulation(config, 1)(widths[0], config.mapping)
         self.head = nn.Conv2d(widths[0], 4 * cell, 3, padding=1)
         self.look = nn.Conv2d(4 + buffer_channels, config.refine, 3, padding=1) if config.refine else None
         self.touch = nn.Conv2d(config.refine, 4, 3, padding=1) if config.refine else None
@@ -181,11 +210,11 @@ class UnshuffleUNet(UNet):
 class ResidualBlocks(nn.Module):
     """`count` times x + conv(relu(modulate(conv(relu(x))))), each starting as the identity."""
 
-    def __init__(self, count: int, width: int, mapping: int, stride: int) -> None:
+    def __init__(self, count: int, width: int, config: NetworkConfig, stride: int) -> None:
         super().__init__()
-        modulation = AdaIN if stride >= NORMALISE_FROM else Modulation
+        kind = modulation(config, stride)
         self.first = nn.ModuleList(nn.Conv2d(width, width, 3, padding=1) for _ in range(count))
-        self.modulate = nn.ModuleList(modulation(width, mapping) for _ in range(count))
+        self.modulate = nn.ModuleList(kind(width, config.mapping) for _ in range(count))
         self.second = nn.ModuleList(nn.Conv2d(width, width, 3, padding=1) for _ in range(count))
         for convolution in self.second:
             nn.init.zeros_(convolution.weight)

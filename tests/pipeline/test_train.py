@@ -5,6 +5,7 @@ from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+import onnxruntime
 import pytest
 import torch
 from PIL import Image
@@ -220,6 +221,27 @@ def test_fine_tuning_goes_on_from_the_weights_and_their_encoder(undisturbed, sha
     assert weights.card["encoder"] == before.card["encoder"]  # not drawn anew, though the seed is another
     for name, tensor in weights.tensors.items():
         np.testing.assert_allclose(tensor, before.tensors[name], atol=1e-6)
+
+
+def test_a_card_from_before_a_choice_of_networks_is_of_the_default(undisturbed, shards, tmp_path):
+    before = load_weights(undisturbed / "weights.safetensors")
+    network = {name: value for name, value in before.card["network"].items() if name != "conditioning"}
+    save_weights(tmp_path / "earlier.safetensors", before.tensors, {**before.card, "network": network})
+    train(shards, replace(CONFIG, start=str(tmp_path / "earlier.safetensors"), steps=1), tmp_path, log=silent)
+
+
+def test_settings_as_input_channels_train_and_come_back_from_the_file(shards, tmp_path):
+    path = train(shards, replace(CONFIG, network=replace(NETWORK, conditioning="input"), steps=1), tmp_path, log=silent)
+    assert load_weights(path).card["network"]["conditioning"] == "input"
+    loaded = load_plugins(path)
+    network = loaded.build()
+    buffers, encoding = torch.rand(1, loaded.buffer_channels, 32, 32), torch.rand(loaded.encoder.channels, 8, 8)
+    settings = torch.rand(1, loaded.settings)
+    with torch.no_grad():
+        picture = network(buffers, encoding, settings).numpy()
+    inputs = {"buffers": buffers.numpy(), "encoding": encoding.numpy(), "settings": settings.numpy()}
+    session = onnxruntime.InferenceSession(tmp_path / "weights.onnx", providers=["CPUExecutionProvider"])
+    np.testing.assert_allclose(session.run(None, inputs)[0], picture, atol=1e-4)
 
 
 def test_weights_of_another_network_are_not_fine_tuned(undisturbed, shards, tmp_path):

@@ -66,6 +66,7 @@ EFFECTS = {
     "train.network.unshuffle": (2, AFTER_SHARDS),
     "train.network.refine": (0, AFTER_SHARDS),
     "train.network.mapping": (64, AFTER_SHARDS),
+    "train.network.conditioning": ("input", AFTER_SHARDS),
     "train.network.zbuffer": ("paper", AFTER_SHARDS),
     "train.network.gbuffer": ("none", AFTER_SHARDS),
     "train.network.encoder": ("none", AFTER_SHARDS),

@@ -5,10 +5,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from z2p_core.config import NetworkConfig
+from z2p_core.config import NetworkConfig, from_dict, to_dict
 from z2p_core.model import AdaIN, Modulation, build_network
 
 FAST = NetworkConfig(widths=(16, 24, 32, 48), mapping=16)
+INPUT = replace(FAST, conditioning="input")
 PAPER = NetworkConfig(kind="adain_unet", widths=(8, 12, 16), unshuffle=1, mapping=16, zbuffer="paper")
 
 
@@ -51,7 +52,7 @@ def test_modulation_without_normalising_is_affine():
     torch.testing.assert_close(layer(x, w), (1 + gamma) * x + beta)
 
 
-@pytest.mark.parametrize("config", [FAST, PAPER], ids=lambda config: config.kind)
+@pytest.mark.parametrize("config", [FAST, INPUT, PAPER], ids=["fast", "input", "paper"])
 @pytest.mark.parametrize("size", [(64, 64), (75, 100), (32, 33)])
 def test_any_size_gives_a_picture_in_range(config, size):
     network = network_of(config).eval()
@@ -60,7 +61,7 @@ def test_any_size_gives_a_picture_in_range(config, size):
     assert picture.min() >= 0 and picture.max() <= 1 and picture.std() > 0
 
 
-@pytest.mark.parametrize("config", [FAST, PAPER], ids=lambda config: config.kind)
+@pytest.mark.parametrize("config", [FAST, INPUT, PAPER], ids=["fast", "input", "paper"])
 def test_batch_mates_do_not_matter(config):
     network = network_of(config).train()
     zbuffer, encoding, settings = inputs_of(config, 3, 64, 64)
@@ -70,7 +71,7 @@ def test_batch_mates_do_not_matter(config):
     assert not torch.allclose(together[0], together[1], atol=1e-3)
 
 
-@pytest.mark.parametrize("config", [FAST, PAPER], ids=lambda config: config.kind)
+@pytest.mark.parametrize("config", [FAST, INPUT, PAPER], ids=["fast", "input", "paper"])
 def test_every_weight_gets_a_finite_gradient(config):
     network = network_of(config).train()
     network(*inputs_of(config, 2, 64, 64)).square().sum().backward()
@@ -79,7 +80,7 @@ def test_every_weight_gets_a_finite_gradient(config):
         assert parameter.grad.abs().sum() > 0, name
 
 
-@pytest.mark.parametrize("config", [FAST, PAPER], ids=lambda config: config.kind)
+@pytest.mark.parametrize("config", [FAST, INPUT, PAPER], ids=["fast", "input", "paper"])
 def test_zbuffer_encoding_and_settings_all_matter(config):
     network = network_of(config).eval()
     network.train()  # unclamped
@@ -120,6 +121,25 @@ def test_a_network_without_encoding():
     assert network(torch.rand(1, 1, 40, 40), torch.zeros(0, 10, 10), torch.rand(1, 2)).shape == (1, 4, 40, 40)
 
 
+def test_settings_as_input_channels_are_heard_at_every_pixel_and_each_of_them():
+    network = network_of(INPUT).train()
+    assert not any(isinstance(layer, Modulation) for layer in network.modules()) and network.mapping is None
+    zbuffer, encoding, settings = inputs_of(INPUT, 1, 64, 64)
+    settings.requires_grad_()
+    picture = network(zbuffer, encoding, settings)
+    picture.sum().backward()
+    assert (settings.grad.abs() > 0).all()
+    with torch.no_grad():
+        assert ((network(zbuffer, encoding, 1 - settings) - picture).abs().amax(1) > 1e-5).all()
+
+
+def test_weights_from_before_conditioning_was_a_choice_are_the_default():
+    earlier = to_dict(FAST)
+    del earlier["conditioning"]
+    assert from_dict(NetworkConfig, earlier) == FAST
+    network_of(from_dict(NetworkConfig, earlier)).load_state_dict(network_of(FAST).state_dict())
+
+
 def test_a_uniform_picture_has_finite_gradients():
     network = network_of(PAPER).train()
     network(torch.zeros(1, 3, 32, 32), torch.zeros(5, 32, 32), torch.zeros(1, 7)).sum().backward()
@@ -131,5 +151,9 @@ def test_unknown_kind_and_impossible_shapes():
         build_network(NetworkConfig(kind="unet"), 1, 0, 7)
     with pytest.raises(ValueError, match="expected unshuffle = 1, got 4"):
         build_network(NetworkConfig(kind="adain_unet"), 1, 0, 7)
+    with pytest.raises(ValueError, match="conditioning: expected adain or input, got 'film'"):
+        build_network(NetworkConfig(conditioning="film"), 1, 0, 7)
+    with pytest.raises(ValueError, match="adain_unet: conditioning: expected adain, got 'input'"):
+        build_network(replace(PAPER, conditioning="input"), 1, 0, 7)
     with pytest.raises(ValueError, match="two or more widths"):
         build_network(NetworkConfig(widths=(8,)), 1, 0, 7)
