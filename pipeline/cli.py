@@ -20,6 +20,7 @@ COMMANDS = {
     "evaluate": ("pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
     "report-paper": ("pipeline.commands.report_paper:report_paper", "Make the paper's evaluation, as one page."),
     "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
+    "ablate": ("pipeline.commands.ablate:ablate", "Train variants of a config and compare them."),
     "status": ("pipeline.commands.workspace:status", "Say which stages are fresh, stale or missing, and why."),
     "verify": ("pipeline.commands.workspace:verify", "Compare every stored result with its digests."),
     "gc": ("pipeline.commands.workspace:gc", "Remove results that no kept configuration needs."),

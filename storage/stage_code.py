@@ -77,6 +77,10 @@ SHAPING: dict[str, tuple[str, ...]] = {
         *(f"pipeline.paper.methods:{name}" for name in ("Method", "BASELINE", "TRUTH", "WEIGHTS")),
         "pipeline.paper.measure:ROWS", "pipeline.paper.times:TIMES", "pipeline.paper.trust:TRUST",
     ),
+    "compare": (
+        "workflows.ablation_stages:Compare", *(f"pipeline.ablation.{name}" for name in ("page", "curves", "outcomes")),
+        "storage.checkpoints", "z2p_core.ablations", "z2p_core.metrics:NAMES",
+    ),
 }
 """Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
 
@@ -89,6 +93,7 @@ NOT_SHAPING: dict[str, str] = {
     "train/z2p_core.interfaces:Control": "shards hold the settings as encoded; only names and sizes are compared",
     "pipeline.baselines": "stands beside the weights; its pictures have fingerprints of their own",
     "workflows.tasks": "what all tasks share: where files lie, not what is in them",
+    "workflows.ablation_plan": "what it plans is in the fingerprints",
     "workflows.task_log": "tells how a task is doing",
     "workflows.known_views": "copies renders whose fields and digests are the very same",
     "z2p_core.report_config": "the values that a stage gets are in its fingerprint",
@@ -117,6 +122,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "times": ("numpy", "trimesh", "bpy", "torch", "onnxruntime"),
     "trust": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
     "report": ("numpy",),
+    "compare": ("numpy",),
 }
 """Stage -> the declared packages whose versions shape its result."""
 

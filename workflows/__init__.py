@@ -48,8 +48,9 @@ apply_settings("luigi.cfg")
 luigi.interface.core.ignore_unconsumed |= {"rpc_retry_attempts", "rpc_retry_wait"}  # read elsewhere; no need to warn
 logging.getLogger("luigi-interface").addFilter(_Quiet())
 
-from workflows import report_stages, stages  # noqa: E402  after the settings, which luigi reads as it goes
+from workflows import ablation_stages, report_stages, stages  # noqa: E402  after the settings, which luigi reads as it goes
+from workflows.ablations import Ablations  # noqa: E402
 from workflows.full_pipeline import FullPipeline  # noqa: E402
 from workflows.paper_report import PaperReport  # noqa: E402
 
-__all__ = ["FullPipeline", "PaperReport", "report_stages", "stages"]
+__all__ = ["Ablations", "FullPipeline", "PaperReport", "ablation_stages", "report_stages", "stages"]

@@ -10,7 +10,7 @@ import luigi
 
 from storage.layout import Store
 from workflows.links import link, linked
-from workflows.plan import USERS_ERRORS
+from workflows.plan import USERS_ERRORS, Planned
 from workflows.progress import watch
 from workflows.status import states, table, to_run
 from workflows.task_log import say
@@ -42,13 +42,16 @@ class FullPipeline(luigi.Task):
         return source_of(self.config, self.meshes, self.evaluate_meshes)
 
     @property
+    def plan(self) -> Planned:
+        return load_plan(self.source)
+
+    @property
     def store(self) -> Store:
         return Store(Path(absolute(self.workspace)))
 
     def requires(self) -> list[StageTask]:
         # every step, not only the last: results that were deleted are made again even if what follows is there
-        plan = load_plan(self.source)
-        return [task_of(step, self.source, str(self.store.root)) for step in plan.steps.values()]
+        return [task_of(step, self.source, str(self.store.root)) for step in self.plan.steps.values()]
 
     def complete(self) -> bool:
         try:
@@ -61,7 +64,7 @@ class FullPipeline(luigi.Task):
             return True  # so that luigi does nothing
         if all(task.complete() for task in tasks):
             return linked(self.results())
-        watch(self.store, load_plan(self.source), self.source)
+        watch(self.store, self.plan, self.source)
         return False
 
     def run(self) -> None:
@@ -69,7 +72,7 @@ class FullPipeline(luigi.Task):
 
     def results(self) -> dict[Path, Path]:
         """Path under ``<workspace>/<config name>/`` -> the file in the store that it leads to."""
-        plan = load_plan(self.source)
+        plan = self.plan
         shown = self.store.root / plan.config.name
         return {
             shown / name: self.store.folder(plan.steps[stage].entry) / name for name, stage in RESULTS.items()
@@ -79,7 +82,7 @@ class FullPipeline(luigi.Task):
         """Say, once, what would run and why."""
         if self not in _EXPLAINED:
             _EXPLAINED.add(self)
-            found = states(load_plan(self.source), self.store)
+            found = states(self.plan, self.store)
             say("\n".join(table(found, every=False)))
             if self.dry_run:
                 logging.getLogger("luigi-interface").setLevel(logging.ERROR)  # its summary would call all complete

@@ -172,7 +172,9 @@ def absolute(path: str) -> str:
 
 @lru_cache(maxsize=8)
 def load_plan(source: str) -> Plan:
-    """Plan of a `source_of`; made once a process, so that edits during a run do not mix two plans.
+    """Plan of a `source_of`, or of a `workflows.ablation_plan.variant_source`.
+
+    It is made once a process, so that edits during a run do not mix two plans.
 
     Raises:
         ConfigError: the config cannot be used.
@@ -180,6 +182,10 @@ def load_plan(source: str) -> Plan:
         PluginError: the config names an unknown or broken plugin.
     """
     where = json.loads(source)
+    if "variant" in where:
+        from workflows.ablation_plan import load_variant_plan  # late: it builds on this module's neighbours
+
+        return load_variant_plan(source)
     config = PipelineConfig()
     if where["config"]:
         path = Path(where["config"])
@@ -194,8 +200,13 @@ def load_plan(source: str) -> Plan:
 
 
 def load_steps(source: str) -> dict[str, Step]:
-    """Steps of a `source_of`, or of a `workflows.report_plan.report_source`."""
-    if "report" in json.loads(source):
+    """Steps of a `source_of`, a `workflows.report_plan.report_source` or a source of `workflows.ablation_plan`."""
+    where = json.loads(source)
+    if "ablations" in where and "variant" not in where:
+        from workflows.ablation_plan import load_ablation_plan
+
+        return dict(load_ablation_plan(source).steps)
+    if "report" in where:
         from workflows.report_plan import load_report_plan  # late: it builds on this module's neighbours
 
         return dict(load_report_plan(source).steps)

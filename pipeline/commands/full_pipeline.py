@@ -8,7 +8,9 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -21,31 +23,53 @@ LEFT_TO_OTHERS, LOOKS = (10, 25), 10
 again, up to so many times, whether everything is there."""
 
 
+
+def pipeline_options(config_help: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The options of a command that `run_task` ends."""
+    folder = click.Path(exists=True, file_okay=False, path_type=Path)
+    options = (
+        click.option("--config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="TOML",
+                     help=config_help),
+        click.option("--meshes", type=folder, metavar="DIR",
+                     help="Folder of meshes to train on; shapes of the project's own without it."),
+        click.option("--evaluate-meshes", type=folder, metavar="DIR",
+                     help="Folder of meshes kept aside for the evaluation."),
+        click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+                     help="Folder for everything the stages make."),
+        click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time."),
+        click.option("--scheduler", metavar="URL", help="A running luigid, as http://HOST:8082, that shares the work "
+                     "among all pipelines that name it; see docs/cluster.md."),
+        click.option("--explain", is_flag=True, help="Say first why each stage runs."),
+        click.option("--dry-run", is_flag=True, help="Say what would run and why; write nothing."),
+    )  # fmt: skip
+
+    def decorate(command: Callable[..., Any]) -> Callable[..., Any]:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
 @click.command()
-@click.option("--config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="TOML",
-              help="Settings of every stage; the quick ones without it.")
-@click.option("--meshes", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder of meshes to train on; shapes of the project's own without it.")
-@click.option("--evaluate-meshes", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder of meshes kept aside for the evaluation.")
-@click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder for everything the stages make.")
-@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time.")
-@click.option("--scheduler", metavar="URL", help="A running luigid, as http://HOST:8082, that shares the work among "
-              "all pipelines that name it; see docs/cluster.md.")
-@click.option("--explain", is_flag=True, help="Say first why each stage runs.")
-@click.option("--dry-run", is_flag=True, help="Say what would run and why; write nothing.")
-@click.pass_context
-def full_pipeline(
-    ctx: click.Context, scheduler: str | None, explain: bool, dry_run: bool, **options: Path | int | None
-) -> None:
+@pipeline_options("Settings of every stage; the quick ones without it.")
+def full_pipeline(**options: Any) -> None:
     """Make weights: sample meshes, render them in Blender, shard, train and evaluate.
 
     Runs `luigi --module workflows FullPipeline --local-scheduler` and ends with its exit status. Only stages whose
     inputs have changed run again.
     """
+    run_task("FullPipeline", **options)
+
+
+def run_task(task: str, scheduler: str | None, explain: bool, dry_run: bool, **options: Path | int | None) -> None:
+    """Run a task of `workflows` in luigi, with the values of `pipeline_options`, and end with its exit status.
+
+    Raises:
+        Failure: luigi or the `workflows` package is not installed.
+    """
     check_luigi()
-    command = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline"]
+    command = [sys.executable, "-m", "luigi", "--module", "workflows", task]
     command += ["--scheduler-url", scheduler, *PATIENT] if scheduler else ["--local-scheduler"]
     command += ["--explain"] * explain + ["--dry-run"] * dry_run
     for name in ("config", "meshes", "evaluate_meshes", "workspace", "workers"):
@@ -57,7 +81,7 @@ def full_pipeline(
             break
         time.sleep(2)
         status = run_process(command, luigi_environment())
-    ctx.exit(status)
+    click.get_current_context().exit(status)
 
 
 def check_luigi() -> None:

@@ -25,6 +25,7 @@ ENTRY = {
     "times": {"workflows.report_stages:Times", "pipeline.paper.times:measure_times", "pipeline.blender:main"},
     "trust": {"workflows.report_stages:Trust", "pipeline.paper.trust:measure_trust", "pipeline.blender:main"},
     "report": {"workflows.report_stages:Report", "pipeline.paper.report:write_report"},
+    "compare": {"workflows.ablation_stages:Compare", "pipeline.ablation.page:write_ablations"},
 }
 """Stage -> its luigi task, the function that this calls, and what its Blender process runs."""
 PLUGINS = {

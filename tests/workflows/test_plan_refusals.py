@@ -12,7 +12,7 @@ from z2p_core.config import ConfigError, PipelineConfig, parse_config
 from z2p_core.interfaces import ScanError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
-PIPELINES = sorted(set(CONFIGS.glob("*.toml")) - set(CONFIGS.glob("report*.toml")))
+PIPELINES = sorted(set(CONFIGS.glob("*.toml")) - set(CONFIGS.glob("report*.toml")) - {CONFIGS / "ablations.toml"})
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,127 @@
+"""Ablations: a base configuration, and variants of its training that each change something, for the same budget.
+
+A TOML file holds what a FullPipeline's does, and a table for each variant:
+
+    [variants.no-ssim]
+    title = "no SSIM in the loss"
+    why = "whether likeness of structure earns its time"
+    train.loss.ssim = 0.0
+
+Variants change the training alone, neither its steps nor its batch: renders, shards and measure are shared.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from z2p_core.config import ConfigError, PipelineConfig, TrainConfig, from_dict, to_dict
+
+BASE = "base"
+"""Name of the base among the variants."""
+BUDGET = ("steps", "batch", "resolutions")
+"""Keys of `train` that say how much a run sees."""
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One training run of the ablations."""
+
+    name: str
+    title: str
+    why: str
+    config: PipelineConfig
+    """All of it, the base's values included."""
+    changes: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    """Key below `train` -> the base's value and its own; empty for the base."""
+
+    @property
+    def is_repeat(self) -> bool:
+        """Whether it is the base with other random numbers, which shows how much chance does."""
+        return set(self.changes) == {"seed"}
+
+
+@dataclass(frozen=True)
+class AblationsConfig:
+    """The base and its variants, the base first."""
+
+    base: PipelineConfig
+    variants: tuple[Variant, ...]
+
+    @property
+    def name(self) -> str:
+        """What the results are kept under."""
+        return self.base.name
+
+
+def parse_ablations(text: str, source: str = "config") -> AblationsConfig:
+    """AblationsConfig of a TOML text; what the base leaves out keeps the defaults.
+
+    Raises:
+        ConfigError: not TOML, no variants, an unknown key, a value of the wrong type, or a variant that cannot be one.
+    """
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{source}: not valid TOML: {error}") from error
+    tables = data.pop("variants", {})
+    if not isinstance(tables, dict) or not tables:
+        raise ConfigError(f"{source}: expected one or more tables [variants.NAME]")
+    base: PipelineConfig = from_dict(PipelineConfig, data, source)
+    variants = [_variant(name, table, base, f"{source}: variants.{name}") for name, table in tables.items()]
+    return AblationsConfig(base, (Variant(BASE, "the base", "what the others are compared with", base), *variants))
+
+
+def with_meshes(config: AblationsConfig, meshes: str, evaluate_meshes: str) -> AblationsConfig:
+    """The same on other folders of meshes; an empty one keeps the config's."""
+
+    def there(one: PipelineConfig) -> PipelineConfig:
+        return replace(one, meshes=meshes or one.meshes, evaluate_meshes=evaluate_meshes or one.evaluate_meshes)
+
+    variants = tuple(replace(one, config=there(one.config)) for one in config.variants)
+    return AblationsConfig(there(config.base), variants)
+
+
+def _variant(name: str, table: Any, base: PipelineConfig, where: str) -> Variant:
+    if name == BASE or not re.fullmatch(r"[\w.-]+", name):
+        raise ConfigError(f"{where}: expected a name of letters, digits, '-', '_' and '.' other than {BASE!r}")
+    if not isinstance(table, dict):
+        raise ConfigError(f"{where}: expected a table, got {table!r}")
+    for key in sorted(set(table) - {"title", "why", "train"}):
+        raise ConfigError(f"{where}: unknown key {key!r}; known: title, why, train (a variant changes that alone)")
+    for key in ("title", "why"):
+        if not isinstance(table.get(key), str) or not table[key]:
+            raise ConfigError(f"{where}: {key}: expected a line of text, got {table.get(key)!r}")
+    train = _changed(base.train, table.get("train", {}), f"{where}: train")
+    before, after = (_leaves(to_dict(one)) for one in (base.train, train))
+    changes = {key: (before[key], after[key]) for key in before if before[key] != after[key]}
+    if not changes:
+        raise ConfigError(f"{where}: expected a value of train.* that differs from the base's")
+    for key in sorted(set(changes) & set(BUDGET)):
+        raise ConfigError(f"{where}: train.{key}: expected the base's, as all variants have the same budget")
+    return Variant(name, table["title"], table["why"], replace(base, train=train), changes)
+
+
+def _changed(base: TrainConfig, changes: Any, where: str) -> TrainConfig:
+    """The training with the values of a table in place of its own."""
+    if not isinstance(changes, dict):
+        raise ConfigError(f"{where}: expected a table, got {changes!r}")
+    from_dict(TrainConfig, changes, where)  # for errors that name the key as the file has it
+    train: TrainConfig = from_dict(TrainConfig, _merged(to_dict(base), changes), where)
+    return train
+
+
+def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    deeper = {key: _merged(base[key], value) for key, value in changes.items() if isinstance(value, dict)}
+    return {**base, **changes, **deeper}
+
+
+def _leaves(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested values by their dotted keys."""
+    found: dict[str, Any] = {}
+    for key, value in values.items():
+        found |= _leaves(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return found
