@@ -18,17 +18,19 @@ def draw_curves(outcomes: Sequence[Outcome], path: Path) -> Path:
     from matplotlib.figure import Figure  # late: slow to import
 
     base, *others = outcomes
-    rows = -(-len(others) // COLUMNS)
-    picture = Figure(figsize=(3 * COLUMNS, 2.3 * rows + 0.6), layout="constrained")
-    panels = picture.subplots(rows, COLUMNS, sharex=True, sharey=True, squeeze=False).flat
+    columns = min(COLUMNS, len(others))
+    rows = -(-len(others) // columns)
+    picture = Figure(figsize=(3 * columns + 0.5, 2.3 * rows + 0.6), layout="constrained")
+    panels = list(picture.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
     for panel, outcome in zip(panels, others, strict=False):
         for one, color, label in ((base, BEHIND, "base"), (outcome, OWN, "variant")):
             panel.plot(*zip(*one.curve, strict=True), color=color, linewidth=2, label=label)
         panel.set_title(outcome.variant.title, fontsize=9)
         panel.grid(alpha=0.25)
         panel.tick_params(labelsize=8)
-    for panel in list(panels)[len(others) :]:
-        panel.set_visible(False)
+    for unused in range(len(others), len(panels)):
+        panels[unused].set_visible(False)
+        panels[unused - columns].tick_params(labelbottom=True)  # the numbers that stood below the unused one
     picture.supxlabel("samples seen", fontsize=9)
     picture.supylabel("validation PSNR on the object, dB", fontsize=9)
     picture.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)

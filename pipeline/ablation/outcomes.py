@@ -52,10 +52,15 @@ class Outcome:
     results: tuple[str, ...]
     """Its results, below the workspace: training and evaluation."""
 
-    def verdict(self, chance: float) -> str:
-        """``better``, ``worse``, or neither where `chance` or two standard errors reach as far as the difference."""
+    def verdict(self, chance: float | None) -> str:
+        """``better``, ``worse``, or neither where `chance` or two standard errors reach as far as the difference.
+
+        Where neither is known nothing can be told.
+        """
         found = self.differences.get(DECIDING)
-        if found is None or abs(found.mean) <= max(chance, 2 * (found.error or 0)):
+        if found is None or (chance is None and found.error is None):
+            return ALIKE
+        if abs(found.mean) <= max(chance or 0, 2 * (found.error or 0)):
             return ALIKE
         return BETTER if found.mean > 0 else WORSE
 
@@ -71,10 +76,10 @@ def read_outcomes(config: AblationsConfig, folders: Folders) -> list[Outcome]:
     return [_outcome(variant, *folders[variant.name], base) for variant in config.variants]
 
 
-def chance_of(outcomes: Sequence[Outcome]) -> float:
-    """Largest change of the deciding figure, dB, by nothing but other random numbers; 0 when none were tried."""
+def chance_of(outcomes: Sequence[Outcome]) -> float | None:
+    """Largest change of the deciding figure, dB, by nothing but other random numbers; None when none were tried."""
     repeats = [one.differences.get(DECIDING) for one in outcomes if one.variant.is_repeat]
-    return max((abs(one.mean) for one in repeats if one), default=0.0)
+    return max((abs(one.mean) for one in repeats if one), default=None)
 
 
 def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, Mapping[str, Any]]) -> Outcome:

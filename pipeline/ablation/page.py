@@ -106,14 +106,13 @@ def _conclusions(outcomes: Sequence[Outcome]) -> list[str]:
     """What won, what lost and what cannot be told, with how that was decided."""
     chance = chance_of(outcomes)
     seeds = sum(one.variant.is_repeat for one in outcomes)
-    limit = (
-        f"the largest by which {seeds} other seed{'s' * (seeds > 1)} moved the base, {chance:.2f} dB (a sample of "
-        "chance, no bound on it)"
-        if seeds
-        else "what chance does to a training, which no other seed was tried for"
-    )
-    lines = ["## What can be told", "", f"By PSNR on the object. A difference counts that is larger than two standard "
-             f"errors and than {limit}.", ""]  # fmt: skip
+    how = "By PSNR on the object. A difference counts that is larger than two standard errors over the meshes"
+    if chance is None:
+        how += ". No other seed was tried, so what chance does to a training is not known."
+    else:
+        how += (f" and than what {seeds} other seed{'s' * (seeds > 1)} moved the base by: {chance:.2f} dB, which is a "
+                "sample of chance and no bound on it.")  # fmt: skip
+    lines = ["## What can be told", "", how, ""]
     judged = [one for one in outcomes[1:] if not one.variant.is_repeat]
     for verdict in (BETTER, WORSE, ALIKE):
         names = [f"{one.variant.title} ({_difference(one.differences.get(DECIDING))} dB)" for one in judged

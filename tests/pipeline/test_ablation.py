@@ -6,6 +6,7 @@ import csv
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from pipeline.ablation.outcomes import (
     ALIKE,
     BETTER,
     WORSE,
+    Difference,
     chance_of,
     difference,
     read_curve,
@@ -95,8 +97,14 @@ def test_what_chance_could_have_done_is_no_win(folders: dict[str, tuple[Path, Pa
     assert chance == pytest.approx(0.3)
     verdicts = {one.variant.name: one.verdict(chance) for one in outcomes}
     assert verdicts == {"base": ALIKE, "up": BETTER, "down": WORSE, "same": ALIKE, "again": ALIKE}
-    assert outcomes[3].verdict(0.0) == BETTER  # without another seed only the meshes' spread speaks against it
-    assert chance_of(outcomes[:4]) == 0.0
+    assert outcomes[3].verdict(None) == BETTER  # without another seed only the meshes' spread speaks against it
+    assert chance_of(outcomes[:4]) is None
+
+
+def test_one_mesh_and_no_other_seed_tell_nothing(folders: dict[str, tuple[Path, Path]]) -> None:
+    one = read_outcomes(CONFIG, folders)[2]
+    alone = replace(one, differences={"psnr_foreground": Difference(-2.0, None)})
+    assert alone.verdict(None) == ALIKE and alone.verdict(0.3) == WORSE
 
 
 def test_size_samples_and_seconds_are_those_of_the_run(folders: dict[str, tuple[Path, Path]], weights: Path) -> None:
@@ -130,7 +138,7 @@ def test_page_csv_and_json_say_the_same(folders: dict[str, tuple[Path, Path]], t
             assert one["why"] in page
             assert float(row["psnr_foreground_difference"]) == one["differences"]["psnr_foreground"]["mean"]
     assert "- better: better one (+1.00 ± 0.00 dB)" in page and "- worse: worse one (-2.00 ± 0.00 dB)" in page
-    assert "- no difference that can be told: idle one" in page and "1 other seed moved the base, 0.30 dB" in page
+    assert "- no difference that can be told: idle one" in page and "1 other seed moved the base by: 0.30 dB" in page
     assert "`loss.ssim` 0.2 → 1.0" in page
     with Image.open(out / "curves.png") as picture:
         assert picture.width > 1000
@@ -138,4 +146,4 @@ def test_page_csv_and_json_say_the_same(folders: dict[str, tuple[Path, Path]], t
 
 def test_without_another_seed_chance_is_called_unknown(folders: dict[str, tuple[Path, Path]], tmp_path: Path) -> None:
     write_ablations(AblationsConfig(CONFIG.base, CONFIG.variants[:2]), folders, COMMAND, tmp_path)
-    assert "no other seed was tried" in (tmp_path / "ablations.md").read_text()
+    assert "No other seed was tried" in (tmp_path / "ablations.md").read_text()

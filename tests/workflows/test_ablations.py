@@ -68,6 +68,7 @@ def test_it_trains_each_variant_on_shared_shards_and_compares_them(finished: tup
     told = json.loads((shown / "ablations.json").read_text())
     assert [one["name"] for one in told["variants"]] == ["base", "input", "no-ssim"]
     base, by_input, _ = told["variants"]
+    assert {one["verdict"] for one in told["variants"][1:]} == {"no difference that can be told"}  # one mesh, one seed
     assert base["differences"] == {} and by_input["weights"] < base["weights"]  # no mapping, no affine layers
     for one in told["variants"]:
         assert one["samples"] == 8 and one["train_seconds"] > 0 and one["means"]["psnr_foreground"] > 0
