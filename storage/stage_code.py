@@ -79,7 +79,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "compare": (
         "workflows.ablation_stages:Compare", *(f"pipeline.ablation.{name}" for name in ("page", "curves", "outcomes")),
-        "storage.checkpoints", "z2p_core.ablations", "z2p_core.metrics:NAMES",
+        "storage.checkpoints", "z2p_core.ablation_config", "z2p_core.metrics:NAMES",
     ),
 }
 """Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""

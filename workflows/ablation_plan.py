@@ -13,7 +13,7 @@ from storage.fingerprints import stage_fields
 from storage.layout import Entry
 from workflows.plan import Plan, Step, assemble, make_plan
 from workflows.task_log import say
-from z2p_core.ablations import AblationsConfig, Variant, parse_ablations, with_meshes
+from z2p_core.ablation_config import AblationsConfig, Variant, parse_ablations, with_meshes
 from z2p_core.config import ConfigError
 
 DEFAULT_CONFIG = Path(__file__).parents[1] / "configs" / "ablations.toml"

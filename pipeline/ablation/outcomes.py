@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from storage.checkpoints import load_weights
-from z2p_core.ablations import BASE, AblationsConfig, Variant
+from z2p_core.ablation_config import BASE, AblationsConfig, Variant
 from z2p_core.metrics import NAMES
 
 DECIDING = "psnr_foreground"

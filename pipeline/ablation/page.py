@@ -24,7 +24,7 @@ from pipeline.ablation.outcomes import (
 )
 from storage.pictures import write_whole
 from z2p_core import __version__
-from z2p_core.ablations import AblationsConfig
+from z2p_core.ablation_config import AblationsConfig
 from z2p_core.config import to_dict
 from z2p_core.metrics import NAMES
 

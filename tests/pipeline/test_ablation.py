@@ -25,7 +25,7 @@ from pipeline.ablation.outcomes import (
 )
 from pipeline.ablation.page import write_ablations
 from storage.checkpoints import load_weights
-from z2p_core.ablations import AblationsConfig, parse_ablations
+from z2p_core.ablation_config import AblationsConfig, parse_ablations
 
 CONFIG = parse_ablations("""name = "small"
 [train]

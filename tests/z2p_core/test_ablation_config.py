@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from z2p_core.ablations import BASE, parse_ablations, with_meshes
+from z2p_core.ablation_config import BASE, parse_ablations, with_meshes
 from z2p_core.config import ConfigError, parse_config
 
 BASE_TOML = """name = "small"
