@@ -60,6 +60,10 @@ class Outcome:
     """Of each picture that was drawn."""
     viewpoints: list[Viewpoint] = field(default_factory=list)
     """Of each picture that was drawn."""
+    weights: list[str] = field(default_factory=list)
+    """Names of those that drew each picture."""
+    choices: list[str] = field(default_factory=list)
+    """Why they are not the usual ones, in words, for each picture."""
     seconds: float = 0.0
     error: str | None = None
 
@@ -181,6 +185,8 @@ def _render_file(
         write_picture(drawing.picture, output, look.background, made_by)
         outcome.stances.append(drawing.stance)
         outcome.viewpoints.append(drawing.viewpoint)
+        outcome.weights.append(drawing.renderer.weights["name"])
+        outcome.choices.append(drawing.choice)
         drawn(output)
 
     started = time.perf_counter()

@@ -43,8 +43,6 @@ class Look:
     """Drawn this many times as large, then averaged down in linear light."""
     tight: bool = False
     """Trimmed to what is to be seen, the shadow included."""
-    weights: Mapping[str, str] = field(default_factory=dict)
-    """Name and sha256 of the weights, for the record."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +55,10 @@ class Drawing:
     viewpoint: Viewpoint
     values: dict[str, Value]
     """Every control of the weights."""
+    renderer: Renderer
+    """What drew it."""
+    choice: str = ""
+    """Why other weights drew it than usual, in words; empty where they did not."""
 
 
 def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
@@ -74,6 +76,7 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     values = dict(look.values)
     if placed.stance.elevation is not None:
         values["elevation"] = (placed.stance.elevation,)
+    renderer, choice = renderer.suited(placed.cloud)
     factor = look.supersample
     floor = placed.viewpoint.floor
     if floor is not None:
@@ -83,7 +86,7 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
         picture = bytes_from_unit(shrink(unit_from_bytes(picture), factor))
     if look.tight:
         picture = trimmed(picture)
-    return Drawing(picture, placed.stance, placed.viewpoint, renderer.settings(values))
+    return Drawing(picture, placed.stance, placed.viewpoint, renderer.settings(values), renderer, choice)
 
 
 def trimmed(picture: np.ndarray) -> np.ndarray:
@@ -110,7 +113,7 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
         "input": dict(source),
         "camera": drawing.viewpoint.to_json(),
         "controls": {name: list(value) for name, value in drawing.values.items()},
-        "weights": dict(look.weights),
+        "weights": dict(drawing.renderer.weights),
         "resolution": [look.width, look.height],
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +11,10 @@ from pipeline.buffers import draw_buffers
 from pipeline.engines import start_engine
 from pipeline.load import load_plugins
 from storage.checkpoints import resolve
+from storage.fingerprints import file_digest
 from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
 from z2p_core.framing import UP_AXES
-from z2p_core.interfaces import Control, Value
+from z2p_core.interfaces import Control, Engine, Value
 from z2p_core.native import straight_bytes
 from z2p_core.scene import SceneDescription
 from z2p_core.viewpoint import frame
@@ -21,24 +23,42 @@ from z2p_core.viewpoint import frame
 class Renderer:
     """Trained network with its z-buffer, encoder and controls, ready to draw placed clouds. Threads may share one."""
 
-    def __init__(self, weights: str | Path, threads: int | None = None, engine: str | None = None) -> None:
+    def __init__(
+        self, weights: str | Path, threads: int | None = None, engine: str | None = None, lazy: bool = False
+    ) -> None:
         """Renderer of `weights`, a shipped name or a file, on at most so many threads.
 
-        `engine` names what runs the network; by default the first installed one that can.
+        `engine` names what runs the network; by default the first installed one that can. It starts now, or, if
+        `lazy`, with the first picture.
 
         Raises:
             WeightsError: no such weights, or a file that cannot be them, or that no installed engine can run.
             PluginError: they need a plugin that is not installed or fails to load; or the engine is.
         """
-        file = resolve(weights)
+        self._file = file = resolve(weights)
         self._loaded = load_plugins(file)
-        self._engine = start_engine(self._loaded, file, engine, threads)
+        self._start = partial(start_engine, self._loaded, file, engine, threads)
         self._last_encoding: tuple[tuple[int, int], np.ndarray] = ((0, 0), np.empty(0, np.float32))
+        if not lazy:
+            self._engine  # noqa: B018 - started at once, so that it fails at once
+
+    @cached_property
+    def _engine(self) -> Engine:
+        return self._start()
 
     @property
     def engine(self) -> str:
         """Name of the engine that runs the network."""
         return self._engine.name
+
+    @cached_property
+    def weights(self) -> dict[str, str]:
+        """Name of the weights, and sha256 of their file."""
+        return {"name": self._file.stem, "sha256": file_digest(self._file)}
+
+    def suited(self, cloud: np.ndarray) -> tuple[Renderer, str]:
+        """The renderer for a placed cloud (N, 3) float32, this one, and why it is another; see `pipeline.suited`."""
+        return self, ""
 
     @property
     def controls(self) -> dict[str, Control]:

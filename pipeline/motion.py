@@ -50,6 +50,7 @@ def moving_frames(renderer: Renderer, scan: Scan, suffix: str, look: Look, motio
     if motion.kind == "light" and "light" not in renderer.controls:
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
     first = draw(renderer, scan, suffix, replace(look, width=64, height=64, supersample=1, tight=False))
+    renderer = first.renderer  # the weights, too, are chosen once
     scan = replace(scan, points=shown_points(scan, suffix, look.placing).points)  # chosen once, not for every frame
     look = replace(look, placing=Placing("+Z", "front", keep_outliers=True))
     shots = (_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,8 @@ BETAS = (0.9, 0.99)
 WEIGHT_DECAY = 0.01
 ENCODER_SEED = 4
 """Beside the seeds of `pipeline.dataset`."""
+SETTINGS_LAYER = "mapping.layers.0.weight"
+"""The only tensor (M, S) whose shape depends on the controls."""
 
 
 class TrainError(RuntimeError):
@@ -79,7 +81,7 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
     network = build_network(config.network, zbuffer.channels + gbuffer.channels, encoder.channels, data.settings)
     if start:
         _check_start(start.card, config, data)
-        network.load_state_dict(start.network.state_dict())
+        network.load_state_dict(_grown(start.network.state_dict(), network.state_dict()))
     network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     average = copy.deepcopy(network).eval().requires_grad_(False)
     optimizer = torch.optim.AdamW(network.parameters(), betas=BETAS, weight_decay=WEIGHT_DECAY, fused=True)
@@ -92,21 +94,31 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
     Raises:
         TrainError: weights with that card cannot be fine-tuned by this config on these shards.
     """
-    expected = {
-        "network": to_dict(config.network),
-        "controls": [[control["name"], control["version"]] for control in data.controls],
-    }
-    came = {
+    known = [[entry["name"], entry["version"]] for entry in card["controls"]]
+    controls = [[control["name"], control["version"]] for control in data.controls]
+    pairs = {
         # older cards lack what networks have had no choice of before
-        "network": to_dict(from_dict(NetworkConfig, card["network"])),
-        "controls": [[entry["name"], entry["version"]] for entry in card["controls"]],
+        "network": (to_dict(config.network), to_dict(from_dict(NetworkConfig, card["network"]))),
+        "controls": (controls[: len(known)], known),  # further ones are learnt
     }
-    for part, wanted in expected.items():
-        if came[part] != wanted:
+    for part, (wanted, came) in pairs.items():
+        if came != wanted:
             raise TrainError(
-                f"train.start: expected weights whose {part} is {wanted}, got {came[part]} in {config.start}; "
+                f"train.start: expected weights whose {part} is {wanted}, got {came} in {config.start}; "
                 "start from others, or set the config as theirs"
             )
+
+
+def _grown(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """The tensors of weights to start from, with a column for each control that they did not know.
+
+    The new columns begin at nothing, so that the network draws as before at first, whatever these controls say.
+    """
+    if SETTINGS_LAYER not in known:  # settings as input channels: further ones would be another network's
+        return dict(known)
+    columns = known[SETTINGS_LAYER]
+    new = columns.new_zeros(len(columns), fresh[SETTINGS_LAYER].shape[1] - columns.shape[1])
+    return {**known, SETTINGS_LAYER: torch.cat([columns, new], dim=1)}
 
 
 def weights_card(run: Run) -> dict[str, Any]:

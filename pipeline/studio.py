@@ -18,10 +18,10 @@ from pipeline.drawing import Look, draw, record
 from pipeline.infer import Renderer
 from pipeline.placing import Placing
 from pipeline.settings import background_from, settings_for
+from pipeline.suited import AUTO, renderer_for
 from storage.cameras import read_camera
 from storage.checkpoints import resolve
 from storage.clouds import Scan, format_suffix, read_clouds, usable
-from storage.fingerprints import file_digest
 from storage.pictures import encode, write_picture
 from z2p_core.framing import UP_AXES
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
@@ -108,10 +108,8 @@ def look_for(renderer: Renderer, request: Request) -> Look:
         wishes["elevation"] = view[1]
     placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, float(request.azimuth),
                       request.keep_outliers, request.cut_top, _camera(request.camera))
-    file = resolve(request.weights)
-    weights = {"name": Path(request.weights).stem, "sha256": _digest(file, file.stat().st_mtime_ns)}
     return Look(settings_for(renderer, wishes), placing, *request.size, background_from(request.background),
-                request.supersample, request.tight, weights)  # fmt: skip
+                request.supersample, request.tight)  # fmt: skip
 
 
 def _view(view: Any) -> str | tuple[float, float]:
@@ -126,9 +124,10 @@ def _view(view: Any) -> str | tuple[float, float]:
 
 
 def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: Request) -> list[Picture]:
-    file = resolve(request.weights)
+    asked = frozenset(name for name, wish in request.controls.items() if wish is not None)
+    changed = 0 if str(request.weights) == AUTO else resolve(request.weights).stat().st_mtime_ns
     with _unnoticed():
-        renderer = _renderer(file, file.stat().st_mtime_ns)
+        renderer = _renderer(request.weights, asked if str(request.weights) == AUTO else frozenset(), changed)
         look = look_for(renderer, request)
         pictures = []
         for scan, source in zip(scans, sources, strict=True):
@@ -159,13 +158,8 @@ def _unnoticed() -> Iterator[None]:
 
 
 @lru_cache(maxsize=2)
-def _renderer(file: Path, changed: int) -> Renderer:
-    return Renderer(file)
-
-
-@lru_cache(maxsize=8)
-def _digest(file: Path, changed: int) -> str:
-    return file_digest(file)
+def _renderer(weights: str | Path, asked: frozenset[str], changed: int) -> Renderer:
+    return renderer_for(weights, asked)
 
 
 def _camera(camera: Any) -> Viewpoint | None:

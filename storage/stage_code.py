@@ -19,11 +19,13 @@ from storage.code import part_digest, present_digest
 _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.scene")
 _MESHES = ("storage.meshes", "z2p_core.ply_header")
 _PICTURES = ("pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.geometry", "z2p_core.images", *_MESHES)
-_KERNEL_FILES = ("bounce.c", "colour.c", "fast.h", "floor.h", "light.c", "points.c", "project.c", "splat.c")
+_KERNEL_FILES = (
+    "bounce.c", "colour.c", "fast.h", "floor.h", "grid.c", "grid.h", "light.c", "planes.c", "project.c", "splat.c",
+)
 _KERNELS = ("z2p_core.native", *(f"z2p_core/native/{name}" for name in _KERNEL_FILES))
 _NETWORK = (
     "pipeline.buffers", "pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting",
-    "z2p_core.camera", "z2p_core.scene", *_KERNELS,
+    "z2p_core.camera", "z2p_core.scene", "z2p_core.tangents", "z2p_core.threads", *_KERNELS,
 )
 
 _CASES = (

@@ -42,7 +42,7 @@ def render(
     fit: str = "frame",
     keep_outliers: bool = False,
     cut_top: float = 0.0,
-    weights: str | Path = "regular",
+    weights: str | Path = "auto",
     **controls: Any,
 ) -> Picture:
     """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
@@ -67,7 +67,8 @@ def render(
         fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to what is to be seen, the shadow included).
         keep_outliers: keep stray points that make the object small, and what lies far behind a depth camera's subject.
         cut_top: percent of the height to cut off from above, to look into a room.
-        weights: a shipped name or a .safetensors file.
+        weights: a shipped name or a .safetensors file; ``auto`` takes of the shipped ones those that carry the controls
+            asked for, and for noisy clouds those made for noise.
 
     Raises:
         ScanError: the points are no cloud (a ValueError).

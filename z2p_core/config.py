@@ -96,7 +96,8 @@ class TrainConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     loss: LossConfig = field(default_factory=LossConfig)
     start: str = ""
-    """Weights to fine-tune: a shipped name, or a file; empty begins at random. They must be of this very network."""
+    """Weights to fine-tune: a shipped name, or a file; empty begins at random. They must be of this very network; of
+    the controls they may lack the last ones."""
     resolutions: tuple[int, ...] = ()
     """Sides trained at, in turn step by step, each a divisor of the shards'; empty for theirs alone. A step at a larger
     side takes fewer samples, so that all steps cost the same. Clouds are drawn anew at each side, never resized."""

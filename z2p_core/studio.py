@@ -33,7 +33,7 @@ class Request:
     tight: bool = False
     keep_outliers: bool = False
     cut_top: float = 0.0
-    weights: str | Path = "regular"
+    weights: str | Path = "auto"
 
 
 class Studio(Protocol):

@@ -59,12 +59,13 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     columns = columns_from(options)
     scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
     from pipeline.batch import told_fault
-    from pipeline.infer import Renderer
     from pipeline.motion import Motion
+    from pipeline.suited import renderer_for
     from storage.clouds import shown
 
-    renderer = Renderer(options["weights"], engine=options["engine"])
-    look = look_from(renderer, ctx.meta.get(SETTINGS, {}), options)
+    values = ctx.meta.get(SETTINGS, {})
+    renderer = renderer_for(options["weights"], values, engine=options["engine"])
+    look = look_from(renderer, values, options)
     motion = Motion(options["motion"], options["frames"], options["steady"])
     failed = False
     for task in _plan(ctx, scans, inputs, output, options):

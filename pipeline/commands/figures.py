@@ -101,7 +101,7 @@ def _drawn_again(
     from pipeline.batch import source_of
     from pipeline.drawing import draw
     from pipeline.drawing import record as record_of
-    from pipeline.infer import Renderer
+    from pipeline.suited import renderer_for
     from storage.checkpoints import shipped
     from storage.clouds import format_suffix, read_clouds
 
@@ -109,7 +109,7 @@ def _drawn_again(
     if options["weights"] is None and name not in shipped():
         raise Failure(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
                       "--weights")
-    renderer = Renderer(name)
+    renderer = renderer_for(name, values)
     look = _look(record, renderer, name, values, options)
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
@@ -131,12 +131,9 @@ def _look(
     from pipeline.placing import Placing
     from pipeline.settings import background_from, settings_for
     from storage.cameras import read_camera
-    from storage.checkpoints import resolve
-    from storage.fingerprints import file_digest
     from z2p_core.viewpoint import viewpoint_from_json
 
-    digest = file_digest(resolve(name))
-    if options["weights"] is None and digest != record["weights"]["sha256"]:
+    if options["weights"] is None and renderer.weights["sha256"] != record["weights"]["sha256"]:
         click.echo(f"note: the weights {name!r} are others than those of the picture; its look may differ", err=True)
     camera = viewpoint_from_json(record["camera"])
     if options["load_camera"] is not None:
@@ -151,9 +148,8 @@ def _look(
     placing = Placing(asked["up"], asked["view"], options["azimuth"], asked["keep_outliers"], asked["cut_top"], camera)
     background = record["background"] if options["background"] is None else options["background"]
     width, height = options["resolution"] or record["resolution"]
-    return Look(values, placing, width, height, background_from(background),
-                options["supersample"] or record["supersample"], (options["fit"] or record["fit"]) == "tight",
-                {"name": Path(name).stem, "sha256": digest})  # fmt: skip
+    supersample, fit = (options[name] or record[name] for name in ("supersample", "fit"))
+    return Look(values, placing, width, height, background_from(background), supersample, fit == "tight")
 
 
 def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:

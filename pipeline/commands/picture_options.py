@@ -21,7 +21,9 @@ OPTIONS = (
     click.option("--recursive", "-r", is_flag=True, help="Look into sub folders, and mirror them in OUT."),
     click.option("--columns", metavar="NAMES",
                  help="What the columns of text files hold, as in x,y,z,r,g,b; of them x, y and z are read."),
-    click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file."),
+    click.option("--weights", default="auto", metavar="W",
+                 help="Shipped name or a .safetensors file; auto: of those shipped the ones that carry the controls "
+                 "asked for, and for noisy clouds those made for noise."),
     click.option("--engine", metavar="NAME",
                  help="What runs the network: onnxruntime, openvino, torch; default: the first that is installed. "
                  "Quicker, less exact: onnxruntime-int8, openvino-bf16, openvino-int8."),
@@ -66,8 +68,6 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
     from pipeline.placing import Placing
     from pipeline.settings import settings_for
     from storage.cameras import read_camera
-    from storage.checkpoints import resolve
-    from storage.fingerprints import file_digest
 
     view, file = options["view"], options["load_camera"]
     if isinstance(view, tuple):
@@ -76,10 +76,9 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
     placing = Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
                       options["keep_outliers"], options["cut_top"], viewpoint)
     background = None if options["background"] == "transparent" else options["background"]
-    weights = {"name": Path(options["weights"]).stem, "sha256": file_digest(resolve(options["weights"]))}
     width, height = options["resolution"]
     return Look(settings_for(renderer, given), placing, width, height, background, options["supersample"],
-                options["fit"] == "tight", weights)  # fmt: skip
+                options["fit"] == "tight")  # fmt: skip
 
 
 def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:

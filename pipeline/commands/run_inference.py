@@ -78,12 +78,12 @@ def _run(
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
     scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
     from pipeline.batch import render_files
-    from pipeline.infer import Renderer
+    from pipeline.suited import renderer_for
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     jobs = min(options["jobs"] or cores, len(scans))
     threads = None if jobs == 1 else max(1, cores // jobs)
-    renderer = Renderer(options["weights"], threads, options["engine"])
+    renderer = renderer_for(options["weights"], values, threads, options["engine"])
     look = look_from(renderer, values, options)
     tasks = _plan(ctx, scans, inputs, output, options)
     if options["same_frame"]:

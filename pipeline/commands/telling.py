@@ -83,7 +83,10 @@ def _told(outcome: Outcome) -> str:
         return f"skipped: {name}: {pictures} is there already; --overwrite renders it again"
     dropped = f", {outcome.dropped} not finite dropped" if outcome.dropped else ""
     spread = f" that stand for {outcome.total}" if outcome.total else ""
-    stances = list(dict.fromkeys(stance.told for stance in outcome.stances))
+    stances = list(dict.fromkeys(
+        "; ".join(filter(None, (stance.told, choice)))
+        for stance, choice in zip(outcome.stances, outcome.choices, strict=True)
+    ))  # fmt: skip
     others = "; its other clouds otherwise" if len(stances) > 1 else ""
     return (f"rendered: {name} -> {pictures} ({outcome.points} points{spread}{dropped}, {outcome.seconds:.2f} s; "
             f"{stances[0]}{others})")
@@ -92,7 +95,8 @@ def _told(outcome: Outcome) -> str:
 def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
     """One file's JSON line; `output` is the first of `outputs`, the only one for most files.
 
-    `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn.
+    `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn,
+    `weights` the names of what drew it.
     """
     from storage.incoming import is_spooled
 
@@ -110,5 +114,6 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
         "seconds": round(outcome.seconds, 4),
         "error": outcome.error,
         "stances": stances,
+        "weights": outcome.weights,
         "settings": settings,
     }

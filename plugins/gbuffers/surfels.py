@@ -8,11 +8,7 @@ numbers alone, where shade and shadow fall, is here in its place; the network ma
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
-from typing import Any
+from functools import partial
 
 import numpy as np
 
@@ -21,9 +17,9 @@ from z2p_core.camera import Camera, light_position
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
+from z2p_core.tangents import MOST_POINTS, tangents, thinned
+from z2p_core.threads import beside
 
-MOST_POINTS = 40_000
-"""Of larger clouds so many points, chosen by their coordinates, stand for all."""
 RADIUS, SLACK = 1.45, 1.2
 """Of a disc in spacings, wide enough to leave hardly a hole between random points (exp(-pi r^2), 0.1 %), and how far
 behind the nearest disc another still counts, in radii."""
@@ -32,8 +28,10 @@ SURE, FULL = 25.0, 2.2
 up to where they lie all around; about half of it is the surface's border."""
 NEAR, FAR = 2.6, 4.6
 """Depths of the unit sphere's near and far end."""
-LAMPS, FLOOR_LAMPS, SKY_DIRECTIONS = 16, 64, 16
-"""Points that stand for the area light, over points and over the floor, where its penumbra shows; and for the sky."""
+LAMPS, FLOOR_LAMPS = 16, 64
+"""Points that stand for the area light, over points and over the floor, where its penumbra shows."""
+SKY_DIRECTIONS, FLOOR_SKY = 16, 64
+"""Directions that stand for the sky, likewise."""
 PLASTIC = 1.32471795724
 """Whose powers spread points evenly over a square, few of them in a row (Roberts, R2 sequence)."""
 FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.02, 450, 64
@@ -43,6 +41,8 @@ FLOOR_ALBEDO = 0.85
 """Blender's own 0.8 for a surface without a material, and a little for light that goes to and fro."""
 GREY = 0.5
 """Albedo of the grey picture: dark enough to stay below white under the nearest light."""
+UPPER = 0.55
+"""Share of the rows that one core draws while the other draws the shadow and the rest."""
 SKY = 50.0
 """Distance at which a lamp is a direction."""
 
@@ -56,7 +56,7 @@ class Surfels(GBuffer):
     """
 
     name = "surfels"
-    version = "2"
+    version = "3"
     channels = 10
 
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
@@ -68,29 +68,26 @@ class Surfels(GBuffer):
         if not len(cloud):
             return
         floor = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
-        points, spacing, normals = native.surface(thinned(cloud, MOST_POINTS), camera.position)
+        found = tangents(thinned(cloud, MOST_POINTS))
+        points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
         radii = RADIUS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
         lighting = Lighting(points, normals, typical, scene, floor)
-        shadow = beside(lighting.draw_shadow, camera, out[-1])
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T
-        native.surfels(
-            (points - camera.position.astype(np.float32)) @ rotation.T, facing, radii,
+        draw = partial(
+            native.surfels, (points - camera.position.astype(np.float32)) @ rotation.T, facing, radii,
             np.column_stack([facing[:, :2], lighting.colors()]), camera, SLACK, SURE, FULL, NEAR, FAR, out[:-1],
         )  # fmt: skip
-        shadow.result()
+        middle = round(UPPER * camera.height)
 
+        def draw_below() -> None:
+            lighting.draw_shadow(camera, out[-1])
+            draw((middle, camera.height))
 
-def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-    """What the work gives, done on a second core meanwhile: kernels hold no lock."""
-    return _second_thread(os.getpid()).submit(work, *arguments)
-
-
-@lru_cache(maxsize=1)
-def _second_thread(process: int) -> ThreadPoolExecutor:
-    """One for each process: a fork would inherit the object without its thread."""
-    return ThreadPoolExecutor(max_workers=1, thread_name_prefix="surfels")
+        below = beside(draw_below)
+        draw((0, middle))
+        below.result()
 
 
 class Lighting:
@@ -102,7 +99,8 @@ class Lighting:
         self.color = np.array(base_color(scene), dtype=np.float32)
         radius, sky = float(np.sqrt((points**2).sum(1).max())) + spacing, sky_axes()
         hits = beside(native.first_hits, points, normals, sky, spacing, radius)
-        weights = sky[:, 2] / sky[:, 2].sum()
+        above = floor_sky(FLOOR_SKY)
+        even = np.full(FLOOR_SKY, 1 / FLOOR_SKY)
         lamps, axes, powers = light_lamps(scene.light, FLOOR_LAMPS)
         self.floor = native.Floor(
             height, FLOOR_HALF, light_position(scene.light), axes[0], float(powers.sum()), AMBIENT, FLOOR_ALBEDO
@@ -111,11 +109,11 @@ class Lighting:
         share = powers / powers.sum()
         self.shades = (
             native.floor_shade(points, lamps, share, height, FLOOR_HALF, side),
-            native.floor_shade(points, SKY * sky, weights, height, FLOOR_HALF, side),
+            native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side),
         )
         direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
         self.first, self.second = native.gather(points, normals, sky, hits.result(), direct, self.floor, *self.shades)
-        self.glow = native.floor_glow(points, normals, self.first, sky, weights, self.floor, GLOW_CELLS)
+        self.glow = native.floor_glow(points, normals, self.first, above[::2], 2 * even[::2], self.floor, GLOW_CELLS)
 
     def draw_shadow(self, camera: Camera, out: np.ndarray) -> None:
         """Draws into `out` (H, W) the alpha of the floor's shadow."""
@@ -129,15 +127,13 @@ class Lighting:
         return srgb_from_linear(np.clip(albedo * light, 0, 1))
 
 
-def thinned(cloud: np.ndarray, most: int) -> np.ndarray:
-    """At most about `most` points of a cloud (N, 3) float32, chosen by their coordinates whatever their order."""
-    if len(cloud) <= most:
-        return cloud
-    bits = np.ascontiguousarray(cloud, dtype=np.float32).view(np.uint32)
-    mixed = bits[:, 0] * np.uint32(0x9E3779B1) ^ bits[:, 1] * np.uint32(0x85EBCA77) ^ bits[:, 2] * np.uint32(0xC2B2AE3D)
-    mixed = (mixed ^ mixed >> np.uint32(15)) * np.uint32(0x2C1B3C6D)
-    kept: np.ndarray = cloud[mixed < np.uint32(min(most / len(cloud), 1.0) * 0xFFFFFFFF)]
-    return kept
+def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:
+    """Normals (N, 3) of points (N, 3), each turned towards the viewer (3,); of one or two points, its direction."""
+    if len(points) < 3:
+        towards = viewer.astype(np.float32) - points
+        return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-6)
+    away = ((points - viewer.astype(np.float32)) * normals).sum(1, keepdims=True) > 0
+    return np.where(away, -normals, normals)
 
 
 def base_color(scene: SceneDescription) -> tuple[float, float, float]:
@@ -163,5 +159,13 @@ def sky_axes() -> np.ndarray:
     """Directions (16, 3) spread evenly over the upper half of the sky."""
     height = (np.arange(SKY_DIRECTIONS) + 0.5) / SKY_DIRECTIONS
     angle = np.arange(SKY_DIRECTIONS) * math.pi * (3 - math.sqrt(5))
+    side = np.sqrt(1 - height**2)
+    return np.column_stack([side * np.cos(angle), side * np.sin(angle), height])
+
+
+def floor_sky(count: int) -> np.ndarray:
+    """Directions (count, 3) of the sky, each of which gives a floor as much light."""
+    height = np.sqrt((np.arange(count) + 0.5) / count)
+    angle = np.arange(count) * math.pi * (3 - math.sqrt(5))
     side = np.sqrt(1 - height**2)
     return np.column_stack([side * np.cos(angle), side * np.sin(angle), height])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -43,11 +44,17 @@ def sphere_record(side: int, rng: np.random.Generator, radius: float = 0.8) -> R
     return Record(rgba, rgba[..., 3].copy(), settings.astype(np.float32), scene)
 
 
-def sphere_shard(path: Path, count: int, side: int, seed: int = 0, points: int = 4000) -> Path:
-    """A shard of `count` spheres."""
+def sphere_shard(
+    path: Path, count: int, side: int, seed: int = 0, points: int = 4000, metallic: bool = False
+) -> Path:
+    """A shard of `count` spheres; with `metallic`, that control is among their settings, though it changes nothing."""
     rng = np.random.default_rng(seed)
     pool = rng.normal(size=(points, 3))
     pool = (0.8 * pool / np.linalg.norm(pool, axis=1, keepdims=True)).astype(np.float32)
     records = [sphere_record(side, rng) for _ in range(count)]
-    write_shard(path, records, pool, {"mesh": path.stem, "controls": CONTROLS, "resolution": side})
+    controls = list(CONTROLS)
+    if metallic:
+        controls.append({"name": "metallic", "version": "1", "size": 1})
+        records = [replace(one, settings=np.append(one.settings, np.float32(rng.random()))) for one in records]
+    write_shard(path, records, pool, {"mesh": path.stem, "controls": controls, "resolution": side})
     return path

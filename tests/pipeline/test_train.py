@@ -244,6 +244,23 @@ def test_settings_as_input_channels_train_and_come_back_from_the_file(shards, tm
     np.testing.assert_allclose(session.run(None, inputs)[0], picture, atol=1e-4)
 
 
+def test_fine_tuning_may_add_controls_which_change_nothing_at_first(undisturbed, tmp_path):
+    start = undisturbed / "weights.safetensors"
+    more = [sphere_shard(tmp_path / "more.h5", 10, SIDE, 0, metallic=True)]
+    tuned = replace(CONFIG, start=str(start), steps=1, learning_rate=1e-9, average=0.0)
+    weights = load_weights(train(more, tuned, tmp_path, log=silent))
+    assert [entry["name"] for entry in weights.card["controls"]] == ["color", "light", "elevation", "metallic"]
+    old, new = (load_network(file).network for file in (start, tmp_path / "weights.safetensors"))
+    loaded = load_plugins(load_weights(start))
+    encoding, settings = torch.rand(loaded.encoder.channels, 8, 8), torch.rand(1, loaded.settings)
+    buffers = torch.rand(1, loaded.buffer_channels, 32, 32)
+    with torch.no_grad():
+        before = old(buffers, encoding, settings)
+        for metallic in (0.0, 1.0):
+            after = new(buffers, encoding, torch.cat([settings, torch.tensor([[metallic]])], dim=1))
+            torch.testing.assert_close(after, before, atol=1e-5, rtol=0)
+
+
 def test_weights_of_another_network_are_not_fine_tuned(undisturbed, shards, tmp_path):
     other = replace(CONFIG, start=str(undisturbed / "weights.safetensors"), network=replace(NETWORK, widths=(16, 24)))
     with pytest.raises(TrainError, match=r"train.start: expected weights whose network is .*16, 24.*got .*32"):

@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plugins.gbuffers.surfels import Surfels, light_lamps, sky_axes, thinned
+from plugins.gbuffers.surfels import Surfels, floor_sky, light_lamps, sky_axes
 from z2p_core.camera import Camera, light_position
 from z2p_core.images import linear_from_srgb
 from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
+from z2p_core.tangents import thinned
 
 CAMERA = Camera(96, 96)
 COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = range(10)
@@ -108,6 +109,28 @@ def test_the_sky_is_above_and_even():
     np.testing.assert_allclose(np.linalg.norm(sky, axis=1), 1)
     assert (sky[:, 2] > 0).all() and np.abs(sky[:, :2].mean(0)).max() < 0.06
     assert sky[:, 2].mean() == pytest.approx(0.5, abs=1e-6)
+
+
+def test_each_direction_gives_a_floor_as_much_light():
+    directions = floor_sky(4096)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-12)
+    assert directions[:, 2].mean() == pytest.approx(2 / 3, abs=0.01)  # of a density that falls with the cosine
+    assert np.abs(directions[:, :2].mean(0)).max() < 0.01
+
+
+def test_noise_hardly_shows_in_the_shading():
+    clean = Surfels().draw(sphere_of(6000), CAMERA, SCENE)
+    rng = np.random.default_rng(1)
+    cloud = (sphere_of(6000) + rng.normal(0, 0.012, (6000, 3))).astype(np.float32)
+    noisy = Surfels().draw(cloud, CAMERA, SCENE)
+    inner = clean[COVERAGE] > 0.99
+    assert np.abs(noisy[RIGHT] - clean[RIGHT])[inner].mean() < 0.045  # 0.088 with as many neighbours as for a clean one
+    assert np.abs(noisy[GREY] - clean[GREY])[inner].mean() < 0.013  # 0.025
+
+
+def test_two_points_face_the_camera():
+    picture = Surfels().draw(np.float32([[0, 0, 0], [0.1, 0, 0.1]]), CAMERA, SCENE)
+    assert picture[COVERAGE].max() > 0.9 and np.isfinite(picture).all()
 
 
 def test_large_clouds_are_thinned_evenly_whatever_their_order():

@@ -23,50 +23,6 @@ def square_of(count, half, height, seed=0):
 VIEWER = np.array([0.0, -3.6, 0.0], np.float32)
 
 
-def test_normals_of_a_sphere_are_its_radii_turned_to_the_viewer():
-    points, _, normals = native.surface(sphere_of(4000), VIEWER)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-5)
-    assert ((VIEWER - points) * normals).sum(1).min() >= 0
-    along = np.abs((points * normals).sum(1))
-    assert np.median(along) > 0.998 and np.quantile(along, 0.01) > 0.98
-
-
-@pytest.mark.parametrize("count", [500, 4000, 30_000])
-def test_spacing_is_the_side_of_a_points_share_of_the_surface(count):
-    _, spacing, _ = native.surface(sphere_of(count), VIEWER)
-    assert np.median(spacing) == pytest.approx(math.sqrt(4 * math.pi / count), rel=0.12)
-
-
-def test_spacing_follows_density():
-    dense, sparse = square_of(4000, 0.2, 0.0), square_of(1000, 0.2, 0.0, seed=1) + np.float32([1, 0, 0])
-    points, spacing, _ = native.surface(np.concatenate([dense, sparse]), VIEWER)
-    ratio = np.median(spacing[points[:, 0] > 0.5]) / np.median(spacing[points[:, 0] < 0.5])
-    assert ratio == pytest.approx(2.0, rel=0.15)
-
-
-def test_the_order_of_points_does_not_matter_and_none_is_lost():
-    cloud = sphere_of(3000)
-    first = native.surface(cloud, VIEWER)
-    second = native.surface(cloud[::-1], VIEWER)
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_array_equal(one, other)
-    np.testing.assert_array_equal(np.unique(first[0], axis=0), np.unique(cloud, axis=0))
-
-
-@pytest.mark.parametrize(
-    "cloud",
-    [
-        np.zeros((1, 3)), np.zeros((50, 3)), np.linspace(0, 1, 50)[:, None] * [1, 0, 0],
-        np.concatenate([sphere_of(500, radius=1e-3), [[100, 100, 100]]]), np.repeat(sphere_of(20), 30, axis=0),
-    ],
-    ids=["one point", "one place", "a line", "a stray point", "repeated points"],
-)  # fmt: skip
-def test_degenerate_clouds_have_finite_answers(cloud):
-    points, spacing, normals = native.surface(cloud.astype(np.float32), VIEWER)
-    assert np.isfinite(spacing).all() and (spacing >= 0).all() and len(points) == len(cloud)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-4)
-
-
 FULL, NEAR, FAR = 2.0, 1.0, 6.0
 
 
@@ -128,8 +84,8 @@ def test_density_is_the_weight_of_the_discs_over_that_of_a_full_surface():
 
 def test_kernels_older_than_the_code_are_told(monkeypatch):
     monkeypatch.setattr(native, "library", object)
-    with pytest.raises(ImportError, match="z2p_surface is missing; install z2p again"):
-        native.surface(sphere_of(10), VIEWER)
+    with pytest.raises(ImportError, match="z2p_grid is missing; install z2p again"):
+        native.Grid(sphere_of(10))
 
 
 def test_discs_outside_the_picture_or_behind_the_camera_draw_nothing():

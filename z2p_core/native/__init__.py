@@ -91,17 +91,51 @@ def intensity(depth: np.ndarray, alpha: float, beta: float, out: np.ndarray) -> 
     )  # fmt: skip
 
 
-def surface(cloud: np.ndarray, viewer: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (N, 3), spacing (N,) and unit normals (N, 3) of a cloud (N, 3), N >= 1, all float32, in an own order.
+class Grid:
+    """A cloud (N, 3), N >= 1, whose points are sorted by place, so that neighbours are found at once.
 
-    Spacing is the side of the square patch of surface that is a point's share, by its 12 nearest points; the normal is
-    that of the plane through them, turned towards `viewer` (3,).
+    Attributes:
+        points: (N, 3) float32, in an order that does not depend on the cloud's.
     """
-    count = len(cloud)
-    points, normals = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
-    spacing = np.empty(count, np.float32)
-    _call("z2p_surface", _floats(cloud), count, _floats(viewer), points, spacing, normals)
-    return points, spacing, normals
+
+    def __init__(self, cloud: np.ndarray) -> None:
+        self.points = np.empty((len(cloud), 3), np.float32)
+        self._handle = np.zeros(1, np.uint64)
+        _call("z2p_grid", _floats(cloud), len(cloud), self.points, self._handle)
+
+    def __del__(self) -> None:
+        if self._handle[0]:
+            _call("z2p_grid_free", ctypes.c_void_p(int(self._handle[0])))
+
+    def neighbours(self, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of `points` (M, count) int32, count <= 64, nearest to the points asked for (M,) int32, and spacing (M,).
+
+        A point is its own neighbour, and the last neighbour is repeated where a cloud has fewer. Spacing is the side of
+        the square patch of surface that is a point's share, by its 12 nearest points.
+        """
+        found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
+        _call(
+            "z2p_neighbours", ctypes.c_void_p(int(self._handle[0])), self.points, asked, len(asked), count, found,
+            spacing,
+        )  # fmt: skip
+        return found, spacing
+
+
+def planes(
+    points: np.ndarray, asked: np.ndarray, found: np.ndarray, weighted: tuple[np.ndarray, np.ndarray] | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Planes through the neighbours found (M, K) of the points asked for (M,): normals, middles (M, 3), spread (M,).
+
+    Normals have either sign; spread is the neighbours' standard deviation off the plane. `weighted` has normals of all
+    points (N, 3) and tolerances (M,): then those neighbours count most that lie so near the plane through the point
+    that is given by its normal, and whose own normals agree with it.
+    """
+    count = len(asked)
+    normals, middles = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
+    spread = np.empty(count, np.float32)
+    before, tolerance = weighted if weighted else (None, None)
+    _call("z2p_planes", points, asked, found, count, found.shape[1], before, tolerance, normals, middles, spread)
+    return normals, middles, spread
 
 
 def illuminate(
@@ -126,7 +160,7 @@ def floor_shade(
 ) -> np.ndarray:
     """Shade (side, side) on a square floor at that height, `half` to each side of the origin; row by row along +Y.
 
-    Each cell has the sum of the weights (L,) of the lamps (L, 3), L <= 32, that points (N, 3) hide from it.
+    Each cell has the sum of the weights (L,) of the lamps (L, 3), L <= 64, that points (N, 3) hide from it.
     """
     shade = np.empty((side, side), np.float32)
     _call(
@@ -199,18 +233,21 @@ def floor_shadow(
 def surfels(
     points: np.ndarray, normals: np.ndarray, radii: np.ndarray, features: np.ndarray, camera: Camera,
     slack: float, sure: float, full: float, near: float, far: float, out: np.ndarray,
+    rows: tuple[int, int] | None = None,
 ) -> None:  # fmt: skip
     """Draws discs into `out` (9, H, W), 0 at first: coverage, density, depth and six features; 0 off the discs.
 
     Points (N, 3) and normals (N, 3) are in the camera's axes, the normals facing it; features are (N, 6). Where discs
     overlap, those at most `slack` of their radius behind the nearest are averaged, by weights w that fall from 1 to 0
     towards a disc's rim. Of their sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes from
-    1 at `near` to 0 at `far`.
+    1 at `near` to 0 at `far`. Only `rows` from the first up to the last, that one excluded, are drawn.
     """
+    first, last = rows or (0, camera.height)
     _call(
         "z2p_surfels", _floats(points), _floats(normals), _floats(radii), _floats(features), len(points),
-        ctypes.c_float(camera.focal), camera.width, camera.height, ctypes.c_float(slack), ctypes.c_float(sure),
-        ctypes.c_float(full), ctypes.c_float(near), ctypes.c_float(far), _place(out, (9, camera.height, camera.width)),
+        ctypes.c_float(camera.focal), camera.width, camera.height, first, last, ctypes.c_float(slack),
+        ctypes.c_float(sure), ctypes.c_float(full), ctypes.c_float(near), ctypes.c_float(far),
+        _place(out, (9, camera.height, camera.width)),
     )  # fmt: skip
 
 

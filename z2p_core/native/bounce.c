@@ -1,4 +1,5 @@
-/* Light that comes by way of other surfaces: what the points of a cloud see all around them, and the light from there. */
+/* Light that comes by way of other surfaces: what the points of a cloud see all around them, and the light from
+ * there. */
 
 #include <math.h>
 #include <stdint.h>
@@ -69,7 +70,8 @@ static inline void insert(Sweep *sweep, int point) {
 }
 
 /* What each point sees along the axis (sign 1) or against it (-1). Points are met from the far end on; those that a
- * point could see have been put into the map by then, the nearest one last. In the end the map holds the others' ends. */
+ * point could see have been put into the map by then, the nearest one last. In the end the map holds the others'
+ * ends. */
 static void see(int count, float sign, float closest, Sweep *sweep, int *hit) {
     int next = 0;
     memset(sweep->map, -1, sizeof(int) * (size_t)sweep->side * sweep->side);
@@ -94,8 +96,8 @@ static void settle(int count, float sign, const Sweep *sweep, const int *farthes
     }
 }
 
-/* hit (2 x axis_count, count): the point that each point of a cloud sees first along each axis (3) and, in the next row,
- * against it; -1 where the view is free. `spacing` is that of the cloud, `radius` bounds it. */
+/* hit (2 x axis_count, count): the point that each point of a cloud sees first along each axis (3) and, in the next
+ * row, against it; -1 where the view is free. `spacing` is that of the cloud, `radius` bounds it. */
 FAST int z2p_first_hits(const float *points, const float *normals, int count, const float *axes, int axis_count,
                         float spacing, float radius, int *hit) {
     Sweep sweep;
@@ -152,7 +154,8 @@ FAST int z2p_gather(const float *points, const float *normals, int count, const 
         for (int i = 0; i < count; i++) {
             if (hit[(size_t)d * count + i] >= 0) continue;
             float facing = dot(normals + 3 * i, ray);
-            float light = ray[2] > 0 ? floor->sky : floor_radiance(points + 3 * i, ray, floor, lamp_shade, sky_shade, side);
+            float light = floor->sky;
+            if (ray[2] <= 0) light = floor_radiance(points + 3 * i, ray, floor, lamp_shade, sky_shade, side);
             first[(facing < 0) * (size_t)count + i] += share * fabsf(facing) * light;
         }
     }
@@ -170,8 +173,8 @@ FAST int z2p_gather(const float *points, const float *normals, int count, const 
     return 1;
 }
 
-/* glow (side, side): what the cells of the floor's square see of a white cloud's radiance, summed over directions of the
- * sky (3) with their weights. `light` (2, count) is the `first` of z2p_gather. */
+/* glow (side, side): what the cells of the floor's square see of a white cloud's radiance, summed over directions of
+ * the sky (3) with their weights. `light` (2, count) is the `first` of z2p_gather. */
 FAST int z2p_floor_glow(const float *points, const float *normals, const float *light, int count, const float *axes,
                         const float *weights, int axis_count, float floor, float half, int side, float *glow) {
     size_t cells = (size_t)side * side;

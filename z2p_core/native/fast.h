@@ -1,4 +1,5 @@
-/* FAST marks a function that is compiled twice, for plain and for wide registers; the processor chooses at load time. */
+/* FAST marks a function that is compiled twice, for plain and for wide registers; the processor chooses at load
+ * time. */
 
 #include <math.h>
 #include <stdint.h>

@@ -1,5 +1,5 @@
-/* The floor under the cloud and the light on it: eleven floats, then grids (side, side) of its square, which reaches `half`
- * to every side of the origin. */
+/* The floor under the cloud and the light on it: eleven floats, then grids (side, side) of its square, which reaches
+ * `half` to every side of the origin. */
 
 #include <math.h>
 #include <stddef.h>

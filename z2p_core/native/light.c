@@ -105,8 +105,8 @@ static inline void add_light(const float *restrict points, const float *restrict
 }
 
 /* light (2, count): what the lamps give each point, on the side that its normal points to and on the other one: the sum
- * of power x cos(at the point) x cos(at the lamp) / distance^2 over the lamps that no other part of the cloud hides from
- * it. A lamp has a place (3), a unit axis (3) along which it shines and a power. `spacing` is that of the cloud,
+ * of power x cos(at the point) x cos(at the lamp) / distance^2 over the lamps that no other part of the cloud hides
+ * from it. A lamp has a place (3), a unit axis (3) along which it shines and a power. `spacing` is that of the cloud,
  * `radius` bounds it. */
 FAST int z2p_illuminate(const float *points, const float *normals, int count, const float *lamps, const float *axes,
                    const float *powers, int lamp_count, float spacing, float radius, float *light) {
@@ -123,7 +123,8 @@ FAST int z2p_illuminate(const float *points, const float *normals, int count, co
     return fine;
 }
 
-/* Sets the lamps' bits in the cells of the mask where the point would lie on the floor; those off it, in the last cell. */
+/* Sets the lamps' bits in the cells of the mask where the point would lie on the floor; those off it, in the last
+ * cell. */
 static inline void mark(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
                         uint64_t *mask, int *restrict cells) {
     float scale = (float)side / (2 * half), low = 4, high = (float)side - 4;
@@ -137,10 +138,10 @@ static inline void mark(const float *p, const float *restrict lamps, int lamp_co
     for (int l = 0; l < lamp_count; l++) mask[cells[l]] |= (uint64_t)1 << l;
 }
 
-/* Bits of the cell itself and its four neighbours along an axis, joined or shared, from one mask into another, over some
- * cells. The axis has the stride of its step. */
-FAST static void window_bits(const uint64_t *restrict from, uint64_t *restrict to, size_t first, size_t last, size_t step,
-                             int shared) {
+/* Bits of the cell itself and its four neighbours along an axis, joined or shared, from one mask into another, over
+ * some cells. The axis has the stride of its step. */
+FAST static void window_bits(const uint64_t *restrict from, uint64_t *restrict to, size_t first, size_t last,
+                             size_t step, int shared) {
     for (size_t i = first; i < last; i++) {
         uint64_t a = from[i - 2 * step], b = from[i - step], c = from[i], d = from[i + step], e = from[i + 2 * step];
         to[i] = shared ? a & b & c & d & e : a | b | c | d | e;
@@ -221,8 +222,8 @@ static inline void shaded_part(const float *restrict first, const float *restric
 }
 
 /* alpha (height, width): the share of the floor's light that is missing at each pixel, 0 where no floor is seen. Two
- * grids (side, side) say how much of the lamp's and the sky's light is hidden (see z2p_floor_shade), and `glow` (coarse,
- * coarse) what comes back from the cloud, as a radiance; rotation (3, 3) and place (3) are the camera's. */
+ * grids (side, side) say how much of the lamp's and the sky's light is hidden (see z2p_floor_shade), and `glow`
+ * (coarse, coarse) what comes back from the cloud, as a radiance; rotation (3, 3) and place (3) are the camera's. */
 FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int side, const float *glow, int coarse,
                           const Floor *floor, const float *rotation, const float *place, float focal, int width,
                           int height, float *alpha) {
@@ -244,7 +245,8 @@ FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int s
             out[u] = 0;
             float column = columns[u], row = rows[u];
             if (!(column > part[0] && column < part[1] && row > part[2] && row < part[3])) continue;
-            float hidden_lamp = sample(lamp_shade, side, column, row), hidden_sky = sample(sky_shade, side, column, row);
+            float hidden_lamp = sample(lamp_shade, side, column, row);
+            float hidden_sky = sample(sky_shade, side, column, row);
             if (hidden_lamp + hidden_sky <= 0) continue;
             float back = sample(glow, coarse, (column + 0.5f) * ratio - 0.5f, (row + 0.5f) * ratio - 0.5f);
             float light = lamp_on_floor(floor, (column + 0.5f) / scale - half, (row + 0.5f) / scale - half);

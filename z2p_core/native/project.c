@@ -80,6 +80,7 @@ FAST int z2p_window_minimum(const float *picture, int height, int width, int siz
 FAST int z2p_intensity(const float *depth, int64_t stride, int height, int width, float alpha, float beta, float *out) {
     float inverse = 1 / beta;
     for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++) out[(size_t)y * width + x] = exp_fast((alpha - depth[y * stride + x]) * inverse);
+        for (int x = 0; x < width; x++)
+            out[(size_t)y * width + x] = exp_fast((alpha - depth[y * stride + x]) * inverse);
     return 1;
 }

@@ -23,8 +23,8 @@ typedef struct {
 
 static int clamp_pixel(float value, int high) { return value < 0 ? 0 : value > (float)high ? high : (int)value; }
 
-/* Fills in the rectangle of pixels that may show the disc; 0 when none does. */
-static int place_disc(Disc *disc, float focal, int width, int height) {
+/* Fills in the rectangle of pixels, in rows from `first` to `last` - 1, that may show the disc; 0 when none does. */
+static int place_disc(Disc *disc, float focal, int width, int height, int first, int last) {
     const float *p = disc->at;
     if (p[2] < NEAREST_PLANE) return 0;
     float reach = disc->radius * focal / fmaxf(p[2] - disc->radius, NEAREST_PLANE);
@@ -34,13 +34,16 @@ static int place_disc(Disc *disc, float focal, int width, int height) {
     disc->right = clamp_pixel(x + reach, width - 1);
     disc->top = clamp_pixel(y - reach, height - 1);
     disc->bottom = clamp_pixel(y + reach, height - 1);
+    if (disc->top < first) disc->top = first;
+    if (disc->bottom >= last) disc->bottom = last - 1;
+    if (disc->top > disc->bottom) return 0;
     disc->plane = disc->normal[0] * p[0] + disc->normal[1] * p[1] + disc->normal[2] * p[2];
     return 1;
 }
 
 /* The discs that the picture may show, how many they are, and the box that holds them all. */
 static int place_all(const float *points, const float *normals, const float *radii, int count, float focal, int width,
-                     int height, Disc *discs, Box *box) {
+                     int height, int first, int last, Disc *discs, Box *box) {
     int placed = 0, left = width, right = -1, top = height, bottom = -1;
     for (int i = 0; i < count; i++) {
         Disc *disc = discs + placed;
@@ -48,7 +51,7 @@ static int place_all(const float *points, const float *normals, const float *rad
         memcpy(disc->normal, normals + 3 * (size_t)i, sizeof disc->normal);
         disc->radius = radii[i];
         disc->point = i;
-        if (!place_disc(disc, focal, width, height)) continue;
+        if (!place_disc(disc, focal, width, height, first, last)) continue;
         placed++;
         if (disc->left < left) left = disc->left;
         if (disc->right > right) right = disc->right;
@@ -79,12 +82,12 @@ static inline void meet_row(const Disc *disc, float focal, float middle, float r
     }
 }
 
-/* Whether the disc's centre lies in the picture and far behind what is seen there. */
+/* Whether the disc's centre lies in the box's rows and far behind what is seen there. */
 static int hidden(const Disc *disc, const float *front, int stride, const Box *box, float focal, int width, int height,
                   float slack) {
     float x = disc->at[0] / disc->at[2] * focal + 0.5f * (float)width;
     float y = disc->at[1] / disc->at[2] * focal + 0.5f * (float)height;
-    if (!(x >= 0 && y >= 0 && x < (float)width && y < (float)height)) return 0;
+    if (!(x >= 0 && x < (float)width && y >= (float)box->top && y < (float)(box->top + box->high))) return 0;
     const float *nearest = front + (size_t)((int)y - box->top) * stride + ((int)x - box->left);
     return disc->at[2] > *nearest + (slack + 1) * disc->radius;
 }
@@ -128,16 +131,17 @@ static inline void resolve(const float *sums, const Box *box, int width, int hei
     }
 }
 
-/* picture (9, height, width), zero at first: coverage 1 - exp(-sure x weight), density weight / full up to 1, depth from 1
- * at `near` to 0 at `far`, and six features, averaged over what the nearest surfels show. Points and normals are in the camera's axes, normals
- * facing it; features (count, 6). A surfel counts where it lies at most `slack` of its radius behind the nearest. */
+/* Rows from `first` to `last` - 1 of picture (9, height, width), zero at first: coverage 1 - exp(-sure x weight),
+ * density weight / full up to 1, depth from 1 at `near` to 0 at `far`, and six features, averaged over what the nearest
+ * surfels show. Points and normals are in the camera's axes, normals facing it; features (count, 6). A surfel counts
+ * where it lies at most `slack` of its radius behind the nearest. */
 FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *features, int count,
-                     float focal, int width, int height, float slack, float sure, float full, float near, float far,
-                     float *picture) {
+                     float focal, int width, int height, int first, int last, float slack, float sure, float full,
+                     float near, float far, float *picture) {
     Disc *discs = malloc(sizeof(Disc) * ((size_t)count + 1));
     if (!discs) return 0;
     Box box;
-    int placed = place_all(points, normals, radii, count, focal, width, height, discs, &box);
+    int placed = place_all(points, normals, radii, count, focal, width, height, first, last, discs, &box);
     if (!placed) { free(discs); return 1; }
     int stride = box.wide + LANES; /* rows of pixels are met in whole lanes */
     size_t pixels = (size_t)box.wide * box.high;

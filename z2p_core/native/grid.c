@@ -1,25 +1,17 @@
-/* Neighbours in a bare cloud: how far apart its points lie, and which way its surface faces. */
+/* Neighbours in a bare cloud: a grid whose cells hold a few points each. */
+
+#include "grid.h"
 
 #include <math.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "fast.h"
-
-#define K 12          /* neighbours, the point itself among them */
 #define COARSE 24     /* cells along the longest side of the grid that estimates the surface's area */
 #define POINTS_A_CELL 3.5f
 #define MOST_CELLS (1 << 22)
 #define FARTHEST_RING 6
 #define CHUNK 32      /* points whose distances are computed at a time */
-#define LANES 16      /* points whose normals are */
-
-typedef struct {
-    float low[3], cell;
-    int size[3];
-    int *start; /* first point of each cell, and one past the last */
-} Grid;
 
 static int clamp_int(int value, int low, int high) { return value < low ? low : value > high ? high : value; }
 
@@ -65,7 +57,7 @@ static int fill(Grid *grid, int cells, const float *points, int count, float *so
     return 1;
 }
 
-static int build(Grid *grid, const float *points, int count, float *sorted) {
+int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted) {
     float high[3], extent[3], longest = 0;
     for (int axis = 0; axis < 3; axis++) {
         grid->low[axis] = high[axis] = points[axis];
@@ -93,14 +85,10 @@ static int build(Grid *grid, const float *points, int count, float *sorted) {
     float cell = sqrtf((float)occupied * grid->cell * grid->cell * POINTS_A_CELL / (float)count);
     int cells = 0;
     if (cell < longest * 1e-4f) cell = longest * 1e-4f;
+    if (count <= MOST_NEIGHBOURS) cell = longest; /* few points lie too far apart to be met ring by ring */
     while (!(cells = shape_grid(grid, extent, cell))) cell *= 1.25f;
     return fill(grid, cells, points, count, sorted);
 }
-
-typedef struct {
-    int count, found[K];
-    float distance[K]; /* squared, nearest first */
-} Near;
 
 /* Takes in those of points[first] to points[last - 1] that are nearer to p than the farthest so far. */
 static void take_in(Near *near, const float *points, int first, int last, const float *p) {
@@ -114,8 +102,8 @@ static void take_in(Near *near, const float *points, int first, int last, const 
         }
         for (int i = 0; i < size; i++) {
             float square = squares[i];
-            if (near->count == K && square >= near->distance[K - 1]) continue;
-            int at = near->count < K ? near->count++ : K - 1;
+            if (near->count == near->most && square >= near->distance[near->most - 1]) continue;
+            int at = near->count < near->most ? near->count++ : near->most - 1;
             for (; at > 0 && near->distance[at - 1] > square; at--) {
                 near->distance[at] = near->distance[at - 1];
                 near->found[at] = near->found[at - 1];
@@ -126,8 +114,7 @@ static void take_in(Near *near, const float *points, int first, int last, const 
     }
 }
 
-/* K near points of `points[self]`, nearest first, itself among them, the nearest but for a few at the end. */
-static void nearest(const Grid *grid, const float *points, int self, Near *near) {
+void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near *near) {
     const float *p = points + 3 * self;
     int home[3], low[3], high[3];
     near->count = 0;
@@ -148,99 +135,6 @@ static void nearest(const Grid *grid, const float *points, int self, Near *near)
                 if (home[0] + ring < grid->size[0]) take_in(near, points, start[high[0]], start[high[0] + 1], p);
             }
         /* all but the farthest few are sure to lie in the first ring: cells hold several points each */
-        if (ring && near->count == K) break;
+        if (ring && near->count == near->most) break;
     }
-}
-
-/* One Jacobi rotation of symmetric matrices, a lane each: takes away pq, turns pr and qr, and the vectors p and q. */
-static inline void rotate(float *pp, float *qq, float *pq, float *pr, float *qr, float (*p)[LANES], float (*q)[LANES]) {
-    for (int i = 0; i < LANES; i++) {
-        int none = fabsf(pq[i]) < 1e-20f;
-        float theta = (qq[i] - pp[i]) / (none ? 1.0f : 2 * pq[i]);
-        float t = (theta >= 0 ? 1.0f : -1.0f) / (fabsf(theta) + sqrtf(theta * theta + 1));
-        if (none) t = 0;
-        float c = 1 / sqrtf(t * t + 1), s = t * c, r = pr[i];
-        pp[i] -= t * pq[i];
-        qq[i] += t * pq[i];
-        pq[i] = none ? pq[i] : 0;
-        pr[i] = c * r - s * qr[i];
-        qr[i] = s * r + c * qr[i];
-        for (int axis = 0; axis < 3; axis++) {
-            float x = p[axis][i], y = q[axis][i];
-            p[axis][i] = c * x - s * y;
-            q[axis][i] = s * x + c * y;
-        }
-    }
-}
-
-/* Unit eigenvectors of the smallest eigenvalues of symmetric matrices xx xy xz yy yz zz, which are overwritten. */
-FAST void z2p_smallest_axes(float (*m)[LANES], float (*axes)[LANES]) {
-    float x[3][LANES], y[3][LANES], z[3][LANES];
-    for (int axis = 0; axis < 3; axis++)
-        for (int i = 0; i < LANES; i++) {
-            x[axis][i] = axis == 0;
-            y[axis][i] = axis == 1;
-            z[axis][i] = axis == 2;
-        }
-    for (int sweep = 0; sweep < 6; sweep++) {
-        rotate(m[0], m[3], m[1], m[2], m[4], x, y);
-        rotate(m[0], m[5], m[2], m[1], m[4], x, z);
-        rotate(m[3], m[5], m[4], m[1], m[2], y, z);
-    }
-    for (int i = 0; i < LANES; i++) {
-        int first = m[0][i] <= m[3][i] && m[0][i] <= m[5][i], second = m[3][i] <= m[5][i];
-        for (int axis = 0; axis < 3; axis++) axes[axis][i] = first ? x[axis][i] : second ? y[axis][i] : z[axis][i];
-    }
-}
-
-/* Spacing of a point of `points`, and the covariance xx xy xz yy yz zz of its neighbours; how many these are. */
-static int neighbourhood(const Grid *grid, const float *points, int self, float *spacing, float *m) {
-    Near near;
-    nearest(grid, points, self, &near);
-    const int many = near.count, *found = near.found;
-    float mean[3] = {0, 0, 0};
-    *spacing = many > 1 ? sqrtf(3.14159265f * near.distance[many - 1] / (float)many) : 0;
-    for (int j = 0; j < many; j++)
-        for (int axis = 0; axis < 3; axis++) mean[axis] += points[3 * found[j] + axis] / (float)many;
-    for (int j = 0; j < many; j++) {
-        const float *q = points + 3 * found[j];
-        float x = q[0] - mean[0], y = q[1] - mean[1], z = q[2] - mean[2];
-        m[0] += x * x; m[1] += x * y; m[2] += x * z; m[3] += y * y; m[4] += y * z; m[5] += z * z;
-    }
-    return many;
-}
-
-/* The normal n of a point: the axis of its neighbours, or, where these are too few, the way to the viewer, faced. */
-static void face(const float *point, const float *viewer, const float *axis, int many, float *n) {
-    float towards[3], facing = 0, length = 0;
-    for (int i = 0; i < 3; i++) {
-        towards[i] = viewer[i] - point[i];
-        length += towards[i] * towards[i];
-        facing += axis[i] * towards[i];
-    }
-    for (int i = 0; i < 3; i++)
-        n[i] = many < 3 ? towards[i] / sqrtf(length + 1e-20f) : facing < 0 ? -axis[i] : axis[i];
-}
-
-/* For a cloud (count, 3): the same points in an order of their own, each one's spacing (the side of the patch of
- * surface that is its share) and unit normal, turned towards `viewer` (3). Returns 0 when memory is short. */
-int z2p_surface(const float *points, int count, const float *viewer, float *sorted, float *spacing, float *normals) {
-    Grid grid = {.start = NULL};
-    if (!build(&grid, points, count, sorted)) { free(grid.start); return 0; }
-    for (int first = 0; first < count; first += LANES) {
-        int many[LANES], lanes = count - first < LANES ? count - first : LANES;
-        float m[6][LANES] = {{0}}, axes[3][LANES];
-        for (int i = 0; i < lanes; i++) {
-            float own[6] = {0, 0, 0, 0, 0, 0};
-            many[i] = neighbourhood(&grid, sorted, first + i, spacing + first + i, own);
-            for (int j = 0; j < 6; j++) m[j][i] = own[j];
-        }
-        z2p_smallest_axes(m, axes);
-        for (int i = 0; i < lanes; i++) {
-            const float axis[3] = {axes[0][i], axes[1][i], axes[2][i]};
-            face(sorted + 3 * (first + i), viewer, axis, many[i], normals + 3 * (first + i));
-        }
-    }
-    free(grid.start);
-    return 1;
 }

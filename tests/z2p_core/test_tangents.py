@@ -1,0 +1,114 @@
+"""Tangent planes of spheres, sheets, creases and noise, whose answers are known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from z2p_core import native
+from z2p_core.tangents import FEWEST, MOST, neighbours_for, tangents
+
+
+def sphere_of(count, seed=0, radius=1.0):
+    points = np.random.default_rng(seed).normal(size=(count, 3))
+    return (radius * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
+
+
+def square_of(count, half, height, seed=0):
+    rng = np.random.default_rng(seed)
+    return np.column_stack([rng.uniform(-half, half, (count, 2)), np.full(count, height)]).astype(np.float32)
+
+
+def noisy(cloud, scale, seed=7):
+    return (cloud + np.random.default_rng(seed).normal(0, scale, cloud.shape)).astype(np.float32)
+
+
+def off_radius(points, normals):
+    """Angles in degrees between normals and the radii of a sphere about the origin."""
+    along = np.abs((points * normals).sum(1)) / np.linalg.norm(points, axis=1)
+    return np.degrees(np.arccos(np.clip(along, 0, 1)))
+
+
+def test_normals_of_a_sphere_are_its_radii():
+    found = tangents(sphere_of(4000))
+    np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1, atol=1e-5)
+    assert np.median(off_radius(found.points, found.normals)) < 2
+    assert np.quantile(off_radius(found.points, found.normals), 0.99) < 8
+
+
+@pytest.mark.parametrize("count", [500, 4000, 30_000])
+def test_spacing_is_the_side_of_a_points_share_of_the_surface(count):
+    assert np.median(tangents(sphere_of(count)).spacing) == pytest.approx(math.sqrt(4 * math.pi / count), rel=0.12)
+
+
+def test_spacing_follows_density():
+    dense, sparse = square_of(4000, 0.2, 0.0), square_of(1000, 0.2, 0.0, seed=1) + np.float32([1, 0, 0])
+    found = tangents(np.concatenate([dense, sparse]))
+    right = found.points[:, 0] > 0.5
+    assert np.median(found.spacing[right]) / np.median(found.spacing[~right]) == pytest.approx(2.0, rel=0.15)
+
+
+def test_the_order_of_points_does_not_matter_and_none_is_lost():
+    cloud = sphere_of(3000)
+    first, second = tangents(cloud), tangents(cloud[::-1])
+    for name in ("points", "spacing", "normals"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+    np.testing.assert_array_equal(np.unique(native.Grid(cloud).points, axis=0), np.unique(cloud, axis=0))
+
+
+@pytest.mark.parametrize("scale", [0.0025, 0.005, 0.01, 0.02])
+def test_noise_is_measured(scale):
+    assert tangents(noisy(sphere_of(6000), scale)).noise == pytest.approx(scale, rel=0.25)
+
+
+def test_a_clean_surface_however_curved_has_hardly_any_noise_and_stays_where_it_is():
+    for count, radius in ((1000, 1.0), (6000, 1.0), (3000, 0.2)):
+        cloud = sphere_of(count, radius=radius)
+        found = tangents(cloud)
+        assert found.noise < 0.1 * np.median(found.spacing)
+        np.testing.assert_allclose(np.linalg.norm(found.points, axis=1), radius, atol=0.02 * np.median(found.spacing))
+
+
+def test_noise_asks_for_more_neighbours():
+    asked = [neighbours_for(noise) for noise in (0.0, 0.2, 0.4, 5.0)]
+    assert asked[0] == FEWEST and asked[-1] == MOST and asked == sorted(set(asked))
+
+
+def test_noisy_points_are_moved_towards_their_surface_and_face_as_it_does():
+    cloud = noisy(sphere_of(6000), 0.02)
+    found = tangents(cloud)
+    before, after = (np.abs(np.linalg.norm(x, axis=1) - 1).mean() for x in (cloud, found.points))
+    assert after < 0.6 * before
+    assert np.median(off_radius(found.points, found.normals)) < 10
+
+
+def test_a_crease_stays_sharp():
+    rng = np.random.default_rng(3)
+    flat = np.column_stack([rng.uniform(0, 1, (2500, 2)), np.zeros(2500)])
+    wall = np.column_stack([np.zeros(2500), rng.uniform(0, 1, (2500, 2))])
+    found = tangents(np.concatenate([flat, wall]))
+    near = (np.hypot(found.points[:, 0], found.points[:, 2]) < 0.04) & (np.abs(found.points[:, 1] - 0.5) < 0.4)
+    straight = np.abs(found.normals[near]).max(axis=1)  # 1 along an axis, 0.71 half way round the crease
+    assert near.sum() > 100 and np.median(straight) > 0.99 and np.quantile(straight, 0.2) > 0.95
+
+
+def test_two_close_sheets_are_kept_apart():
+    found = tangents(np.concatenate([square_of(3000, 0.5, 0.0), square_of(3000, 0.5, 0.05, seed=1)]))
+    inside = np.abs(found.points[:, :2]).max(axis=1) < 0.4  # at their rims, the other sheet is as near as their own
+    assert np.quantile(np.abs(found.normals[inside, 2]), 0.01) > 0.98
+
+
+@pytest.mark.parametrize(
+    "cloud",
+    [
+        np.zeros((1, 3)), np.zeros((50, 3)), np.linspace(0, 1, 50)[:, None] * [1, 0, 0], sphere_of(2), sphere_of(5),
+        np.concatenate([sphere_of(500, radius=1e-3), [[100, 100, 100]]]), np.repeat(sphere_of(20), 30, axis=0),
+        np.repeat(sphere_of(3), 500, axis=0),
+    ],
+    ids=["one point", "one place", "a line", "two", "five", "a stray point", "repeated points", "repeated often"],
+)  # fmt: skip
+def test_degenerate_clouds_have_finite_answers(cloud):
+    found = tangents(cloud.astype(np.float32))
+    assert np.isfinite(found.spacing).all() and (found.spacing >= 0).all() and len(found.points) == len(cloud)
+    assert np.isfinite(found.points).all() and np.isfinite(found.noise)
+    np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1, atol=1e-4)

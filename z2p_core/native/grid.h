@@ -1,0 +1,23 @@
+/* A grid of a bare cloud's points, for its points' neighbours. */
+
+#pragma once
+
+#define MOST_NEIGHBOURS 64
+
+typedef struct {
+    float low[3], cell;
+    int size[3];
+    int *start; /* first point of each cell, and one past the last */
+} Grid;
+
+typedef struct {
+    int most, count, found[MOST_NEIGHBOURS];
+    float distance[MOST_NEIGHBOURS]; /* squared, nearest first */
+} Near;
+
+/* Sorts `points` (count, 3) by their cells into `sorted`. Returns 0 when memory is short; grid->start is to be
+ * freed. */
+int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted);
+
+/* near->most near points of `points[self]`, nearest first, itself among them, the nearest but for a few at the end. */
+void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near *near);

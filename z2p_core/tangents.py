@@ -1,0 +1,128 @@
+"""Where the surface of a bare cloud lies and which way it faces: planes through as many neighbours as noise asks for.
+
+Planes are fitted twice (Hoppe et al., Surface Reconstruction from Unorganized Points, 1992): through all neighbours
+alike, then through those that agree with the first answer, which keeps creases and close sheets apart. Of a noisy
+cloud more neighbours are asked, and its points are moved onto their planes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from z2p_core import native
+from z2p_core.threads import in_halves
+
+FEWEST, MOST, MORE = 16, 64, 75.0
+"""Neighbours of a clean cloud, of the noisiest one, and how many more for noise as large as the spacing."""
+PROBES = 400
+"""Points at which noise is measured."""
+MOST_POINTS = 40_000
+"""Of larger clouds so many points, chosen by their coordinates, stand for all."""
+LOOSE, LOOSER = 0.35, 2.0
+"""How far from the first plane a neighbour still counts: in spacings, and in standard deviations of the noise."""
+BUMPS = 0.1
+"""Of a clean surface at one spacing: where noise is as large, a point goes half the way to its plane."""
+
+
+@dataclass(frozen=True)
+class Tangents:
+    """Points (N, 3), spacing (N,) and unit normals (N, 3) of either sign, all float32, and the noise, in world units.
+
+    Spacing is the side of the square patch of surface that is a point's share.
+    """
+
+    points: np.ndarray
+    spacing: np.ndarray
+    normals: np.ndarray
+    noise: float
+
+
+def tangents(cloud: np.ndarray) -> Tangents:
+    """The tangent planes of a cloud (N, 3), N >= 1, in an order that does not depend on the cloud's."""
+    grid = native.Grid(cloud)
+    everyone = np.arange(len(cloud), dtype=np.int32)
+    found, spacing = in_halves(partial(grid.neighbours, count=FEWEST), everyone)
+    typical = max(float(np.median(spacing)), 1e-9)
+    asked = probes(len(cloud))
+    noise = noise_of(grid, asked, found[asked], typical)
+    count = neighbours_for(noise / typical)
+    if count > FEWEST:
+        found, _ = in_halves(partial(grid.neighbours, count=count), everyone)
+    first, _, _ = in_halves(partial(native.planes, grid.points), everyone, found)
+    tolerance = LOOSE * spacing + np.float32(LOOSER * noise)
+
+    def again(asked: np.ndarray, found: np.ndarray, tolerance: np.ndarray) -> tuple[np.ndarray, ...]:
+        return native.planes(grid.points, asked, found, (first, tolerance))
+
+    normals, middles, _ = in_halves(again, everyone, found, tolerance)
+    return Tangents(moved(grid.points, normals, middles, spacing, noise), spacing, normals, noise)
+
+
+def scatter(cloud: np.ndarray) -> float:
+    """Standard deviation of a cloud's points (N, 3) off their surface, in spacings; 0 for fewer than 16 points."""
+    if len(cloud) < FEWEST:
+        return 0.0
+    grid = native.Grid(thinned(cloud, MOST_POINTS))
+    asked = probes(len(grid.points))
+    found, spacing = grid.neighbours(asked, FEWEST)
+    typical = max(float(np.median(spacing)), 1e-9)
+    return noise_of(grid, asked, found, typical) / typical
+
+
+def probes(count: int) -> np.ndarray:
+    """Rows (M,) int32 at which noise is measured, of so many."""
+    return np.arange(0, count, max(count // PROBES, 1), dtype=np.int32)
+
+
+def noise_of(grid: native.Grid, asked: np.ndarray, found: np.ndarray, spacing: float) -> float:
+    """Standard deviation of the points off their surface, from neighbours found (M, K) of those asked for (M,)."""
+    noise = left_by_curvature(grid.points, asked, found)
+    while neighbours_for(noise / spacing) >= 2 * found.shape[1] <= len(grid.points):
+        # noise so large that it is not all seen in so small a patch
+        found, _ = grid.neighbours(asked, 2 * found.shape[1])
+        noise = max(noise, left_by_curvature(grid.points, asked, found))
+    return noise
+
+
+def left_by_curvature(points: np.ndarray, asked: np.ndarray, found: np.ndarray) -> float:
+    """The part of points' standard deviation off planes through neighbours found (M, K) that curvature leaves open.
+
+    What a curved surface leaves grows with the patch, to four times the variance over twice the points; noise does not.
+    """
+    variances = []
+    for many in (found.shape[1] // 2, found.shape[1]):
+        spread = native.planes(points, asked, np.ascontiguousarray(found[:, :many]))[2]
+        variances.append(float(np.median(spread)) ** 2 * many / (many - 3))  # three of them fit the plane
+    return math.sqrt(max(4 * variances[0] - variances[1], 0.0) / 3)
+
+
+def neighbours_for(noise: float) -> int:
+    """How many neighbours a plane is fitted to, where noise is given in spacings."""
+    return int(min(FEWEST + MORE * noise, MOST))
+
+
+def moved(
+    points: np.ndarray, normals: np.ndarray, middles: np.ndarray, spacing: np.ndarray, noise: float
+) -> np.ndarray:
+    """Points (N, 3), each moved towards its plane, the further the more of its distance is noise."""
+    if noise == 0:
+        return points
+    share = noise**2 / (noise**2 + (BUMPS * spacing) ** 2)
+    away = ((points - middles) * normals).sum(1) * share
+    result: np.ndarray = points - away[:, None] * normals
+    return result
+
+
+def thinned(cloud: np.ndarray, most: int) -> np.ndarray:
+    """At most about `most` points of a cloud (N, 3) float32, chosen by their coordinates whatever their order."""
+    if len(cloud) <= most:
+        return cloud
+    bits = np.ascontiguousarray(cloud, dtype=np.float32).view(np.uint32)
+    mixed = bits[:, 0] * np.uint32(0x9E3779B1) ^ bits[:, 1] * np.uint32(0x85EBCA77) ^ bits[:, 2] * np.uint32(0xC2B2AE3D)
+    mixed = (mixed ^ mixed >> np.uint32(15)) * np.uint32(0x2C1B3C6D)
+    kept: np.ndarray = cloud[mixed < np.uint32(min(most / len(cloud), 1.0) * 0xFFFFFFFF)]
+    return kept
