@@ -172,7 +172,9 @@ def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
     places += [] if given else [figure.parent / source["name"], Path(source["name"])]
     found = [place for place in places if place.is_file()]
     if not found:
-        looked = ", ".join(str(place) for place in places)
+        if given is None and source["path"] is None:
+            raise Failure("the scan came through standard input, so no file is known; name one with --input")
+        looked = ", ".join(dict.fromkeys(str(place) for place in places))
         raise Failure(f"the scan {source['name']} is not to be found (looked for {looked}); name it with --input")
     for place in found:
         if file_digest(place) == source["sha256"]:

@@ -13,6 +13,7 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
+from pipeline.contact_sheet import write_contact_sheets
 from storage.cameras import read_camera
 from storage.pictures import read_record
 from z2p_core.palettes import PALETTES, palette
@@ -30,7 +31,7 @@ def test_a_saved_camera_looks_the_same_again(render: Callable[..., Result], scan
         result = render(scans / "one.npy", "--load-camera", source, output=tmp_path / name)
         assert result.exit_code == 0, result.output
         assert np.array_equal(pixels(tmp_path / name / "one.png"), pixels(first))
-        assert "; before the given camera, elevation 44)" in result.stderr
+        assert "; seen from the given camera, elevation 44)" in result.stderr
     assert read_camera(camera).elevation == 44
     high = render(scans / "one.npy", "--load-camera", camera, "--elevation", 60, output=tmp_path / "high")
     assert high.exit_code == 0
@@ -132,10 +133,20 @@ def test_contact_sheets(render: Callable[..., Result], scans: Path, tmp_path: Pa
     assert result.exit_code == 0
     assert f"wrote {tmp_path / 'out' / 'sheet.png'}" in result.stderr
     sheets = [Image.open(tmp_path / "out" / name) for name in ("sheet.png", "sheet_2.png")]
-    assert sheets[0].size[0] == 3 * 328 + 8 and sheets[1].size[0] == 328 + 8
+    assert sheets[0].size[0] == 3 * 104 + 8 and sheets[1].size[0] == 104 + 8  # 96 pixels for the names, and a gap
     assert render(scans, "--sheet", "4x4").exit_code == 0  # the pictures are there; the sheet is made all the same
     assert not (tmp_path / "out" / "sheet_2.png").exists()
     assert render(scans, "--sheet", "0x2").exit_code == 2
+
+
+def test_a_contact_sheet_has_the_pictures_own_size_up_to_a_limit(tmp_path: Path) -> None:
+    for side, cell in ((20, 96), (200, 200), (900, 320)):
+        Image.new("RGBA", (side, side // 2), "red").save(tmp_path / f"{side}.png")
+        write_contact_sheets([tmp_path / f"{side}.png"], tmp_path, 1, 1)
+        page = pixels(tmp_path / "sheet.png").astype(int)
+        assert page.shape[1] == cell + 16
+        red = (page[..., 0] - page[..., 1] > 200).any(0).sum()
+        assert red == min(side, cell)
 
 
 class Page(HTMLParser):
