@@ -17,7 +17,7 @@ from pipeline.commands.values import Background, Degrees, Resolution
 from z2p_core.interfaces import Value
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
-    from pipeline.drawing import Look
+    from pipeline.drawing import Look, Window
     from pipeline.infer import Renderer
 
 
@@ -153,7 +153,17 @@ def _look(
     width, height = options["resolution"] or record["resolution"]
     return Look(values, placing, width, height, background_from(background),
                 options["supersample"] or record["supersample"], (options["fit"] or record["fit"]) == "tight",
-                {"name": Path(name).stem, "sha256": digest})  # fmt: skip
+                {"name": Path(name).stem, "sha256": digest}, _window(record, given, options))  # fmt: skip
+
+
+def _window(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Window | None:
+    """The crop of the picture's series, which lasts while nothing moves in it: neither object nor shadow nor frame."""
+    (width, height), (old_width, old_height) = options["resolution"] or record["resolution"], record["resolution"]
+    moved = options["azimuth"] or options["load_camera"] is not None or {"elevation", "light"} & set(given)
+    if moved or width * old_height != height * old_width or options["fit"] is not None or record.get("window") is None:
+        return None
+    left, top, right, bottom = record["window"]
+    return left, top, right, bottom
 
 
 def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:

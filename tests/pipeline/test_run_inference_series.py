@@ -14,6 +14,7 @@ from click.testing import Result
 from PIL import Image
 
 from pipeline.contact_sheet import write_contact_sheets
+from pipeline.drawing import FAINTEST, cut
 from storage.cameras import read_camera
 from storage.pictures import read_record
 from z2p_core.palettes import PALETTES, palette
@@ -82,6 +83,41 @@ def test_one_frame_for_a_series(render: Callable[..., Result], tmp_path: Path, c
     np.testing.assert_allclose(sizes[1], sizes[0] / 3, rtol=1e-4)
     assert render(folder, "--same-frame", output=tmp_path / "again").exit_code == 1
     assert np.array_equal(pixels(tmp_path / "again" / "b.png"), pixels(tmp_path / "out" / "b.png"))
+
+
+def test_a_series_is_trimmed_alike(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+    """Every picture is the same part of its frame, which loses nothing of any of them."""
+    folder = tmp_path / "series"
+    folder.mkdir()
+    np.save(folder / "a.npy", cloud)
+    np.save(folder / "b.npy", np.stack([cloud / 3, cloud / 2]) + cloud.mean(0) / 2)
+    (folder / "c.npy").write_bytes(b"garbage")
+    look = ("--same-frame", "--resolution", "160,128", "--supersample", 2)
+    render(folder, *look, weights="regular", output=tmp_path / "frame")
+    result = render(folder, *look, "--fit", "tight", weights="regular", output=tmp_path / "tight")
+    assert result.exit_code == 1 and result.stderr.count("c.npy") == 1
+    names = ("a", "b_000", "b_001")
+    window = read_record(tmp_path / "tight" / "a.png")["window"]
+    for name in names:
+        whole, part = (pixels(tmp_path / kind / f"{name}.png") for kind in ("frame", "tight"))
+        shown = cut(whole, window)
+        assert np.array_equal(part, shown) and part.size < whole.size
+        assert (part[..., 3] >= FAINTEST).sum() == (whole[..., 3] >= FAINTEST).sum()
+
+
+def test_a_redrawn_picture_keeps_the_crop_of_its_series_while_nothing_moves(
+    render: Callable[..., Result], z2p: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    result = render(scans, "--same-frame", "--fit", "tight", "--resolution", "64,48", weights="regular")
+    assert result.exit_code == 0, result.output
+    figure, again = tmp_path / "out" / "one.png", tmp_path / "out" / "again.png"
+    for words, kept in (((), True), (("--color", "red"), True), (("--resolution", "128,96"), True),
+                        (("--resolution", 64), False), (("--light", "3,0,60"), False), (("--elevation", 40), False),
+                        (("--azimuth", 40), False), (("--fit", "tight"), False)):  # fmt: skip
+        done = z2p("rerender", figure, "-o", again, "--overwrite", *words)
+        assert done.exit_code == 0, done.output
+        assert ("window" in read_record(again)) == kept
+        assert bool(words) or again.read_bytes() == figure.read_bytes()
 
 
 @pytest.mark.parametrize(("word", "suffix"), [("webp", ".webp"), ("jpeg", ".jpg"), ("tiff", ".tif"), ("png", ".png")])
