@@ -9,7 +9,8 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from storage.meshes import shown
-from storage.pictures import encode, write_whole
+from storage.pictures import encode
+from storage.whole import write_whole
 
 CELL, LABEL, GAP = 320, 26, 8
 """Largest side of a picture on the sheet, height of its name, and the space between, pixels."""

@@ -76,7 +76,8 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
 
     The scan is looked for beside the picture, where it was, and must not have changed since.
     """
-    from storage.pictures import encode, read_record, write_whole
+    from storage.pictures import encode, read_record
+    from storage.whole import write_whole
 
     record = read_record(figure)
     if "motion" in record:
