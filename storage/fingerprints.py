@@ -90,7 +90,7 @@ def plugin_fields(plugin: type[Any]) -> dict[str, str]:
 
 def changed_plugins(fields: Mapping[str, Any]) -> list[str]:
     """Names of the plugins in an entry's fields that read otherwise on the disk by now, or are gone."""
-    return [one["name"] for one in _plugins_in(fields) if one not in _installed(one["name"])]
+    return [one["name"] for one in _plugins_in(fields) if dict(one) not in list(_installed(one["name"]))]
 
 
 def _plugins_in(value: Any) -> Iterator[Mapping[str, str]]:

@@ -12,7 +12,7 @@ from storage.differences import differences
 from storage.fingerprints import STAGE_VERSIONS
 from storage.layout import Store
 from storage.manifests import MANIFEST
-from workflows.plan import Plan, Step
+from workflows.plan import Planned, Step
 
 FRESH, STALE, MISSING = "fresh", "stale", "missing"
 
@@ -29,7 +29,7 @@ class State:
     fingerprint: str
 
 
-def states(plan: Plan, store: Store) -> list[State]:
+def states(plan: Planned, store: Store) -> list[State]:
     """State of every step, upstream first. Those that are not fresh are what a run would make, no more and no less."""
     earlier = _Earlier(store)
     faults = {step.name: store.faults(step.entry) for step in plan.steps.values()}
@@ -67,7 +67,7 @@ def as_json(found: Sequence[State]) -> str:
     return json.dumps([asdict(one) for one in found], indent=1)
 
 
-def _reasons(before: Mapping[str, Any], step: Step, plan: Plan, earlier: _Earlier) -> list[str]:
+def _reasons(before: Mapping[str, Any], step: Step, plan: Planned, earlier: _Earlier) -> list[str]:
     """Why the step's result of before does not do, the causes upstream by name."""
     found = differences(_shared(before["fields"]), _shared(step.entry.fields))
     if not found:

@@ -142,6 +142,17 @@ def test_other_weights_leave_the_others_results_alone(finished, make_weights) ->
     assert result == steps(*ALL, methods=("mine",)) | {"trust/pyramid/mine", "times", "report"}
 
 
+def test_a_dry_run_says_what_a_run_would_make_and_writes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "tetra.off").write_text(TETRA)
+    result = report(tmp_path, CONFIG, "--weights", "regular", "--dry-run")
+    assert result.returncode == 0 and not (tmp_path / "runs").exists(), result.stderr
+    lines = [line.split() for line in result.stderr.splitlines() if line.startswith("MISSING")]
+    assert [lines[0][1], lines[-1][1]] == ["measure/base/tetra/truth", "report"]
+    assert f"a run would make {len(lines)} of {len(lines)} results; nothing was written" in result.stderr
+    assert made(result) == set()
+
+
 def plan(tmp_path: Path, text: str = "", weights: str = "regular", sweeps: str = ""):
     config = tmp_path / "report.toml"
     config.write_text(text)
