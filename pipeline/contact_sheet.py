@@ -9,10 +9,13 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from storage.meshes import shown
-from storage.pictures import encode, write_whole
+from storage.pictures import encode
+from storage.whole import write_whole
 
 CELL, LABEL, GAP = 320, 26, 8
-"""Side of a picture on the sheet, height of its name, and the space between, pixels."""
+"""Largest side of a picture on the sheet, height of its name, and the space between, pixels."""
+SMALLEST = 96
+"""Side that a name needs; smaller pictures stand in the middle of it."""
 WIDEST = 8000
 """Pixels along a side of a sheet; with more columns or rows the pictures get smaller."""
 PAPER, INK = (255, 255, 255), (60, 60, 60)
@@ -21,9 +24,9 @@ PAPER, INK = (255, 255, 255), (60, 60, 60)
 def write_contact_sheets(pictures: Sequence[Path], folder: Path, columns: int, rows: int) -> list[Path]:
     """``sheet.png`` in the folder, and ``sheet_2.png`` and on where there are more pictures than cells.
 
-    Transparent pictures stand on white. Sheets of an earlier run with more of them go.
+    Transparent pictures stand on white, none larger than it is. Sheets of an earlier run with more of them go.
     """
-    cell = min(CELL, WIDEST // columns - GAP, WIDEST // rows - GAP - LABEL)
+    cell = min(CELL, max(SMALLEST, *map(_side, pictures)), WIDEST // columns - GAP, WIDEST // rows - GAP - LABEL)
     sheets = []
     for first in range(0, len(pictures), columns * rows):
         path = folder / ("sheet.png" if first == 0 else f"sheet_{first // (columns * rows) + 1}.png")
@@ -35,6 +38,12 @@ def write_contact_sheets(pictures: Sequence[Path], folder: Path, columns: int, r
             break
         left.unlink()
     return sheets
+
+
+def _side(picture: Path) -> int:
+    """The longer side of a picture, pixels."""
+    with Image.open(picture) as opened:
+        return max(opened.size)
 
 
 def _page(pictures: Sequence[Path], columns: int, cell: int) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
@@ -17,11 +18,14 @@ from z2p_core.interfaces import SettingError, Value
 from z2p_core.viewpoint import Viewpoint
 
 Color = tuple[float, float, float]
+Window = tuple[float, float, float, float]
+"""Left, top, right and bottom of a part of the frame, from 0 to 1."""
 
 RECORD = 1
 """Format of the record; raised when its meaning changes."""
-FAINTEST = 3
-"""Alpha, of 255, from which on a pixel is part of the picture when it is trimmed."""
+FAINTEST = 20
+"""Alpha, of 255, from which on a pixel is part of the picture when it is trimmed: the haze that the weights draw around
+the shadow, 17 at most at the upper edge of the samples' pictures, would otherwise keep all of the frame."""
 TRIM_MARGIN = 0.02
 """Share of the shorter side that is left around a trimmed picture."""
 LARGEST_SIDE = 8192
@@ -43,6 +47,8 @@ class Look:
     """Drawn this many times as large, then averaged down in linear light."""
     tight: bool = False
     """Trimmed to what is to be seen, the shadow included."""
+    window: Window | None = None
+    """What a trimmed picture shows of its frame, the same for a whole series; None trims it by itself."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,7 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     if factor > 1:
         picture = bytes_from_unit(shrink(unit_from_bytes(picture), factor))
     if look.tight:
-        picture = trimmed(picture)
+        picture = trimmed(picture) if look.window is None else cut(picture, look.window)
     return Drawing(picture, placed.stance, placed.viewpoint, renderer.settings(values), renderer, choice)
 
 
@@ -93,6 +99,13 @@ def trimmed(picture: np.ndarray) -> np.ndarray:
     """The part (H', W', 4) of a straight RGBA picture (H, W, 4) uint8 that shows something, with a narrow margin."""
     rows, columns = trimmed_window(picture[..., 3])
     return picture[rows, columns]
+
+
+def cut(picture: np.ndarray, window: Window) -> np.ndarray:
+    """The part (H', W', 4) of a picture (H, W, 4) that a window shows: equal sizes are cut to equal sizes."""
+    (height, width), (left, top, right, bottom) = picture.shape[:2], window
+    rows = slice(math.floor(top * height), math.ceil(bottom * height))
+    return picture[rows, math.floor(left * width) : math.ceil(right * width)]
 
 
 def trimmed_window(alpha: np.ndarray) -> tuple[slice, slice]:
@@ -107,6 +120,7 @@ def trimmed_window(alpha: np.ndarray) -> tuple[slice, slice]:
 
 def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:
     """All that made a picture, JSON-able; `source` tells of the cloud: name, path, sha256, place in its file."""
+    window = {} if look.window is None else {"window": list(look.window)}
     return {
         "record": RECORD,
         "version": __version__,
@@ -121,6 +135,7 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
         "placing": {"up": look.placing.up, "view": look.placing.view, "keep_outliers": look.placing.keep_outliers,
                     "cut_top": look.placing.cut_top},
         "stance": asdict(drawing.stance),
+        **window,
     }
 
 

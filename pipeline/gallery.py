@@ -13,7 +13,8 @@ from urllib.parse import quote
 from PIL import Image
 
 from storage.meshes import shown
-from storage.pictures import PictureError, read_record, write_whole
+from storage.pictures import PictureError, read_record
+from storage.whole import write_whole
 from z2p_core import __version__
 
 SIDES = ((200, 512), (1000, 320), (4000, 224))

@@ -17,6 +17,8 @@ from z2p_core.viewpoint import Viewpoint, frame
 SETTLED = "as settled"
 """Stands for up where a camera was settled before."""
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
+COARSE = 1000
+"""Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
 OUTSIDE = 1.2
 """Distance from the middle, in radii, from where on a point may lie outside a square picture."""
 
@@ -58,6 +60,8 @@ class Stance:
     """Points left out that lie far behind a depth camera's subject."""
     hint: str = ""
     """What the user may want to try."""
+    rounded: float = 0.0
+    """Step, in the data's units, to which float32 has rounded it far from the origin; 0 where that does not show."""
 
     @property
     def told(self) -> str:
@@ -67,11 +71,19 @@ class Stance:
         strays += f"; {self.background} points far behind it left out" if self.background else ""
         strays += f"; {self.outside} points beyond the camera's frame" if self.outside else ""
         hint = f"; {self.hint}" if self.hint else ""
+        strays += f"; {self.told_rounded}" if self.rounded else ""
         if self.up == SETTLED:
             turned = f", turned on by {round(self.azimuth)}" if self.azimuth else ""
             return f"{self.view_reason}{height}{turned}{strays}"
         return (f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}{strays}"
                 f"{hint}")
+
+
+    @property
+    def told_rounded(self) -> str:
+        """What a `rounded` that is not 0 means."""
+        return (f"its float32 numbers, so far from the origin, are rounded to steps of {self.rounded:g}: save float64, "
+                "or subtract an offset first")
 
 
 @dataclass(frozen=True)
@@ -109,7 +121,8 @@ def place(
     azimuth += placing.azimuth
     viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
     hint = ROOM_HINT if not placing.cut_top and is_room(points @ up.rotation.T) else ""
-    stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint)
+    stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
+                    _rounded(points))  # fmt: skip
     return Placed(viewpoint.place(points), stance, viewpoint)
 
 
@@ -167,9 +180,18 @@ def _as_settled(
     outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
     if outside == len(cloud):
         raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
-    stance = Stance(SETTLED, "the camera's", azimuth, wished, f"before the given camera{beyond}", shown.outliers,
-                    outside, shown.background)
+    stance = Stance(SETTLED, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
+                    outside, shown.background, rounded=_rounded(shown.points))
     return Placed(cloud, stance, viewpoint)
+
+
+def _rounded(points: np.ndarray) -> float:
+    """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them."""
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
+        step = float(np.spacing(np.float32(max(points.max(), -points.min()))))
+        if np.ptp(points, axis=0).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
+            return 0.0
+    return step
 
 
 def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[float | None, str]:

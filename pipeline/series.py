@@ -1,13 +1,16 @@
-"""Clouds of one series at one scale and place: the one viewpoint that fits them all."""
+"""Clouds of one series at one scale and place: the one viewpoint that fits them all, and the one crop."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from pipeline.drawing import FAINTEST, Look, Window, draw, trimmed_window
+from pipeline.infer import Renderer
 from pipeline.placing import Placing, place, shown_points
 from storage.clouds import Scan, format_suffix, read_clouds, usable
 from z2p_core.geometry import random_rotation
@@ -16,6 +19,8 @@ from z2p_core.viewpoint import Viewpoint
 
 DIRECTIONS = 3 * 170
 """A cloud's reach is kept as its farthest points along so many directions, whatever its size."""
+DRAFT = 256
+"""Shorter side of the pictures in which the common crop is looked for, pixels: such as the weights know."""
 MOST_EACH = 2000
 """Points of each cloud that the choice of the view looks at."""
 
@@ -62,6 +67,29 @@ def common_viewpoint(
     placed = place(together, first[1], placing, elevation, free)
     shared = replace(placed.viewpoint, floor=float(placed.cloud[:, 2].min()))  # what hovers in one cloud hovers
     return Series(shared, placed.stance.told, clouds, unread)
+
+
+def common_window(
+    scans: Iterable[Path], renderer: Renderer, look: Look, columns: tuple[str, ...] | None = None
+) -> Window | None:
+    """The part of the frame that shows something of any cloud of the files; None where nothing is to be seen.
+
+    It is found in small pictures, drawn first and thrown away. Clouds that cannot be drawn are passed over: they fail
+    again, and are told, when their turn comes.
+    """
+    share = min(1.0, DRAFT / min(look.width, look.height))
+    width, height = (max(32, round(side * share)) for side in (look.width, look.height))
+    draft = replace(look, width=width, height=height, supersample=1, tight=False)
+    alpha = np.zeros((height, width), dtype=np.uint8)
+    for path in scans:
+        with suppress(Exception):  # whatever a file brings up, the others count
+            for scan in read_clouds(path, columns):
+                with suppress(Exception):
+                    np.maximum(alpha, draw(renderer, scan, format_suffix(path), draft).picture[..., 3], out=alpha)
+    if not (alpha >= FAINTEST).any():
+        return None
+    rows, across = trimmed_window(alpha)
+    return (across.start / width, rows.start / height, min(across.stop / width, 1.0), min(rows.stop / height, 1.0))
 
 
 def _outline(points: np.ndarray) -> np.ndarray:

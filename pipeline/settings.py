@@ -28,7 +28,8 @@ def settings_for(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Valu
             values[name] = _value(renderer.controls[name], wish)
         elif name != "elevation":
             carried = ", ".join(renderer.controls) or "none"
-            raise SettingError(f"these weights do not carry the control {name!r}; they carry: {carried}")
+            raise SettingError(f"these weights do not carry the control {name!r}; they carry: {carried}; "
+                               f"{_carriers(name)}")
         elif (wish[0] if isinstance(wish, Sequence) else wish) != renderer.fixed_elevation:
             asked = wish[0] if isinstance(wish, Sequence) else wish
             raise SettingError(f"--elevation: these weights know only {renderer.fixed_elevation:g} degrees, got "
@@ -61,6 +62,15 @@ def background_from(wish: Any) -> Color | None:
     if len(numbers) != 3 or not all(0 <= number <= 1 for number in numbers):
         raise SettingError(f"expected a background of three numbers from 0 to 1, got {wish!r}")
     return numbers[0], numbers[1], numbers[2]
+
+
+def _carriers(control: str) -> str:
+    """Which shipped weights carry a control, in words."""
+    from storage.checkpoints import load_weights, shipped
+
+    found = [name for name, path in shipped().items()
+             if control in [one["name"] for one in load_weights(path).card["controls"]]]  # fmt: skip
+    return f"weights that do: {', '.join(found)}" if found else "no shipped weights do, so train some that do"
 
 
 def _value(control: Control, wish: Any) -> Value:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
@@ -23,9 +23,10 @@ from storage.cameras import read_camera
 from storage.checkpoints import resolve
 from storage.clouds import Scan, format_suffix, read_clouds, usable
 from storage.pictures import encode, write_picture
+from z2p_core import registry
 from z2p_core.framing import UP_AXES
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-from z2p_core.interfaces import SettingError
+from z2p_core.interfaces import SettingError, Value
 from z2p_core.picture import Picture
 from z2p_core.studio import Request
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
@@ -108,8 +109,21 @@ def look_for(renderer: Renderer, request: Request) -> Look:
         wishes["elevation"] = view[1]
     placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, float(request.azimuth),
                       request.keep_outliers, request.cut_top, _camera(request.camera))
-    return Look(settings_for(renderer, wishes), placing, *request.size, background_from(request.background),
+    return Look(_settings(renderer, wishes), placing, *request.size, background_from(request.background),
                 request.supersample, request.tight)  # fmt: skip
+
+
+def _settings(renderer: Renderer, wishes: Mapping[str, Any]) -> dict[str, Value]:
+    """The control settings; what is wrong with them is told in Python's words, not in the command line's."""
+    known = {*registry.names("controls"), *renderer.controls, "elevation"}
+    for name in wishes:
+        if name not in known:
+            raise SettingError(f"render has no option {name!r}, and no control of that name is installed; see "
+                               "help(z2p_core.render)")
+    try:
+        return settings_for(renderer, wishes)
+    except SettingError as error:
+        raise SettingError(str(error).removeprefix("--")) from None
 
 
 def _view(view: Any) -> str | tuple[float, float]:
@@ -140,6 +154,8 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
             if drawing.stance.background:
                 notes.append(f"{drawing.stance.background} points far behind the depth camera's subject were left out; "
                              "keep_outliers=True keeps them")
+            if drawing.stance.rounded:
+                notes.append(drawing.stance.told_rounded)
             if drawing.stance.outside:
                 notes.append(f"{drawing.stance.outside} points lie beyond the camera's frame")
             pictures.append(Picture(array, record(drawing, look, source), tuple(notes)))

@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from storage.pictures import WHITE, PictureError, described, write_whole
+from storage.pictures import WHITE, PictureError, described
+from storage.whole import write_whole
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 
 SUFFIXES = (".webp", ".gif", ".mp4")

@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 from storage.meshes import shown
-from storage.pictures import FORMATS, PictureError, read_record, write_whole
+from storage.pictures import FORMATS, PictureError, read_record
+from storage.whole import write_whole
 from z2p_core.interfaces import SettingError
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
 

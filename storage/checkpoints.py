@@ -14,6 +14,8 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
+from storage.whole import write_whole
+
 FORMAT = 1
 SHIPPED = Path(__file__).parent / "weights"
 CARD_KEYS = ("network", "zbuffer", "gbuffer", "encoder", "controls", "resolution", "fixed_elevation", "training")
@@ -138,16 +140,7 @@ def _array(tensor: Any) -> np.ndarray:
 def _publish(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) -> None:
     # One metadata key: safetensors orders several as it pleases, and equal weights should be equal bytes.
     header = {"z2p": json.dumps({"card": card, "sha256": _digest(arrays, card)})}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with temporary.open("wb") as file:
-            file.write(save(arrays, metadata=header))
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    write_whole(save(arrays, metadata=header), path, lasting=True)
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], str]:

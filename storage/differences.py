@@ -10,7 +10,7 @@ from typing import Any
 CODE_FIELDS = frozenset({"schema", "stage_version", "code", "packages"})
 """Top-level fields that tell of code alone, not of what the user asked for."""
 
-UPSTREAM_FIELDS = frozenset({"sample", "renders", "shards", "train"})
+UPSTREAM_FIELDS = frozenset({"sample", "renders", "shards", "train", "upstream"})
 """Top-level fields that hold fingerprints of other results."""
 
 _PLUGIN = {"name", "version", "code"}
@@ -96,8 +96,14 @@ def _are_plugins(value: Any) -> bool:
 
 
 def _changed_meshes(old: Any, new: Any) -> list[str]:
-    before, after = ({name: identity for name, identity in meshes or ()} for meshes in (old, new))
+    before, after = (dict(_named(meshes)) for meshes in (old, new))
     return sorted(name for name in {**before, **after} if before.get(name) != after.get(name))
+
+
+def _named(meshes: Any) -> Iterator[tuple[str, str]]:
+    """Name and identity of an evaluation's meshes; a report's page knows but their names."""
+    for one in meshes or ():
+        yield (one, "") if isinstance(one, str) else tuple(one)
 
 
 def _shown(value: Any) -> str:

@@ -7,10 +7,10 @@ and that of the bytes before it. So any ONNX reader takes the file, and z2p refu
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 
 from storage.checkpoints import WeightsError
+from storage.whole import write_whole
 
 FORMAT = "1"
 """Raised when what `pipeline.export` writes changes its inputs or outputs."""
@@ -26,18 +26,7 @@ def onnx_path(weights: Path) -> Path:
 
 def save_onnx(weights: Path, digest: str, model: bytes) -> Path:
     """The ONNX file of `weights`, whose content digest (64 hex digits) it names; written complete or not at all."""
-    path = onnx_path(weights)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with temporary.open("wb") as file:
-            file.write(model)
-            file.write(_seal(digest, model))
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-    return path
+    return write_whole(model + _seal(digest, model), onnx_path(weights), lasting=True)
 
 
 def load_onnx(weights: Path, digest: str) -> bytes | None:

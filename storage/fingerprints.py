@@ -9,12 +9,14 @@ from __future__ import annotations
 import hashlib
 import inspect
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from storage.code import code_digest, imported_modules
 from storage.stage_code import stage_code, stage_packages
+from z2p_core import registry
 
 SCHEMA = 2
 """Raised when the meaning of the fields themselves changes; every result becomes stale."""
@@ -25,6 +27,10 @@ STAGE_VERSIONS: dict[str, int] = {
     "compare": 1,
 }  # fmt: skip
 """Raised by hand when a stage's code starts to give other results; that stage and what follows become stale."""
+
+
+PLUGIN_KEYS = {"name", "version", "code"}
+"""Keys of `plugin_fields`, and of nothing else in an entry's fields."""
 
 
 def fingerprint(fields: Mapping[str, Any]) -> str:
@@ -81,6 +87,28 @@ def plugin_fields(plugin: type[Any]) -> dict[str, str]:
     digests = _package_digests(plugin.__module__, Path(source))
     code = digests[0] if len(digests) == 1 else fingerprint({"modules": digests})
     return {"name": plugin.name, "version": plugin.version, "code": code}
+
+
+def changed_plugins(fields: Mapping[str, Any]) -> list[str]:
+    """Names of the plugins in an entry's fields that read otherwise on the disk by now, or are gone."""
+    return [one["name"] for one in _plugins_in(fields) if dict(one) not in list(_installed(one["name"]))]
+
+
+def _plugins_in(value: Any) -> Iterator[Mapping[str, str]]:
+    """Every `plugin_fields` that a value holds, however deep."""
+    if isinstance(value, Mapping) and set(value) == PLUGIN_KEYS:
+        yield value
+    elif isinstance(value, Mapping | list | tuple):
+        for one in value.values() if isinstance(value, Mapping) else value:
+            yield from _plugins_in(one)
+
+
+def _installed(name: str) -> Iterator[dict[str, str]]:
+    """`plugin_fields` of the installed plugins of that name: a z-buffer and a baseline may share it."""
+    for group in registry.GROUPS:
+        if name in registry.names(group):
+            with suppress(registry.PluginError, OSError):  # broken by an edit: no longer what it was
+                yield plugin_fields(registry.load(group, name))
 
 
 def _package_digests(module: str, path: Path) -> list[str]:

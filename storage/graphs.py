@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import zlib
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from typing import Any
 from safetensors import safe_open
 
 from storage.checkpoints import WeightsError
+from storage.whole import write_whole
 
 FORMAT = 1
 INT8 = "int8"
@@ -40,17 +40,8 @@ def save_graph(weights: Path, digest: str, onnx: bytes, form: str = "") -> Path:
     pieces, rest = _split(onnx, source, _tensor_places(weights, source))
     packed = zlib.compress(rest, 9)
     header = {"format": FORMAT, "weights": digest, "sha256": hashlib.sha256(onnx).hexdigest(), "pieces": pieces}
-    path = graph_path(weights, form)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with temporary.open("wb") as file:
-            file.write(_MAGIC + json.dumps(header).encode() + b"\n" + packed)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-    return path
+    content = _MAGIC + json.dumps(header).encode() + b"\n" + packed
+    return write_whole(content, graph_path(weights, form), lasting=True)
 
 
 def load_graph(weights: Path, digest: str, form: str = "") -> bytes | None:

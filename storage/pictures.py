@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +11,7 @@ import numpy as np
 
 from storage.meshes import shown
 from storage.png import png
+from storage.whole import write_whole
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
@@ -105,17 +104,6 @@ def read_record(path: Path) -> dict[str, Any]:
 def described(record: dict[str, Any]) -> str:
     """The record as the text that stands in a description or a comment; plain ascii, which is all they hold."""
     return f"{KEY}: {json.dumps(record, allow_nan=False)}"
-
-
-def write_whole(content: bytes, path: Path) -> None:
-    """Write a file, whole or not at all; folders on the way are made."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.parent / f".z2p-{os.getpid()}-{threading.get_ident()}.part"
-    try:
-        partial.write_bytes(content)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
 
 
 def _options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from storage.whole import whole
 from z2p_core.scene import SceneDescription
 
 SCHEMA = 2
@@ -56,9 +57,7 @@ def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attribu
     kept = list(records)
     attributes = {"schema": SCHEMA, **attributes}
     layout = _layout(len(kept), len(pool), attributes, path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
+    with whole(path) as temporary:
         with h5py.File(temporary, "w", libver="latest") as file:
             file.attrs["z2p"] = np.bytes_(json.dumps(attributes, sort_keys=True).encode())
             for name, (shape, dtype) in layout.items():
@@ -75,9 +74,6 @@ def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attribu
                         value = _scene_bytes(record.scene, where) if name == "scene" else getattr(record, name)
                         data[row] = _fitting(value, shape[1:], where)
         digest = _settle(temporary)
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
     return digest
 
 

@@ -102,7 +102,7 @@ NOT_SHAPING: dict[str, str] = {
     "workflows.report_task": "what the report's tasks share: where files lie, not what is in them",
     "plugins.baselines.normals": "in the digests of the plugins that use it",
     "storage.memory": "refuses what does not fit, and changes nothing of what does",
-    "storage.pictures": "writes a report's files as they are given",
+    "storage.whole": "writes the bytes that it is given",
     "z2p_core.viewpoint": "turns users' clouds; the pipeline's views are drawn",
     "z2p_core.framing": "frames users' clouds; the pipeline's are framed by their mesh",
 }

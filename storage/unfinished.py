@@ -8,15 +8,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from storage.whole import write_whole
+
 NOTE = ".entry.json"
 """Hidden, so that it goes with other leftovers when the result is published."""
 
 
 def write_note(folder: Path, name: str, fields: Mapping[str, Any], adopted: Mapping[str, Any] | None = None) -> None:
     """Note the result that a work folder is to become, and whose work it was when it was taken over."""
-    temporary = folder / f"{NOTE}.part"
-    temporary.write_text(json.dumps({"name": name, "fields": dict(fields), "adopted": adopted}), encoding="utf-8")
-    temporary.replace(folder / NOTE)
+    write_whole(json.dumps({"name": name, "fields": dict(fields), "adopted": adopted}).encode(), folder / NOTE)
 
 
 def read_note(folder: Path) -> dict[str, Any] | None:

@@ -24,6 +24,7 @@ from storage.layout import Store, StoreError
 from storage.manifests import faults
 from workflows import apply_settings
 from workflows.plan import USERS_ERRORS, Plan
+from workflows.report_plan import ReportPlan, is_report, load_report_plan, report_source
 from workflows.running import keep, kept
 from workflows.status import as_json, states, table
 from workflows.sweep import Unneeded, sweep, unneeded
@@ -40,8 +41,13 @@ def _workspace(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _plan_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of `z2p pipeline` that say which results are meant."""
+    """The options of `z2p pipeline` and `z2p report-paper` that say which results are meant."""
+    command = click.option("--report", is_flag=True, help="The results of z2p report-paper; so it is with a report's "
+                           "config, and with its own options.")(command)  # fmt: skip
     for name, metavar, text in (
+        ("--sweeps", "NAMES", "Of a report: only these sweeps."),
+        ("--weights", "NAMES", "Of a report: the weights that take part."),
+        ("--scans", "DIR", "Of a report: folder of scans to show."),
         ("--evaluate-meshes", "DIR", "Folder of meshes kept aside for the evaluation."),
         ("--meshes", "DIR", "Folder of meshes to train on; shapes of the project's own without it."),
         ("--config", "TOML", "Settings of every stage; the quick ones without it."),
@@ -59,9 +65,14 @@ def main() -> None:
 @_plan_options
 @click.option("--json", "in_json", is_flag=True, help="A JSON list instead of a table.")
 @click.option("--stale", "only_stale", is_flag=True, help="Only what a run would make.")
-def status(workspace: Path, in_json: bool, only_stale: bool, **where: str) -> None:
-    """List every step as fresh, stale or missing, with the reason. Writes nothing."""
-    found = states(_plan(**where), Store(workspace.absolute()))
+def status(workspace: Path, in_json: bool, only_stale: bool, **where: Any) -> None:
+    """List every step as fresh, stale or missing, with the reason. Writes nothing.
+
+    \b
+    z2p status --config my.toml --meshes meshes/
+    z2p status --config configs/report.toml --meshes kept-aside/
+    """
+    found = states(_plan(_source(**where)), Store(workspace.absolute()))
     if in_json:
         click.echo(as_json([one for one in found if not only_stale or one.state != "fresh"]))
     else:
@@ -108,28 +119,30 @@ def gc(workspace: Path, drop: tuple[str, ...], yes: bool) -> None:
 @_plan_options
 @click.option("--because", default="", metavar="REASON", help="Why the results would be the same; without it, a list.")
 @click.option("--json", "in_json", is_flag=True, help="A JSON list instead of a table.")
-def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool, **where: str) -> None:
+def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool, **where: Any) -> None:
     """Vouch for results that older code made: take them over where nothing but code or packages changed.
 
     STAGE is one or more of shapes, sample, render, shard, train, evaluate and reference (the ground truth of the
-    evaluation); without one, all of them. Without --because it lists what could be taken over and changes nothing.
-    Results whose parameters, meshes or plugin versions differ are never taken over.
+    evaluation), or of a report measure, scans, trust, times and report; without one, all of them. Without --because
+    it lists what could be taken over and changes nothing. Results whose parameters, meshes or plugin versions differ
+    are never taken over.
     """
     unknown = [stage for stage in stages if stage not in STAGE_VERSIONS]
     if unknown:
         raise click.UsageError(f"unknown stage {unknown[0]!r}; stages: {', '.join(STAGE_VERSIONS)}")
-    store, plan = Store(workspace.absolute()), _plan(**where)
+    source = _source(**where)
+    store, plan = Store(workspace.absolute()), _plan(source)
     wanted = stages or tuple(STAGE_VERSIONS)
     found = candidates(store, [step.entry for step in plan.steps.values()], wanted)
     truth = Store(store.root / TRUTH)
-    pictures = truth_candidates(plan, store, truth) if "reference" in wanted else []
+    pictures = truth_candidates(plan, store, truth) if isinstance(plan, Plan) and "reference" in wanted else []
     for candidate in found if because else ():
         take_over(store, candidate, because)
     for candidate in pictures if because else ():
         take_over(truth, candidate, because)
     found += pictures
     if because and found:
-        keep(store, plan, source_of(**where))
+        keep(store, plan, source)
     if in_json:
         rows = [{"step": one.entry.name, "fingerprint": one.entry.fingerprint, "from": one.old_fingerprint,
                  "differences": one.differences} for one in found]  # fmt: skip
@@ -154,9 +167,18 @@ def scheduler(address: str, port: int) -> None:
     luigi.cmdline.luigid(["--address", address, "--port", str(port), "--state-path", f"{folder}/state"])
 
 
-def _plan(config: str, meshes: str, evaluate_meshes: str) -> Plan:
+def _source(config: str, meshes: str, evaluate_meshes: str, report: bool, **of_report: str) -> str:
+    """Where config and meshes come from, of a pipeline or of a report."""
+    if not (report or any(of_report.values()) or is_report(config)):
+        return source_of(config, meshes, evaluate_meshes)
+    if evaluate_meshes:
+        raise click.UsageError("--evaluate-meshes is no option of a report; its meshes are those of --meshes")
+    return report_source(config, meshes, **of_report)
+
+
+def _plan(source: str) -> Plan | ReportPlan:
     try:
-        return load_plan(source_of(config, meshes, evaluate_meshes))
+        return load_report_plan(source) if "report" in json.loads(source) else load_plan(source)
     except USERS_ERRORS as error:
         raise click.UsageError(str(error)) from error
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import logging
 import traceback
 from pathlib import Path
 
 import luigi
 
 from storage.layout import Store
+from workflows.explaining import explain
 from workflows.links import link, linked
 from workflows.plan import USERS_ERRORS, Planned
 from workflows.progress import watch
-from workflows.status import states, table, to_run
 from workflows.task_log import say
 from workflows.tasks import StageTask, absolute, load_plan, source_of, task_of
 
@@ -56,7 +55,7 @@ class FullPipeline(luigi.Task):
     def complete(self) -> bool:
         try:
             if self.explain or self.dry_run:
-                self._explain()
+                explain(self, self.plan, self.store, dry_run=self.dry_run)
             tasks = self.requires()
         except USERS_ERRORS:
             return False  # luigi calls requires() next, whose error is told in one line
@@ -77,19 +76,6 @@ class FullPipeline(luigi.Task):
         return {
             shown / name: self.store.folder(plan.steps[stage].entry) / name for name, stage in RESULTS.items()
         }
-
-    def _explain(self) -> None:
-        """Say, once, what would run and why."""
-        if self not in _EXPLAINED:
-            _EXPLAINED.add(self)
-            found = states(self.plan, self.store)
-            say("\n".join(table(found, every=False)))
-            if self.dry_run:
-                logging.getLogger("luigi-interface").setLevel(logging.ERROR)  # its summary would call all complete
-                say(f"a run would make {len(to_run(found))} of {len(found)} results; nothing was written")
-
-
-_EXPLAINED: set[luigi.Task] = set()
 
 
 @FullPipeline.event_handler(luigi.Event.SUCCESS)

@@ -9,6 +9,7 @@ from pathlib import Path
 import luigi
 
 from storage.layout import Store
+from workflows.explaining import explain
 from workflows.links import link, linked
 from workflows.plan import USERS_ERRORS
 from workflows.progress import watch
@@ -29,6 +30,9 @@ class PaperReport(luigi.Task):
     sweeps = luigi.Parameter(default="", description="comma-separated sweeps; default: all of the config's")
     workspace = luigi.Parameter(default="runs", description="folder of all results")
 
+    explain = luigi.BoolParameter(default=False, significant=False, description="say first why each stage runs")
+    dry_run = luigi.BoolParameter(default=False, significant=False, description="say what would run; write nothing")
+
     @property
     def source(self) -> str:
         """Where config, meshes, scans and weights come from."""
@@ -48,9 +52,13 @@ class PaperReport(luigi.Task):
 
     def complete(self) -> bool:
         try:
+            if self.explain or self.dry_run:
+                explain(self, self.plan, self.store, dry_run=self.dry_run)
             tasks = self.requires()
         except USERS_ERRORS:
             return False  # luigi calls requires() next, whose error is told in one line
+        if self.dry_run:
+            return True  # so that luigi does nothing
         if all(task.complete() for task in tasks):
             return linked(self.results())
         watch(self.store, self.plan, self.source)
@@ -83,5 +91,7 @@ def _tell_results(task: PaperReport) -> None:
 
 @PaperReport.event_handler(luigi.Event.DEPENDENCY_PRESENT)
 def _tell_found(task: PaperReport) -> None:
+    if task.dry_run:
+        return
     say("everything is up to date")
     _tell_results(task)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -17,7 +18,7 @@ from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, sta
 from storage.layout import Entry
 from workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
 from z2p_core import registry
-from z2p_core.config import ConfigError, to_dict
+from z2p_core.config import ConfigError, parse_config, to_dict
 from z2p_core.report_config import SWEEP_NAMES, ReportConfig, Sweep, checked, parse_report
 
 SHAPING_VALUES = ("views", "points", "resolution", "samples", "denoise", "seed")
@@ -59,6 +60,20 @@ def report_source(config: str, meshes: str, scans: str, weights: str, sweeps: st
     given = {"config": absolute(config), "meshes": absolute(meshes), "scans": absolute(scans)}
     command = " ".join(["z2p report-paper", *(f"--{name} {value}" for name, value in words.items() if value)])
     return json.dumps({"report": {**given, "weights": files, "sweeps": sweeps, "command": command}})
+
+
+def is_report(config: str) -> bool:
+    """Whether a file holds the settings of a report, and cannot be read as those of a pipeline."""
+    if not Path(config).is_file():
+        return False
+    text = Path(config).read_text(encoding="utf-8")
+    try:
+        parse_config(text)
+    except ConfigError:
+        with suppress(ConfigError):
+            parse_report(text)
+            return True
+    return False
 
 
 @lru_cache(maxsize=4)

@@ -24,11 +24,7 @@ class ReportTask(StageTask):
         return self.report.steps[self.step.name]
 
     def _check_code(self) -> None:
-        """As for every task; the method's plugins and weights must be those of the plan as well.
-
-        What baselines render is kept by their code as the disk has it: code that was loaded before an edit would be
-        kept under the edited one's name.
-        """
+        """As for every task; the method's weights must be those of the plan as well."""
         super()._check_code()
         method = self.part.method
         if method is not None and method_fields(method) != self.part.entry.fields["method"]:

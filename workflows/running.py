@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from storage.layout import Store
+from storage.whole import write_whole
 from workflows.plan import Planned
 
 SILENT_SECONDS = 600.0
@@ -107,8 +108,4 @@ def _is_alive(path: Path) -> bool:
 
 
 def _write(path: Path, note: dict[str, Any]) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(note, indent=1) + "\n", encoding="utf-8")
-    temporary.replace(path)
-    return path
+    return write_whole((json.dumps(note, indent=1) + "\n").encode(), path)

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 
 import luigi
 
-from storage.fingerprints import file_digest
+from storage.fingerprints import changed_plugins, file_digest
 from storage.layout import Store
 from storage.stage_code import changed_parts
 from workflows.mesh_warnings import mesh_warnings
@@ -104,8 +104,12 @@ class StageTask(luigi.Task):
             self.run()
 
     def _check_code(self) -> None:
-        """Code is imported as late as here, and later by Blender: it must be what the fingerprint says."""
-        changed = changed_parts(self.step.entry.fields["code"])
+        """Code is imported as late as here, and later by Blender: it must be what the fingerprint says.
+
+        A plugin that was loaded before an edit would have its results kept under the edited one's name.
+        """
+        fields = self.step.entry.fields
+        changed = changed_parts(fields["code"]) + [f"plugin {name}" for name in changed_plugins(fields)]
         if changed:
             raise ConfigError(f"{self.step_name}: {changed[0]} changed since the pipeline started; start it again")
 

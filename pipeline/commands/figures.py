@@ -17,7 +17,7 @@ from pipeline.commands.values import Background, Degrees, Resolution
 from z2p_core.interfaces import Value
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
-    from pipeline.drawing import Look
+    from pipeline.drawing import Look, Window
     from pipeline.infer import Renderer
 
 
@@ -76,7 +76,8 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
 
     The scan is looked for beside the picture, where it was, and must not have changed since.
     """
-    from storage.pictures import encode, read_record, write_whole
+    from storage.pictures import encode, read_record
+    from storage.whole import write_whole
 
     record = read_record(figure)
     if "motion" in record:
@@ -149,7 +150,18 @@ def _look(
     background = record["background"] if options["background"] is None else options["background"]
     width, height = options["resolution"] or record["resolution"]
     supersample, fit = (options[name] or record[name] for name in ("supersample", "fit"))
-    return Look(values, placing, width, height, background_from(background), supersample, fit == "tight")
+    return Look(values, placing, width, height, background_from(background), supersample, fit == "tight",
+                _window(record, given, options))  # fmt: skip
+
+
+def _window(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Window | None:
+    """The crop of the picture's series, which lasts while nothing moves in it: neither object nor shadow nor frame."""
+    (width, height), (old_width, old_height) = options["resolution"] or record["resolution"], record["resolution"]
+    moved = options["azimuth"] or options["load_camera"] is not None or {"elevation", "light"} & set(given)
+    if moved or width * old_height != height * old_width or options["fit"] is not None or record.get("window") is None:
+        return None
+    left, top, right, bottom = record["window"]
+    return left, top, right, bottom
 
 
 def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
@@ -168,7 +180,9 @@ def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
     places += [] if given else [figure.parent / source["name"], Path(source["name"])]
     found = [place for place in places if place.is_file()]
     if not found:
-        looked = ", ".join(str(place) for place in places)
+        if given is None and source["path"] is None:
+            raise Failure("the scan came through standard input, so no file is known; name one with --input")
+        looked = ", ".join(dict.fromkeys(str(place) for place in places))
         raise Failure(f"the scan {source['name']} is not to be found (looked for {looked}); name it with --input")
     for place in found:
         if file_digest(place) == source["sha256"]:

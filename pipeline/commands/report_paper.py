@@ -23,8 +23,10 @@ from pipeline.commands.full_pipeline import check_luigi, luigi_environment, run_
 @click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
               help="Folder for everything that is made.")
 @click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time.")
+@click.option("--explain", is_flag=True, help="Say first why each stage runs.")
+@click.option("--dry-run", is_flag=True, help="Say what would run and why; write nothing.")
 @click.pass_context
-def report_paper(ctx: click.Context, **options: Path | str | int | None) -> None:
+def report_paper(ctx: click.Context, explain: bool, dry_run: bool, **options: Path | str | int | None) -> None:
     """Make the paper's evaluation: sweeps, tables, limits and baselines, in one page with JSON and CSV.
 
     Runs `luigi --module workflows PaperReport --local-scheduler` and ends with its exit status. Each method on each
@@ -32,6 +34,7 @@ def report_paper(ctx: click.Context, **options: Path | str | int | None) -> None
     """
     check_luigi()
     command = [sys.executable, "-m", "luigi", "--module", "workflows", "PaperReport", "--local-scheduler"]
+    command += ["--explain"] * explain + ["--dry-run"] * dry_run
     for name in ("config", "meshes", "scans", "weights", "sweeps", "workspace", "workers"):
         if options[name] is not None:
             command += [f"--{name}", str(options[name])]

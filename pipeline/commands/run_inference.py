@@ -37,7 +37,8 @@ SUFFIXES = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif"}
               help="Folder for the pictures; or, for one cloud, the picture itself (.png, .webp, .jpg, .tif).")
 @click.option("--format", "format_", default="png", type=click.Choice(list(SUFFIXES)), help="Of pictures in a folder.")
 @picture_options
-@click.option("--same-frame", is_flag=True, help="One camera for all clouds, which keep their sizes and places in it.")
+@click.option("--same-frame", is_flag=True,
+              help="One camera for all clouds, which keep their sizes and places in it; with --fit tight one crop.")
 @click.option("--save-camera", type=click.Path(path_type=Path), metavar="FILE",
               help="Write the camera as JSON; several clouds need --same-frame.")
 @click.option("--palette", "palette_name", type=click.Choice(list(PALETTES)),
@@ -147,17 +148,18 @@ def _plan(
 def _same_frame(
     scans: list[Path], renderer: Renderer, look: Look, columns: tuple[str, ...] | None, quiet: bool
 ) -> Look:
-    """The look with the one camera that fits all clouds."""
+    """The look with the one camera that fits all clouds, and the one crop where pictures are trimmed."""
     from pipeline.drawing import elevation_of
-    from pipeline.series import common_viewpoint
+    from pipeline.series import common_viewpoint, common_window
 
-    if look.placing.viewpoint is not None:
-        return look  # a loaded camera is one for all already
-    series = common_viewpoint(scans, look.placing, *elevation_of(renderer, look.values), columns)
-    if not quiet:
-        click.echo(f"one frame for {series.clouds} clouds: {series.told}", err=True)
-    placing = replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0)
-    return replace(look, placing=placing)
+    if look.placing.viewpoint is None:  # a loaded camera is one for all already
+        series = common_viewpoint(scans, look.placing, *elevation_of(renderer, look.values), columns)
+        if not quiet:
+            click.echo(f"one frame for {series.clouds} clouds: {series.told}", err=True)
+        look = replace(look, placing=replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0))
+    if look.tight:
+        look = replace(look, window=common_window(scans, renderer, look, columns))
+    return look
 
 
 def _write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> None:

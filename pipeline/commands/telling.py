@@ -58,13 +58,13 @@ def progress(files: int, quiet: bool) -> Progress:
 
 
 def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> Iterator[Outcome]:
-    """The outcomes, each told on stderr as it passes: a bar on a terminal, else a line a file."""
+    """The outcomes, each told on stderr as it passes, above the bar on a terminal: up and view are guessed aloud."""
     with progress.bar as bar:
         for outcome in outcomes:
-            if not progress.shown and (outcome.status == "failed" or not quiet):
-                click.echo(_told(outcome), err=True)
-            elif progress.shown and outcome.status != "ok":
+            if progress.shown:
                 bar.write(_told(outcome), file=sys.stderr)
+            elif outcome.status == "failed" or not quiet:
+                click.echo(_told(outcome), err=True)
             bar.update()
             yield outcome
 

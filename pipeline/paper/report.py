@@ -27,7 +27,7 @@ from pipeline.paper.tables import (
 )
 from pipeline.paper.times import TIMES
 from pipeline.paper.trust import TRUST
-from storage.pictures import write_whole
+from storage.whole import write_whole
 from z2p_core import __version__
 from z2p_core.config import to_dict
 from z2p_core.report_config import SWEEP_NAMES, ReportConfig

@@ -106,3 +106,13 @@ def test_strays_are_left_out_and_counted_unless_kept(cloud: np.ndarray) -> None:
     kept = place(scan(strays), ".ply", Placing("+Z", "front", keep_outliers=True), 20.0, FREE)
     assert np.array_equal(kept.cloud, place_cloud(strays))
     assert "stray" not in kept.stance.told
+
+
+def test_a_cloud_that_float32_has_rounded_far_from_the_origin_is_told(cloud: np.ndarray) -> None:
+    """Nothing is said where it does not show, nor of numbers that float32 did not hold."""
+    far = cloud + np.array([691234.25, 5334567.75, 512.0])
+    for points, step in ((cloud, 0.0), (cloud.astype(np.float32).astype(float), 0.0), (far, 0.0),
+                         (far.astype(np.float32).astype(float), 0.5)):  # fmt: skip
+        stance = place(scan(points), "", Placing()).stance
+        assert stance.rounded == step
+        assert ("rounded to steps of 0.5" in stance.told) == (step > 0)

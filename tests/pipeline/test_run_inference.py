@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import pty
 import subprocess
 import sys
 from collections.abc import Callable
@@ -84,7 +85,8 @@ def test_json_tells_all_of_a_file(
     assert "4 not finite dropped" in result.stderr
     assert settings["view"] == "front"
     assert stance == {"up": "-Y", "up_reason": "as asked", "azimuth": -30, "elevation": 20,
-                      "view_reason": "the front", "outliers": 0, "outside": 0, "background": 0, "hint": ""}  # fmt: skip
+                      "view_reason": "the front", "outliers": 0, "outside": 0, "background": 0, "hint": "",
+                      "rounded": 0}  # fmt: skip
     assert "; up -Y: as asked; azimuth -30: the front)" in result.stderr
 
 
@@ -236,6 +238,18 @@ def test_the_installed_command_in_a_process(scans: Path, tiny_weights: Path, tmp
     assert len(done.stderr.splitlines()) == 4, done.stderr
     assert "\r" not in done.stderr
     assert pictures(tmp_path / "out") == ["one.png", "two.png"]
+
+
+def test_on_a_terminal_each_file_has_its_line_too(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
+    """Which way was taken for up is never guessed silently, bar or no bar."""
+    ours, theirs = pty.openpty()
+    words = ["run-inference", scans, "-o", tmp_path / "out", "--weights", tiny_weights, "--resolution", "32"]
+    subprocess.run([sys.executable, "-m", "pipeline.cli", *words], stderr=theirs, check=True,
+                   env={**os.environ, "OMP_NUM_THREADS": "1"})  # fmt: skip
+    os.close(theirs)
+    shown = os.read(ours, 100_000).decode()
+    os.close(ours)
+    assert shown.count("; up +Z: the usual axis; azimuth ") == 2 and "2 rendered, 0 skipped, 0 failed" in shown
 
 
 def test_ctrl_c_is_told_apart_from_failed_files(

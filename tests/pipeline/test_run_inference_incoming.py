@@ -78,6 +78,8 @@ def test_standard_input(tiny_weights: Path, scans: Path, tmp_path: Path, form: s
     assert json.loads(result.stdout)["input"] == "-"
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["stdin.png"]
     assert read_record(tmp_path / "out" / "stdin.png")["input"]["path"] is None
+    again = ["rerender", str(tmp_path / "out" / "stdin.png"), "--weights", str(tiny_weights)]
+    assert "came through standard input" in CliRunner().invoke(main, again).stderr
     empty = CliRunner().invoke(main, words, input=b"")
     assert empty.exit_code == 2 and "standard input is empty" in empty.stderr
     assert CliRunner().invoke(main, [*words, "-"], input=blob).exit_code == 2

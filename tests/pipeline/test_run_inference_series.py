@@ -13,6 +13,8 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
+from pipeline.contact_sheet import write_contact_sheets
+from pipeline.drawing import FAINTEST, cut
 from storage.cameras import read_camera
 from storage.pictures import read_record
 from z2p_core.palettes import PALETTES, palette
@@ -30,7 +32,7 @@ def test_a_saved_camera_looks_the_same_again(render: Callable[..., Result], scan
         result = render(scans / "one.npy", "--load-camera", source, output=tmp_path / name)
         assert result.exit_code == 0, result.output
         assert np.array_equal(pixels(tmp_path / name / "one.png"), pixels(first))
-        assert "; before the given camera, elevation 44)" in result.stderr
+        assert "; seen from the given camera, elevation 44)" in result.stderr
     assert read_camera(camera).elevation == 44
     high = render(scans / "one.npy", "--load-camera", camera, "--elevation", 60, output=tmp_path / "high")
     assert high.exit_code == 0
@@ -83,6 +85,41 @@ def test_one_frame_for_a_series(render: Callable[..., Result], tmp_path: Path, c
     assert np.array_equal(pixels(tmp_path / "again" / "b.png"), pixels(tmp_path / "out" / "b.png"))
 
 
+def test_a_series_is_trimmed_alike(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+    """Every picture is the same part of its frame, which loses nothing of any of them."""
+    folder = tmp_path / "series"
+    folder.mkdir()
+    np.save(folder / "a.npy", cloud)
+    np.save(folder / "b.npy", np.stack([cloud / 3, cloud / 2]) + cloud.mean(0) / 2)
+    (folder / "c.npy").write_bytes(b"garbage")
+    look = ("--same-frame", "--resolution", "160,128", "--supersample", 2)
+    render(folder, *look, weights="regular", output=tmp_path / "frame")
+    result = render(folder, *look, "--fit", "tight", weights="regular", output=tmp_path / "tight")
+    assert result.exit_code == 1 and result.stderr.count("c.npy") == 1
+    names = ("a", "b_000", "b_001")
+    window = read_record(tmp_path / "tight" / "a.png")["window"]
+    for name in names:
+        whole, part = (pixels(tmp_path / kind / f"{name}.png") for kind in ("frame", "tight"))
+        shown = cut(whole, window)
+        assert np.array_equal(part, shown) and part.size < whole.size
+        assert (part[..., 3] >= FAINTEST).sum() == (whole[..., 3] >= FAINTEST).sum()
+
+
+def test_a_redrawn_picture_keeps_the_crop_of_its_series_while_nothing_moves(
+    render: Callable[..., Result], z2p: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    result = render(scans, "--same-frame", "--fit", "tight", "--resolution", "64,48", weights="regular")
+    assert result.exit_code == 0, result.output
+    figure, again = tmp_path / "out" / "one.png", tmp_path / "out" / "again.png"
+    for words, kept in (((), True), (("--color", "red"), True), (("--resolution", "128,96"), True),
+                        (("--resolution", 64), False), (("--light", "3,0,60"), False), (("--elevation", 40), False),
+                        (("--azimuth", 40), False), (("--fit", "tight"), False)):  # fmt: skip
+        done = z2p("rerender", figure, "-o", again, "--overwrite", *words)
+        assert done.exit_code == 0, done.output
+        assert ("window" in read_record(again)) == kept
+        assert bool(words) or again.read_bytes() == figure.read_bytes()
+
+
 @pytest.mark.parametrize(("word", "suffix"), [("webp", ".webp"), ("jpeg", ".jpg"), ("tiff", ".tif"), ("png", ".png")])
 def test_formats(render: Callable[..., Result], scans: Path, tmp_path: Path, word: str, suffix: str) -> None:
     result = render(scans, "--format", word)
@@ -132,10 +169,20 @@ def test_contact_sheets(render: Callable[..., Result], scans: Path, tmp_path: Pa
     assert result.exit_code == 0
     assert f"wrote {tmp_path / 'out' / 'sheet.png'}" in result.stderr
     sheets = [Image.open(tmp_path / "out" / name) for name in ("sheet.png", "sheet_2.png")]
-    assert sheets[0].size[0] == 3 * 328 + 8 and sheets[1].size[0] == 328 + 8
+    assert sheets[0].size[0] == 3 * 104 + 8 and sheets[1].size[0] == 104 + 8  # 96 pixels for the names, and a gap
     assert render(scans, "--sheet", "4x4").exit_code == 0  # the pictures are there; the sheet is made all the same
     assert not (tmp_path / "out" / "sheet_2.png").exists()
     assert render(scans, "--sheet", "0x2").exit_code == 2
+
+
+def test_a_contact_sheet_has_the_pictures_own_size_up_to_a_limit(tmp_path: Path) -> None:
+    for side, cell in ((20, 96), (200, 200), (900, 320)):
+        Image.new("RGBA", (side, side // 2), "red").save(tmp_path / f"{side}.png")
+        write_contact_sheets([tmp_path / f"{side}.png"], tmp_path, 1, 1)
+        page = pixels(tmp_path / "sheet.png").astype(int)
+        assert page.shape[1] == cell + 16
+        red = (page[..., 0] - page[..., 1] > 200).any(0).sum()
+        assert red == min(side, cell)
 
 
 class Page(HTMLParser):

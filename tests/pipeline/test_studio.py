@@ -58,6 +58,20 @@ def test_wrong_settings_are_value_errors_in_one_line(
     assert isinstance(caught.value, ValueError) and "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("wrong", "told"),
+    [({"color": "blurple"}, "color: expected a CSS colour"), ({"light": (9, 0, 40)}, "light: radius is 9"),
+     ({"sise": 5}, "render has no option 'sise'"), ({"metallic": 1}, "do not carry the control 'metallic'")],
+    ids=str,
+)  # fmt: skip
+def test_what_is_wrong_is_told_in_pythons_words(
+    cloud: np.ndarray, small: dict[str, Any], wrong: dict[str, Any], told: str
+) -> None:
+    with pytest.raises(SettingError, match=told) as caught:
+        z2p_core.render(cloud, **small, **wrong)
+    assert "--" not in str(caught.value)
+
+
 def test_a_batch_is_a_sheet_and_a_sequence(cloud: np.ndarray, small: dict[str, Any]) -> None:
     batch = z2p_core.render(np.stack([cloud, cloud[:, ::-1], cloud * 2]), **small)
     assert len(batch) == 3 and batch.array.shape == (96, 96, 4)
@@ -102,6 +116,8 @@ def test_what_is_left_out_is_said(cloud: np.ndarray, small: dict[str, Any]) -> N
     broken[:7] = np.nan
     with pytest.warns(RenderWarning, match="7 points that are not finite"):
         z2p_core.render(broken, **small)
+    with pytest.warns(RenderWarning, match=r"rounded to steps of 0\.5: save float64"):
+        z2p_core.render((cloud + np.array([691234, 5334567, 512])).astype(np.float32), **small)
     with pytest.warns(RenderWarning, match="1 stray points"):
         z2p_core.render(np.vstack([cloud, [[90.0, 0, 0]]]), **small)
 

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -13,7 +14,10 @@ from world import World
 import storage.stage_code
 from storage.layout import Store
 from workflows.commands import main
+from workflows.report_plan import load_report_plan, report_source
 from workflows.tasks import load_plan, source_of
+
+TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"
 
 
 @pytest.fixture
@@ -112,3 +116,34 @@ def test_z2p_hands_words_and_exit_status_on(world):
     good, bad = z2p(*world.options), z2p("--nonsense")
     assert good.returncode == 0 and good.stdout.endswith("0 fresh, 0 stale, 8 missing\n")
     assert bad.returncode == 2 and "--nonsense" in bad.stderr
+
+
+def test_a_reports_config_is_told_from_a_pipelines(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    load_report_plan.cache_clear()
+    words = ("--config", str(TINY), "--weights", "regular")
+    fill(Store(tmp_path / "runs"), load_report_plan(report_source(words[1], "", "", "regular", "")), "times")
+    for more in ((), ("--report",)):
+        result = run("status", *words, *more)
+        assert result.exit_code == 0 and "FRESH   times\n" in result.stdout, result.output
+        assert result.stdout.endswith("1 fresh, 0 stale, 31 missing\n")
+    assert "measure/" in run("status", "--report").stdout and "measure/" not in run("status").stdout
+    wrong = run("status", *words, "--evaluate-meshes", "kept")
+    assert wrong.exit_code == 2 and "no option of a report" in wrong.stderr
+    unknown = run("status", "--weights", "nosuch")
+    assert unknown.exit_code == 2 and "unknown weights 'nosuch'" in unknown.stderr
+
+
+def test_a_reports_results_are_adopted(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    load_report_plan.cache_clear()
+    words = ("--config", str(TINY), "--weights", "regular")
+    plan = load_report_plan(report_source(words[1], "", "", "regular", ""))
+    fill(Store(tmp_path / "runs"), plan)
+    monkeypatch.setitem(storage.stage_code.PACKAGES, "measure", ("numpy", "luigi"))
+    load_report_plan.cache_clear()
+    assert f"{len(plan.steps)} fresh" not in run("status", *words).stdout
+    load_report_plan.cache_clear()
+    result = run("adopt", *words, "--because", "luigi draws nothing")
+    assert result.exit_code == 0, result.output
+    assert f"{len(plan.steps)} fresh" in run("status", *words).stdout

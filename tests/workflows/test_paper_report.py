@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from storage.checkpoints import load_weights, save_weights
 from workflows.report_plan import load_report_plan, report_source
 from workflows.sweep import unneeded
 from workflows.tasks import Store, task_of
@@ -141,6 +142,17 @@ def test_other_weights_leave_the_others_results_alone(finished, make_weights) ->
     assert result == steps(*ALL, methods=("mine",)) | {"trust/pyramid/mine", "times", "report"}
 
 
+def test_a_dry_run_says_what_a_run_would_make_and_writes_nothing(tmp_path: Path) -> None:
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "tetra.off").write_text(TETRA)
+    result = report(tmp_path, CONFIG, "--weights", "regular", "--dry-run")
+    assert result.returncode == 0 and not (tmp_path / "runs").exists(), result.stderr
+    lines = [line.split() for line in result.stderr.splitlines() if line.startswith("MISSING")]
+    assert [lines[0][1], lines[-1][1]] == ["measure/base/tetra/truth", "report"]
+    assert f"a run would make {len(lines)} of {len(lines)} results; nothing was written" in result.stderr
+    assert made(result) == set()
+
+
 def plan(tmp_path: Path, text: str = "", weights: str = "regular", sweeps: str = ""):
     config = tmp_path / "report.toml"
     config.write_text(text)
@@ -183,7 +195,20 @@ def test_a_method_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path
     task = task_of(step, source, str(tmp_path / "runs"))
     task._check_code()
     monkeypatch.setattr(registry.load("baselines", "splats"), "version", "changed")
-    with pytest.raises(ConfigError, match="splats changed since the report started"):
+    with pytest.raises(ConfigError, match="plugin splats changed since the pipeline started"):
+        task._check_code()
+
+
+def test_weights_that_changed_since_the_plan_was_made_are_refused(tmp_path: Path, make_weights) -> None:
+    mine = tmp_path / "mine.safetensors"
+    shutil.copy(make_weights(), mine)
+    source = report_source(str(CONFIG), "", "", str(mine), "")
+    step = load_report_plan(source).steps["measure/noise/bumpy_ball/mine"]
+    task = task_of(step, source, str(tmp_path / "runs"))
+    task._check_code()
+    tensors = load_weights(mine)
+    save_weights(mine, {name: tensor + 1 for name, tensor in tensors.tensors.items()}, tensors.card)
+    with pytest.raises(ConfigError, match="mine changed since the report started"):
         task._check_code()
 
 

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import pytest
 from editing import edited
@@ -9,7 +10,10 @@ from small_store import fill, listing
 
 from storage.layout import Store
 from workflows.plan import make_plan
+from workflows.report_plan import load_report_plan, report_source
 from workflows.status import as_json, states, table, to_run
+
+TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"
 
 
 @pytest.fixture
@@ -91,3 +95,36 @@ def test_table_and_json_say_the_same(config, store):
     assert len(table(found, every=False)) == len(lines) - 1
     rows = json.loads(as_json(found))
     assert [row["step"] for row in rows] == list(plan.steps) and rows[1]["state"] == "missing"
+
+
+@pytest.fixture
+def planned(tmp_path):
+    """Function that plans a tiny report, with a part of its config replaced."""
+
+    def plan(old="", new=""):
+        text = TINY.read_text()
+        assert old in text
+        (tmp_path / "report.toml").write_text(text.replace(old, new))
+        load_report_plan.cache_clear()
+        return load_report_plan(report_source(str(tmp_path / "report.toml"), "", "", "regular", ""))
+
+    return plan
+
+
+def test_a_reports_results_are_known_as_well(store, planned):
+    before = planned()
+    assert {state for state, *_ in told(store, before).values()} == {"missing"}
+    fill(store, before)
+    assert {state for state, *_ in told(store, before).values()} == {"fresh"}
+    more = told(store, planned("lift = {levels = []}", "lift = {levels = [0.0], meshes = 1}"))
+    found = {name: one for name, one in more.items() if one[0] != "fresh"}
+    assert found.pop("report")[0] == "stale"
+    assert set(found) == {f"measure/lift/bumpy_ball/{method}" for method in ("truth", "regular", "splats", "screen")}
+    assert {one for one, *_ in found.values()} == {"missing"}
+
+
+def test_reasons_of_a_reports_results(store, planned):
+    fill(store, planned())
+    found = told(store, planned("levels = [0, 0.02]", "levels = [0, 0.05]"))
+    assert found["measure/noise/bumpy_ball/splats"] == ("stale", "levels 0.0, 0.02 -> 0.0, 0.05")
+    assert "upstream measure/noise/bumpy_ball/splats" in found["report"] and found["times"] == ("fresh",)

@@ -1,5 +1,6 @@
 """luigi runs the steps once, runs again what is missing, and goes on past a failure. The stages are stand-ins."""
 
+import inspect
 import shutil
 from pathlib import Path
 
@@ -14,7 +15,8 @@ from workflows.full_pipeline import RESULTS
 from workflows.known_views import copy_known_views
 from workflows.plan import make_plan
 from workflows.tasks import StageTask, load_plan, task_of
-from z2p_core.config import parse_config
+from z2p_core import registry
+from z2p_core.config import ConfigError, parse_config
 
 TOML = "name = 'small'\nmeshes = 'meshes'\n[render]\nviews = 3\nchunk = 2\n"
 
@@ -121,6 +123,28 @@ def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, 
     monkeypatch.setattr(storage.stage_code, "present_digest", lambda part: f"other {part}")
     assert not build() and steps_of(ran) == []
     assert "FAILED train: ConfigError: train: workflows.stages:Train changed since" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("step", "group", "name"),
+    [("sample/ape", "samplers", "uniform"), ("render/ape/0-2", "controls", "color"), ("train", "encoders", "fourier"),
+     ("evaluate", "engines", "torch"), ("shard/bee", "controls", "light")],
+)  # fmt: skip
+def test_a_plugin_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, tmp_path, step, group, name):
+    """What it makes would be kept under another's fingerprint."""
+    source = workflows.FullPipeline(config="small.toml").source
+    load_plan.cache_clear()
+    steps = load_plan(source).steps
+    task = task_of(steps[step], source, str(tmp_path / "runs"))
+    task._check_code()
+    edited = tmp_path / "edited.py"
+    plugin = registry.load(group, name)
+    original = inspect.getsourcefile(plugin)
+    edited.write_text(Path(original).read_text() + "\nEDITED = True\n")
+    real = inspect.getsourcefile
+    monkeypatch.setattr(inspect, "getsourcefile", lambda one: str(edited) if one is plugin else real(one))
+    with pytest.raises(ConfigError, match=f"{step}: plugin {name} changed since the pipeline started"):
+        task._check_code()
 
 
 def test_the_safety_settings_apply_on_import():

@@ -1,0 +1,45 @@
+"""Files that are written whole or not at all: under a hidden name first, which a rename makes theirs at the end."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """Where to write what `path` is to hold: it gets that name when the block ends, and goes when the block fails.
+
+    Folders on the way are made. Until the end whatever was there before stays, and a process that is killed leaves a
+    hidden file ``.z2p-*.part`` at most.
+
+    Raises:
+        OSError: a folder cannot be made or written to.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".z2p-{uuid.uuid4().hex[:16]}.part")  # short: the name itself may be as long as can be
+    try:
+        yield temporary
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_whole(content: bytes, path: Path, *, lasting: bool = False) -> Path:
+    """The path, once a file of that content is there.
+
+    `lasting` brings it to the disk before it gets its name, so that a machine that goes down tears no file either;
+    it costs some milliseconds a file.
+
+    Raises:
+        OSError: the file cannot be written; what was there before is left as it was.
+    """
+    with whole(path) as temporary, temporary.open("wb") as file:
+        file.write(content)
+        if lasting:
+            file.flush()
+            os.fsync(file.fileno())
+    return path

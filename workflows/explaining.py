@@ -1,0 +1,26 @@
+"""``--explain`` and ``--dry-run``: what a run would make and why, said before it begins."""
+
+from __future__ import annotations
+
+import logging
+
+import luigi
+
+from storage.layout import Store
+from workflows.plan import Planned
+from workflows.status import states, table, to_run
+from workflows.task_log import say
+
+_explained: set[luigi.Task] = set()
+
+
+def explain(task: luigi.Task, plan: Planned, store: Store, *, dry_run: bool) -> None:
+    """Say, once a task, which steps of its plan would run and why; in a dry run also that nothing was written."""
+    if task in _explained:
+        return
+    _explained.add(task)
+    found = states(plan, store)
+    say("\n".join(table(found, every=False)))
+    if dry_run:
+        logging.getLogger("luigi-interface").setLevel(logging.ERROR)  # its summary would call all complete
+        say(f"a run would make {len(to_run(found))} of {len(found)} results; nothing was written")
