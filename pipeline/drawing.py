@@ -23,9 +23,9 @@ Window = tuple[float, float, float, float]
 
 RECORD = 1
 """Format of the record; raised when its meaning changes."""
-FAINTEST = 20
-"""Alpha, of 255, from which on a pixel is part of the picture when it is trimmed: the haze that the weights draw around
-the shadow, 17 at most at the upper edge of the samples' pictures, would otherwise keep all of the frame."""
+FAINTEST, LONE = 8, 2
+"""Alpha, of 255, from which on a pixel is part of the picture when it is trimmed, above the haze that weights may leave
+at its borders; and how many such pixels in a row or column are none, as in a corner."""
 TRIM_MARGIN = 0.02
 """Share of the shorter side that is left around a trimmed picture."""
 LARGEST_SIDE = 8192
@@ -111,10 +111,11 @@ def cut(picture: np.ndarray, window: Window) -> np.ndarray:
 def trimmed_window(alpha: np.ndarray) -> tuple[slice, slice]:
     """Rows and columns of alpha (H, W) uint8 that show something, with a narrow margin; all of them if nothing does."""
     visible = alpha >= FAINTEST
-    if not visible.any():
+    rows, columns = (np.flatnonzero(visible.sum(axis) > LONE) for axis in (1, 0))
+    if not (len(rows) and len(columns)):
         return slice(None), slice(None)
     margin = round(TRIM_MARGIN * min(alpha.shape))
-    (top, bottom), (left, right) = ((np.flatnonzero(visible.any(axis))[[0, -1]]) for axis in (1, 0))
+    (top, bottom), (left, right) = rows[[0, -1]], columns[[0, -1]]
     return slice(max(top - margin, 0), bottom + margin + 1), slice(max(left - margin, 0), right + margin + 1)
 
 
