@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pipeline.ablation.outcomes import Outcome
-from storage.pictures import write_whole
+from storage.whole import write_whole
 
 COLUMNS = 4
 BEHIND, OWN = "#b8b8b8", "#00798c"

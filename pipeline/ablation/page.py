@@ -22,7 +22,7 @@ from pipeline.ablation.outcomes import (
     chance_of,
     read_outcomes,
 )
-from storage.pictures import write_whole
+from storage.whole import write_whole
 from z2p_core import __version__
 from z2p_core.ablation_config import AblationsConfig
 from z2p_core.config import to_dict

@@ -36,9 +36,10 @@ CSV_COLUMNS = ("sweep", "mesh", "view", "level", "x", "method", "points", "psnr_
                "flip", "alpha_l1", "shadow_l1", "shadow_kept", "contrast_kept", "seconds", "error", "result",
                "picture")  # fmt: skip
 ABSENT = (
-    ("Ablation, AdaIN against input channels", "needs weights trained with the settings as input channels; with them "
-     "(--weights) they appear in the density sweep beside the others"),
-    ("Ablation, positional encoding", "needs weights trained without it; with them the lifted object shows it"),
+    ("Ablation, AdaIN against input channels", "needs weights trained with the settings as input channels (z2p ablate "
+     "trains and compares them); with them (--weights) they appear in the density sweep beside the others"),
+    ("Ablation, positional encoding", "needs weights trained without it (z2p ablate); with them the lifted object "
+     "shows it"),
     ("The paper's network", "needs the weights of configs/paper.toml; with them it is one more method everywhere"),
     ("Weights for noise", "the noise sweep's second row needs the weights of configs/denoise.toml"),
     ("Metallic and roughness", "the material sweep needs the weights of configs/material.toml"),

@@ -23,13 +23,13 @@ def test_clean_clouds_get_the_usual_weights_and_noisy_ones_those_made_for_noise(
     renderer = renderer_for("auto", ())
     chosen, why = renderer.suited(sphere_of(5000))
     assert chosen.weights["name"] == USUAL and not why
-    chosen, why = renderer.suited(sphere_of(5000, 0.01))
+    chosen, why = renderer.suited(sphere_of(5000, 0.012))
     assert chosen.weights["name"] == NOISY and "scatter" in why and NOISY in why
     assert renderer.suited(sphere_of(5000, 0.02))[0] is chosen, "loaded once"
 
 
 def test_a_choice_made_stays_made() -> None:
-    chosen, _ = renderer_for("auto", ()).suited(sphere_of(5000, 0.01))
+    chosen, _ = renderer_for("auto", ()).suited(sphere_of(5000, 0.012))
     assert chosen.suited(sphere_of(5000))[0] is chosen
 
 
