@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.infer import Renderer, place_cloud
+from pipeline.infer import place_cloud
+from pipeline.suited import renderer_for
 from storage.clouds import read_clouds
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
@@ -30,11 +31,12 @@ LOOKS: dict[str, tuple[float, dict[str, Value]]] = {
 
 def main(out: Path) -> None:
     """Write the overview, an opaque PNG of two rows."""
-    renderer = Renderer("regular")
+    suiting = renderer_for("auto", ())
     columns = []
     for name, (azimuth, values) in LOOKS.items():
         cloud = place_cloud(read_clouds(Path(__file__).parents[1] / "samples" / name)[0].points, azimuth=azimuth)
         camera = Camera(SIDE, SIDE, values.get("elevation", (20.0,))[0])
+        renderer, _ = suiting.suited(cloud)
         picture = unit_from_bytes(renderer.render(cloud, values, 2 * SIDE, 2 * SIDE))
         small = np.asarray(Image.fromarray(bytes_from_unit(composite(picture, WHITE))).resize((SIDE, SIDE)))
         columns.append(np.concatenate([dots(cloud, camera), small]))
