@@ -55,8 +55,8 @@ KILLS = {
     "in sampling": ("sample/tetra", "open 1 pool\\.npy$"),
     "in Cycles": ("render/tetra/0-2", "open 1 /\\.view_00001\\.png$"),
     "mid-shard": ("shard/tetra", "open 2 /render/[0-9a-f]{32}/view_00001\\.png$"),
-    "before a shard has its name": ("shard/tetra", "open 1 /\\.shard\\.h5\\."),
-    "in training": ("train", "open 2 /\\.\\.checkpoint"),
+    "before a shard has its name": ("shard/tetra", "os.rename 1 /shard\\.h5$"),
+    "in training": ("train", "open 2 /checkpoints/\\.z2p-"),
     "in evaluation": ("evaluate", "open 1 /\\.metrics\\.json"),
     "between manifest and rename": ("train", "os.rename 1 /train/[0-9a-f]{32}$"),
     "between a sample's manifest and rename": ("sample/tetra", "os.rename 1 /sample/[0-9a-f]{32}$"),
@@ -82,7 +82,7 @@ def test_everything_killed(world, undisturbed, moment):
 
 @pytest.mark.parametrize("step, rule", [
     ("render/tetra/0-2", "open 1 mesh\\.npz$"),  # read by Blender, and written by its parent, which is another process
-    ("train", "open 2 /\\.\\.checkpoint"),
+    ("train", "open 2 /checkpoints/\\.z2p-"),
 ])  # fmt: skip
 def test_one_process_killed_is_told_and_ends_with_an_exit_status(world, undisturbed, step, rule):
     lose(world, step)
