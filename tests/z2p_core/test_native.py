@@ -4,24 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from point_shapes import sphere_of
 
 from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, straight_from_premultiplied
-
-
-def sphere_of(count, seed=0, radius=1.0):
-    points = np.random.default_rng(seed).normal(size=(count, 3))
-    return (radius * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
-
-
-def square_of(count, half, height, seed=0):
-    rng = np.random.default_rng(seed)
-    return np.column_stack([rng.uniform(-half, half, (count, 2)), np.full(count, height)]).astype(np.float32)
-
-
-VIEWER = np.array([0.0, -3.6, 0.0], np.float32)
-
 
 FULL, NEAR, FAR = 2.0, 1.0, 6.0
 
