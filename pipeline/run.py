@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -94,11 +94,13 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
     Raises:
         TrainError: weights with that card cannot be fine-tuned by this config on these shards.
     """
+    network = from_dict(NetworkConfig, card["network"])  # older cards lack what networks have had no choice of before
+    # A fine block begins as the identity, so it can be learnt on top of weights without one.
+    wanted_network = config.network if network.fine else replace(config.network, fine=0)
     known = [[entry["name"], entry["version"]] for entry in card["controls"]]
     controls = [[control["name"], control["version"]] for control in data.controls]
     pairs = {
-        # older cards lack what networks have had no choice of before
-        "network": (to_dict(config.network), to_dict(from_dict(NetworkConfig, card["network"]))),
+        "network": (to_dict(wanted_network), to_dict(network)),
         "controls": (controls[: len(known)], known),  # further ones are learnt
     }
     for part, (wanted, came) in pairs.items():
@@ -110,15 +112,15 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
 
 
 def _grown(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of weights to start from, with a column for each control that they did not know.
+    """The tensors of weights to start from, with fresh ones for a block and a column for each control that they lack.
 
     The new columns begin at nothing, so that the network draws as before at first, whatever these controls say.
     """
     if SETTINGS_LAYER not in known:  # settings as input channels: further ones would be another network's
-        return dict(known)
+        return {**fresh, **known}
     columns = known[SETTINGS_LAYER]
     new = columns.new_zeros(len(columns), fresh[SETTINGS_LAYER].shape[1] - columns.shape[1])
-    return {**known, SETTINGS_LAYER: torch.cat([columns, new], dim=1)}
+    return {**fresh, **known, SETTINGS_LAYER: torch.cat([columns, new], dim=1)}
 
 
 def weights_card(run: Run) -> dict[str, Any]:

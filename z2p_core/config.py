@@ -61,6 +61,8 @@ class NetworkConfig:
     """Channels at each level, finest first."""
     unshuffle: int = 4
     """Side of the pixel blocks folded into channels before the first level; the paper's network has none (1)."""
+    fine: int = 0
+    """Channels of the residual block that goes over the fast network's picture in blocks of 2x2 pixels; 0 for none."""
     refine: int = 16
     """Channels between the two last convolutions, which work on single pixels; 0 for none (the paper)."""
     mapping: int = 512
@@ -83,6 +85,8 @@ class LossConfig:
     color_l1: float = 1.0
     ssim: float = 0.2
     gradient_l1: float = 0.5
+    visible: float = 0.0
+    """Differences as an eye sees them, among which small ones count more than they do in the colour terms (FLIP)."""
     foreground: float = 1.0
     """How much more colour errors weigh on the object than elsewhere."""
     masked: bool = False
@@ -96,8 +100,8 @@ class TrainConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     loss: LossConfig = field(default_factory=LossConfig)
     start: str = ""
-    """Weights to fine-tune: a shipped name, or a file; empty begins at random. They must be of this very network; of
-    the controls they may lack the last ones."""
+    """Weights to fine-tune: a shipped name, or a file; empty begins at random. They must be of this very network, but
+    may lack its `fine` block and the last of the controls."""
     resolutions: tuple[int, ...] = ()
     """Sides trained at, in turn step by step, each a divisor of the shards'; empty for theirs alone. A step at a larger
     side takes fewer samples, so that all steps cost the same. Clouds are drawn anew at each side, never resized."""

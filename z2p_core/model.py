@@ -19,6 +19,8 @@ from z2p_core.config import NetworkConfig
 NORMALISE_FROM = 16
 """Stride at which the fast network turns to AdaIN. Finer levels are modulated without normalising: instance statistics
 there depend on how much of the picture the object covers, and would tie its shading to that."""
+FINE_BLOCK = 2
+"""Side of the pixel blocks in which the fast network goes over its picture."""
 EPSILON = 1e-5
 
 
@@ -41,6 +43,8 @@ def build_network(config: NetworkConfig, buffer_channels: int, encoder_channels:
         )
     if config.kind == "adain_unet" and config.unshuffle != 1:
         raise ValueError(f"adain_unet works at full resolution: expected unshuffle = 1, got {config.unshuffle}")
+    if config.fine and config.unshuffle % FINE_BLOCK:
+        raise ValueError(f"network: fine needs an unshuffle that {FINE_BLOCK} divides, got {config.unshuffle}")
     known = ("adain",) if config.kind == "adain_unet" else ("adain", "input")
     if config.conditioning not in known:
         raise ValueError(f"{config.kind}: conditioning: expected {' or '.join(known)}, got {config.conditioning!r}")
@@ -138,13 +142,13 @@ class UNet(nn.Module):
         if self.mapping is None:
             planes = (settings * 2 - 1)[:, :, None, None].expand(-1, -1, *x.shape[-2:])  # (B, S, H/u, W/u)
             x = torch.cat([x, planes.to(x.dtype)], dim=1)
-        picture = self.draw(x.contiguous(memory_format=torch.channels_last), w)
+        picture = self.draw(x.contiguous(memory_format=torch.channels_last), buffers, w)
         picture = self.refine(picture, buffers)
         picture = picture[:, :, :height, :width].float()  # (B, 4, H, W)
         return picture if self.training else picture.clamp(0, 1)
 
-    def draw(self, x: Tensor, w: Tensor) -> Tensor:
-        """Picture (B, 4, H, W) at full resolution from the joined input at the finest level."""
+    def draw(self, x: Tensor, buffers: Tensor, w: Tensor) -> Tensor:
+        """Picture (B, 4, H, W) at full resolution from the joined input at the finest level, and the buffers."""
         raise NotImplementedError
 
     def refine(self, picture: Tensor, buffers: Tensor) -> Tensor:
@@ -155,7 +159,8 @@ class UNet(nn.Module):
 class UnshuffleUNet(UNet):
     """The fast network: pixel blocks folded into channels, residual blocks, additive skips, pixels unfolded again.
 
-    Last come two thin convolutions at full resolution: a block of pixels has few channels to say where an edge runs.
+    A block of pixels has few channels to say where an edge runs, so the picture is gone over once more in smaller
+    blocks (`sharpen`), and last with two thin convolutions on single pixels (`touch`).
     """
 
     def __init__(self, config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int) -> None:
@@ -176,6 +181,7 @@ class UnshuffleUNet(UNet):
         # Straight before the last convolution, so that colour can multiply shading; never normalised.
         self.tint = modulation(config, 1)(widths[0], config.mapping)
         self.head = nn.Conv2d(widths[0], 4 * cell, 3, padding=1)
+        self.sharpen = Sharpen(config, buffer_channels) if config.fine else None
         self.look = nn.Conv2d(4 + buffer_channels, config.refine, 3, padding=1) if config.refine else None
         self.touch = nn.Conv2d(config.refine, 4, 3, padding=1) if config.refine else None
         with torch.no_grad():
@@ -185,7 +191,7 @@ class UnshuffleUNet(UNet):
                 nn.init.zeros_(self.touch.weight)
                 nn.init.zeros_(self.touch.bias)
 
-    def draw(self, x: Tensor, w: Tensor) -> Tensor:
+    def draw(self, x: Tensor, buffers: Tensor, w: Tensor) -> Tensor:
         x, traced = self.stem(x).split([self.head.in_channels, self.head.out_channels], dim=1)  # (B, W0, H/u, W/u)
         skips = []
         for encode, shrink in zip(self.encode, self.shrink, strict=True):
@@ -196,8 +202,8 @@ class UnshuffleUNet(UNet):
         for grow, decode in zip(reversed(self.grow), reversed(self.decode), strict=True):
             x = skips.pop() + F.interpolate(grow(x), scale_factor=2.0, mode="nearest")
             x = decode(x, w)
-        x = self.head(self.tint(F.relu(x), w)) + traced  # (B, 4 u u, H/u, W/u)
-        return F.pixel_shuffle(x, self.unshuffle)
+        picture = F.pixel_shuffle(self.head(self.tint(F.relu(x), w)) + traced, self.unshuffle)  # (B, 4, H, W)
+        return self.sharpen(picture, x, buffers, w) if self.sharpen else picture
 
     def refine(self, picture: Tensor, buffers: Tensor) -> Tensor:
         first, last = self.look, self.touch
@@ -205,6 +211,31 @@ class UnshuffleUNet(UNet):
             return picture
         beside = torch.cat([picture, buffers.to(picture.dtype)], dim=1).contiguous(memory_format=torch.channels_last)
         return picture + last(F.relu(first(beside)))
+
+
+class Sharpen(nn.Module):
+    """Goes over a picture in blocks of `FINE_BLOCK` pixels, knowing what the levels below know; starts as the identity.
+
+    Convolutions with a stride fold the blocks, and features are repeated, not shuffled, because both are faster.
+    """
+
+    def __init__(self, config: NetworkConfig, buffer_channels: int) -> None:
+        super().__init__()
+        self.ratio = config.unshuffle // FINE_BLOCK
+        self.spread = nn.Conv2d(config.widths[0], config.fine, 1)
+        self.fold_buffers = nn.Conv2d(buffer_channels, config.fine, FINE_BLOCK, stride=FINE_BLOCK)
+        self.fold_picture = nn.Conv2d(4, config.fine, FINE_BLOCK, stride=FINE_BLOCK)
+        self.blocks = ResidualBlocks(1, config.fine, config, FINE_BLOCK)
+        self.leave = nn.Conv2d(config.fine, 4 * FINE_BLOCK**2, 3, padding=1)
+        nn.init.zeros_(self.leave.weight)
+        nn.init.zeros_(self.leave.bias)
+
+    def forward(self, picture: Tensor, x: Tensor, buffers: Tensor, w: Tensor) -> Tensor:
+        """Picture (B, 4, H, W), mended, from the finest level's features (B, W0, H/u, W/u) and buffers (B, C, H, W)."""
+        x = F.interpolate(self.spread(x), scale_factor=float(self.ratio), mode="nearest")  # (B, fine, H/2, W/2)
+        x = x + self.fold_buffers(buffers.to(picture.dtype)) + self.fold_picture(picture)
+        x = self.leave(F.relu(self.blocks(x, w)))
+        return picture + F.pixel_shuffle(x, FINE_BLOCK)
 
 
 class ResidualBlocks(nn.Module):
@@ -241,7 +272,7 @@ class AdainUNet(UNet):
         self.decode = nn.ModuleList(AdainConvolutions(2 * fine, fine, config.mapping) for fine, _ in pairs)
         self.head = nn.Conv2d(widths[0], 4, 1)
 
-    def draw(self, x: Tensor, w: Tensor) -> Tensor:
+    def draw(self, x: Tensor, buffers: Tensor, w: Tensor) -> Tensor:
         skips: list[Tensor] = []
         for encode in self.encode:
             x = encode(F.max_pool2d(x, 2) if skips else x, w)  # (B, W, H, W), sides halved at each level

@@ -6,9 +6,9 @@ import pytest
 import torch
 
 from z2p_core.config import LossConfig
-from z2p_core.losses import ssim, total_loss
+from z2p_core.losses import ssim, total_loss, visible
 
-NOTHING = {name: 0.0 for name in ("color_l2", "magnitude_l1", "alpha_l1", "color_l1", "ssim", "gradient_l1")}
+NOTHING = {name: 0.0 for name in ("color_l2", "magnitude_l1", "alpha_l1", "color_l1", "ssim", "gradient_l1", "visible")}
 NOTHING |= {"foreground": 0.0}
 
 
@@ -74,6 +74,29 @@ def test_ssim_term_is_zero_for_equal_pictures_and_grows():
     assert losses[0] == pytest.approx(0, abs=1e-4) and 0.001 < losses[1] < losses[2]
 
 
+def test_visible_differences_count_by_their_power_and_not_where_they_are_too_fine_to_see():
+    target = flat(0.5, 0.5, 0.5, 1)
+    small, large = (loss_of(flat(v, v, v, 1), target, visible=1.0) for v in (0.6, 0.9))
+    assert small == pytest.approx(0.1**0.7, rel=0.15) and large == pytest.approx(0.4**0.7, rel=0.1)
+    checkered = target.clone()
+    checkered[:, :3] += 0.1 * (torch.arange(16)[:, None] + torch.arange(16)).remainder(2).mul(2).sub(1)
+    assert loss_of(checkered, target, visible=1.0) < 0.05 * small
+    assert loss_of(target, target, visible=1.0) == pytest.approx(0, abs=1e-6)
+    assert loss_of(flat(0.25, 0.25, 0.25, 0.5), flat(0.75, 0.75, 0.75, 1), visible=1.0) == pytest.approx(0, abs=1e-6)
+
+
+def test_visible_ranks_pictures_as_flip_does():
+    metrics = pytest.importorskip("z2p_core.metrics")
+    pytest.importorskip("flip_evaluator")
+    generator = torch.Generator().manual_seed(0)
+    target = torch.rand(1, 3, 6, 6, generator=generator).repeat_interleave(12, 2).repeat_interleave(12, 3)
+    others = [0.9 * target + 0.05, target + 0.02, target + 0.15 * torch.randn(target.shape, generator=generator)]
+    others = [x.clamp(0, 1) for x in others]
+    ours = [visible(x, target).mean().item() for x in others]
+    theirs = [metrics.flip_map(*(y[0].permute(1, 2, 0).numpy() for y in (x, target))).mean() for x in others]
+    assert sorted(range(3), key=ours.__getitem__) == sorted(range(3), key=theirs.__getitem__)
+
+
 def test_foreground_weighs_color_errors_on_the_object():
     coverage = NO_OBJECT.clone()
     coverage[..., :4] = 1.0  # a quarter of the picture
@@ -96,7 +119,8 @@ def test_total_is_the_weighted_sum_of_the_terms_named():
     generator = torch.Generator().manual_seed(0)
     prediction, target = torch.rand(2, 4, 24, 24, generator=generator), torch.rand(2, 4, 24, 24, generator=generator)
     coverage = torch.rand(2, 1, 24, 24, generator=generator)
-    weights = {"color_l2": 0.1, "magnitude_l1": 0.2, "alpha_l1": 0.3, "color_l1": 0.4, "ssim": 0.5, "gradient_l1": 0.6}
+    weights = {"color_l2": 0.1, "magnitude_l1": 0.2, "alpha_l1": 0.3, "color_l1": 0.4, "ssim": 0.5, "gradient_l1": 0.6,
+               "visible": 0.7}  # fmt: skip
     total, terms = total_loss(prediction, target, coverage, LossConfig(**weights))
     assert list(terms) == list(weights) and not any(term.requires_grad for term in terms.values())
     assert total.item() == pytest.approx(sum(weights[name] * term.item() for name, term in terms.items()), rel=1e-5)
@@ -106,7 +130,7 @@ def test_total_is_the_weighted_sum_of_the_terms_named():
 
 
 def test_gradients_are_finite_on_black_and_equal_pictures():
-    config = LossConfig(color_l2=1, magnitude_l1=1, alpha_l1=1, color_l1=1, ssim=1, gradient_l1=1)
+    config = LossConfig(color_l2=1, magnitude_l1=1, alpha_l1=1, color_l1=1, ssim=1, gradient_l1=1, visible=1)
     for target in (flat(0, 0, 0, 0), flat(0.2, 0.4, 0.6, 1)):
         prediction = flat(0, 0, 0, 0).requires_grad_()
         total, _ = total_loss(prediction, target, NO_OBJECT, config)

@@ -10,6 +10,7 @@ from z2p_core.model import AdaIN, Modulation, build_network
 
 FAST = NetworkConfig(widths=(16, 24, 32, 48), mapping=16)
 INPUT = replace(FAST, conditioning="input")
+FINE = replace(FAST, fine=8)
 PAPER = NetworkConfig(kind="adain_unet", widths=(8, 12, 16), unshuffle=1, mapping=16, zbuffer="paper")
 
 
@@ -52,7 +53,7 @@ def test_modulation_without_normalising_is_affine():
     torch.testing.assert_close(layer(x, w), (1 + gamma) * x + beta)
 
 
-@pytest.mark.parametrize("config", [FAST, INPUT, PAPER], ids=["fast", "input", "paper"])
+@pytest.mark.parametrize("config", [FAST, INPUT, FINE, PAPER], ids=["fast", "input", "fine", "paper"])
 @pytest.mark.parametrize("size", [(64, 64), (75, 100), (32, 33)])
 def test_any_size_gives_a_picture_in_range(config, size):
     network = network_of(config).eval()
@@ -61,7 +62,7 @@ def test_any_size_gives_a_picture_in_range(config, size):
     assert picture.min() >= 0 and picture.max() <= 1 and picture.std() > 0
 
 
-@pytest.mark.parametrize("config", [FAST, INPUT, PAPER], ids=["fast", "input", "paper"])
+@pytest.mark.parametrize("config", [FAST, INPUT, FINE, PAPER], ids=["fast", "input", "fine", "paper"])
 def test_batch_mates_do_not_matter(config):
     network = network_of(config).train()
     zbuffer, encoding, settings = inputs_of(config, 3, 64, 64)
@@ -71,7 +72,7 @@ def test_batch_mates_do_not_matter(config):
     assert not torch.allclose(together[0], together[1], atol=1e-3)
 
 
-@pytest.mark.parametrize("config", [FAST, INPUT, PAPER], ids=["fast", "input", "paper"])
+@pytest.mark.parametrize("config", [FAST, INPUT, FINE, PAPER], ids=["fast", "input", "fine", "paper"])
 def test_every_weight_gets_a_finite_gradient(config):
     network = network_of(config).train()
     network(*inputs_of(config, 2, 64, 64)).square().sum().backward()
@@ -80,7 +81,7 @@ def test_every_weight_gets_a_finite_gradient(config):
         assert parameter.grad.abs().sum() > 0, name
 
 
-@pytest.mark.parametrize("config", [FAST, INPUT, PAPER], ids=["fast", "input", "paper"])
+@pytest.mark.parametrize("config", [FAST, INPUT, FINE, PAPER], ids=["fast", "input", "fine", "paper"])
 def test_zbuffer_encoding_and_settings_all_matter(config):
     network = network_of(config).eval()
     network.train()  # unclamped
@@ -116,6 +117,28 @@ def test_the_last_convolutions_start_as_nothing_and_reach_two_pixels():
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == (18, 22, 28, 32)
 
 
+def test_the_fine_block_starts_as_nothing_and_sees_single_pixels_of_picture_and_buffers():
+    torch.manual_seed(0)
+    network = build_network(FINE, 3, 0, 7).eval()
+    without = build_network(FAST, 3, 0, 7).eval()
+    without.load_state_dict({name: x for name, x in network.state_dict().items() if name in without.state_dict()})
+    buffers, settings = torch.rand(1, 3, 64, 64), torch.rand(1, 7)
+    nothing = torch.zeros(0, 16, 16)
+    torch.testing.assert_close(network(buffers, nothing, settings), without(buffers, nothing, settings))
+    fine = network.sharpen
+    for layer in (fine.leave, fine.blocks.second[0]):
+        torch.nn.init.normal_(layer.weight)
+    picture, features, w = torch.rand(1, 4, 64, 64), torch.rand(1, 16, 16, 16), torch.rand(1, 16)
+    one = torch.zeros(64, 64)
+    one[20, 30] = 1
+    before = fine(picture, features, buffers, w) - picture
+    for after in (fine(picture + one, features, buffers, w) - picture - one,
+                  fine(picture, features, buffers + one, w) - picture):  # fmt: skip
+        rows, columns = ((after - before).abs() > 1e-6)[0].any(0).nonzero().T
+        reach = (rows.min(), rows.max(), columns.min(), columns.max())
+        assert reach == (20 - 6, 20 + 7, 30 - 6, 30 + 7), "three convolutions reach three blocks of 2x2"
+
+
 def test_a_network_without_encoding():
     network = build_network(FAST, 1, 0, 2).eval()
     assert network(torch.rand(1, 1, 40, 40), torch.zeros(0, 10, 10), torch.rand(1, 2)).shape == (1, 4, 40, 40)
@@ -133,9 +156,9 @@ def test_settings_as_input_channels_are_heard_at_every_pixel_and_each_of_them():
         assert ((network(zbuffer, encoding, 1 - settings) - picture).abs().amax(1) > 1e-5).all()
 
 
-def test_weights_from_before_conditioning_was_a_choice_are_the_default():
+def test_weights_from_before_conditioning_and_the_fine_block_are_the_default():
     earlier = to_dict(FAST)
-    del earlier["conditioning"]
+    del earlier["conditioning"], earlier["fine"]
     assert from_dict(NetworkConfig, earlier) == FAST
     network_of(from_dict(NetworkConfig, earlier)).load_state_dict(network_of(FAST).state_dict())
 
@@ -155,5 +178,7 @@ def test_unknown_kind_and_impossible_shapes():
         build_network(NetworkConfig(conditioning="film"), 1, 0, 7)
     with pytest.raises(ValueError, match="adain_unet: conditioning: expected adain, got 'input'"):
         build_network(replace(PAPER, conditioning="input"), 1, 0, 7)
+    with pytest.raises(ValueError, match="fine needs an unshuffle that 2 divides, got 1"):
+        build_network(replace(PAPER, fine=8), 1, 0, 7)
     with pytest.raises(ValueError, match="two or more widths"):
         build_network(NetworkConfig(widths=(8,)), 1, 0, 7)
