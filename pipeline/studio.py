@@ -23,7 +23,6 @@ from storage.cameras import read_camera
 from storage.checkpoints import resolve
 from storage.clouds import Scan, format_suffix, read_clouds, usable
 from storage.pictures import encode, write_picture
-from z2p_core import registry
 from z2p_core.framing import UP_AXES
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import SettingError, Value
@@ -115,11 +114,6 @@ def look_for(renderer: Renderer, request: Request) -> Look:
 
 def _settings(renderer: Renderer, wishes: Mapping[str, Any]) -> dict[str, Value]:
     """The control settings; what is wrong with them is told in Python's words, not in the command line's."""
-    known = {*registry.names("controls"), *renderer.controls, "elevation"}
-    for name in wishes:
-        if name not in known:
-            raise SettingError(f"render has no option {name!r}, and no control of that name is installed; see "
-                               "help(z2p_core.render)")
     try:
         return settings_for(renderer, wishes)
     except SettingError as error:

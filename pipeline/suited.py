@@ -64,5 +64,5 @@ def renderer_for(
             if set(asked) <= set(renderer.controls):
                 return renderer
     missing = ", ".join(sorted(set(asked) - set(usual.controls)))
-    raise SettingError(f"no weights that come with z2p carry {missing} (with all else that is asked); name others with "
-                       "--weights, or leave it out")
+    raise SettingError(f"no weights that come with z2p carry {missing} (with all else that is asked); choose "
+                       "others (--weights, in Python weights=), or leave it out")

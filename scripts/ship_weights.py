@@ -23,7 +23,7 @@ from pipeline.evaluate import evaluate
 from pipeline.export import export_onnx
 from pipeline.infer import Renderer
 from pipeline.load import load_plugins
-from pipeline.streamline import quantised, strided_stem
+from pipeline.streamline import quantised, streamlined
 from storage.checkpoints import SHIPPED, load_weights, save_weights
 from storage.fingerprints import file_digest
 from storage.graphs import INT8, graph_path, save_graph
@@ -86,7 +86,7 @@ def export_graphs(shipped: Path, config: dict[str, Any], meshes: Path | None, tr
     exported, loaded = export_onnx(shipped), load_plugins(shipped)
     onnx, digest = exported.read_bytes(), loaded.weights.digest
     exported.unlink()  # an ONNX file would be taken before the graphs
-    plain = strided_stem(onnx, loaded.buffer_channels, loaded.config.unshuffle)
+    plain = streamlined(onnx, loaded.buffer_channels, loaded.config.unshuffle)
     save_graph(shipped, digest, plain)
     if meshes is None:
         print("without --meshes: nothing in 8 bits")

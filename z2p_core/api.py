@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
+import inspect
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from z2p_core import registry
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.picture import Picture, sheet
 from z2p_core.point_arrays import point_arrays
@@ -17,6 +20,10 @@ from z2p_core.viewpoint import Viewpoint
 
 SIDES = (32, 4096)
 """Smallest and largest side of a picture, pixels."""
+
+
+OTHER_NAMES = {"resolution": "size", "width": "size", "height": "size", "colour": "color"}
+"""What others call some of the arguments."""
 
 
 class RenderWarning(UserWarning):
@@ -75,6 +82,7 @@ def render(
         SettingError: a setting that cannot be (a ValueError).
         WeightsError: no such weights (a ValueError).
     """
+    _check_names(controls)
     wishes = {"color": color, "light": light, "elevation": elevation, "metallic": metallic, "roughness": roughness}
     notes = []
     if colors is not None:
@@ -98,6 +106,21 @@ def render(
         return pictures[0]
     record = {**pictures[0].record, "batch": len(pictures)}
     return Picture(sheet([picture.array for picture in pictures]), record, parts=tuple(pictures))
+
+
+def _check_names(controls: Collection[str]) -> None:
+    """
+    Raises:
+        SettingError: a name that is neither an argument of `render` nor an installed control.
+    """
+    unknown = sorted(set(controls) - set(registry.names("controls")))
+    if unknown:
+        known = [name for name in inspect.signature(render).parameters if name != "controls"]
+        like = [OTHER_NAMES[name] for name in unknown[:1] if name in OTHER_NAMES]
+        like = like or difflib.get_close_matches(unknown[0], known, 1)
+        meant = f" (did you mean {like[0]}?)" if like else ""
+        expected = f"{', '.join(known)}, or an installed control"
+        raise SettingError(f"unknown argument {unknown[0]!r}{meant}; expected {expected}")
 
 
 def _instead_of(colors: Any, color: Any) -> tuple[Any, str]:

@@ -61,7 +61,9 @@ def test_wrong_settings_are_value_errors_in_one_line(
 @pytest.mark.parametrize(
     ("wrong", "told"),
     [({"color": "blurple"}, "color: expected a CSS colour"), ({"light": (9, 0, 40)}, "light: radius is 9"),
-     ({"sise": 5}, "render has no option 'sise'"), ({"metallic": 1}, "do not carry the control 'metallic'")],
+     ({"sise": 5}, r"unknown argument 'sise' \(did you mean size\?\)"),
+     ({"resolution": 64}, r"'resolution' \(did you mean size\?\)"),
+     ({"sparkle": 1}, "'sparkle'; expected points, "), ({"metallic": 1}, "do not carry the control 'metallic'")],
     ids=str,
 )  # fmt: skip
 def test_what_is_wrong_is_told_in_pythons_words(
