@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.paper.abilities import ABILITIES
+from pipeline.paper.fidelity import color_errors, color_table
 from pipeline.paper.findings import FIGURES, KEPT, Findings, read_findings
 from pipeline.paper.kinds import KINDS
 from pipeline.paper.lead import lead
@@ -94,6 +95,8 @@ def write_report(
         "methods": [asdict(method) for method in methods], "absent": [list(one) for one in absent],
         "abilities": {name: {key: asdict(one) for key, one in found.items()} for name, found in verdicts.items()},
         "ability_tests": {one.key: one.test for one in ABILITIES}, "times": times, "trust": trust,
+        "color_errors": {name: [asdict(one) for one in found]
+                         for name, found in color_errors(findings, folders, "color").items()},
         "rows": list(findings.every),
     }  # fmt: skip
     write_whole((json.dumps(told, indent=1) + "\n").encode(), out / "report.json")
@@ -122,6 +125,8 @@ def _sweep_section(findings: Findings, folders: Mapping[str, Path], sweep: str, 
     else:
         tables = [level_table(findings, sweep, figure, KEPT.replace("_", " ") if kept else FIGURES[figure][0])
                   for figure in figures]  # fmt: skip
+    if sweep == "color":
+        tables.append(color_table(color_errors(findings, folders, sweep)))
     meshes = [mesh for mesh in findings.meshes(sweep) if mesh]
     text = kind.shows + (f" Meshes: {', '.join(meshes)}." if meshes else " Shapes made for it.")
     text += f" In the paper: {kind.figure}." if kind.figure else ""

@@ -149,6 +149,11 @@ def _cell(values: Sequence[float], best: float | None) -> str:
     return f"*{told}" if best is not None and middle == best else told
 
 
+def values_cell(values: Sequence[float]) -> str:
+    """Mean and spread of values in words, ``-`` for none."""
+    return _cell(values, None)
+
+
 def _ticked(verdict: Verdict) -> str:
     word = "not measured" if verdict.passed is None else "✓" if verdict.passed else "✗"
     paper = "" if not verdict.paper or _tick(verdict.paper) == word else f" [paper {_tick(verdict.paper)}]"
