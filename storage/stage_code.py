@@ -75,7 +75,8 @@ SHAPING: dict[str, tuple[str, ...]] = {
               "z2p_core.metrics", *_CASES),
     "report": (
         "workflows.report_stages:Report",
-        *(f"pipeline.paper.{name}" for name in ("report", "abilities", "findings", "kinds", "lead", "plots", "tables")),
+        *(f"pipeline.paper.{name}" for name in ("report", "abilities", "fidelity", "findings", "kinds", "lead", "plots",
+                                                "tables")),
         *(f"pipeline.paper.methods:{name}" for name in ("Method", "BASELINE", "TRUTH", "WEIGHTS")),
         "pipeline.paper.measure:ROWS", "pipeline.paper.times:TIMES", "pipeline.paper.trust:TRUST",
     ),
@@ -123,7 +124,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "scans": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
     "times": ("numpy", "trimesh", "bpy", "torch", "onnxruntime"),
     "trust": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
-    "report": ("numpy",),
+    "report": ("numpy", "torch", "kornia"),
     "compare": ("numpy",),
 }
 """Stage -> the declared packages whose versions shape its result."""
