@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
+from plugins.baselines.apart import Apart
 from plugins.baselines.normals import arrays, oriented
 from z2p_core.interfaces import Baseline, ScanError
 
 RADII = (1.5, 2.5, 4.0)
 """Of the balls, in units of the mean distance to the nearest neighbour."""
+LONGEST = 300.0
+"""Seconds. On scans whose density varies a lot, open3d's balls roll for hours, if they ever stop."""
 
 
 class BallPivoting(Baseline):
@@ -21,14 +26,30 @@ class BallPivoting(Baseline):
         """Vertices (V, 3) float64, the cloud's points, and triangles (M, 3) int64 between them.
 
         Raises:
-            ScanError: too few points, or points that no ball touches by three.
+            ScanError: too few points, points that no ball touches by three, or balls that do not come to rest.
         """
-        import open3d  # late: the pipeline extra
-
         with self.timed("normals"):
             scan = oriented(cloud)
         spacing = float(np.mean(scan.compute_nearest_neighbor_distance()))
         if spacing == 0:
             raise ScanError(f"expected points apart from each other, got {len(cloud)} that all come twice")
-        radii = open3d.utility.DoubleVector([radius * spacing for radius in RADII])
-        return arrays(open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(scan, radii))
+        radii = [radius * spacing for radius in RADII]
+        vertices, faces = PIVOTING(np.asarray(scan.points), np.asarray(scan.normals), radii, within=LONGEST)
+        return vertices, faces
+
+
+def pivoting(points: np.ndarray, normals: np.ndarray, radii: list[float]) -> Any:
+    """Vertices (V, 3) float64 and triangles (M, 3) int64 that balls of these radii leave on points (N, 3).
+
+    Raises:
+        ScanError: they leave no triangle.
+    """
+    import open3d  # late: the pipeline extra
+
+    scan = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+    scan.normals = open3d.utility.Vector3dVector(normals)
+    balls = open3d.utility.DoubleVector(radii)
+    return arrays(open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(scan, balls))
+
+
+PIVOTING = Apart(pivoting)
