@@ -95,8 +95,11 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
         TrainError: weights with that card cannot be fine-tuned by this config on these shards.
     """
     network = from_dict(NetworkConfig, card["network"])  # older cards lack what networks have had no choice of before
-    # A fine block begins as the identity, so it can be learnt on top of weights without one.
-    wanted_network = config.network if network.fine else replace(config.network, fine=0)
+    wanted_network = config.network
+    if not network.fine:  # such a block begins as the identity, so it can be learnt on top of weights without one
+        wanted_network = replace(wanted_network, fine=0)
+    if registry.load("gbuffers", wanted_network.gbuffer).refines == network.gbuffer:
+        wanted_network = replace(wanted_network, gbuffer=network.gbuffer)
     known = [[entry["name"], entry["version"]] for entry in card["controls"]]
     controls = [[control["name"], control["version"]] for control in data.controls]
     pairs = {

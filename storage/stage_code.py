@@ -102,6 +102,7 @@ NOT_SHAPING: dict[str, str] = {
     "z2p_core.report_config": "the values that a stage gets are in its fingerprint",
     "workflows.report_task": "what the report's tasks share: where files lie, not what is in them",
     "plugins.baselines.normals": "in the digests of the plugins that use it",
+    "plugins.baselines.apart": "runs another function elsewhere, whose answer is the same",
     "storage.memory": "refuses what does not fit, and changes nothing of what does",
     "storage.whole": "writes the bytes that it is given",
     "z2p_core.viewpoint": "turns users' clouds; the pipeline's views are drawn",

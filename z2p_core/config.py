@@ -101,7 +101,7 @@ class TrainConfig:
     loss: LossConfig = field(default_factory=LossConfig)
     start: str = ""
     """Weights to fine-tune: a shipped name, or a file; empty begins at random. They must be of this very network, but
-    may lack its `fine` block and the last of the controls."""
+    may lack its `fine` block and the last of the controls, and know a G-buffer that this one refines."""
     resolutions: tuple[int, ...] = ()
     """Sides trained at, in turn step by step, each a divisor of the shards'; empty for theirs alone. A step at a larger
     side takes fewer samples, so that all steps cost the same. Clouds are drawn anew at each side, never resized."""

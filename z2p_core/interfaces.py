@@ -160,6 +160,8 @@ class GBuffer(ABC):
     name: ClassVar[str]
     version: ClassVar[str]
     channels: ClassVar[int]
+    refines: ClassVar[str] = ""
+    """Name of a G-buffer whose channels mean the same, so that its weights can be trained on with this one."""
 
     @abstractmethod
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:

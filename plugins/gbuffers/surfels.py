@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 
@@ -58,6 +59,7 @@ class Surfels(GBuffer):
     name = "surfels"
     version = "3"
     channels = 10
+    lighting: ClassVar[type[Lighting]]
 
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
         picture = np.zeros((self.channels, camera.height, camera.width), dtype=np.float32)
@@ -72,12 +74,13 @@ class Surfels(GBuffer):
         points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
         radii = RADIUS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
-        lighting = Lighting(points, normals, typical, scene, floor)
+        lighting = self.lighting(points, normals, typical, scene, floor)
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T
         draw = partial(
             native.surfels, (points - camera.position.astype(np.float32)) @ rotation.T, facing, radii,
-            np.column_stack([facing[:, :2], lighting.colors()]), camera, SLACK, SURE, FULL, NEAR, FAR, out[:-1],
+            np.column_stack([facing[:, :2], lighting.colors(camera.position)]), camera, SLACK, SURE, FULL, NEAR, FAR,
+            out[:-1],
         )  # fmt: skip
         middle = round(UPPER * camera.height)
 
@@ -96,6 +99,7 @@ class Lighting:
     def __init__(
         self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
     ) -> None:
+        self.points, self.normals = points, normals
         self.color = np.array(base_color(scene), dtype=np.float32)
         radius, sky = float(np.sqrt((points**2).sum(1).max())) + spacing, sky_axes()
         hits = beside(native.first_hits, points, normals, sky, spacing, radius)
@@ -111,20 +115,29 @@ class Lighting:
             native.floor_shade(points, lamps, share, height, FLOOR_HALF, side),
             native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side),
         )
-        direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
-        self.first, self.second = native.gather(points, normals, sky, hits.result(), direct, self.floor, *self.shades)
+        self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
+        self.first, self.second = native.gather(
+            points, normals, sky, hits.result(), self.direct, self.floor, *self.shades
+        )
         self.glow = native.floor_glow(points, normals, self.first, above[::2], 2 * even[::2], self.floor, GLOW_CELLS)
 
     def draw_shadow(self, camera: Camera, out: np.ndarray) -> None:
         """Draws into `out` (H, W) the alpha of the floor's shadow."""
         native.floor_shadow(*self.shades, self.glow * float(self.color.mean()), self.floor, camera, out)
 
-    def colors(self) -> np.ndarray:
-        """Radiance (N, 4) of the points, sRGB: grey, then in the surface's colour."""
+    def colors(self, viewer: np.ndarray) -> np.ndarray:
+        """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey, then in the surface's colour."""
         albedo = np.array([GREY, *self.color], dtype=np.float32)
+        return srgb_from_linear(np.clip(albedo * self.light(albedo), 0, 1))
+
+    def light(self, albedo: np.ndarray) -> np.ndarray:
+        """What diffuse surfaces of these albedos (A,) get: (N, A), as the radiance of a white one, linear."""
         # What comes back once more, and again, is about as much as an albedo times what came back first.
-        light = self.first[0][:, None] + self.second[:, None] * albedo * (1 + albedo)
-        return srgb_from_linear(np.clip(albedo * light, 0, 1))
+        light: np.ndarray = self.first[0][:, None] + self.second[:, None] * albedo * (1 + albedo)
+        return light
+
+
+Surfels.lighting = Lighting
 
 
 def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:

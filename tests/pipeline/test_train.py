@@ -278,6 +278,17 @@ def test_fine_tuning_may_add_the_fine_block_which_changes_nothing_at_first_but_n
         train(shards, replace(CONFIG, start=str(grown), steps=1), tmp_path / "back", log=silent)
 
 
+def test_fine_tuning_may_go_on_with_a_gbuffer_that_refines_the_known_one_and_with_no_other(
+    undisturbed, shards, tmp_path
+):
+    start = undisturbed / "weights.safetensors"
+    shining = replace(CONFIG, network=replace(NETWORK, gbuffer="glossy"), start=str(start), steps=1)
+    grown = train(shards, shining, tmp_path, log=silent)
+    assert load_weights(grown).card["gbuffer"]["name"] == "glossy"
+    with pytest.raises(TrainError, match="'gbuffer': 'surfels'.*got .*'gbuffer': 'glossy'"):
+        train(shards, replace(CONFIG, start=str(grown), steps=1), tmp_path / "back", log=silent)
+
+
 def test_weights_of_another_network_are_not_fine_tuned(undisturbed, shards, tmp_path):
     other = replace(CONFIG, start=str(undisturbed / "weights.safetensors"), network=replace(NETWORK, widths=(16, 24)))
     with pytest.raises(TrainError, match=r"train.start: expected weights whose network is .*16, 24.*got .*32"):

@@ -1,0 +1,95 @@
+"""The G-buffer of surfaces that shine: reflections lie where they do in a mirror, and matt scenes stay as they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from plugins.gbuffers.glossy import Glossy, lobe_sharpness, reflectance
+from plugins.gbuffers.surfels import Surfels
+from z2p_core.camera import Camera, light_position
+from z2p_core.images import linear_from_srgb
+from z2p_core.scene import SceneDescription
+
+CAMERA = Camera(96, 96)
+LIGHT = (3.6, -40.0, 50.0)
+COLOR = slice(6, 9)
+
+
+def ball(count: int) -> np.ndarray:
+    points = np.random.default_rng(0).normal(size=(count, 3))
+    return (0.6 * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
+
+
+def scene(metallic: float, roughness: float, color: tuple[float, float, float] = (0.5, 0.2, 0.1)) -> SceneDescription:
+    material = {"Base Color": (*color, 1.0), "Metallic": metallic, "Roughness": roughness, "Specular IOR Level": 0.5}
+    return SceneDescription(light=LIGHT, material=material, floor=-0.6)
+
+
+def drawn(metallic: float, roughness: float, color: tuple[float, float, float] = (0.5, 0.2, 0.1)) -> np.ndarray:
+    """Linear radiance (3, H, W) in the surface's colour of a ball; nan off it."""
+    picture = Glossy().draw(ball(6000), CAMERA, scene(metallic, roughness, color))
+    return np.where(picture[0] > 0.99, linear_from_srgb(picture[COLOR]), np.nan)
+
+
+def test_a_matt_scene_is_drawn_as_before() -> None:
+    cloud, plain = ball(2000), SceneDescription(material={"Base Color": (0.5, 0.2, 0.1, 1.0)})
+    ours, theirs = (kind().draw(cloud, CAMERA, plain) for kind in (Glossy, Surfels))
+    np.testing.assert_allclose(ours, theirs, atol=1e-5)
+    shining = Glossy().draw(cloud, CAMERA, scene(1.0, 0.2))
+    np.testing.assert_allclose(np.delete(shining, range(6, 9), 0), np.delete(
+        Surfels().draw(cloud, CAMERA, scene(1.0, 0.2)), range(6, 9), 0), atol=1e-5)  # fmt: skip
+
+
+def test_the_lamp_is_seen_where_a_ball_mirrors_it() -> None:
+    picture = drawn(1.0, 0.15).sum(0)
+    towards_lamp, towards_eye = light_position(LIGHT), CAMERA.position
+    halfway = towards_lamp / np.linalg.norm(towards_lamp) + towards_eye / np.linalg.norm(towards_eye)
+    place = 0.6 * halfway / np.linalg.norm(halfway)
+    (column, row), _ = (values[0] for values in CAMERA.project(place[None]))
+    bright = np.argwhere(picture >= 0.9 * np.nanmax(picture)).mean(0) + 0.5
+    assert np.hypot(*(bright - (row, column))) < 4, "pixels from where the mirror direction meets the lamp"
+
+
+def test_roughness_blurs_the_highlight() -> None:
+    sharp, blurred = (drawn(0.0, roughness, (0.02, 0.02, 0.02)).sum(0) for roughness in (0.15, 0.5))
+    assert np.nanmax(sharp) > 2 * np.nanmax(blurred)
+    spread = [np.sum(picture > 0.5 * np.nanmax(picture)) for picture in (sharp, blurred)]
+    assert spread[1] > 2 * spread[0]
+
+
+def test_metal_colours_what_it_reflects_and_plastic_does_not() -> None:
+    red = (0.6, 0.05, 0.05)
+    metal, plastic, matt = drawn(1.0, 0.25, red), drawn(0.0, 0.25, red), drawn(0.0, 1.0, red)
+    shine = plastic - matt
+    at = np.unravel_index(np.nanargmax(shine.sum(0)), shine.shape[1:])
+    assert shine[1][at] > 0.6 * shine[0][at], "the highlight of plastic is white"
+    assert np.nanmean(metal[1]) < 0.2 * np.nanmean(metal[0]), "that of metal has its colour"
+
+
+def test_metal_shows_the_lit_floor_from_below_and_the_sky_from_above() -> None:
+    picture = drawn(1.0, 0.1, (1.0, 1.0, 1.0)).mean(0)
+    rows = [np.nanmedian(row) for row in picture if np.isfinite(row).any()]
+    top, bottom = np.mean(rows[3:10]), np.mean(rows[-14:-4])
+    assert top == pytest.approx(0.35, abs=0.1), "the sky's radiance"
+    assert bottom > 1.4 * top
+
+
+def test_a_white_metal_gives_back_all_and_plastic_all_at_the_rim() -> None:
+    facing = np.linspace(0.05, 1, 20)
+    for roughness in (0.05, 0.3, 0.6, 1.0):
+        np.testing.assert_allclose(reflectance(np.ones(3), facing, roughness), 1, atol=0.02)
+    plastic = reflectance(np.full(3, 0.04), facing, 0.05)
+    assert plastic[-1] == pytest.approx(0.04, abs=0.01) and plastic[0, 0] > 0.3
+    assert (np.diff(plastic[:, 0]) < 1e-3).all()
+    assert reflectance(np.zeros(3), facing, 0.05).max() == 0
+
+
+def test_lobes_grow_wider_with_roughness() -> None:
+    found = [lobe_sharpness(roughness) for roughness in (0.0, 0.2, 0.3, 0.5, 1.0)]
+    assert found == sorted(found, reverse=True) and found[-1] == pytest.approx(1) and np.isfinite(found).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 5])
+def test_a_few_points_are_drawn_without_complaint(count: int) -> None:
+    assert np.isfinite(Glossy().draw(ball(6)[:count], CAMERA, scene(1.0, 0.0))).all()
