@@ -285,7 +285,7 @@ def test_fine_tuning_may_go_on_with_a_gbuffer_that_refines_the_known_one_and_wit
     shining = replace(CONFIG, network=replace(NETWORK, gbuffer="glossy"), start=str(start), steps=1)
     grown = train(shards, shining, tmp_path, log=silent)
     assert load_weights(grown).card["gbuffer"]["name"] == "glossy"
-    with pytest.raises(TrainError, match="'gbuffer': 'surfels'.*got .*'gbuffer': 'glossy'"):
+    with pytest.raises(TrainError, match=r"'gbuffer': 'surfels'.*got .*'gbuffer': 'glossy'"):
         train(shards, replace(CONFIG, start=str(grown), steps=1), tmp_path / "back", log=silent)
 
 
