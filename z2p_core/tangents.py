@@ -32,13 +32,15 @@ BUMPS = 0.1
 class Tangents:
     """Points (N, 3), spacing (N,) and unit normals (N, 3) of either sign, all float32, and the noise, in world units.
 
-    Spacing is the side of the square patch of surface that is a point's share.
+    Spacing is the side of the square patch of surface that is a point's share; `around` (N,) is that of a neighbour,
+    which is as wide where the cloud is sparse, and narrow beside a stray point.
     """
 
     points: np.ndarray
     spacing: np.ndarray
     normals: np.ndarray
     noise: float
+    around: np.ndarray
 
 
 def tangents(cloud: np.ndarray) -> Tangents:
@@ -59,7 +61,8 @@ def tangents(cloud: np.ndarray) -> Tangents:
         return native.planes(grid.points, asked, found, (first, tolerance))
 
     normals, middles, _ = in_halves(again, everyone, found, tolerance)
-    return Tangents(moved(grid.points, normals, middles, spacing, noise), spacing, normals, noise)
+    points = moved(grid.points, normals, middles, spacing, noise)
+    return Tangents(points, spacing, normals, noise, spacing[found[:, FEWEST // 2]])
 
 
 def scatter(cloud: np.ndarray) -> float:

@@ -24,6 +24,8 @@ from z2p_core.threads import beside
 RADIUS, SLACK = 1.45, 1.2
 """Of a disc in spacings, wide enough to leave hardly a hole between random points (exp(-pi r^2), 0.1 %), and how far
 behind the nearest disc another still counts, in radii."""
+NARROWEST, WIDEST = 0.5, 2.5
+"""Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
 SURE, FULL = 25.0, 2.2
 """Of coverage: a pixel that discs only touch with their rim stays in doubt. Of density: what discs of that radius add
 up to where they lie all around; about half of it is the surface's border."""
@@ -73,7 +75,7 @@ class Surfels(GBuffer):
         found = tangents(thinned(cloud, MOST_POINTS))
         points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
-        radii = RADIUS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
+        radii = RADIUS * np.clip(spacing, NARROWEST * typical, WIDEST * np.maximum(found.around, typical))
         lighting = self.lighting(points, normals, typical, scene, floor)
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T

@@ -140,3 +140,14 @@ def test_large_clouds_are_thinned_evenly_whatever_their_order():
     reversed_kept = thinned(cloud[::-1], 20_000)
     np.testing.assert_array_equal(np.sort(kept, axis=0), np.sort(reversed_kept, axis=0))
     assert thinned(kept, 40_000) is kept
+
+
+def test_a_part_with_fewer_points_is_closed_and_a_stray_point_stays_a_dot():
+    dense, sparse = sphere_of(8000, 0.4) - np.float32([0.45, 0, 0]), sphere_of(300, 0.4) + np.float32([0.45, 0, 0])
+    alone = Surfels().draw(sparse, CAMERA, SCENE)[COVERAGE]
+    beside = Surfels().draw(np.vstack([dense, sparse]), CAMERA, SCENE)[COVERAGE]
+    inside = alone[:, 52:] > 0.9
+    assert inside.sum() > 300 and (beside[:, 52:][inside] > 0.9).mean() > 0.97
+    stray = np.float32([[0.45, 0, 0.5]])
+    dot = Surfels().draw(np.vstack([dense, stray]), CAMERA, SCENE)[COVERAGE][:, 52:]
+    assert (dot > 0.5).sum() < 12
