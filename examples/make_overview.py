@@ -22,21 +22,21 @@ SIDE = 320
 WHITE = (1.0, 1.0, 1.0)
 LOOKS: dict[str, tuple[float, dict[str, Value]]] = {
     "suzanne.ply": (0.0, {"color": (0.85, 0.45, 0.25), "light": (3.6, -45.0, 50.0)}),
-    "amphora.ply": (20.0, {"color": (0.29, 0.53, 0.73), "light": (3.6, 45.0, 45.0)}),
+    "amphora.ply": (20.0, {"color": (0.85, 0.65, 0.13), "light": (3.6, 45.0, 45.0), "metallic": (1.0,),
+                           "roughness": (0.3,)}),
     "knot.xyz": (0.0, {"color": (0.45, 0.65, 0.4), "light": (3.6, -30.0, 60.0), "elevation": (30.0,)}),
-    "chair.ply": (35.0, {"color": (0.78, 0.72, 0.62), "light": (3.6, 60.0, 40.0)}),
-}
+    "chair.ply": (35.0, {"color": (0.29, 0.53, 0.73), "light": (3.6, 60.0, 40.0)}),
+}  # fmt: skip
 """Scan -> azimuth in degrees, controls."""
 
 
 def main(out: Path) -> None:
     """Write the overview, an opaque PNG of two rows."""
-    suiting = renderer_for("auto", ())
     columns = []
     for name, (azimuth, values) in LOOKS.items():
         cloud = place_cloud(read_clouds(Path(__file__).parents[1] / "samples" / name)[0].points, azimuth=azimuth)
         camera = Camera(SIDE, SIDE, values.get("elevation", (20.0,))[0])
-        renderer, _ = suiting.suited(cloud)
+        renderer, _ = renderer_for("auto", values).suited(cloud)
         picture = unit_from_bytes(renderer.render(cloud, values, 2 * SIDE, 2 * SIDE))
         small = np.asarray(Image.fromarray(bytes_from_unit(composite(picture, WHITE))).resize((SIDE, SIDE)))
         columns.append(np.concatenate([dots(cloud, camera), small]))
