@@ -37,7 +37,7 @@ class Reflections(Lighting):
         self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
     ) -> None:
         super().__init__(points, normals, spacing, scene, height)
-        self.lamps, axes, self.powers = light_lamps(scene.light, LAMPS)
+        self.lamps, axes, self.powers = (x.astype(np.float32) for x in light_lamps(scene.light, LAMPS))
         self.axis = axes[0]
         self.metallic = _number(scene, "Metallic", 0.0)
         self.roughness = _number(scene, "Roughness", 1.0)
@@ -45,7 +45,7 @@ class Reflections(Lighting):
 
     def colors(self, viewer: np.ndarray) -> np.ndarray:
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey and diffuse, then as the surface is."""
-        towards = viewer - self.points
+        towards = viewer.astype(np.float32) - self.points
         towards /= np.linalg.norm(towards, axis=1, keepdims=True)
         facing = np.maximum((self.normals * towards).sum(1), 1e-3)
         mirrored = 2 * facing[:, None] * self.normals - towards
@@ -62,14 +62,14 @@ class Reflections(Lighting):
 
     def lamp_in(self, mirrored: np.ndarray, sharpness: float) -> np.ndarray:
         """Radiance (N,) of the light in lobes about directions (N, 3), hidden as much as it is from a matt surface."""
-        away = self.lamps[None] - self.points[:, None]  # (N, L, 3)
-        square = (away**2).sum(-1)
+        away = self.lamps - self.points[:, None]  # (N, L, 3)
+        square = np.einsum("nla,nla->nl", away, away)
         away /= np.sqrt(square)[..., None]
         shining = np.maximum(-(away @ self.axis), 0) / square  # (N, L)
-        above = np.maximum((away * self.normals[:, None]).sum(-1), 0)
+        above = np.maximum(np.einsum("nla,na->nl", away, self.normals), 0)
         full = (self.powers * above * shining).sum(1) / math.pi
         open_share = np.clip(self.direct[0] / np.maximum(full, 1e-4), 0, 1)
-        lobe = np.exp(sharpness * ((away * mirrored[:, None]).sum(-1) - 1))
+        lobe = np.exp(np.float32(sharpness) * (np.einsum("nla,na->nl", away, mirrored) - 1))
         lobe *= sharpness / (2 * math.pi * (1 - math.exp(-2 * sharpness)))  # 1 over the sphere
         solid_angle = LIGHT_SIDE**2 / LAMPS * shining
         radiance: np.ndarray = LIGHT_RADIANCE * (lobe * solid_angle * (above > 0)).sum(1) * open_share
