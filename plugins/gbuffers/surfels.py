@@ -26,6 +26,8 @@ RADIUS, SLACK = 1.45, 1.2
 behind the nearest disc another still counts, in radii."""
 NARROWEST, WIDEST = 0.5, 2.5
 """Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
+SPARSE = 0.6
+"""Light takes the cloud for as sparse as so much of the spacing that a tenth of the points exceed, if that is more."""
 SURE, FULL = 25.0, 2.2
 """Of coverage: a pixel that discs only touch with their rim stays in doubt. Of density: what discs of that radius add
 up to where they lie all around; about half of it is the surface's border."""
@@ -76,7 +78,7 @@ class Surfels(GBuffer):
         points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
         radii = RADIUS * np.clip(spacing, NARROWEST * typical, WIDEST * np.maximum(found.around, typical))
-        lighting = self.lighting(points, normals, typical, scene, floor)
+        lighting = self.lighting(points, normals, max(typical, SPARSE * float(np.quantile(spacing, 0.9))), scene, floor)
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T
         draw = partial(
