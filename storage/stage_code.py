@@ -28,6 +28,11 @@ _NETWORK = (
     "z2p_core.camera", "z2p_core.scene", "z2p_core.tangents", "z2p_core.threads", *_KERNELS,
 )
 
+OF_WEIGHTS = (
+    "pipeline.buffers", "pipeline.load", "pipeline.infer", "pipeline.engines", "storage.checkpoints", "storage.exports",
+    "storage.graphs", "z2p_core.model",
+)
+"""Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
 _CASES = (
     *(f"pipeline.paper.{name}" for name in ("sweeps", "clouds", "made", "references", "methods")), "pipeline.baselines",
     *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer", "pipeline.engines",

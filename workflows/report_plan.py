@@ -16,6 +16,7 @@ from storage.checkpoints import WeightsError, resolve, shipped
 from storage.clouds import find_scans
 from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from storage.layout import Entry
+from storage.stage_code import OF_WEIGHTS
 from workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
 from z2p_core import registry
 from z2p_core.config import ConfigError, parse_config, to_dict
@@ -167,10 +168,18 @@ def _measured(
     truth = f"measure/{name}/{of}/truth"
     steps = []
     for method in (TRUTH_METHOD, *methods):
-        entry = Entry("measure", f"measure/{name}/{of}/{method.name}", shared | {"method": method_fields(method)})
+        fields = _run_by(method, shared) | {"method": method_fields(method)}
+        entry = Entry("measure", f"measure/{name}/{of}/{method.name}", fields)
         upstream = shapes if method == TRUTH_METHOD else (*shapes, truth)
         steps.append(ReportStep(entry, upstream, mesh, sweep=name, method=method))
     return steps
+
+
+def _run_by(method: Method, fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields, without the code of networks where the method has none."""
+    if method.kind == WEIGHTS:
+        return fields
+    return fields | {"code": {part: digest for part, digest in fields["code"].items() if part not in OF_WEIGHTS}}
 
 
 def _trust(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:
@@ -191,7 +200,7 @@ def _times(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> 
 
 
 def _scans(config: ReportConfig, scans: Sequence[Path], method: Method) -> ReportStep:
-    fields = stage_fields("scans") | _values(config) | {
+    fields = _run_by(method, stage_fields("scans")) | _values(config) | {
         "scans": [[path.name, file_digest(path)] for path in scans], "method": method_fields(method),
     }  # fmt: skip
     return ReportStep(Entry("scans", f"scans/{method.name}", fields), method=method)

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from storage import stage_code
 from storage.checkpoints import load_weights, save_weights
 from workflows.report_plan import load_report_plan, report_source
 from workflows.sweep import unneeded
@@ -186,6 +187,21 @@ def test_only_what_a_setting_shapes_hangs_on_it(tmp_path: Path) -> None:
     assert {name.split("/")[0] for name in draws} == {"trust", "report"}
     everything = {name for name, one in prints("seed = 1").items() if before.get(name) == one}
     assert everything == {"shapes"}
+
+
+def test_other_network_code_leaves_baselines_and_truths_alone(tmp_path: Path, monkeypatch) -> None:
+    def prints() -> dict[str, str]:
+        return {name: step.entry.fingerprint for name, step in plan(tmp_path, "scans = 'scans'").steps.items()}
+
+    (tmp_path / "scans").mkdir()
+    np.savetxt(tmp_path / "scans" / "one.xyz", np.eye(3))
+    monkeypatch.chdir(tmp_path)
+    before = prints()
+    real = stage_code.part_digest
+    monkeypatch.setattr(stage_code, "part_digest", lambda part: "0" * 64 if part == "z2p_core.model" else real(part))
+    changed = {name for name, one in prints().items() if before[name] != one}
+    weights = {"denoise", "material", "regular"}
+    assert {name for name in before if name.split("/")[-1] in weights} == changed - {"times", "report"}
 
 
 def test_a_method_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, monkeypatch) -> None:
