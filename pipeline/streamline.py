@@ -72,12 +72,14 @@ def quantised(onnx: bytes, calibration: Iterable[Inputs]) -> bytes:
     from onnx import load_from_string
     from onnxruntime.quantization import CalibrationMethod, QuantFormat, QuantType, quantize_static
 
-    names = [node.name for node in load_from_string(onnx).graph.node if node.name.startswith(WHOLE)]
+    graph = load_from_string(onnx).graph
+    names = [node.name for node in graph.node if node.name.startswith(WHOLE)]
+    read = [given.name for given in graph.input]  # no encoding, where the network has none
     with tempfile.TemporaryDirectory(prefix="z2p-quantise-") as folder:
         plain, done = Path(folder) / "plain.onnx", Path(folder) / "quantised.onnx"
         plain.write_bytes(_widened(onnx))
         quantize_static(
-            plain, done, _Reader(calibration), quant_format=QuantFormat.QDQ, op_types_to_quantize=["Conv"],
+            plain, done, _Reader(calibration, read), quant_format=QuantFormat.QDQ, op_types_to_quantize=["Conv"],
             per_channel=True, activation_type=QuantType.QUInt8, weight_type=QuantType.QInt8, nodes_to_exclude=names,
             calibrate_method=CalibrationMethod.Percentile,
             extra_options={"AddQDQPairToWeight": True, "CalibPercentile": PERCENTILE},
@@ -88,12 +90,15 @@ def quantised(onnx: bytes, calibration: Iterable[Inputs]) -> bytes:
 class _Reader:
     """Calibration inputs, one after the other, as onnxruntime asks for them."""
 
-    def __init__(self, calibration: Iterable[Inputs]) -> None:
+    def __init__(self, calibration: Iterable[Inputs], names: list[str]) -> None:
         self._left: Iterator[Inputs] = iter(calibration)
+        self._names = names
 
     def get_next(self) -> dict[str, np.ndarray] | None:
         given = next(self._left, None)
-        return None if given is None else dict(zip(INPUTS, given, strict=True))
+        if given is None:
+            return None
+        return {name: array for name, array in zip(INPUTS, given, strict=True) if name in self._names}
 
 
 def _convolution(graph: Any, weight: str) -> Any:

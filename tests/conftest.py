@@ -29,9 +29,9 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
         **network_shape: Any,
     ) -> Path:
         zbuffer, gbuffer = registry.load("zbuffers", "splats"), registry.load("gbuffers", "surfels")
-        encoder = registry.load("encoders", "fourier").create(np.random.default_rng(0))
         carried = [registry.load("controls", name)() for name in controls]
         config = NetworkConfig(**{"widths": (16, 16), "mapping": 16, **network_shape})
+        encoder = registry.load("encoders", config.encoder).create(np.random.default_rng(0))
         torch.manual_seed(0)
         settings = sum(control.size for control in carried)
         network = build_network(config, zbuffer.channels + gbuffer.channels, encoder.channels, settings)
@@ -44,7 +44,7 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
             "network": to_dict(config),
             "zbuffer": {"name": zbuffer.name, "version": zbuffer.version},
             "gbuffer": {"name": gbuffer.name, "version": gbuffer.version},
-            "encoder": {"name": "fourier", "version": type(encoder).version, "state": encoder.state},
+            "encoder": {"name": encoder.name, "version": type(encoder).version, "state": encoder.state},
             "controls": [{"name": one.name, "version": one.version, "size": one.size} for one in carried],
             "resolution": [64],
             "fixed_elevation": fixed_elevation,

@@ -23,10 +23,12 @@ class OnnxRuntime(Engine):
         options.log_severity_level = 3
         model = network.int8 if self.reads_int8 else network.onnx
         self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        self._reads = {one.name for one in self._session.get_inputs()}  # no encoding, where the network has none
 
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
+        inputs = {"buffers": buffers, "encoding": encoding, "settings": settings}
         picture: np.ndarray
-        (picture,) = self._session.run(None, {"buffers": buffers, "encoding": encoding, "settings": settings})
+        (picture,) = self._session.run(None, {name: inputs[name] for name in self._reads})
         return picture
 
 

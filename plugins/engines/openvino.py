@@ -33,12 +33,14 @@ class OpenVino(Engine):
         self._core = openvino.Core()
         model = network.int8 if self.reads_int8 else network.onnx
         self._read = lambda: self._core.read_model(model, b"")
+        self._reads = [one.get_any_name() for one in self._read().inputs]  # no encoding, where the network has none
         self._compiled: dict[tuple[Any, ...], Any] = {}
         self._lock = threading.Lock()
         self._own = threading.local()  # a request serves one thread at a time
 
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
-        inputs = {"buffers": buffers, "encoding": encoding, "settings": settings}
+        given = {"buffers": buffers, "encoding": encoding, "settings": settings}
+        inputs = {name: given[name] for name in self._reads}
         picture: np.ndarray = self._request(inputs).infer(inputs)["picture"].copy()  # its memory is the request's
         return picture
 

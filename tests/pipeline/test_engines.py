@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import onnx
 import pytest
 from click.testing import Result
 
@@ -49,6 +50,15 @@ def test_pictures_are_torchs(exported_weights: Path, cloud: np.ndarray, engine: 
     picture = renderer.render(placed, None, width, height)
     off = np.abs(picture.astype(int) - expected)[expected[..., 3] > 25]  # straight colour means little where alpha does
     assert np.quantile(off, 0.999) <= 2 and expected[..., 3].std() > 10
+
+
+@pytest.mark.parametrize("engine", ONNX_ENGINES)
+def test_a_network_without_encoding_runs_too(make_weights: Callable[..., Path], cloud: np.ndarray, engine: str) -> None:
+    file = make_weights(encoder="none")
+    given = onnx.load(export_onnx(file)).graph.input
+    assert [one.name for one in given] == ["buffers", "settings"]
+    ours, torchs = (Renderer(file, engine=name).render(cloud, None, 64, 64).astype(int) for name in (engine, "torch"))
+    assert np.abs(ours - torchs).max() <= 2
 
 
 def test_the_lowest_rank_that_can_runs(exported_weights: Path, tiny_weights: Path) -> None:
