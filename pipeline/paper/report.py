@@ -84,8 +84,10 @@ def write_report(
              if name.startswith("trust/")]  # fmt: skip
     first = lead(findings, list(config.sweeps()))
     table, verdicts = abilities_table(findings)
+    colors = color_errors(findings, folders, "color")
     sections = [_abilities_section(table, command), _times_section(times, command)]
-    sections += [_sweep_section(findings, folders, sweep, command) for sweep in config.sweeps()]
+    further = {"color": [color_table(colors)]}
+    sections += [_sweep_section(findings, folders, sweep, command, further.get(sweep, [])) for sweep in config.sweeps()]
     sections += _trust_sections(trust, folders, command)
     sections += _scan_sections(findings, folders, command)
     absent = _absent(findings, config)
@@ -95,8 +97,7 @@ def write_report(
         "methods": [asdict(method) for method in methods], "absent": [list(one) for one in absent],
         "abilities": {name: {key: asdict(one) for key, one in found.items()} for name, found in verdicts.items()},
         "ability_tests": {one.key: one.test for one in ABILITIES}, "times": times, "trust": trust,
-        "color_errors": {name: [asdict(one) for one in found]
-                         for name, found in color_errors(findings, folders, "color").items()},
+        "color_errors": {name: [asdict(one) for one in found] for name, found in colors.items()},
         "rows": list(findings.every),
     }  # fmt: skip
     write_whole((json.dumps(told, indent=1) + "\n").encode(), out / "report.json")
@@ -115,7 +116,10 @@ def _times_section(times: Mapping[str, Any], command: str) -> Section:
     return Section("times", "Tables 2 and 3: times", text, command, tables=tables)
 
 
-def _sweep_section(findings: Findings, folders: Mapping[str, Path], sweep: str, command: str) -> Section:
+def _sweep_section(
+    findings: Findings, folders: Mapping[str, Path], sweep: str, command: str, further: Sequence[Table]
+) -> Section:
+    """A sweep's curves, tables, those further ones among them, and strips."""
     kind, kept = KINDS[sweep], any(KEPT in row for row in findings.every if row["sweep"] == sweep)
     figures = (KEPT,) if kept else ("psnr_foreground", "ssim", "flip")
     several = len(findings.levels(sweep)) > 1
@@ -125,8 +129,7 @@ def _sweep_section(findings: Findings, folders: Mapping[str, Path], sweep: str, 
     else:
         tables = [level_table(findings, sweep, figure, KEPT.replace("_", " ") if kept else FIGURES[figure][0])
                   for figure in figures]  # fmt: skip
-    if sweep == "color":
-        tables.append(color_table(color_errors(findings, folders, sweep)))
+    tables += further
     meshes = [mesh for mesh in findings.meshes(sweep) if mesh]
     text = kind.shows + (f" Meshes: {', '.join(meshes)}." if meshes else " Shapes made for it.")
     text += f" In the paper: {kind.figure}." if kind.figure else ""

@@ -40,7 +40,7 @@ def means_table(findings: Findings, sweep: str, title: str) -> Table:
     found = {name: {figure: findings.values(sweep, name, figure, level) for figure in figures} for name in names}
     first = {figure: best(figure, [value for name in names if (value := mean(found[name][figure])) is not None])
              for figure in figures}  # fmt: skip
-    rows = [(name, *(_cell(found[name][figure], first[figure]) for figure in figures),
+    rows = [(name, *(values_cell(found[name][figure], first[figure]) for figure in figures),
              str(len(findings.rows(sweep, name, level)))) for name in names]  # fmt: skip
     heads = [FIGURES[figure][0] if figure in FIGURES else figure.replace("_", " ") for figure in figures]
     return Table(title, ("method", *heads, "rows"), tuple(rows), "Mean ± standard deviation over meshes and views; "
@@ -56,7 +56,7 @@ def level_table(findings: Findings, sweep: str, figure: str, title: str) -> Tabl
     for level in levels:
         means = [mean(findings.values(sweep, name, figure, level)) for name in names]
         first[level] = best(figure, [value for value in means if value is not None])
-    rows = [(name, *(_cell(findings.values(sweep, name, figure, level), first[level]) for level in levels))
+    rows = [(name, *(values_cell(findings.values(sweep, name, figure, level), first[level]) for level in levels))
             for name in names]  # fmt: skip
     return Table(title, ("method", *levels), tuple(rows))
 
@@ -118,7 +118,7 @@ def trust_table(told: Sequence[Mapping[str, Any]]) -> tuple[Table, str]:
         for name in rows_of[0] if rows_of else ():
             held = {key: [row[name][key] for row in rows_of] for key in WORTH}
             gains[method, name] = mean(held["gain"]) or 0.0
-            rows.append((method, name, *(_cell(values, None) for values in held.values()), str(len(rows_of))))
+            rows.append((method, name, *(values_cell(values) for values in held.values()), str(len(rows_of))))
     head = ("weights", "map", "rank correlation", "area under sparsification", "best area", "share of the best gain",
             "rows")  # fmt: skip
     note = ("On the object. Area: mean error left, over the whole, as the most doubted pixels go; 1 for a "
@@ -140,18 +140,14 @@ def _trusted(gains: Mapping[tuple[str, str], float]) -> str:
     return " ".join(said)
 
 
-def _cell(values: Sequence[float], best: float | None) -> str:
+def values_cell(values: Sequence[float], best: float | None = None) -> str:
+    """Mean and spread of values in words, ``-`` for none, marked where the mean is the best one."""
     middle, wide = mean(values), spread(values)
     if middle is None:
         return "-"
     told = f"{middle:.2f}" if abs(middle) >= 2 else f"{middle:.3f}"
     told += f" ± {wide:.2g}" if len(values) > 1 else ""
     return f"*{told}" if best is not None and middle == best else told
-
-
-def values_cell(values: Sequence[float]) -> str:
-    """Mean and spread of values in words, ``-`` for none."""
-    return _cell(values, None)
 
 
 def _ticked(verdict: Verdict) -> str:
