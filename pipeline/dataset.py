@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 import torch
 
+from pipeline.augment import draw_cloud, mirrored
 from pipeline.buffers import draw_buffers
 from pipeline.shard import shrink_pictures
 from storage.shards import Record, Shard
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
 from z2p_core.interfaces import GBuffer, ZBuffer
-from z2p_core.noise import KINDS, add_noise
+from z2p_core.noise import KINDS
 
 CACHE_BYTES = 2 * 1024**3
 """Decoded renders kept in memory; what does not fit is decoded again each time."""
@@ -149,6 +150,8 @@ class CloudPictures:
             raise DatasetError(f"points: expected 1 <= smallest <= largest cloud, got {low} and {high}")
         if self.config.reuse < 1:
             raise DatasetError(f"reuse: expected 1 or more, got {self.config.reuse}")
+        if not 0 <= self.config.even <= 1:
+            raise DatasetError(f"even: expected a share from 0 to 1 of the clouds, got {self.config.even:g}")
         if self.config.noise not in KINDS:
             raise DatasetError(f"noise: expected one of {', '.join(KINDS)}, got {self.config.noise!r}")
 
@@ -156,10 +159,11 @@ class CloudPictures:
         """Sample of a training record with the cloud of that drawing, which is kept until the next one."""
         place = self.training[number]
         kept = self._buffers.get((place, side))
-        if kept and kept[0] == drawing:
-            return kept[1].astype(np.float32), self._record(place, side)
         rng = np.random.default_rng((TRAINING, self.config.seed, side, number, drawing))
-        buffers, record = self._sample(place, side, rng)
+        in_mirror = self.config.mirror and bool(rng.integers(2))
+        if kept and kept[0] == drawing:
+            return kept[1].astype(np.float32), self._record(place, side, in_mirror)
+        buffers, record = self._sample(place, side, rng, in_mirror)
         if self.config.reuse > 1:
             packed = buffers.astype(np.float16)
             if kept or packed.nbytes <= self._buffers_room:
@@ -168,17 +172,21 @@ class CloudPictures:
             buffers = packed.astype(np.float32)  # the same whether it was kept or not
         return buffers, record
 
-    def _sample(self, place: tuple[int, int], side: int, rng: np.random.Generator) -> tuple[np.ndarray, Record]:
-        record, pool = self._record(place, side), self._pools[place[0]]
+    def _sample(
+        self, place: tuple[int, int], side: int, rng: np.random.Generator, in_mirror: bool = False
+    ) -> tuple[np.ndarray, Record]:
+        record, pool = self._record(place, side, in_mirror), self._pools[place[0]]
         turned = np.array(record.scene.rotation, dtype=np.float32).T
         scene = record.scene
         if scene.floor is None:  # the mesh's own: the pool is dense enough to tell it
             scene = replace(scene, floor=float((pool @ turned[:, 2]).min()))
         cloud = draw_cloud(pool, self.config, rng) @ turned
         cloud[:, 2] += scene.lift
+        if in_mirror:
+            cloud[:, 0] *= -1
         return draw_buffers(cloud, Camera(side, side, scene.elevation), scene, self.zbuffer, self.gbuffer), record
 
-    def _record(self, place: tuple[int, int], side: int) -> Record:
+    def _record(self, place: tuple[int, int], side: int, in_mirror: bool = False) -> Record:
         record = self._cache.get((place, side))
         if record is None:
             record = self.shards[place[0]].read(place[1])
@@ -188,16 +196,7 @@ class CloudPictures:
             if size <= self._room:
                 self._room -= size
                 self._cache[place, side] = record
-        return record
-
-
-def draw_cloud(pool: np.ndarray, config: TrainConfig, rng: np.random.Generator) -> np.ndarray:
-    """Points (N, 3) float32 of the pool, none twice, with noise of random amplitude; N is log-uniform over `points`."""
-    low, high = (min(count, len(pool)) for count in config.points)
-    count = min(round(float(np.exp(rng.uniform(np.log(low), np.log(high))))), len(pool))
-    cloud = pool[rng.choice(len(pool), count, replace=False, shuffle=False)]
-    amplitude = float(rng.uniform(0.0, config.noise_scale))
-    return add_noise(cloud, config.noise, amplitude, rng)
+        return mirrored(record, self.controls) if in_mirror else record
 
 
 def _stack(samples: list[tuple[np.ndarray, Record]]) -> Batch:

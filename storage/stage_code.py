@@ -20,7 +20,8 @@ _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_c
 _MESHES = ("storage.meshes", "z2p_core.ply_header")
 _PICTURES = ("pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.geometry", "z2p_core.images", *_MESHES)
 _KERNEL_FILES = (
-    "bounce.c", "colour.c", "fast.h", "floor.h", "grid.c", "grid.h", "light.c", "planes.c", "project.c", "splat.c",
+    "colour.c", "fast.h", "floor.h", "gather.c", "grid.c", "grid.h", "hits.c", "jets.c", "light.c",
+    "planes.c", "project.c", "sight.h", "splat.c",
 )
 _KERNELS = ("z2p_core.native", *(f"z2p_core/native/{name}" for name in _KERNEL_FILES))
 _NETWORK = (
@@ -56,9 +57,9 @@ SHAPING: dict[str, tuple[str, ...]] = {
         "z2p_core.images", *_CONTROLS,
     ),
     "train": (
-        "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.curve",
-        "pipeline.shard:shrink_pictures", "storage.shards", "z2p_core.images", "z2p_core.losses", "z2p_core.noise",
-        "pipeline.export", "storage.exports", *_NETWORK,
+        "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.augment",
+        "pipeline.curve", "pipeline.shard:shrink_pictures", "storage.shards", "z2p_core.images", "z2p_core.losses",
+        "z2p_core.geometry", "z2p_core.noise", "pipeline.export", "storage.exports", *_NETWORK,
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",

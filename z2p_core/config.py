@@ -114,6 +114,10 @@ class TrainConfig:
     """Smallest and largest cloud, drawn log-uniformly for each sample."""
     reuse: int = 1
     """Epochs for which a render keeps its cloud: drawing buffers may take longer than learning from them."""
+    even: float = 0.0
+    """Share of the clouds that are spread evenly, as voxel filters leave them; the others are random."""
+    mirror: bool = False
+    """Half of the samples have left and right exchanged, another half each time their clouds are drawn."""
     noise: str = "none"
     """``none``, ``uniform`` or ``gaussian``."""
     noise_scale: float = 0.0

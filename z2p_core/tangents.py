@@ -1,8 +1,9 @@
-"""Where the surface of a bare cloud lies and which way it faces: planes through as many neighbours as noise asks for.
+"""Where the surface of a bare cloud lies and which way it faces: patches through as many neighbours as noise asks for.
 
-Planes are fitted twice (Hoppe et al., Surface Reconstruction from Unorganized Points, 1992): through all neighbours
-alike, then through those that agree with the first answer, which keeps creases and close sheets apart. Of a noisy
-cloud more neighbours are asked, and its points are moved onto their planes.
+First a plane (Hoppe et al., Surface Reconstruction from Unorganized Points, 1992) through all neighbours alike; then,
+twice, a curved patch (Cazals and Pouget, osculating jets, 2005) through those that agree with the answer before, which
+keeps creases and close sheets apart. Of a noisy cloud more neighbours are asked, and its points are moved onto their
+patches.
 """
 
 from __future__ import annotations
@@ -22,10 +23,12 @@ PROBES = 400
 """Points at which noise is measured."""
 MOST_POINTS = 40_000
 """Of larger clouds so many points, chosen by their coordinates, stand for all."""
-LOOSE, LOOSER = 0.35, 2.0
-"""How far from the first plane a neighbour still counts: in spacings, and in standard deviations of the noise."""
+PATCHES = 2
+"""How often a patch is fitted, each time from the normals before."""
+LOOSE, LOOSER = 0.6, 2.0
+"""How far from the plane before a neighbour still counts: in spacings, and in standard deviations of the noise."""
 BUMPS = 0.1
-"""Of a clean surface at one spacing: where noise is as large, a point goes half the way to its plane."""
+"""Of a clean surface at one spacing: where noise is as large, a point goes half the way to its patch."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +57,13 @@ def tangents(cloud: np.ndarray) -> Tangents:
     count = neighbours_for(noise / typical)
     if count > FEWEST:
         found, _ = in_halves(partial(grid.neighbours, count=count), everyone)
-    first, _, _ = in_halves(partial(native.planes, grid.points), everyone, found)
-    tolerance = LOOSE * spacing + np.float32(LOOSER * noise)
-
-    def again(asked: np.ndarray, found: np.ndarray, tolerance: np.ndarray) -> tuple[np.ndarray, ...]:
-        return native.planes(grid.points, asked, found, (first, tolerance))
-
-    normals, middles, _ = in_halves(again, everyone, found, tolerance)
-    points = moved(grid.points, normals, middles, spacing, noise)
+    normals, _ = in_halves(partial(native.planes, grid.points), found)
+    scale = spacing * np.float32(math.sqrt(count / FEWEST))
+    tolerance = LOOSE * scale + np.float32(LOOSER * noise)
+    for _ in range(PATCHES):
+        fit = partial(native.jets, grid.points, normals)
+        normals, heights = in_halves(fit, everyone, found, tolerance, scale)
+    points = moved(grid.points, normals, heights, spacing, noise)
     return Tangents(points, spacing, normals, noise, spacing[found[:, FEWEST // 2]])
 
 
@@ -98,7 +100,7 @@ def left_by_curvature(points: np.ndarray, asked: np.ndarray, found: np.ndarray) 
     """
     variances = []
     for many in (found.shape[1] // 2, found.shape[1]):
-        spread = native.planes(points, asked, np.ascontiguousarray(found[:, :many]))[2]
+        spread = native.planes(points, np.ascontiguousarray(found[:, :many]))[1]
         variances.append(float(np.median(spread)) ** 2 * many / (many - 3))  # three of them fit the plane
     return math.sqrt(max(4 * variances[0] - variances[1], 0.0) / 3)
 
@@ -109,14 +111,13 @@ def neighbours_for(noise: float) -> int:
 
 
 def moved(
-    points: np.ndarray, normals: np.ndarray, middles: np.ndarray, spacing: np.ndarray, noise: float
+    points: np.ndarray, normals: np.ndarray, heights: np.ndarray, spacing: np.ndarray, noise: float
 ) -> np.ndarray:
-    """Points (N, 3), each moved towards its plane, the further the more of its distance is noise."""
+    """Points (N, 3), each moved towards its patch, the further the more of its height (N,) above it is noise."""
     if noise == 0:
         return points
     share = noise**2 / (noise**2 + (BUMPS * spacing) ** 2)
-    away = ((points - middles) * normals).sum(1) * share
-    result: np.ndarray = points - away[:, None] * normals
+    result: np.ndarray = points - (heights * share)[:, None] * normals
     return result
 
 

@@ -38,6 +38,16 @@ def in_halves(work: Callable[..., tuple[np.ndarray, ...]], *arrays: np.ndarray) 
     return tuple(np.concatenate(pair) for pair in zip(first, second.result(), strict=True))
 
 
+def over_rows(work: Callable[[int, int], object], count: int) -> None:
+    """Does the work for rows from 0 up to `count`, half of them on each of two cores."""
+    if count < SMALLEST:
+        work(0, count)
+        return
+    second = beside(work, count // 2, count)
+    work(0, count // 2)
+    second.result()
+
+
 class _Core:
     """A thread, and whether it waits for work: those who draw several pictures at a time share it."""
 

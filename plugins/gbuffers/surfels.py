@@ -33,17 +33,19 @@ SURE, FULL = 25.0, 2.2
 up to where they lie all around; about half of it is the surface's border."""
 NEAR, FAR = 2.6, 4.6
 """Depths of the unit sphere's near and far end."""
-LAMPS, FLOOR_LAMPS = 16, 64
+LAMPS, FLOOR_LAMPS = 36, 64
 """Points that stand for the area light, over points and over the floor, where its penumbra shows."""
-SKY_DIRECTIONS, FLOOR_SKY = 16, 64
+SKY_DIRECTIONS, FLOOR_SKY = 24, 64
 """Directions that stand for the sky, likewise."""
 PLASTIC = 1.32471795724
 """Whose powers spread points evenly over a square, few of them in a row (Roberts, R2 sequence)."""
 FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.02, 450, 64
 """Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side; and cells
 a side for the light that comes back from the cloud."""
-FLOOR_ALBEDO = 0.85
-"""Blender's own 0.8 for a surface without a material, and a little for light that goes to and fro."""
+FLOOR_ALBEDO = 0.8
+"""Blender's own for a surface without a material."""
+BOUNCES = 2
+"""How often light is followed from the cloud's points to each other, and by way of the floor."""
 GREY = 0.5
 """Albedo of the grey picture: dark enough to stay below white under the nearest light."""
 UPPER = 0.55
@@ -61,7 +63,7 @@ class Surfels(GBuffer):
     """
 
     name = "surfels"
-    version = "3"
+    version = "4"
     channels = 10
     lighting: ClassVar[type[Lighting]]
 
@@ -120,14 +122,20 @@ class Lighting:
             native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side),
         )
         self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
-        self.first, self.second = native.gather(
-            points, normals, sky, hits.result(), self.direct, self.floor, *self.shades
-        )
-        self.glow = native.floor_glow(points, normals, self.first, above[::2], 2 * even[::2], self.floor, GLOW_CELLS)
+        seen = hits.result()
+        self.bounces = [native.gather_open(points, normals, sky, seen, self.direct, self.floor, *self.shades)]
+        self.glows = []
+        for _ in range(BOUNCES):
+            light = self.bounces[-1]
+            glow = native.floor_glow(points, normals, light, above[::2], 2 * even[::2], self.floor, GLOW_CELLS)
+            self.glows.append(glow)
+            self.bounces.append(native.gather_bounced(points, normals, sky, seen, light, self.floor, glow))
 
     def draw_shadow(self, camera: Camera, out: np.ndarray) -> None:
         """Draws into `out` (H, W) the alpha of the floor's shadow."""
-        native.floor_shadow(*self.shades, self.glow * float(self.color.mean()), self.floor, camera, out)
+        albedo = float(self.color.mean())
+        glow = np.sum([glow * albedo**times for times, glow in enumerate(self.glows, 1)], axis=0)
+        native.floor_shadow(*self.shades, glow, self.floor, camera, out)
 
     def colors(self, viewer: np.ndarray) -> np.ndarray:
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey, then in the surface's colour."""
@@ -136,8 +144,7 @@ class Lighting:
 
     def light(self, albedo: np.ndarray) -> np.ndarray:
         """What diffuse surfaces of these albedos (A,) get: (N, A), as the radiance of a white one, linear."""
-        # What comes back once more, and again, is about as much as an albedo times what came back first.
-        light: np.ndarray = self.first[0][:, None] + self.second[:, None] * albedo * (1 + albedo)
+        light: np.ndarray = sum(bounce[0][:, None] * albedo**times for times, bounce in enumerate(self.bounces))
         return light
 
 
@@ -173,7 +180,7 @@ def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarr
 
 
 def sky_axes() -> np.ndarray:
-    """Directions (16, 3) spread evenly over the upper half of the sky."""
+    """Directions (24, 3) spread evenly over the upper half of the sky."""
     height = (np.arange(SKY_DIRECTIONS) + 0.5) / SKY_DIRECTIONS
     angle = np.arange(SKY_DIRECTIONS) * math.pi * (3 - math.sqrt(5))
     side = np.sqrt(1 - height**2)

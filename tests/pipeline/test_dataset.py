@@ -7,7 +7,8 @@ import pytest
 import torch
 from synthetic import CONTROLS, sphere_record, sphere_shard
 
-from pipeline.dataset import CloudPictures, DatasetError, draw_cloud
+from pipeline.augment import draw_cloud
+from pipeline.dataset import CloudPictures, DatasetError
 from plugins.gbuffers.surfels import Surfels
 from plugins.zbuffers.paper import PaperZBuffer
 from storage.shards import ShardError, write_shard
@@ -182,3 +183,25 @@ def test_sides_take_turns_at_equal_cost_and_each_shows_its_own_frame(shards):
     assert_equal(alone.batch(1), data.batch(2))
     with pytest.raises(DatasetError, match="divisors of the shards' 32, got 24"):
         pictures(shards, replace(CONFIG, resolutions=(24,)))
+
+
+def test_mirrored_samples_are_those_of_a_mirrored_scene(shards):
+    """The synthetic spheres are alike in a mirror, so a sample must lie over its target either way."""
+    plain, data = pictures(shards, replace(CONFIG, points=(4000, 4000))), pictures(
+        shards, replace(CONFIG, points=(4000, 4000), mirror=True, batch=13)
+    )
+    batch = data.batch(0)
+    targets = {tuple(plain._record(place, 32).rgba.ravel()) for place in plain.training}
+    flipped = [tuple(np.flip(plain._record(place, 32).rgba, 1).ravel()) for place in plain.training]
+    assert not targets & set(flipped)
+    shadow_side = batch.buffers[:, -10]  # surfels' coverage
+    seen, drawn = batch.target[:, 3] > 0, shadow_side > 0.5
+    assert (drawn & seen).sum() > 0.9 * seen.sum()
+    grey = batch.buffers[:, -4:-1].mean(1)  # the G-buffer's own light agrees with the target's, mirrored or not
+    lit = batch.target[:, :3].mean(1)
+    for one in range(13):
+        inside = drawn[one] & seen[one]
+        assert np.corrcoef(grey[one][inside].numpy(), lit[one][inside].numpy())[0, 1] > 0.5
+    azimuths = {round(float(data._record(place, 32).settings[4]), 4) for place in data.training}
+    turned = sum(round(float(azimuth), 4) not in azimuths for azimuth in batch.settings[:, 4])
+    assert 2 <= turned <= 11

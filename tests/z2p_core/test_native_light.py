@@ -153,22 +153,57 @@ def test_an_open_point_gathers_the_sky_above_and_the_floor_below():
     normals = np.float32([[0, 0, 1], [0, 0, -1], [1, 0, 0]])
     free = np.full((2 * len(axes), 3), -1, np.int32)
     points, direct = np.zeros((3, 3)), np.zeros((2, 3))
-    first, second = native.gather(points, normals, axes, free, direct, floor, none, none)
-    np.testing.assert_allclose(first[0], [0.7, 0.35, 0.525], rtol=0.02)  # the floor sends half of the sky's light back
-    np.testing.assert_allclose(first[1], [0.35, 0.7, 0.525], rtol=0.02)
-    assert not second.any()
-    dark, _ = native.gather(points, normals, axes, free, direct, floor, none, np.ones_like(none))
-    assert dark[0, 1] < 0.1 * first[0, 1] and dark[0, 0] == first[0, 0]  # a floor that sees no sky gives none
+    light = native.gather_open(points, normals, axes, free, direct, floor, none, none)
+    np.testing.assert_allclose(light[0], [0.7, 0.35, 0.525], rtol=0.02)  # the floor sends half of the sky's light back
+    np.testing.assert_allclose(light[1], [0.35, 0.7, 0.525], rtol=0.02)
+    dark = native.gather_open(points, normals, axes, free, direct, floor, none, np.ones_like(none))
+    assert dark[0, 1] < 0.1 * light[0, 1] and dark[0, 0] == light[0, 0]  # a floor that sees no sky gives none
 
 
 def test_points_light_each_other_with_the_side_that_they_show():
-    axes, floor, none = all_around(), floor_under(power=0.0, sky=0.0), np.zeros((8, 8), np.float32)
+    axes, floor, none = all_around(), floor_under(), np.zeros((8, 8), np.float32)
     hits = np.full((2 * len(axes), 2), -1, np.int32)
     hits[::2, 0] = 1  # all that the first point sees above is the second
-    direct = np.float32([[0, 3.0], [0, 5.0]])
+    light = np.float32([[0, 3.0], [0, 5.0]])
     for down, expected in ((DOWN, 3.0), (UP, 5.0)):
-        _, second = native.gather(np.zeros((2, 3)), np.stack([UP, down]), axes, hits, direct, floor, none, none)
-        assert second[0] == pytest.approx(expected, rel=0.02) and second[1] == 0
+        bounced = native.gather_bounced(np.zeros((2, 3)), np.stack([UP, down]), axes, hits, light, floor, none)
+        assert bounced[0] == pytest.approx([expected, 0], rel=0.02) and not bounced[1].any()
+
+
+def test_a_glowing_floor_lights_what_looks_down_on_it():
+    axes, floor = all_around(), floor_under(half=9.0)
+    glow, light = np.full((8, 8), 2.0, np.float32), np.zeros((2, 2), np.float32)
+    free = np.full((2 * len(axes), 2), -1, np.int32)
+    bounced = native.gather_bounced(np.zeros((2, 3)), np.stack([UP, DOWN]), axes, free, light, floor, glow)
+    np.testing.assert_allclose(bounced, [[0, 2 * floor.albedo], [2 * floor.albedo, 0]], rtol=0.06)
+
+
+def test_many_points_gather_what_each_gathers_alone():
+    """Rows are shared between two cores; the answer is the same."""
+    points, axes, floor = sphere_of(3000, radius=0.8), AXES, floor_under()
+    hits = native.first_hits(points, points / 0.8, axes, math.sqrt(4 * math.pi * 0.64 / 3000), 0.85)
+    light, none = np.ones((2, 3000), np.float32), np.zeros((8, 8), np.float32)
+    together = native.gather_bounced(points, points / 0.8, axes, hits, light, floor, none)
+    for one in (0, 1499, 1500, 2999):
+        seen = np.where(hits[:, one] >= 0, 1, -1).astype(np.int32)
+        pair, facing = points[[one, hits[:, one].max()]], points[[one, hits[:, one].max()]] / 0.8
+        if (seen < 0).all():
+            assert not together[:, one].any()
+            continue
+        alone = native.gather_bounced(pair, facing, axes, np.stack([seen, seen], 1), light[:, :2], floor, none)
+        np.testing.assert_allclose(together[:, one], alone[:, 0], rtol=1e-5)
+
+
+def test_a_sheet_of_random_points_lets_no_light_through():
+    """Its points lie up to three spacings apart, and yet it has no hole."""
+    count = 3000
+    sheet, below = square_of(count, 0.4, 0.5), square_of(1000, 0.2, -0.5, seed=1)
+    points, up = np.concatenate([sheet, below]), np.tile(UP, (count + 1000, 1))
+    spacing, lamp = 0.8 / math.sqrt(count), np.float32([[0, 0, 3.5]])
+    light = native.illuminate(points, up, lamp, DOWN[None], np.float32([1.0]), spacing, 1.5)
+    hits = native.first_hits(points, up, AXES[:1], spacing, 1.0)
+    assert not light[0, count:].any() and (hits[0, count:] >= 0).all()
+    assert (light[0, :count] > 0).all() and (hits[0, :count] < 0).all()
 
 
 def test_the_floor_sees_the_lower_side_of_what_hangs_over_it():

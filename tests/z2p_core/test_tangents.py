@@ -27,6 +27,30 @@ def test_normals_of_a_sphere_are_its_radii():
     assert np.quantile(off_radius(found.points, found.normals), 0.99) < 8
 
 
+def test_patches_follow_curvature_where_planes_do_not():
+    cloud = sphere_of(1000)
+    grid = native.Grid(cloud)
+    found, _ = grid.neighbours(np.arange(1000, dtype=np.int32), FEWEST)
+    flat = off_radius(grid.points, native.planes(grid.points, found)[0])
+    fine = tangents(cloud)
+    assert np.median(off_radius(fine.points, fine.normals)) < 0.4 * np.median(flat)
+
+
+@pytest.mark.parametrize("count", [16, 40])
+def test_a_jet_is_exact_on_a_surface_of_its_own_order(count):
+    """A bowl, seen from a point above it, its first normal off by some degrees."""
+    rng = np.random.default_rng(5)
+    flat = rng.uniform(-0.1, 0.1, (count, 2))
+    flat[0] = 0
+    points = np.column_stack([flat, 0.4 * flat[:, 0] ** 2 - 0.3 * flat[:, 0] * flat[:, 1]]).astype(np.float32)
+    points[0, 2] += 0.01
+    before = np.tile(np.float32([0.05, 0, 1]) / math.sqrt(1.0025), (count, 1)).astype(np.float32)
+    everyone, wide = np.arange(count, dtype=np.int32)[None], np.float32([0.1])
+    normals, heights = native.jets(points, before, np.int32([0]), everyone, 10 * wide, wide)
+    assert normals[0] == pytest.approx([0, 0, 1], abs=0.02)
+    assert heights[0] == pytest.approx(0.01, abs=0.003)  # it is one of its own neighbours
+
+
 @pytest.mark.parametrize("count", [500, 4000, 30_000])
 def test_spacing_is_the_side_of_a_points_share_of_the_surface(count):
     assert np.median(tangents(sphere_of(count)).spacing) == pytest.approx(math.sqrt(4 * math.pi / count), rel=0.12)

@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from z2p_core.threads import SMALLEST, beside, in_halves
+from z2p_core.threads import SMALLEST, beside, in_halves, over_rows
 
 
 def test_work_is_done_on_another_thread_and_its_result_comes_back():
@@ -42,3 +42,14 @@ def test_halves_are_joined_in_order(count):
     doubled, same = in_halves(lambda x, y: (2 * x, y), numbers, table)
     np.testing.assert_array_equal(doubled, 2 * numbers)
     np.testing.assert_array_equal(same, table)
+
+
+@pytest.mark.parametrize("count", [0, 1, SMALLEST - 1, SMALLEST, 2 * SMALLEST + 1])
+def test_every_row_is_worked_on_once(count):
+    seen = np.zeros(count, int)
+
+    def work(first, last):
+        seen[first:last] += 1
+
+    over_rows(work, count)
+    assert (seen == 1).all()

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.camera import Camera
+from z2p_core.threads import over_rows
 
 
 @dataclass(frozen=True)
@@ -121,21 +122,29 @@ class Grid:
         return found, spacing
 
 
-def planes(
-    points: np.ndarray, asked: np.ndarray, found: np.ndarray, weighted: tuple[np.ndarray, np.ndarray] | None = None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Planes through the neighbours found (M, K) of the points asked for (M,): normals, middles (M, 3), spread (M,).
+def planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Planes through the neighbours found (M, K) among points (N, 3): normals (M, 3), of either sign, and spread (M,).
 
-    Normals have either sign; spread is the neighbours' standard deviation off the plane. `weighted` has normals of all
-    points (N, 3) and tolerances (M,): then those neighbours count most that lie so near the plane through the point
-    that is given by its normal, and whose own normals agree with it.
+    Spread is the neighbours' standard deviation off the plane.
     """
-    count = len(asked)
-    normals, middles = np.empty((count, 3), np.float32), np.empty((count, 3), np.float32)
-    spread = np.empty(count, np.float32)
-    before, tolerance = weighted if weighted else (None, None)
-    _call("z2p_planes", points, asked, found, count, found.shape[1], before, tolerance, normals, middles, spread)
-    return normals, middles, spread
+    count = len(found)
+    normals, spread = np.empty((count, 3), np.float32), np.empty(count, np.float32)
+    _call("z2p_planes", points, found, count, found.shape[1], normals, spread)
+    return normals, spread
+
+
+def jets(
+    points: np.ndarray, before: np.ndarray, asked: np.ndarray, found: np.ndarray, tolerance: np.ndarray,
+    scale: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Normals (M, 3) of curved patches through the neighbours found (M, K) of points asked for (M,), and heights (M,).
+
+    A height is how far the point lies above its patch, along the normal. Those neighbours count most that lie near the
+    plane by its normal of `before` (N, 3), within tolerances (M,), that agree with it, and that are near by scale (M,).
+    """
+    normals, heights = np.empty((len(asked), 3), np.float32), np.empty(len(asked), np.float32)
+    _call("z2p_jets", points, before, asked, found, len(asked), found.shape[1], tolerance, scale, normals, heights)
+    return normals, heights
 
 
 def illuminate(
@@ -183,21 +192,38 @@ def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacin
     return hits
 
 
-def gather(
+def gather_open(
     points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, direct: np.ndarray, floor: Floor,
     lamp_shade: np.ndarray, sky_shade: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Radiance (2, N) of a white diffuse cloud on both sides, and (N,) what its points add to each other on side 0.
+) -> np.ndarray:  # fmt: skip
+    """Radiance (2, N) of a white diffuse cloud under lamps, sky and the floor that they light, on both sides.
 
     `direct` (2, N) is what comes straight from the lamps, as a radiance; `hits` those of `first_hits`; the shades
-    (S, S) those of `floor_shade`. The second is that of a white surface too: it is to be scaled by the albedo.
+    (S, S) those of `floor_shade`.
     """
-    first, second = np.array(direct, np.float32), np.empty(len(points), np.float32)
-    _call(
-        "z2p_gather", _floats(points), _floats(normals), len(points), _floats(axes), len(axes), hits, floor.numbers,
-        _floats(lamp_shade), _floats(sky_shade), len(sky_shade), first, second,
+    light, count = np.array(direct, np.float32), len(points)
+    given = (_floats(points), _floats(normals), count), (
+        _floats(axes), len(axes), hits, floor.numbers, _floats(lamp_shade), _floats(sky_shade), len(sky_shade), light,
     )  # fmt: skip
-    return first, second
+    over_rows(lambda begin, end: _call("z2p_gather_open", *given[0], begin, end, *given[1]), count)
+    return light
+
+
+def gather_bounced(
+    points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, light: np.ndarray, floor: Floor,
+    glow: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Radiance (2, N) that white diffuse points get from each other, and once more from the floor that they light.
+
+    `light` (2, N) is what they send back on both sides; `hits` those of `first_hits`; `glow` (G, G) that light's
+    `floor_glow`. Of points with an albedo it is so much for each time that the cloud sent it on.
+    """
+    bounced, count = np.empty((2, len(points)), np.float32), len(points)
+    given = (_floats(points), _floats(normals), count), (
+        _floats(axes), len(axes), hits, floor.numbers, _floats(glow), len(glow), _floats(light), bounced,
+    )  # fmt: skip
+    over_rows(lambda begin, end: _call("z2p_gather_bounced", *given[0], begin, end, *given[1]), count)
+    return bounced
 
 
 def floor_glow(

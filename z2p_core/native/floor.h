@@ -17,5 +17,5 @@ static inline float lamp_on_floor(const Floor *floor, float x, float y) {
     float d[3] = {floor->lamp[0] - x, floor->lamp[1] - y, floor->lamp[2] - floor->height};
     float square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     float shining = -(d[0] * floor->axis[0] + d[1] * floor->axis[1] + d[2] * floor->axis[2]);
-    return WHITE_OVER_PI * floor->power * fmaxf(shining, 0) * d[2] / (square * square);
+    return WHITE_OVER_PI * floor->power * (shining > 0 ? shining : 0) * d[2] / (square * square);
 }

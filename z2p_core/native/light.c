@@ -7,17 +7,15 @@
 
 #include "fast.h"
 #include "floor.h"
+#include "sight.h"
 
-#define LARGEST_MAP 512
 #define MOST_LAMPS 64
+#define MOST_POINTS 0xffff /* whose numbers go into the lower half of a map's cells */
+#define DEPTHS 0x7ffe      /* that the upper half tells apart */
 
 typedef struct {
     float across[3], up[3], ahead[3]; /* axes of the view from a lamp at the origin */
 } View;
-
-static float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-static inline float least(float a, float b) { return b < a ? b : a; } /* unlike fminf one instruction */
 
 static View look_from(const float *lamp) {
     View view;
@@ -33,25 +31,6 @@ static View look_from(const float *lamp) {
     return view;
 }
 
-/* Minimum over 3 x 3 windows, in place; `line` holds one row. */
-static inline void spread_nearest(float *map, int side, float *line) {
-    for (int y = 0; y < side; y++) {
-        float *row = map + (size_t)y * side;
-        memcpy(line, row, sizeof(float) * (size_t)side);
-        for (int x = 1; x < side - 1; x++) row[x] = least(line[x], least(line[x - 1], line[x + 1]));
-    }
-    float *above = line, *kept = line + side;
-    memcpy(above, map, sizeof(float) * (size_t)side);
-    for (int y = 1; y < side - 1; y++) {
-        float *row = map + (size_t)y * side;
-        memcpy(kept, row, sizeof(float) * (size_t)side);
-        for (int x = 0; x < side; x++) row[x] = least(row[x], least(above[x], row[x + side]));
-        float *swap = above;
-        above = kept;
-        kept = swap;
-    }
-}
-
 /* Depth and cell in a lamp's map, -1 outside of it, of each point. Plain arithmetic, for vectors. */
 static inline void place_points(const float *restrict points, int count, const float *restrict lamp, const View *view,
                                 float half, float step, int side, float *restrict depth, int *restrict cell) {
@@ -60,66 +39,70 @@ static inline void place_points(const float *restrict points, int count, const f
         float dx = points[3 * i] - lamp[0], dy = points[3 * i + 1] - lamp[1], dz = points[3 * i + 2] - lamp[2];
         float ahead = dx * f[0] + dy * f[1] + dz * f[2];
         float x = (dx * r[0] + dy * r[1] + dz * r[2]) / ahead, y = (dx * u[0] + dy * u[1] + dz * u[2]) / ahead;
-        int column = (int)((x + half) / step) + 2, row = (int)((y + half) / step) + 2;
+        int column = (int)((x + half) / step) + MARGIN, row = (int)((y + half) / step) + MARGIN;
         int inside = (column > 0) & (row > 0) & (column < side - 1) & (row < side - 1) & (ahead > 0);
         depth[i] = ahead;
         cell[i] = inside ? row * side + column : -1;
     }
 }
 
-/* Draws the depth map of the cloud seen from a lamp, each point spread over 3 x 3 cells, and gives each point's depth
- * in it and the depth of the nearest point about its cell. */
-static inline void draw_map(const float *points, int count, const float *lamp, float spacing, float radius, float *map,
-                            float *line, float *depth, int *cell, float *nearest) {
+/* Draws the map of the cloud seen from a lamp: depth, and in the lower half of its bits the point's number; and says
+ * which points nothing nearer to the lamp hides, 0 or 1. */
+static inline void cast_shadows(const float *points, const float *normals, int count, const float *lamp, float spacing,
+                                float radius, int32_t *map, int32_t *room, float *depth, int *cell, float *open) {
     View view = look_from(lamp);
     float away = sqrtf(dot(lamp, lamp)), reach = fmaxf(away * away - radius * radius, 0.25f);
-    float half = radius / sqrtf(reach) * 1.02f, step = spacing / 1.5f / away;
-    int side = (int)fminf(2 * half / step + 5, LARGEST_MAP);
-    step = 2 * half / (float)(side - 4);
+    float half = radius / sqrtf(reach) * 1.02f, step = spacing / FINE / away;
+    int side = (int)fminf(2 * half / step + 1 + 2 * MARGIN, LARGEST_MAP);
+    step = 2 * half / (float)(side - 2 * MARGIN);
     place_points(points, count, lamp, &view, half, step, side, depth, cell);
-    for (int i = 0; i < side * side; i++) map[i] = INFINITY;
-    for (int i = 0; i < count; i++)
-        if (cell[i] >= 0 && depth[i] < map[cell[i]]) map[cell[i]] = depth[i];
-    spread_nearest(map, side, line);
-    for (int i = 0; i < count; i++) nearest[i] = cell[i] >= 0 ? map[cell[i]] : INFINITY;
+    float nearest = away - 1.01f * radius, steps = DEPTHS / (2.02f * radius);
+    for (int i = 0; i < side * side; i++) map[i] = NOTHING;
+    for (int i = 0; i < count; i++) {
+        if (cell[i] < 0) continue;
+        int32_t key = (int32_t)((depth[i] - nearest) * steps) * (MOST_POINTS + 1) + i;
+        if (key < map[cell[i]]) map[cell[i]] = key;
+    }
+    close_holes(map, side, room);
+    for (int i = 0; i < count; i++) {
+        int first = cell[i] >= 0 && map[cell[i]] != NOTHING ? map[cell[i]] & MOST_POINTS : i;
+        const float *p = points + 3 * i, way[3] = {lamp[0] - p[0], lamp[1] - p[1], lamp[2] - p[2]};
+        open[i] = depth[i] - depth[first] < TOUCH * spacing || own_surface(points, normals, i, first, way);
+    }
 }
 
-/* Adds to light (2, count) what a lamp gives the points that nothing nearer hides from it, on the side that the normal
- * points to and on the other one. Plain arithmetic again. */
+/* Adds to light (2, count) what a lamp gives the points that are open to it, on the side that the normal points to and
+ * on the other one. Plain arithmetic again. */
 static inline void add_light(const float *restrict points, const float *restrict normals, int count,
-                             const float *restrict lamp, const float *restrict axis, float power, float spacing,
-                             const float *restrict depth, const float *restrict nearest, float *restrict light) {
+                             const float *restrict lamp, const float *restrict axis, float power,
+                             const float *restrict open, float *restrict light) {
     for (int i = 0; i < count; i++) {
         float dx = lamp[0] - points[3 * i], dy = lamp[1] - points[3 * i + 1], dz = lamp[2] - points[3 * i + 2];
         float square = dx * dx + dy * dy + dz * dz, length = sqrtf(square);
         float towards = (dx * normals[3 * i] + dy * normals[3 * i + 1] + dz * normals[3 * i + 2]) / length;
-        float facing = fabsf(towards);
-        float shining = -(dx * axis[0] + dy * axis[1] + dz * axis[2]) / length, sine = 1 - facing * facing;
-        /* a slanting surface comes nearer within its own cells: do not let it shade itself */
-        float slope = sqrtf(sine > 0 ? sine : 0) / (facing > 0.05f ? facing : 0.05f);
-        float slack = spacing * (1.0f + 1.4f * (slope < 3.0f ? slope : 3.0f));
-        float found = (shining > 0) & !(depth[i] > nearest[i] + slack) ? power * facing * shining / square : 0;
+        float shining = -(dx * axis[0] + dy * axis[1] + dz * axis[2]) / length;
+        float found = shining > 0 ? open[i] * power * fabsf(towards) * shining / square : 0;
         light[i] += towards > 0 ? found : 0;
         light[count + i] += towards > 0 ? 0 : found;
     }
 }
 
 /* light (2, count): what the lamps give each point, on the side that its normal points to and on the other one: the sum
- * of power x cos(at the point) x cos(at the lamp) / distance^2 over the lamps that no other part of the cloud hides
- * from it. A lamp has a place (3), a unit axis (3) along which it shines and a power. `spacing` is that of the cloud,
- * `radius` bounds it. */
+ * of power x cos(at the point) x cos(at the lamp) / distance^2 over the lamps that no other part of the cloud, of at
+ * most MOST_POINTS, hides from it. A lamp has a place (3), a unit axis (3) along which it shines and a power. `spacing`
+ * is that of the cloud, `radius` bounds it. */
 FAST int z2p_illuminate(const float *points, const float *normals, int count, const float *lamps, const float *axes,
                    const float *powers, int lamp_count, float spacing, float radius, float *light) {
-    float *map = malloc(sizeof(float) * LARGEST_MAP * LARGEST_MAP), *line = malloc(sizeof(float) * 2 * LARGEST_MAP);
-    float *depth = malloc(sizeof(float) * 2 * ((size_t)count + 1)), *nearest = depth + count;
+    int32_t *map = malloc(sizeof(int32_t) * 2 * LARGEST_MAP * LARGEST_MAP), *room = map + LARGEST_MAP * LARGEST_MAP;
+    float *depth = malloc(sizeof(float) * 2 * ((size_t)count + 1)), *open = depth + count;
     int *cell = malloc(sizeof(int) * ((size_t)count + 1));
-    int fine = map && line && depth && cell;
+    int fine = map && depth && cell && count <= MOST_POINTS;
     for (size_t i = 0; i < 2 * (size_t)count; i++) light[i] = 0;
     for (int l = 0; fine && l < lamp_count; l++) {
-        draw_map(points, count, lamps + 3 * l, spacing, radius, map, line, depth, cell, nearest);
-        add_light(points, normals, count, lamps + 3 * l, axes + 3 * l, powers[l], spacing, depth, nearest, light);
+        cast_shadows(points, normals, count, lamps + 3 * l, spacing, radius, map, room, depth, cell, open);
+        add_light(points, normals, count, lamps + 3 * l, axes + 3 * l, powers[l], open, light);
     }
-    free(map); free(line); free(depth); free(cell);
+    free(map); free(depth); free(cell);
     return fine;
 }
 
@@ -191,13 +174,19 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, const fl
     return fine;
 }
 
-/* Value of a floor grid at a place, linear between the cells' centres, 0 outside. */
-static float sample(const float *grid, int side, float column, float row) {
-    if (!(column >= 0 && row >= 0 && column < (float)side - 1 && row < (float)side - 1)) return 0;
-    int left = (int)column, top = (int)row;
-    float x = column - (float)left, y = row - (float)top;
-    const float *at = grid + (size_t)top * side + left;
-    return (at[0] * (1 - x) + at[1] * x) * (1 - y) + (at[side] * (1 - x) + at[side + 1] * x) * y;
+/* A row of a floor grid (side, side) at any height, linear between the cells' centres; 0 outside. */
+static inline void blend_rows(const float *restrict grid, int side, float row, float *restrict out) {
+    int top = (int)floorf(row), inside = row >= 0 && row < (float)side - 1;
+    float y = row - (float)top;
+    const float *at = grid + (size_t)(inside ? top : 0) * side;
+    for (int x = 0; x < side; x++) out[x] = inside ? at[x] * (1 - y) + at[side + x] * y : 0;
+}
+
+/* Value of such a row at a place, likewise. */
+static inline float sample(const float *restrict line, int side, float column) {
+    int inside = (column >= 0) & (column < (float)side - 1), left = inside ? (int)column : 0;
+    float x = column - (float)left;
+    return inside ? line[left] * (1 - x) + line[left + 1] * x : 0;
 }
 
 /* Bounds left, right, top and bottom, a cell wider, of the cells where either grid (side, side) is above 0. */
@@ -223,37 +212,40 @@ static inline void shaded_part(const float *restrict first, const float *restric
 
 /* alpha (height, width): the share of the floor's light that is missing at each pixel, 0 where no floor is seen. Two
  * grids (side, side) say how much of the lamp's and the sky's light is hidden (see z2p_floor_shade), and `glow`
- * (coarse, coarse) what comes back from the cloud, as a radiance; rotation (3, 3) and place (3) are the camera's. */
+ * (coarse, coarse) what comes back from the cloud, as a radiance; rotation (3, 3), whose first row is the X axis, and
+ * place (3) are the camera's. So each row of pixels sees the floor along a line of its grids. */
 FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int side, const float *glow, int coarse,
                           const Floor *floor, const float *rotation, const float *place, float focal, int width,
                           int height, float *alpha) {
     float half = floor->half, scale = (float)side / (2 * half), ratio = (float)coarse / (float)side, part[4];
-    float *columns = malloc(sizeof(float) * 2 * ((size_t)width + 1)), *rows = columns + width;
-    if (!columns) return 0;
+    float *lamp_line = malloc(sizeof(float) * (2 * (size_t)side + (size_t)coarse));
+    float *sky_line = lamp_line + side, *glow_line = sky_line + side;
+    if (!lamp_line) return 0;
     shaded_part(lamp_shade, sky_shade, side, part);
+    memset(alpha, 0, sizeof(float) * (size_t)width * height);
     for (int v = 0; v < height; v++) {
-        float y = ((float)v + 0.5f - 0.5f * (float)height) / focal;
-        for (int u = 0; u < width; u++) { /* where each pixel's ray meets the floor, in cells; far off if it does not */
-            float x = ((float)u + 0.5f - 0.5f * (float)width) / focal, ray[3];
-            for (int a = 0; a < 3; a++) ray[a] = x * rotation[a] + y * rotation[3 + a] + rotation[6 + a];
-            float reach = (floor->height - place[2]) / (ray[2] < -1e-6f ? ray[2] : -1e-6f);
-            columns[u] = (place[0] + reach * ray[0] + half) * scale - 0.5f;
-            rows[u] = ray[2] < -1e-6f ? (place[1] + reach * ray[1] + half) * scale - 0.5f : -2.0f;
-        }
-        float *out = alpha + (size_t)v * width;
-        for (int u = 0; u < width; u++) {
-            out[u] = 0;
-            float column = columns[u], row = rows[u];
-            if (!(column > part[0] && column < part[1] && row > part[2] && row < part[3])) continue;
-            float hidden_lamp = sample(lamp_shade, side, column, row);
-            float hidden_sky = sample(sky_shade, side, column, row);
-            if (hidden_lamp + hidden_sky <= 0) continue;
-            float back = sample(glow, coarse, (column + 0.5f) * ratio - 0.5f, (row + 0.5f) * ratio - 0.5f);
-            float light = lamp_on_floor(floor, (column + 0.5f) / scale - half, (row + 0.5f) / scale - half);
+        float y = ((float)v + 0.5f - 0.5f * (float)height) / focal, fall = y * rotation[5] + rotation[8];
+        if (fall > -1e-6f) continue; /* at the horizon or above it */
+        float reach = (floor->height - place[2]) / fall;
+        float row = (place[1] + reach * (y * rotation[4] + rotation[7]) + half) * scale - 0.5f;
+        if (!(row > part[2] && row < part[3])) continue;
+        float step = reach / focal * scale, start = (place[0] + half) * scale - 0.5f;
+        start += (0.5f - 0.5f * (float)width) * step; /* the first pixel's column of the grids */
+        int from = (int)fmaxf(ceilf((part[0] - start) / step), 0);
+        int to = (int)fminf(floorf((part[1] - start) / step), (float)width - 1);
+        blend_rows(lamp_shade, side, row, lamp_line);
+        blend_rows(sky_shade, side, row, sky_line);
+        blend_rows(glow, coarse, (row + 0.5f) * ratio - 0.5f, glow_line);
+        float *out = alpha + (size_t)v * width, y_floor = (row + 0.5f) / scale - half;
+        for (int u = from; u <= to; u++) {
+            float column = start + (float)u * step;
+            float hidden_lamp = sample(lamp_line, side, column), hidden_sky = sample(sky_line, side, column);
+            float back = sample(glow_line, coarse, (column + 0.5f) * ratio - 0.5f);
+            float light = lamp_on_floor(floor, (column + 0.5f) / scale - half, y_floor);
             float missing = light * hidden_lamp + floor->sky * hidden_sky - back;
-            out[u] = fmaxf(missing, 0) / (light + floor->sky);
+            out[u] = (hidden_lamp + hidden_sky > 0) & (missing > 0) ? missing / (light + floor->sky) : 0;
         }
     }
-    free(columns);
+    free(lamp_line);
     return 1;
 }

@@ -9,8 +9,6 @@
 
 #define LANES 16      /* points whose planes are found at a time */
 #define SHARED 12     /* nearest points that tell how large a patch of surface is a point's share */
-#define AGREE 0.2f    /* 1 - cosine at which a neighbour that faces elsewhere counts a quarter */
-#define LEAST 1e-4f   /* weight of any neighbour, so that there always is a plane */
 
 /* One Jacobi rotation of symmetric matrices, a lane each: takes away pq, turns pr and qr, and the vectors p and q. */
 static inline void rotate(float *pp, float *qq, float *pq, float *pr, float *qr, float (*p)[LANES], float (*q)[LANES]) {
@@ -79,62 +77,31 @@ int z2p_neighbours(const Grid *grid, const float *points, const int *asked, int 
     return 1;
 }
 
-/* Weights of the neighbours q (n, 3) of p whose normals are `facing` (n, 3): those near the plane through p with that
- * normal, and facing the same way or the opposite one, count most. */
-static inline void weigh(const float *p, const float *normal, int n, const float (*q)[3], const float (*facing)[3],
-                         float tolerance, float *weight) {
-    float narrow = 1 / (tolerance + 1e-9f);
-    for (int j = 0; j < n; j++) {
-        float away = 0, along = 0;
+/* Covariance xx xy xz yy yz zz of the points (n) in a row. */
+static inline void covariance(const float *points, const int *row, int n, float *m) {
+    float q[MOST_NEIGHBOURS][3], mean[3] = {0};
+    for (int j = 0; j < n; j++)
         for (int a = 0; a < 3; a++) {
-            away += (q[j][a] - p[a]) * normal[a];
-            along += facing[j][a] * normal[a];
+            q[j][a] = points[3 * (size_t)row[j] + a];
+            mean[a] += q[j][a] / (float)n;
         }
-        away *= narrow;
-        float doubt = (1 + away * away) * (1 + (1 - fabsf(along)) * (1 / AGREE));
-        weight[j] = 1 / (doubt * doubt) + LEAST;
-    }
-}
-
-/* Weighted mean (3) and covariance xx xy xz yy yz zz of points q (n, 3). */
-static inline void moments(int n, const float (*q)[3], const float *weight, float *mean, float *m) {
-    float sum = 0;
-    mean[0] = mean[1] = mean[2] = 0;
-    for (int j = 0; j < n; j++) {
-        sum += weight[j];
-        for (int a = 0; a < 3; a++) mean[a] += weight[j] * q[j][a];
-    }
-    for (int a = 0; a < 3; a++) mean[a] /= sum;
     for (int i = 0; i < 6; i++) m[i] = 0;
     for (int j = 0; j < n; j++) {
-        float w = weight[j] / sum, x = q[j][0] - mean[0], y = q[j][1] - mean[1], z = q[j][2] - mean[2];
+        float x = q[j][0] - mean[0], y = q[j][1] - mean[1], z = q[j][2] - mean[2], w = 1 / (float)n;
         m[0] += w * x * x; m[1] += w * x * y; m[2] += w * x * z;
         m[3] += w * y * y; m[4] += w * y * z; m[5] += w * z * z;
     }
 }
 
-/* Planes through neighbours found (count, most): unit normals (count, 3), either way; middles (count, 3) on them; and
- * the spread (count) of the neighbours off each, a standard deviation. All neighbours count alike, or, where `before`
- * (of all points) has normals, those count most that lie near the plane through the point, within `tolerance` (count),
- * and agree with it. */
-FAST int z2p_planes(const float *points, const int *asked, const int *found, int count, int most, const float *before,
-                    const float *tolerance, float *normals, float *middles, float *spread) {
+/* Planes through neighbours found (count, most): unit normals (count, 3), either way; and the spread (count) of the
+ * neighbours off each, a standard deviation. */
+FAST int z2p_planes(const float *points, const int *found, int count, int most, float *normals, float *spread) {
     for (int first = 0; first < count; first += LANES) {
         int lanes = count - first < LANES ? count - first : LANES;
         float m[6][LANES] = {{0}}, axes[3][LANES], kept[6][LANES];
         for (int i = 0; i < lanes; i++) {
-            const int at = first + i, *row = found + (size_t)at * most;
-            float q[MOST_NEIGHBOURS][3], facing[MOST_NEIGHBOURS][3], weight[MOST_NEIGHBOURS], own[6];
-            for (int j = 0; j < most; j++)
-                for (int a = 0; a < 3; a++) {
-                    q[j][a] = points[3 * (size_t)row[j] + a];
-                    if (before) facing[j][a] = before[3 * (size_t)row[j] + a];
-                    else weight[j] = 1;
-                }
-            if (before)
-                weigh(points + 3 * (size_t)asked[at], before + 3 * (size_t)asked[at], most, q, facing, tolerance[at],
-                      weight);
-            moments(most, q, weight, middles + 3 * (size_t)at, own);
+            float own[6];
+            covariance(points, found + (size_t)(first + i) * most, most, own);
             for (int j = 0; j < 6; j++) m[j][i] = kept[j][i] = own[j];
         }
         z2p_smallest_axes(m, axes);

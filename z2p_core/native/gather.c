@@ -1,0 +1,112 @@
+/* Light that comes to the points of a cloud by way of the sky, of the lit floor and of each other; and from them to the
+ * floor. */
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fast.h"
+#include "floor.h"
+#include "sight.h"
+
+/* The cell of a grid (side, side) of the floor that a ray from a point meets, -1 where it is none of the square's. */
+static inline int cell_below(const float *point, const float *ray, const Floor *floor, int side, float *place) {
+    float reach = (floor->height - point[2]) / ray[2], scale = (float)side / (2 * floor->half);
+    place[0] = point[0] + reach * ray[0];
+    place[1] = point[1] + reach * ray[1];
+    float column = (place[0] + floor->half) * scale, row = (place[1] + floor->half) * scale;
+    int inside = column >= 0 && row >= 0 && column < (float)side && row < (float)side;
+    return inside ? (int)row * side + (int)column : -1;
+}
+
+/* Radiance of the floor, lit by lamp and sky, where a ray from a point meets it. */
+static inline float lit_floor(const float *point, const float *ray, const Floor *floor, const float *lamp_shade,
+                              const float *sky_shade, int side) {
+    float place[2];
+    int cell = cell_below(point, ray, floor, side, place);
+    float lamp = lamp_on_floor(floor, place[0], place[1]), sky = floor->sky;
+    if (cell >= 0) {
+        lamp *= 1 - lamp_shade[cell];
+        sky *= 1 - sky_shade[cell];
+    }
+    return floor->albedo * (lamp + sky);
+}
+
+static inline void ray_of(const float *axes, int direction, float *ray) {
+    for (int a = 0; a < 3; a++) ray[a] = (direction % 2 ? -1.0f : 1.0f) * axes[3 * (direction / 2) + a];
+}
+
+/* light (2, count): adds, for the points from `begin` to `end`, what comes from the sky and from the floor that lamp
+ * and sky light, to the side that the normal points to and to the other one. `hit` is that of z2p_first_hits. All is
+ * radiance of a white diffuse surface. */
+FAST int z2p_gather_open(const float *points, const float *normals, int count, int begin, int end, const float *axes,
+                         int axis_count, const int *hit, const Floor *floor, const float *lamp_shade,
+                         const float *sky_shade, int side, float *light) {
+    float share = 2.0f / (float)axis_count; /* 4 pi of the sphere, over pi, over twice as many directions */
+    for (int d = 0; d < 2 * axis_count; d++) {
+        float ray[3];
+        ray_of(axes, d, ray);
+        for (int i = begin; i < end; i++) {
+            if (hit[(size_t)d * count + i] >= 0) continue;
+            float facing = dot(normals + 3 * i, ray), found = floor->sky;
+            if (ray[2] <= 0) found = lit_floor(points + 3 * i, ray, floor, lamp_shade, sky_shade, side);
+            light[(facing < 0) * (size_t)count + i] += share * fabsf(facing) * found;
+        }
+    }
+    return 1;
+}
+
+/* bounced (2, count): for the points from `begin` to `end`, what comes from the other points and, by way of the floor,
+ * whose cells (side, side) glow as z2p_floor_glow says, once more from them all, if each point sends back `light`
+ * (2, count). */
+FAST int z2p_gather_bounced(const float *points, const float *normals, int count, int begin, int end,
+                            const float *axes, int axis_count, const int *hit, const Floor *floor, const float *glow,
+                            int side, const float *light, float *bounced) {
+    float share = 2.0f / (float)axis_count;
+    for (int i = begin; i < end; i++) bounced[i] = bounced[(size_t)count + i] = 0;
+    for (int d = 0; d < 2 * axis_count; d++) {
+        float ray[3], place[2];
+        ray_of(axes, d, ray);
+        for (int i = begin; i < end; i++) {
+            int other = hit[(size_t)d * count + i];
+            float facing = dot(normals + 3 * i, ray), found;
+            if (other >= 0) {
+                found = light[(dot(normals + 3 * other, ray) > 0) * (size_t)count + other];
+            } else {
+                int cell = ray[2] < 0 ? cell_below(points + 3 * i, ray, floor, side, place) : -1;
+                if (cell < 0) continue;
+                found = floor->albedo * glow[cell];
+            }
+            bounced[(facing < 0) * (size_t)count + i] += share * fabsf(facing) * found;
+        }
+    }
+    return 1;
+}
+
+/* glow (side, side): what the cells of the floor's square see of a white cloud's radiance, summed over directions of
+ * the sky (3) with their weights. `light` (2, count) is the cloud's radiance on both sides. */
+FAST int z2p_floor_glow(const float *points, const float *normals, const float *light, int count, const float *axes,
+                        const float *weights, int axis_count, float floor, float half, int side, float *glow) {
+    size_t cells = (size_t)side * side;
+    float *low = malloc(sizeof(float) * 2 * cells), *found = low + cells, scale = (float)side / (2 * half);
+    if (!low) return 0;
+    memset(glow, 0, sizeof(float) * cells);
+    for (int a = 0; a < axis_count; a++) {
+        const float *axis = axes + 3 * a;
+        for (size_t c = 0; c < cells; c++) low[c] = INFINITY, found[c] = 0;
+        for (int i = 0; i < count; i++) {
+            const float *p = points + 3 * i;
+            float reach = (p[2] - floor) / axis[2];
+            float x = (p[0] - reach * axis[0] + half) * scale, y = (p[1] - reach * axis[1] + half) * scale;
+            if (!(x >= 0 && y >= 0 && x < (float)side && y < (float)side)) continue;
+            size_t cell = (size_t)(int)y * side + (int)x;
+            if (p[2] >= low[cell]) continue;
+            low[cell] = p[2];
+            found[cell] = light[(dot(normals + 3 * i, axis) > 0) * (size_t)count + i];
+        }
+        for (size_t c = 0; c < cells; c++) glow[c] += weights[a] * found[c];
+    }
+    free(low);
+    return 1;
+}

@@ -1,0 +1,136 @@
+/* What the points of a cloud see all around them: each other, or the open. */
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fast.h"
+#include "sight.h"
+
+#define BUCKETS 1024
+
+typedef struct {
+    float *height;  /* along the axis */
+    int *cell;      /* of a map across it */
+    int *order;     /* of the points by height */
+    int *map;       /* in each cell the point met last, -1 for none */
+    int32_t *ends;  /* in each cell the place in the order, seen from the far end, of the point there */
+    int32_t *room;  /* for another such map */
+    int side;
+} Sweep;
+
+/* Height along the axis and cell across it of each point. */
+static inline void place_across(const float *restrict points, int count, const float *axis, float radius, float step,
+                                Sweep *sweep) {
+    float flat = sqrtf(axis[0] * axis[0] + axis[1] * axis[1]);
+    float r[3] = {flat > 1e-6f ? -axis[1] / flat : 1, flat > 1e-6f ? axis[0] / flat : 0, 0};
+    float u[3] = {r[1] * axis[2], -r[0] * axis[2], r[0] * axis[1] - r[1] * axis[0]};
+    float inverse = 1 / step, *restrict height = sweep->height;
+    int most = sweep->side - 1 - MARGIN, side = sweep->side, *restrict cell = sweep->cell;
+    for (int i = 0; i < count; i++) {
+        const float *p = points + 3 * i;
+        height[i] = p[0] * axis[0] + p[1] * axis[1] + p[2] * axis[2];
+        int column = (int)((p[0] * r[0] + p[1] * r[1] + radius) * inverse) + MARGIN;
+        int row = (int)((p[0] * u[0] + p[1] * u[1] + p[2] * u[2] + radius) * inverse) + MARGIN;
+        column = column < MARGIN ? MARGIN : column > most ? most : column;
+        row = row < MARGIN ? MARGIN : row > most ? most : row;
+        cell[i] = row * side + column;
+    }
+}
+
+static inline void sort_by_height(int count, float radius, Sweep *sweep) {
+    int starts[BUCKETS + 1] = {0};
+    float scale = (float)BUCKETS / (2 * radius);
+    for (int pass = 0; pass < 2; pass++) {
+        for (int i = 0; i < count; i++) {
+            int bucket = (int)((sweep->height[i] + radius) * scale);
+            bucket = bucket < 0 ? 0 : bucket >= BUCKETS ? BUCKETS - 1 : bucket;
+            if (pass) sweep->order[starts[bucket]++] = i;
+            else starts[bucket + 1]++;
+        }
+        for (int b = 0; !pass && b < BUCKETS; b++) starts[b + 1] += starts[b];
+    }
+}
+
+static inline void insert(Sweep *sweep, int point) {
+    for (int y = -1; y < 2; y++) {
+        int *cell = sweep->map + sweep->cell[point] + y * sweep->side;
+        cell[-1] = cell[0] = cell[1] = point;
+    }
+}
+
+/* The point that comes at a place in the order, seen from the end that the axis (sign 1) points to, or from the other. */
+static inline int at_place(const Sweep *sweep, int count, float sign, int place) {
+    return sweep->order[sign > 0 ? count - 1 - place : place];
+}
+
+/* Which points lie at the far end along the axis (sign 1) or against it (-1), with the holes between them closed. */
+static inline void find_ends(int count, float sign, Sweep *sweep) {
+    for (int c = 0; c < sweep->side * sweep->side; c++) sweep->ends[c] = NOTHING;
+    for (int place = count - 1; place >= 0; place--)
+        sweep->ends[sweep->cell[at_place(sweep, count, sign, place)]] = place;
+    close_holes(sweep->ends, sweep->side, sweep->room);
+}
+
+/* What comes first on each point's way. Points are met from the far end on; those that a point could see have been put
+ * into the map by then, the nearest one last. */
+static inline void see(int count, float sign, float clear, Sweep *sweep, int *hit) {
+    int next = 0;
+    memset(sweep->map, -1, sizeof(int) * (size_t)sweep->side * sweep->side);
+    for (int place = 0; place < count; place++) {
+        int point = at_place(sweep, count, sign, place);
+        for (; next < count; next++) {
+            int other = at_place(sweep, count, sign, next);
+            if (sign * (sweep->height[other] - sweep->height[point]) < clear) break;
+            insert(sweep, other);
+        }
+        hit[point] = sweep->map[sweep->cell[point]];
+    }
+}
+
+/* A way is free where the far end is near, or of the point's own surface. Where it is not, but what seems to come first
+ * is of that surface, or slipped through a hole, it is the far end that comes first. */
+static inline void settle(const float *points, const float *normals, int count, const float *axis, float sign, float clear,
+                   const Sweep *sweep, int *hit) {
+    float way[3] = {sign * axis[0], sign * axis[1], sign * axis[2]};
+    for (int i = 0; i < count; i++) {
+        int32_t end = sweep->ends[sweep->cell[i]];
+        int other = end == NOTHING ? i : at_place(sweep, count, sign, end);
+        if (sign * (sweep->height[other] - sweep->height[i]) < clear || own_surface(points, normals, i, other, way))
+            hit[i] = -1;
+        else if (hit[i] < 0 || own_surface(points, normals, i, hit[i], way))
+            hit[i] = other;
+    }
+}
+
+/* hit (2 x axis_count, count): the point that each point of a cloud sees first along each axis (3) and, in the next
+ * row, against it; -1 where the view is free. `spacing` is that of the cloud, `radius` bounds it. */
+FAST int z2p_first_hits(const float *points, const float *normals, int count, const float *axes, int axis_count,
+                        float spacing, float radius, int *hit) {
+    Sweep sweep;
+    float step = spacing / FINE;
+    sweep.side = (int)fminf(2 * radius / step + 1 + 2 * MARGIN, LARGEST_MAP);
+    step = 2 * radius / (float)(sweep.side - 2 * MARGIN);
+    size_t cells = (size_t)sweep.side * sweep.side;
+    sweep.height = malloc(sizeof(float) * ((size_t)count + 1));
+    sweep.cell = malloc(sizeof(int) * 2 * ((size_t)count + 1));
+    sweep.order = sweep.cell + count;
+    sweep.map = malloc(sizeof(int) * cells);
+    sweep.ends = malloc(sizeof(int32_t) * 2 * cells);
+    sweep.room = sweep.ends + cells;
+    int fine = sweep.height && sweep.cell && sweep.map && sweep.ends;
+    for (int a = 0; fine && a < axis_count; a++) {
+        place_across(points, count, axes + 3 * a, radius, step, &sweep);
+        sort_by_height(count, radius, &sweep);
+        for (int back = 0; back < 2; back++) {
+            float sign = back ? -1.0f : 1.0f;
+            int *found = hit + (size_t)(2 * a + back) * count;
+            find_ends(count, sign, &sweep);
+            see(count, sign, CLEAR * spacing, &sweep, found);
+            settle(points, normals, count, axes + 3 * a, sign, CLEAR * spacing, &sweep, found);
+        }
+    }
+    free(sweep.height); free(sweep.cell); free(sweep.map); free(sweep.ends);
+    return fine;
+}
