@@ -15,6 +15,8 @@ from storage.manifests import MANIFEST
 from workflows.plan import Planned, Step
 
 FRESH, STALE, MISSING = "fresh", "stale", "missing"
+UPSTREAM, FEW = "upstream ", 4
+"""How a reason begins that lies upstream, and how many of these a table shows."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +59,17 @@ def table(found: Sequence[State], *, every: bool = True) -> list[str]:
     """Lines of a table: state, step and reasons; and a closing line of counts."""
     shown = [one for one in found if every or one.state != FRESH]
     width = max((len(one.step) for one in shown), default=0)
-    lines = [f"{one.state.upper():8}{one.step:{width}}  {'; '.join(one.reasons)}".rstrip() for one in shown]
+    lines = [f"{one.state.upper():8}{one.step:{width}}  {'; '.join(_few(one.reasons))}".rstrip() for one in shown]
     counts = {state: sum(one.state == state for one in found) for state in (FRESH, STALE, MISSING)}
     return [*lines, ", ".join(f"{count} {state}" for state, count in counts.items())]
+
+
+def _few(reasons: Sequence[str]) -> list[str]:
+    """The reasons, of many that lie upstream only the first."""
+    upstream = [reason for reason in reasons if reason.startswith(UPSTREAM)]
+    left_out = upstream[FEW:]
+    kept = [reason for reason in reasons if reason not in left_out]
+    return [*kept, f"and {len(left_out)} more upstream (--json has all)"] if left_out else kept
 
 
 def as_json(found: Sequence[State]) -> str:
@@ -78,7 +88,7 @@ def _reasons(before: Mapping[str, Any], step: Step, plan: Planned, earlier: _Ear
         return own
     known = json.dumps(before["fields"])
     changed = [_without_views(name) for name in step.upstream if earlier.is_new(plan.steps[name], known)]
-    return own + [f"upstream {name}" for name in dict.fromkeys(changed)] or ["upstream results were taken away"]
+    return own + [f"{UPSTREAM}{name}" for name in dict.fromkeys(changed)] or ["upstream results were taken away"]
 
 
 def _without_views(name: str) -> str:

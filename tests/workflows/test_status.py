@@ -11,7 +11,7 @@ from small_store import fill, listing
 from storage.layout import Store
 from workflows.plan import make_plan
 from workflows.report_plan import load_report_plan, report_source
-from workflows.status import as_json, states, table, to_run
+from workflows.status import State, as_json, states, table, to_run
 
 TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"
 
@@ -95,6 +95,15 @@ def test_table_and_json_say_the_same(config, store):
     assert len(table(found, every=False)) == len(lines) - 1
     rows = json.loads(as_json(found))
     assert [row["step"] for row in rows] == list(plan.steps) and rows[1]["state"] == "missing"
+
+
+def test_a_table_names_a_few_of_many_reasons_upstream_and_json_all_of_them():
+    many = tuple(f"upstream shard/{number}" for number in range(170))
+    found = [State("train", "train", "stale", ("steps 5 -> 6", *many), "0")]
+    line = table(found)[0]
+    assert "steps 5 -> 6" in line and "upstream shard/0" in line and "and 166 more upstream" in line
+    assert len(line) < 200
+    assert json.loads(as_json(found))[0]["reasons"] == ["steps 5 -> 6", *many]
 
 
 @pytest.fixture
