@@ -46,6 +46,9 @@ FLOOR_ALBEDO = 0.8
 """Blender's own for a surface without a material."""
 BOUNCES = 2
 """How often light is followed from the cloud's points to each other, and by way of the floor."""
+KEPT, DIMMED = 0.95, 0.8
+"""Of a shadow, and of light that the cloud sends into it, for each time that it was sent: fitted to renders, whose
+shadow catcher is not quite a floor."""
 GREY = 0.5
 """Albedo of the grey picture: dark enough to stay below white under the nearest light."""
 UPPER = 0.55
@@ -133,9 +136,10 @@ class Lighting:
 
     def draw_shadow(self, camera: Camera, out: np.ndarray) -> None:
         """Draws into `out` (H, W) the alpha of the floor's shadow."""
-        albedo = float(self.color.mean())
+        albedo = DIMMED * float(self.color.mean())
         glow = np.sum([glow * albedo**times for times, glow in enumerate(self.glows, 1)], axis=0)
         native.floor_shadow(*self.shades, glow, self.floor, camera, out)
+        out *= KEPT
 
     def colors(self, viewer: np.ndarray) -> np.ndarray:
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey, then in the surface's colour."""
