@@ -74,20 +74,22 @@ class LoadedNetwork:
     card: dict[str, Any]
 
 
-def load_network(weights: Weights | str | Path) -> LoadedNetwork:
+def load_network(weights: Weights | str | Path, *, to_train: bool = False) -> LoadedNetwork:
     """The torch network and plugins of loaded weights, of a shipped name or of a file.
+
+    `to_train` takes other versions of the buffers' plugins as well: training gets the network used to them.
 
     Raises:
         WeightsError: the weights are unknown, damaged, or made with plugins of other versions.
         PluginError: a plugin that they need is not installed.
     """
-    loaded = load_plugins(weights)
+    loaded = load_plugins(weights, to_train=to_train)
     network = loaded.build()
     return LoadedNetwork(network, loaded.zbuffer, loaded.gbuffer, loaded.encoder, loaded.controls, loaded.card)
 
 
-def load_plugins(weights: Weights | str | Path) -> LoadedWeights:
-    """Loaded weights, or those of a shipped name or of a file, and the plugins of their card.
+def load_plugins(weights: Weights | str | Path, *, to_train: bool = False) -> LoadedWeights:
+    """Loaded weights, or those of a shipped name or of a file, and the plugins of their card; see `load_network`.
 
     Raises:
         WeightsError: the weights are unknown, damaged, or made with plugins of other versions.
@@ -96,7 +98,7 @@ def load_plugins(weights: Weights | str | Path) -> LoadedWeights:
     if not isinstance(weights, Weights):
         weights = load_weights(resolve(weights))
     card = weights.card
-    zbuffer, gbuffer = _matching("zbuffers", card["zbuffer"])(), _matching("gbuffers", card["gbuffer"])()
+    zbuffer, gbuffer = (_matching(f"{kind}s", card[kind], to_train)() for kind in ("zbuffer", "gbuffer"))
     encoder = _matching("encoders", card["encoder"]).from_state(card["encoder"]["state"])
     controls = {entry["name"]: _control(entry) for entry in card["controls"]}
     try:
@@ -106,10 +108,10 @@ def load_plugins(weights: Weights | str | Path) -> LoadedWeights:
     return LoadedWeights(weights, config, zbuffer, gbuffer, encoder, controls)
 
 
-def _matching(group: str, entry: dict[str, Any]) -> type[Any]:
+def _matching(group: str, entry: dict[str, Any], any_version: bool = False) -> type[Any]:
     """The plugin class of a card's entry, of the very version that the weights were trained with."""
     plugin = registry.load(group, entry["name"])
-    if plugin.version != entry["version"]:
+    if plugin.version != entry["version"] and not any_version:
         raise WeightsError(
             f"weights need {group[:-1]} {entry['name']!r} version {entry['version']}, installed is {plugin.version}; "
             "install that version or train again"

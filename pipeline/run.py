@@ -70,7 +70,7 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
             raise ValueError(f"train: {name}: expected 1 or more, got {getattr(config, name)}")
     zbuffer, gbuffer = (registry.load(f"{kind}s", getattr(config.network, kind))() for kind in ("zbuffer", "gbuffer"))
     data = CloudPictures(shards, config, zbuffer, gbuffer)
-    start = load_network(config.start) if config.start else None
+    start = load_network(config.start, to_train=True) if config.start else None
     if start:
         encoder = start.encoder
     else:

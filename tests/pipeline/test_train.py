@@ -289,6 +289,16 @@ def test_fine_tuning_may_go_on_with_a_gbuffer_that_refines_the_known_one_and_wit
         train(shards, replace(CONFIG, start=str(grown), steps=1), tmp_path / "back", log=silent)
 
 
+def test_weights_that_know_an_earlier_gbuffer_draw_nothing_but_may_be_fine_tuned(undisturbed, shards, tmp_path):
+    before = load_weights(undisturbed / "weights.safetensors")
+    earlier = tmp_path / "earlier.safetensors"
+    save_weights(earlier, before.tensors, {**before.card, "gbuffer": {"name": "surfels", "version": "0"}})
+    with pytest.raises(WeightsError, match="gbuffer 'surfels' version 0"):
+        load_network(earlier)
+    tuned = train(shards, replace(CONFIG, start=str(earlier), steps=1), tmp_path, log=silent)
+    assert load_weights(tuned).card["gbuffer"] == before.card["gbuffer"]
+
+
 def test_weights_of_another_network_are_not_fine_tuned(undisturbed, shards, tmp_path):
     other = replace(CONFIG, start=str(undisturbed / "weights.safetensors"), network=replace(NETWORK, widths=(16, 24)))
     with pytest.raises(TrainError, match=r"train.start: expected weights whose network is .*16, 24.*got .*32"):
