@@ -23,6 +23,12 @@ def test_light_falls_with_distance_and_angle():
     np.testing.assert_array_equal(away, light[::-1])  # the side that is lit is told apart
 
 
+def test_more_points_than_shadow_maps_can_number_are_refused():
+    points = np.zeros((native.MOST_LIT + 1, 3), np.float32)
+    with pytest.raises(ValueError, match="at most 65535 points to light, got 65536"):
+        native.illuminate(points, points, np.float32([[0, 0, 3]]), DOWN[None], np.float32([1.0]), 0.01, 1.0)
+
+
 def test_a_sheet_hides_the_lamp_from_what_lies_below_it_and_not_itself():
     spacing = 0.6 / math.sqrt(4000)
     sheet = square_of(4000, 0.3, 0.5)

@@ -18,6 +18,10 @@ from z2p_core.camera import Camera
 from z2p_core.threads import over_rows
 
 
+MOST_LIT = 0xFFFF
+"""Points whose numbers fit into shadow maps."""
+
+
 @dataclass(frozen=True)
 class Floor:
     """The floor's square and the light on it, in world units."""
@@ -155,7 +159,12 @@ def illuminate(
 
     A lamp of power p gives p cos cos / distance^2 where the cloud, of that spacing and within `radius` of the origin,
     does not hide it: to the side that the normal points to, row 0, or to the other one.
+
+    Raises:
+        ValueError: more points than shadow maps can number.
     """
+    if len(points) > MOST_LIT:
+        raise ValueError(f"expected at most {MOST_LIT} points to light, got {len(points)}")
     light = np.empty((2, len(points)), np.float32)
     _call(
         "z2p_illuminate", _floats(points), _floats(normals), len(points), _floats(lamps), _floats(axes),
