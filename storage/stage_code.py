@@ -23,7 +23,10 @@ _KERNEL_FILES = (
     "colour.c", "fast.h", "floor.h", "gather.c", "grid.c", "grid.h", "hits.c", "jets.c", "light.c",
     "planes.c", "project.c", "sight.h", "splat.c",
 )
-_KERNELS = ("z2p_core.native", *(f"z2p_core/native/{name}" for name in _KERNEL_FILES))
+_KERNELS = (
+    "z2p_core.native", *(f"z2p_core.native.{name}" for name in ("calls", "lighting", "pictures", "surfaces")),
+    *(f"z2p_core/native/{name}" for name in _KERNEL_FILES),
+)
 _NETWORK = (
     "pipeline.buffers", "pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting",
     "z2p_core.camera", "z2p_core.scene", "z2p_core.tangents", "z2p_core.threads", *_KERNELS,

@@ -70,7 +70,7 @@ def test_density_is_the_weight_of_the_discs_over_that_of_a_full_surface():
 
 
 def test_kernels_older_than_the_code_are_told(monkeypatch):
-    monkeypatch.setattr(native, "library", object)
+    monkeypatch.setattr(native.calls, "library", object)
     with pytest.raises(ImportError, match="z2p_grid is missing; install z2p again"):
         native.Grid(sphere_of(10))
 

@@ -1,0 +1,55 @@
+"""The compiled kernels and how they are called: with numpy arrays, without a lock, so threads run side by side."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.machinery
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+@lru_cache(maxsize=1)
+def library() -> ctypes.CDLL:
+    """The compiled kernels.
+
+    Raises:
+        ImportError: they were not compiled; the message says how.
+    """
+    for suffix in importlib.machinery.EXTENSION_SUFFIXES:
+        path = Path(__file__).parent / f"kernels{suffix}"
+        if path.exists():
+            return ctypes.CDLL(str(path))
+    raise ImportError(
+        f"z2p's compiled kernels are missing beside {__file__}; install a C compiler (Debian: apt-get install gcc "
+        "libc6-dev) and z2p again (pip install .)"
+    )
+
+
+def call(name: str, *arguments: Any) -> None:
+    """Calls a kernel with numbers, and arrays as places in memory.
+
+    Raises:
+        ImportError: the kernels are missing, or older than the code.
+        MemoryError: there is not enough of it.
+    """
+    given = [x.ctypes.data_as(ctypes.c_void_p) if isinstance(x, np.ndarray) else x for x in arguments]
+    kernel = getattr(library(), name, None)
+    if kernel is None:
+        raise ImportError(f"z2p's compiled kernels are older than its code: {name} is missing; install z2p again")
+    if not kernel(*given):
+        raise MemoryError(f"{name}: not enough memory")
+
+
+def place(out: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """`out` itself, once it is sure that a kernel may write there."""
+    if out.shape != shape or out.dtype != np.float32 or not out.flags.c_contiguous:
+        raise ValueError(f"expected a contiguous float32 array {shape} to draw into, got {out.dtype} {out.shape}")
+    return out
+
+
+def floats(array: np.ndarray) -> np.ndarray:
+    """The array as kernels read it: float32 in one piece."""
+    return np.ascontiguousarray(array, dtype=np.float32)

@@ -1,0 +1,152 @@
+"""Kernels of light on a cloud's points and on the floor below it."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+
+import numpy as np
+
+from z2p_core.camera import Camera
+from z2p_core.native.calls import call, floats, place
+from z2p_core.threads import over_rows
+
+MOST_LIT = 0xFFFF
+"""Points whose numbers fit into shadow maps."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """The floor's square and the light on it, in world units."""
+
+    height: float
+    half: float
+    """How far it reaches to every side of the origin."""
+    lamp: np.ndarray
+    """Place (3,) of the light, which shines along its unit axis (3,)."""
+    axis: np.ndarray
+    power: float
+    sky: float
+    """Radiance of the sky."""
+    albedo: float
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """The fields (11,) float32 in their order, as the kernels read them."""
+        return np.array(
+            [self.height, self.half, *self.lamp, *self.axis, self.power, self.sky, self.albedo], np.float32
+        )
+
+
+def illuminate(
+    points: np.ndarray, normals: np.ndarray, lamps: np.ndarray, axes: np.ndarray, powers: np.ndarray,
+    spacing: float, radius: float,
+) -> np.ndarray:  # fmt: skip
+    """Light (2, N) on points (N, 3) with normals: what of lamps (L, 3) that shine along unit axes (L, 3) reaches them.
+
+    A lamp of power p gives p cos cos / distance^2 where the cloud, of that spacing and within `radius` of the origin,
+    does not hide it: to the side that the normal points to, row 0, or to the other one.
+
+    Raises:
+        ValueError: more points than shadow maps can number.
+    """
+    if len(points) > MOST_LIT:
+        raise ValueError(f"expected at most {MOST_LIT} points to light, got {len(points)}")
+    light = np.empty((2, len(points)), np.float32)
+    call(
+        "z2p_illuminate", floats(points), floats(normals), len(points), floats(lamps), floats(axes),
+        floats(powers), len(lamps), ctypes.c_float(spacing), ctypes.c_float(radius), light,
+    )  # fmt: skip
+    return light
+
+
+def floor_shade(
+    points: np.ndarray, lamps: np.ndarray, weights: np.ndarray, floor: float, half: float, side: int
+) -> np.ndarray:
+    """Shade (side, side) on a square floor at that height, `half` to each side of the origin; row by row along +Y.
+
+    Each cell has the sum of the weights (L,) of the lamps (L, 3), L <= 64, that points (N, 3) hide from it.
+    """
+    shade = np.empty((side, side), np.float32)
+    call(
+        "z2p_floor_shade", floats(points), len(points), floats(lamps), floats(weights), len(lamps),
+        ctypes.c_float(floor), ctypes.c_float(half), side, shade,
+    )  # fmt: skip
+    return shade
+
+
+def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacing: float, radius: float) -> np.ndarray:
+    """The point (2 A, N) int32 that each of points (N, 3) sees first along unit axes (A, 3), and against each.
+
+    -1 where the view is free. The cloud has that spacing and lies within `radius` of the origin.
+    """
+    hits = np.empty((2 * len(axes), len(points)), np.int32)
+    call(
+        "z2p_first_hits", floats(points), floats(normals), len(points), floats(axes), len(axes),
+        ctypes.c_float(spacing), ctypes.c_float(radius), hits,
+    )  # fmt: skip
+    return hits
+
+
+def gather_open(
+    points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, direct: np.ndarray, floor: Floor,
+    lamp_shade: np.ndarray, sky_shade: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Radiance (2, N) of a white diffuse cloud under lamps, sky and the floor that they light, on both sides.
+
+    `direct` (2, N) is what comes straight from the lamps, as a radiance; `hits` those of `first_hits`; the shades
+    (S, S) those of `floor_shade`.
+    """
+    light, count = np.array(direct, np.float32), len(points)
+    given = (floats(points), floats(normals), count), (
+        floats(axes), len(axes), hits, floor.numbers, floats(lamp_shade), floats(sky_shade), len(sky_shade), light,
+    )  # fmt: skip
+    over_rows(lambda begin, end: call("z2p_gather_open", *given[0], begin, end, *given[1]), count)
+    return light
+
+
+def gather_bounced(
+    points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, light: np.ndarray, floor: Floor,
+    glow: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Radiance (2, N) that white diffuse points get from each other, and once more from the floor that they light.
+
+    `light` (2, N) is what they send back on both sides; `hits` those of `first_hits`; `glow` (G, G) that light's
+    `floor_glow`. Of points with an albedo it is so much for each time that the cloud sent it on.
+    """
+    bounced, count = np.empty((2, len(points)), np.float32), len(points)
+    given = (floats(points), floats(normals), count), (
+        floats(axes), len(axes), hits, floor.numbers, floats(glow), len(glow), floats(light), bounced,
+    )  # fmt: skip
+    over_rows(lambda begin, end: call("z2p_gather_bounced", *given[0], begin, end, *given[1]), count)
+    return bounced
+
+
+def floor_glow(
+    points: np.ndarray, normals: np.ndarray, light: np.ndarray, axes: np.ndarray, weights: np.ndarray, floor: Floor,
+    side: int,
+) -> np.ndarray:  # fmt: skip
+    """What the floor's cells (side, side) see of the cloud, as the radiance of a white floor.
+
+    `light` (2, N) is the cloud's radiance on both sides; unit axes (A, 3) go up, their weights (A,) sum to 1.
+    """
+    glow = np.empty((side, side), np.float32)
+    call(
+        "z2p_floor_glow", floats(points), floats(normals), floats(light), len(points), floats(axes),
+        floats(weights), len(axes), ctypes.c_float(floor.height), ctypes.c_float(floor.half), side, glow,
+    )  # fmt: skip
+    return glow
+
+
+def floor_shadow(
+    lamp_shade: np.ndarray, sky_shade: np.ndarray, glow: np.ndarray, floor: Floor, camera: Camera, out: np.ndarray
+) -> None:
+    """Draws into `out` (H, W) the alpha of the shadow on the floor as the camera sees it, 0 above the horizon.
+
+    The shades (S, S) are those of `floor_shade` for the lamp and for the sky, the glow (G, G) that of `floor_glow`.
+    """
+    call(
+        "z2p_floor_shadow", floats(lamp_shade), floats(sky_shade), len(sky_shade), floats(glow), len(glow),
+        floor.numbers, floats(camera.rotation), floats(camera.position), ctypes.c_float(camera.focal), camera.width,
+        camera.height, place(out, (camera.height, camera.width)),
+    )  # fmt: skip

@@ -1,0 +1,73 @@
+"""Kernels that draw: points and discs into buffers, and the finished picture's bytes."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from z2p_core.camera import Camera
+from z2p_core.native.calls import call, floats, place
+
+
+def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
+    """Depth (H + 2 margin, W + 2 margin) of the nearest of points (N, 3) in each pixel, infinity where there is none.
+
+    A point falls into the pixel that holds its projection; `margin` pixels beyond each border are kept.
+    """
+    height, width = camera.height + 2 * margin, camera.width + 2 * margin
+    depths = np.full(height * width + 1, np.inf, np.float32)  # the last takes the points that are not seen
+    view = np.concatenate([camera.rotation.ravel(), camera.position])
+    call(
+        "z2p_nearest_depth", floats(cloud), ctypes.c_int64(len(cloud)), floats(view), ctypes.c_float(camera.focal),
+        width, height, margin, depths,
+    )  # fmt: skip
+    return depths[:-1].reshape(height, width)
+
+
+def window_minimum(picture: np.ndarray, size: int) -> np.ndarray:
+    """Minimum (H - size + 1, W - size + 1) of every size x size window of (H, W)."""
+    height, width = picture.shape
+    out = np.empty((height - size + 1, width - size + 1), np.float32)
+    call("z2p_window_minimum", floats(picture), height, width, size, out)
+    return out
+
+
+def intensity(depth: np.ndarray, alpha: float, beta: float, out: np.ndarray) -> None:
+    """Draws into `out` (H, W) exp((alpha - depth) / beta) of depths (H, W), whose rows may lie apart; 0 of infinity."""
+    if depth.dtype != np.float32 or depth.strides[1] != 4:
+        raise ValueError(f"expected float32 depths whose rows are whole, got {depth.dtype}, strides {depth.strides}")
+    height, width = depth.shape
+    call(
+        "z2p_intensity", depth, ctypes.c_int64(depth.strides[0] // 4), height, width, ctypes.c_float(alpha),
+        ctypes.c_float(beta), place(out, (height, width)),
+    )  # fmt: skip
+
+
+def surfels(
+    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, features: np.ndarray, camera: Camera,
+    slack: float, sure: float, full: float, near: float, far: float, out: np.ndarray,
+    rows: tuple[int, int] | None = None,
+) -> None:  # fmt: skip
+    """Draws discs into `out` (9, H, W), 0 at first: coverage, density, depth and six features; 0 off the discs.
+
+    Points (N, 3) and normals (N, 3) are in the camera's axes, the normals facing it; features are (N, 6). Where discs
+    overlap, those at most `slack` of their radius behind the nearest are averaged, by weights w that fall from 1 to 0
+    towards a disc's rim. Of their sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes from
+    1 at `near` to 0 at `far`. Only `rows` from the first up to the last, that one excluded, are drawn.
+    """
+    first, last = rows or (0, camera.height)
+    call(
+        "z2p_surfels", floats(points), floats(normals), floats(radii), floats(features), len(points),
+        ctypes.c_float(camera.focal), camera.width, camera.height, first, last, ctypes.c_float(slack),
+        ctypes.c_float(sure), ctypes.c_float(full), ctypes.c_float(near), ctypes.c_float(far),
+        place(out, (9, camera.height, camera.width)),
+    )  # fmt: skip
+
+
+def straight_bytes(picture: np.ndarray) -> np.ndarray:
+    """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
+    _, height, width = picture.shape
+    out = np.empty((height, width, 4), np.uint8)
+    call("z2p_straight_bytes", floats(picture), ctypes.c_int64(height * width), out)
+    return out

@@ -1,0 +1,64 @@
+"""Kernels that find a bare cloud's neighbours, and the planes and patches through them."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from z2p_core.native.calls import call, floats
+
+
+class Grid:
+    """A cloud (N, 3), N >= 1, whose points are sorted by place, so that neighbours are found at once.
+
+    Attributes:
+        points: (N, 3) float32, in an order that does not depend on the cloud's.
+    """
+
+    def __init__(self, cloud: np.ndarray) -> None:
+        self.points = np.empty((len(cloud), 3), np.float32)
+        self._handle = np.zeros(1, np.uint64)
+        call("z2p_grid", floats(cloud), len(cloud), self.points, self._handle)
+
+    def __del__(self) -> None:
+        if self._handle[0]:
+            call("z2p_grid_free", ctypes.c_void_p(int(self._handle[0])))
+
+    def neighbours(self, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of `points` (M, count) int32, count <= 64, nearest to the points asked for (M,) int32, and spacing (M,).
+
+        A point is its own neighbour, and the last neighbour is repeated where a cloud has fewer. Spacing is the side of
+        the square patch of surface that is a point's share, by its 12 nearest points.
+        """
+        found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
+        call(
+            "z2p_neighbours", ctypes.c_void_p(int(self._handle[0])), self.points, asked, len(asked), count, found,
+            spacing,
+        )  # fmt: skip
+        return found, spacing
+
+
+def planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Planes through the neighbours found (M, K) among points (N, 3): normals (M, 3), of either sign, and spread (M,).
+
+    Spread is the neighbours' standard deviation off the plane.
+    """
+    count = len(found)
+    normals, spread = np.empty((count, 3), np.float32), np.empty(count, np.float32)
+    call("z2p_planes", points, found, count, found.shape[1], normals, spread)
+    return normals, spread
+
+
+def jets(
+    points: np.ndarray, before: np.ndarray, asked: np.ndarray, found: np.ndarray, tolerance: np.ndarray,
+    scale: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Normals (M, 3) of curved patches through the neighbours found (M, K) of points asked for (M,), and heights (M,).
+
+    A height is how far the point lies above its patch, along the normal. Those neighbours count most that lie near the
+    plane by its normal of `before` (N, 3), within tolerances (M,), that agree with it, and that are near by scale (M,).
+    """
+    normals, heights = np.empty((len(asked), 3), np.float32), np.empty(len(asked), np.float32)
+    call("z2p_jets", points, before, asked, found, len(asked), found.shape[1], tolerance, scale, normals, heights)
+    return normals, heights
