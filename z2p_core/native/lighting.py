@@ -101,7 +101,11 @@ def gather_open(
     given = (floats(points), floats(normals), count), (
         floats(axes), len(axes), hits, floor.numbers, floats(lamp_shade), floats(sky_shade), len(sky_shade), light,
     )  # fmt: skip
-    over_rows(lambda begin, end: call("z2p_gather_open", *given[0], begin, end, *given[1]), count)
+
+    def gather(begin: int, end: int) -> None:
+        call("z2p_gather_open", *given[0], begin, end, *given[1])
+
+    over_rows(gather, count)
     return light
 
 
@@ -118,7 +122,11 @@ def gather_bounced(
     given = (floats(points), floats(normals), count), (
         floats(axes), len(axes), hits, floor.numbers, floats(glow), len(glow), floats(light), bounced,
     )  # fmt: skip
-    over_rows(lambda begin, end: call("z2p_gather_bounced", *given[0], begin, end, *given[1]), count)
+
+    def gather(begin: int, end: int) -> None:
+        call("z2p_gather_bounced", *given[0], begin, end, *given[1])
+
+    over_rows(gather, count)
     return bounced
 
 
