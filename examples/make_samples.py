@@ -119,7 +119,7 @@ def write_xyz(path: Path, points: np.ndarray) -> None:
 
 SAMPLES: dict[str, tuple[Callable[[], Mesh], Scanner, float]] = {
     "suzanne.ply": (suzanne, Scanner((10.0, 100.0, 190.0, 280.0), elevation=16.0, pixels=100, holes=1), 1.0),
-    "amphora.ply": (amphora, Scanner((0.0, 125.0, 245.0), pixels=105), 0.31),
+    "amphora.ply": (amphora, Scanner((0.0, 90.0, 180.0, 270.0), pixels=95, holes=1), 0.31),
     "chair.ply": (chair, Scanner((-35.0, 60.0, 180.0), pixels=125, noise=0.003), 0.62),
     "knot.xyz": (knot_on_plinth, Scanner((-12.0, 78.0, 168.0, 258.0), elevation=25.0, pixels=95, holes=1), 240.0),
 }
