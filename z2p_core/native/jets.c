@@ -36,7 +36,7 @@ static inline void add_up(const float *points, const float *before, int point, c
     const float *p = points + 3 * (size_t)point, *n = before + 3 * (size_t)point;
     float lanes[SUMS][LANES] = {{0}}, unit = 1 / scale, narrow = scale / tolerance;
     for (int first = 0; first < most; first += LANES) {
-        float d[3][LANES], m[3][LANES];
+        float d[3][LANES], m[3][LANES], term[TERMS + 1][LANES], weight[LANES];
         for (int j = 0; j < LANES; j++) {
             size_t other = 3 * (size_t)row[first + j < most ? first + j : most - 1];
             for (int a = 0; a < 3; a++) {
@@ -51,14 +51,19 @@ static inline void add_up(const float *points, const float *before, int point, c
             float along = m[0][j] * n[0] + m[1][j] * n[1] + m[2][j] * n[2];
             float doubt = (1 + away * away) * (1 + (1 - fabsf(along)) * (1 / AGREE));
             float near = exp_fast((x * x + y * y) * (-0.5f / (WINDOW * WINDOW)));
-            float w = first + j < most ? (1 / (doubt * doubt) + LEAST) * near : 0;
-            float term[TERMS] = {1, x, y, x * x, x * y, y * y};
-            int at = 0;
-            for (int a = 0; a < TERMS; a++) {
-                float weighted = w * term[a];
-                for (int b = 0; b <= a; b++) lanes[at++][j] += weighted * term[b];
-                lanes[SUMS - TERMS + a][j] += weighted * z;
-            }
+            weight[j] = first + j < most ? (1 / (doubt * doubt) + LEAST) * near : 0;
+            term[0][j] = 1;
+            term[1][j] = x;
+            term[2][j] = y;
+            term[3][j] = x * x;
+            term[4][j] = x * y;
+            term[5][j] = y * y;
+            term[TERMS][j] = z;
+        }
+        for (int b = 0, at = 0; b <= TERMS; b++) {
+            int count = b < TERMS ? b + 1 : TERMS; /* each term with those up to itself; the height with all */
+            for (int a = 0; a < count; a++, at++)
+                for (int j = 0; j < LANES; j++) lanes[at][j] += weight[j] * term[b][j] * term[a][j];
         }
     }
     for (int s = 0; s < SUMS; s++) {
