@@ -17,6 +17,8 @@ SIGNED = {"light": (1,)}
 """Numbers of a control's settings that run from left to right: the light's azimuth. Others are alike in a mirror."""
 CHOICE = 8
 """Points of the pool for each point of an even cloud, to take the one nearest to its cell's centre."""
+MOST_HOLES, HOLE = 8, (3, 30)
+"""Holes of a cloud that has some, and points that each takes away: two to six spacings across."""
 GUESSES = 2
 """Corrections of the cells' size: on a surface their number goes with its square."""
 
@@ -24,7 +26,7 @@ GUESSES = 2
 def draw_cloud(pool: np.ndarray, config: TrainConfig, rng: np.random.Generator) -> np.ndarray:
     """Points (N, 3) float32 of the pool, none twice, with noise of random amplitude; N is log-uniform over `points`.
 
-    The share `even` of the clouds is spread evenly, and N is then what comes nearest.
+    The share `even` of the clouds is spread evenly, and N is then what comes nearest; the share `holes` has some.
     """
     low, high = (min(count, len(pool)) for count in config.points)
     count = min(round(float(np.exp(rng.uniform(np.log(low), np.log(high))))), len(pool))
@@ -32,8 +34,19 @@ def draw_cloud(pool: np.ndarray, config: TrainConfig, rng: np.random.Generator) 
         cloud = evenly(pool, count, rng)
     else:
         cloud = pool[rng.choice(len(pool), count, replace=False, shuffle=False)]
+    if config.holes and rng.uniform() < config.holes:
+        cloud = with_holes(cloud, rng)
     amplitude = float(rng.uniform(0.0, config.noise_scale))
     return add_noise(cloud, config.noise, amplitude, rng)
+
+
+def with_holes(cloud: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """The points (N, 3) without the nearest ones to some of them, as where a scanner got no echo."""
+    for _ in range(int(rng.integers(1, MOST_HOLES + 1))):
+        lost = min(round(float(np.exp(rng.uniform(*np.log(HOLE))))), len(cloud) // 20)
+        away = ((cloud - cloud[rng.integers(len(cloud))]) ** 2).sum(axis=1)
+        cloud = cloud[np.sort(np.argpartition(away, lost)[lost:])]
+    return cloud
 
 
 def evenly(pool: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -150,8 +150,10 @@ class CloudPictures:
             raise DatasetError(f"points: expected 1 <= smallest <= largest cloud, got {low} and {high}")
         if self.config.reuse < 1:
             raise DatasetError(f"reuse: expected 1 or more, got {self.config.reuse}")
-        if not 0 <= self.config.even <= 1:
-            raise DatasetError(f"even: expected a share from 0 to 1 of the clouds, got {self.config.even:g}")
+        for name in ("even", "holes"):
+            if not 0 <= getattr(self.config, name) <= 1:
+                share = getattr(self.config, name)
+                raise DatasetError(f"{name}: expected a share from 0 to 1 of the clouds, got {share:g}")
         if self.config.noise not in KINDS:
             raise DatasetError(f"noise: expected one of {', '.join(KINDS)}, got {self.config.noise!r}")
 

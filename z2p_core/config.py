@@ -116,6 +116,8 @@ class TrainConfig:
     """Epochs for which a render keeps its cloud: drawing buffers may take longer than learning from them."""
     even: float = 0.0
     """Share of the clouds that are spread evenly, as voxel filters leave them; the others are random."""
+    holes: float = 0.0
+    """Share of the clouds that miss some patches, as scans do; the network learns to close them."""
     mirror: bool = False
     """Half of the samples have left and right exchanged, another half each time their clouds are drawn."""
     noise: str = "none"

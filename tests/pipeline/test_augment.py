@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from synthetic import CONTROLS, sphere_record
 
-from pipeline.augment import draw_cloud, evenly, mirrored
+from pipeline.augment import HOLE, MOST_HOLES, draw_cloud, evenly, mirrored, with_holes
 from plugins.controls.light import Light
 from z2p_core import native
 from z2p_core.config import TrainConfig
@@ -43,6 +43,21 @@ def test_so_many_clouds_are_even_as_the_config_says():
     pool, config = sphere(20_000), TrainConfig(points=(2000, 2000), even=0.3)
     spread = [gaps(draw_cloud(pool, config, np.random.default_rng(seed))).std() for seed in range(60)]
     assert 8 <= sum(spread < np.median(gaps(pool[:2000]).std()) * 0.8) <= 30
+
+
+def test_holes_take_patches_away_and_nothing_else():
+    cloud = sphere(2000)
+    for seed in range(8):
+        kept = with_holes(cloud, np.random.default_rng(seed))
+        lost = np.array(sorted({tuple(point) for point in cloud} - {tuple(point) for point in kept}))
+        assert HOLE[0] <= len(lost) == 2000 - len(kept) <= MOST_HOLES * HOLE[1]
+        # what goes has neighbours that go: at random, few of so few points would be the nearest of another
+        near = np.linalg.norm(lost[:, None] - lost[None], axis=2) + 9 * np.eye(len(lost))
+        assert (near.min(axis=1) < 4 * np.sqrt(4 * np.pi / 2000)).mean() > 0.9
+    assert len(with_holes(sphere(3), np.random.default_rng(0))) >= 1
+    config = TrainConfig(points=(2000, 2000), holes=0.4)
+    counts = [len(draw_cloud(sphere(5000), config, np.random.default_rng(seed))) for seed in range(40)]
+    assert 6 <= sum(count < 2000 for count in counts) <= 28
 
 
 def test_a_mirror_exchanges_picture_light_and_settings_and_twice_it_is_nothing():

@@ -89,6 +89,7 @@ EFFECTS = {
     "train.points": ((5_000, 5_000), AFTER_SHARDS),
     "train.reuse": (3, AFTER_SHARDS),
     "train.even": (0.5, AFTER_SHARDS),
+    "train.holes": (0.5, AFTER_SHARDS),
     "train.mirror": (True, AFTER_SHARDS),
     "train.noise": ("gaussian", AFTER_SHARDS),
     "train.noise_scale": (0.01, AFTER_SHARDS),
