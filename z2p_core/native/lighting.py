@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -97,15 +98,11 @@ def gather_open(
     `direct` (2, N) is what comes straight from the lamps, as a radiance; `hits` those of `first_hits`; the shades
     (S, S) those of `floor_shade`.
     """
-    light, count = np.array(direct, np.float32), len(points)
-    given = (floats(points), floats(normals), count), (
-        floats(axes), len(axes), hits, floor.numbers, floats(lamp_shade), floats(sky_shade), len(sky_shade), light,
+    light = np.array(direct, np.float32)
+    _gather(
+        "z2p_gather_open", points, normals, axes, hits, floor.numbers, floats(lamp_shade), floats(sky_shade),
+        len(sky_shade), light,
     )  # fmt: skip
-
-    def gather(begin: int, end: int) -> None:
-        call("z2p_gather_open", *given[0], begin, end, *given[1])
-
-    over_rows(gather, count)
     return light
 
 
@@ -118,15 +115,11 @@ def gather_bounced(
     `light` (2, N) is what they send back on both sides; `hits` those of `first_hits`; `glow` (G, G) that light's
     `floor_glow`. Of points with an albedo it is so much for each time that the cloud sent it on.
     """
-    bounced, count = np.empty((2, len(points)), np.float32), len(points)
-    given = (floats(points), floats(normals), count), (
-        floats(axes), len(axes), hits, floor.numbers, floats(glow), len(glow), floats(light), bounced,
+    bounced = np.empty((2, len(points)), np.float32)
+    _gather(
+        "z2p_gather_bounced", points, normals, axes, hits, floor.numbers, floats(glow), len(glow), floats(light),
+        bounced,
     )  # fmt: skip
-
-    def gather(begin: int, end: int) -> None:
-        call("z2p_gather_bounced", *given[0], begin, end, *given[1])
-
-    over_rows(gather, count)
     return bounced
 
 
@@ -158,3 +151,17 @@ def floor_shadow(
         floor.numbers, floats(camera.rotation), floats(camera.position), ctypes.c_float(camera.focal), camera.width,
         camera.height, place(out, (camera.height, camera.width)),
     )  # fmt: skip
+
+
+def _gather(
+    kernel: str, points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, *rest: Any
+) -> None:
+    """Calls a kernel that works on rows of points, half of them on each of two cores."""
+    count = len(points)
+    cloud = (floats(points), floats(normals), count)
+    seen = (floats(axes), len(axes), hits)
+
+    def gather(begin: int, end: int) -> None:
+        call(kernel, *cloud, begin, end, *seen, *rest)
+
+    over_rows(gather, count)
