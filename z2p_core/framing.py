@@ -133,8 +133,8 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
     """
     points = _thinned(points - (points.min(0) + points.max(0)) / 2)
-    axes, reach = np.ascontiguousarray(points.T), float(np.sqrt((points**2).sum(1).max())) or 1.0
-    shown = [_showing(axes, reach, 360.0 / AZIMUTHS * step, elevation) for step in range(AZIMUTHS)]
+    reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
+    shown = _showing(points / reach, elevation)
     nearest_first = sorted(range(AZIMUTHS), key=lambda step: (min(step, AZIMUTHS - step), step))
     broadest = next(step for step in nearest_first if shown[step] >= (1 - TIE) * max(shown))
     while True:
@@ -259,23 +259,26 @@ def _layered(u: np.ndarray, v: np.ndarray, depth: np.ndarray, scale: float) -> f
     return len(np.unique(cell[order][1:][gap])) / taken
 
 
-def _showing(axes: np.ndarray, reach: float, azimuth: float, elevation: float) -> float:
-    """How much a view from afar shows of points (3, N) that lie within `reach` of the origin.
+def _showing(points: np.ndarray, elevation: float) -> list[float]:
+    """How much each of `AZIMUTHS` views from afar shows of points (N, 3) in the unit sphere.
 
     That is the covered area times the root of its breadth: without the breadth, a thin thing's small parts (the arm of
     a lamp) would count no more than noise. The area is that of 3 x 3 dots on a coarse picture, which lets few points
     cover what they stand for.
     """
-    angle = math.radians(elevation)
-    x, y, z = turn(azimuth) @ axes
-    side = int(np.clip(2 * math.sqrt(axes.shape[1]), 12, 48))
-    picture = np.zeros((side + 2, side + 2), dtype=bool)
-    column, row = (((axis / reach + 1) / 2 * (side - 1)).astype(np.int64) + 1 for axis in
-                   (x, z * math.cos(angle) + y * math.sin(angle)))
-    picture[column, row] = True
-    wide = picture[:-2] | picture[1:-1] | picture[2:]
-    covered = np.count_nonzero(wide[:, :-2] | wide[:, 1:-1] | wide[:, 2:])
-    return covered * math.sqrt(float(np.ptp(x)) / reach)
+    tilt = math.radians(elevation)
+    turns = np.array([turn(360.0 / AZIMUTHS * step) for step in range(AZIMUTHS)], np.float32)
+    x, y, z = np.ascontiguousarray(points.T, np.float32)
+    across = turns[:, :1, 0] * x + turns[:, :1, 1] * y  # (AZIMUTHS, N)
+    upwards = (turns[:, 1:2, 0] * x + turns[:, 1:2, 1] * y) * math.sin(tilt) + z * math.cos(tilt)
+    side = int(np.clip(2 * math.sqrt(len(points)), 12, 48))
+    column, row = (((axis + 1) * (0.5 * side - 0.5)).astype(np.int32) + 1 for axis in (across, upwards))
+    pictures = np.zeros((AZIMUTHS, side + 2, side + 2), dtype=bool)
+    pictures[np.arange(AZIMUTHS)[:, None], column, row] = True
+    wide = pictures[:, :-2] | pictures[:, 1:-1] | pictures[:, 2:]
+    covered = (wide[:, :, :-2] | wide[:, :, 1:-1] | wide[:, :, 2:]).sum((1, 2))
+    shown: list[float] = (covered * np.sqrt(np.ptp(across, axis=1))).tolist()
+    return shown
 
 
 def _wrapped(azimuth: float) -> float:

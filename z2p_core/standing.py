@@ -15,8 +15,8 @@ Margins are in roots of the footprint's area, areas in shares of it.
 LYING = 0.3
 """A pose this low, in longest sides, is a thing lying down, which is always firm and tells nothing."""
 MOST_POINTS, FEWEST_POINTS = 8000, 500
-DIRECTIONS = 16
-"""That extreme points are looked for in, to leave most others out of a hull."""
+DIRECTIONS = 64
+"""In which a hull's corners are looked for: of a disc's hull, all but 0.2 % of its area."""
 
 
 def topples(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bool:
@@ -59,40 +59,14 @@ def stance(points: np.ndarray, up: np.ndarray) -> tuple[float, float]:
 
 
 def hull(points: np.ndarray) -> np.ndarray:
-    """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise; Andrew's monotone chain."""
-    ordered = np.unique(_outer(points), axis=0).tolist()
-
-    def chain(row: list[list[float]]) -> list[list[float]]:
-        kept: list[list[float]] = []
-        for x, y in row:
-            while len(kept) > 1:
-                (ax, ay), (bx, by) = kept[-2:]
-                if (bx - ax) * (y - by) - (by - ay) * (x - bx) > 0:
-                    break
-                kept.pop()
-            kept.append([x, y])
-        return kept
-
-    return np.array(chain(ordered)[:-1] + chain(ordered[::-1])[:-1]).reshape(-1, 2)
-
-
-def _outer(points: np.ndarray) -> np.ndarray:
-    """Points (M, 2) of (N, 2), all that may be corners of the hull: not those well inside of extreme ones' polygon.
-
-    The polygon is that of the farthest points in `DIRECTIONS` directions (after Akl and Toussaint, 1978).
-    """
-    if len(points) < 4 * DIRECTIONS or not np.ptp(points, axis=0).all():
+    """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise: the farthest ones in `DIRECTIONS`."""
+    if not len(points):
         return points
     angle = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
-    near = points - points[0]  # far from the origin, digits are few
-    corners = near[(near @ np.stack([np.cos(angle), np.sin(angle)])).argmax(0)]
-    corners = corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]  # one may lie farthest in two directions
-    edge = np.roll(corners, -1, axis=0) - corners
-    normal = np.stack([-edge[:, 1], edge[:, 0]])  # to the left, which is inside
-    beyond = near @ normal - (corners * normal.T).sum(1)
-    slack = 1e-9 * np.ptp(points, axis=0).max() * np.abs(normal).max()
-    outer: np.ndarray = points[(beyond <= slack).any(axis=1)]
-    return outer
+    near = np.ascontiguousarray((points - points[0]).T, np.float32)  # far from the origin, digits are few
+    directions = np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
+    corners: np.ndarray = points[(directions @ near).argmax(1)]
+    return corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]  # one is the farthest in many directions
 
 
 def area_of(corners: np.ndarray) -> float:
