@@ -21,6 +21,8 @@ class OnnxRuntime(Engine):
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = threads or 0  # 0: as many as there are cores
         options.log_severity_level = 3
+        # Its threads would go on spinning after a picture, on the cores that draw the next one's buffers.
+        options.add_session_config_entry("session.force_spinning_stop", "1")
         model = network.int8 if self.reads_int8 else network.onnx
         self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
         self._reads = {one.name for one in self._session.get_inputs()}  # no encoding, where the network has none
