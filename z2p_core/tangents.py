@@ -36,7 +36,8 @@ class Tangents:
     """Points (N, 3), spacing (N,) and unit normals (N, 3) of either sign, all float32, and the noise, in world units.
 
     Spacing is the side of the square patch of surface that is a point's share; `around` (N,) is that of a neighbour,
-    which is as wide where the cloud is sparse, and narrow beside a stray point.
+    which is as wide where the cloud is sparse, and narrow beside a stray point. Neighbours (N, K) int32 are the rows of
+    the points nearest to each, itself among them.
     """
 
     points: np.ndarray
@@ -44,6 +45,7 @@ class Tangents:
     normals: np.ndarray
     noise: float
     around: np.ndarray
+    neighbours: np.ndarray
 
 
 def tangents(cloud: np.ndarray) -> Tangents:
@@ -64,7 +66,7 @@ def tangents(cloud: np.ndarray) -> Tangents:
         fit = partial(native.jets, grid.points, normals)
         normals, heights = in_halves(fit, everyone, found, tolerance, scale)
     points = moved(grid.points, normals, heights, spacing, noise)
-    return Tangents(points, spacing, normals, noise, spacing[found[:, FEWEST // 2]])
+    return Tangents(points, spacing, normals, noise, spacing[found[:, FEWEST // 2]], found)
 
 
 def scatter(cloud: np.ndarray) -> float:

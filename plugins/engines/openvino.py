@@ -41,7 +41,8 @@ class OpenVino(Engine):
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
         given = {"buffers": buffers, "encoding": encoding, "settings": settings}
         inputs = {name: given[name] for name in self._reads}
-        picture: np.ndarray = self._request(inputs).infer(inputs)["picture"].copy()  # its memory is the request's
+        found = self._request(inputs).infer(inputs, share_inputs=True, share_outputs=True)  # 18 MB that are not copied
+        picture: np.ndarray = found["picture"].copy()  # its memory is the request's
         return picture
 
     def _request(self, inputs: dict[str, np.ndarray]) -> Any:

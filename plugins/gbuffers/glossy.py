@@ -26,7 +26,7 @@ class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "2"
+    version = "3"
     refines = "surfels"
 
 

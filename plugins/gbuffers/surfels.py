@@ -1,14 +1,15 @@
 """A rough rendering of the bare cloud: surfels lit through shadow maps, and the shadow that they cast on the floor.
 
-Each point becomes a small disc in the plane through its neighbours (after Zwicker et al., Surface Splatting, 2001).
-Nothing is solved for: normals are only turned to the viewer. What the network would have to imagine from light's three
-numbers alone, where shade and shadow fall, is here in its place; the network makes a clean picture of it.
+Each point becomes a small disc in the plane through its neighbours (after Zwicker et al., Surface Splatting, 2001),
+which ends where the surface turns away. Nothing is solved for: normals are only turned to the viewer. What the network
+would have to imagine from light's three numbers alone, where shade and shadow fall, is here in its place; the network
+makes a clean picture of it.
 """
 
 from __future__ import annotations
 
 import math
-from functools import partial
+from functools import lru_cache, partial
 from typing import ClassVar
 
 import numpy as np
@@ -46,9 +47,13 @@ FLOOR_ALBEDO = 0.8
 """Blender's own for a surface without a material."""
 BOUNCES = 2
 """How often light is followed from the cloud's points to each other, and by way of the floor."""
-KEPT, DIMMED = 0.95, 0.8
+SOFT = 5
+"""Cells to every side over which the sky's shadow is averaged, which so few directions leave in steps."""
+KEPT, DIMMED = 0.95, 0.67
 """Of a shadow, and of light that the cloud sends into it, for each time that it was sent: fitted to renders, whose
 shadow catcher is not quite a floor."""
+RIM = 0.13
+"""By how much the lamp's shadow is too dark where nearly all of its light comes through: cells make outlines wide."""
 GREY = 0.5
 """Albedo of the grey picture: dark enough to stay below white under the nearest light."""
 UPPER = 0.55
@@ -66,7 +71,7 @@ class Surfels(GBuffer):
     """
 
     name = "surfels"
-    version = "4"
+    version = "5"
     channels = 10
     lighting: ClassVar[type[Lighting]]
 
@@ -86,8 +91,9 @@ class Surfels(GBuffer):
         lighting = self.lighting(points, normals, max(typical, SPARSE * float(np.quantile(spacing, 0.9))), scene, floor)
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T
+        seen = (points - camera.position.astype(np.float32)) @ rotation.T
         draw = partial(
-            native.surfels, (points - camera.position.astype(np.float32)) @ rotation.T, facing, radii,
+            native.surfels, seen, facing, radii, native.clips(seen, facing, radii, found.neighbours),
             np.column_stack([facing[:, :2], lighting.colors(camera.position)]), camera, SLACK, SURE, FULL, NEAR, FAR,
             out[:-1],
         )  # fmt: skip
@@ -110,7 +116,7 @@ class Lighting:
     ) -> None:
         self.points, self.normals = points, normals
         self.color = np.array(base_color(scene), dtype=np.float32)
-        radius, sky = float(np.sqrt((points**2).sum(1).max())) + spacing, sky_axes()
+        radius, sky = math.sqrt(np.einsum("na,na->n", points, points).max()) + spacing, sky_axes()
         hits = beside(native.first_hits, points, normals, sky, spacing, radius)
         above = floor_sky(FLOOR_SKY)
         even = np.full(FLOOR_SKY, 1 / FLOOR_SKY)
@@ -121,8 +127,8 @@ class Lighting:
         side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
         share = powers / powers.sum()
         self.shades = (
-            native.floor_shade(points, lamps, share, height, FLOOR_HALF, side),
-            native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side),
+            thinned_rim(native.floor_shade(points, lamps, share, height, FLOOR_HALF, side)),
+            native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side, SOFT),
         )
         self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
         seen = hits.result()
@@ -155,13 +161,18 @@ class Lighting:
 Surfels.lighting = Lighting
 
 
+def thinned_rim(shade: np.ndarray) -> np.ndarray:
+    """The lamp's shadow, a share of its light, lighter towards its rim."""
+    return shade * (1 - RIM * (1 - shade))
+
+
 def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:
     """Normals (N, 3) of points (N, 3), each turned towards the viewer (3,); of one or two points, its direction."""
     if len(points) < 3:
         towards = viewer.astype(np.float32) - points
         return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-6)
-    away = ((points - viewer.astype(np.float32)) * normals).sum(1, keepdims=True) > 0
-    return np.where(away, -normals, normals)
+    away = np.einsum("na,na->n", points - viewer.astype(np.float32), normals) > 0
+    return np.where(away[:, None], -normals, normals)
 
 
 def base_color(scene: SceneDescription) -> tuple[float, float, float]:
@@ -183,6 +194,7 @@ def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarr
     return lamps, np.repeat(axis[None], count, axis=0), np.full(count, power)
 
 
+@lru_cache(maxsize=1)
 def sky_axes() -> np.ndarray:
     """Directions (24, 3) spread evenly over the upper half of the sky."""
     height = (np.arange(SKY_DIRECTIONS) + 0.5) / SKY_DIRECTIONS
@@ -191,6 +203,7 @@ def sky_axes() -> np.ndarray:
     return np.column_stack([side * np.cos(angle), side * np.sin(angle), height])
 
 
+@lru_cache(maxsize=1)
 def floor_sky(count: int) -> np.ndarray:
     """Directions (count, 3) of the sky, each of which gives a floor as much light."""
     height = np.sqrt((np.arange(count) + 0.5) / count)

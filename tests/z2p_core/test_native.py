@@ -17,12 +17,17 @@ def depth_of(drawn):
     return FAR - drawn[2] * (FAR - NEAR)
 
 
-def surfels_of(points, normals, radius, camera, features=None, slack=2.0):
+def surfels_of(points, normals, radius, camera, features=None, slack=2.0, clips=None):
     features = np.zeros((len(points), 6), np.float32) if features is None else features
     radii = np.full(len(points), radius, np.float32)
     drawn = np.zeros((9, camera.height, camera.width), np.float32)
-    native.surfels(points, normals, radii, features, camera, slack, 25.0, FULL, NEAR, FAR, drawn)
+    clips = nothing_ends(points) if clips is None else clips
+    native.surfels(points, normals, radii, clips, features, camera, slack, 25.0, FULL, NEAR, FAR, drawn)
     return drawn
+
+
+def nothing_ends(points):
+    return np.tile(np.float32([0, 0, 0, math.inf]), (len(points), 4, 1))
 
 
 TOWARDS = np.float32([0, 0, -1])
@@ -47,6 +52,29 @@ def test_a_tilted_disc_has_the_depth_of_its_plane():
     rays = np.stack([(columns + 0.5 - 64) / camera.focal, (rows + 0.5 - 64) / camera.focal, np.ones(len(rows))], 1)
     depth = depth_of(drawn)[rows, columns]
     np.testing.assert_allclose(depth * (rays @ normal), 3.0 * normal[2], rtol=1e-4)
+
+
+def test_next_to_nothing_of_a_disc_lies_over_the_planes_that_end_it():
+    camera, points = Camera(128, 128), np.float32([[0, 0, 3.0]])
+    whole, clips = surfels_of(points, TOWARDS[None], 0.4, camera), nothing_ends(points)
+    clips[0, 0] = 1, 0, 0, 0.1  # nothing of x > 0.1
+    clips[0, 1] = 0, -1, 0, 0.0  # nor of y < 0
+    drawn = surfels_of(points, TOWARDS[None], 0.4, camera, clips=clips)
+    x = (np.arange(128) + 0.5 - 64) / camera.focal * 3.0
+    left = (x <= 0.1) & (x[:, None] >= 0)
+    np.testing.assert_array_equal(drawn[:, left], whole[:, left])
+    beyond = ~left & (whole[1] > 0.2)
+    assert (drawn[1, beyond] < 0.02 * whole[1, beyond]).all()  # next to nothing, of the same depth and colour
+    np.testing.assert_allclose(drawn[2:, beyond], whole[2:, beyond], rtol=1e-5)
+
+
+def test_what_lies_over_a_discs_end_hides_nothing_behind_it():
+    camera, points = Camera(64, 64), np.float32([[0, 0, 2.5], [0, 0, 3.0]])
+    features = np.float32([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]])
+    clips = nothing_ends(points)
+    clips[0, 0] = 1, 0, 0, -0.1  # the nearer disc only shows left of its middle
+    drawn = surfels_of(points, np.tile(TOWARDS, (2, 1)), 0.3, camera, features, 0.5, clips)
+    assert drawn[4, 32, 32] > 0.98 and depth_of(drawn)[32, 32] == pytest.approx(3.0, abs=0.02)
 
 
 def test_the_nearest_disc_shows_and_touching_ones_blend():
@@ -101,8 +129,9 @@ def test_kernels_draw_only_into_arrays_of_the_right_size_and_kind(shape):
     out = np.zeros(shape, np.float64 if shape == (9, 64, 64) else np.float32)
     with pytest.raises(ValueError, match=r"expected a contiguous float32 array \(9, 64, 64\)"):
         native.surfels(
-            points, normals, np.float32([1]), np.zeros((1, 6)), Camera(64, 64), 1.0, 25.0, FULL, NEAR, FAR, out
-        )
+            points, normals, np.float32([1]), nothing_ends(points), np.zeros((1, 6)), Camera(64, 64), 1.0, 25.0, FULL,
+            NEAR, FAR, out,
+        )  # fmt: skip
 
 
 @pytest.mark.parametrize("stride", [40, 52])

@@ -70,6 +70,15 @@ def test_the_shade_of_a_sheet_on_the_floor_has_its_size_and_place():
     assert set(np.unique(shade)) == {0.0, 0.75, 1.0}
 
 
+def test_a_soft_shade_is_the_mean_over_the_cells_around():
+    side, soft, sheet = 90, 3, square_of(4_000, 0.4, 0.0) + np.float32([0.3, -0.5, 0])
+    lamps, weights = np.float32([[0.5, 0, 2.0], [0.5, 0.4, 3.0]]), np.float32([0.75, 0.25])
+    sharp = native.floor_shade(sheet, lamps, weights, -1.0, 2.0, side)
+    padded = np.pad(sharp, soft)
+    mean = sum(padded[i : i + side, j : j + side] for i in range(7) for j in range(7)) / 49
+    np.testing.assert_allclose(native.floor_shade(sheet, lamps, weights, -1.0, 2.0, side, soft), mean, atol=1e-6)
+
+
 def test_points_above_a_lamp_and_far_off_cast_no_shade():
     points = np.float32([[0, 0, 2.5], [0, 0, 2.0], [1.9, 0, 1.9]])
     assert not native.floor_shade(points, np.float32([[0, 0, 2.0]]), np.float32([1.0]), -1.0, 2.0, 64).any()

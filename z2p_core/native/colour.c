@@ -5,9 +5,9 @@
 
 #include "fast.h"
 
-static inline float unit(float value) { return value > 0 ? (value < 1 ? value : 1) : 0; }
+INLINE float unit(float value) { return value > 0 ? (value < 1 ? value : 1) : 0; }
 
-static inline uint8_t byte_of(float value) { return (uint8_t)(int32_t)(unit(value) * 255 + 0.5f); }
+INLINE uint8_t byte_of(float value) { return (uint8_t)(int32_t)(unit(value) * 255 + 0.5f); }
 
 /* rgba (pixels, 4): straight colour and alpha in bytes, of planes (4, pixels) of colour times alpha and alpha; colour
  * is 0 where alpha is. */

@@ -4,6 +4,8 @@
 #include <math.h>
 #include <stddef.h>
 
+#include "fast.h"
+
 #define WHITE_OVER_PI 0.31830989f
 
 typedef struct {
@@ -13,7 +15,7 @@ typedef struct {
 } Floor;
 
 /* Radiance of a white floor at a place under the lamp alone, with nothing to hide it. */
-static inline float lamp_on_floor(const Floor *floor, float x, float y) {
+INLINE float lamp_on_floor(const Floor *floor, float x, float y) {
     float d[3] = {floor->lamp[0] - x, floor->lamp[1] - y, floor->lamp[2] - floor->height};
     float square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     float shining = -(d[0] * floor->axis[0] + d[1] * floor->axis[1] + d[2] * floor->axis[2]);

@@ -11,7 +11,7 @@
 #include "sight.h"
 
 /* The cell of a grid (side, side) of the floor that a ray from a point meets, -1 where it is none of the square's. */
-static inline int cell_below(const float *point, const float *ray, const Floor *floor, int side, float *place) {
+INLINE int cell_below(const float *point, const float *ray, const Floor *floor, int side, float *place) {
     float reach = (floor->height - point[2]) / ray[2], scale = (float)side / (2 * floor->half);
     place[0] = point[0] + reach * ray[0];
     place[1] = point[1] + reach * ray[1];
@@ -21,7 +21,7 @@ static inline int cell_below(const float *point, const float *ray, const Floor *
 }
 
 /* Radiance of the floor, lit by lamp and sky, where a ray from a point meets it. */
-static inline float lit_floor(const float *point, const float *ray, const Floor *floor, const float *lamp_shade,
+INLINE float lit_floor(const float *point, const float *ray, const Floor *floor, const float *lamp_shade,
                               const float *sky_shade, int side) {
     float place[2];
     int cell = cell_below(point, ray, floor, side, place);
@@ -33,7 +33,7 @@ static inline float lit_floor(const float *point, const float *ray, const Floor 
     return floor->albedo * (lamp + sky);
 }
 
-static inline void ray_of(const float *axes, int direction, float *ray) {
+INLINE void ray_of(const float *axes, int direction, float *ray) {
     for (int a = 0; a < 3; a++) ray[a] = (direction % 2 ? -1.0f : 1.0f) * axes[3 * (direction / 2) + a];
 }
 

@@ -7,19 +7,21 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fast.h"
+
 #define COARSE 24     /* cells along the longest side of the grid that estimates the surface's area */
 #define POINTS_A_CELL 3.5f
 #define MOST_CELLS (1 << 22)
 #define FARTHEST_RING 6
 #define CHUNK 32      /* points whose distances are computed at a time */
 
-static int clamp_int(int value, int low, int high) { return value < low ? low : value > high ? high : value; }
+INLINE int clamp_int(int value, int low, int high) { return value < low ? low : value > high ? high : value; }
 
-static int place(const Grid *grid, const float *point, int axis) {
+INLINE int place(const Grid *grid, const float *point, int axis) {
     return clamp_int((int)((point[axis] - grid->low[axis]) / grid->cell), 0, grid->size[axis] - 1);
 }
 
-static int cell_of(const Grid *grid, const float *point) {
+INLINE int cell_of(const Grid *grid, const float *point) {
     return (place(grid, point, 2) * grid->size[1] + place(grid, point, 1)) * grid->size[0] + place(grid, point, 0);
 }
 
@@ -91,7 +93,7 @@ int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted) {
 }
 
 /* Takes in those of points[first] to points[last - 1] that are nearer to p than the farthest so far. */
-static void take_in(Near *near, const float *points, int first, int last, const float *p) {
+INLINE void take_in(Near *near, const float *points, int first, int last, const float *p) {
     float squares[CHUNK];
     for (; first < last; first += CHUNK) {
         int size = last - first < CHUNK ? last - first : CHUNK;
@@ -114,7 +116,7 @@ static void take_in(Near *near, const float *points, int first, int last, const 
     }
 }
 
-void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near *near) {
+FAST void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near *near) {
     const float *p = points + 3 * self;
     int home[3], low[3], high[3];
     near->count = 0;

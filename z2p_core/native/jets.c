@@ -7,7 +7,7 @@
 #include "fast.h"
 #include "grid.h"
 
-#define LANES 8       /* neighbours that are weighed at a time */
+#define LANES 16      /* neighbours that are weighed at a time */
 #define TERMS 6       /* 1, x, y, x^2, x y, y^2 */
 #define SUMS (TERMS * (TERMS + 1) / 2 + TERMS)
 #define WINDOW 1.2f   /* of the Gaussian that nearer neighbours count by, in `scale` */
@@ -17,7 +17,7 @@
 #define STEEPEST 1.0f /* slope by which a patch may turn a normal, along either axis */
 
 /* Two unit axes across a unit normal. */
-static inline void across(const float *n, float *u, float *v) {
+INLINE void across(const float *n, float *u, float *v) {
     int axis = fabsf(n[0]) < 0.9f ? 0 : 1;
     float e[3] = {axis == 0, axis == 1, 0};
     u[0] = n[1] * e[2] - n[2] * e[1];
@@ -31,7 +31,7 @@ static inline void across(const float *n, float *u, float *v) {
 }
 
 /* Adds up, over the neighbours in `row` (most), the weighted products of the terms and of the height with them. */
-static inline void add_up(const float *points, const float *before, int point, const int *row, int most,
+INLINE void add_up(const float *points, const float *before, int point, const int *row, int most,
                           const float *u, const float *v, float tolerance, float scale, float *sums) {
     const float *p = points + 3 * (size_t)point, *n = before + 3 * (size_t)point;
     float lanes[SUMS][LANES] = {{0}}, unit = 1 / scale, narrow = scale / tolerance;
@@ -73,7 +73,7 @@ static inline void add_up(const float *points, const float *before, int point, c
 }
 
 /* Solves a symmetric system by Cholesky's method: its lower rows and its right side come in `sums`. */
-static inline void solve(float *sums, float *term) {
+INLINE void solve(float *sums, float *term) {
     float *l[TERMS], *right = sums + SUMS - TERMS;
     for (int a = 0, at = 0; a < TERMS; at += ++a) l[a] = sums + at;
     for (int a = 0; a < TERMS; a++) {

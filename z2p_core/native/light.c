@@ -32,7 +32,7 @@ static View look_from(const float *lamp) {
 }
 
 /* Depth and cell in a lamp's map, -1 outside of it, of each point. Plain arithmetic, for vectors. */
-static inline void place_points(const float *restrict points, int count, const float *restrict lamp, const View *view,
+INLINE void place_points(const float *restrict points, int count, const float *restrict lamp, const View *view,
                                 float half, float step, int side, float *restrict depth, int *restrict cell) {
     const float *f = view->ahead, *r = view->across, *u = view->up;
     for (int i = 0; i < count; i++) {
@@ -48,7 +48,7 @@ static inline void place_points(const float *restrict points, int count, const f
 
 /* Draws the map of the cloud seen from a lamp: depth, and in the lower half of its bits the point's number; and says
  * which points nothing nearer to the lamp hides, 0 or 1. */
-static inline void cast_shadows(const float *points, const float *normals, int count, const float *lamp, float spacing,
+INLINE void cast_shadows(const float *points, const float *normals, int count, const float *lamp, float spacing,
                                 float radius, int32_t *map, int32_t *room, float *depth, int *cell, float *open) {
     View view = look_from(lamp);
     float away = sqrtf(dot(lamp, lamp)), reach = fmaxf(away * away - radius * radius, 0.25f);
@@ -73,7 +73,7 @@ static inline void cast_shadows(const float *points, const float *normals, int c
 
 /* Adds to light (2, count) what a lamp gives the points that are open to it, on the side that the normal points to and
  * on the other one. Plain arithmetic again. */
-static inline void add_light(const float *restrict points, const float *restrict normals, int count,
+INLINE void add_light(const float *restrict points, const float *restrict normals, int count,
                              const float *restrict lamp, const float *restrict axis, float power,
                              const float *restrict open, float *restrict light) {
     for (int i = 0; i < count; i++) {
@@ -108,7 +108,7 @@ FAST int z2p_illuminate(const float *points, const float *normals, int count, co
 
 /* Sets the lamps' bits in the cells of the mask where the point would lie on the floor; those off it, in the last
  * cell. */
-static inline void mark(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
+INLINE void mark(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
                         uint64_t *mask, int *restrict cells) {
     float scale = (float)side / (2 * half), low = 4, high = (float)side - 4;
     for (int l = 0; l < lamp_count; l++) {
@@ -141,10 +141,33 @@ FAST static void weigh(const uint64_t *mask, size_t first, size_t last, const fl
     }
 }
 
+/* Averages the rows from `first` to `last` - 1 of shade (side, side) over `soft` cells to every side. */
+FAST static void soften(float *shade, float *room, int side, int first, int last, int soft) {
+    float share = 1.0f / (float)((2 * soft + 1) * (2 * soft + 1));
+    for (int y = first; y < last; y++) {
+        const float *restrict row = shade + (size_t)y * side;
+        float *restrict out = room + (size_t)y * side;
+        for (int x = 0; x < side; x++) out[x] = 0;
+        for (int k = -soft; k <= soft; k++) {
+            int from = k < 0 ? -k : 0, to = k < 0 ? side : side - k;
+            for (int x = from; x < to; x++) out[x] += row[x + k];
+        }
+    }
+    for (int y = first; y < last; y++) {
+        float *restrict out = shade + (size_t)y * side;
+        for (int x = 0; x < side; x++) out[x] = 0;
+        for (int other = y - soft; other <= y + soft; other++) {
+            const float *restrict row = room + (size_t)other * side;
+            for (int x = 0; x < side && other >= first && other < last; x++) out[x] += row[x] * share;
+        }
+    }
+}
+
 /* shade (side, side): how much of the lamps' weight the cloud hides from each cell of the floor. The floor's square
- * reaches `half` to every side of the origin at height `floor`; holes between points are closed over two cells. */
+ * reaches `half` to every side of the origin at height `floor`; holes between points are closed over two cells, and the
+ * whole is averaged over `soft` cells to every side. */
 int z2p_floor_shade(const float *points, int count, const float *lamps, const float *weights, int lamp_count,
-                    float floor, float half, int side, float *shade) {
+                    float floor, float half, int side, int soft, float *shade) {
     size_t cells = (size_t)side * side, first = 0, last = cells;
     uint64_t *mask = calloc(cells + 1, sizeof(uint64_t)), *other = calloc(cells + 1, sizeof(uint64_t));
     int fine = mask && other && lamp_count <= MOST_LAMPS, even = 1, found[MOST_LAMPS];
@@ -169,13 +192,16 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, const fl
             window_bits(other, mask, first, last, (size_t)side, shared);
         }
         weigh(mask, first, last, weights, even, shade);
+        int above = (int)top - soft, below = (int)bottom + soft;
+        /* the masks have done their work: room for as many floats */
+        if (soft) soften(shade, (float *)mask, side, above > 0 ? above : 0, below < side ? below : side, soft);
     }
     free(mask); free(other);
     return fine;
 }
 
 /* A row of a floor grid (side, side) at any height, linear between the cells' centres; 0 outside. */
-static inline void blend_rows(const float *restrict grid, int side, float row, float *restrict out) {
+INLINE void blend_rows(const float *restrict grid, int side, float row, float *restrict out) {
     int top = (int)floorf(row), inside = row >= 0 && row < (float)side - 1;
     float y = row - (float)top;
     const float *at = grid + (size_t)(inside ? top : 0) * side;
@@ -183,14 +209,14 @@ static inline void blend_rows(const float *restrict grid, int side, float row, f
 }
 
 /* Value of such a row at a place, likewise. */
-static inline float sample(const float *restrict line, int side, float column) {
+INLINE float sample(const float *restrict line, int side, float column) {
     int inside = (column >= 0) & (column < (float)side - 1), left = inside ? (int)column : 0;
     float x = column - (float)left;
     return inside ? line[left] * (1 - x) + line[left + 1] * x : 0;
 }
 
 /* Bounds left, right, top and bottom, a cell wider, of the cells where either grid (side, side) is above 0. */
-static inline void shaded_part(const float *restrict first, const float *restrict second, int side, float *bounds) {
+INLINE void shaded_part(const float *restrict first, const float *restrict second, int side, float *bounds) {
     int left = side, right = -1, top = side, bottom = -1;
     for (int y = 0; y < side; y++) {
         const float *one = first + (size_t)y * side, *other = second + (size_t)y * side;

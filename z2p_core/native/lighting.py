@@ -10,7 +10,7 @@ import numpy as np
 
 from z2p_core.camera import Camera
 from z2p_core.native.calls import call, floats, place
-from z2p_core.threads import over_rows
+from z2p_core.threads import beside, over_rows
 
 MOST_LIT = 0xFFFF
 """Points whose numbers fit into shadow maps."""
@@ -62,16 +62,18 @@ def illuminate(
 
 
 def floor_shade(
-    points: np.ndarray, lamps: np.ndarray, weights: np.ndarray, floor: float, half: float, side: int
-) -> np.ndarray:
+    points: np.ndarray, lamps: np.ndarray, weights: np.ndarray, floor: float, half: float, side: int,
+    soft: int = 0,
+) -> np.ndarray:  # fmt: skip
     """Shade (side, side) on a square floor at that height, `half` to each side of the origin; row by row along +Y.
 
-    Each cell has the sum of the weights (L,) of the lamps (L, 3), L <= 64, that points (N, 3) hide from it.
+    Each cell has the sum of the weights (L,) of the lamps (L, 3), L <= 64, that points (N, 3) hide from it, on average
+    over `soft` cells to every side.
     """
     shade = np.empty((side, side), np.float32)
     call(
         "z2p_floor_shade", floats(points), len(points), floats(lamps), floats(weights), len(lamps),
-        ctypes.c_float(floor), ctypes.c_float(half), side, shade,
+        ctypes.c_float(floor), ctypes.c_float(half), side, soft, shade,
     )  # fmt: skip
     return shade
 
@@ -131,12 +133,19 @@ def floor_glow(
 
     `light` (2, N) is the cloud's radiance on both sides; unit axes (A, 3) go up, their weights (A,) sum to 1.
     """
-    glow = np.empty((side, side), np.float32)
-    call(
-        "z2p_floor_glow", floats(points), floats(normals), floats(light), len(points), floats(axes),
-        floats(weights), len(axes), ctypes.c_float(floor.height), ctypes.c_float(floor.half), side, glow,
-    )  # fmt: skip
-    return glow
+    cloud = (floats(points), floats(normals), floats(light), len(points))
+
+    def glow_of(some: slice) -> np.ndarray:
+        glow = np.empty((side, side), np.float32)
+        call(
+            "z2p_floor_glow", *cloud, floats(axes[some]), floats(weights[some]), len(axes[some]),
+            ctypes.c_float(floor.height), ctypes.c_float(floor.half), side, glow,
+        )  # fmt: skip
+        return glow
+
+    second = beside(glow_of, slice(len(axes) // 2, None))
+    first: np.ndarray = glow_of(slice(len(axes) // 2))
+    return first + second.result()
 
 
 def floor_shadow(

@@ -45,21 +45,22 @@ def intensity(depth: np.ndarray, alpha: float, beta: float, out: np.ndarray) -> 
 
 
 def surfels(
-    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, features: np.ndarray, camera: Camera,
+    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, clips: np.ndarray, features: np.ndarray, camera: Camera,
     slack: float, sure: float, full: float, near: float, far: float, out: np.ndarray,
     rows: tuple[int, int] | None = None,
 ) -> None:  # fmt: skip
     """Draws discs into `out` (9, H, W), 0 at first: coverage, density, depth and six features; 0 off the discs.
 
-    Points (N, 3) and normals (N, 3) are in the camera's axes, the normals facing it; features are (N, 6). Where discs
-    overlap, those at most `slack` of their radius behind the nearest are averaged, by weights w that fall from 1 to 0
-    towards a disc's rim. Of their sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes from
-    1 at `near` to 0 at `far`. Only `rows` from the first up to the last, that one excluded, are drawn.
+    Points (N, 3), normals (N, 3), which face it, and the planes `clips` (N, 4, 4) that end discs (see
+    `z2p_core.native.clips`) are in the camera's axes; features are (N, 6). Where discs overlap, those at most `slack`
+    of their radius behind the nearest are averaged, by weights w that fall from 1 to 0 towards a disc's rim. Of their
+    sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes from 1 at `near` to 0 at `far`.
+    Only `rows` from the first up to the last, that one excluded, are drawn.
     """
     first, last = rows or (0, camera.height)
     call(
-        "z2p_surfels", floats(points), floats(normals), floats(radii), floats(features), len(points),
-        ctypes.c_float(camera.focal), camera.width, camera.height, first, last, ctypes.c_float(slack),
+        "z2p_surfels", floats(points), floats(normals), floats(radii), floats(clips), floats(features),
+        len(points), ctypes.c_float(camera.focal), camera.width, camera.height, first, last, ctypes.c_float(slack),
         ctypes.c_float(sure), ctypes.c_float(full), ctypes.c_float(near), ctypes.c_float(far),
         place(out, (9, camera.height, camera.width)),
     )  # fmt: skip

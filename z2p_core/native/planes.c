@@ -11,7 +11,7 @@
 #define SHARED 12     /* nearest points that tell how large a patch of surface is a point's share */
 
 /* One Jacobi rotation of symmetric matrices, a lane each: takes away pq, turns pr and qr, and the vectors p and q. */
-static inline void rotate(float *pp, float *qq, float *pq, float *pr, float *qr, float (*p)[LANES], float (*q)[LANES]) {
+INLINE void rotate(float *pp, float *qq, float *pq, float *pr, float *qr, float (*p)[LANES], float (*q)[LANES]) {
     for (int i = 0; i < LANES; i++) {
         int none = fabsf(pq[i]) < 1e-20f;
         float theta = (qq[i] - pp[i]) / (none ? 1.0f : 2 * pq[i]);
@@ -78,7 +78,7 @@ int z2p_neighbours(const Grid *grid, const float *points, const int *asked, int 
 }
 
 /* Covariance xx xy xz yy yz zz of the points (n) in a row. */
-static inline void covariance(const float *points, const int *row, int n, float *m) {
+INLINE void covariance(const float *points, const int *row, int n, float *m) {
     float q[MOST_NEIGHBOURS][3], mean[3] = {0};
     for (int j = 0; j < n; j++)
         for (int a = 0; a < 3; a++) {

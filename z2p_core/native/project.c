@@ -11,7 +11,7 @@
 
 /* Cells of `count` <= BLOCK points and their depths; unseen points get the cell `none`. Plain arithmetic without a
  * branch, so that the compiler makes vectors of it. */
-static inline void project_block(const float *restrict points, int count, const float *restrict camera, float focal,
+INLINE void project_block(const float *restrict points, int count, const float *restrict camera, float focal,
                                  float middle_x, float middle_y, int width, int height, int margin,
                                  int32_t *restrict cell, float *restrict depth) {
     const float *r = camera, *c = camera + 9;
@@ -48,7 +48,7 @@ FAST int z2p_nearest_depth(const float *points, int64_t count, const float *came
 }
 
 /* Minimum of each `size` neighbours of a line in place; only the first length - size + 1 places count afterwards. */
-static inline void line_minimum(float *restrict line, int length, int size) {
+INLINE void line_minimum(float *restrict line, int length, int size) {
     int span = 1;
     for (; span * 2 <= size; span *= 2)
         for (int x = 0; x < length - span; x++) line[x] = line[x + span] < line[x] ? line[x + span] : line[x];

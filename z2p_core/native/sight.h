@@ -3,6 +3,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "fast.h"
+
 #define LARGEST_MAP 512
 #define MARGIN 4    /* cells around what a map shows, for holes to be closed at its border as well */
 #define FINE 1.5f   /* cells of a map for each spacing */
@@ -11,11 +13,11 @@
 #define TOUCH 2.4f  /* spacings: what is so much nearer to a lamp may hide a point from it */
 #define OWN 0.7f    /* of the height that a way has gained over a plane: what lies lower is of the plane's surface */
 
-static inline float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+INLINE float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* Whether another point, which lies on the way (3) from a point as far as a map tells, is of the surface about that
  * point: it lies nearer to the plane there than to the way. */
-static inline int own_surface(const float *points, const float *normals, int point, int other, const float *way) {
+INLINE int own_surface(const float *points, const float *normals, int point, int other, const float *way) {
     const float *p = points + 3 * (size_t)point, *q = points + 3 * (size_t)other, *n = normals + 3 * (size_t)point;
     float step[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]};
     float facing = dot(way, n), above = dot(step, n), along = dot(step, way) / dot(way, way);
@@ -23,7 +25,7 @@ static inline int own_surface(const float *points, const float *normals, int poi
 }
 
 /* The least, or the largest, of five numbers in a row, `step` apart, for each number from `first` to `last`. */
-static inline void of_five(const int32_t *restrict from, int32_t *restrict to, int first, int last, int step,
+INLINE void of_five(const int32_t *restrict from, int32_t *restrict to, int first, int last, int step,
                            int largest) {
     for (int i = first; i < last; i++) {
         int32_t found = from[i];
@@ -37,7 +39,7 @@ static inline void of_five(const int32_t *restrict from, int32_t *restrict to, i
 
 /* Closes the holes, up to four cells wide, of a map (side, side) that holds numbers of its nearest things, or NOTHING;
  * outlines stay where they were. `room` is as large as the map. */
-static inline void close_holes(int32_t *map, int side, int32_t *room) {
+INLINE void close_holes(int32_t *map, int side, int32_t *room) {
     int cells = side * side;
     room[0] = room[1] = room[cells - 2] = room[cells - 1] = NOTHING;
     for (int largest = 0; largest < 2; largest++) {

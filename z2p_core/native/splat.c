@@ -5,16 +5,20 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "clips.h"
 #include "fast.h"
 
 #define NEAREST_PLANE 0.1f
-#define PIXEL 8 /* floats summed in each pixel: weight, depth and six features */
+#define PIXEL 8 /* sums for each pixel, in as many lines a row: weight, depth and six features */
+#define ROW 64  /* pixels that are resolved at a time */
+#define DOUBT 0.01f /* weight beyond a disc's end: it hides nothing there, but shows where nothing else does */
 #define LANES 8 /* pixels of a row are met so many at a time, beyond the disc's end too */
 
 typedef struct {
     float at[3], normal[3]; /* in the camera's axes */
     float radius, plane;    /* plane: normal . at */
-    int left, right, top, bottom, point;
+    int left, right, top, bottom, point, ends; /* `ends` planes end it before its rim */
+    const float *clips;
 } Disc;
 
 typedef struct {
@@ -42,8 +46,8 @@ static int place_disc(Disc *disc, float focal, int width, int height, int first,
 }
 
 /* The discs that the picture may show, how many they are, and the box that holds them all. */
-static int place_all(const float *points, const float *normals, const float *radii, int count, float focal, int width,
-                     int height, int first, int last, Disc *discs, Box *box) {
+static int place_all(const float *points, const float *normals, const float *radii, const float *clips, int count,
+                     float focal, int width, int height, int first, int last, Disc *discs, Box *box) {
     int placed = 0, left = width, right = -1, top = height, bottom = -1;
     for (int i = 0; i < count; i++) {
         Disc *disc = discs + placed;
@@ -51,6 +55,8 @@ static int place_all(const float *points, const float *normals, const float *rad
         memcpy(disc->normal, normals + 3 * (size_t)i, sizeof disc->normal);
         disc->radius = radii[i];
         disc->point = i;
+        disc->clips = clips + 4 * CLIPS * (size_t)i;
+        for (disc->ends = 0; disc->ends < CLIPS && disc->clips[4 * disc->ends + 3] < INFINITY;) disc->ends++;
         if (!place_disc(disc, focal, width, height, first, last)) continue;
         placed++;
         if (disc->left < left) left = disc->left;
@@ -63,8 +69,8 @@ static int place_all(const float *points, const float *normals, const float *rad
 }
 
 /* Along a row of pixels from disc->left to disc->right, and on to whole LANES: depth of the disc on each ray, and
- * weight, 0 for a miss. */
-static inline void meet_row(const Disc *disc, float focal, float middle, float ry, float *restrict depth,
+ * weight, 0 for a miss, negative beyond a plane that ends the disc. */
+INLINE void meet_row(const Disc *disc, float focal, float middle, float ry, float *restrict depth,
                             float *restrict weight) {
     float inverse = 1 / (disc->radius * disc->radius), step = 1 / focal;
     float first = ((float)disc->left + 0.5f - middle) * step, across = disc->normal[0];
@@ -80,6 +86,14 @@ static inline void meet_row(const Disc *disc, float focal, float middle, float r
         depth[i] = z;
         weight[i] = hit ? inside * inside + 1e-3f : 0;
     }
+    for (const float *clip = disc->clips, *end = clip + 4 * disc->ends; clip < end; clip += 4) {
+        float sideways = clip[0], ahead = clip[1] * ry + clip[2], most = clip[3];
+        for (int i = 0; i < whole; i++) {
+            float rx = first + (float)i * step;
+            int over = (depth[i] * (sideways * rx + ahead) > most) & (weight[i] > 0);
+            weight[i] = over ? -DOUBT * weight[i] : weight[i];
+        }
+    }
 }
 
 /* Whether the disc's centre lies in the box's rows and far behind what is seen there. */
@@ -92,7 +106,7 @@ static int hidden(const Disc *disc, const float *front, int stride, const Box *b
     return disc->at[2] > *nearest + (slack + 1) * disc->radius;
 }
 
-static inline void keep_nearest(int count, const float *restrict depth, const float *restrict weight,
+INLINE void keep_nearest(int count, const float *restrict depth, const float *restrict weight,
                                 float *restrict nearest) {
     for (int i = 0; i < count; i++) {
         float found = weight[i] > 0 ? depth[i] : INFINITY;
@@ -100,55 +114,69 @@ static inline void keep_nearest(int count, const float *restrict depth, const fl
     }
 }
 
-/* Adds the disc to the sums of those pixels where it lies at most `slack` of its radius behind the nearest one. */
-static inline void add_row(const Disc *disc, const float *depth, const float *weight, const float *nearest,
-                           const float *features, float slack, float *sums) {
-    int wide = disc->right - disc->left + 1;
-    float values[PIXEL] = {1, 0}, behind = slack * disc->radius;
-    memcpy(values + 2, features, sizeof(float) * (PIXEL - 2));
-    for (int x = 0; x < wide; x++, sums += PIXEL) {
-        if (weight[x] <= 0 || depth[x] > nearest[x] + behind) continue;
-        values[1] = depth[x];
-        for (int c = 0; c < PIXEL; c++) sums[c] += weight[x] * values[c];
+/* Adds the disc to the sums, lines `stride` apart, of those pixels where it lies at most `slack` of its radius behind the
+ * nearest one. What goes beyond the disc's end, to whole LANES, counts 0. */
+INLINE void add_row(const Disc *disc, const float *restrict depth, float *restrict weight,
+                    const float *restrict nearest, const float *restrict features, float slack, int stride,
+                    float *restrict sums) {
+    int wide = disc->right - disc->left + 1, whole = (wide + LANES - 1) / LANES * LANES;
+    float behind = slack * disc->radius;
+    for (int i = 0; i < whole; i++) {
+        float counts = depth[i] <= nearest[i] + behind ? fabsf(weight[i]) : 0;
+        weight[i] = counts;
+        sums[i] += counts;
+        sums[stride + i] += counts * depth[i];
+    }
+    for (int c = 2; c < PIXEL; c++) {
+        float *restrict line = sums + (size_t)c * stride, value = features[c - 2];
+        for (int i = 0; i < whole; i++) line[i] += weight[i] * value;
     }
 }
 
 /* Turns the sums in the box into the picture's planes (9, height, width): coverage, density, depth and features. */
-static inline void resolve(const float *sums, const Box *box, int width, int height, float sure, float full, float near,
-                           float far, float *picture) {
+INLINE void resolve(const float *sums, int stride, const Box *box, int width, int height, float sure, float full,
+                    float near, float far, float *picture) {
     size_t plane = (size_t)width * height;
-    float scale = 1 / (far - near);
-    for (int y = 0; y < box->high; y++) {
-        float *row = picture + (size_t)(box->top + y) * width + box->left;
-        for (int x = 0; x < box->wide; x++, sums += PIXEL) {
-            if (sums[0] <= 0) continue;
-            float inverse = 1 / sums[0], depth = (far - sums[1] * inverse) * scale, density = sums[0] / full;
-            row[x] = 1 - exp_fast(-sure * sums[0]);
-            row[plane + x] = density > 1 ? 1 : density;
-            row[2 * plane + x] = depth < 0 ? 0 : depth > 1 ? 1 : depth;
-            for (int c = 2; c < PIXEL; c++) row[(c + 1) * plane + x] = sums[c] * inverse;
+    float scale = 1 / (far - near), inverse[ROW];
+    for (int y = 0; y < box->high; y++)
+        for (int first = 0; first < box->wide; first += ROW) {
+            const float *restrict line = sums + (size_t)y * PIXEL * stride + first;
+            float *restrict row = picture + (size_t)(box->top + y) * width + box->left + first;
+            int count = box->wide - first < ROW ? box->wide - first : ROW;
+            for (int x = 0; x < count; x++) {
+                float weight = line[x], density = weight / full;
+                inverse[x] = weight > 0 ? 1 / weight : 0;
+                float depth = weight > 0 ? (far - line[stride + x] * inverse[x]) * scale : 0;
+                row[x] = 1 - exp_fast(-sure * weight);
+                row[plane + x] = density > 1 ? 1 : density;
+                row[2 * plane + x] = depth < 0 ? 0 : depth > 1 ? 1 : depth;
+            }
+            for (int c = 2; c < PIXEL; c++) {
+                float *restrict out = row + (size_t)(c + 1) * plane;
+                for (int x = 0; x < count; x++) out[x] = line[(size_t)c * stride + x] * inverse[x];
+            }
         }
-    }
 }
 
 /* Rows from `first` to `last` - 1 of picture (9, height, width), zero at first: coverage 1 - exp(-sure x weight),
  * density weight / full up to 1, depth from 1 at `near` to 0 at `far`, and six features, averaged over what the nearest
- * surfels show. Points and normals are in the camera's axes, normals facing it; features (count, 6). A surfel counts
- * where it lies at most `slack` of its radius behind the nearest. */
-FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *features, int count,
-                     float focal, int width, int height, int first, int last, float slack, float sure, float full,
-                     float near, float far, float *picture) {
+ * surfels show. Points and normals are in the camera's axes, normals facing it, and so are the planes `clips` (count,
+ * CLIPS, 4) that nothing of a disc lies over; features (count, 6). A surfel counts where it lies at most `slack` of its
+ * radius behind the nearest. */
+FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *clips,
+                     const float *features, int count, float focal, int width, int height, int first, int last,
+                     float slack, float sure, float full, float near, float far, float *picture) {
     Disc *discs = malloc(sizeof(Disc) * ((size_t)count + 1));
     if (!discs) return 0;
     Box box;
-    int placed = place_all(points, normals, radii, count, focal, width, height, first, last, discs, &box);
+    int placed = place_all(points, normals, radii, clips, count, focal, width, height, first, last, discs, &box);
     if (!placed) { free(discs); return 1; }
     int stride = box.wide + LANES; /* rows of pixels are met in whole lanes */
-    size_t pixels = (size_t)box.wide * box.high;
-    float *front = malloc(sizeof(float) * (size_t)stride * box.high), *sums = calloc(pixels * PIXEL, sizeof(float));
+    size_t pixels = (size_t)stride * box.high;
+    float *front = malloc(sizeof(float) * pixels), *sums = calloc(pixels * PIXEL, sizeof(float));
     float *depth = malloc(sizeof(float) * 2 * (size_t)stride), *weight = depth + stride;
     int fine = front && sums && depth;
-    for (size_t i = 0; fine && i < (size_t)stride * box.high; i++) front[i] = INFINITY;
+    for (size_t i = 0; fine && i < pixels; i++) front[i] = INFINITY;
     for (int pass = 0; fine && pass < 2; pass++)
         for (int i = 0; i < placed; i++) {
             const Disc *disc = discs + i;
@@ -160,13 +188,13 @@ FAST int z2p_surfels(const float *points, const float *normals, const float *rad
                 meet_row(disc, focal, 0.5f * (float)width, ((float)y + 0.5f - 0.5f * (float)height) / focal, depth,
                          weight);
                 if (pass)
-                    add_row(disc, depth, weight, nearest, features + (size_t)disc->point * (PIXEL - 2), slack,
-                            sums + (row * box.wide + column) * PIXEL);
+                    add_row(disc, depth, weight, nearest, features + (size_t)disc->point * (PIXEL - 2), slack, stride,
+                            sums + row * PIXEL * stride + column);
                 else
                     keep_nearest(whole, depth, weight, nearest);
             }
         }
-    if (fine) resolve(sums, &box, width, height, sure, full, near, far, picture);
+    if (fine) resolve(sums, stride, &box, width, height, sure, full, near, far, picture);
     free(discs); free(front); free(sums); free(depth);
     return fine;
 }

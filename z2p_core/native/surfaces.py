@@ -7,6 +7,10 @@ import ctypes
 import numpy as np
 
 from z2p_core.native.calls import call, floats
+from z2p_core.threads import over_rows
+
+MOST_CLIPS = 4
+"""Planes that end a disc."""
 
 
 class Grid:
@@ -62,3 +66,15 @@ def jets(
     normals, heights = np.empty((len(asked), 3), np.float32), np.empty(len(asked), np.float32)
     call("z2p_jets", points, before, asked, found, len(asked), found.shape[1], tolerance, scale, normals, heights)
     return normals, heights
+
+
+def clips(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Planes (N, 4, 4) that end the discs of radii (N,) about points (N, 3) at creases and outlines.
+
+    Each plane is a unit normal, and how far along it nothing is left of the disc: that of one of the neighbours found
+    (N, K) towards which the surface bends away. The nearest end comes first, and planes that end nothing last.
+    """
+    planes = np.empty((len(points), MOST_CLIPS, 4), np.float32)
+    discs = (floats(points), floats(normals), floats(radii), found)
+    over_rows(lambda begin, end: call("z2p_clips", *discs, begin, end, found.shape[1], planes), len(points))
+    return planes
