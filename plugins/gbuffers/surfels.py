@@ -127,7 +127,7 @@ class Lighting:
         side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
         share = powers / powers.sum()
         self.shades = (
-            thinned_rim(native.floor_shade(points, lamps, share, height, FLOOR_HALF, side)),
+            with_paler_rim(native.floor_shade(points, lamps, share, height, FLOOR_HALF, side)),
             native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side, SOFT),
         )
         self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
@@ -161,7 +161,7 @@ class Lighting:
 Surfels.lighting = Lighting
 
 
-def thinned_rim(shade: np.ndarray) -> np.ndarray:
+def with_paler_rim(shade: np.ndarray) -> np.ndarray:
     """The lamp's shadow, a share of its light, lighter towards its rim."""
     return shade * (1 - RIM * (1 - shade))
 

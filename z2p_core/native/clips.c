@@ -11,16 +11,12 @@
 #define ROOM 0.035f   /* of its radius, by which a disc goes on over a neighbour's plane */
 #define REACH 1.7f    /* radii within which neighbours count */
 
-/* How far along the disc of a point p, with normal n, the plane of another, q and m, ends it; INFINITY where it does not:
- * the planes are hardly turned, or the viewer, whom both normals face, looks into the valley between them. */
+/* How far along the disc of a point p, with normal n, the plane of another, q and m, ends it; INFINITY where it does
+ * not: the planes are hardly turned, or the viewer, whom both normals face, looks into the valley between them. */
 INLINE float end_of_disc(const float *p, const float *n, const float *q, const float *m, float radius) {
     float step[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]};
-    float along = n[0] * m[0] + n[1] * m[1] + n[2] * m[2], other = 0, own = 0, square = 0;
-    for (int a = 0; a < 3; a++) {
-        other += step[a] * n[a]; /* height of the other point over this plane, and of this one over the other */
-        own -= step[a] * m[a];
-        square += step[a] * step[a];
-    }
+    /* height of the other point over this plane, and of this one over the other */
+    float along = dot(n, m), other = dot(step, n), own = -dot(step, m), square = dot(step, step);
     int ends = (fabsf(along) < TURNED) & ((other < 0) | (own < 0)) & (fabsf(own) > ROOM * radius);
     ends &= square < REACH * REACH * radius * radius;
     return ends ? fabsf(own) / sqrtf(1 - along * along) : INFINITY;
@@ -28,14 +24,14 @@ INLINE float end_of_disc(const float *p, const float *n, const float *q, const f
 
 /* The plane of another point, q and m, with a point p under it, and `room` over it. */
 INLINE void plane_over(const float *p, const float *q, const float *m, float room, float *clip) {
-    float own = (p[0] - q[0]) * m[0] + (p[1] - q[1]) * m[1] + (p[2] - q[2]) * m[2], sign = own < 0 ? 1.0f : -1.0f;
+    float sign = dot(p, m) < dot(q, m) ? 1.0f : -1.0f;
     for (int a = 0; a < 3; a++) clip[a] = sign * m[a];
-    clip[3] = clip[0] * q[0] + clip[1] * q[1] + clip[2] * q[2] + room;
+    clip[3] = dot(clip, q) + room;
 }
 
-/* clips (count, CLIPS, 4): from row `begin` to `end`, planes, as a normal and how far along it they lie, over which next
- * to nothing is left of the discs (count) about points with these normals. They are those of the neighbours found
- * (count, most) that end a disc nearest to its centre; for want of more, planes that nothing lies over. */
+/* clips (count, CLIPS, 4): from row `begin` to `end`, planes, as a normal and how far along it they lie, over which
+ * next to nothing is left of the discs (count) about points with these normals. They are those of the neighbours
+ * found (count, most) that end a disc nearest to its centre; for want of more, planes that nothing lies over. */
 FAST int z2p_clips(const float *points, const float *normals, const float *radii, const int *found, int begin, int end,
                    int most, float *clips) {
     for (int i = begin; i < end; i++) {

@@ -1,5 +1,5 @@
-/* FAST marks a function that is compiled three times, for plain, wide and wider registers; the processor chooses at load
- * time. */
+/* FAST marks a function that is compiled three times, for plain, wide and wider registers; the processor chooses at
+ * load time. */
 
 #pragma once
 
@@ -18,6 +18,8 @@
 #else
 #define INLINE static inline
 #endif
+
+INLINE float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* e^x to about two units in the last place, 0 below -87; without a call or a branch, so that loops become vectors.
  * The polynomial is Cephes' expf. */

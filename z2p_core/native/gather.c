@@ -22,7 +22,7 @@ INLINE int cell_below(const float *point, const float *ray, const Floor *floor, 
 
 /* Radiance of the floor, lit by lamp and sky, where a ray from a point meets it. */
 INLINE float lit_floor(const float *point, const float *ray, const Floor *floor, const float *lamp_shade,
-                              const float *sky_shade, int side) {
+                       const float *sky_shade, int side) {
     float place[2];
     int cell = cell_below(point, ray, floor, side, place);
     float lamp = lamp_on_floor(floor, place[0], place[1]), sky = floor->sky;

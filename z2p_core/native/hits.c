@@ -75,6 +75,7 @@ INLINE void find_ends(int count, float sign, Sweep *sweep) {
 INLINE void see(int count, float sign, float clear, Sweep *sweep, int *hit) {
     const float *heights = sweep->heights;
     const int *cells = sweep->cells, *order = sweep->order;
+    /* the places of seen_from, without a choice for each */
     int next = 0, side = sweep->side, *map = sweep->map, last = sign > 0 ? count - 1 : 0, step = sign > 0 ? -1 : 1;
     memset(map, -1, sizeof(int) * (size_t)side * side);
     for (int place = 0; place < count; place++) {

@@ -32,7 +32,7 @@ INLINE void across(const float *n, float *u, float *v) {
 
 /* Adds up, over the neighbours in `row` (most), the weighted products of the terms and of the height with them. */
 INLINE void add_up(const float *points, const float *before, int point, const int *row, int most,
-                          const float *u, const float *v, float tolerance, float scale, float *sums) {
+                   const float *u, const float *v, float tolerance, float scale, float *sums) {
     const float *p = points + 3 * (size_t)point, *n = before + 3 * (size_t)point;
     float lanes[SUMS][LANES] = {{0}}, unit = 1 / scale, narrow = scale / tolerance;
     for (int first = 0; first < most; first += LANES) {

@@ -33,7 +33,7 @@ static View look_from(const float *lamp) {
 
 /* Depth and cell in a lamp's map, -1 outside of it, of each point. Plain arithmetic, for vectors. */
 INLINE void place_points(const float *restrict points, int count, const float *restrict lamp, const View *view,
-                                float half, float step, int side, float *restrict depth, int *restrict cell) {
+                         float half, float step, int side, float *restrict depth, int *restrict cell) {
     const float *f = view->ahead, *r = view->across, *u = view->up;
     for (int i = 0; i < count; i++) {
         float dx = points[3 * i] - lamp[0], dy = points[3 * i + 1] - lamp[1], dz = points[3 * i + 2] - lamp[2];
@@ -49,7 +49,7 @@ INLINE void place_points(const float *restrict points, int count, const float *r
 /* Draws the map of the cloud seen from a lamp: depth, and in the lower half of its bits the point's number; and says
  * which points nothing nearer to the lamp hides, 0 or 1. */
 INLINE void cast_shadows(const float *points, const float *normals, int count, const float *lamp, float spacing,
-                                float radius, int32_t *map, int32_t *room, float *depth, int *cell, float *open) {
+                         float radius, int32_t *map, int32_t *room, float *depth, int *cell, float *open) {
     View view = look_from(lamp);
     float away = sqrtf(dot(lamp, lamp)), reach = fmaxf(away * away - radius * radius, 0.25f);
     float half = radius / sqrtf(reach) * 1.02f, step = spacing / FINE / away;
@@ -74,8 +74,8 @@ INLINE void cast_shadows(const float *points, const float *normals, int count, c
 /* Adds to light (2, count) what a lamp gives the points that are open to it, on the side that the normal points to and
  * on the other one. Plain arithmetic again. */
 INLINE void add_light(const float *restrict points, const float *restrict normals, int count,
-                             const float *restrict lamp, const float *restrict axis, float power,
-                             const float *restrict open, float *restrict light) {
+                      const float *restrict lamp, const float *restrict axis, float power,
+                      const float *restrict open, float *restrict light) {
     for (int i = 0; i < count; i++) {
         float dx = lamp[0] - points[3 * i], dy = lamp[1] - points[3 * i + 1], dz = lamp[2] - points[3 * i + 2];
         float square = dx * dx + dy * dy + dz * dz, length = sqrtf(square);
@@ -109,7 +109,7 @@ FAST int z2p_illuminate(const float *points, const float *normals, int count, co
 /* Sets the lamps' bits in the cells of the mask where the point would lie on the floor; those off it, in the last
  * cell. */
 INLINE void mark(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
-                        uint64_t *mask, int *restrict cells) {
+                 uint64_t *mask, int *restrict cells) {
     float scale = (float)side / (2 * half), low = 4, high = (float)side - 4;
     for (int l = 0; l < lamp_count; l++) {
         float lx = lamps[l], ly = lamps[MOST_LAMPS + l], lz = lamps[2 * MOST_LAMPS + l];

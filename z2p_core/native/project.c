@@ -12,8 +12,8 @@
 /* Cells of `count` <= BLOCK points and their depths; unseen points get the cell `none`. Plain arithmetic without a
  * branch, so that the compiler makes vectors of it. */
 INLINE void project_block(const float *restrict points, int count, const float *restrict camera, float focal,
-                                 float middle_x, float middle_y, int width, int height, int margin,
-                                 int32_t *restrict cell, float *restrict depth) {
+                          float middle_x, float middle_y, int width, int height, int margin,
+                          int32_t *restrict cell, float *restrict depth) {
     const float *r = camera, *c = camera + 9;
     int32_t none = width * height;
     for (int i = 0; i < count; i++) {

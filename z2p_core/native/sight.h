@@ -13,8 +13,6 @@
 #define TOUCH 2.4f  /* spacings: what is so much nearer to a lamp may hide a point from it */
 #define OWN 0.7f    /* of the height that a way has gained over a plane: what lies lower is of the plane's surface */
 
-INLINE float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
 /* Whether another point, which lies on the way (3) from a point as far as a map tells, is of the surface about that
  * point: it lies nearer to the plane there than to the way. */
 INLINE int own_surface(const float *points, const float *normals, int point, int other, const float *way) {
@@ -26,7 +24,7 @@ INLINE int own_surface(const float *points, const float *normals, int point, int
 
 /* The least, or the largest, of five numbers in a row, `step` apart, for each number from `first` to `last`. */
 INLINE void of_five(const int32_t *restrict from, int32_t *restrict to, int first, int last, int step,
-                           int largest) {
+                    int largest) {
     for (int i = first; i < last; i++) {
         int32_t found = from[i];
         for (int k = -2; k < 3; k++) {

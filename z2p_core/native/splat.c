@@ -71,7 +71,7 @@ static int place_all(const float *points, const float *normals, const float *rad
 /* Along a row of pixels from disc->left to disc->right, and on to whole LANES: depth of the disc on each ray, and
  * weight, 0 for a miss, negative beyond a plane that ends the disc. */
 INLINE void meet_row(const Disc *disc, float focal, float middle, float ry, float *restrict depth,
-                            float *restrict weight) {
+                     float *restrict weight) {
     float inverse = 1 / (disc->radius * disc->radius), step = 1 / focal;
     float first = ((float)disc->left + 0.5f - middle) * step, across = disc->normal[0];
     float rest = disc->normal[1] * ry + disc->normal[2];
@@ -107,15 +107,15 @@ static int hidden(const Disc *disc, const float *front, int stride, const Box *b
 }
 
 INLINE void keep_nearest(int count, const float *restrict depth, const float *restrict weight,
-                                float *restrict nearest) {
+                         float *restrict nearest) {
     for (int i = 0; i < count; i++) {
         float found = weight[i] > 0 ? depth[i] : INFINITY;
         nearest[i] = found < nearest[i] ? found : nearest[i];
     }
 }
 
-/* Adds the disc to the sums, lines `stride` apart, of those pixels where it lies at most `slack` of its radius behind the
- * nearest one. What goes beyond the disc's end, to whole LANES, counts 0. */
+/* Adds the disc to the sums, lines `stride` apart, of those pixels where it lies at most `slack` of its radius
+ * behind the nearest one. What goes beyond the disc's end, to whole LANES, counts 0. */
 INLINE void add_row(const Disc *disc, const float *restrict depth, float *restrict weight,
                     const float *restrict nearest, const float *restrict features, float slack, int stride,
                     float *restrict sums) {
