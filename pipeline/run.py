@@ -94,10 +94,8 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
     Raises:
         TrainError: weights with that card cannot be fine-tuned by this config on these shards.
     """
-    network = from_dict(NetworkConfig, card["network"])  # older cards lack what networks have had no choice of before
+    network = from_dict(NetworkConfig, card["network"])
     wanted_network = config.network
-    if not network.fine:  # such a block begins as the identity, so it can be learnt on top of weights without one
-        wanted_network = replace(wanted_network, fine=0)
     if registry.load("gbuffers", wanted_network.gbuffer).refines == network.gbuffer:
         wanted_network = replace(wanted_network, gbuffer=network.gbuffer)
     known = [[entry["name"], entry["version"]] for entry in card["controls"]]
@@ -115,7 +113,7 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
 
 
 def _grown(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of weights to start from, with fresh ones for a block and a column for each control that they lack.
+    """The tensors of weights to start from, with fresh ones for layers and a column for each control that they lack.
 
     The new columns begin at nothing, so that the network draws as before at first, whatever these controls say.
     """

@@ -14,7 +14,7 @@ Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Buffers, encoding and settings as `z2p_core.interfaces.Engine.run` takes them."""
 
 INPUTS = ("buffers", "encoding", "settings")
-WHOLE = ("/stem", "/head", "/sharpen/fold", "/sharpen/leave", "/look", "/touch")
+WHOLE = ("/stem", "/head", "/sharpen", "/look", "/touch")
 """Convolutions that stay in float32: they read and write the picture, where 8 bits show (SSIM 0.862 for 0.909)."""
 STEM_PARTS = ("features", "traced")
 """What the stem's output is split into."""

@@ -34,7 +34,7 @@ _NETWORK = (
 
 OF_WEIGHTS = (
     "pipeline.buffers", "pipeline.load", "pipeline.infer", "pipeline.engines", "storage.checkpoints", "storage.exports",
-    "storage.graphs", "z2p_core.model",
+    "storage.graphs", "z2p_core.model", "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads", *_KERNELS,
 )
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
 _CASES = (

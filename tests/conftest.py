@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
+LAST = ("touch", "sharpen.leave")
+"""Layers that go over a network's picture once more."""
+
 settings.register_profile("steady", deadline=None, derandomize=True, database=None)
 settings.load_profile("steady")
 
@@ -28,17 +31,17 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
         controls: tuple[str, ...] = ("color", "light", "elevation"), fixed_elevation: float | None = None,
         **network_shape: Any,
     ) -> Path:
-        zbuffer, gbuffer = registry.load("zbuffers", "splats"), registry.load("gbuffers", "surfels")
         carried = [registry.load("controls", name)() for name in controls]
         config = NetworkConfig(**{"widths": (16, 16), "mapping": 16, **network_shape})
+        zbuffer, gbuffer = registry.load("zbuffers", config.zbuffer), registry.load("gbuffers", config.gbuffer)
         encoder = registry.load("encoders", config.encoder).create(np.random.default_rng(0))
         torch.manual_seed(0)
         settings = sum(control.size for control in carried)
         network = build_network(config, zbuffer.channels + gbuffer.channels, encoder.channels, settings)
         with torch.no_grad():
             for name, parameter in network.named_parameters():
-                # the last look at pixels sums over many of them: as loud as the rest it would drown the picture
-                parameter.copy_(torch.randn_like(parameter) * (0.02 if name.startswith("touch") else 0.15))
+                # the last look at the picture sums over many pixels: as loud as the rest it would drown it
+                parameter.copy_(torch.randn_like(parameter) * (0.02 if name.startswith(LAST) else 0.15))
         path = tmp_path_factory.mktemp("weights") / "tiny.safetensors"
         card = {
             "network": to_dict(config),

@@ -57,22 +57,23 @@ class NetworkConfig:
 
     kind: str = "unshuffle_unet"
     """``unshuffle_unet`` (fast) or ``adain_unet`` (the paper's)."""
-    widths: tuple[int, ...] = (48, 80, 128, 192)
+    widths: tuple[int, ...] = (48, 64, 96, 128)
     """Channels at each level, finest first."""
     unshuffle: int = 4
     """Side of the pixel blocks folded into channels before the first level; the paper's network has none (1)."""
-    fine: int = 0
-    """Channels of the residual block that goes over the fast network's picture in blocks of 2x2 pixels; 0 for none."""
-    refine: int = 16
-    """Channels between the two last convolutions, which work on single pixels; 0 for none (the paper)."""
+    fine: int = 24
+    """Channels with which the fast network goes over its picture in blocks of 2x2 pixels; 0 for none (the paper)."""
+    refine: int = 0
+    """Channels with which it goes over single pixels after that, which takes engines longer; 0 for none (the paper)."""
     mapping: int = 512
     """Length of w, the mapped settings vector."""
     conditioning: str = "adain"
     """``adain``: the settings modulate features (paper Eq. 2); ``input``: they are constant channels of the input."""
-    zbuffer: str = "splats"
+    zbuffer: str = "paper"
     gbuffer: str = "surfels"
     """Rough features of the lit scene beside the z-buffer; ``none`` leaves light to the settings alone (the paper)."""
-    encoder: str = "fourier"
+    encoder: str = "none"
+    """``fourier`` tells where in the picture a pixel lies (paper section 3.3), which a G-buffer makes needless."""
 
 
 @dataclass(frozen=True)
@@ -101,7 +102,7 @@ class TrainConfig:
     loss: LossConfig = field(default_factory=LossConfig)
     start: str = ""
     """Weights to fine-tune: a shipped name, or a file; empty begins at random. They must be of this very network, but
-    may lack its `fine` block and the last of the controls, and know a G-buffer that this one refines."""
+    may lack the last of the controls, and know a G-buffer that this one refines."""
     resolutions: tuple[int, ...] = ()
     """Sides trained at, in turn step by step, each a divisor of the shards'; empty for theirs alone. A step at a larger
     side takes fewer samples, so that all steps cost the same. Clouds are drawn anew at each side, never resized."""

@@ -43,7 +43,7 @@ def build_network(config: NetworkConfig, buffer_channels: int, encoder_channels:
         )
     if config.kind == "adain_unet" and config.unshuffle != 1:
         raise ValueError(f"adain_unet works at full resolution: expected unshuffle = 1, got {config.unshuffle}")
-    if config.fine and config.unshuffle % FINE_BLOCK:
+    if config.kind == "unshuffle_unet" and config.fine and config.unshuffle % FINE_BLOCK:
         raise ValueError(f"network: fine needs an unshuffle that {FINE_BLOCK} divides, got {config.unshuffle}")
     known = ("adain",) if config.kind == "adain_unet" else ("adain", "input")
     if config.conditioning not in known:
@@ -159,8 +159,8 @@ class UNet(nn.Module):
 class UnshuffleUNet(UNet):
     """The fast network: pixel blocks folded into channels, residual blocks, additive skips, pixels unfolded again.
 
-    A block of pixels has few channels to say where an edge runs, so the picture is gone over once more in smaller
-    blocks (`sharpen`), and last with two thin convolutions on single pixels (`touch`).
+    A cell of pixels has few channels to say where an edge runs, so the picture is gone over once more in smaller
+    blocks (`sharpen`), or with two thin convolutions on single pixels (`touch`).
     """
 
     def __init__(self, config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int) -> None:
@@ -202,8 +202,11 @@ class UnshuffleUNet(UNet):
         for grow, decode in zip(reversed(self.grow), reversed(self.decode), strict=True):
             x = skips.pop() + F.interpolate(grow(x), scale_factor=2.0, mode="nearest")
             x = decode(x, w)
-        picture = F.pixel_shuffle(self.head(self.tint(F.relu(x), w)) + traced, self.unshuffle)  # (B, 4, H, W)
-        return self.sharpen(picture, x, buffers, w) if self.sharpen else picture
+        cells = self.head(self.tint(F.relu(x), w)) + traced  # (B, 4 u u, H/u, W/u)
+        if self.sharpen is None:
+            return F.pixel_shuffle(cells, self.unshuffle)
+        blocks = F.pixel_shuffle(cells, self.unshuffle // FINE_BLOCK)  # (B, 16, H/2, W/2)
+        return F.pixel_shuffle(self.sharpen(blocks, buffers), FINE_BLOCK)
 
     def refine(self, picture: Tensor, buffers: Tensor) -> Tensor:
         first, last = self.look, self.touch
@@ -214,28 +217,24 @@ class UnshuffleUNet(UNet):
 
 
 class Sharpen(nn.Module):
-    """Goes over a picture in blocks of `FINE_BLOCK` pixels, knowing what the levels below know; starts as the identity.
+    """Goes over a picture in blocks of `FINE_BLOCK` pixels, beside the buffers around them; starts as the identity.
 
-    Convolutions with a stride fold the blocks, and features are repeated, not shuffled, because both are faster.
+    The blocks stay folded into channels: engines are at their best with many channels of few pixels.
     """
 
     def __init__(self, config: NetworkConfig, buffer_channels: int) -> None:
         super().__init__()
-        self.ratio = config.unshuffle // FINE_BLOCK
-        self.spread = nn.Conv2d(config.widths[0], config.fine, 1)
-        self.fold_buffers = nn.Conv2d(buffer_channels, config.fine, FINE_BLOCK, stride=FINE_BLOCK)
-        self.fold_picture = nn.Conv2d(4, config.fine, FINE_BLOCK, stride=FINE_BLOCK)
-        self.blocks = ResidualBlocks(1, config.fine, config, FINE_BLOCK)
-        self.leave = nn.Conv2d(config.fine, 4 * FINE_BLOCK**2, 3, padding=1)
+        side, blocks = FINE_BLOCK, 4 * FINE_BLOCK**2
+        self.look = nn.Conv2d(buffer_channels, config.fine, 2 * side, stride=side, padding=side // 2)
+        self.reread = nn.Conv2d(blocks, config.fine, 3, padding=1)
+        self.leave = nn.Conv2d(config.fine, blocks, 3, padding=1)
         nn.init.zeros_(self.leave.weight)
         nn.init.zeros_(self.leave.bias)
 
-    def forward(self, picture: Tensor, x: Tensor, buffers: Tensor, w: Tensor) -> Tensor:
-        """Picture (B, 4, H, W), mended, from the finest level's features (B, W0, H/u, W/u) and buffers (B, C, H, W)."""
-        x = F.interpolate(self.spread(x), scale_factor=float(self.ratio), mode="nearest")  # (B, fine, H/2, W/2)
-        x = x + self.fold_buffers(buffers.to(picture.dtype)) + self.fold_picture(picture)
-        x = self.leave(F.relu(self.blocks(x, w)))
-        return picture + F.pixel_shuffle(x, FINE_BLOCK)
+    def forward(self, blocks: Tensor, buffers: Tensor) -> Tensor:
+        """Blocks (B, 16, H/2, W/2) of a picture, mended, from them and the buffers (B, C, H, W)."""
+        seen: Tensor = self.look(buffers.to(blocks.dtype)) + self.reread(blocks)
+        return blocks + self.leave(F.relu(seen))
 
 
 class ResidualBlocks(nn.Module):

@@ -20,10 +20,10 @@ from storage.graphs import INT8, graph_path, load_graph, save_graph
 
 FORMS: dict[str, dict[str, Any]] = {
     "unshuffle": {"widths": (16, 16, 24), "mapping": 24},
-    "cells of three": {"widths": (16, 24), "mapping": 16, "unshuffle": 3},
+    "cells of three": {"widths": (16, 24), "mapping": 16, "unshuffle": 3, "fine": 0},
     "cells of two": {"widths": (16, 24), "mapping": 16, "unshuffle": 2},
-    "a fine block": {"widths": (16, 24), "mapping": 16, "fine": 8},
-    "nothing on single pixels": {"widths": (16, 24), "mapping": 16, "refine": 0, "encoder": "none"},
+    "single pixels": {"widths": (16, 24), "mapping": 16, "fine": 0, "refine": 8, "zbuffer": "splats"},
+    "encoding": {"widths": (16, 24), "mapping": 16, "encoder": "fourier"},
     "one setting": {"widths": (16, 16), "controls": ("light",), "fixed_elevation": 20.0},
 }
 

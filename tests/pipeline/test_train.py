@@ -21,7 +21,7 @@ from z2p_core.config import LossConfig, NetworkConfig, TrainConfig
 from z2p_core.registry import PluginError
 from z2p_core.scene import SceneDescription
 
-NETWORK = NetworkConfig(widths=(16, 24, 32), mapping=32)
+NETWORK = NetworkConfig(widths=(16, 24, 32), mapping=32, encoder="fourier")
 CONFIG = TrainConfig(
     network=NETWORK, steps=6, batch=2, warmup=2, points=(200, 800), validate_every=3, checkpoint_every=1
 )
@@ -260,23 +260,6 @@ def test_fine_tuning_may_add_controls_which_change_nothing_at_first(undisturbed,
         for metallic in (0.0, 1.0):
             after = new(buffers, encoding, torch.cat([settings, torch.tensor([[metallic]])], dim=1))
             torch.testing.assert_close(after, before, atol=1e-5, rtol=0)
-
-
-def test_fine_tuning_may_add_the_fine_block_which_changes_nothing_at_first_but_not_take_it_away(
-    undisturbed, shards, tmp_path
-):
-    start = undisturbed / "weights.safetensors"
-    fine = replace(CONFIG, network=replace(NETWORK, fine=8), start=str(start), steps=1, learning_rate=1e-9, average=0.0)
-    grown = train(shards, fine, tmp_path, log=silent)
-    assert load_weights(grown).card["network"]["fine"] == 8
-    loaded = load_plugins(grown)
-    encoding, settings = torch.rand(loaded.encoder.channels, 8, 8), torch.rand(1, loaded.settings)
-    buffers = torch.rand(1, loaded.buffer_channels, 32, 32)
-    with torch.no_grad():
-        before, after = (load_network(file).network(buffers, encoding, settings) for file in (start, grown))
-    torch.testing.assert_close(after, before, atol=1e-5, rtol=0)
-    with pytest.raises(TrainError, match=r"train.start: expected .*'fine': 0.*got .*'fine': 8"):
-        train(shards, replace(CONFIG, start=str(grown), steps=1), tmp_path / "back", log=silent)
 
 
 def test_fine_tuning_may_go_on_with_a_gbuffer_that_refines_the_known_one_and_with_no_other(

@@ -66,7 +66,7 @@ INPUTS: dict[str, tuple[Change, set[str]]] = {
                                                   for c in ("0-1", "1-2")}),
     "more views": (setting("views = 2", "views = 3"), {"render/tetra/2-3", "render/pyramid/2-3"} | SHARDS | AFTER),
     "steps": (setting("steps = 4", "steps = 5"), AFTER),
-    "an encoder": (setting("mapping = 8", 'mapping = 8\nencoder = "none"'), AFTER),
+    "an encoder": (setting("mapping = 8", 'mapping = 8\nencoder = "fourier"'), AFTER),
     "checkpoints": (setting("checkpoint_every = 2", "checkpoint_every = 1"), set()),
     "evaluation clouds": (setting("points = 100\nres", "points = 150\nres"), EVALUATE),
     "the config's name": (setting('name = "small"', 'name = "other"'), set()),
@@ -83,7 +83,7 @@ INPUTS: dict[str, tuple[Change, set[str]]] = {
                             RENDERS | SHARDS | AFTER),
     "a control's code": (replaced("code/plugins/controls/elevation.py", "version = ", "extra = 1\n    version = "),
                          RENDERS | SHARDS | AFTER),
-    "a z-buffer's code": (appended("code/plugins/zbuffers/splats.py", "\nEXTRA = 1\n"), AFTER),
+    "a z-buffer's code": (appended("code/plugins/zbuffers/paper.py", "\nEXTRA = 1\n"), AFTER),
     "a sampler's code": (appended("code/plugins/samplers/uniform.py", "\nEXTRA = 1\n"), SAMPLES | SHARDS | AFTER),
     "another sampler's code": (appended("code/plugins/samplers/grid.py", "\nEXTRA = 1\n"), set()),
     "comments and docstrings": (lambda world: [

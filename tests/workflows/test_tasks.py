@@ -127,7 +127,7 @@ def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, 
 
 @pytest.mark.parametrize(
     ("step", "group", "name"),
-    [("sample/ape", "samplers", "uniform"), ("render/ape/0-2", "controls", "color"), ("train", "encoders", "fourier"),
+    [("sample/ape", "samplers", "uniform"), ("render/ape/0-2", "controls", "color"), ("train", "encoders", "none"),
      ("evaluate", "engines", "torch"), ("shard/bee", "controls", "light")],
 )  # fmt: skip
 def test_a_plugin_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, tmp_path, step, group, name):

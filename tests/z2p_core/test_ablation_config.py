@@ -44,7 +44,7 @@ def test_a_variant_is_the_base_but_for_what_it_changes() -> None:
     loss = replace(config.base.train.loss, ssim=0.0)
     assert no_ssim.config == replace(config.base, train=replace(config.base.train, loss=loss))
     assert dict(no_ssim.changes) == {"loss.ssim": (0.5, 0.0)}
-    assert dict(two.changes) == {"network.widths": ([48, 80, 128, 192], [8, 16]), "network.unshuffle": (4, 8)}
+    assert dict(two.changes) == {"network.widths": ([48, 64, 96, 128], [8, 16]), "network.unshuffle": (4, 8)}
     assert (two.title, two.why, two.config.train.loss) == ("narrow and coarse", "to see", config.base.train.loss)
     assert [one.is_repeat for one in config.variants] == [False, False, False, True]
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import pytest
 import torch
 
-from z2p_core.config import NetworkConfig, from_dict, to_dict
+from z2p_core.config import NetworkConfig
 from z2p_core.model import AdaIN, Modulation, build_network
 
-FAST = NetworkConfig(widths=(16, 24, 32, 48), mapping=16)
+FAST = NetworkConfig(widths=(16, 24, 32, 48), fine=0, refine=16, mapping=16)
 INPUT = replace(FAST, conditioning="input")
-FINE = replace(FAST, fine=8)
+FINE = replace(FAST, fine=8, refine=0)
 PAPER = NetworkConfig(kind="adain_unet", widths=(8, 12, 16), unshuffle=1, mapping=16, zbuffer="paper")
 
 
@@ -117,26 +117,18 @@ def test_the_last_convolutions_start_as_nothing_and_reach_two_pixels():
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == (18, 22, 28, 32)
 
 
-def test_the_fine_block_starts_as_nothing_and_sees_single_pixels_of_picture_and_buffers():
+def test_the_fine_block_starts_as_nothing_and_sees_what_lies_around_its_blocks():
     torch.manual_seed(0)
-    network = build_network(FINE, 3, 0, 7).eval()
-    without = build_network(FAST, 3, 0, 7).eval()
-    without.load_state_dict({name: x for name, x in network.state_dict().items() if name in without.state_dict()})
-    buffers, settings = torch.rand(1, 3, 64, 64), torch.rand(1, 7)
-    nothing = torch.zeros(0, 16, 16)
-    torch.testing.assert_close(network(buffers, nothing, settings), without(buffers, nothing, settings))
-    fine = network.sharpen
-    for layer in (fine.leave, fine.blocks.second[0]):
-        torch.nn.init.normal_(layer.weight)
-    picture, features, w = torch.rand(1, 4, 64, 64), torch.rand(1, 16, 16, 16), torch.rand(1, 16)
-    one = torch.zeros(64, 64)
-    one[20, 30] = 1
-    before = fine(picture, features, buffers, w) - picture
-    for after in (fine(picture + one, features, buffers, w) - picture - one,
-                  fine(picture, features, buffers + one, w) - picture):  # fmt: skip
-        rows, columns = ((after - before).abs() > 1e-6)[0].any(0).nonzero().T
-        reach = (rows.min(), rows.max(), columns.min(), columns.max())
-        assert reach == (20 - 6, 20 + 7, 30 - 6, 30 + 7), "three convolutions reach three blocks of 2x2"
+    fine = network_of(FINE).sharpen
+    torch.nn.init.zeros_(fine.leave.weight)
+    torch.nn.init.zeros_(fine.leave.bias)
+    blocks, buffers = torch.rand(1, 16, 32, 32), torch.rand(1, 3, 64, 64)
+    torch.testing.assert_close(fine(blocks, buffers), blocks)
+    torch.nn.init.normal_(fine.leave.weight)
+    changed = buffers.clone()
+    changed[..., 20, 30] += 1
+    rows, columns = (fine(blocks, buffers) != fine(blocks, changed))[0].any(0).nonzero().T
+    assert (rows.min(), rows.max(), columns.min(), columns.max()) == (8, 11, 13, 16)
 
 
 def test_a_network_without_encoding():
@@ -156,13 +148,6 @@ def test_settings_as_input_channels_are_heard_at_every_pixel_and_each_of_them():
         assert ((network(zbuffer, encoding, 1 - settings) - picture).abs().amax(1) > 1e-5).all()
 
 
-def test_weights_from_before_conditioning_and_the_fine_block_are_the_default():
-    earlier = to_dict(FAST)
-    del earlier["conditioning"], earlier["fine"]
-    assert from_dict(NetworkConfig, earlier) == FAST
-    network_of(from_dict(NetworkConfig, earlier)).load_state_dict(network_of(FAST).state_dict())
-
-
 def test_a_uniform_picture_has_finite_gradients():
     network = network_of(PAPER).train()
     network(torch.zeros(1, 3, 32, 32), torch.zeros(5, 32, 32), torch.zeros(1, 7)).sum().backward()
@@ -178,7 +163,7 @@ def test_unknown_kind_and_impossible_shapes():
         build_network(NetworkConfig(conditioning="film"), 1, 0, 7)
     with pytest.raises(ValueError, match="adain_unet: conditioning: expected adain, got 'input'"):
         build_network(replace(PAPER, conditioning="input"), 1, 0, 7)
-    with pytest.raises(ValueError, match="fine needs an unshuffle that 2 divides, got 1"):
-        build_network(replace(PAPER, fine=8), 1, 0, 7)
+    with pytest.raises(ValueError, match="fine needs an unshuffle that 2 divides, got 3"):
+        build_network(replace(FINE, unshuffle=3), 1, 0, 7)
     with pytest.raises(ValueError, match="two or more widths"):
         build_network(NetworkConfig(widths=(8,)), 1, 0, 7)
