@@ -3,8 +3,8 @@
     python scripts/slim_weights.py WEIGHTS OUT --widths 48,64,96,128 [--fine 24]
 
 It keeps the strongest channels, reads the z-buffer's first channel (the paper's, of the splats) and no encoding, whose
-mean goes into the stem. Single pixels are gone over no more; 2x2 blocks are, by layers that begin as nothing. So its
-pictures are worse at first: `train.start` is what the file is for.
+mean goes into the stem. With --fine it goes over 2x2 blocks, by layers that begin as nothing, instead of single pixels.
+So its pictures are worse at first: `train.start` is what the file is for.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from z2p_core.config import NetworkConfig, from_dict, to_dict
 from z2p_core.model import FINE_BLOCK, build_network
 
 Tensors = dict[str, np.ndarray]
-GONE = ("look.", "touch.", "sharpen.")
-"""Layers that the leaner network has not, or begins anew."""
+PIXELS = ("look.", "touch.")
+"""Layers that go over single pixels."""
 SIDE = 256
 """Of the frame over which the encoding's mean is taken; any would do."""
 
@@ -37,34 +37,37 @@ def main() -> None:
     parser.add_argument("weights", help="shipped name or file; one whose picture is gone over in single pixels")
     parser.add_argument("out", type=Path)
     parser.add_argument("--widths", required=True, help="comma-separated, none above what the weights have")
-    parser.add_argument("--fine", type=int, default=24)
+    parser.add_argument("--fine", type=int, default=0, help="channels to go over 2x2 blocks with")
     asked = parser.parse_args()
     torch.manual_seed(0)
     loaded = load_network(asked.weights, to_train=True)
     old = from_dict(NetworkConfig, loaded.card["network"])
-    new = replace(old, widths=tuple(int(width) for width in asked.widths.split(",")), fine=asked.fine, refine=0,
-                  zbuffer="paper", encoder="none")  # fmt: skip
+    new = replace(old, widths=tuple(int(width) for width in asked.widths.split(",")), fine=asked.fine,
+                  refine=0 if asked.fine else old.refine, zbuffer="paper", encoder="none")  # fmt: skip
     zbuffer = registry.load("zbuffers", new.zbuffer)()
     settings = sum(control.size for control in loaded.controls.values())
     network = build_network(new, zbuffer.channels + loaded.gbuffer.channels, 0, settings)
     fresh, known = ({n: t.numpy() for n, t in one.state_dict().items()} for one in (network, loaded.network))
     tensors = slimmed(without_inputs(known, loaded, zbuffer.channels), old.widths, new.widths)
-    tensors = in_blocks(tensors, old.unshuffle)
-    kept = {name: tensor for name, tensor in tensors.items() if not name.startswith(GONE)}
+    if new.fine:
+        tensors = {name: tensor for name, tensor in in_blocks(tensors, old.unshuffle).items()
+                   if not name.startswith(PIXELS)}  # fmt: skip
     card = {**loaded.card, "network": to_dict(new), "encoder": {"name": "none", "version": "1", "state": {}},
             "zbuffer": {"name": new.zbuffer, "version": zbuffer.version}}  # fmt: skip
-    save_weights(asked.out, {**fresh, **kept}, card)
+    save_weights(asked.out, {**fresh, **tensors}, card)
 
 
 def without_inputs(tensors: Tensors, loaded: LoadedNetwork, zbuffer_channels: int) -> Tensors:
-    """The stem with the z-buffer's first channels alone, and with the encoding's mean in its bias."""
+    """The layers that read the buffers, with the z-buffer's first channels alone; the encoding's mean in a bias."""
     cell = from_dict(NetworkConfig, loaded.card["network"]).unshuffle
     u, v = Camera(SIDE, SIDE).frame_coordinates(cell)
     encoding = loaded.encoder.encode(u, v).mean(axis=(1, 2))
     stem, buffers = tensors["stem.weight"][:, :, 0, 0], (loaded.zbuffer.channels + loaded.gbuffer.channels) * cell**2
     first, dropped = zbuffer_channels * cell**2, loaded.zbuffer.channels * cell**2
     weight = np.concatenate([stem[:, :first], stem[:, dropped:buffers]], axis=1)[:, :, None, None]
-    return {**tensors, "stem.weight": weight, "stem.bias": tensors["stem.bias"] + stem[:, buffers:] @ encoding}
+    beside = 4 + np.r_[:zbuffer_channels, loaded.zbuffer.channels : loaded.zbuffer.channels + loaded.gbuffer.channels]
+    return {**tensors, "stem.weight": weight, "stem.bias": tensors["stem.bias"] + stem[:, buffers:] @ encoding,
+            "look.weight": tensors["look.weight"][:, np.r_[:4, beside]]}  # fmt: skip
 
 
 def slimmed(tensors: Tensors, old: tuple[int, ...], new: tuple[int, ...]) -> Tensors:

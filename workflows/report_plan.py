@@ -10,6 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from pipeline.load import load_plugins
 from pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
 from pipeline.paper.sweeps import CONTROLS, OWN_SHAPES
 from storage.checkpoints import WeightsError, resolve, shipped
@@ -135,13 +136,13 @@ def report_methods(config: ReportConfig) -> tuple[Method, ...]:
     """The weights, then the baselines.
 
     Raises:
-        ConfigError: weights that are unknown, or two methods of one name.
+        ConfigError: weights that are unknown or of other plugins' versions, or two methods of one name.
         PluginError: a baseline is unknown or broken.
     """
     methods = []
     for name in config.weights or tuple(shipped()):
         try:
-            resolve(name)
+            load_plugins(resolve(name))
         except WeightsError as error:
             raise ConfigError(f"weights: {error}") from error
         methods.append(Method(Path(name).stem, WEIGHTS, name))

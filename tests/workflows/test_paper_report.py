@@ -229,6 +229,13 @@ def test_weights_that_changed_since_the_plan_was_made_are_refused(tmp_path: Path
         task._check_code()
 
 
+def test_weights_of_another_version_s_buffers_are_refused(tmp_path: Path, make_weights) -> None:
+    older, weights = tmp_path / "older.safetensors", load_weights(make_weights())
+    save_weights(older, weights.tensors, {**weights.card, "gbuffer": {"name": "surfels", "version": "0"}})
+    with pytest.raises(ConfigError, match="weights need gbuffer 'surfels' version 0, installed is .*train again"):
+        plan(tmp_path, weights=str(older))
+
+
 def test_sweeps_can_be_chosen_and_the_plain_case_stays(tmp_path: Path) -> None:
     found = plan(tmp_path, "", sweeps="light,gap")
     assert {step.sweep for step in found.steps.values() if step.sweep} == {"base", "light", "gap"}
