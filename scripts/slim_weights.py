@@ -1,10 +1,10 @@
 """Makes a leaner network out of a trained one, to go on training from.
 
-    python scripts/slim_weights.py WEIGHTS OUT --widths 48,64,96,128 [--fine 24]
+    python scripts/slim_weights.py WEIGHTS OUT --widths 48,64,96,128 [--zbuffer paper] [--fine 24]
 
-It keeps the strongest channels, reads the z-buffer's first channel (the paper's, of the splats) and no encoding, whose
-mean goes into the stem. With --fine it goes over 2x2 blocks, by layers that begin as nothing, instead of single pixels.
-So its pictures are worse at first: `train.start` is what the file is for.
+It keeps the strongest channels and reads no encoding, whose mean goes into the stem. Of splats it may read the first
+channel alone, the paper's. With --fine it goes over 2x2 blocks, by layers that begin as nothing, instead of single
+pixels. So its pictures are worse at first: `train.start` is what the file is for.
 """
 
 from __future__ import annotations
@@ -37,24 +37,31 @@ def main() -> None:
     parser.add_argument("weights", help="shipped name or file; one whose picture is gone over in single pixels")
     parser.add_argument("out", type=Path)
     parser.add_argument("--widths", required=True, help="comma-separated, none above what the weights have")
+    parser.add_argument("--zbuffer", help="one whose channels are the first of what the weights read")
     parser.add_argument("--fine", type=int, default=0, help="channels to go over 2x2 blocks with")
     asked = parser.parse_args()
-    torch.manual_seed(0)
     loaded = load_network(asked.weights, to_train=True)
     old = from_dict(NetworkConfig, loaded.card["network"])
-    new = replace(old, widths=tuple(int(width) for width in asked.widths.split(",")), fine=asked.fine,
-                  refine=0 if asked.fine else old.refine, zbuffer="paper", encoder="none")  # fmt: skip
+    new = replace(old, widths=tuple(int(width) for width in asked.widths.split(",")), encoder="none",
+                  zbuffer=asked.zbuffer or old.zbuffer, fine=asked.fine,
+                  refine=0 if asked.fine else old.refine)  # fmt: skip
     zbuffer = registry.load("zbuffers", new.zbuffer)()
-    settings = sum(control.size for control in loaded.controls.values())
-    network = build_network(new, zbuffer.channels + loaded.gbuffer.channels, 0, settings)
-    fresh, known = ({n: t.numpy() for n, t in one.state_dict().items()} for one in (network, loaded.network))
+    known = {name: tensor.numpy() for name, tensor in loaded.network.state_dict().items()}
     tensors = slimmed(without_inputs(known, loaded, zbuffer.channels), old.widths, new.widths)
     if new.fine:
         tensors = {name: tensor for name, tensor in in_blocks(tensors, old.unshuffle).items()
                    if not name.startswith(PIXELS)}  # fmt: skip
     card = {**loaded.card, "network": to_dict(new), "encoder": {"name": "none", "version": "1", "state": {}},
             "zbuffer": {"name": new.zbuffer, "version": zbuffer.version}}  # fmt: skip
-    save_weights(asked.out, {**fresh, **tensors}, card)
+    save_weights(asked.out, {**begun(new, loaded, zbuffer.channels), **tensors}, card)
+
+
+def begun(config: NetworkConfig, loaded: LoadedNetwork, zbuffer_channels: int) -> Tensors:
+    """The leaner network before it knows anything: what its new layers begin with."""
+    torch.manual_seed(0)
+    settings = sum(control.size for control in loaded.controls.values())
+    network = build_network(config, zbuffer_channels + loaded.gbuffer.channels, 0, settings)
+    return {name: tensor.numpy() for name, tensor in network.state_dict().items()}
 
 
 def without_inputs(tensors: Tensors, loaded: LoadedNetwork, zbuffer_channels: int) -> Tensors:
@@ -114,10 +121,9 @@ def strongest(strengths: np.ndarray, count: int) -> np.ndarray:
 def slim_block(tensors: Tensors, first: str, kept: np.ndarray) -> Tensors:
     """A residual block between the kept channels, with as many inside it."""
     second, affine = first.replace("first", "second"), first.replace("first", "modulate") + ".affine"
-    inside = np.square(tensors[f"{second}.weight"][kept]).sum(axis=(0, 2, 3))
-    if f"{affine}.bias" in tensors:
-        inside = inside * np.square(1 + np.split(tensors[f"{affine}.bias"], 2)[0])
-    inside = strongest(inside, len(kept))
+    written = np.square(tensors[f"{first}.weight"][:, kept]).sum(axis=(1, 2, 3))
+    read = np.square(tensors[f"{second}.weight"][kept]).sum(axis=(0, 2, 3))
+    inside = strongest(written * read * np.square(1 + np.split(tensors[f"{affine}.bias"], 2)[0]), len(kept))
     return {**slim_convolution(tensors, first, inside, kept), **slim_affine(tensors, affine, inside),
             **slim_convolution(tensors, second, kept, inside)}  # fmt: skip
 

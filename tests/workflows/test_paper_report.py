@@ -232,7 +232,7 @@ def test_weights_that_changed_since_the_plan_was_made_are_refused(tmp_path: Path
 def test_weights_of_another_version_s_buffers_are_refused(tmp_path: Path, make_weights) -> None:
     older, weights = tmp_path / "older.safetensors", load_weights(make_weights())
     save_weights(older, weights.tensors, {**weights.card, "gbuffer": {"name": "surfels", "version": "0"}})
-    with pytest.raises(ConfigError, match="weights need gbuffer 'surfels' version 0, installed is .*train again"):
+    with pytest.raises(ConfigError, match=r"weights need gbuffer 'surfels' version 0, installed is .*train again"):
         plan(tmp_path, weights=str(older))
 
 
