@@ -22,7 +22,6 @@ from storage.fingerprints import file_digest
 from storage.incoming import is_spooled
 from storage.pictures import PictureError, write_picture
 from z2p_core.interfaces import ScanError, SettingError, Value
-from z2p_core.threads import cores, on_one_core
 from z2p_core.viewpoint import Viewpoint
 
 __all__ = ["Look", "Outcome", "Task", "plan_outputs", "render_files", "source_of", "told_fault", "write_picture"]
@@ -104,10 +103,9 @@ def render_files(
     """
     planned = frozenset(task.output for task in tasks)
     heavy = Lock()
-    alone = on_one_core if jobs >= cores() > 1 else nullcontext
 
     def work(task: Task) -> Outcome:
-        with heavy if _is_heavy(task.scan) else nullcontext(), alone():
+        with heavy if _is_heavy(task.scan) else nullcontext():
             return _render_file(task, renderer, look, overwrite, planned, columns, drawn)
 
     if jobs == 1:

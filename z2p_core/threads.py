@@ -3,39 +3,22 @@
 from __future__ import annotations
 
 import os
-import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from functools import lru_cache
+from threading import Semaphore
 from typing import Any
 
 import numpy as np
 
 SMALLEST = 1000
 """Rows below which a second thread costs more than it saves."""
-_of_this_thread = threading.local()
-
-
-def cores() -> int:
-    """How many this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@contextmanager
-def on_one_core() -> Iterator[None]:
-    """This thread asks for no second core: as many threads as there are cores have work of their own."""
-    _of_this_thread.alone = True
-    try:
-        yield
-    finally:
-        _of_this_thread.alone = False
 
 
 def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
     """What the work gives, done on a second core meanwhile; or at once, where that core is still at other work."""
     second = _second_core(os.getpid())
-    if not getattr(_of_this_thread, "alone", False) and second.idle.acquire(blocking=False):
+    if second.idle.acquire(blocking=False):
         return second.thread.submit(second.run, work, *arguments)
     done: Future[Any] = Future()
     try:
@@ -70,7 +53,7 @@ class _Core:
 
     def __init__(self) -> None:
         self.thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="z2p")
-        self.idle = threading.Semaphore(1)
+        self.idle = Semaphore(1)
 
     def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
         """What the work gives; by the time it is there, the thread counts as idle."""

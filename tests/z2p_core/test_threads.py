@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from z2p_core.threads import SMALLEST, beside, in_halves, on_one_core, over_rows
+from z2p_core.threads import SMALLEST, beside, in_halves, over_rows
 
 
 def test_work_is_done_on_another_thread_and_its_result_comes_back():
@@ -34,12 +34,6 @@ def test_while_the_second_core_is_busy_work_is_done_at_once_here():
         busy.result()
     free = beside(threading.get_ident).result()
     assert free != threading.get_ident(), "and the core is used again afterwards"
-
-
-def test_a_thread_on_one_core_does_all_itself_until_that_ends():
-    with on_one_core():
-        assert beside(threading.get_ident).result() == threading.get_ident()
-    assert beside(threading.get_ident).result() != threading.get_ident()
 
 
 @pytest.mark.parametrize("count", [1, SMALLEST - 1, SMALLEST, 2 * SMALLEST + 1])
