@@ -113,15 +113,15 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
 
 
 def _grown(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of weights to start from, with fresh ones for layers and a column for each control that they lack.
+    """The tensors of weights to start from, with a fresh column for each control that they lack.
 
     The new columns begin at nothing, so that the network draws as before at first, whatever these controls say.
     """
     if SETTINGS_LAYER not in known:  # settings as input channels: further ones would be another network's
-        return {**fresh, **known}
+        return dict(known)
     columns = known[SETTINGS_LAYER]
     new = columns.new_zeros(len(columns), fresh[SETTINGS_LAYER].shape[1] - columns.shape[1])
-    return {**fresh, **known, SETTINGS_LAYER: torch.cat([columns, new], dim=1)}
+    return {**known, SETTINGS_LAYER: torch.cat([columns, new], dim=1)}
 
 
 def weights_card(run: Run) -> dict[str, Any]:

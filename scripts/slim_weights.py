@@ -27,6 +27,8 @@ from z2p_core.model import FINE_BLOCK, build_network
 Tensors = dict[str, np.ndarray]
 PIXELS = ("look.", "touch.")
 """Layers that go over single pixels."""
+PICTURE = 4
+"""Channels of the picture, which they read before the buffers."""
 SIDE = 256
 """Of the frame over which the encoding's mean is taken; any would do."""
 
@@ -51,8 +53,9 @@ def main() -> None:
     if new.fine:
         tensors = {name: tensor for name, tensor in in_blocks(tensors, old.unshuffle).items()
                    if not name.startswith(PIXELS)}  # fmt: skip
-    card = {**loaded.card, "network": to_dict(new), "encoder": {"name": "none", "version": "1", "state": {}},
-            "zbuffer": {"name": new.zbuffer, "version": zbuffer.version}}  # fmt: skip
+    encoder = registry.load("encoders", new.encoder)
+    card = {**loaded.card, "network": to_dict(new), "zbuffer": {"name": new.zbuffer, "version": zbuffer.version},
+            "encoder": {"name": new.encoder, "version": encoder.version, "state": {}}}  # fmt: skip
     save_weights(asked.out, {**begun(new, loaded, zbuffer.channels), **tensors}, card)
 
 
@@ -72,9 +75,9 @@ def without_inputs(tensors: Tensors, loaded: LoadedNetwork, zbuffer_channels: in
     stem, buffers = tensors["stem.weight"][:, :, 0, 0], (loaded.zbuffer.channels + loaded.gbuffer.channels) * cell**2
     first, dropped = zbuffer_channels * cell**2, loaded.zbuffer.channels * cell**2
     weight = np.concatenate([stem[:, :first], stem[:, dropped:buffers]], axis=1)[:, :, None, None]
-    beside = 4 + np.r_[:zbuffer_channels, loaded.zbuffer.channels : loaded.zbuffer.channels + loaded.gbuffer.channels]
+    beside = PICTURE + np.r_[:zbuffer_channels, loaded.zbuffer.channels : buffers // cell**2]
     return {**tensors, "stem.weight": weight, "stem.bias": tensors["stem.bias"] + stem[:, buffers:] @ encoding,
-            "look.weight": tensors["look.weight"][:, np.r_[:4, beside]]}  # fmt: skip
+            "look.weight": tensors["look.weight"][:, np.r_[:PICTURE, beside]]}  # fmt: skip
 
 
 def slimmed(tensors: Tensors, old: tuple[int, ...], new: tuple[int, ...]) -> Tensors:
