@@ -88,6 +88,8 @@ class LossConfig:
     gradient_l1: float = 0.5
     visible: float = 0.0
     """Differences as an eye sees them, among which small ones count more than they do in the colour terms (FLIP)."""
+    flip: float = 0.0
+    """FLIP itself, edges and points included, of every fourth picture: it is slow."""
     foreground: float = 1.0
     """How much more colour errors weigh on the object than elsewhere."""
     masked: bool = False

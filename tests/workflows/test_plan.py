@@ -78,6 +78,7 @@ EFFECTS = {
     "train.loss.ssim": (0.0, AFTER_SHARDS),
     "train.loss.gradient_l1": (0.0, AFTER_SHARDS),
     "train.loss.visible": (1.0, AFTER_SHARDS),
+    "train.loss.flip": (1.0, AFTER_SHARDS),
     "train.loss.foreground": (2.0, AFTER_SHARDS),
     "train.loss.masked": (True, AFTER_SHARDS),
     "train.start": ("regular", AFTER_SHARDS),

@@ -8,8 +8,8 @@ import torch
 from z2p_core.config import LossConfig
 from z2p_core.losses import ssim, total_loss, visible
 
-NOTHING = {name: 0.0 for name in ("color_l2", "magnitude_l1", "alpha_l1", "color_l1", "ssim", "gradient_l1", "visible")}
-NOTHING |= {"foreground": 0.0}
+TERMS = ("color_l2", "magnitude_l1", "alpha_l1", "color_l1", "ssim", "gradient_l1", "visible", "flip")
+NOTHING = dict.fromkeys((*TERMS, "foreground"), 0.0)
 
 
 def only(**weights):
@@ -136,3 +136,13 @@ def test_gradients_are_finite_on_black_and_equal_pictures():
         total, _ = total_loss(prediction, target, NO_OBJECT, config)
         total.backward()
         assert prediction.grad.isfinite().all() and math.isfinite(total.item())
+
+
+def test_flip_looks_at_every_fourth_picture():
+    generator = torch.Generator().manual_seed(0)
+    target = torch.rand(5, 4, 32, 32, generator=generator)
+    coverage, prediction = torch.zeros(5, 1, 32, 32), target.clone()
+    prediction[1:4] = 0
+    assert loss_of(prediction, target, coverage, flip=1.0) == pytest.approx(0, abs=1e-5)
+    prediction[4] = 0
+    assert loss_of(prediction, target, coverage, flip=1.0) > 0.05
