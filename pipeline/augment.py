@@ -17,8 +17,9 @@ SIGNED = {"light": (1,)}
 """Numbers of a control's settings that run from left to right: the light's azimuth. Others are alike in a mirror."""
 CHOICE = 8
 """Points of the pool for each point of an even cloud, to take the one nearest to its cell's centre."""
-MOST_HOLES, HOLE = 8, (3, 30)
-"""Holes of a cloud that has some, and points that each takes away: two to six spacings across."""
+MOST_HOLES, HOLE = 8, (3, 8)
+"""Holes of a cloud that has some, and points that each takes away: two to three spacings across. What is wider is a
+hole of the thing itself for all that a cloud tells, and stays open."""
 GUESSES = 2
 """Corrections of the cells' size: on a surface their number goes with its square."""
 

@@ -61,15 +61,15 @@ class NetworkConfig:
     """Channels at each level, finest first."""
     unshuffle: int = 4
     """Side of the pixel blocks folded into channels before the first level; the paper's network has none (1)."""
-    fine: int = 24
+    fine: int = 0
     """Channels with which the fast network goes over its picture in blocks of 2x2 pixels; 0 for none (the paper)."""
-    refine: int = 0
+    refine: int = 16
     """Channels with which it goes over single pixels after that, which takes engines longer; 0 for none (the paper)."""
     mapping: int = 512
     """Length of w, the mapped settings vector."""
     conditioning: str = "adain"
     """``adain``: the settings modulate features (paper Eq. 2); ``input``: they are constant channels of the input."""
-    zbuffer: str = "paper"
+    zbuffer: str = "splats"
     gbuffer: str = "surfels"
     """Rough features of the lit scene beside the z-buffer; ``none`` leaves light to the settings alone (the paper)."""
     encoder: str = "none"

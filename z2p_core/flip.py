@@ -29,9 +29,8 @@ KNEE, KNEE_ERROR = 0.4, 0.95
 """Share of the greatest colour difference up to which errors grow in proportion, and the error there (section 4.1)."""
 UNSEEN_COLOR, UNSEEN_FEATURE = 0.02, 5e-4
 """Differences, in the units of L*a*b* and of lightness, below which they are rounded off."""
-XYZ_FROM_RGB = ((10135552 / 24577794, 8788810 / 24577794, 4435075 / 24577794),
-                (2613072 / 12288897, 8788810 / 12288897, 887015 / 12288897),
-                (1425312 / 73733382, 8788810 / 73733382, 70074185 / 73733382))  # fmt: skip
+XYZ_FROM_RGB = ((0.412387, 0.357591, 0.180450), (0.212637, 0.715183, 0.072180), (0.019331, 0.119195, 0.950373))
+"""Of sRGB's primaries and D65."""
 
 
 def flip(ours: Tensor, theirs: Tensor) -> Tensor:

@@ -37,7 +37,7 @@ class Tangents:
 
     Spacing is the side of the square patch of surface that is a point's share; `around` (N,) is that of a neighbour,
     which is as wide where the cloud is sparse, and narrow beside a stray point. Neighbours (N, K) int32 are the rows of
-    the points nearest to each, itself among them.
+    the points nearest to each, itself among them, and `grid` finds more of them.
     """
 
     points: np.ndarray
@@ -46,6 +46,7 @@ class Tangents:
     noise: float
     around: np.ndarray
     neighbours: np.ndarray
+    grid: native.Grid
 
 
 def tangents(cloud: np.ndarray) -> Tangents:
@@ -66,7 +67,7 @@ def tangents(cloud: np.ndarray) -> Tangents:
         fit = partial(native.jets, grid.points, normals)
         normals, heights = in_halves(fit, everyone, found, tolerance, scale)
     points = moved(grid.points, normals, heights, spacing, noise)
-    return Tangents(points, spacing, normals, noise, spacing[found[:, FEWEST // 2]], found)
+    return Tangents(points, spacing, normals, noise, spacing[found[:, FEWEST // 2]], found, grid)
 
 
 def scatter(cloud: np.ndarray) -> float:

@@ -14,7 +14,7 @@ from plugins.gbuffers.surfels import GREY, Lighting, Surfels, light_lamps
 from z2p_core.images import srgb_from_linear
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 
-LAMPS, SHARPEST = 32, 150.0
+LAMPS, SHARPEST = 36, 150.0
 """Points that stand for the reflected light, and the sharpest lobe that they show without gaps."""
 MATT = (0.25, 1.0)
 """Roughness from which on a reflection fades into that of a diffuse surface, and where it is that."""
@@ -26,7 +26,7 @@ class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "3"
+    version = "5"
     refines = "surfels"
 
 

@@ -19,27 +19,32 @@ from z2p_core.camera import Camera, light_position
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
-from z2p_core.tangents import MOST_POINTS, tangents, thinned
-from z2p_core.threads import beside
+from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
+from z2p_core.threads import beside, in_halves
 
-RADIUS, SLACK = 1.45, 1.2
-"""Of a disc in spacings, wide enough to leave hardly a hole between random points (exp(-pi r^2), 0.1 %), and how far
-behind the nearest disc another still counts, in radii."""
+OVERLAP, SLACK = 1.35, 0.7
+"""Radius of a disc in those of its Voronoi cell, which alone would close the surface, and how far behind the nearest
+disc another still counts, in radii."""
+SMALLEST, LARGEST = 0.8, 1.5
+"""Radius of a disc in spacings, at least and at most."""
+NEARBY, FARTHER = 24, 48
+"""Neighbours that a cell is looked for among, and those among which one that they leave open is looked for again."""
+TORN, BORDER = 3.5, 0.7
+"""A cell that reaches so many spacings lies at a border or a hole: chance leaves no gaps of more than two, and scans
+look better with small holes closed. And the radius in spacings of its disc, which closes nothing."""
 NARROWEST, WIDEST = 0.5, 2.5
 """Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
 SPARSE = 0.6
 """Light takes the cloud for as sparse as so much of the spacing that a tenth of the points exceed, if that is more."""
-SURE, FULL = 25.0, 2.2
+SURE, FULL = 50.0, 1.8
 """Of coverage: a pixel that discs only touch with their rim stays in doubt. Of density: what discs of that radius add
-up to where they lie all around; about half of it is the surface's border."""
+up to where they lie all around; about a third of it is the surface's border."""
 NEAR, FAR = 2.6, 4.6
 """Depths of the unit sphere's near and far end."""
-LAMPS, FLOOR_LAMPS = 36, 64
-"""Points that stand for the area light, over points and over the floor, where its penumbra shows."""
+LAMPS, FLOOR_LAMPS = 16, 64
+"""Points that stand for the area light, square numbers: over points, and over the floor, where its penumbra shows."""
 SKY_DIRECTIONS, FLOOR_SKY = 24, 64
 """Directions that stand for the sky, likewise."""
-PLASTIC = 1.32471795724
-"""Whose powers spread points evenly over a square, few of them in a row (Roberts, R2 sequence)."""
 FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.02, 450, 64
 """Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side; and cells
 a side for the light that comes back from the cloud."""
@@ -47,9 +52,11 @@ FLOOR_ALBEDO = 0.8
 """Blender's own for a surface without a material."""
 BOUNCES = 2
 """How often light is followed from the cloud's points to each other, and by way of the floor."""
+BALL = 0.5
+"""Radius in spacings of the balls that points are where their shadow is drawn out."""
 SOFT = 5
 """Cells to every side over which the sky's shadow is averaged, which so few directions leave in steps."""
-KEPT, DIMMED = 0.95, 0.67
+KEPT, DIMMED = 0.95, 0.75
 """Of a shadow, and of light that the cloud sends into it, for each time that it was sent: fitted to renders, whose
 shadow catcher is not quite a floor."""
 RIM = 0.13
@@ -65,13 +72,14 @@ SKY = 50.0
 class Surfels(GBuffer):
     """Ten channels.
 
-    Coverage; density, half at a border; depth, 1 near to 0 far; normal to the right and down (2); grey radiance, then
-    radiance in the surface's colour (3), sRGB; all of these 0 off the discs. Last the floor shadow's alpha. Light is
-    the lamp's, the sky's, what the lit floor sends back, and what parts of the cloud send to each other and the floor.
+    Coverage; density, a third at a border; depth, 1 near to 0 far; normal to the right and down (2); grey radiance,
+    then radiance in the surface's colour (3), sRGB; all of these 0 off the discs. Last the floor shadow's alpha. Light
+    is the lamp's, the sky's, what the lit floor sends back, and what parts of the cloud send to each other and the
+    floor.
     """
 
     name = "surfels"
-    version = "5"
+    version = "7"
     channels = 10
     lighting: ClassVar[type[Lighting]]
 
@@ -87,11 +95,12 @@ class Surfels(GBuffer):
         found = tangents(thinned(cloud, MOST_POINTS))
         points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
-        radii = RADIUS * np.clip(spacing, NARROWEST * typical, WIDEST * np.maximum(found.around, typical))
+        radii = disc_radii(found, typical)
         lighting = self.lighting(points, normals, max(typical, SPARSE * float(np.quantile(spacing, 0.9))), scene, floor)
         rotation = camera.rotation.astype(np.float32)
         facing = normals @ rotation.T
-        seen = (points - camera.position.astype(np.float32)) @ rotation.T
+        centres = native.centres(points, normals, radii, found.neighbours)
+        seen = (centres - camera.position.astype(np.float32)) @ rotation.T
         draw = partial(
             native.surfels, seen, facing, radii, native.clips(seen, facing, radii, found.neighbours),
             np.column_stack([facing[:, :2], lighting.colors(camera.position)]), camera, SLACK, SURE, FULL, NEAR, FAR,
@@ -127,8 +136,8 @@ class Lighting:
         side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
         share = powers / powers.sum()
         self.shades = (
-            with_paler_rim(native.floor_shade(points, lamps, share, height, FLOOR_HALF, side)),
-            native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side, SOFT),
+            with_paler_rim(native.floor_shade(points, lamps, share, height, FLOOR_HALF, side, BALL * spacing)),
+            native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side, soft=SOFT),
         )
         self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
         seen = hits.result()
@@ -166,6 +175,20 @@ def with_paler_rim(shade: np.ndarray) -> np.ndarray:
     return shade * (1 - RIM * (1 - shade))
 
 
+def disc_radii(found: Tangents, typical: float) -> np.ndarray:
+    """Radii (N,) of discs that close the surface of a cloud of that spacing, but neither its holes nor its borders."""
+    share = np.clip(found.spacing, NARROWEST * typical, WIDEST * np.maximum(found.around, typical))
+    nearby = np.ascontiguousarray(found.neighbours[:, :NEARBY])
+    cells = native.cells(found.points, found.normals, np.arange(len(share), dtype=np.int32), nearby)
+    radii = np.clip(OVERLAP * cells, SMALLEST * share, LARGEST * share)
+    near = np.maximum(np.minimum(found.spacing, found.around), NARROWEST * typical)
+    wide = np.flatnonzero(cells > TORN * near).astype(np.int32)
+    farther, _ = in_halves(partial(found.grid.neighbours, count=FARTHER), wide)
+    torn = wide[native.cells(found.points, found.normals, wide, farther, solid=True) > TORN * near[wide]]
+    radii[torn] = BORDER * near[torn]
+    return radii
+
+
 def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:
     """Normals (N, 3) of points (N, 3), each turned towards the viewer (3,); of one or two points, its direction."""
     if len(points) < 3:
@@ -182,13 +205,16 @@ def base_color(scene: SceneDescription) -> tuple[float, float, float]:
 
 
 def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places (L, 3), axes (L, 3) and powers (L,) of points spread over the square area light."""
+    """Places (L, 3), axes (L, 3) and powers (L,) of points spread over the square area light, L a square number.
+
+    They are the middles of equal squares: with points less even, light on the whole is off by more than a shade shows.
+    """
     centre = light_position(light)
     axis = -centre / np.linalg.norm(centre)
     across = np.cross(axis, (0.0, 0.0, 1.0))
     across /= np.linalg.norm(across)
-    steps = (np.arange(count) + 0.5)[:, None] * (1 / PLASTIC, 1 / PLASTIC**2)
-    x, y = (steps % 1 - 0.5).T[..., None] * LIGHT_SIDE
+    steps = ((np.arange(math.isqrt(count)) + 0.5) / math.isqrt(count) - 0.5) * LIGHT_SIDE
+    x, y = (place.reshape(-1, 1) for place in np.meshgrid(steps, steps))
     lamps = centre + x * across + y * np.cross(across, axis)
     power = LIGHT_RADIANCE * LIGHT_SIDE**2 / count
     return lamps, np.repeat(axis[None], count, axis=0), np.full(count, power)

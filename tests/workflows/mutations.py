@@ -83,7 +83,7 @@ INPUTS: dict[str, tuple[Change, set[str]]] = {
                             RENDERS | SHARDS | AFTER),
     "a control's code": (replaced("code/plugins/controls/elevation.py", "version = ", "extra = 1\n    version = "),
                          RENDERS | SHARDS | AFTER),
-    "a z-buffer's code": (appended("code/plugins/zbuffers/paper.py", "\nEXTRA = 1\n"), AFTER),
+    "a z-buffer's code": (appended("code/plugins/zbuffers/splats.py", "\nEXTRA = 1\n"), AFTER),
     "a sampler's code": (appended("code/plugins/samplers/uniform.py", "\nEXTRA = 1\n"), SAMPLES | SHARDS | AFTER),
     "another sampler's code": (appended("code/plugins/samplers/grid.py", "\nEXTRA = 1\n"), set()),
     "comments and docstrings": (lambda world: [

@@ -68,7 +68,7 @@ EFFECTS = {
     "train.network.refine": (8, AFTER_SHARDS),
     "train.network.mapping": (64, AFTER_SHARDS),
     "train.network.conditioning": ("input", AFTER_SHARDS),
-    "train.network.zbuffer": ("splats", AFTER_SHARDS),
+    "train.network.zbuffer": ("paper", AFTER_SHARDS),
     "train.network.gbuffer": ("none", AFTER_SHARDS),
     "train.network.encoder": ("fourier", AFTER_SHARDS),
     "train.loss.color_l2": (1.0, AFTER_SHARDS),

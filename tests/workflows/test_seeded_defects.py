@@ -37,7 +37,7 @@ def rows(config: PipelineConfig, meshes: Any) -> Iterator[tuple[str, Callable[[p
     yield "schema", lambda patch: (patch.setattr(storage.fingerprints, "SCHEMA", 99), make_plan(config))[1], EVERYTHING
     for key in ("version", "code"):
         yield f"a control's {key}", other_plugin(config, "color", key), RENDERS | SHARDS | AFTER_SHARDS
-        yield f"a z-buffer's {key}", other_plugin(config, "paper", key), AFTER_SHARDS
+        yield f"a z-buffer's {key}", other_plugin(config, "splats", key), AFTER_SHARDS
     yield "a mesh", other_mesh(config, meshes / "meshes" / "bee.obj"), BEE | AFTER_SHARDS
     yield "a mesh kept aside", other_mesh(config, meshes / "kept" / "cow.ply"), {"evaluate"}
 

@@ -76,7 +76,7 @@ def test_a_soft_shade_is_the_mean_over_the_cells_around():
     sharp = native.floor_shade(sheet, lamps, weights, -1.0, 2.0, side)
     padded = np.pad(sharp, soft)
     mean = sum(padded[i : i + side, j : j + side] for i in range(7) for j in range(7)) / 49
-    np.testing.assert_allclose(native.floor_shade(sheet, lamps, weights, -1.0, 2.0, side, soft), mean, atol=1e-6)
+    np.testing.assert_allclose(native.floor_shade(sheet, lamps, weights, -1.0, 2.0, side, soft=soft), mean, atol=1e-6)
 
 
 def test_points_above_a_lamp_and_far_off_cast_no_shade():

@@ -19,6 +19,8 @@ from z2p_core.native.pictures import straight_bytes as straight_bytes
 from z2p_core.native.pictures import surfels as surfels
 from z2p_core.native.pictures import window_minimum as window_minimum
 from z2p_core.native.surfaces import Grid as Grid
+from z2p_core.native.surfaces import cells as cells
+from z2p_core.native.surfaces import centres as centres
 from z2p_core.native.surfaces import clips as clips
 from z2p_core.native.surfaces import jets as jets
 from z2p_core.native.surfaces import planes as planes

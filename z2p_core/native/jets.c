@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdint.h>
 
+#include "axes.h"
 #include "fast.h"
 #include "grid.h"
 
@@ -15,20 +16,6 @@
 #define LEAST 1e-4f   /* weight of any neighbour, so that there always is a patch */
 #define STIFF 0.03f   /* weight of a flat patch, against that of the neighbours */
 #define STEEPEST 1.0f /* slope by which a patch may turn a normal, along either axis */
-
-/* Two unit axes across a unit normal. */
-INLINE void across(const float *n, float *u, float *v) {
-    int axis = fabsf(n[0]) < 0.9f ? 0 : 1;
-    float e[3] = {axis == 0, axis == 1, 0};
-    u[0] = n[1] * e[2] - n[2] * e[1];
-    u[1] = n[2] * e[0] - n[0] * e[2];
-    u[2] = n[0] * e[1] - n[1] * e[0];
-    float length = sqrtf(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
-    for (int a = 0; a < 3; a++) u[a] /= length;
-    v[0] = n[1] * u[2] - n[2] * u[1];
-    v[1] = n[2] * u[0] - n[0] * u[2];
-    v[2] = n[0] * u[1] - n[1] * u[0];
-}
 
 /* Adds up, over the neighbours in `row` (most), the weighted products of the terms and of the height with them. */
 INLINE void add_up(const float *points, const float *before, int point, const int *row, int most,
@@ -103,7 +90,7 @@ FAST int z2p_jets(const float *points, const float *before, const int *asked, co
     for (int i = 0; i < count; i++) {
         const float *n = before + 3 * (size_t)asked[i];
         float u[3], v[3], sums[SUMS], term[TERMS], unit = fmaxf(scale[i], 1e-9f), slope[2], length = 1;
-        across(n, u, v);
+        axes_across(n, u, v);
         add_up(points, before, asked[i], found + (size_t)i * most, most, u, v, tolerance[i] + 1e-9f, unit, sums);
         solve(sums, term);
         for (int a = 0; a < 2; a++) {

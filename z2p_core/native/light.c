@@ -12,6 +12,8 @@
 #define MOST_LAMPS 64
 #define MOST_POINTS 0xffff /* whose numbers go into the lower half of a map's cells */
 #define DEPTHS 0x7ffe      /* that the upper half tells apart */
+#define CLOSED 2.0f        /* how far shadows of points are drawn out without gaps */
+#define EMPTY 4            /* cells at the floor's border that stay without shadow */
 
 typedef struct {
     float across[3], up[3], ahead[3]; /* axes of the view from a lamp at the origin */
@@ -106,19 +108,50 @@ FAST int z2p_illuminate(const float *points, const float *normals, int count, co
     return fine;
 }
 
+/* Sets a lamp's bit in the cells along a line about (x, y), `along` (2) its half, and so far to both sides of it. */
+static void mark_line(uint64_t *mask, uint64_t bit, int side, float x, float y, const float *along, int wide) {
+    int steps = (int)(fmaxf(fabsf(along[0]), fabsf(along[1])) + 0.5f), last = side - EMPTY - 1;
+    for (int k = -steps; k <= steps; k++) {
+        float share = steps ? (float)k / (float)steps : 0;
+        int column = (int)(x + share * along[0]), row = (int)(y + share * along[1]);
+        for (int v = row - wide; v <= row + wide; v++)
+            for (int u = column - wide; u <= column + wide; u++)
+                if (u >= EMPTY && v >= EMPTY && u <= last && v <= last) mask[(size_t)v * side + u] |= bit;
+    }
+}
+
 /* Sets the lamps' bits in the cells of the mask where the point would lie on the floor; those off it, in the last
- * cell. */
-INLINE void mark(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
-                 uint64_t *mask, int *restrict cells) {
-    float scale = (float)side / (2 * half), low = 4, high = (float)side - 4;
+ * cell. Says whether any lamp draws the point's shadow out to more than CLOSED times its size. */
+INLINE int mark(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
+                uint64_t *mask, int *restrict cells) {
+    float scale = (float)side / (2 * half), low = EMPTY, high = (float)(side - EMPTY);
+    int drawn_out = 0;
     for (int l = 0; l < lamp_count; l++) {
         float lx = lamps[l], ly = lamps[MOST_LAMPS + l], lz = lamps[2 * MOST_LAMPS + l];
-        float drop = lz - p[2], stretch = (lz - floor) / drop;
-        float x = (lx + (p[0] - lx) * stretch + half) * scale, y = (ly + (p[1] - ly) * stretch + half) * scale;
+        float dx = p[0] - lx, dy = p[1] - ly, drop = lz - p[2], fall = lz - floor, stretch = fall / drop;
+        float x = (lx + dx * stretch + half) * scale, y = (ly + dy * stretch + half) * scale;
         int inside = (drop > 1e-3f) & (x >= low) & (y >= low) & (x < high) & (y < high);
         cells[l] = inside ? (int)y * side + (int)x : side * side;
+        drawn_out |= fall * fall * (dx * dx + dy * dy + drop * drop) > CLOSED * CLOSED * drop * drop * drop * drop;
     }
     for (int l = 0; l < lamp_count; l++) mask[cells[l]] |= (uint64_t)1 << l;
+    return drawn_out;
+}
+
+/* Draws a point's shadows, those of a ball with a radius in cells, by the lamps for which it lies on the floor (`cells`)
+ * and which draw it out farther than the closing of holes reaches. */
+static void mark_drawn_out(const float *p, const float *lamps, int lamp_count, float floor, float half, int side,
+                           float ball, const int *cells, uint64_t *mask) {
+    float scale = (float)side / (2 * half);
+    for (int l = 0; l < lamp_count; l++) {
+        float lx = lamps[l], ly = lamps[MOST_LAMPS + l], drop = lamps[2 * MOST_LAMPS + l] - p[2];
+        float dx = p[0] - lx, dy = p[1] - ly, level = sqrtf(dx * dx + dy * dy) + 1e-6f;
+        float stretch = (lamps[2 * MOST_LAMPS + l] - floor) / drop, far = sqrtf(level * level + drop * drop) / drop;
+        float grown = ball * (stretch * far - CLOSED) / level, along[2] = {grown * dx, grown * dy};
+        if (cells[l] == side * side || grown <= 0) continue;
+        mark_line(mask, (uint64_t)1 << l, side, (lx + dx * stretch + half) * scale, (ly + dy * stretch + half) * scale,
+                  along, (int)(ball * fmaxf(stretch - CLOSED, 0) + 0.5f));
+    }
 }
 
 /* Bits of the cell itself and its four neighbours along an axis, joined or shared, from one mask into another, over
@@ -164,10 +197,10 @@ FAST static void soften(float *shade, float *room, int side, int first, int last
 }
 
 /* shade (side, side): how much of the lamps' weight the cloud hides from each cell of the floor. The floor's square
- * reaches `half` to every side of the origin at height `floor`; holes between points are closed over two cells, and the
- * whole is averaged over `soft` cells to every side. */
+ * reaches `half` to every side of the origin at height `floor`; points are balls of that radius, in
+ * cells, where a lamp draws them out, holes between them are closed over two cells, and the whole is averaged over `soft` cells to every side. */
 int z2p_floor_shade(const float *points, int count, const float *lamps, const float *weights, int lamp_count,
-                    float floor, float half, int side, int soft, float *shade) {
+                    float floor, float half, int side, float ball, int soft, float *shade) {
     size_t cells = (size_t)side * side, first = 0, last = cells;
     uint64_t *mask = calloc(cells + 1, sizeof(uint64_t)), *other = calloc(cells + 1, sizeof(uint64_t));
     int fine = mask && other && lamp_count <= MOST_LAMPS, even = 1, found[MOST_LAMPS];
@@ -176,7 +209,11 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, const fl
         for (int a = 0; a < 3; a++) places[a * MOST_LAMPS + l] = lamps[3 * l + a];
         even &= weights[l] == weights[0];
     }
-    for (int i = 0; fine && i < count; i++) mark(points + 3 * i, places, lamp_count, floor, half, side, mask, found);
+    for (int i = 0; fine && i < count; i++) {
+        int drawn_out = mark(points + 3 * i, places, lamp_count, floor, half, side, mask, found);
+        if (drawn_out && ball > 0)
+            mark_drawn_out(points + 3 * i, places, lamp_count, floor, half, side, ball, found, mask);
+    }
     if (fine) {
         mask[cells] = 0;
         memset(shade, 0, sizeof(float) * cells);

@@ -63,17 +63,18 @@ def illuminate(
 
 def floor_shade(
     points: np.ndarray, lamps: np.ndarray, weights: np.ndarray, floor: float, half: float, side: int,
-    soft: int = 0,
+    ball: float = 0, soft: int = 0,
 ) -> np.ndarray:  # fmt: skip
     """Shade (side, side) on a square floor at that height, `half` to each side of the origin; row by row along +Y.
 
     Each cell has the sum of the weights (L,) of the lamps (L, 3), L <= 64, that points (N, 3) hide from it, on average
-    over `soft` cells to every side.
+    over `soft` cells to every side. Where a low or near lamp draws their shadows out, points are balls of radius
+    `ball`, in world units.
     """
     shade = np.empty((side, side), np.float32)
     call(
         "z2p_floor_shade", floats(points), len(points), floats(lamps), floats(weights), len(lamps),
-        ctypes.c_float(floor), ctypes.c_float(half), side, soft, shade,
+        ctypes.c_float(floor), ctypes.c_float(half), side, ctypes.c_float(ball * side / (2 * half)), soft, shade,
     )  # fmt: skip
     return shade
 

@@ -68,6 +68,18 @@ def jets(
     return normals, heights
 
 
+def centres(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Centres (N, 3) float32 of flat discs of radii (N,), so that they lie on average where the surface does.
+
+    About points (N, 3) with unit normals (N, 3) of a bent surface they would all stand out of it. How it bends tell the
+    nearest of the neighbours found (N, K).
+    """
+    moved = np.empty((len(points), 3), np.float32)
+    discs = (floats(points), floats(normals), floats(radii), found)
+    over_rows(lambda begin, end: call("z2p_centres", *discs, begin, end, found.shape[1], moved), len(points))
+    return moved
+
+
 def clips(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.ndarray) -> np.ndarray:
     """Planes (N, 4, 4) that end the discs of radii (N,) about points (N, 3) at creases and outlines.
 
@@ -78,3 +90,18 @@ def clips(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.
     discs = (floats(points), floats(normals), floats(radii), found)
     over_rows(lambda begin, end: call("z2p_clips", *discs, begin, end, found.shape[1], planes), len(points))
     return planes
+
+
+def cells(
+    points: np.ndarray, normals: np.ndarray, asked: np.ndarray, found: np.ndarray, solid: bool = False
+) -> np.ndarray:
+    """How far the Voronoi cells of the points asked for (M,) int32 reach in the planes of their normals: (M,) float32.
+
+    They are cells of points (N, 3) with unit normals (N, 3), bounded by the neighbours found (M, K), laid into the
+    plane, but for those far off it; or, if `solid`, what the plane cuts out of the cells in space, which the neighbours
+    beyond a crease bound as well. Where no neighbour bounds a cell, as at a border, it reaches very far, or inf.
+    """
+    reaches = np.empty(len(asked), np.float32)
+    cloud = (floats(points), floats(normals), asked, found)
+    over_rows(lambda begin, end: call("z2p_cells", *cloud, begin, end, found.shape[1], int(solid), reaches), len(asked))
+    return reaches

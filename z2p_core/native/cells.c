@@ -1,0 +1,50 @@
+/* How far a point's share of the surface reaches: its Voronoi cell among its neighbours, in the tangent plane. */
+
+#include <math.h>
+#include <stddef.h>
+
+#include "axes.h"
+#include "fast.h"
+
+#define DIRECTIONS 16 /* in which a cell's border is looked for, evenly around */
+#define STEEP 0.75f   /* sine of the angle off the plane from which on a neighbour lies on another surface */
+
+/* The farthest that the border of a point's cell is, along the directions (2, DIRECTIONS); INFINITY where neighbours
+ * (most) leave it open. A neighbour at q bounds the cell by r . q = |q|^2 / 2, so by 1 / r = 2 along . q / |q|^2. The cell
+ * is that among neighbours laid into the plane, or, if `solid`, what the plane cuts out of the cell in space. */
+INLINE float cell_reach(const float *points, const float *p, const float *n, const int *row, int most, int solid,
+                        float (*around)[DIRECTIONS]) {
+    float u[3], v[3], inverse[DIRECTIONS] = {0}, least = INFINITY;
+    axes_across(n, u, v);
+    for (int j = 0; j < most; j++) {
+        const float *q = points + 3 * (size_t)row[j];
+        float step[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]}, height = dot(step, n), square = dot(step, step);
+        if (square < 1e-12f || (!solid && height * height > STEEP * STEEP * square)) continue;
+        float x = dot(step, u), y = dot(step, v), half = 0.5f * (solid ? square : x * x + y * y);
+        x /= half;
+        y /= half;
+        for (int k = 0; k < DIRECTIONS; k++) {
+            float near = x * around[0][k] + y * around[1][k];
+            inverse[k] = near > inverse[k] ? near : inverse[k];
+        }
+    }
+    for (int k = 0; k < DIRECTIONS; k++) least = inverse[k] < least ? inverse[k] : least;
+    return least > 0 ? 1 / least : INFINITY;
+}
+
+/* reaches (count), from place `begin` to `end`: of the cells of the points asked for (count), whose neighbours found
+ * (count, most) are known, and the unit normals of all points. */
+FAST int z2p_cells(const float *points, const float *normals, const int *asked, const int *found, int begin, int end,
+                   int most, int solid, float *reaches) {
+    float around[2][DIRECTIONS];
+    for (int k = 0; k < DIRECTIONS; k++) {
+        float angle = 6.2831853f * (float)k / DIRECTIONS;
+        around[0][k] = cosf(angle);
+        around[1][k] = sinf(angle);
+    }
+    for (int i = begin; i < end; i++) {
+        size_t at = 3 * (size_t)asked[i];
+        reaches[i] = cell_reach(points, points + at, normals + at, found + (size_t)i * most, most, solid, around);
+    }
+    return 1;
+}
