@@ -34,14 +34,15 @@ _NETWORK = (
 
 OF_WEIGHTS = (
     "pipeline.buffers", "pipeline.load", "pipeline.infer", "pipeline.engines", "storage.checkpoints", "storage.exports",
-    "storage.graphs", "z2p_core.model", "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads", *_KERNELS,
+    "storage.graphs", "z2p_core.model", "z2p_core.sizes", "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads",
+    *_KERNELS,
 )
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
 _CASES = (
     *(f"pipeline.paper.{name}" for name in ("sweeps", "clouds", "made", "references", "methods")), "pipeline.baselines",
     *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer", "pipeline.engines",
     "pipeline.sample:draw_cloud", "pipeline.truth", "pipeline.views", "pipeline.shapes",
-    "storage.exports", "storage.graphs",
+    "storage.exports", "storage.graphs", "z2p_core.sizes",
     "z2p_core.framing:UP_AXES", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
 )
 
@@ -67,7 +68,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
-        "pipeline.engines", "storage.exports", "storage.graphs",
+        "pipeline.engines", "storage.exports", "storage.graphs", "z2p_core.sizes",
         "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
         "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),

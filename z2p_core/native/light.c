@@ -197,8 +197,9 @@ FAST static void soften(float *shade, float *room, int side, int first, int last
 }
 
 /* shade (side, side): how much of the lamps' weight the cloud hides from each cell of the floor. The floor's square
- * reaches `half` to every side of the origin at height `floor`; points are balls of that radius, in
- * cells, where a lamp draws them out, holes between them are closed over two cells, and the whole is averaged over `soft` cells to every side. */
+ * reaches `half` to every side of the origin at height `floor`; points are balls of that radius, in cells, where a lamp
+ * draws them out, holes between them are closed over two cells, and the whole is averaged over `soft` cells to every
+ * side. */
 int z2p_floor_shade(const float *points, int count, const float *lamps, const float *weights, int lamp_count,
                     float floor, float half, int side, float ball, int soft, float *shade) {
     size_t cells = (size_t)side * side, first = 0, last = cells;
