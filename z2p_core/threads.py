@@ -1,4 +1,4 @@
-"""A second core for the kernels, which hold no lock."""
+"""The cores at hand, and a second one for the kernels, which hold no lock."""
 
 from __future__ import annotations
 
@@ -13,6 +13,11 @@ import numpy as np
 
 SMALLEST = 1000
 """Rows below which a second thread costs more than it saves."""
+
+
+def cores() -> int:
+    """How many this process may run on."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import warnings
 from collections.abc import Iterator
 from dataclasses import replace
@@ -80,10 +79,10 @@ def _run(
     scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
     from pipeline.batch import render_files
     from pipeline.suited import renderer_for
+    from z2p_core.threads import cores
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    jobs = min(options["jobs"] or cores, len(scans))
-    threads = None if jobs == 1 else max(1, cores // jobs)
+    jobs = min(options["jobs"] or cores(), len(scans))
+    threads = None if jobs == 1 else max(1, cores() // jobs)
     renderer = renderer_for(options["weights"], values, threads, options["engine"])
     look = look_from(renderer, values, options)
     tasks = _plan(ctx, scans, inputs, output, options)

@@ -9,6 +9,9 @@ import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.sizes import once_each
+from z2p_core.threads import cores
+
+STARTING = threading.Lock()
 
 
 class OpenVino(Engine):
@@ -26,8 +29,12 @@ class OpenVino(Engine):
         self._options: dict[str, object] = {
             "INFERENCE_PRECISION_HINT": self.precision, "PERFORMANCE_HINT": "LATENCY",
         }  # fmt: skip
-        if threads is not None:
-            self._options["INFERENCE_NUM_THREADS"] = threads
+        if threads is not None:  # one stream draws one picture after the other, so as many as the cores have room for
+            streams = max(1, cores() // threads)
+            self._options |= {"NUM_STREAMS": streams, "INFERENCE_NUM_THREADS": streams * threads}
+        # Its first question for a type fills a table, and two threads that ask at once wait for each other for ever.
+        with STARTING:
+            openvino.Type.f32.to_dtype()
         self._core = openvino.Core()
         model = network.int8 if self.reads_int8 else network.onnx
         self._read = lambda: self._core.read_model(model, b"")
