@@ -57,6 +57,6 @@ def _slid(picture: Tensor, kernel: Tensor) -> Tensor:
 def _banded(kernel: Tensor) -> Tensor:
     """Matrix (PIECE + K - 1, PIECE) whose columns hold the kernel, each a row lower than the one before."""
     last = len(kernel) - 1
-    place = torch.arange(PIECE + last)[:, None] - torch.arange(PIECE)[None]
-    inside = (place >= 0) & (place <= last)
-    return torch.where(inside.to(kernel.device), kernel[place.clamp(0, last).to(kernel.device)], kernel.new_zeros(()))
+    rows, columns = (torch.arange(count, device=kernel.device) for count in (PIECE + last, PIECE))
+    place = rows[:, None] - columns
+    return torch.where((place >= 0) & (place <= last), kernel[place.clamp(0, last)], 0)

@@ -12,6 +12,7 @@ from z2p_core.sizes import once_each
 from z2p_core.threads import cores
 
 STARTING = threading.Lock()
+"""Held over OpenVINO's first question for a type, which fills a table: two threads that ask at once wait for ever."""
 
 
 class OpenVino(Engine):
@@ -32,7 +33,6 @@ class OpenVino(Engine):
         if threads is not None:  # one stream draws one picture after the other, so as many as the cores have room for
             streams = max(1, cores() // threads)
             self._options |= {"NUM_STREAMS": streams, "INFERENCE_NUM_THREADS": streams * threads}
-        # Its first question for a type fills a table, and two threads that ask at once wait for each other for ever.
         with STARTING:
             openvino.Type.f32.to_dtype()
         self._core = openvino.Core()
