@@ -18,6 +18,7 @@ import torch
 from pipeline.augment import draw_cloud, mirrored
 from pipeline.buffers import draw_buffers
 from pipeline.shard import shrink_pictures
+from pipeline.teacher import Teacher
 from storage.shards import Record, Shard
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
@@ -57,6 +58,16 @@ class Batch:
         return Batch(*moved)
 
 
+@dataclass(frozen=True)
+class _Sample:
+    """One cloud's buffers (C, R, R) float32, the record of its render, and what the teacher draws of it."""
+
+    buffers: np.ndarray
+    record: Record
+    taught: np.ndarray | None = None
+    """(R, R, 4) uint8, straight sRGB and alpha; None where there is no teacher."""
+
+
 class CloudPictures:
     """Every record of some shards, split into training and validation."""
 
@@ -65,6 +76,7 @@ class CloudPictures:
         Raises:
             ShardError: a shard is damaged.
             DatasetError: no shards, shards of different controls or resolutions, or fewer than two records.
+            WeightsError, TeacherError: weights that cannot teach.
         """
         self.config = config
         self.zbuffer, self.gbuffer = zbuffer, gbuffer
@@ -74,10 +86,11 @@ class CloudPictures:
         self.sides = config.resolutions or (self.resolution,)
         self.settings = sum(int(control["size"]) for control in self.controls)
         self._check()
+        self._teacher = Teacher(config.teacher, self.resolution, self.controls) if config.teacher else None
         self._pools = [shard.pool for shard in self.shards]
         self._cache: dict[tuple[tuple[int, int], int], Record] = {}
         self._room, self._buffers_room = CACHE_BYTES, BUFFERS_BYTES
-        self._buffers: dict[tuple[tuple[int, int], int], tuple[int, np.ndarray]] = {}
+        self._drawn: dict[tuple[tuple[int, int], int], tuple[int, np.ndarray, np.ndarray | None]] = {}
         places = [(number, row) for number, shard in enumerate(self.shards) for row in range(len(shard))]
         if len(places) < 2:
             raise DatasetError(f"expected two records or more, to train on and to validate with, got {len(places)}")
@@ -99,7 +112,7 @@ class CloudPictures:
             epoch, place = divmod(position, count)
             order = np.random.default_rng((EPOCH, self.config.seed, number, epoch)).permutation(count)
             samples.append(self._training_sample(int(order[place]), side, epoch // self.config.reuse))
-        return _stack(samples)
+        return _stack(samples, self.config.teacher_share)
 
     def validation_batch(self, numbers: Sequence[int]) -> Batch:
         """The held-out samples of these numbers at the first side, each with a cloud that is always the same."""
@@ -150,33 +163,35 @@ class CloudPictures:
             raise DatasetError(f"points: expected 1 <= smallest <= largest cloud, got {low} and {high}")
         if self.config.reuse < 1:
             raise DatasetError(f"reuse: expected 1 or more, got {self.config.reuse}")
-        for name in ("even", "holes"):
-            if not 0 <= getattr(self.config, name) <= 1:
-                share = getattr(self.config, name)
-                raise DatasetError(f"{name}: expected a share from 0 to 1 of the clouds, got {share:g}")
+        for name, what in (("even", "clouds"), ("holes", "clouds"), ("teacher_share", "target")):
+            share = getattr(self.config, name)
+            if not 0 <= share <= 1:
+                raise DatasetError(f"{name}: expected a share from 0 to 1 of the {what}, got {share:g}")
         if self.config.noise not in KINDS:
             raise DatasetError(f"noise: expected one of {', '.join(KINDS)}, got {self.config.noise!r}")
 
-    def _training_sample(self, number: int, side: int, drawing: int) -> tuple[np.ndarray, Record]:
+    def _training_sample(self, number: int, side: int, drawing: int) -> _Sample:
         """Sample of a training record with the cloud of that drawing, which is kept until the next one."""
         place = self.training[number]
-        kept = self._buffers.get((place, side))
+        kept = self._drawn.get((place, side))
         rng = np.random.default_rng((TRAINING, self.config.seed, side, number, drawing))
         in_mirror = self.config.mirror and bool(rng.integers(2))
         if kept and kept[0] == drawing:
-            return kept[1].astype(np.float32), self._record(place, side, in_mirror)
-        buffers, record = self._sample(place, side, rng, in_mirror)
+            return _Sample(kept[1].astype(np.float32), self._record(place, side, in_mirror), kept[2])
+        # at the resolution of the shards the teacher would have no more to go by
+        sample = self._sample(place, side, rng, in_mirror, self._teacher if side < self.resolution else None)
         if self.config.reuse > 1:
-            packed = buffers.astype(np.float16)
+            packed = sample.buffers.astype(np.float16)
             if kept or packed.nbytes <= self._buffers_room:
                 self._buffers_room -= 0 if kept else packed.nbytes
-                self._buffers[place, side] = drawing, packed
-            buffers = packed.astype(np.float32)  # the same whether it was kept or not
-        return buffers, record
+                self._drawn[place, side] = drawing, packed, sample.taught
+            sample = replace(sample, buffers=packed.astype(np.float32))  # the same whether it was kept or not
+        return sample
 
     def _sample(
-        self, place: tuple[int, int], side: int, rng: np.random.Generator, in_mirror: bool = False
-    ) -> tuple[np.ndarray, Record]:
+        self, place: tuple[int, int], side: int, rng: np.random.Generator, in_mirror: bool = False,
+        teacher: Teacher | None = None,
+    ) -> _Sample:
         record, pool = self._record(place, side, in_mirror), self._pools[place[0]]
         turned = np.array(record.scene.rotation, dtype=np.float32).T
         scene = record.scene
@@ -186,7 +201,9 @@ class CloudPictures:
         cloud[:, 2] += scene.lift
         if in_mirror:
             cloud[:, 0] *= -1
-        return draw_buffers(cloud, Camera(side, side, scene.elevation), scene, self.zbuffer, self.gbuffer), record
+        buffers = draw_buffers(cloud, Camera(side, side, scene.elevation), scene, self.zbuffer, self.gbuffer)
+        taught = teacher.picture(cloud, scene, record.settings, side) if teacher else None
+        return _Sample(buffers, record, taught)
 
     def _record(self, place: tuple[int, int], side: int, in_mirror: bool = False) -> Record:
         record = self._cache.get((place, side))
@@ -201,13 +218,23 @@ class CloudPictures:
         return mirrored(record, self.controls) if in_mirror else record
 
 
-def _stack(samples: list[tuple[np.ndarray, Record]]) -> Batch:
-    records = [record for _, record in samples]
-    rgba = torch.from_numpy(np.stack([record.rgba for record in records])).permute(0, 3, 1, 2).float() / 255
+def _stack(samples: list[_Sample], teacher_share: float = 0.0) -> Batch:
+    """The samples' batch, its targets that share the teacher's and the rest the renders'."""
+    records = [sample.record for sample in samples]
+    target = _premultiplied([record.rgba for record in records])
+    if all(sample.taught is not None for sample in samples):
+        taught = _premultiplied([sample.taught for sample in samples if sample.taught is not None])
+        target = torch.lerp(target, taught, teacher_share)
     coverage = torch.from_numpy(np.stack([record.coverage for record in records])).float() / 255
-    target = torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1)
     settings = torch.from_numpy(np.stack([record.settings for record in records]))
-    return Batch(torch.from_numpy(np.stack([drawn for drawn, _ in samples])), settings, target, coverage[:, None])
+    buffers = torch.from_numpy(np.stack([sample.buffers for sample in samples]))
+    return Batch(buffers, settings, target, coverage[:, None])
+
+
+def _premultiplied(pictures: list[np.ndarray]) -> torch.Tensor:
+    """Colour times alpha, and alpha (B, 4, R, R) float32, of straight pictures (R, R, 4) uint8."""
+    rgba = torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2).float() / 255
+    return torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1)
 
 
 def _agreed(shards: list[Shard], key: str) -> Any:

@@ -127,7 +127,8 @@ def _grown(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str
 def weights_card(run: Run) -> dict[str, Any]:
     """The card that goes with the weights; see `storage.checkpoints.Weights`."""
     training = {**_semantic(run.config), "renders": len(run.data.training), "meshes": len(run.data.shards)}
-    training["start"] = Path(run.config.start).stem  # a path would tell of the machine, and mean nothing on others
+    for name in ("start", "teacher"):  # a path would tell of the machine, and mean nothing on others
+        training[name] = Path(training[name]).stem
     return {
         "network": to_dict(run.config.network),
         **_plugins(run),

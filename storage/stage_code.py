@@ -62,9 +62,9 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "train": (
         "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.augment",
-        "pipeline.curve", "pipeline.shard:shrink_pictures", "storage.shards", "z2p_core.images", "z2p_core.losses",
-        "z2p_core.flip", "z2p_core.sliding", "z2p_core.metrics:PIXELS_A_DEGREE", "z2p_core.geometry", "z2p_core.noise",
-        "pipeline.export", "storage.exports", *_NETWORK,
+        "pipeline.teacher", "pipeline.curve", "pipeline.engines", "pipeline.export", "pipeline.shard:shrink_pictures",
+        "storage.exports", "storage.graphs", "storage.shards", "z2p_core.flip", "z2p_core.geometry", "z2p_core.images",
+        "z2p_core.losses", "z2p_core.metrics:PIXELS_A_DEGREE", "z2p_core.noise", "z2p_core.sliding", *_NETWORK,
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",

@@ -175,9 +175,10 @@ def _render_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
 def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, Any]:
     parameters = to_dict(config.train)
     del parameters["checkpoint_every"]  # a run resumes exactly, so how often it could does not matter
-    start = parameters.pop("start")
-    if start:
-        parameters["start"] = _weights_digest(start)
+    for name in ("start", "teacher"):
+        weights = parameters.pop(name)
+        if weights:
+            parameters[name] = _weights_digest(name, weights)
     network = parameters["network"]
     if network["conditioning"] == NetworkConfig.conditioning:
         del network["conditioning"]  # results of before there was a choice mean the same, and can be adopted
@@ -191,11 +192,11 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
     }
 
 
-def _weights_digest(start: str) -> str:
+def _weights_digest(name: str, weights: str) -> str:
     try:
-        return file_digest(resolve(start))
+        return file_digest(resolve(weights))
     except WeightsError as error:
-        raise ConfigError(f"train.start: {error}") from error
+        raise ConfigError(f"train.{name}: {error}") from error
 
 
 def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshInput]) -> dict[str, Any]:

@@ -105,6 +105,11 @@ class TrainConfig:
     start: str = ""
     """Weights to fine-tune: a shipped name, or a file; empty begins at random. They must be of this very network, but
     may lack the last of the controls, and know a G-buffer that this one refines."""
+    teacher: str = ""
+    """Weights to learn from beside the renders, a shipped name or a file; empty for none. They draw each cloud at the
+    shards' resolution, and their picture is shrunk to the side trained at, where that is smaller."""
+    teacher_share: float = 0.5
+    """Their share of the target that is learnt; the rest is the render's."""
     resolutions: tuple[int, ...] = ()
     """Sides trained at, in turn step by step, each a divisor of the shards'; empty for theirs alone. A step at a larger
     side takes fewer samples, so that all steps cost the same. Clouds are drawn anew at each side, never resized."""

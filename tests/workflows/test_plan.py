@@ -82,6 +82,8 @@ EFFECTS = {
     "train.loss.foreground": (2.0, AFTER_SHARDS),
     "train.loss.masked": (True, AFTER_SHARDS),
     "train.start": ("regular", AFTER_SHARDS),
+    "train.teacher": ("regular", AFTER_SHARDS),
+    "train.teacher_share": (0.3, AFTER_SHARDS),
     "train.resolutions": ((64, 128), AFTER_SHARDS),
     "train.steps": (151, AFTER_SHARDS),
     "train.batch": (4, AFTER_SHARDS),

@@ -40,9 +40,10 @@ def test_an_unknown_plugin_is_refused_before_anything_runs(config, path):
         make_plan(edited(config, path, value))
 
 
-def test_weights_to_start_from_that_are_not_there_are_refused(config):
-    with pytest.raises(ConfigError, match=r"train\.start: unknown weights 'nosuch'; shipped: "):
-        make_plan(edited(config, "train.start", "nosuch"))
+@pytest.mark.parametrize("field", ["start", "teacher"])
+def test_weights_to_learn_from_that_are_not_there_are_refused(config, field):
+    with pytest.raises(ConfigError, match=rf"train\.{field}: unknown weights 'nosuch'; shipped: "):
+        make_plan(edited(config, f"train.{field}", "nosuch"))
 
 
 @pytest.mark.parametrize("folder, message", [("nowhere", "no folder"), ("", "no mesh")])

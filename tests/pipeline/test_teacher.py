@@ -1,0 +1,98 @@
+"""Distillation: the target shares what finished weights draw of the same cloud at the shards' resolution."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from synthetic import sphere_shard
+
+from pipeline.dataset import CloudPictures, DatasetError
+from pipeline.load import load_network
+from pipeline.teacher import TeacherError
+from pipeline.train import train
+from plugins.gbuffers.surfels import Surfels
+from plugins.zbuffers.splats import SplatPyramid
+from storage.checkpoints import WeightsError, load_weights
+from z2p_core.config import NetworkConfig, TrainConfig
+
+CONFIG = TrainConfig(
+    batch=4, resolutions=(32, 64), points=(300, 300), validation_share=0.2, reuse=2, mirror=True, teacher="regular"
+)
+
+
+@pytest.fixture(scope="module")
+def shards(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shards")
+    return [sphere_shard(folder / f"{seed}.h5", 8, 64, seed) for seed in range(2)]
+
+
+def pictures(shards, **fields):
+    return CloudPictures(shards, replace(CONFIG, **fields), SplatPyramid(), Surfels())
+
+
+def test_the_target_shares_renders_and_what_is_taught(shards):
+    render, half, taught = (pictures(shards, teacher_share=share).batch(0).target for share in (0.0, 0.5, 1.0))
+    torch.testing.assert_close(render, pictures(shards, teacher="").batch(0).target, atol=1e-6, rtol=0)
+    torch.testing.assert_close(half, (render + taught) / 2, atol=1e-6, rtol=0)
+    assert (taught - render).abs().mean() > 1e-3  # the synthetic spheres cast no shadow
+
+
+def test_what_is_taught_is_drawn_larger_of_the_same_cloud_and_shrunk(shards, monkeypatch):
+    clouds = []
+    kept = Surfels.draw_into
+    monkeypatch.setattr(Surfels, "draw_into", lambda self, *rest: (clouds.append(rest), kept(self, *rest))[1])
+    data = pictures(shards, teacher_share=1.0, batch=1)
+    batch = data.batch(0)
+    (_, small, camera, _), (_, large, larger, scene) = clouds
+    assert (camera.width, larger.width) == (32, 64)
+    np.testing.assert_array_equal(small, large)
+
+    loaded = load_network("regular")
+    buffers = np.concatenate([loaded.zbuffer.draw(large, larger), loaded.gbuffer.draw(large, larger, scene)])
+    with torch.no_grad():
+        empty = torch.zeros(loaded.encoder.channels, 16, 16)
+        drawn = loaded.network(torch.from_numpy(buffers)[None], empty, batch.settings)
+    alpha = torch.nn.functional.avg_pool2d(drawn[:, 3:], 2)
+    assert (batch.target[:, 3:] - alpha).abs().mean() < 2 / 255  # a quicker engine, and bytes
+
+
+def test_nothing_is_taught_where_nothing_larger_can_be_drawn(shards):
+    with_teacher, without = pictures(shards, teacher_share=1.0).batch(1), pictures(shards, teacher="").batch(1)
+    assert with_teacher.target.shape[-1] == 64
+    torch.testing.assert_close(with_teacher.target, without.target, atol=0, rtol=0)
+
+
+def test_a_batch_depends_on_its_number_alone(shards, monkeypatch):
+    in_order = [batch for data in [pictures(shards)] for batch in map(data.batch, range(8))]
+    monkeypatch.setattr("pipeline.dataset.BUFFERS_BYTES", 0)
+    data = pictures(shards)
+    for step in (6, 0, 4, 2):
+        torch.testing.assert_close(data.batch(step).target, in_order[step].target, atol=0, rtol=0)
+
+
+def test_validation_is_on_renders_alone(shards):
+    taught, plain = (pictures(shards, teacher=name, teacher_share=1.0) for name in ("regular", ""))
+    torch.testing.assert_close(
+        taught.validation_batch([0]).target, plain.validation_batch([0]).target, atol=0, rtol=0
+    )
+
+
+def test_training_learns_from_the_teacher_and_its_card_names_it(shards, tmp_path):
+    network = NetworkConfig(widths=(16, 24), mapping=16)
+    config = replace(CONFIG, steps=2, resolutions=(32,), network=network)
+    silent = lambda line: None  # noqa: E731
+    alone = train(shards, replace(config, teacher=""), tmp_path / "alone", log=silent)
+    taught = train(shards, config, tmp_path / "taught", log=silent)
+    card = load_weights(taught).card["training"]
+    assert (card["teacher"], card["teacher_share"]) == ("regular", 0.5)
+    assert load_weights(alone).digest != load_weights(taught).digest
+
+
+def test_weights_that_cannot_teach_are_refused(shards, tmp_path):
+    with pytest.raises(DatasetError, match=r"teacher_share: expected a share from 0 to 1 of the target, got 1.5"):
+        pictures(shards, teacher_share=1.5)
+    with pytest.raises(WeightsError, match="unknown weights 'nobody'"):
+        pictures(shards, teacher="nobody")
+    with pytest.raises(TeacherError, match=r"teacher: expected weights whose controls are .*metallic"):
+        pictures([sphere_shard(tmp_path / "metallic.h5", 2, 64, metallic=True)])
