@@ -22,6 +22,7 @@ from storage.fingerprints import file_digest
 from storage.incoming import is_spooled
 from storage.pictures import PictureError, write_picture
 from z2p_core.interfaces import ScanError, SettingError, Value
+from z2p_core.threads import cores, one_core_each
 from z2p_core.viewpoint import Viewpoint
 
 __all__ = ["Look", "Outcome", "Task", "plan_outputs", "render_files", "source_of", "told_fault", "write_picture"]
@@ -112,10 +113,11 @@ def render_files(
         yield from map(work, tasks)
         return
     pool = ThreadPoolExecutor(jobs)
-    try:
-        yield from pool.map(work, tasks)
-    finally:  # an interrupt drops the files not yet begun
-        pool.shutdown(cancel_futures=True)
+    with one_core_each() if jobs >= cores() else nullcontext():
+        try:
+            yield from pool.map(work, tasks)
+        finally:  # an interrupt drops the files not yet begun
+            pool.shutdown(cancel_futures=True)
 
 
 def source_of(

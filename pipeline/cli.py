@@ -12,6 +12,8 @@ import click
 
 from z2p_core import __version__
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would spin; see z2p_core/turning.py
+
 COMMANDS = {
     "run-inference": ("pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
     "animate": ("pipeline.commands.animate:animate", "Make turntables and light sweeps of point clouds."),

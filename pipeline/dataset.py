@@ -24,6 +24,7 @@ from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
 from z2p_core.interfaces import GBuffer, ZBuffer
 from z2p_core.noise import KINDS
+from z2p_core.turning import along, turned
 
 CACHE_BYTES = 2 * 1024**3
 """Decoded renders kept in memory; what does not fit is decoded again each time."""
@@ -193,11 +194,11 @@ class CloudPictures:
         teacher: Teacher | None = None,
     ) -> _Sample:
         record, pool = self._record(place, side, in_mirror), self._pools[place[0]]
-        turned = np.array(record.scene.rotation, dtype=np.float32).T
+        rotation = np.array(record.scene.rotation, dtype=np.float32)
         scene = record.scene
         if scene.floor is None:  # the mesh's own: the pool is dense enough to tell it
-            scene = replace(scene, floor=float((pool @ turned[:, 2]).min()))
-        cloud = draw_cloud(pool, self.config, rng) @ turned
+            scene = replace(scene, floor=float(along(pool, rotation[2]).min()))
+        cloud = turned(draw_cloud(pool, self.config, rng), rotation)
         cloud[:, 2] += scene.lift
         if in_mirror:
             cloud[:, 0] *= -1

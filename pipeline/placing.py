@@ -12,6 +12,7 @@ from z2p_core.foreground import is_room, subject, support, upright
 from z2p_core.framing import UP_AXES, Up, choose_up, choose_view, clip_outliers, implied_sensor, sensor_view
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
+from z2p_core.turning import along, turned
 from z2p_core.viewpoint import Viewpoint, frame
 
 SETTLED = "as settled"
@@ -120,7 +121,7 @@ def place(
     wished, beyond = _allowed(wished, free)
     azimuth += placing.azimuth
     viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
-    hint = ROOM_HINT if not placing.cut_top and is_room(points @ up.rotation.T) else ""
+    hint = ROOM_HINT if not placing.cut_top and is_room(turned(points, up.rotation)) else ""
     stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
                     _rounded(points))  # fmt: skip
     return Placed(viewpoint.place(points), stance, viewpoint)
@@ -161,7 +162,7 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
     outliers = len(scan.points) - background - len(points)
     if placing.cut_top:
         rotation = up.rotation if placing.viewpoint is None else np.array(placing.viewpoint.rotation)
-        height = points @ rotation[2]
+        height = along(points, rotation[2])
         points = points[height <= height.max() - placing.cut_top / 100 * np.ptp(height)]
         if len(points) < FEWEST_POINTS:
             raise ScanError(f"--cut-top {placing.cut_top:g} leaves {len(points)} points; cut off less")
@@ -227,5 +228,5 @@ def _view(points: np.ndarray, up: Up, placing: Placing, elevation: float) -> tup
         centre = np.array(bounding_sphere(points).centre)
         azimuth, height = sensor_view(up.rotation @ (up.sensor.position - centre))
         return azimuth, height, "from the sensor"
-    azimuth, reason = choose_view(points @ up.rotation.T, elevation)
+    azimuth, reason = choose_view(turned(points, up.rotation), elevation)
     return azimuth, None, reason

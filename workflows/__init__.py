@@ -7,7 +7,10 @@ from __future__ import annotations
 
 import configparser
 import logging
+import os
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would spin; see z2p_core/turning.py
 
 import luigi.configuration
 import luigi.interface

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from z2p_core.interfaces import Sensor
+from z2p_core.turning import along
 
 GAP = 1.15
 """How many times as far from the sensor as its subject's farthest point the background must begin."""
@@ -36,7 +37,7 @@ def subject(points: np.ndarray, sensor: Sensor) -> np.ndarray:
 
     All True when there is no such gap, or too few points before it.
     """
-    depth = (points - sensor.position) @ sensor.rotation[:, 2]
+    depth = along(points - sensor.position, sensor.rotation[:, 2])
     whole = np.ones(len(points), dtype=bool)
     near = float(np.quantile(depth, EMPTY))
     if near <= 0:

@@ -14,6 +14,7 @@ from z2p_core.camera import DEFAULT_ELEVATION, turn
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import Sensor
 from z2p_core.standing import topples
+from z2p_core.turning import turned
 
 UP_AXES = {
     "+Z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -221,7 +222,7 @@ def _clusters(points: np.ndarray) -> np.ndarray:
 
 def _is_camera(points: np.ndarray, sensor: Sensor) -> bool:
     """True when nearly all points lie in the cone before the sensor."""
-    seen = (_thinned(points) - sensor.position) @ sensor.rotation
+    seen = turned(_thinned(points) - sensor.position, sensor.rotation.T)
     inside = np.hypot(seen[:, 0], seen[:, 1]) <= math.tan(math.radians(CAMERA_CONE)) * seen[:, 2]
     return bool(inside.mean() > 0.98)
 

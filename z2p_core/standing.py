@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from z2p_core.turning import along, turned
+
 SLAB = 0.03
 """Share of the height from below within which a point touches the ground."""
 FIRM_MARGIN, FIRM_AREA = 0.08, 0.25
@@ -27,7 +29,7 @@ def topples(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bool:
     points = points[:: -(-len(points) // MOST_POINTS)]
     if len(points) < FEWEST_POINTS:
         return False
-    span = [float(np.ptp(points @ axis)) for axis in (usual, other)]
+    span = [float(np.ptp(along(points, axis))) for axis in (usual, other)]
     if min(span) < LYING * float(np.ptp(points, axis=0).max()):
         return False
     margin, area = stance(points, other)
@@ -43,11 +45,11 @@ def stance(points: np.ndarray, up: np.ndarray) -> tuple[float, float]:
     Both are relative to the footprint, the hull of all points seen along `up` (3,). A thing on a point or a line gets
     (-1, 0).
     """
-    height = points @ up
+    height = along(points, up)
     low = float(np.quantile(height, 0.001))  # a stray or two must not hold it up
     across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     across /= np.linalg.norm(across)
-    flat = points @ np.column_stack([across, np.cross(up, across)])
+    flat = turned(points, np.stack([across, np.cross(up, across)]))
     feet = hull(flat[height < low + SLAB * (height.max() - low)])
     footprint = area_of(hull(flat))
     if len(feet) < 3 or footprint <= 0:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import lru_cache
 from threading import Semaphore
 from typing import Any
@@ -31,6 +32,18 @@ def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
     except BaseException as error:  # told where the result is asked for, as the other core's would be
         done.set_exception(error)
     return done
+
+
+@contextmanager
+def one_core_each() -> Iterator[None]:
+    """Meanwhile `beside` does work at once: for those who keep all cores busy anyway, with a picture on each."""
+    idle = _second_core(os.getpid()).idle
+    taken = idle.acquire(blocking=False)
+    try:
+        yield
+    finally:
+        if taken:
+            idle.release()
 
 
 def in_halves(work: Callable[..., tuple[np.ndarray, ...]], *arrays: np.ndarray) -> tuple[np.ndarray, ...]:

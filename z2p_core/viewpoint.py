@@ -17,6 +17,7 @@ import numpy as np
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.turning import turned
 
 FORMAT = 1
 """Of the JSON form; raised when its meaning changes."""
@@ -44,7 +45,7 @@ class Viewpoint:
         placed = points.astype(np.float64)
         placed -= self.centre
         placed /= self.radius
-        world: np.ndarray = (placed @ np.array(self.rotation).T).astype(np.float32)
+        world: np.ndarray = turned(placed, np.array(self.rotation)).astype(np.float32)
         return world
 
     def to_json(self) -> dict[str, Any]:

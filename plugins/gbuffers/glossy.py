@@ -13,6 +13,7 @@ import numpy as np
 from plugins.gbuffers.surfels import GREY, Lighting, Surfels, light_lamps
 from z2p_core.images import srgb_from_linear
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
+from z2p_core.turning import along
 
 LAMPS, SHARPEST = 36, 150.0
 """Points that stand for the reflected light, and the sharpest lobe that they show without gaps."""
@@ -88,7 +89,7 @@ class Reflections(Lighting):
         place = self.points + reach[:, None] * rays
         away = floor.lamp - place
         square = (away**2).sum(1)
-        lit = floor.power * np.maximum(-(away @ floor.axis), 0) * away[:, 2] / (square * square * math.pi)
+        lit = floor.power * np.maximum(-along(away, floor.axis), 0) * away[:, 2] / (square * square * math.pi)
         column, row = ((place[:, axis] + floor.half) * side / (2 * floor.half) for axis in (0, 1))
         inside = (column >= 0) & (row >= 0) & (column < side) & (row < side)
         cell = (np.where(inside, row, 0).astype(np.intp), np.where(inside, column, 0).astype(np.intp))

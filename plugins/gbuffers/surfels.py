@@ -21,6 +21,7 @@ from z2p_core.interfaces import GBuffer
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
 from z2p_core.threads import beside, in_halves
+from z2p_core.turning import turned
 
 OVERLAP, SLACK = 1.35, 0.7
 """Radius of a disc in those of its Voronoi cell, which alone would close the surface, and how far behind the nearest
@@ -98,9 +99,9 @@ class Surfels(GBuffer):
         radii = disc_radii(found, typical)
         lighting = self.lighting(points, normals, max(typical, SPARSE * float(np.quantile(spacing, 0.9))), scene, floor)
         rotation = camera.rotation.astype(np.float32)
-        facing = normals @ rotation.T
+        facing = turned(normals, rotation)
         centres = native.centres(points, normals, radii, found.neighbours)
-        seen = (centres - camera.position.astype(np.float32)) @ rotation.T
+        seen = turned(centres - camera.position.astype(np.float32), rotation)
         draw = partial(
             native.surfels, seen, facing, radii, native.clips(seen, facing, radii, found.neighbours),
             np.column_stack([facing[:, :2], lighting.colors(camera.position)]), camera, SLACK, SURE, FULL, NEAR, FAR,

@@ -1,0 +1,57 @@
+"""Points turned and measured along axes, and no thread that spins afterwards."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from z2p_core.turning import along, turned
+
+
+@pytest.mark.parametrize("kind, close", [(np.float32, 1e-6), (np.float64, 1e-14)])
+def test_they_are_the_products_of_matrices(kind, close):
+    rng = np.random.default_rng(0)
+    points, rotation = rng.normal(size=(1000, 3)).astype(kind), rng.normal(size=(3, 3)).astype(kind)
+    assert turned(points, rotation).dtype == along(points, rotation[0]).dtype == kind
+    np.testing.assert_allclose(turned(points, rotation), points @ rotation.T, atol=20 * close)
+    np.testing.assert_allclose(turned(points, rotation[:2]), points @ rotation[:2].T, atol=20 * close)
+    np.testing.assert_allclose(along(points, rotation[1]), points @ rotation[1], atol=20 * close)
+
+
+SPINNING = """
+import sys, time
+from pathlib import Path
+import numpy as np
+from pipeline.buffers import draw_buffers
+from pipeline.placing import Placing, place
+from plugins.gbuffers.surfels import Surfels
+from plugins.zbuffers.splats import SplatPyramid
+from storage.clouds import Scan
+from z2p_core.camera import Camera
+from z2p_core.scene import SceneDescription
+
+def idle():  # milliseconds of processor time in a tenth of a second without work
+    began = time.process_time()
+    time.sleep(0.1)
+    return 1000 * (time.process_time() - began)
+
+points = np.random.default_rng(0).normal(size=(50_000, 3))
+rest = idle()
+placed = place(Scan(points, 0, ""), ".ply", Placing())
+draw_buffers(placed.cloud, Camera(64, 64, 20), SceneDescription(), SplatPyramid(), Surfels())
+after = idle()
+points @ points[0]
+print(rest, after, idle())
+"""
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="one core has no second one to spin on")
+def test_a_placed_and_drawn_cloud_leaves_no_thread_spinning():
+    environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+    done = subprocess.run([sys.executable, "-c", SPINNING], env=environment, capture_output=True, text=True, check=True)
+    rest, after, blas = map(float, done.stdout.split())
+    if blas < 50:
+        pytest.skip(f"the BLAS of this numpy does not spin ({blas:.0f} ms of 100)")
+    assert rest < 20 and after < 20
