@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from z2p_core.camera import DEFAULT_ELEVATION, turn
+from z2p_core import native
+from z2p_core.camera import DEFAULT_ELEVATION
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import Sensor
 from z2p_core.standing import topples
@@ -267,18 +268,10 @@ def _showing(points: np.ndarray, elevation: float) -> list[float]:
     a lamp) would count no more than noise. The area is that of 3 x 3 dots on a coarse picture, which lets few points
     cover what they stand for.
     """
-    tilt = math.radians(elevation)
-    turns = np.array([turn(360.0 / AZIMUTHS * step) for step in range(AZIMUTHS)], np.float32)
-    x, y, z = np.ascontiguousarray(points.T, np.float32)
-    across = turns[:, :1, 0] * x + turns[:, :1, 1] * y  # (AZIMUTHS, N)
-    upwards = (turns[:, 1:2, 0] * x + turns[:, 1:2, 1] * y) * math.sin(tilt) + z * math.cos(tilt)
     side = int(np.clip(2 * math.sqrt(len(points)), 12, 48))
-    column, row = (((axis + 1) * (0.5 * side - 0.5)).astype(np.int32) + 1 for axis in (across, upwards))
-    pictures = np.zeros((AZIMUTHS, side + 2, side + 2), dtype=bool)
-    pictures[np.arange(AZIMUTHS)[:, None], column, row] = True
-    wide = pictures[:, :-2] | pictures[:, 1:-1] | pictures[:, 2:]
-    covered = (wide[:, :, :-2] | wide[:, :, 1:-1] | wide[:, :, 2:]).sum((1, 2))
-    shown: list[float] = (covered * np.sqrt(np.ptp(across, axis=1))).tolist()
+    turns = np.arange(AZIMUTHS) * (2 * math.pi / AZIMUTHS)
+    covered, breadth = native.showing(points, turns, math.radians(elevation), side)
+    shown: list[float] = (covered * np.sqrt(breadth)).tolist()
     return shown
 
 

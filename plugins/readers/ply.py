@@ -13,7 +13,7 @@ from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
 
 
 class Ply(Reader):
-    """Polygon files (trimesh); faces, edges and further properties are left out."""
+    """Polygon files; faces, edges and further properties are left out."""
 
     name = "ply"
     version = "1"
@@ -104,21 +104,15 @@ def _rows_ascii(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) 
 
 
 def _load(header: PlyHeader, vertex: PlyElement, body: bytes) -> np.ndarray:
-    """Points (N, 3) float64 of the vertex rows.
-
-    trimesh is handed the vertices alone: it refuses binary files with polygons of several sizes, and it splits
-    vertices where textures meet.
-    """
-    from trimesh.exchange.ply import load_ply
-
-    names = {"f4": "float", "f8": "double", "i1": "char", "u1": "uchar", "i2": "short", "u2": "ushort", "i4": "int",
-             "u4": "uint", "i8": "int64", "u8": "uint64"}  # fmt: skip
-    properties = [f"property {names[entry.type.str[1:]]} {entry.name}" for entry in vertex.properties]
-    lines = ["ply", f"format {header.encoding} 1.0", f"element vertex {vertex.count}", *properties, "end_header", ""]
+    """Points (N, 3) float64 of the vertex rows."""
     try:
-        points = np.asarray(load_ply(io.BytesIO("\n".join(lines).encode() + body))["vertices"], dtype=np.float64)
-    except Exception as error:  # the library raises whatever its parsing stumbles over
+        if header.ascii:
+            rows = np.loadtxt(io.BytesIO(body), comments=None, ndmin=2)
+            names = [entry.name for entry in vertex.properties]
+            if rows.shape[1] != len(names):
+                raise ValueError(f"{len(names)} numbers a line expected, {rows.shape[1]} came")
+            return rows[:, [names.index(axis) for axis in "xyz"]]
+        table = np.frombuffer(body, vertex.dtype, vertex.count)
+        return np.column_stack([table[axis] for axis in "xyz"]).astype(np.float64)
+    except ValueError as error:
         raise ScanError(f"the PLY vertices cannot be read ({error}); export the file again") from error
-    if points.shape != (vertex.count, 3):
-        raise ScanError(f"expected {vertex.count} PLY vertices, got an array {points.shape}; export the file again")
-    return points

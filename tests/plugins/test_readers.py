@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import struct
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -43,6 +45,20 @@ def test_ply_vertices_after_another_element_and_with_colours(tmp_path: Path) -> 
     path = tmp_path / "scan.ply"
     path.write_bytes(head.encode() + np.zeros(2).tobytes() + rows.tobytes())
     assert np.array_equal(read(path)[0], np.column_stack([rows[axis] for axis in "xyz"]))
+
+
+def test_ply_needs_no_mesh_library_whose_import_takes_a_fifth_of_a_second(tmp_path: Path) -> None:
+    path = tmp_path / "scan.ply"
+    path.write_bytes(ply(cloud(5), "ascii", "float"))
+    code = f"import sys; from storage.clouds import Path, read_clouds; read_clouds(Path({str(path)!r}))"
+    code += "; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "plugins.readers.ply" in done.stdout.split() and "trimesh" not in done.stdout.split()
+
+
+def test_ply_lines_of_uneven_length_are_refused(tmp_path: Path) -> None:
+    whole = ply(cloud(5), "ascii", "float")
+    refused(tmp_path / "uneven.ply", whole.rstrip() + b" 7\n", "cannot be read")
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])

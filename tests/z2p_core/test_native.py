@@ -158,3 +158,23 @@ def test_straight_bytes_are_those_of_plain_numpy():
     assert np.abs(found.astype(int) - expected).max() <= 1 and (found != expected).mean() < 1e-3
     odd = np.full((4, 2, 2), np.nan, np.float32)
     assert not native.straight_bytes(odd).any()
+
+
+@pytest.mark.parametrize("count", [2, 30, 5000])
+def test_a_view_shows_the_cells_that_its_dots_cover(count):
+    rng = np.random.default_rng(count)
+    points = rng.normal(size=(count, 3)).astype(np.float32) * (1.0, 0.6, 0.3)
+    points /= np.sqrt((points**2).sum(1).max())
+    turns, elevation, side = np.array([0.0, 1.0, -2.5]), 0.4, 20
+    covered, breadth = native.showing(points, turns, elevation, side)
+    for view, angle in enumerate(turns):
+        across = np.cos(angle) * points[:, 0] - np.sin(angle) * points[:, 1]
+        back = np.sin(angle) * points[:, 0] + np.cos(angle) * points[:, 1]
+        upwards = back * np.sin(elevation) + points[:, 2] * np.cos(elevation)
+        column, row = (((axis + 1) * (side - 1) / 2).astype(int) + 1 for axis in (across, upwards))
+        dots = np.zeros((side + 2, side + 2), bool)
+        for x in (-1, 0, 1):
+            for y in (-1, 0, 1):
+                dots[column + x, row + y] = True
+        assert abs(covered[view] - dots[1:-1, 1:-1].sum()) <= 3  # a point at a cell's border may fall either way
+        assert breadth[view] == pytest.approx(np.ptp(across), rel=1e-5)

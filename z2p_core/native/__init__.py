@@ -15,6 +15,7 @@ from z2p_core.native.lighting import gather_open as gather_open
 from z2p_core.native.lighting import illuminate as illuminate
 from z2p_core.native.pictures import intensity as intensity
 from z2p_core.native.pictures import nearest_depth as nearest_depth
+from z2p_core.native.pictures import showing as showing
 from z2p_core.native.pictures import straight_bytes as straight_bytes
 from z2p_core.native.pictures import surfels as surfels
 from z2p_core.native.pictures import window_minimum as window_minimum

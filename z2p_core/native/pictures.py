@@ -33,6 +33,19 @@ def window_minimum(picture: np.ndarray, size: int) -> np.ndarray:
     return out
 
 
+def showing(points: np.ndarray, turns: np.ndarray, elevation: float, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """What views from afar show of points (N, 3) in the unit sphere: cells covered (V,) int32, and breadth (V,).
+
+    A view turns the points about Z by an angle of `turns` (V,), and looks at them from the elevation, all in radians.
+    Cells are those of a picture (side, side), each point a dot of 3 x 3.
+    """
+    covered, breadth = np.empty(len(turns), np.int32), np.empty(len(turns), np.float32)
+    ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    tilt = np.array([np.sin(elevation), np.cos(elevation)])
+    call("z2p_showing", floats(points), len(points), floats(ways), len(turns), floats(tilt), side, covered, breadth)
+    return covered, breadth
+
+
 def intensity(depth: np.ndarray, alpha: float, beta: float, out: np.ndarray) -> None:
     """Draws into `out` (H, W) exp((alpha - depth) / beta) of depths (H, W), whose rows may lie apart; 0 of infinity."""
     if depth.dtype != np.float32 or depth.strides[1] != 4:
