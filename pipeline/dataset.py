@@ -22,8 +22,10 @@ from pipeline.teacher import Teacher
 from storage.shards import Record, Shard
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
+from z2p_core.images import bytes_from_unit
 from z2p_core.interfaces import GBuffer, ZBuffer
 from z2p_core.noise import KINDS
+from z2p_core.scene import SceneDescription
 from z2p_core.turning import along, turned
 
 CACHE_BYTES = 2 * 1024**3
@@ -66,7 +68,7 @@ class _Sample:
     buffers: np.ndarray
     record: Record
     taught: np.ndarray | None = None
-    """(R, R, 4) uint8, straight sRGB and alpha; None where there is no teacher."""
+    """(R, R, 4) uint8, colour times alpha and alpha; None where there is no teacher."""
 
 
 class CloudPictures:
@@ -203,8 +205,19 @@ class CloudPictures:
         if in_mirror:
             cloud[:, 0] *= -1
         buffers = draw_buffers(cloud, Camera(side, side, scene.elevation), scene, self.zbuffer, self.gbuffer)
-        taught = teacher.picture(cloud, scene, record.settings, side) if teacher else None
-        return _Sample(buffers, record, taught)
+        return _Sample(buffers, record, self._taught(teacher, cloud, scene, record, side) if teacher else None)
+
+    def _taught(
+        self, teacher: Teacher, cloud: np.ndarray, scene: SceneDescription, record: Record, side: int
+    ) -> np.ndarray:
+        """What the teacher draws; where scenes may be seen in a mirror, the mean with what it draws there."""
+        picture = teacher.picture(cloud, scene, record.settings, side)
+        if self.config.mirror:
+            other = mirrored(record, self.controls)
+            there = replace(other.scene, floor=scene.floor)
+            drawn = teacher.picture(cloud * np.array([-1, 1, 1], np.float32), there, other.settings, side)
+            picture = (picture + drawn[:, ::-1]) / 2
+        return bytes_from_unit(picture)
 
     def _record(self, place: tuple[int, int], side: int, in_mirror: bool = False) -> Record:
         record = self._cache.get((place, side))
@@ -222,20 +235,20 @@ class CloudPictures:
 def _stack(samples: list[_Sample], teacher_share: float = 0.0) -> Batch:
     """The samples' batch, its targets that share the teacher's and the rest the renders'."""
     records = [sample.record for sample in samples]
-    target = _premultiplied([record.rgba for record in records])
-    if all(sample.taught is not None for sample in samples):
-        taught = _premultiplied([sample.taught for sample in samples if sample.taught is not None])
-        target = torch.lerp(target, taught, teacher_share)
+    rgba = _units([record.rgba for record in records])
+    target = torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1)
+    taught = [sample.taught for sample in samples if sample.taught is not None]
+    if taught:  # for all samples or for none, which are of one side
+        target = torch.lerp(target, _units(taught), teacher_share)
     coverage = torch.from_numpy(np.stack([record.coverage for record in records])).float() / 255
     settings = torch.from_numpy(np.stack([record.settings for record in records]))
     buffers = torch.from_numpy(np.stack([sample.buffers for sample in samples]))
     return Batch(buffers, settings, target, coverage[:, None])
 
 
-def _premultiplied(pictures: list[np.ndarray]) -> torch.Tensor:
-    """Colour times alpha, and alpha (B, 4, R, R) float32, of straight pictures (R, R, 4) uint8."""
-    rgba = torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2).float() / 255
-    return torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1)
+def _units(pictures: list[np.ndarray]) -> torch.Tensor:
+    """Values (B, 4, R, R) float32 in [0, 1] of pictures (R, R, 4) uint8."""
+    return torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2).float() / 255
 
 
 def _agreed(shards: list[Shard], key: str) -> Any:

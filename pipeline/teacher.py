@@ -12,7 +12,7 @@ from pipeline.load import load_plugins
 from storage.checkpoints import resolve
 from z2p_core import registry
 from z2p_core.camera import Camera
-from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
+from z2p_core.images import premultiplied_from_straight, shrink, unit_from_bytes
 from z2p_core.interfaces import Engine
 from z2p_core.native import straight_bytes
 from z2p_core.scene import SceneDescription
@@ -53,8 +53,8 @@ class Teacher:
         self._encoding = self._loaded.encoder.encode(*cells)
 
     def picture(self, cloud: np.ndarray, scene: SceneDescription, settings: np.ndarray, side: int) -> np.ndarray:
-        """Picture (side, side, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) with settings (S,), float32."""
+        """Picture (side, side, 4) float32 of a placed cloud (N, 3) with settings (S,): colour times alpha, alpha."""
         camera = Camera(self.resolution, self.resolution, scene.elevation)
         buffers = draw_buffers(cloud, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
         drawn = straight_bytes(self._engine.run(buffers[None], self._encoding, settings[None])[0])
-        return bytes_from_unit(shrink(unit_from_bytes(drawn), self.resolution // side))
+        return premultiplied_from_straight(shrink(unit_from_bytes(drawn), self.resolution // side))

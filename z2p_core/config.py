@@ -107,7 +107,8 @@ class TrainConfig:
     may lack the last of the controls, and know a G-buffer that this one refines."""
     teacher: str = ""
     """Weights to learn from beside the renders, a shipped name or a file; empty for none. They draw each cloud at the
-    shards' resolution, and their picture is shrunk to the side trained at, where that is smaller."""
+    shards' resolution, with `mirror` in a mirror as well, and the mean is shrunk to the side trained at, where that is
+    smaller."""
     teacher_share: float = 0.5
     """Their share of the target that is learnt; the rest is the render's."""
     resolutions: tuple[int, ...] = ()

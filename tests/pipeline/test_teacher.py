@@ -7,6 +7,7 @@ import pytest
 import torch
 from synthetic import sphere_shard
 
+from pipeline.augment import mirrored
 from pipeline.dataset import CloudPictures, DatasetError
 from pipeline.load import load_network
 from pipeline.teacher import TeacherError
@@ -42,7 +43,7 @@ def test_what_is_taught_is_drawn_larger_of_the_same_cloud_and_shrunk(shards, mon
     clouds = []
     kept = Surfels.draw_into
     monkeypatch.setattr(Surfels, "draw_into", lambda self, *rest: (clouds.append(rest), kept(self, *rest))[1])
-    data = pictures(shards, teacher_share=1.0, batch=1)
+    data = pictures(shards, teacher_share=1.0, batch=1, mirror=False)
     batch = data.batch(0)
     (_, small, camera, _), (_, large, larger, scene) = clouds
     assert (camera.width, larger.width) == (32, 64)
@@ -55,6 +56,20 @@ def test_what_is_taught_is_drawn_larger_of_the_same_cloud_and_shrunk(shards, mon
         drawn = loaded.network(torch.from_numpy(buffers)[None], empty, batch.settings)
     alpha = torch.nn.functional.avg_pool2d(drawn[:, 3:], 2)
     assert (batch.target[:, 3:] - alpha).abs().mean() < 2 / 255  # a quicker engine, and bytes
+
+
+def test_what_is_taught_is_the_mean_with_the_scene_in_a_mirror(shards):
+    """So a scene and its mirrored one are taught the same, turned."""
+    data = pictures(shards)
+    rng, controls = np.random.default_rng(0), data.controls
+    record = data._record(data.training[0], 32)
+    scene, cloud = replace(record.scene, floor=-1.0), rng.normal(size=(500, 3)).astype(np.float32) * 0.3
+    one = data._taught(data._teacher, cloud, scene, record, 32)
+    turned = mirrored(record, controls)
+    other = data._taught(data._teacher, cloud * np.float32([-1, 1, 1]), replace(turned.scene, floor=-1.0), turned, 32)
+    np.testing.assert_array_equal(one, other[:, ::-1])
+    alone = data._teacher.picture(cloud, scene, record.settings, 32)
+    assert np.abs(one / 255 - alone).max() > 1 / 255
 
 
 def test_nothing_is_taught_where_nothing_larger_can_be_drawn(shards):
