@@ -55,3 +55,23 @@ def test_a_placed_and_drawn_cloud_leaves_no_thread_spinning():
     if blas < 50:
         pytest.skip(f"the BLAS of this numpy does not spin ({blas:.0f} ms of 100)")
     assert rest < 20 and after < 20
+
+
+@pytest.mark.parametrize("entry", ["pipeline.cli", "workflows"])
+@pytest.mark.parametrize("asked, expected", [(None, "1"), ("3", "3")])
+def test_commands_give_blas_one_thread_unless_the_user_says_otherwise(entry, asked, expected):
+    environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
+    environment |= {"OPENBLAS_NUM_THREADS": asked} if asked else {}
+    code = f"""
+import os, sys
+class Watch:  # numpy reads the variable once, when it is first imported
+    def find_spec(self, name, path=None, target=None):
+        if name == "numpy" and not told:
+            told.append(os.environ.get("OPENBLAS_NUM_THREADS"))
+told = []
+sys.meta_path.insert(0, Watch())
+import {entry}, numpy
+print(told[0])
+"""
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [expected]
