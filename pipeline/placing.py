@@ -12,7 +12,7 @@ from z2p_core.foreground import is_room, subject, support, upright
 from z2p_core.framing import UP_AXES, Up, choose_up, choose_view, clip_outliers, implied_sensor, sensor_view
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
-from z2p_core.turning import along, turned
+from z2p_core.turning import along, extent, turned
 from z2p_core.viewpoint import Viewpoint, frame
 
 SETTLED = "as settled"
@@ -189,8 +189,9 @@ def _as_settled(
 def _rounded(points: np.ndarray) -> float:
     """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them."""
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
-        step = float(np.spacing(np.float32(max(points.max(), -points.min()))))
-        if np.ptp(points, axis=0).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
+        low, high = extent(points)
+        step = float(np.spacing(np.float32(max(high.max(), -low.min()))))
+        if (high - low).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
             return 0.0
     return step
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from z2p_core.interfaces import Sensor
-from z2p_core.turning import along
+from z2p_core.turning import along, extent
 
 GAP = 1.15
 """How many times as far from the sensor as its subject's farthest point the background must begin."""
@@ -106,6 +106,9 @@ def upright(rotation: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 def is_room(points: np.ndarray) -> bool:
     """Whether points (N, 3), +Z up, look like a room in metres: a floor and a ceiling, and a person fits between."""
+    low, high = extent(points)
+    if (high - low)[2] < ROOM_HEIGHT[0]:  # told at once for most things; what follows takes longer
+        return False
     low, high = np.quantile(points, [0.002, 0.998], axis=0)
     breadth, height = float((high - low)[:2].min()), float((high - low)[2])
     if not ROOM_HEIGHT[0] <= height <= ROOM_HEIGHT[1] or breadth < max(ROOM_BREADTH, height / 2):

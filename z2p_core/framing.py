@@ -15,7 +15,7 @@ from z2p_core.camera import DEFAULT_ELEVATION
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import Sensor
 from z2p_core.standing import topples
-from z2p_core.turning import turned
+from z2p_core.turning import extent, turned
 
 UP_AXES = {
     "+Z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -134,7 +134,8 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     `AZIMUTHS` views from `elevation` are weighed. What differs by under 3 % is a tie, won by the view nearest to the
     file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
     """
-    points = _thinned(points - (points.min(0) + points.max(0)) / 2)
+    low, high = extent(points)
+    points = _thinned(points - (low + high) / 2)
     reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
     shown = _showing(points / reach, elevation)
     nearest_first = sorted(range(AZIMUTHS), key=lambda step: (min(step, AZIMUTHS - step), step))
@@ -199,8 +200,8 @@ def _clusters(points: np.ndarray) -> np.ndarray:
 
     Cells are a 24th of the widest side, or wider where the cloud is sparse: four points in a taken cell on average.
     """
-    low = points.min(0)
-    span = float((points.max(0) - low).max())
+    low, high = extent(points)
+    span = float((high - low).max())
     for cells in (24, 16, 12, 8, 6):
         place = ((points - low) * (cells / (span or 1.0) * (1 - 1e-9))).astype(np.int64)
         side = cells + 2  # an empty border, so that no neighbour wraps around

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.turning import along, turned
+from z2p_core.turning import along, extent, turned
 
 SLAB = 0.03
 """Share of the height from below within which a point touches the ground."""
@@ -30,7 +30,8 @@ def topples(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bool:
     if len(points) < FEWEST_POINTS:
         return False
     span = [float(np.ptp(along(points, axis))) for axis in (usual, other)]
-    if min(span) < LYING * float(np.ptp(points, axis=0).max()):
+    low, high = extent(points)
+    if min(span) < LYING * float((high - low).max()):
         return False
     margin, area = stance(points, other)
     if margin < FIRM_MARGIN or area < FIRM_AREA:

@@ -1,4 +1,4 @@
-"""Clouds turned, and measured along an axis, by one thread each.
+"""Clouds turned and measured, by one thread each.
 
 numpy's own products of matrices go to BLAS, which shares out those of a few thousand points; its threads then wait for
 more work by spinning, a tenth of a second long, on the very core that the kernels and the network count on.
@@ -17,3 +17,9 @@ def turned(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
 def along(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
     """How far points (N, 3) lie along an axis (3,): (N,)."""
     return np.einsum("na,a->n", points, axis)
+
+
+def extent(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest coordinates (3,) each of points (N, 3); numpy takes ten times as long along so short a row."""
+    columns = np.ascontiguousarray(points.T)
+    return columns.min(1), columns.max(1)

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from z2p_core.turning import along, turned
+from z2p_core.turning import along, extent, turned
 
 
 @pytest.mark.parametrize("kind, close", [(np.float32, 1e-6), (np.float64, 1e-14)])
@@ -18,6 +18,13 @@ def test_they_are_the_products_of_matrices(kind, close):
     np.testing.assert_allclose(turned(points, rotation), points @ rotation.T, atol=20 * close)
     np.testing.assert_allclose(turned(points, rotation[:2]), points @ rotation[:2].T, atol=20 * close)
     np.testing.assert_allclose(along(points, rotation[1]), points @ rotation[1], atol=20 * close)
+
+
+def test_the_extent_is_the_least_and_the_largest_of_each_axis():
+    points = np.random.default_rng(0).normal(size=(100, 3))
+    low, high = extent(points)
+    np.testing.assert_array_equal(low, points.min(0))
+    np.testing.assert_array_equal(high, points.max(0))
 
 
 SPINNING = """
