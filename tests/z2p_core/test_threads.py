@@ -5,7 +5,7 @@ import threading
 import numpy as np
 import pytest
 
-from z2p_core.threads import SMALLEST, beside, in_halves, over_rows
+from z2p_core.threads import SMALLEST, beside, in_halves, one_core_each, over_rows
 
 
 def test_work_is_done_on_another_thread_and_its_result_comes_back():
@@ -53,3 +53,16 @@ def test_every_row_is_worked_on_once(count):
 
     over_rows(work, count)
     assert (seen == 1).all()
+
+
+def test_with_a_picture_on_each_core_work_is_done_by_the_thread_that_asks():
+    asking = threading.get_ident()
+    with one_core_each():
+        assert beside(threading.get_ident).result() == asking
+        with one_core_each():  # another folder at the same time
+            assert beside(threading.get_ident).result() == asking
+        assert beside(threading.get_ident).result() == asking
+    assert beside(threading.get_ident).result() != asking
+    with pytest.raises(ZeroDivisionError), one_core_each():
+        beside(lambda: 1 / 0).result()
+    assert beside(threading.get_ident).result() != asking
