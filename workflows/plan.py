@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pipeline.engines import REFERENCE_ENGINE
-from storage.checkpoints import WeightsError, resolve
+from storage.checkpoints import WeightsError, load_weights, resolve
 from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry
 from storage.meshes import find_meshes
@@ -178,7 +178,7 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
     for name in ("start", "teacher"):
         weights = parameters.pop(name)
         if weights:
-            parameters[name] = _weights_digest(name, weights)
+            parameters[name] = _weights_digest(name, weights, config.render.controls)
     network = parameters["network"]
     if network["conditioning"] == NetworkConfig.conditioning:
         del network["conditioning"]  # results of before there was a choice mean the same, and can be adopted
@@ -192,11 +192,20 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
     }
 
 
-def _weights_digest(name: str, weights: str) -> str:
+def _weights_digest(name: str, weights: str, controls: Sequence[str]) -> str:
+    """sha256 of weights to start or to learn from, which know the controls: told now, not after hours of rendering."""
     try:
-        return file_digest(resolve(weights))
+        file = resolve(weights)
+        known = [entry["name"] for entry in load_weights(file).card["controls"]]
     except WeightsError as error:
         raise ConfigError(f"train.{name}: {error}") from error
+    learnt = len(known) if name == "start" else None  # what comes after is new to weights that are started from
+    if known != list(controls[:learnt]):
+        raise ConfigError(
+            f"train.{name}: expected weights whose controls are {', '.join(controls)}, got {', '.join(known)} in "
+            f"{weights}; choose others, or set render.controls as theirs"
+        )
+    return file_digest(file)
 
 
 def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshInput]) -> dict[str, Any]:

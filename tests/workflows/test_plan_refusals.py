@@ -46,6 +46,21 @@ def test_weights_to_learn_from_that_are_not_there_are_refused(config, field):
         make_plan(edited(config, f"train.{field}", "nosuch"))
 
 
+@pytest.mark.parametrize("field, weights, message", [
+    ("start", "material", "got color, light, elevation, metallic, roughness in material"),
+    ("teacher", "material", "got color, light, elevation, metallic, roughness in material"),
+    ("teacher", "regular", "color, light, elevation, metallic, got color, light, elevation in regular"),
+])  # fmt: skip
+def test_weights_to_learn_from_with_other_controls_are_refused_before_anything_is_rendered(
+    config, field, weights, message
+):
+    if weights == "regular":
+        config = edited(config, "render.controls", ("color", "light", "elevation", "metallic"))
+        assert make_plan(edited(config, "train.start", weights))  # the last of the controls is learnt
+    with pytest.raises(ConfigError, match=rf"train\.{field}: expected weights whose controls are .*{message}"):
+        make_plan(edited(config, f"train.{field}", weights))
+
+
 @pytest.mark.parametrize("folder, message", [("nowhere", "no folder"), ("", "no mesh")])
 def test_a_folder_without_meshes_is_refused(tmp_path, folder, message):
     (tmp_path / "readme.txt").write_text("no mesh")
