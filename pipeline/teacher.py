@@ -28,9 +28,9 @@ class TeacherError(ValueError):
 class Teacher:
     """Weights that draw a training cloud larger than it is learnt from, and shrink the picture. Threads may share one.
 
-    A render shows what the cloud cannot know, other weights of the same kind do not: what they draw larger and is then
-    shrunk is nearer to the render than what they draw at once, and a network can learn all of it (Hinton et al.,
-    Distilling the knowledge in a neural network, 2015).
+    What weights draw larger and shrink is nearer to the render than what they draw at once. Unlike the render it shows
+    nothing that the cloud does not tell, so it can be learnt (Hinton et al., Distilling the knowledge in a neural
+    network, 2015).
     """
 
     def __init__(self, weights: str, resolution: int, controls: list[dict[str, Any]]) -> None:

@@ -80,8 +80,7 @@ def _spread(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> R
     _seek(file, header, vertex)
 
     def read(rows: int) -> np.ndarray:
-        table = np.frombuffer(file.read(rows * vertex.dtype.itemsize), vertex.dtype)
-        return np.column_stack([table[axis] for axis in "xyz"])
+        return _table(vertex, file.read(rows * vertex.dtype.itemsize))
 
     points = spread_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MOST_ROWS)
     return RawCloud(points, total=vertex.count)
@@ -112,7 +111,12 @@ def _load(header: PlyHeader, vertex: PlyElement, body: bytes) -> np.ndarray:
             if rows.shape[1] != len(names):
                 raise ValueError(f"{len(names)} numbers a line expected, {rows.shape[1]} came")
             return rows[:, [names.index(axis) for axis in "xyz"]]
-        table = np.frombuffer(body, vertex.dtype, vertex.count)
-        return np.column_stack([table[axis] for axis in "xyz"]).astype(np.float64)
+        return _table(vertex, body).astype(np.float64)
     except ValueError as error:
         raise ScanError(f"the PLY vertices cannot be read ({error}); export the file again") from error
+
+
+def _table(vertex: PlyElement, rows: bytes) -> np.ndarray:
+    """Points (N, 3) of whole binary rows, in the type of x, y and z."""
+    table = np.frombuffer(rows, vertex.dtype)
+    return np.column_stack([table[axis] for axis in "xyz"])
