@@ -50,7 +50,7 @@ EFFECTS = {
     "sample.sampler": ("grid", SAMPLES | SHARDS | AFTER_SHARDS),
     "sample.points": (40_000, SAMPLES | SHARDS | AFTER_SHARDS),
     "sample.seed": (1, SAMPLES | SHARDS | AFTER_SHARDS),
-    "render.controls": (("light", "color", "elevation"), RENDERS | SHARDS | AFTER_SHARDS),
+    "render.controls": (("color", "light", "elevation", "roughness"), RENDERS | SHARDS | AFTER_SHARDS),
     "render.views": (13, {"render/ape/10-13", "render/bee/10-13"} | SHARDS | AFTER_SHARDS),
     "render.chunk": (5, {f"render/{m}/{c}" for m in ("ape", "bee") for c in ("0-5", "5-10")}),
     "render.resolution": (256, RENDERS | SHARDS | AFTER_SHARDS),
