@@ -34,7 +34,7 @@ def render(
     points: Any,
     colors: Any = None,
     *,
-    up: str = "+Z",
+    up: str | None = None,
     view: str | tuple[float, float] = "auto",
     azimuth: float = 0.0,
     camera: Viewpoint | Mapping[str, Any] | str | Path | None = None,
@@ -59,7 +59,8 @@ def render(
             open3d, trimesh, pyvista or laspy; a list of these; or the path of a file. Any unit, any offset.
         colors: per-point colours (N, 3). The weights know none: their mean becomes the colour of the whole object,
             with a warning, unless `color` is given.
-        up: the data's axis that points up, ``+Z``, ``-Y``, ...; ``auto`` looks for a depth camera's own.
+        up: the data's axis that points up, ``+Z``, ``-Y``, ...; ``auto`` looks for a depth camera's own, then takes
+            the convention of the file's format. None: ``auto`` for a file, as `z2p run-inference` does, else ``+Z``.
         view: ``auto`` (a three-quarter side that shows most), ``front``, ``sensor``, or (azimuth, elevation), degrees.
         azimuth: degrees that the object is turned on by.
         camera: `picture.camera` of another picture, or a file that --save-camera wrote; the object keeps its true size
@@ -88,6 +89,8 @@ def render(
     if colors is not None:
         wishes["color"], note = _instead_of(colors, color)
         notes.append(note)
+    if up is None:
+        up = "auto" if isinstance(points, str | Path) else "+Z"
     request = Request(up, view, azimuth, camera, {**wishes, **controls}, _size(size), background, _factor(supersample),
                       _tight(fit), keep_outliers, _percent(cut_top), weights)
     if isinstance(points, str | Path):

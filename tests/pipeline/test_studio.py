@@ -132,6 +132,15 @@ def test_files_go_in_by_their_path(scans: Path, small: dict[str, Any], cloud: np
         z2p_core.render("nosuch.ply", **small)
 
 
+def test_up_is_the_files_convention_unless_told(tmp_path: Path, small: dict[str, Any], cloud: np.ndarray) -> None:
+    """As on the command line; an array has no convention of its own."""
+    file = tmp_path / "one.obj"
+    file.write_text("".join(f"v {x} {y} {z}\n" for x, y, z in cloud.astype(float)))
+    picture = z2p_core.render(file, **small)
+    assert np.array_equal(picture.array, z2p_core.render(cloud, up="+Y", **small).array)
+    assert np.array_equal(z2p_core.render(file, up="+Z", **small).array, z2p_core.render(cloud, **small).array)
+
+
 @pytest.mark.parametrize("suffix", [".png", ".webp", ".tiff", ".jpg"])
 def test_saved_pictures_carry_their_record(
     cloud: np.ndarray, small: dict[str, Any], tmp_path: Path, suffix: str
