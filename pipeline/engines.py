@@ -9,6 +9,7 @@ from pipeline.load import LoadedWeights
 from storage.checkpoints import WeightsError
 from storage.exports import load_onnx
 from storage.graphs import INT8, graph_path, load_graph
+from storage.shelf import users_shelf
 from z2p_core import registry
 from z2p_core.interfaces import Engine, TrainedNetwork
 
@@ -26,7 +27,9 @@ def start_engine(loaded: LoadedWeights, file: Path, name: str | None = None, thr
     digest = loaded.weights.digest
     onnx = load_onnx(file, digest) or load_graph(file, digest)
     int8 = load_graph(file, digest, INT8)
-    network = TrainedNetwork(loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8)
+    network = TrainedNetwork(
+        loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8, users_shelf()
+    )
     return _chosen(name, network, file)(network, threads)
 
 

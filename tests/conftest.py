@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from hypothesis import settings
 LAST = ("touch", "sharpen.leave")
 """Layers that go over a network's picture once more."""
 
+os.environ["Z2P_CACHE"] = ""  # nothing of the user's is touched
 settings.register_profile("steady", deadline=None, derandomize=True, database=None)
 settings.load_profile("steady")
 

@@ -6,9 +6,19 @@ import importlib.util
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
+
+
+class Shelf(Protocol):
+    """Where an engine keeps what takes it long to work out, from one process to the next; anything may be gone."""
+
+    def get(self, key: str) -> bytes | None:
+        """What was kept under a key, as it was; None where there is none."""
+
+    def put(self, key: str, content: bytes) -> None:
+        """Keeps it, if that can be done."""
 
 
 @dataclass(frozen=True)
@@ -25,6 +35,8 @@ class TrainedNetwork:
     """Gives the torch module in evaluation mode, float32, on the CPU; imports torch, so only what needs it calls it."""
     int8: bytes | None = None
     """ONNX model like the other, whose inner convolutions are in 8 bits (QDQ); None where the weights have none."""
+    shelf: Shelf | None = None
+    """For what the engine makes of the network; None: nowhere."""
 
 
 class Engine(ABC):
