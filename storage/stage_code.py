@@ -29,20 +29,21 @@ _KERNELS = (
 )
 _NETWORK = (
     "pipeline.buffers", "pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting",
-    "z2p_core.camera", "z2p_core.scene", "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", *_KERNELS,
+    "z2p_core.camera", "z2p_core.reflection", "z2p_core.scene", "z2p_core.tangents", "z2p_core.threads",
+    "z2p_core.turning", *_KERNELS,
 )
 
 OF_WEIGHTS = (
     "pipeline.buffers", "pipeline.load", "pipeline.infer", "pipeline.engines", "storage.checkpoints", "storage.exports",
-    "storage.graphs", "z2p_core.model", "z2p_core.sizes", "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads",
-    "z2p_core.turning", *_KERNELS,
+    "storage.graphs", "storage.shelf", "z2p_core.model", "z2p_core.reflection", "z2p_core.sizes", "z2p_core.splatting",
+    "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", *_KERNELS,
 )
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
 _CASES = (
     *(f"pipeline.paper.{name}" for name in ("sweeps", "clouds", "made", "references", "methods")), "pipeline.baselines",
     *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer", "pipeline.engines",
     "pipeline.sample:draw_cloud", "pipeline.truth", "pipeline.views", "pipeline.shapes",
-    "storage.exports", "storage.graphs", "z2p_core.sizes",
+    "storage.exports", "storage.graphs", "storage.shelf", "z2p_core.sizes",
     "z2p_core.framing:UP_AXES", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
 )
 
@@ -63,12 +64,13 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "train": (
         "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.augment",
         "pipeline.teacher", "pipeline.curve", "pipeline.engines", "pipeline.export", "pipeline.shard:shrink_pictures",
-        "storage.exports", "storage.graphs", "storage.shards", "z2p_core.flip", "z2p_core.geometry", "z2p_core.images",
-        "z2p_core.losses", "z2p_core.metrics:PIXELS_A_DEGREE", "z2p_core.noise", "z2p_core.sliding", *_NETWORK,
+        "storage.exports", "storage.graphs", "storage.shards", "storage.shelf", "z2p_core.flip", "z2p_core.geometry",
+        "z2p_core.images", "z2p_core.losses", "z2p_core.metrics:PIXELS_A_DEGREE", "z2p_core.noise", "z2p_core.sliding",
+        *_NETWORK,
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
-        "pipeline.engines", "storage.exports", "storage.graphs", "z2p_core.sizes",
+        "pipeline.engines", "storage.exports", "storage.graphs", "storage.shelf", "z2p_core.sizes",
         "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
         "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),

@@ -27,7 +27,7 @@ class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "5"
+    version = "6"
     refines = "surfels"
 
 
@@ -87,7 +87,7 @@ class Reflections(Lighting):
         floor, side = self.floor, len(self.shades[0])
         reach = (floor.height - self.points[:, 2]) / np.minimum(rays[:, 2], -1e-3)
         place = self.points + reach[:, None] * rays
-        away = floor.lamp - place
+        away = floor.lamps.mean(0) - place
         square = (away**2).sum(1)
         lit = floor.power * np.maximum(-along(away, floor.axis), 0) * away[:, 2] / (square * square * math.pi)
         column, row = ((place[:, axis] + floor.half) * side / (2 * floor.half) for axis in (0, 1))

@@ -18,6 +18,7 @@ from z2p_core import native
 from z2p_core.camera import Camera, light_position
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer
+from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
 from z2p_core.threads import beside, in_halves
@@ -44,23 +45,23 @@ NEAR, FAR = 2.6, 4.6
 """Depths of the unit sphere's near and far end."""
 LAMPS, FLOOR_LAMPS = 16, 64
 """Points that stand for the area light, square numbers: over points, and over the floor, where its penumbra shows."""
-SKY_DIRECTIONS, FLOOR_SKY = 24, 64
-"""Directions that stand for the sky, likewise."""
-FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.02, 450, 64
+QUARTERS = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / math.sqrt(12)
+"""Places on a square, in its sides from its middle, whose mean is that over all of it for light that changes slowly
+(Gauss's quadrature)."""
+SKY_DIRECTIONS, FLOOR_SKY, MIRRORED = 24, 64, 64
+"""Directions that stand for the sky, likewise; and those in which the floor mirrors."""
+FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.0125, 720, 96
 """Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side; and cells
 a side for the light that comes back from the cloud."""
-FLOOR_ALBEDO = 0.8
-"""Blender's own for a surface without a material."""
+FLOOR_ALBEDO, FLOOR_ROUGHNESS, FLOOR_INDEX = 0.8, 0.5, 1.5
+"""Blender's own for a surface without a material, which is a Principled BSDF."""
 BOUNCES = 2
 """How often light is followed from the cloud's points to each other, and by way of the floor."""
-BALL = 0.5
+BALL = 0.7
 """Radius in spacings of the balls that points are where their shadow is drawn out."""
 SOFT = 5
 """Cells to every side over which the sky's shadow is averaged, which so few directions leave in steps."""
-KEPT, DIMMED = 0.95, 0.75
-"""Of a shadow, and of light that the cloud sends into it, for each time that it was sent: fitted to renders, whose
-shadow catcher is not quite a floor."""
-RIM = 0.13
+RIM = 0.05
 """By how much the lamp's shadow is too dark where nearly all of its light comes through: cells make outlines wide."""
 GREY = 0.5
 """Albedo of the grey picture: dark enough to stay below white under the nearest light."""
@@ -80,7 +81,7 @@ class Surfels(GBuffer):
     """
 
     name = "surfels"
-    version = "7"
+    version = "8"
     channels = 10
     lighting: ClassVar[type[Lighting]]
 
@@ -128,17 +129,17 @@ class Lighting:
         self.color = np.array(base_color(scene), dtype=np.float32)
         radius, sky = math.sqrt(np.einsum("na,na->n", points, points).max()) + spacing, sky_axes()
         hits = beside(native.first_hits, points, normals, sky, spacing, radius)
-        above = floor_sky(FLOOR_SKY)
-        even = np.full(FLOOR_SKY, 1 / FLOOR_SKY)
-        lamps, axes, powers = light_lamps(scene.light, FLOOR_LAMPS)
+        above, square = floor_sky(FLOOR_SKY), light_square(scene.light)
+        lamps, axes, _ = light_lamps(scene.light, FLOOR_LAMPS)
+        quarters = square[0] + QUARTERS @ square[1:]
         self.floor = native.Floor(
-            height, FLOOR_HALF, light_position(scene.light), axes[0], float(powers.sum()), AMBIENT, FLOOR_ALBEDO
+            height, FLOOR_HALF, quarters, axes[0], LIGHT_RADIANCE * LIGHT_SIDE**2, AMBIENT, FLOOR_ALBEDO
         )
         side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
-        share = powers / powers.sum()
+        floor = (height, FLOOR_HALF, side)
         self.shades = (
-            with_paler_rim(native.floor_shade(points, lamps, share, height, FLOOR_HALF, side, BALL * spacing)),
-            native.floor_shade(points, SKY * above, even, height, FLOOR_HALF, side, soft=SOFT),
+            with_paler_rim(native.floor_shade(points, lamps, *floor, BALL * spacing, square=square)),
+            native.floor_shade(points, SKY * above, *floor, soft=SOFT),
         )
         self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
         seen = hits.result()
@@ -146,16 +147,21 @@ class Lighting:
         self.glows = []
         for _ in range(BOUNCES):
             light = self.bounces[-1]
-            glow = native.floor_glow(points, normals, light, above[::2], 2 * even[::2], self.floor, GLOW_CELLS)
+            glow, self.covered = native.floor_glow(points, normals, light, above[::2], self.floor, GLOW_CELLS)
             self.glows.append(glow)
             self.bounces.append(native.gather_bounced(points, normals, sky, seen, light, self.floor, glow))
 
     def draw_shadow(self, camera: Camera, out: np.ndarray) -> None:
         """Draws into `out` (H, W) the alpha of the floor's shadow."""
-        albedo = DIMMED * float(self.color.mean())
-        glow = np.sum([glow * albedo**times for times, glow in enumerate(self.glows, 1)], axis=0)
-        native.floor_shadow(*self.shades, glow, self.floor, camera, out)
-        out *= KEPT
+        eyes = mirrored_eyes(camera.position, self.floor.height)
+        mirrored = native.floor_shade(self.points, eyes, self.floor.height, self.floor.half, len(self.shades[0]) // 2)
+        native.floor_shadow(*self.shades, mirrored, self.radiance(), self.floor, camera, out)
+
+    def radiance(self) -> np.ndarray:
+        """Mean radiance (G, G) of the cloud as the floor's cells see it, over the three colours as well."""
+        glow = np.sum([(self.color**times).mean() * glow for times, glow in enumerate(self.glows, 1)], axis=0)
+        mean: np.ndarray = around(glow) / np.maximum(around(self.covered), 1e-6)
+        return mean
 
     def colors(self, viewer: np.ndarray) -> np.ndarray:
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey, then in the surface's colour."""
@@ -169,6 +175,29 @@ class Lighting:
 
 
 Surfels.lighting = Lighting
+
+
+def mirrored_eyes(viewer: np.ndarray, floor: float) -> np.ndarray:
+    """Places (64, 3) below a rough floor of that height, from which a viewer (3,) would see what he sees mirrored.
+
+    The lobe that the floor reflects to him is taken to have the same shape all over, that at its middle.
+    """
+    towards = viewer - (0.0, 0.0, floor)
+    distance = float(np.linalg.norm(towards))
+    towards = towards / distance
+    aside = np.array([towards[0], towards[1], 0.0]) / max(math.hypot(towards[0], towards[1]), 1e-9)
+    axes = np.stack([aside, np.cross((0.0, 0.0, 1.0), aside), (0.0, 0.0, 1.0)])
+    ways = mirror_directions(round(float(towards[2]), 4), FLOOR_ROUGHNESS, FLOOR_INDEX, MIRRORED)
+    places: np.ndarray = np.array([0.0, 0.0, floor]) - distance * ways @ axes
+    return places
+
+
+def around(cells: np.ndarray) -> np.ndarray:
+    """Sums over three by three cells; those beyond the border count as none."""
+    padded = np.pad(cells, 1)
+    rows = padded[:-2] + padded[1:-1] + padded[2:]
+    total: np.ndarray = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
+    return total
 
 
 def with_paler_rim(shade: np.ndarray) -> np.ndarray:
@@ -205,20 +234,27 @@ def base_color(scene: SceneDescription) -> tuple[float, float, float]:
     return (color[0], color[1], color[2]) if isinstance(color, tuple) else (color, color, color)
 
 
-def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places (L, 3), axes (L, 3) and powers (L,) of points spread over the square area light, L a square number.
-
-    They are the middles of equal squares: with points less even, light on the whole is off by more than a shade shows.
-    """
+def light_square(light: tuple[float, float, float]) -> np.ndarray:
+    """The middle of the square area light, and its two sides: (3, 3)."""
     centre = light_position(light)
     axis = -centre / np.linalg.norm(centre)
     across = np.cross(axis, (0.0, 0.0, 1.0))
     across /= np.linalg.norm(across)
-    steps = ((np.arange(math.isqrt(count)) + 0.5) / math.isqrt(count) - 0.5) * LIGHT_SIDE
+    return np.stack([centre, LIGHT_SIDE * across, LIGHT_SIDE * np.cross(across, axis)])
+
+
+def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places (L, 3), axes (L, 3) and powers (L,) of points spread over the square area light, L a square number.
+
+    They are the middles of equal squares, row by row: with points less even, light on the whole is off by more than a
+    shade shows.
+    """
+    centre, across, up = light_square(light)
+    axis = -centre / np.linalg.norm(centre)
+    steps = (np.arange(math.isqrt(count)) + 0.5) / math.isqrt(count) - 0.5
     x, y = (place.reshape(-1, 1) for place in np.meshgrid(steps, steps))
-    lamps = centre + x * across + y * np.cross(across, axis)
     power = LIGHT_RADIANCE * LIGHT_SIDE**2 / count
-    return lamps, np.repeat(axis[None], count, axis=0), np.full(count, power)
+    return centre + x * across + y * up, np.repeat(axis[None], count, axis=0), np.full(count, power)
 
 
 @lru_cache(maxsize=1)

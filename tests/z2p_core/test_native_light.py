@@ -8,6 +8,7 @@ from point_shapes import sphere_of, square_of
 
 from z2p_core import native
 from z2p_core.camera import Camera
+from z2p_core.reflection import fresnel, hidden, mirror_directions
 
 UP, DOWN = np.float32([0, 0, 1]), np.float32([0, 0, -1])
 
@@ -59,42 +60,86 @@ def test_the_shade_of_a_sheet_on_the_floor_has_its_size_and_place():
     side, half = 200, 2.0
     sheet = square_of(20_000, 0.25, 0.0) + np.float32([0.5, 0, 0])
     lamps = np.float32([[0.5, 0, 2.0], [0.5, 0, 50.0]])
-    shade = native.floor_shade(sheet, lamps, np.float32([0.75, 0.25]), -1.0, half, side)
+    shade = native.floor_shade(sheet, lamps, -1.0, half, side)
     cell = 2 * half / side
-    rows, columns = np.nonzero(shade >= 0.75)
+    rows, columns = np.nonzero(shade)
     middle = (columns.mean() + 0.5) * cell - half, (rows.mean() + 0.5) * cell - half
     assert middle == pytest.approx((0.5, 0), abs=cell)
     # the near lamp stretches half a unit by 3 / 2, the far one hardly
     assert len(rows) * cell**2 == pytest.approx(0.75**2, rel=0.08)
     assert (shade == 1.0).sum() * cell**2 == pytest.approx((0.5 * 51 / 50) ** 2, rel=0.08)
-    assert set(np.unique(shade)) == {0.0, 0.75, 1.0}
+    assert set(np.unique(shade)) == {0.0, 0.5, 1.0}
+
+
+def test_an_eye_below_the_floor_sees_a_sheet_smaller_on_it():
+    """As in a mirror: the floor lies between the two, at two thirds of the way to the sheet."""
+    side, half = 200, 2.0
+    eye = np.float32([[0.5, 0, -3.0]])
+    shade = native.floor_shade(square_of(20_000, 0.45, 0.0) + np.float32([0.5, 0, 0]), eye, -1.0, half, side)
+    rows, columns = np.nonzero(shade)
+    assert len(rows) * (2 * half / side) ** 2 == pytest.approx(0.6**2, rel=0.08)
+    assert (columns.mean() + 0.5) * 2 * half / side - half == pytest.approx(0.5, abs=0.02)
+
+
+def test_parts_of_a_square_light_count_as_much_as_they_shine():
+    """Against each part alone, weighed by what it gives the cell."""
+    side, half, floor = 60, 2.0, -0.7
+    middle, across, up = square = np.float32([[0.9, -1.6, 1.9], [1.4, 0.8, 0.0], [-0.5, 0.9, 1.3]])
+    axis = np.cross(up, across) / np.linalg.norm(np.cross(up, across))
+    steps = (np.arange(8) + 0.5) / 8 - 0.5
+    lamps = np.float32([middle + x * across + y * up for y in steps for x in steps])
+    sheet = square_of(6_000, 0.5, 0.3)
+    shade = native.floor_shade(sheet, lamps, floor, half, side, square=square)
+    x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 * half - half] * 2)
+    full, lost = np.zeros((side, side)), np.zeros((side, side))
+    for lamp in lamps:
+        away = lamp - np.stack([x, y, np.full_like(x, floor)], -1)
+        given = np.abs(away @ axis) * away[..., 2] / (away**2).sum(-1) ** 2
+        full += given
+        lost += given * native.floor_shade(sheet, lamp[None], floor, half, side)
+    expected, even = lost / full, native.floor_shade(sheet, lamps, floor, half, side)
+    assert np.abs(shade - expected).mean() < 0.2 * np.abs(even - expected).mean()
 
 
 def test_a_soft_shade_is_the_mean_over_the_cells_around():
     side, soft, sheet = 90, 3, square_of(4_000, 0.4, 0.0) + np.float32([0.3, -0.5, 0])
-    lamps, weights = np.float32([[0.5, 0, 2.0], [0.5, 0.4, 3.0]]), np.float32([0.75, 0.25])
-    sharp = native.floor_shade(sheet, lamps, weights, -1.0, 2.0, side)
+    lamps = np.float32([[0.5, 0, 2.0], [0.5, 0.4, 3.0]])
+    sharp = native.floor_shade(sheet, lamps, -1.0, 2.0, side)
     padded = np.pad(sharp, soft)
     mean = sum(padded[i : i + side, j : j + side] for i in range(7) for j in range(7)) / 49
-    np.testing.assert_allclose(native.floor_shade(sheet, lamps, weights, -1.0, 2.0, side, soft=soft), mean, atol=1e-6)
+    np.testing.assert_allclose(native.floor_shade(sheet, lamps, -1.0, 2.0, side, soft=soft), mean, atol=1e-6)
 
 
 def test_points_above_a_lamp_and_far_off_cast_no_shade():
     points = np.float32([[0, 0, 2.5], [0, 0, 2.0], [1.9, 0, 1.9]])
-    assert not native.floor_shade(points, np.float32([[0, 0, 2.0]]), np.float32([1.0]), -1.0, 2.0, 64).any()
+    assert not native.floor_shade(points, np.float32([[0, 0, 2.0]]), -1.0, 2.0, 64).any()
 
 
 def floor_under(lamp=(0, 0, 3), power=10.0, sky=1.0, height=-0.8, half=2.0):
-    return native.Floor(height, half, np.float32(lamp), DOWN, power, sky, 0.5)
+    return native.Floor(height, half, np.tile(np.float32(lamp), (4, 1)), DOWN, power, sky, 0.5)
 
 
 def light_on(floor, place):
     """Radiance of a white floor under the lamp at a place (2,)."""
-    away = floor.lamp - [*place, floor.height]
+    away = floor.lamps[0] - [*place, floor.height]
     return floor.power * (away[2] / np.linalg.norm(away)) ** 2 / (away @ away) / math.pi
 
 
-NO_GLOW = np.zeros((16, 16), np.float32)
+DARK, NOTHING = np.zeros((16, 16), np.float32), np.zeros((16, 16), np.float32)
+"""A cloud without light, and a floor that mirrors none of it."""
+
+
+def albedo_of_gloss(cosine, alpha=0.25, index=1.5):
+    """Share of even light that a GGX surface mirrors to a viewer, by summing over directions."""
+    height, turn = np.meshgrid((np.arange(1500) + 0.5) / 1500, (np.arange(600) + 0.5) / 600 * 2 * math.pi)
+    level = np.sqrt(1 - height**2)
+    way = np.stack([level * np.cos(turn), level * np.sin(turn), height], -1)
+    viewer = np.array([math.sqrt(1 - cosine**2), 0, cosine])
+    middle = (way + viewer) / np.linalg.norm(way + viewer, axis=-1, keepdims=True)
+    spread = alpha**2 / (math.pi * (middle[..., 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
+    shown = 1 / (1 + hidden(height, alpha) + hidden(np.array(cosine), alpha))
+    each = spread * fresnel((middle * viewer).sum(-1), index) * shown / (4 * cosine) * 2 * math.pi / height.size
+    return each.sum(), (each[..., None] * way).sum((0, 1)) / each.sum()
 
 
 def test_the_floors_shadow_lies_where_the_camera_sees_it():
@@ -104,15 +149,18 @@ def test_the_floors_shadow_lies_where_the_camera_sees_it():
     column, row = ((place + floor.half) / (2 * floor.half) * side).astype(int)
     shade[row - 8 : row + 8, column - 8 : column + 8] = 1.0
     alpha = np.full((64, 96), np.nan, np.float32)
-    native.floor_shadow(shade, np.zeros_like(shade), NO_GLOW, floor, camera, alpha)
+    native.floor_shadow(shade, np.zeros_like(shade), NOTHING, DARK, floor, camera, alpha)
     (x, y), _ = (part[0] for part in camera.project(np.array([[*place, floor.height]])))
     found = np.average(np.argwhere(alpha > 0) + 0.5, axis=0, weights=alpha[alpha > 0])
     assert found[::-1] == pytest.approx([x, y], abs=0.5)
     light = light_on(floor, place)
-    assert alpha.max() == pytest.approx(light / (light + 1.0), rel=0.02)
+    towards = camera.position - [*place, floor.height]
+    gloss = albedo_of_gloss(towards[2] / np.linalg.norm(towards))[0]
+    matt = floor.albedo * (1 - gloss)
+    assert alpha.max() == pytest.approx(matt * light / (matt * (light + 1.0) + gloss), rel=0.02)
     everywhere = np.ones_like(shade)
     low = np.empty((32, 32), np.float32)
-    native.floor_shadow(everywhere, everywhere, NO_GLOW, floor, Camera(32, 32, 0.0), low)
+    native.floor_shadow(everywhere, everywhere, everywhere, DARK, floor, Camera(32, 32, 0.0), low)
     assert not low[:16].any() and low[-1].max() == pytest.approx(1.0)  # nothing above the horizon
 
 
@@ -122,9 +170,21 @@ def test_light_that_comes_back_thins_the_floors_shadow():
     alphas = []
     for glow in (0.0, 0.25, 0.75):
         alpha = np.empty((64, 64), np.float32)
-        native.floor_shadow(none, hidden, np.full((16, 16), glow, np.float32), floor, camera, alpha)
+        native.floor_shadow(none, hidden, hidden, np.full((16, 16), glow, np.float32), floor, camera, alpha)
         alphas.append(alpha[32, 32])
-    assert alphas == pytest.approx([0.5, 0.25, 0.0])
+    assert alphas == pytest.approx([0.5, 0.375, 0.125])  # what hides half of the sky shines itself
+
+
+@pytest.mark.parametrize("elevation", [8.0, 20.0, 50.0, 80.0])
+def test_the_floor_mirrors_as_a_surface_of_ggx_does(elevation):
+    camera, floor = Camera(65, 65, elevation), floor_under(power=0.0, height=0.0)
+    mirrored, alpha = np.ones((64, 64), np.float32), np.empty((65, 65), np.float32)
+    native.floor_shadow(*[np.full_like(mirrored, 1e-9)] * 2, mirrored, DARK, floor, camera, alpha)
+    gloss, mean = albedo_of_gloss(math.sin(math.radians(elevation)))
+    assert alpha[32, 32] == pytest.approx(gloss / (gloss + floor.albedo * (1 - gloss)), abs=0.008)
+    ways = mirror_directions(math.sin(math.radians(elevation)), 0.5, 1.5, 64)
+    np.testing.assert_allclose(np.linalg.norm(ways, axis=1), 1, rtol=1e-6)
+    assert ways.mean(0) == pytest.approx(mean, abs=0.1) and ways[:, 2].mean() == pytest.approx(mean[2], abs=0.03)
 
 
 AXES = np.float32([[0, 0, 1], [1, 0, 0], [0, 0.6, 0.8]])
@@ -226,6 +286,6 @@ def test_the_floor_sees_the_lower_side_of_what_hangs_over_it():
     sheet = np.concatenate([square_of(20_000, 0.5, 0.0), square_of(20_000, 0.5, 0.4, seed=1)])
     light = np.float32([[1.0], [2.0]]) * np.ones((1, 40_000), np.float32)
     light[:, 20_000:] *= 10  # the upper sheet, which the lower one hides
-    glow = native.floor_glow(sheet, np.tile(UP, (40_000, 1)), light, UP[None], np.float32([1.0]), floor, 32)
-    middle, rim = glow[14:18, 14:18], glow[:10, :10]
-    assert (middle == 2.0).all() and not rim.any()
+    glow = native.floor_glow(sheet, np.tile(UP, (40_000, 1)), light, UP[None], floor, 32)
+    middle, rim = glow[:, 14:18, 14:18], glow[:, :10, :10]
+    assert (middle[0] == 2.0).all() and (middle[1] == 1.0).all() and not rim.any()

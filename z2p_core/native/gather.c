@@ -84,14 +84,15 @@ FAST int z2p_gather_bounced(const float *points, const float *normals, int count
     return 1;
 }
 
-/* glow (side, side): what the cells of the floor's square see of a white cloud's radiance, summed over directions of
- * the sky (3) with their weights. `light` (2, count) is the cloud's radiance on both sides. */
+/* glow (2, side, side): what the cells of the floor's square see of a white cloud's radiance, summed over directions of
+ * the sky (3), each of which weighs as much as `share`; and in how much of the sky they see the cloud. `light`
+ * (2, count) is the cloud's radiance on both sides. */
 FAST int z2p_floor_glow(const float *points, const float *normals, const float *light, int count, const float *axes,
-                        const float *weights, int axis_count, float floor, float half, int side, float *glow) {
+                        int axis_count, float share, float floor, float half, int side, float *glow) {
     size_t cells = (size_t)side * side;
     float *low = malloc(sizeof(float) * 2 * cells), *found = low + cells, scale = (float)side / (2 * half);
     if (!low) return 0;
-    memset(glow, 0, sizeof(float) * cells);
+    memset(glow, 0, sizeof(float) * 2 * cells);
     for (int a = 0; a < axis_count; a++) {
         const float *axis = axes + 3 * a;
         for (size_t c = 0; c < cells; c++) low[c] = INFINITY, found[c] = 0;
@@ -105,7 +106,10 @@ FAST int z2p_floor_glow(const float *points, const float *normals, const float *
             low[cell] = p[2];
             found[cell] = light[(dot(normals + 3 * i, axis) > 0) * (size_t)count + i];
         }
-        for (size_t c = 0; c < cells; c++) glow[c] += weights[a] * found[c];
+        for (size_t c = 0; c < cells; c++) {
+            glow[c] += share * found[c];
+            glow[cells + c] += low[c] < INFINITY ? share : 0;
+        }
     }
     free(low);
     return 1;

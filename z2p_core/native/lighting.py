@@ -23,8 +23,8 @@ class Floor:
     height: float
     half: float
     """How far it reaches to every side of the origin."""
-    lamp: np.ndarray
-    """Place (3,) of the light, which shines along its unit axis (3,)."""
+    lamps: np.ndarray
+    """Four places (4, 3) that stand for the light, which shines along its unit axis (3,)."""
     axis: np.ndarray
     power: float
     sky: float
@@ -33,9 +33,9 @@ class Floor:
 
     @property
     def numbers(self) -> np.ndarray:
-        """The fields (11,) float32 in their order, as the kernels read them."""
+        """The fields (20,) float32 in their order, as the kernels read them."""
         return np.array(
-            [self.height, self.half, *self.lamp, *self.axis, self.power, self.sky, self.albedo], np.float32
+            [self.height, self.half, *self.lamps.ravel(), *self.axis, self.power, self.sky, self.albedo], np.float32
         )
 
 
@@ -62,19 +62,21 @@ def illuminate(
 
 
 def floor_shade(
-    points: np.ndarray, lamps: np.ndarray, weights: np.ndarray, floor: float, half: float, side: int,
-    ball: float = 0, soft: int = 0,
+    points: np.ndarray, lamps: np.ndarray, floor: float, half: float, side: int, ball: float = 0, soft: int = 0,
+    square: np.ndarray | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Shade (side, side) on a square floor at that height, `half` to each side of the origin; row by row along +Y.
 
-    Each cell has the sum of the weights (L,) of the lamps (L, 3), L <= 64, that points (N, 3) hide from it, on average
-    over `soft` cells to every side. Where a low or near lamp draws their shadows out, points are balls of radius
-    `ball`, in world units.
+    Each cell has the share of the lamps (L, 3), L <= 64, that points (N, 3) hide from it, on average over `soft` cells
+    to every side. Lamps below the floor are eyes that look into it as into a mirror. Where a low or near lamp draws
+    their shadows out, points are balls of radius `ball`, in world units. `square` (3, 3), the middle and the two sides
+    of a square light whose 8 x 8 parts the lamps are, weighs each part by how much it shines on the cell.
     """
     shade = np.empty((side, side), np.float32)
     call(
-        "z2p_floor_shade", floats(points), len(points), floats(lamps), floats(weights), len(lamps),
-        ctypes.c_float(floor), ctypes.c_float(half), side, ctypes.c_float(ball * side / (2 * half)), soft, shade,
+        "z2p_floor_shade", floats(points), len(points), floats(lamps), len(lamps),
+        None if square is None else floats(square), ctypes.c_float(floor), ctypes.c_float(half), side,
+        ctypes.c_float(ball * side / (2 * half)), soft, shade,
     )  # fmt: skip
     return shade
 
@@ -127,19 +129,18 @@ def gather_bounced(
 
 
 def floor_glow(
-    points: np.ndarray, normals: np.ndarray, light: np.ndarray, axes: np.ndarray, weights: np.ndarray, floor: Floor,
-    side: int,
-) -> np.ndarray:  # fmt: skip
-    """What the floor's cells (side, side) see of the cloud, as the radiance of a white floor.
+    points: np.ndarray, normals: np.ndarray, light: np.ndarray, axes: np.ndarray, floor: Floor, side: int
+) -> np.ndarray:
+    """What the floor's cells see of the cloud (2, side, side): as the radiance of a white floor, and of white light.
 
-    `light` (2, N) is the cloud's radiance on both sides; unit axes (A, 3) go up, their weights (A,) sum to 1.
+    `light` (2, N) is the cloud's radiance on both sides; unit axes (A, 3) go up, and count alike.
     """
     cloud = (floats(points), floats(normals), floats(light), len(points))
 
     def glow_of(some: slice) -> np.ndarray:
-        glow = np.empty((side, side), np.float32)
+        glow = np.empty((2, side, side), np.float32)
         call(
-            "z2p_floor_glow", *cloud, floats(axes[some]), floats(weights[some]), len(axes[some]),
+            "z2p_floor_glow", *cloud, floats(axes[some]), len(axes[some]), ctypes.c_float(1 / len(axes)),
             ctypes.c_float(floor.height), ctypes.c_float(floor.half), side, glow,
         )  # fmt: skip
         return glow
@@ -150,16 +151,18 @@ def floor_glow(
 
 
 def floor_shadow(
-    lamp_shade: np.ndarray, sky_shade: np.ndarray, glow: np.ndarray, floor: Floor, camera: Camera, out: np.ndarray
-) -> None:
+    lamp_shade: np.ndarray, sky_shade: np.ndarray, mirror_shade: np.ndarray, cloud: np.ndarray, floor: Floor,
+    camera: Camera, out: np.ndarray,
+) -> None:  # fmt: skip
     """Draws into `out` (H, W) the alpha of the shadow on the floor as the camera sees it, 0 above the horizon.
 
-    The shades (S, S) are those of `floor_shade` for the lamp and for the sky, the glow (G, G) that of `floor_glow`.
+    The shades are those of `floor_shade`: for the lamp and for the sky (S, S), and for what the floor mirrors (M, M).
+    `cloud` (G, G) is the cloud's mean radiance as seen from the floor.
     """
     call(
-        "z2p_floor_shadow", floats(lamp_shade), floats(sky_shade), len(sky_shade), floats(glow), len(glow),
-        floor.numbers, floats(camera.rotation), floats(camera.position), ctypes.c_float(camera.focal), camera.width,
-        camera.height, place(out, (camera.height, camera.width)),
+        "z2p_floor_shadow", floats(lamp_shade), floats(sky_shade), len(sky_shade), floats(mirror_shade),
+        len(mirror_shade), floats(cloud), len(cloud), floor.numbers, floats(camera.rotation), floats(camera.position),
+        ctypes.c_float(camera.focal), camera.width, camera.height, place(out, (camera.height, camera.width)),
     )  # fmt: skip
 
 
