@@ -218,6 +218,23 @@ def test_the_option_forces_it(z2p: Callable[..., Result], exported_weights: Path
     assert refused.exit_code == 2 and "unknown engine 'abacus'" in refused.stderr
 
 
+def test_a_second_run_takes_what_the_first_compiled_unless_the_cache_is_turned_off(
+    exported_weights: Path, cloud: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("openvino")
+
+    def picture() -> np.ndarray:
+        return Renderer(exported_weights, threads=1, engine="openvino").render(place_cloud(cloud), None, 64, 64)
+
+    expected = picture()
+    monkeypatch.setenv("Z2P_CACHE", str(tmp_path / "cache"))
+    np.testing.assert_array_equal(picture(), expected)
+    (kept,) = (tmp_path / "cache").iterdir()
+    before = kept.stat().st_ino
+    np.testing.assert_array_equal(picture(), expected)
+    assert [path.stat().st_ino for path in (tmp_path / "cache").iterdir()] == [before]  # read, not written again
+
+
 def test_half_weights_make_a_small_export_and_whole_ones_an_exact_one(make_weights: Callable[..., Path]) -> None:
     whole = make_weights(widths=(32, 48), mapping=64)
     weights = load_weights(whole)
