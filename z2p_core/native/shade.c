@@ -10,9 +10,9 @@
 
 #define MOST_LAMPS 64
 #define SHARE 0.015625f /* of one of so many */
-#define CLOSED 2.0f /* how far shadows of points are drawn out without gaps */
-#define EMPTY 4     /* cells at the floor's border that stay without shadow */
-#define STEP 16     /* pixels between those for which smooth light is worked out */
+#define CLOSED 2.0f     /* how far shadows of points are drawn out without gaps */
+#define EMPTY 4         /* cells at the floor's border that stay without shadow */
+#define STEP 16         /* pixels between those for which smooth light is worked out */
 
 /* Where a point's shadows fall: the cell of each lamp's, that of none at the end of the mask where it is not on the
  * floor; and how far its shadow is drawn out to both sides of it, in whole cells, along the way that it falls. */
@@ -155,7 +155,7 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp
                     float floor, float half, int side, float ball, int soft, float *shade) {
     size_t cells = (size_t)side * side, first = 0, last = cells;
     uint64_t *mask = calloc(cells + 1, sizeof(uint64_t)), *other = calloc(cells + 1, sizeof(uint64_t));
-    int fine = mask && other && lamp_count <= MOST_LAMPS, found[MOST_LAMPS];
+    int fine = mask && other && lamp_count <= MOST_LAMPS;
     float places[3 * MOST_LAMPS];
     for (int l = 0; fine && l < lamp_count; l++)
         for (int a = 0; a < 3; a++) places[a * MOST_LAMPS + l] = lamps[3 * l + a];
