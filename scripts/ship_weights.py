@@ -43,13 +43,14 @@ CARD = """# Weights `{name}`
 Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16;
 `{name}.graph` makes an ONNX file of them for the engines without torch.
 
-- **Made by** `z2p pipeline --config configs/{config}.toml --meshes DIR --evaluate-meshes DIR`, training result
-  `{fingerprint}`; sha256 of the shipped file `{digest}`.
+- **The last round** was one of `configs/{config}.toml` (`z2p pipeline --config FILE --meshes DIR --evaluate-meshes DIR`),
+  training result `{fingerprint}`; sha256 of the shipped file `{digest}`.
 - **Data**: {renders} Cycles renders (and their validation share) of {meshes} meshes gathered from the public
   repositories alecjacobson/common-3d-test-models, libigl/libigl-tutorial-data and odedstein/meshes; each mesh keeps the
-  licence of its source, and none is part of z2p. {samples} samples seen,
-  {begun}.
-- **Measured** on {evaluated} meshes never trained on, {views} views each, {points} points, {resolution}x{resolution}:
+  licence of its source, and none is part of z2p. {samples} samples seen in this round.
+- **Begun** {begun}.
+- **Measured** on {evaluated} meshes never trained on, {views} views each, {points} points{noise}, {resolution}x{resolution}, seed
+  {seed}; controls are drawn at random, elevation apart:
 
 | figure | mean | spread over the pictures |
 |---|---|---|
@@ -147,7 +148,7 @@ def describe(
     return CARD.format(
         name=name,
         config=run,
-        begun=begun or (f"fine-tuned from `{training['start']}`" if training.get("start") else "begun at random"),
+        begun=begun or (f"from `{training['start']}`" if training.get("start") else "at random"),
         controls=", ".join(control["name"] for control in card["controls"]),
         kind=card["network"]["kind"],
         widths="-".join(map(str, card["network"]["widths"])),
@@ -161,6 +162,8 @@ def describe(
         views=config["views"],
         points=f"{config['points']:,}",
         resolution=config["resolution"],
+        noise=f" with Gaussian noise of {config['noise']:g} of the radius" if config["noise"] else "",
+        seed=config["seed"],
         figures="\n".join(figures),
     )
 
