@@ -10,7 +10,8 @@ from pipeline.commands.full_pipeline import pipeline_options, run_task
 
 
 @click.command()
-@pipeline_options("A base and its variants; configs/ablations.toml without it.")
+@pipeline_options("A base and its variants. The default is a file of the clone: name it where z2p was installed "
+                  "without --editable.", "configs/ablations.toml")
 def ablate(**options: Any) -> None:
     """Train variants of a config for the same budget, and compare them in a table.
 

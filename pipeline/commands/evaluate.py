@@ -14,7 +14,7 @@ from pipeline.commands.values import SIDES, Elevation
 from z2p_core.config import EvaluateConfig
 
 PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
-INSTALL = 'install the pipeline with: pip install "z2p[pipeline]"'
+INSTALL = 'install the pipeline, in a clone of z2p: pip install -c constraints.txt ".[pipeline]"'
 
 
 def _split(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
@@ -43,8 +43,8 @@ def _split(context: click.Context, parameter: click.Parameter, text: str) -> tup
 @click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples a pixel.")
 @click.option("--bounces", default=3, type=click.IntRange(min=0), metavar="N",
               help="How often light may bounce; 6 for what is glossy.")
-@click.option("--supersample", default=1, type=click.IntRange(1, 8), metavar="K",
-              help="Draw K times larger and shrink, as z2p run-inference can.")
+@click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="K",
+              help="Draw K times as large and average down, as z2p run-inference does.")
 @click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
 @click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split,
               help="Comma-separated baselines to put beside it, as bpa,poisson,balls; see `z2p plugins`.")

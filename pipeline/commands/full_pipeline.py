@@ -24,19 +24,20 @@ again, up to so many times, whether everything is there."""
 
 
 
-def pipeline_options(config_help: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """The options of a command that `run_task` ends."""
+def pipeline_options(config_help: str, config_default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """The options of a command that `run_task` ends; their defaults are luigi's, so here they are only shown."""
     folder = click.Path(exists=True, file_okay=False, path_type=Path)
     options = (
         click.option("--config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="TOML",
-                     help=config_help),
+                     help=config_help, show_default=config_default),
         click.option("--meshes", type=folder, metavar="DIR",
                      help="Folder of meshes to train on; shapes of the project's own without it."),
         click.option("--evaluate-meshes", type=folder, metavar="DIR",
                      help="Folder of meshes kept aside for the evaluation."),
         click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
-                     help="Folder for everything the stages make."),
-        click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time."),
+                     help="Folder for everything the stages make.", show_default="runs"),
+        click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time.",
+                     show_default="1"),
         click.option("--scheduler", metavar="URL", help="A running luigid, as http://HOST:8082, that shares the work "
                      "among all pipelines that name it; see docs/cluster.md."),
         click.option("--explain", is_flag=True, help="Say first why each stage runs."),
@@ -52,7 +53,7 @@ def pipeline_options(config_help: str) -> Callable[[Callable[..., Any]], Callabl
 
 
 @click.command()
-@pipeline_options("Settings of every stage; the quick ones without it.")
+@pipeline_options("Settings of every stage.", "the quick ones")
 def full_pipeline(**options: Any) -> None:
     """Make weights: sample meshes, render them in Blender, shard, train and evaluate.
 
@@ -91,7 +92,8 @@ def check_luigi() -> None:
         Failure: it is not.
     """
     if importlib.util.find_spec("luigi") is None:
-        raise Failure('the pipeline needs luigi, which is not installed; install it with: pip install "z2p[pipeline]"')
+        raise Failure('the pipeline needs luigi, which is not installed; install it, in a clone of z2p: '
+                      'pip install -c constraints.txt ".[pipeline]"')
 
 
 def luigi_environment() -> dict[str, str]:

@@ -12,17 +12,20 @@ from pipeline.commands.full_pipeline import check_luigi, luigi_environment, run_
 
 @click.command()
 @click.option("--config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="TOML",
-              help="What the report holds; all of it without one.")
+              help="What the report holds.", show_default="all of it")
 @click.option("--meshes", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
               help="Folder of meshes never trained on; shapes of the project's own without it.")
 @click.option("--scans", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
               help="Folder of scans to show beside the baselines.")
 @click.option("--weights", metavar="NAMES", help="Comma-separated shipped names or .safetensors files; all that are "
               "shipped without it.")
-@click.option("--sweeps", metavar="NAMES", help="Comma-separated sweeps; all of the config's without it.")
+@click.option("--sweeps", metavar="NAMES", help="Comma-separated sweeps: noise, density, sampling, inner, scale, "
+              "single, lift, light, color, turning, material, sheet, scene, bumps, gap.",
+              show_default="all of the config's")
 @click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder for everything that is made.")
-@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time.")
+              help="Folder for everything that is made.", show_default="runs")
+@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time.",
+              show_default="1")
 @click.option("--explain", is_flag=True, help="Say first why each stage runs.")
 @click.option("--dry-run", is_flag=True, help="Say what would run and why; write nothing.")
 @click.pass_context

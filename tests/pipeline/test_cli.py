@@ -166,7 +166,7 @@ def test_a_missing_pipeline_extra_is_said(
     words = ["--meshes", tmp_path, "--output", tmp_path / "out", "--weights", tiny_weights]
     result = z2p(name, *(words if name == "evaluate" else []))
     assert result.exit_code == 2
-    assert 'pip install "z2p[pipeline]"' in result.stderr
+    assert 'pip install -c constraints.txt ".[pipeline]"' in result.stderr
 
 
 def test_a_report_tells_versions_and_nobodys_name(z2p: Callable[..., Result]) -> None:
