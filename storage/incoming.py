@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import re
 import shutil
 import tempfile
 import zlib
@@ -11,6 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from z2p_core.column_names import column_names, is_comment, is_number
 from z2p_core.interfaces import ScanError
 
 STDIN_STEM = "stdin"
@@ -30,13 +32,16 @@ def spool(stream: BinaryIO, folder: Path) -> Path:
     Text that says nothing else of itself counts as ``.xyz``, or as ``.obj`` where its lines begin with ``v``.
 
     Raises:
-        ScanError: nothing comes.
+        ScanError: nothing comes, or what begins like gzip is not.
     """
     head = stream.read(_STEP)
     if not head:
         raise ScanError("standard input is empty; pipe a scan into it, as in: cat scan.ply | z2p run-inference -")
     zipped = head.startswith(b"\x1f\x8b")
-    start = zlib.decompressobj(31).decompress(head, 4096) if zipped else head
+    try:
+        start = zlib.decompressobj(31).decompress(head, 4096) if zipped else head
+    except zlib.error as error:
+        raise ScanError(f"standard input begins like a gzip file, and is none ({error}); send it again") from error
     path = folder / f"{STDIN_STEM}{suffix_of(start)}{'.gz' if zipped else ''}"
     with path.open("wb") as file:
         file.write(head)
@@ -60,21 +65,20 @@ def suffix_of(head: bytes) -> str:
 
 def is_prose(path: Path) -> bool:
     """Whether a .txt or .csv file begins with neither three numbers nor the names x, y and z: a note, not a scan."""
-    if path.suffix.lower() not in (".txt", ".csv"):
+    if path.suffix.lower() not in (".txt", ".csv") or not path.is_file():  # opening a pipe would wait for ever
         return False
     try:
         with path.open("rb") as file:
             head = file.read(4096).decode("utf-8-sig", errors="replace")
     except OSError:
         return False  # the reader says what is wrong
-    lines = (line.split("#")[0].replace(",", " ").replace(";", " ").split() for line in head.splitlines())
-    words = [word.strip("\"'/").lower() for word in next((line for line in lines if line), [])]
-    if {"x", "y", "z"} <= set(words):
-        return False
-    try:
-        return len([float(word) for word in words]) < 3
-    except ValueError:
-        return True
+    for line in (line.split("#")[0].strip() for line in head.splitlines()):
+        if column_names(line):
+            return False
+        if line and not is_comment(line):
+            words = re.split(r"[;,\s]+", line.strip(";,"))
+            return len(words) < 3 or not all(map(is_number, words))
+    return True
 
 
 @contextmanager

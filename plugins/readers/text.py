@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
+from plugins.readers.text_form import BadLineError, Form, form_of, head_of
 from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
 
-_COLUMNS = {
-    ".xyz": ((3,), "x y z"),
-    ".xyzn": ((6,), "x y z nx ny nz"),
-    ".xyzrgb": ((6,), "x y z r g b"),
-    ".pts": ((3, 4, 6, 7), "x y z [intensity] [r g b]"),
-}
-_SIX_IN_XYZ = ("; six columns may hold normals or colours: say which with --columns x,y,z,nx,ny,nz or "
-               "--columns x,y,z,r,g,b")  # fmt: skip
-_NAMED = (".txt", ".asc", ".csv")
-"""Suffixes of tables, whose first line may name the columns."""
 _HEAD = 1 << 16
 """Bytes from which the length of a line is told."""
 _LINES = 200_000
@@ -27,10 +18,10 @@ _LINES = 200_000
 
 
 class Text(Reader):
-    """Plain text, a point a line, numbers parted by blanks or commas; ``#`` begins a comment."""
+    """Plain text, a point a line, numbers parted by blanks, commas or semicolons; ``#`` begins a comment."""
 
     name = "text"
-    version = "2"
+    version = "3"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
 
     def memory(self, path: Path) -> int:
@@ -43,90 +34,63 @@ class Text(Reader):
         return path.stat().st_size * lines // len(head) * MEMORY_A_POINT
 
     def read(self, path: Path) -> list[np.ndarray]:
-        """The first three columns, or those called x, y, z, one cloud (N, 3) float64.
+        """The first three columns, or those called x, y, z, one cloud (N, 3) float64; an empty cell is NaN.
 
         A .pts begins with the number of its points; a file that has lost that line is read all the same. .txt, .asc and
-        .csv may have further columns, and begin with a line of names, among them x, y and z.
+        .csv may have further columns, and begin with a line of names, among them x, y and z; the columns beside those
+        three may then hold words.
 
         Raises:
             ScanError: other columns than the suffix stands for or the user named, something not a number, or a wrong
                 count in .pts.
         """
         suffix = path.suffix.lower()
+        rest = _content(path)
+        lines = next(rest, [])
+        head = head_of(lines, suffix, self.columns is not None)
+        del lines[: head.lines]
+        lines = lines or next(rest, [])
         parts: list[np.ndarray] = []
-        promised, before, names = None, 0, self.columns
-        for lines in _content(path):
-            if not before and suffix in _NAMED and (found := _names(lines[0])):
-                del lines[0]
-                names = names or found
-            if not before and suffix == ".pts" and len(lines[0].split()) == 1:
-                promised = lines.pop(0).strip()
-            table = _numbers(lines, before)
-            parts.append(_points(suffix, table, names))
-            before += len(lines)
+        if lines:
+            form = form_of(lines, head, suffix, self.columns)
+            before = head.lines
+            while lines:
+                parts.append(_points(form, lines, path, before))
+                before += len(lines)
+                lines = next(rest, [])
         points = np.concatenate([np.empty((0, 3)), *parts])
-        if promised is not None and promised != str(len(points)):
-            raise ScanError(f"the first line of the .pts file promises {promised[:40]!r} points, "
+        if head.promised is not None and head.promised != str(len(points)):
+            raise ScanError(f"the first line of the .pts file promises {head.promised[:40]!r} points, "
                             f"{len(points)} came; mend the number or export the file again")
         return [points]
 
 
-def _points(suffix: str, table: np.ndarray, names: Sequence[str] | None) -> np.ndarray:
-    """x, y and z of a part of the file."""
-    if names is None:
-        _check_columns(suffix, table)
-        return table[:, :3].copy()
-    if len(table) == 0:
-        return np.empty((0, 3))
-    if table.shape[1] != len(names):
-        raise ScanError(f"--columns or the file's first line names {len(names)} columns ({','.join(names)}), the file "
-                        f"has {table.shape[1]}")
-    return table[:, [names.index(axis) for axis in "xyz"]]
-
-
-def _names(line: str) -> tuple[str, ...]:
-    """The columns' names in a first line, lower-case; none if it holds numbers, or not x, y and z once each."""
-    names = tuple(word.strip("\"'").lower() for word in line.removeprefix("//").split())
-    return names if all(names.count(axis) == 1 for axis in "xyz") else ()
+def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray:
+    """Points (N, 3) of lines that have `before` others with content before them in the file."""
+    try:
+        return form.points(lines)
+    except BadLineError as error:
+        hint = "" if form.named else "; where columns hold words, name all of them, as in --columns x,y,z,label"
+        raise ScanError(f"expected the same count of numbers on every line, but in line "
+                        f"{_line_number(path, before + error.index)} {error}; put '#' before lines that are no points"
+                        f"{hint}") from error
 
 
 def _content(path: Path) -> Iterator[list[str]]:
-    """Lines that hold something, without comments, blanks between the numbers; so many at a time."""
+    """Lines that hold something, without what ``#`` begins; so many at a time."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         while lines := list(islice(file, _LINES)):
-            if any(sign in line for sign in "#,;" for line in lines):
-                lines = [_parted(line.split("#", 1)[0]) for line in lines]
+            if any("#" in line for line in lines):
+                lines = [line.split("#", 1)[0] for line in lines]
             if lines := [line for line in lines if line and not line.isspace()]:
                 yield lines
 
 
-def _parted(line: str) -> str:
-    """The line with blanks between its numbers; where semicolons part them, a comma is a decimal point."""
-    return line.replace(",", ".").replace(";", " ") if ";" in line else line.replace(",", " ")
+def _line_number(path: Path, index: int) -> int:
+    """Where an editor shows the line that has `index` others with content before it: the first line is 1.
 
-
-def _numbers(lines: list[str], before: int) -> np.ndarray:
-    """Table (N, columns) float64 of lines that have `before` others before them."""
-    if not lines:
-        return np.empty((0, 3))
-    try:
-        return np.loadtxt(lines, dtype=np.float64, comments=None, ndmin=2)
-    except ValueError as error:
-        reason, after = str(error).split(";")[0], f", after {before} good ones" if before else ""
-        raise ScanError(f"expected the same count of numbers on every line: {reason} (lines with content, "
-                        f"counted from 0{after}); put '#' before lines that are no points") from error
-
-
-def _check_columns(suffix: str, table: np.ndarray) -> None:
-    columns = table.shape[1]
-    if len(table) == 0:
-        return
-    if suffix not in _COLUMNS:  # a table
-        if columns < 3:
-            raise ScanError(f"expected x y z and perhaps more on a line, got {columns} columns")
-        return
-    allowed, meaning = _COLUMNS[suffix]
-    if columns not in allowed:
-        hint = _SIX_IN_XYZ if (suffix, columns) == (".xyz", 6) else "; rename it to .txt to use the first three"
-        counts = " or ".join(str(count) for count in allowed)
-        raise ScanError(f"a {suffix} file has {counts} columns ({meaning}), got {columns}{hint if columns > 3 else ''}")
+    The file is read again for it, which costs only those that are refused; to remember it would cost all.
+    """
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        numbers = (number for number, line in enumerate(file, start=1) if line.split("#", 1)[0].strip())
+        return next(islice(numbers, index, None))

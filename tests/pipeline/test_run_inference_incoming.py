@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import io
 import json
 import os
 import subprocess
@@ -18,6 +19,7 @@ from PIL import Image
 from pipeline.cli import main
 from storage import clouds
 from storage.clouds import read_clouds
+from storage.incoming import spool
 from storage.pictures import read_record
 from z2p_core.interfaces import ScanError
 
@@ -63,6 +65,17 @@ def test_what_does_not_fit_into_memory_is_refused_and_not_tried(
         read_clouds(tmp_path / "bomb.xyz.gz")
     monkeypatch.setattr(clouds, "free_memory", lambda: None)  # a system that does not tell
     assert len(read_clouds(scans / "one.npy")[0].points) == 400
+
+
+def test_what_begins_like_gzip_on_standard_input_and_is_none(tmp_path: Path) -> None:
+    with pytest.raises(ScanError, match="begins like a gzip file"):
+        spool(io.BytesIO(b"\x1f\x8b" + bytes(range(200))), tmp_path)
+
+
+def test_a_pipe_in_a_folder_is_not_waited_for(render: Callable[..., Result], scans: Path) -> None:
+    os.mkfifo(scans / "pipe.txt")
+    result = render(scans)
+    assert result.exit_code == 1 and "pipe.txt: expected a file" in result.stderr and "2 rendered" in result.stderr
 
 
 @pytest.mark.parametrize("form", ["npy", "xyz", "xyz.gz"])

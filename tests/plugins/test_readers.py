@@ -1,4 +1,4 @@
-"""Readers of ply, pcd, text and vertices give back what was written and refuse what lies about its size."""
+"""Readers of ply, pcd and vertices give back what was written and refuse what lies about its size."""
 
 from __future__ import annotations
 
@@ -184,57 +184,6 @@ def test_pcd_viewpoint_is_the_sensors_pose(tmp_path: Path) -> None:
     for broken in ("0 0 0 1 0 0", "0 0 0 one 0 0 0", "nan 0 0 1 0 0 0"):
         blob = flat.replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {broken}".encode())
         refused(tmp_path / "a.pcd", blob, "tx ty tz qw qx qy qz")
-
-
-TEXT_FORMS = [(".xyz", 3), (".xyzn", 6), (".xyzrgb", 6), (".pts", 3), (".pts", 4), (".pts", 6), (".pts", 7),
-              (".txt", 3), (".txt", 5), (".txt", 9)]  # fmt: skip
-
-
-@pytest.mark.parametrize(("suffix", "columns"), TEXT_FORMS)
-def test_text_round_trip_is_exact(tmp_path: Path, suffix: str, columns: int) -> None:
-    table = np.random.default_rng(2).normal(size=(20, columns))
-    for separator in (" ", ",", ", ", "\t"):
-        rows = [separator.join(map(repr, row)) for row in table.tolist()]
-        head = ["20"] if suffix == ".pts" else []
-        path = tmp_path / f"scan{suffix}"
-        path.write_text("\n".join(["# a comment", *head, *rows[:9], "", f"{rows[9]}  # inline", *rows[10:]]) + "\n")
-        assert np.array_equal(read(path)[0], table[:, :3])
-
-
-def test_text_keeps_rows_that_are_not_finite_and_a_byte_order_mark_away(tmp_path: Path) -> None:
-    path = tmp_path / "scan.xyz"
-    path.write_bytes(b"\xef\xbb\xbf1 2 3\r\nnan inf 0\r\n")
-    assert np.array_equal(read(path)[0], [[1, 2, 3], [np.nan, np.inf, 0]], equal_nan=True)
-
-
-@pytest.mark.parametrize(
-    "head", ["time,X,Y,Z,r", "//time X Y Z r", '"time";"x";"y";"z";"r"', "# time\ntime x y z r", "time, x, y, z, r"]
-)
-def test_tables_with_a_line_of_names(tmp_path: Path, head: str) -> None:
-    table = np.random.default_rng(4).normal(size=(20, 5))
-    separator = ";" if ";" in head else ","
-    for suffix in (".csv", ".txt", ".asc"):
-        path = tmp_path / f"scan{suffix}"
-        path.write_text("\n".join([head, *(separator.join(map(repr, row)) for row in table.tolist())]) + "\n")
-        assert np.array_equal(read(path)[0], table[:, 1:4])
-    (tmp_path / "decimal.csv").write_text("x;y;z\n1,5;2,25;-3\n0;0;1e1\n")
-    assert np.array_equal(read(tmp_path / "decimal.csv")[0], [[1.5, 2.25, -3], [0, 0, 10]])
-    refused(tmp_path / "a.csv", "a,b,c\n1,2,3\n", "same count of numbers")
-    refused(tmp_path / "a.csv", "x,y,z\n1,2,3,4\n", "names 3 columns")
-    refused(tmp_path / "a.xyz", "x,y,z\n1,2,3\n", "same count of numbers")
-
-
-def test_text_refusals(tmp_path: Path) -> None:
-    refused(tmp_path / "a.xyz", "1 2 3 4 5 6\n", "--columns x,y,z,nx,ny,nz or --columns x,y,z,r,g,b")
-    refused(tmp_path / "a.xyz", "1 2\n", "3 columns .x y z., got 2")
-    refused(tmp_path / "a.xyz", "1 2 3 4\n", "got 4")
-    refused(tmp_path / "a.xyz", "x y z\n1 2 3\n", "same count of numbers")
-    refused(tmp_path / "a.xyz", "1 2 3\n1 2\n", "columns changed from 3 to 2")
-    refused(tmp_path / "a.xyzn", "1 2 3\n", "6 columns .x y z nx ny nz., got 3")
-    refused(tmp_path / "a.xyzrgb", "1 2 3\n", "x y z r g b")
-    refused(tmp_path / "a.pts", "3\n1 2 3\n4 5 6\n", "promises '3' points, 2 came")
-    refused(tmp_path / "a.pts", "1\n1 2 3 4 5\n", "3 or 4 or 6 or 7 columns")
-    refused(tmp_path / "a.txt", "1 2\n", "x y z")
 
 
 def test_obj_keeps_vertices_without_faces(tmp_path: Path) -> None:

@@ -1,0 +1,230 @@
+"""How the rows of a text file are written, told from its first lines, and the points of such rows."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from z2p_core.column_names import column_names, is_comment, is_number, is_row
+from z2p_core.interfaces import ScanError
+
+_COLUMNS = {
+    ".xyz": ((3,), "x y z"),
+    ".xyzn": ((6,), "x y z nx ny nz"),
+    ".xyzrgb": ((6,), "x y z r g b"),
+    ".pts": ((3, 4, 6, 7), "x y z [intensity] [r g b]"),
+}
+_SIX_IN_XYZ = ("; six columns may hold normals or colours: say which with --columns x,y,z,nx,ny,nz or "
+               "--columns x,y,z,r,g,b")  # fmt: skip
+_NAMED = (".txt", ".asc", ".csv")
+"""Suffixes of tables, whose first line may name the columns."""
+_SAMPLE = 1000
+"""Rows from which the form is told."""
+_COMMA_DECIMAL = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_POINT_DECIMAL = re.compile(r"[+-]?\d*\.\d*([eE][+-]?\d+)?")
+
+
+class BadLineError(ValueError):
+    """A line that is no row of the table; `index` counts the given lines from 0."""
+
+    def __init__(self, index: int, reason: str) -> None:
+        super().__init__(reason)
+        self.index = index
+
+
+@dataclass
+class Head:
+    """What stands before the rows: `names` are the ways to read a line of names."""
+
+    lines: int = 0
+    promised: str | None = None
+    """How many points a .pts says that it holds."""
+    names: Sequence[tuple[str, ...]] = ()
+    title: str = ""
+    """The line of names, known or not."""
+    optional: bool = False
+    """Whether the names come from a comment, which may as well mean something else."""
+
+
+def head_of(lines: list[str], suffix: str, named: bool) -> Head:
+    """What the first lines say before the rows begin; `named`: the user names the columns."""
+    head = Head()
+    while head.lines < len(lines) and is_comment(lines[head.lines]):
+        if suffix in _NAMED and (names := column_names(lines[head.lines])):
+            head.names, head.title, head.optional = names, lines[head.lines], True
+        head.lines += 1
+    rest = lines[head.lines : head.lines + 1]
+    if rest and suffix == ".pts" and len(re.split(r"[;,\s]+", rest[0].strip())) == 1:
+        head.promised = rest[0].strip()
+        head.lines += 1
+        rest = lines[head.lines : head.lines + 1]
+    names = column_names(rest[0]) if rest and suffix in _NAMED else []
+    if names or (rest and named and not is_row(rest[0])):
+        head.names, head.title, head.optional = names, rest[0], False
+        head.lines += 1
+    return head
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a row is written: `width` cells, of which those at `places` are x, y and z."""
+
+    delimiter: str | None
+    """None: blanks."""
+    commas: bool
+    """Commas stand for decimal points."""
+    blank: str = ""
+    """A sign that parts numbers just as blanks do, so that no cell can be told to be empty."""
+    ended: bool = False
+    """The delimiter ends every row too."""
+    width: int = 0
+    places: tuple[int, ...] = (0, 1, 2)
+    named: bool = False
+    """Whether it is said which columns are x, y and z: then the others may hold words."""
+
+    def points(self, lines: list[str]) -> np.ndarray:
+        """x, y and z (N, 3) float64 of the rows; an empty cell is NaN.
+
+        Raises:
+            BadLineError: a row with other columns than the first one, or with something not a number.
+        """
+        try:  # by far the fastest, but it takes nothing else than numbers
+            table = np.loadtxt(self._plain(lines), np.float64, comments=None, delimiter=self.delimiter, ndmin=2)
+        except ValueError:
+            return self._row_by_row(lines)
+        if table.shape[1] != self.width:
+            return self._row_by_row(lines)
+        return table[:, :3].copy() if self.places == (0, 1, 2) else table[:, list(self.places)]
+
+    def cells(self, line: str) -> list[str]:
+        """The row's cells; a quoted one may hold the delimiter."""
+        if self.blank:
+            line = line.replace(self.blank, " ")
+        if '"' not in line:
+            return line.split(self.delimiter)
+        line = line.strip("\r\n") if self.delimiter else " ".join(line.split())
+        return next(csv.reader([line], delimiter=self.delimiter or " ", skipinitialspace=True))
+
+    def _plain(self, lines: list[str]) -> list[str]:
+        """The lines as numpy takes them."""
+        if self.ended and self.delimiter:
+            lines = [line.rstrip().removesuffix(self.delimiter) for line in lines]
+        if self.commas:
+            lines = [line.replace(",", ".") for line in lines]
+        return [line.replace(self.blank, " ") for line in lines] if self.blank else lines
+
+    def _row_by_row(self, lines: list[str]) -> np.ndarray:
+        points = np.empty((len(lines), 3))
+        places = self.places if self.named else range(self.width)
+        for index, line in enumerate(lines):
+            cells = self.cells(line)
+            if len(cells) == self.width + 1 and not cells[-1].strip():
+                del cells[-1]
+            if len(cells) != self.width:
+                raise BadLineError(index, f"the number of columns changed from {self.width} to {len(cells)}")
+            try:
+                points[index] = [self._number(cells[place]) for place in places][:3]
+            except ValueError as error:
+                place = next(place for place in places if not self._readable(cells[place]))
+                reason = f"column {place + 1} holds {cells[place].strip()[:40]!r}, which is no number"
+                raise BadLineError(index, reason) from error
+        return points
+
+    def _number(self, cell: str) -> float:
+        """The cell's number; NaN if it is empty. A comma can only be a decimal one where it parts no cells."""
+        if not cell or "_" in cell or "," in cell:  # Python would take 1_000 for a number
+            cell = cell.strip().replace("_", "?").replace(",", "?" if self.delimiter == "," else ".")
+        return float(cell) if cell and not cell.isspace() else np.nan
+
+    def _readable(self, cell: str) -> bool:
+        try:
+            self._number(cell)
+        except ValueError:
+            return False
+        return True
+
+
+def form_of(rows: list[str], head: Head, suffix: str, columns: Sequence[str] | None) -> Form:
+    """The form of a file whose first rows these are, one at least; `columns` are those that the user names.
+
+    Raises:
+        ScanError: as many columns as neither the names nor the suffix stand for.
+    """
+    sample = rows[:_SAMPLE]
+    delimiter = _delimiter(sample, head.title)
+    commas = delimiter == ";" or (delimiter != "," and any("," in line for line in sample))
+    form = Form(delimiter, commas)
+    table = [form.cells(line) for line in sample]
+    if delimiter in (",", ";") and any(_holds_several(cell) for cells in table for cell in cells):
+        form = replace(form, delimiter=None, blank=delimiter)
+        table = [form.cells(line) for line in sample]
+    width = len(table[0])
+    ended = not any(len(cells) >= width and cells[width - 1].strip() for cells in table)
+    names = _fitting(head, width, ended, columns)
+    if names is None:
+        _check_columns(suffix, width - ended)
+        return replace(form, width=width - ended, ended=ended)
+    places = tuple(names.index(axis) for axis in "xyz")
+    return replace(form, width=len(names), ended=len(names) < width, places=places, named=True)
+
+
+def _delimiter(sample: list[str], title: str) -> str | None:
+    """What parts the cells of the rows; None: blanks."""
+    if ";" in sample[0]:
+        return ";"
+    if "," not in title and _has_cells_between_tabs(sample, title):
+        return "\t"
+    if any("," in line for line in sample) and not all(map(_has_decimal_commas, sample)):
+        return ","
+    return None
+
+
+def _has_cells_between_tabs(sample: list[str], title: str) -> bool:
+    """Whether tabs part cells, as many as names, that hold blanks or nothing, so that blanks part them wrongly."""
+    tabs, words = title.count("\t"), len(title.split())
+    return (tabs > 1 and all(line.count("\t") == tabs for line in sample)
+            and any(len(line.split()) != words for line in sample))  # fmt: skip
+
+
+def _has_decimal_commas(line: str) -> bool:
+    """Whether blanks part the line into numbers whose commas, if any, can only stand for points: ``0,5 1,25 0``."""
+    fields = line.split()
+    return len(fields) > 2 and all(
+        _COMMA_DECIMAL.fullmatch(field) if "," in field else not _POINT_DECIMAL.fullmatch(field) for field in fields
+    )
+
+
+def _holds_several(cell: str) -> bool:
+    parts = cell.split()
+    return len(parts) > 1 and all(map(is_number, parts))
+
+
+def _fitting(head: Head, width: int, ended: bool, columns: Sequence[str] | None) -> Sequence[str] | None:
+    """Names of the columns: the user's, or the file's if they are as many; None if nobody names them."""
+    ways = [tuple(columns)] if columns else head.names
+    for names in ways:
+        for shorter in (False, True):  # a delimiter may end every row, or the line of names alone
+            cut = names[:-1] if shorter and not names[-1] else names
+            if len(cut) == width or (ended and len(cut) == width - 1):
+                return cut
+    if not ways or (head.optional and not columns):
+        return None
+    raise ScanError(f"--columns or the file's first line names {len(ways[0])} columns ({','.join(ways[0])}), the file "
+                    f"has {width - ended}; name each of them, in their order, as in --columns x,y,z,i")
+
+
+def _check_columns(suffix: str, columns: int) -> None:
+    if suffix not in _COLUMNS:  # a table
+        if columns < 3:
+            raise ScanError(f"expected x y z and perhaps more on a line, got {columns} columns; part them by blanks, "
+                            "commas or semicolons")
+        return
+    allowed, meaning = _COLUMNS[suffix]
+    if columns not in allowed:
+        hint = _SIX_IN_XYZ if (suffix, columns) == (".xyz", 6) else "; rename it to .txt to use the first three"
+        counts = " or ".join(str(count) for count in allowed)
+        raise ScanError(f"a {suffix} file has {counts} columns ({meaning}), got {columns}{hint if columns > 3 else ''}")

@@ -1,0 +1,51 @@
+"""What the first lines of a table say: the names of its columns, or a comment."""
+
+from __future__ import annotations
+
+import re
+
+COMMENT_SIGNS = ("//", "%", ";")
+"""A first line that begins so is a comment, as one with ``#`` is anywhere, unless it names columns or holds numbers."""
+_UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
+_AXES = {"easting": "x", "northing": "y", "height": "z", "elevation": "z", "alt": "z", "altitude": "z"}
+"""Other names of the axes. Degrees (lon, lat) are no lengths, so they are not among them."""
+
+
+def column_names(line: str) -> list[tuple[str, ...]]:
+    """The ways to read a line as names of columns, lower-case, without units, with x, y and z once in each.
+
+    None if the line holds something else. An unnamed column has the name ``""``. There are several ways where blanks or
+    an empty first name leave open how many columns are meant: ``;x;y;z`` names three or four.
+    """
+    ways = (_axes([cell.strip(" \t\"'").lower() for cell in cells]) for cells in _splits(line))
+    return list(dict.fromkeys(names for names in ways if all(names.count(axis) == 1 for axis in "xyz")))
+
+
+def is_comment(line: str) -> bool:
+    """Whether a first line begins as comments do, and is no row of a table whose first cell is empty (``;1;2;3``)."""
+    return line.lstrip().startswith(COMMENT_SIGNS) and not (line.count(";") > 1 and is_row(line))
+
+
+def is_row(line: str) -> bool:
+    """Whether a cell of the line holds numbers: what has none is a line of words."""
+    return any(all(map(is_number, cell.split())) for cell in _splits(line)[0] if cell.strip(" \t\r\n\"'"))
+
+
+def is_number(text: str) -> bool:
+    """Whether the text, perhaps quoted, is a number, with a point or a comma; ``nan`` is one too."""
+    try:
+        float(text.strip("\"'").replace(",", "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _splits(line: str) -> list[list[str]]:
+    """Cells of the line between each separator that it holds; between any of them last."""
+    line = _UNIT.sub("", line.rstrip("\r\n").removeprefix("//").removeprefix("%"))
+    return [*(line.split(sign) for sign in ";,\t" if sign in line), re.split(r"[;,\s]+", line.strip(";, \t"))]
+
+
+def _axes(names: list[str]) -> tuple[str, ...]:
+    """The names, with x, y and z for their other names where they do not stand themselves."""
+    return tuple(axis if (axis := _AXES.get(name)) and axis not in names else name for name in names)
