@@ -55,6 +55,8 @@ class Outcome:
     points: int = 0
     dropped: int = 0
     """Rows left out because they were not finite."""
+    repeated: int = 0
+    """Rows left out because they repeat others or stand for missing points."""
     total: int = 0
     """How many points the file has, if those read only stand for them."""
     stances: list[Stance] = field(default_factory=list)
@@ -165,8 +167,7 @@ def _sub_folder(scan: Path, folders: list[Path]) -> Path:
 
 def _stem(scan: Path) -> str:
     """The file's name without its suffix, and without .gz."""
-    name = scan.name.removesuffix(".gz") if scan.suffix.lower() == ".gz" else scan.name
-    return Path(name).stem
+    return (scan.with_suffix("") if scan.suffix.lower() == ".gz" else scan).stem
 
 
 def _render_file(
@@ -208,7 +209,7 @@ def _render_clouds(
     """Fill in `outcome` while drawing each cloud of the file; a cloud that cannot be drawn leaves the others."""
     scans = read_clouds(task.scan, columns)
     outcome.points = sum(len(scan.points) for scan in scans)
-    outcome.dropped = sum(scan.dropped for scan in scans)
+    outcome.dropped, outcome.repeated = (sum(getattr(scan, name) for scan in scans) for name in ("dropped", "repeated"))
     outcome.total = sum(scan.total or 0 for scan in scans)
     if len(scans) > 1:
         outcome.outputs = _batch_outputs(task, len(scans), planned)

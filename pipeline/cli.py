@@ -42,6 +42,8 @@ USERS_ERRORS = (
     "z2p_core.interfaces:SettingError",
     "storage.checkpoints:WeightsError",
     "storage.pictures:PictureError",
+    "storage.layout:StoreError",
+    "pipeline.render:RenderError",
 )
 """Errors that a user can mend: told in one line with exit status 2. By name, so that nothing is imported for them."""
 

@@ -33,11 +33,21 @@ def start_engine(loaded: LoadedWeights, file: Path, name: str | None = None, thr
     return _chosen(name, network, file)(network, threads)
 
 
+def check_engine(name: str) -> type[Engine]:
+    """The engine called so.
+
+    Raises:
+        PluginError: no such engine, or its library is not installed.
+    """
+    engine: type[Engine] = registry.load("engines", name)
+    if not engine.installed():
+        raise registry.PluginError(f"engine {name!r} needs {engine.package}: pip install {_source(engine)}")
+    return engine
+
+
 def _chosen(name: str | None, network: TrainedNetwork, file: Path) -> type[Engine]:
     if name is not None:
-        engine: type[Engine] = registry.load("engines", name)
-        if not engine.installed():
-            raise registry.PluginError(f"engine {name!r} needs {engine.package}: pip install {_source(engine)}")
+        engine = check_engine(name)
         if not _can_run(engine, network):
             _refuse(engine, file)
         return engine

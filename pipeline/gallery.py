@@ -20,15 +20,21 @@ from z2p_core import __version__
 SIDES = ((200, 512), (1000, 320), (4000, 224))
 """Up to so many pictures are shown with sides of so many pixels; a page of thousands must still open."""
 SMALLEST_SIDE = 160
+GENERATOR, MOST_HEAD = b'name="generator" content="z2p', 2000
+"""What tells a page of z2p within its first so many bytes."""
 
 
 def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path:
     """The path, once the page with all the pictures is written there.
 
     The pictures are inside, reduced; each name links to its file beside the page.
+
+    Raises:
+        PictureError: another file is there; see `check_place`.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
+    check_place(path)
     environment = Environment(loader=PackageLoader("pipeline"), autoescape=True, undefined=StrictUndefined)
     side = next((side for most, side in SIDES if len(pictures) <= most), SMALLEST_SIDE)
     cards = [_card(picture, path.parent, side) for picture in pictures]
@@ -37,6 +43,17 @@ def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path
     )
     write_whole(page.encode(), path)
     return path
+
+
+def check_place(path: Path) -> None:
+    """Makes sure that a gallery replaces nothing but a gallery.
+
+    Raises:
+        PictureError: a file of that name is something else.
+    """
+    if path.exists() and GENERATOR not in path.read_bytes()[:MOST_HEAD]:
+        raise PictureError(f"{shown(path)} is there already, and no gallery of z2p: rename it, or choose another "
+                           "folder")
 
 
 def _card(picture: Path, folder: Path, side: int) -> dict[str, Any]:

@@ -52,7 +52,8 @@ class LoadedWeights:
         from z2p_core.model import build_network
 
         try:
-            network = build_network(self.config, self.buffer_channels, self.encoder.channels, self.settings)
+            with torch.random.fork_rng(devices=[]):  # a training around us draws from torch's generator
+                network = build_network(self.config, self.buffer_channels, self.encoder.channels, self.settings)
         except ValueError as error:
             raise WeightsError(f"weights for a network that this z2p cannot build: {error}") from error
         check(self.weights, {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()})

@@ -54,11 +54,12 @@ def common_viewpoint(
     for path in scans:
         try:
             found = read_clouds(path, columns)
+            shown = [shown_points(scan, format_suffix(path), placing) for scan in found]
         except ScanError:  # told by name when its turn to be drawn comes
             unread += 1
             continue
         first = first or (found[0].sensor, format_suffix(path))
-        reach += [_outline(shown_points(scan, format_suffix(path), placing).points) for scan in found]
+        reach += [_outline(one.points) for one in shown]
         clouds += len(found)
     if first is None:
         raise ScanError(f"--same-frame: none of {unread} files can be read")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from z2p_core.interfaces import Control, SettingError, Value
@@ -30,10 +30,9 @@ def settings_for(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Valu
             carried = ", ".join(renderer.controls) or "none"
             raise SettingError(f"these weights do not carry the control {name!r}; they carry: {carried}; "
                                f"{_carriers(name)}")
-        elif (wish[0] if isinstance(wish, Sequence) else wish) != renderer.fixed_elevation:
-            asked = wish[0] if isinstance(wish, Sequence) else wish
+        elif (asked := wish[0] if isinstance(wish, list | tuple) else wish) != renderer.fixed_elevation:
             raise SettingError(f"--elevation: these weights know only {renderer.fixed_elevation:g} degrees, got "
-                               f"{asked:g}; leave it out, or take weights that carry the elevation control")
+                               f"{asked}; leave it out, or take weights that carry the elevation control")
     return values
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -106,7 +107,7 @@ def look_for(renderer: Renderer, request: Request) -> Look:
     wishes, view = dict(request.controls), _view(request.view)
     if isinstance(view, tuple) and wishes.get("elevation") is None:
         wishes["elevation"] = view[1]
-    placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, float(request.azimuth),
+    placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
                       request.keep_outliers, request.cut_top, _camera(request.camera))
     return Look(_settings(renderer, wishes), placing, *request.size, background_from(request.background),
                 request.supersample, request.tight)  # fmt: skip
@@ -125,10 +126,20 @@ def _view(view: Any) -> str | tuple[float, float]:
     if isinstance(view, str) and view in VIEWS:
         return view
     try:
-        azimuth, elevation = (float(angle) for angle in view)
+        azimuth, elevation = view
     except (TypeError, ValueError):
         raise SettingError(f"expected view {', '.join(VIEWS)} or (azimuth, elevation), got {view!r}") from None
-    return azimuth, elevation
+    return _angle("azimuth of view", azimuth), _angle("elevation of view", elevation)
+
+
+def _angle(what: str, degrees: Any) -> float:
+    try:
+        angle = float(degrees)
+    except (TypeError, ValueError):
+        angle = math.nan
+    if not math.isfinite(angle):
+        raise SettingError(f"{what}: expected degrees, a finite number, got {degrees!r}")
+    return angle
 
 
 def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: Request) -> list[Picture]:
@@ -142,6 +153,8 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
             drawing = draw(renderer, scan, suffix, look)
             array = drawing.picture if look.background is None else _opaque(drawing.picture, look.background)
             notes = [f"{scan.dropped} points that are not finite were dropped"] if scan.dropped else []
+            if scan.repeated:
+                notes.append(f"{scan.repeated} points that repeat others, or stand for missing ones, were dropped")
             if drawing.stance.outliers:
                 notes.append(f"{drawing.stance.outliers} stray points were left out of the frame; keep_outliers=True "
                              "keeps them")
@@ -158,12 +171,12 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
 
 @contextmanager
 def _unnoticed() -> Iterator[None]:
-    """A training around us keeps torch's generator and default device; where none was imported, none is."""
+    """A training around us keeps torch's default device; where torch was not imported, it is not here."""
     torch = sys.modules.get("torch")
     if torch is None:
         yield
         return
-    with torch.random.fork_rng(devices=[]), torch.device("cpu"):
+    with torch.device("cpu"):
         yield
 
 
@@ -173,9 +186,12 @@ def _renderer(weights: str | Path, asked: frozenset[str], changed: int) -> Rende
 
 
 def _camera(camera: Any) -> Viewpoint | None:
-    if camera is None or isinstance(camera, Viewpoint):
-        return camera
-    return read_camera(Path(camera)) if isinstance(camera, str | Path) else viewpoint_from_json(camera)
+    """The camera that was asked for, checked."""
+    if camera is None:
+        return None
+    if isinstance(camera, str | Path):
+        return read_camera(Path(camera))
+    return viewpoint_from_json(camera.to_json() if isinstance(camera, Viewpoint) else camera)
 
 
 def _opaque(picture: np.ndarray, color: tuple[float, float, float]) -> np.ndarray:

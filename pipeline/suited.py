@@ -9,6 +9,7 @@ from threading import Lock
 
 import numpy as np
 
+from pipeline.engines import check_engine
 from pipeline.infer import Renderer
 from storage.checkpoints import shipped
 from z2p_core.interfaces import SettingError
@@ -27,6 +28,8 @@ class SuitedRenderer(Renderer):
     """The usual weights, and for noisy clouds those made for noise; each starts when the first cloud asks for it."""
 
     def __init__(self, threads: int | None = None, engine: str | None = None) -> None:
+        if engine is not None:
+            check_engine(engine)
         super().__init__(USUAL, threads, engine, lazy=True)
         self._options, self._lock = (threads, engine), Lock()
 

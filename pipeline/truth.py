@@ -79,5 +79,5 @@ def _parameters(settings: RenderSettings) -> dict[str, Any]:
 
 
 def _move(work: Path, name: str, folder: Path) -> None:
+    (work / f"{name}.png").rename(folder / PICTURE)  # first: without it, after a kill, the view is rendered again
     (work / f"{name}.coverage.png").rename(folder / COVERAGE)
-    (work / f"{name}.png").rename(folder / PICTURE)

@@ -43,14 +43,14 @@ CARD = """# Weights `{name}`
 Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixels a side. Stored as float16;
 `{name}.graph` makes an ONNX file of them for the engines without torch.
 
-- **The last round** was one of `configs/{config}.toml` (`z2p pipeline --config FILE --meshes DIR --evaluate-meshes DIR`),
-  training result `{fingerprint}`; sha256 of the shipped file `{digest}`.
+- **The last round** was one of `configs/{config}.toml` (`z2p pipeline --config FILE --meshes DIR
+  --evaluate-meshes DIR`), training result `{fingerprint}`; sha256 of the shipped file `{digest}`.
 - **Data**: {renders} Cycles renders (and their validation share) of {meshes} meshes gathered from the public
   repositories alecjacobson/common-3d-test-models, libigl/libigl-tutorial-data and odedstein/meshes; each mesh keeps the
   licence of its source, and none is part of z2p. {samples} samples seen in this round.
 - **Begun** {begun}.
-- **Measured** on {evaluated} meshes never trained on, {views} views each, {points} points{noise}, {resolution}x{resolution}, seed
-  {seed}; controls are drawn at random, elevation apart:
+- **Measured** on {evaluated} meshes never trained on, {views} views each, {points} points{noise},
+  {resolution}x{resolution}, seed {seed}; controls are drawn at random, elevation apart:
 
 | figure | mean | spread over the pictures |
 |---|---|---|

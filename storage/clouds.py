@@ -13,6 +13,7 @@ import numpy as np
 from storage.incoming import is_prose, unpacked
 from storage.memory import free_memory
 from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, shown, write_cloud, write_mesh
+from storage.repeats import distinct
 from z2p_core import registry
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
 
@@ -20,13 +21,16 @@ __all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "r
            "readable_suffixes", "shown", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 FEWEST_POINTS = 3
+LARGEST = float(np.finfo(np.float32).max)
+"""What is as large, of either sign, is no coordinate: formats of rasters write it for what was not measured."""
 
 
 @dataclass(frozen=True)
 class Scan:
     """One cloud: points (N, 3) float64, finite, in the file's own units; `dropped` rows were not finite.
 
-    `label` is empty, or ``[3]`` for the fourth cloud of a batch file.
+    `label` is empty, or ``[3]`` for the fourth cloud of a batch file. `repeated` rows more were left out, which repeat
+    others or stand for missing points.
     """
 
     points: np.ndarray
@@ -36,6 +40,7 @@ class Scan:
     """Where the cloud was seen from, when the file tells."""
     total: int | None = None
     """How many points the file has, where those here only stand for them."""
+    repeated: int = 0
 
 
 def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
@@ -218,7 +223,7 @@ def _scan(raw: RawCloud, label: str) -> Scan:
     where = f"cloud {label}: " if label else ""
     if len(cloud) == 0:
         raise ScanError(f"{where}the cloud is empty; expected at least {FEWEST_POINTS} points")
-    finite = np.isfinite(cloud).all(axis=1)
+    finite = (np.abs(cloud) < LARGEST).all(axis=1)
     dropped = int(len(cloud) - finite.sum())
     points = cloud[finite] if dropped else cloud
     if len(points) == 0:
@@ -227,4 +232,5 @@ def _scan(raw: RawCloud, label: str) -> Scan:
         raise ScanError(f"{where}expected at least {FEWEST_POINTS} finite points, got {len(points)} of {len(cloud)}")
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
-    return Scan(points, dropped, label, raw.sensor, raw.total)
+    once = distinct(points)
+    return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once))

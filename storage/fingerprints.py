@@ -29,6 +29,7 @@ STAGE_VERSIONS: dict[str, int] = {
 """Raised by hand when a stage's code starts to give other results; that stage and what follows become stale."""
 
 
+INIT = "__init__.py"
 PLUGIN_KEYS = {"name", "version", "code"}
 """Keys of `plugin_fields`, and of nothing else in an entry's fields."""
 
@@ -111,18 +112,28 @@ def _installed(name: str) -> Iterator[dict[str, str]]:
                 yield plugin_fields(registry.load(group, name))
 
 
+def _source_of(root: Path, module: str) -> Path | None:
+    """File of a module or of a package below a folder; None where there is none."""
+    place = root.joinpath(*module.split("."))
+    files = (place.with_name(f"{place.name}.py"), place / INIT)
+    return next((file for file in files if file.is_file()), None)
+
+
 def _package_digests(module: str, path: Path) -> list[str]:
     """Digest of a module's code, then those of the modules that it imports, directly or not, from its own package."""
     package, *below = module.split(".")
-    root = path.parents[len(below)]
+    packaged = path.name == INIT
+    root = path.parents[len(below) + packaged]
     digests: dict[str, str] = {}
     waiting = {module: path}
     while waiting:
         name, source = waiting.popitem()
         text = source.read_text(encoding="utf-8")
         digests[name] = code_digest(text)
-        for imported in imported_modules(text, name):
-            file = (root / imported.replace(".", "/")).with_suffix(".py")
-            if below and imported.split(".")[0] == package and imported not in digests and file.is_file():
+        if not (below or packaged):
+            break  # what lies beside a module of its own is no package
+        for imported in imported_modules(text, f"{name}.__init__" if source.name == INIT else name):
+            file = _source_of(root, imported)
+            if file is not None and imported.split(".")[0] == package and imported not in digests:
                 waiting[imported] = file
     return [digests.pop(module), *(digests[name] for name in sorted(digests))]

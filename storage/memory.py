@@ -38,6 +38,18 @@ def _physical() -> int | None:
 def _container() -> int | None:
     try:
         limit = (CGROUP / "memory.max").read_text().strip()
-        return None if limit == "max" else max(0, int(limit) - int((CGROUP / "memory.current").read_text()))
+        if limit == "max":
+            return None
+        used = int((CGROUP / "memory.current").read_text())
+        return max(0, int(limit) - used + _reclaimable())
     except (OSError, ValueError):  # no limit, or an older kind of container
         return None
+
+
+def _reclaimable() -> int:
+    """Bytes that a container counts as used for files that were read: the system lets go of them when asked."""
+    try:
+        told = dict(line.split() for line in (CGROUP / "memory.stat").read_text().splitlines())
+        return int(told["inactive_file"])
+    except (OSError, ValueError, KeyError):
+        return 0

@@ -11,13 +11,19 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from z2p_core.api import RenderWarning as RenderWarning
     from z2p_core.api import render as render
+    from z2p_core.interfaces import ScanError as ScanError
+    from z2p_core.interfaces import SettingError as SettingError
     from z2p_core.picture import Picture as Picture
     from z2p_core.preview import Previewer as Previewer
 
 __version__ = "0.1.0"
 
-_LATE = {"render": "z2p_core.api", "Picture": "z2p_core.picture", "Previewer": "z2p_core.preview"}
+_LATE = {
+    "render": "z2p_core.api", "Picture": "z2p_core.picture", "Previewer": "z2p_core.preview",
+    "RenderWarning": "z2p_core.api", "ScanError": "z2p_core.interfaces", "SettingError": "z2p_core.interfaces",
+}  # fmt: skip
 """Public name -> module; imported when first used, so that `z2p --help` waits for none of it."""
 
 

@@ -6,6 +6,7 @@ import difflib
 import inspect
 import warnings
 from collections.abc import Collection, Mapping, Sequence
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -172,6 +173,6 @@ def _tight(fit: Any) -> bool:
 
 
 def _percent(cut_top: Any) -> float:
-    if not (isinstance(cut_top, int | float) and 0 <= cut_top < 100):
+    if not (isinstance(cut_top, Real) and 0 <= float(cut_top) < 100):
         raise SettingError(f"expected cut_top from 0 to below 100 percent, got {cut_top!r}")
     return float(cut_top)

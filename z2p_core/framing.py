@@ -53,6 +53,8 @@ TIE, NOISE = 0.03, 0.005
 FEWEST_TO_CLIP = 100
 SMALL_CLUSTER, MOST_CLIPPED = 0.01, 0.02
 """Shares of all points: of one stray cluster at most, and of everything that is clipped."""
+LEAST_SPAN = 1e-300
+"""Of a cloud whose places in a grid are still numbers."""
 LEAST_GAIN = 0.1
 """Clipping must shrink the bounding sphere's radius by this share at least; otherwise the strays do no harm."""
 
@@ -201,9 +203,9 @@ def _clusters(points: np.ndarray) -> np.ndarray:
     Cells are a 24th of the widest side, or wider where the cloud is sparse: four points in a taken cell on average.
     """
     low, high = extent(points)
-    span = float((high - low).max())
+    span = max(float((high - low).max()), LEAST_SPAN)
     for cells in (24, 16, 12, 8, 6):
-        place = ((points - low) * (cells / (span or 1.0) * (1 - 1e-9))).astype(np.int64)
+        place = ((points - low) * (cells / span * (1 - 1e-9))).astype(np.int64)
         side = cells + 2  # an empty border, so that no neighbour wraps around
         key = ((place[:, 0] + 1) * side + place[:, 1] + 1) * side + place[:, 2] + 1
         count = np.bincount(key, minlength=side**3)

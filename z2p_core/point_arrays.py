@@ -10,8 +10,8 @@ import numpy as np
 
 from z2p_core.interfaces import ScanError
 
-ATTRIBUTES = ("points", "vertices", "xyz")
-"""Where clouds of other libraries keep their points: open3d and pyvista, trimesh, laspy."""
+ATTRIBUTES = ("xyz", "points", "vertices")
+"""Where other libraries keep their clouds: laspy (whose `points` are records), open3d and pyvista, trimesh."""
 MOST_COLUMNS = 128
 
 
@@ -57,6 +57,8 @@ def _array(points: Any) -> np.ndarray:
         for attribute in ATTRIBUTES:
             if hasattr(points, attribute):
                 return np.asarray(getattr(points, attribute))
+    if isinstance(points, np.ma.MaskedArray):
+        return np.asarray(np.ma.filled(points.astype(np.float64), np.nan))
     try:
         return np.asarray(points)
     except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array

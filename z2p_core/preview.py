@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -24,7 +25,9 @@ class Previewer:
     that says why, for training must go on. torch's generator and settings are left as they were.
     """
 
-    def __init__(self, *, size: int = 256, most: int = 16, background: Any = "white", **options: Any) -> None:
+    def __init__(
+        self, *, size: int | Sequence[int] = 256, most: int = 16, background: Any = "white", **options: Any
+    ) -> None:
         """Previewer of at most the first `most` clouds of a batch; `options` are those of `z2p_core.render`.
 
         The view is fixed (30 degrees to the side, 20 above) unless `view` or `camera` is given.
@@ -33,11 +36,12 @@ class Previewer:
             ValueError: an option that cannot be; better now than after hours of training.
         """
         self._options = {"view": (30.0, 20.0), **options, "size": size, "background": background}
-        self._size, self._most = size, most
+        self._most = most
         self.error: str | None = None
         """Why the newest call could not draw some cloud; None when it could."""
         with suppress(ScanError):  # a camera for other data: not the options' fault
             render(TRIAL, **self._options)
+        self._size = (size[0], size[1]) if isinstance(size, Sequence) else (size, size)
 
     def __call__(self, points: Any) -> np.ndarray:
         """Picture (3, H, W) uint8 of a cloud (N, 3), or a sheet of a batch (B, N, 3) or of a list of clouds."""
@@ -48,7 +52,8 @@ class Previewer:
         self.error = None
         try:
             rank = len(points.shape) if hasattr(points, "shape") else 0
-            clouds = list(points[: self._most]) if rank == 3 or isinstance(points, list | tuple) else [points]
+            batch = rank == 3 or (isinstance(points, list | tuple) and np.ndim(points[0] if points else 0) != 1)
+            clouds = list(points[: self._most]) if batch else [points]
         except Exception as error:  # whatever a stranger's tensor raises: see the class
             return self._notice(error)
         pictures = [self._drawn(cloud) for cloud in clouds]
@@ -64,5 +69,6 @@ class Previewer:
 
     def _notice(self, error: Exception) -> np.ndarray:
         self.error = " ".join(str(error).split()) or type(error).__name__
-        warnings.warn(f"preview: {self.error}", RenderWarning, stacklevel=4)
-        return studio().notice(self.error, (self._size, self._size))
+        with suppress(RenderWarning):  # where warnings were made errors
+            warnings.warn(f"preview: {self.error}", RenderWarning, stacklevel=4)
+        return studio().notice(self.error, self._size)

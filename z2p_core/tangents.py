@@ -132,4 +132,7 @@ def thinned(cloud: np.ndarray, most: int) -> np.ndarray:
     mixed = bits[:, 0] * np.uint32(0x9E3779B1) ^ bits[:, 1] * np.uint32(0x85EBCA77) ^ bits[:, 2] * np.uint32(0xC2B2AE3D)
     mixed = (mixed ^ mixed >> np.uint32(15)) * np.uint32(0x2C1B3C6D)
     kept: np.ndarray = cloud[mixed < np.uint32(min(most / len(cloud), 1.0) * 0xFFFFFFFF)]
-    return kept
+    if 0 < len(kept) <= 1.5 * most:
+        return kept
+    once = np.unique(cloud, axis=0)  # many that are one point in these numbers stay or go together
+    return once[:: -(-len(once) // most)]

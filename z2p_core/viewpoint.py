@@ -21,6 +21,8 @@ from z2p_core.turning import turned
 
 FORMAT = 1
 """Of the JSON form; raised when its meaning changes."""
+SMALLEST, LARGEST = 1e-150, 1e150
+"""Lengths whose squares are numbers still."""
 SQUARENESS = 1e-6
 """How far a loaded rotation's rows may be from unit length and right angles."""
 
@@ -73,7 +75,7 @@ def frame(points: np.ndarray, rotation: np.ndarray, elevation: float) -> Viewpoi
     if len(points) == 0:
         raise ScanError("expected points, got none; check the file")
     sphere = bounding_sphere(points)
-    if not 0 < sphere.radius < np.inf:
+    if not SMALLEST < sphere.radius < LARGEST:
         raise ScanError(f"expected points that span a finite volume, got {len(points)} within radius {sphere.radius:g}")
     return Viewpoint(sphere.centre, sphere.radius, tuple(tuple(row) for row in rotation.tolist()), elevation)
 
@@ -89,7 +91,7 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
                            "write one with --save-camera")
     centre, radius = _numbers(data, "centre", (3,)), float(_numbers(data, "radius", ()))
     rotation, elevation = _numbers(data, "rotation", (3, 3)), float(_numbers(data, "elevation", ()))
-    if radius <= 0:
+    if not SMALLEST < radius < LARGEST:
         raise SettingError(f"camera: expected a radius above 0, got {radius:g}")
     square = np.abs(rotation @ rotation.T - np.eye(3)).max() <= SQUARENESS and np.linalg.det(rotation) > 0
     if not square:

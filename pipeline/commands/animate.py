@@ -14,7 +14,7 @@ from pipeline.commands.control_options import SETTINGS, InferenceCommand
 from pipeline.commands.inputs import found_scans
 from pipeline.commands.picture_options import columns_from, look_from, picture_options, writable
 
-if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from pipeline.batch import Task
     from pipeline.drawing import Look
     from pipeline.infer import Renderer
@@ -121,11 +121,15 @@ def _plan(
     """The tasks, once it is sure that their loops can be written."""
     from pipeline.batch import Task, plan_outputs
     from storage.animations import OPAQUE, SUFFIXES, check_suffix
+    from storage.pictures import FORMATS as PICTURES
 
     alone = output.suffix.lower() in SUFFIXES and not output.is_dir()
     suffix = output.suffix.lower() if alone else f".{options['format_']}"
     if alone and len(scans) > 1:
         raise click.UsageError(f"--output {output} names one loop, but {len(scans)} scans match; give a folder", ctx)
+    if output.suffix.lower() in PICTURES and not output.is_dir():
+        raise click.UsageError(f"--output {output}: expected a folder, or a loop named {', '.join(SUFFIXES)}; still "
+                               "pictures are made by z2p run-inference", ctx)  # fmt: skip
     check_suffix(suffix)
     writable(output.parent if alone else output)
     if suffix in OPAQUE and options["background"] == "transparent" and not options["quiet"]:

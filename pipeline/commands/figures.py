@@ -16,7 +16,7 @@ from pipeline.commands.control_options import SETTINGS, RerenderCommand
 from pipeline.commands.values import Background, Degrees, Resolution
 from z2p_core.interfaces import Value
 
-if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from pipeline.drawing import Look, Window
     from pipeline.infer import Renderer
 

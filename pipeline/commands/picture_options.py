@@ -11,7 +11,7 @@ import click
 from pipeline.commands.values import Background, Degrees, Resolution, UpAxis, View
 from z2p_core.interfaces import Value
 
-if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from pipeline.drawing import Look
     from pipeline.infer import Renderer
 

@@ -20,7 +20,7 @@ from pipeline.commands.values import Grid
 from z2p_core.interfaces import Value
 from z2p_core.palettes import PALETTES, palette
 
-if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from pipeline.batch import Outcome, Task
     from pipeline.drawing import Look
     from pipeline.infer import Renderer
@@ -86,6 +86,7 @@ def _run(
     renderer = renderer_for(options["weights"], values, threads, options["engine"])
     look = look_from(renderer, values, options)
     tasks = _plan(ctx, scans, inputs, output, options)
+    _check_extras(ctx, tasks, output, options)
     if options["same_frame"]:
         look = _same_frame(scans, renderer, look, columns, options["quiet"])
     elif options["save_camera"] is not None and len(scans) > 1:
@@ -142,6 +143,28 @@ def _plan(
     colors = palette(options["palette_name"]) if options["palette_name"] else ()
     return [replace(task, colors=colors[turn % len(colors) :] + colors[: turn % len(colors)]) if colors else task
             for turn, task in enumerate(tasks)]  # fmt: skip
+
+
+def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: dict[str, Any]) -> None:
+    """Contact sheets and gallery replace nobody's file: said before the first picture is drawn."""
+    from storage.pictures import FORMATS
+
+    folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
+    if options["sheet"] is not None:
+        from pipeline.contact_sheet import check_places
+
+        columns, rows = options["sheet"]
+        count = -(-len(tasks) // (columns * rows))
+        names = {"sheet.png", *(f"sheet_{number}.png" for number in range(2, count + 1))}
+        for task in tasks:
+            if task.output.parent == folder and task.output.name in names:
+                raise click.UsageError(f"--sheet writes {task.output}, which is the picture of {task.scan} too; rename "
+                                       "the scan", ctx)  # fmt: skip
+        check_places(folder, count)
+    if options["gallery"]:
+        from pipeline.gallery import check_place
+
+        check_place(folder / "gallery.html")
 
 
 def _same_frame(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-if TYPE_CHECKING:  # at run time these wait until the options have been read: they import torch
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from pipeline.batch import Outcome
     from pipeline.drawing import Look
     from pipeline.infer import Renderer
@@ -82,6 +82,7 @@ def _told(outcome: Outcome) -> str:
     if outcome.status == "skipped":
         return f"skipped: {name}: {pictures} is there already; --overwrite renders it again"
     dropped = f", {outcome.dropped} not finite dropped" if outcome.dropped else ""
+    dropped += f", {outcome.repeated} repeated dropped" if outcome.repeated else ""
     spread = f" that stand for {outcome.total}" if outcome.total else ""
     stances = list(dict.fromkeys(
         "; ".join(filter(None, (stance.told, choice)))
@@ -110,7 +111,8 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
         "status": outcome.status,
         "points": outcome.points,
         "dropped": outcome.dropped,
-        "total": outcome.total or outcome.points + outcome.dropped,
+        "repeated": outcome.repeated,
+        "total": outcome.total or outcome.points + outcome.dropped + outcome.repeated,
         "seconds": round(outcome.seconds, 4),
         "error": outcome.error,
         "stances": stances,

@@ -25,7 +25,6 @@ PAPER_WORD: dict[str, tuple[str, ...]] = {
     "colors": ("yes", "yes", "yes", "no"), "scenes": ("yes", "yes", "yes", "no"),
 }  # fmt: skip
 """The paper's word on splatting, screen space, reconstruction, and Z2P."""
-FAMILIES = ("splatting", "screen space", "reconstruction", "Z2P")
 FAMILY_OF = {"splats": 0, "balls": 0, "screen": 1, "hpr": 2, "bpa": 2, "poisson": 2}
 
 

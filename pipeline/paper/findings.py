@@ -92,9 +92,11 @@ def read_findings(folders: Mapping[str, Path], methods: Sequence[Method]) -> Fin
         if not name.startswith(("measure/", "scans/")):
             continue
         told = json.loads((folder / ROWS).read_text(encoding="utf-8"))
-        where = {"sweep": told["sweep"], "mesh": told["mesh"], "method": told["method"],
+        kind, *parts = name.split("/")  # names of today: files may have others since a result was made
+        sweep, of, method = parts if kind == "measure" else (told["sweep"], told["mesh"], *parts)
+        where = {"sweep": sweep, "mesh": told["mesh"] and of, "method": method,
                  "result": f"{folder.parent.name}/{folder.name}"}  # fmt: skip
-        every += [{**where, **row} for row in told["rows"]]
+        every += [{**row, **where} for row in told["rows"]]
     return Findings(tuple(every), tuple(methods))
 
 

@@ -80,8 +80,9 @@ def write_report(
     """
     findings = read_findings(folders, methods)
     times = json.loads((folders["times"] / TIMES).read_text(encoding="utf-8"))
-    trust = [json.loads((folder / TRUST).read_text(encoding="utf-8")) for name, folder in folders.items()
-             if name.startswith("trust/")]  # fmt: skip
+    trust = [json.loads((folder / TRUST).read_text(encoding="utf-8"))
+             | dict(zip(("mesh", "method"), name.split("/")[1:], strict=True))  # of today: files may be renamed
+             for name, folder in folders.items() if name.startswith("trust/")]  # fmt: skip
     first = lead(findings, list(config.sweeps()))
     table, verdicts = abilities_table(findings)
     colors = color_errors(findings, folders, "color")

@@ -22,7 +22,7 @@ from z2p_core.camera import turn
 from z2p_core.config import EvaluateConfig
 from z2p_core.geometry import Sphere, bounding_sphere
 from z2p_core.interfaces import Value
-from z2p_core.report_config import ReportConfig, Sweep
+from z2p_core.report_config import ReportConfig
 from z2p_core.scene import SceneDescription
 
 CONTROLS = ("color", "light", "elevation")
@@ -104,11 +104,6 @@ def base_views(subject: Subject, config: ReportConfig) -> list[View]:
     """The subject's views: those that `z2p evaluate` draws with the same seed at 20 degrees."""
     drawing = SimpleNamespace(controls=load_controls(CONTROLS), fixed_elevation=None)
     return draw_views(drawing, subject.identity, EvaluateConfig(views=config.views, seed=config.seed))  # type: ignore[arg-type]
-
-
-def levels_of(sweep: Sweep) -> list[str]:
-    """Levels as the report tells them."""
-    return [_told(level) for level in sweep.levels]
 
 
 @dataclass(frozen=True)

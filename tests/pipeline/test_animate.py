@@ -142,3 +142,5 @@ def test_the_command(
                32, "--load-camera", tmp_path / "a.gif")  # fmt: skip
     assert seen.exit_code == 0
     assert z2p("animate", scans, "-o", tmp_path / "a.gif", "--weights", tiny_weights).exit_code == 2
+    still = z2p("animate", scans / "one.npy", "-o", tmp_path / "a.png", "--weights", tiny_weights)
+    assert still.exit_code == 2 and "run-inference" in still.stderr and not (tmp_path / "a.png").exists()

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from pipeline.paper.abilities import verdicts
-from pipeline.paper.findings import Findings, duels
+from pipeline.paper.findings import Findings, duels, read_findings
 from pipeline.paper.lead import lead
-from pipeline.paper.measure import contrast_kept, gain
+from pipeline.paper.measure import ROWS, contrast_kept, gain
 from pipeline.paper.methods import Method
 from pipeline.paper.tables import level_table, means_table, trust_table
 from pipeline.paper.trust import worth
@@ -121,3 +124,16 @@ def test_a_map_that_edges_beat_does_not_earn_its_place() -> None:
     assert "it earns its place" in told(0.7, 0.5)
     for own, edges in ((0.7, 0.65), (0.7, 0.8), (0.4, 0.1)):
         assert "does not earn" in told(own, edges)
+
+
+def test_results_go_by_the_names_of_today(tmp_path: Path) -> None:
+    """A result is kept when its mesh's file or its weights' file gets another name."""
+    told = {"sweep": "base", "mesh": "bunny", "method": "old", "rows": [row("base", "plain", "regular", 30.0)]}
+    for folder in ("m", "s"):
+        (tmp_path / folder).mkdir()
+        own = {"sweep": "scans", "mesh": ""} if folder == "s" else {}
+        (tmp_path / folder / ROWS).write_text(json.dumps(told | own))
+    found = read_findings({"measure/base/rabbit/new": tmp_path / "m", "scans/new": tmp_path / "s"}, METHODS)
+    assert [(one["sweep"], one["mesh"], one["method"]) for one in found.every] == [
+        ("base", "rabbit", "new"), ("scans", "", "new")
+    ]  # fmt: skip

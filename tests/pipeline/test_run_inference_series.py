@@ -175,6 +175,46 @@ def test_contact_sheets(render: Callable[..., Result], scans: Path, tmp_path: Pa
     assert render(scans, "--sheet", "0x2").exit_code == 2
 
 
+@pytest.mark.parametrize(("option", "name"), [(("--sheet", "1x1"), "sheet.png"), (("--sheet", "1x1"), "sheet_2.png"),
+                                              (("--gallery",), "gallery.html")])  # fmt: skip
+def test_sheets_and_galleries_replace_nothing_of_others(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, option: tuple[str, ...], name: str
+) -> None:
+    own = tmp_path / "out" / name
+    own.parent.mkdir()
+    own.write_bytes(b"mine")
+    result = render(scans, *option, "--overwrite")
+    assert result.exit_code == 2 and name in result.stderr and "rename" in result.stderr
+    assert own.read_bytes() == b"mine" and len(list(own.parent.iterdir())) == 1  # said before anything was drawn
+    own.unlink()
+    assert render(scans, *option).exit_code == 0
+    assert render(scans, *option).exit_code == 0  # its own, again
+
+
+@pytest.mark.parametrize("name", ["sheet", "sheet_2"])
+def test_a_scan_called_sheet_keeps_its_picture(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, name: str
+) -> None:
+    (scans / f"{name}.npy").write_bytes((scans / "one.npy").read_bytes())
+    refused = render(scans, "--sheet", "2x1")
+    assert refused.exit_code == 2 and f"{name}.npy too" in refused.stderr
+    assert render(scans).exit_code == 0
+    if name == "sheet_2":  # one sheet now: it must not take the scan's picture for a second one that is left over
+        picture = tmp_path / "out" / f"{name}.png"
+        before = picture.read_bytes()
+        assert render(scans, "--sheet", "4x4").exit_code == 0
+        assert picture.read_bytes() == before
+
+
+def test_one_bad_cloud_leaves_the_others_their_frame(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    np.save(scans / "few.npy", np.random.default_rng(0).normal(size=(4, 3)))
+    result = render(scans, "--same-frame", "--cut-top", 60)
+    assert result.exit_code == 1 and "failed: " in result.stderr and "few.npy" in result.stderr
+    assert (tmp_path / "out" / "one.png").exists()
+
+
 def test_a_contact_sheet_has_the_pictures_own_size_up_to_a_limit(tmp_path: Path) -> None:
     for side, cell in ((20, 96), (200, 200), (900, 320)):
         Image.new("RGBA", (side, side // 2), "red").save(tmp_path / f"{side}.png")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -47,7 +49,9 @@ def test_every_setting_changes_the_picture(cloud: np.ndarray, small: dict[str, A
     [{"color": "nocolour"}, {"color": (2, 0, 0)}, {"color": "red", "light": (1, 2)}, {"elevation": 99}, {"size": 8},
      {"size": (64, 64, 64)}, {"metallic": 0.5}, {"nosuch": 1}, {"view": "side"}, {"view": (1,)}, {"up": "Z"},
      {"background": "nocolour"}, {"background": (1, 2, 3)}, {"fit": "loose"}, {"supersample": 7},
-     {"camera": {"a": 1}}, {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)}],
+     {"azimuth": np.nan}, {"azimuth": np.inf}, {"azimuth": None}, {"view": (np.nan, 10)}, {"view": (0, np.inf)},
+     {"cut_top": np.nan}, {"cut_top": "5"}, {"camera": {"a": 1}},
+     {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)}],
     ids=str,
 )  # fmt: skip
 def test_wrong_settings_are_value_errors_in_one_line(
@@ -208,3 +212,55 @@ def test_a_previewers_view_stays_and_wrong_options_show_at_once(cloud: np.ndarra
 def test_importing_the_core_imports_nothing_heavy() -> None:
     code = "import sys, z2p_core; assert not {'torch', 'numpy', 'PIL'} & set(sys.modules), 1; z2p_core.render"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+@pytest.mark.parametrize("radius", [np.nan, 0.0, -1.0, 1e-320, np.inf])
+def test_a_camera_made_by_hand_is_checked(cloud: np.ndarray, small: dict[str, Any], radius: float) -> None:
+    camera = z2p_core.render(cloud, **small).camera
+    with pytest.raises(SettingError, match="radius"):
+        z2p_core.render(cloud, camera=replace(camera, radius=radius), **small)
+
+
+def test_masked_points_count_as_missing(cloud: np.ndarray, small: dict[str, Any]) -> None:
+    masked = np.ma.masked_array(cloud, mask=np.arange(cloud.size).reshape(cloud.shape) % 30 == 0)
+    with pytest.warns(RenderWarning, match="not finite were dropped"):
+        picture = z2p_core.render(masked, **small)
+    kept = z2p_core.render(cloud[~masked.mask.any(axis=1)], **small)
+    assert np.array_equal(picture.array, kept.array)
+
+
+def test_clouds_of_laspy_are_points(cloud: np.ndarray, small: dict[str, Any]) -> None:
+    laspy = pytest.importorskip("laspy")
+    las = laspy.LasData(laspy.LasHeader(point_format=3, version="1.2"))
+    las.header.scales = [1e-6] * 3
+    las.x, las.y, las.z = cloud.T
+    assert z2p_core.render(las, **small).array.any()
+
+
+def test_a_preview_takes_both_sides_and_lists_and_strict_warnings(cloud: np.ndarray, tiny_weights: Path) -> None:
+    preview = z2p_core.Previewer(size=(48, 40), weights=tiny_weights)
+    assert preview(cloud).shape == (3, 40, 48)
+    assert np.array_equal(preview(cloud.tolist()), preview(cloud)) and preview.error is None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert preview(cloud * np.nan).shape == (3, 40, 48)
+    assert preview.error is not None
+
+
+def test_drawing_leaves_torchs_generator_to_others(cloud: np.ndarray, small: dict[str, Any]) -> None:
+    z2p_core.render(cloud, **small)
+    drawn = []
+
+    def draw() -> None:
+        z2p_core.render(cloud, **small)
+
+    torch.manual_seed(1)
+    wanted = torch.rand(400).tolist()
+    torch.manual_seed(1)
+    thread = Thread(target=draw)
+    thread.start()
+    while len(drawn) < 400:
+        drawn.append(float(torch.rand(1)))
+        if len(drawn) == 200:
+            thread.join()
+    assert drawn == wanted  # none came twice, whatever the other thread did in between

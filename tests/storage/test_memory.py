@@ -35,6 +35,14 @@ def test_a_container_may_have_less(machine: Path) -> None:
         assert memory.free_memory() == free
 
 
+def test_what_a_container_keeps_of_files_is_free(machine: Path) -> None:
+    (machine / "meminfo").write_text("MemAvailable: 5000 kB\n")
+    (machine / "memory.max").write_text("1500000\n")
+    (machine / "memory.current").write_text("1400000\n")
+    (machine / "memory.stat").write_text("anon 1000\ninactive_file 900000\nactive_file 7\n")
+    assert memory.free_memory() == 1_000_000
+
+
 def test_other_systems_tell_all_or_nothing(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory.os, "sysconf", lambda name: {"SC_PHYS_PAGES": 1000, "SC_PAGE_SIZE": 4096}[name])
     assert memory.free_memory() == 4_096_000

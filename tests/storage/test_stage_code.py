@@ -2,6 +2,7 @@
 
 import ast
 import re
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -171,5 +172,25 @@ def test_a_plugins_code_is_that_of_its_whole_package(tmp_path, monkeypatch):
     assert plugin_fields(plugin) == before
     (package / "strength.py").write_text("STRENGTH = 3\n")
     assert plugin_fields(plugin)["code"] != before["code"]
+
+
+@pytest.mark.parametrize("where", ["packed_plugin", "packed_plugin.deep"])
+@pytest.mark.parametrize("line", ["from .values import X", "from . import values", "from {0}.values import X"])
+def test_a_plugin_may_live_in_its_packages_init(tmp_path, monkeypatch, where, line):
+    folder = tmp_path.joinpath(*where.split("."))
+    (folder / "values").mkdir(parents=True)
+    if "." in where:
+        (folder.parent / "__init__.py").write_text("")
+    (folder / "__init__.py").write_text(f"{line.format(where)}\nclass Gloss:\n    name, version = 'g', '1'\n")
+    values = folder / "values" / "__init__.py"  # a package itself, whose parts count as well
+    values.write_text("from .numbers import X\n")
+    (folder / "values" / "numbers.py").write_text("X = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in [name for name in sys.modules if name.startswith("packed_plugin")]:
+        monkeypatch.delitem(sys.modules, name)
+    plugin = __import__(where, fromlist=["Gloss"]).Gloss
+    before = plugin_fields(plugin)
+    (folder / "values" / "numbers.py").write_text("X = 2\n")
+    assert plugin_fields(plugin) != before
 
 

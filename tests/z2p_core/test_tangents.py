@@ -7,7 +7,7 @@ import pytest
 from point_shapes import sphere_of, square_of
 
 from z2p_core import native
-from z2p_core.tangents import FEWEST, MOST, neighbours_for, tangents
+from z2p_core.tangents import FEWEST, MOST, neighbours_for, tangents, thinned
 
 
 def noisy(cloud, scale, seed=7):
@@ -127,3 +127,13 @@ def test_degenerate_clouds_have_finite_answers(cloud):
     assert np.isfinite(found.spacing).all() and (found.spacing >= 0).all() and len(found.points) == len(cloud)
     assert np.isfinite(found.points).all() and np.isfinite(found.noise)
     np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1, atol=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_thinning_keeps_its_word_where_points_coincide_in_float32(seed):
+    rng = np.random.default_rng(seed)
+    places = rng.normal(size=(5, 3)).astype(np.float32)
+    cloud = np.vstack([np.repeat(places, 14_000, axis=0), rng.normal(size=(5, 3)).astype(np.float32)])
+    assert 5 <= len(thinned(cloud, 40_000)) <= 60_000
+    wide = rng.normal(size=(70_000, 3)).astype(np.float32)
+    assert 0.9 * 40_000 < len(thinned(wide, 40_000)) < 1.1 * 40_000

@@ -11,6 +11,7 @@
 #define MOST_LAMPS 64
 #define SHARE 0.015625f /* of one of so many */
 #define CLOSED 2.0f     /* how far shadows of points are drawn out without gaps */
+#define LONGEST 64.0f   /* of those drawn out: of points beside a lamp, which no picture shows, they may cover all */
 #define EMPTY 4         /* cells at the floor's border that stay without shadow */
 #define STEP 16         /* pixels between those for which smooth light is worked out */
 
@@ -32,13 +33,13 @@ INLINE int cast(const float *p, const float *restrict lamps, int lamp_count, flo
         float lx = lamps[l], ly = lamps[MOST_LAMPS + l], lz = lamps[2 * MOST_LAMPS + l];
         float dx = p[0] - lx, dy = p[1] - ly, drop = lz - p[2], fall = lz - floor, stretch = fall / drop;
         float x = (lx + dx * stretch + half) * scale, y = (ly + dy * stretch + half) * scale;
-        int inside = ((fall > 0 ? drop : -drop) > 1e-3f) & (x >= low) & (y >= low) & (x < high) & (y < high);
+        int near = fabsf(stretch) < LONGEST, inside = ((fall > 0 ? drop : -drop) > 1e-3f) & (x >= low) & (y >= low) & (x < high) & (y < high);
         float level = dx * dx + dy * dy, far = sqrtf(level + drop * drop) * fabsf(stretch / drop);
-        float grown = inside & (far > CLOSED) ? ball * (far - CLOSED) / sqrtf(level + 1e-9f) : 0;
+        float grown = near & inside & (far > CLOSED) ? ball * (far - CLOSED) / sqrtf(level + 1e-9f) : 0;
         float along_x = grown * dx, along_y = grown * dy;
         float wide_x = fabsf(along_x), wide_y = fabsf(along_y);
         int steps = (int)((wide_x > wide_y ? wide_x : wide_y) + 0.5f);
-        int wide = inside & (stretch > CLOSED) ? (int)(ball * (stretch - CLOSED) + 0.5f) : 0;
+        int wide = near & inside & (stretch > CLOSED) ? (int)(ball * (stretch - CLOSED) + 0.5f) : 0;
         to->cell[l] = inside ? (int)y * side + (int)x : side * side;
         to->x[l] = x;
         to->y[l] = y;
