@@ -21,10 +21,9 @@ from pipeline.shard import shrink_pictures
 from pipeline.teacher import Teacher
 from storage.shards import Record, Shard
 from z2p_core.camera import Camera
-from z2p_core.config import TrainConfig
+from z2p_core.config import TrainConfig, batch_size, training_fault
 from z2p_core.images import bytes_from_unit
 from z2p_core.interfaces import GBuffer, ZBuffer
-from z2p_core.noise import KINDS
 from z2p_core.scene import SceneDescription
 from z2p_core.turning import along, turned
 
@@ -108,12 +107,13 @@ class CloudPictures:
         At each side every record comes once an epoch, in a new order.
         """
         turn, number = divmod(step, len(self.sides))
-        side = self.sides[number]
-        size, count = max(1, round(self.config.batch * (min(self.sides) / side) ** 2)), len(self.training)
+        side, count = self.sides[number], len(self.training)
+        size = batch_size(side, self.config.batch, self.sides)
+        before = turn * self.sides.count(side) + self.sides[:number].count(side)  # batches at this side
         samples = []
-        for position in range(turn * size, (turn + 1) * size):
+        for position in range(before * size, (before + 1) * size):
             epoch, place = divmod(position, count)
-            order = np.random.default_rng((EPOCH, self.config.seed, number, epoch)).permutation(count)
+            order = np.random.default_rng((EPOCH, self.config.seed, self.sides.index(side), epoch)).permutation(count)
             samples.append(self._training_sample(int(order[place]), side, epoch // self.config.reuse))
         return _stack(samples, self.config.teacher_share)
 
@@ -158,20 +158,8 @@ class CloudPictures:
         return float(values[0])
 
     def _check(self) -> None:
-        for side in self.sides:
-            if side < 1 or self.resolution % side:
-                raise DatasetError(f"resolutions: expected divisors of the shards' {self.resolution}, got {side}")
-        low, high = self.config.points
-        if not 1 <= low <= high:
-            raise DatasetError(f"points: expected 1 <= smallest <= largest cloud, got {low} and {high}")
-        if self.config.reuse < 1:
-            raise DatasetError(f"reuse: expected 1 or more, got {self.config.reuse}")
-        for name, what in (("even", "clouds"), ("holes", "clouds"), ("teacher_share", "target")):
-            share = getattr(self.config, name)
-            if not 0 <= share <= 1:
-                raise DatasetError(f"{name}: expected a share from 0 to 1 of the {what}, got {share:g}")
-        if self.config.noise not in KINDS:
-            raise DatasetError(f"noise: expected one of {', '.join(KINDS)}, got {self.config.noise!r}")
+        if fault := training_fault(self.config, self.resolution):
+            raise DatasetError(fault)
 
     def _training_sample(self, number: int, side: int, drawing: int) -> _Sample:
         """Sample of a training record with the cloud of that drawing, which is kept until the next one."""

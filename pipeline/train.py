@@ -7,6 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from pipeline.dataset import Batch
 from pipeline.export import check_exporter, export_onnx
 from pipeline.run import Run, TrainError, resume, snapshot, start_run, weights_card
 from storage.checkpoints import save_checkpoint, save_weights
-from z2p_core.config import TrainConfig
+from z2p_core.config import TrainConfig, samples_until
 from z2p_core.losses import total_loss
 
 LONGEST_GRADIENT = 1.0
@@ -76,7 +77,7 @@ def train(
 def _loop(run: Run, out: Path, log: Callable[[str], object]) -> None:
     config = run.config
     every = max(1, config.steps // CURVE_ROWS)
-    progress = _Progress(run.step, config.steps, config.batch, log)
+    progress = _Progress(run.step, config.steps, partial(_samples, run), log)
     with run.data.batches(run.step, config.steps) as batches, progress.bar:
         for batch in batches:
             run.recent.append(_step(run, batch.to(run.device)))
@@ -91,6 +92,10 @@ def _loop(run: Run, out: Path, log: Callable[[str], object]) -> None:
             if run.step % config.checkpoint_every == 0 or last:
                 save_checkpoint(out / "checkpoints", *snapshot(run))
                 log(f"step {run.step}: checkpoint")
+
+
+def _samples(run: Run, step: int) -> int:
+    return samples_until(step, run.config.batch, run.data.sides)
 
 
 def _step(run: Run, batch: Batch) -> Row:
@@ -126,7 +131,7 @@ def learning_rate(step: int, config: TrainConfig) -> float:
 
 def _add_row(run: Run) -> None:
     """A row of the curve: means of the losses since the last one."""
-    row: Row = {"step": run.step, "samples": run.step * run.config.batch}
+    row: Row = {"step": run.step, "samples": _samples(run, run.step)}
     row["learning_rate"] = learning_rate(run.step - 1, run.config)
     for name in run.recent[0]:
         row[name] = float(np.mean([losses[name] for losses in run.recent]))
@@ -151,7 +156,7 @@ def _validate(run: Run, out: Path) -> str:
     if run.rows and run.rows[-1]["step"] == run.step:
         run.rows[-1].update(row)
     else:
-        run.rows.append({"step": run.step, "samples": run.step * run.config.batch, **row})
+        run.rows.append({"step": run.step, "samples": _samples(run, run.step), **row})
     return f"step {run.step}: " + ", ".join(f"{name} {value:.4g}" for name, value in row.items())
 
 
@@ -164,19 +169,21 @@ def _device(name: str) -> torch.device:
 class _Progress:
     """A live bar on a terminal; in a log file, a line every half minute."""
 
-    def __init__(self, step: int, steps: int, batch: int, log: Callable[[str], object]) -> None:
+    def __init__(
+        self, step: int, steps: int, samples: Callable[[int], int], log: Callable[[str], object]
+    ) -> None:
         self.bar = tqdm(total=steps, initial=step, unit="step", disable=not sys.stderr.isatty(), file=sys.stderr)
-        self.first, self.steps, self.batch, self.log = step, steps, batch, log
+        self.first, self.steps, self.samples, self.log = step, steps, samples, log
         self.begin = self.said = time.monotonic()
 
     def show(self, step: int, loss: float) -> None:
         now = time.monotonic()
-        rate = (step - self.first) / max(now - self.begin, 1e-9)
+        seconds = max(now - self.begin, 1e-9)
+        speed = f"{(self.samples(step) - self.samples(self.first)) / seconds:.1f} samples/s"
         self.bar.update()
-        self.bar.set_postfix_str(f"{rate * self.batch:.1f} samples/s, loss {loss:.4f}", refresh=False)
+        self.bar.set_postfix_str(f"{speed}, loss {loss:.4f}", refresh=False)
         if self.bar.disable and now - self.said >= LOG_SECONDS:
-            left = (self.steps - step) / rate
-            speed = f"{rate * self.batch:.1f} samples/s"
+            left = (self.steps - step) / (step - self.first) * seconds
             self.log(f"step {step} of {self.steps}: {speed}, loss {loss:.4f}, {left / 60:.1f} min left")
             self.said = now
 

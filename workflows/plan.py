@@ -17,7 +17,7 @@ from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugi
 from storage.layout import Entry
 from storage.meshes import find_meshes
 from z2p_core import registry
-from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict
+from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict, training_fault
 from z2p_core.interfaces import ScanError
 
 USERS_ERRORS = (ConfigError, ScanError, registry.PluginError)
@@ -277,3 +277,11 @@ def _check(config: PipelineConfig) -> None:
         )
     if not config.render.controls or len(set(config.render.controls)) != len(config.render.controls):
         raise ConfigError(f"render.controls: expected one or more different names, got {list(config.render.controls)}")
+    from pipeline.views import render_settings
+
+    try:
+        render_settings(config.render)
+    except ValueError as error:
+        raise ConfigError(f"render.{error}") from error
+    if fault := training_fault(config.train, config.shard.resolution):
+        raise ConfigError(f"train.{fault}")

@@ -5,8 +5,11 @@ from __future__ import annotations
 import dataclasses
 import tomllib
 import typing
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
+
+from z2p_core.noise import KINDS
 
 
 class ConfigError(ValueError):
@@ -194,6 +197,37 @@ def parse_config(text: str, source: str = "config") -> PipelineConfig:
     return config
 
 
+def batch_size(side: int, batch: int, sides: Sequence[int]) -> int:
+    """Samples of a training step at one of the sides that take turns: fewer at larger ones, for as many pixels."""
+    return max(1, round(batch * (min(sides) / side) ** 2))
+
+
+def samples_until(step: int, batch: int, sides: Sequence[int]) -> int:
+    """Samples that a training has seen after so many steps, at sides that take turns."""
+    sizes = [batch_size(side, batch, sides) for side in sides]
+    turns, more = divmod(step, len(sizes))
+    return turns * sum(sizes) + sum(sizes[:more])
+
+
+def training_fault(config: TrainConfig, resolution: int) -> str:
+    """What cannot be about a training on shards of that resolution, in words; empty where all is well."""
+    for side in config.resolutions:
+        if side < 1 or resolution % side:
+            return f"resolutions: expected divisors of the shards' {resolution}, got {side}"
+    low, high = config.points
+    if not 1 <= low <= high:
+        return f"points: expected 1 <= smallest <= largest cloud, got {low} and {high}"
+    for name in ("steps", "batch", "reuse", "validate_every", "checkpoint_every"):
+        if (number := getattr(config, name)) < 1:
+            return f"{name}: expected 1 or more, got {number}"
+    for name, what in (("even", "clouds"), ("holes", "clouds"), ("teacher_share", "target")):
+        if not 0 <= (share := getattr(config, name)) <= 1:
+            return f"{name}: expected a share from 0 to 1 of the {what}, got {share:g}"
+    if config.noise not in KINDS:
+        return f"noise: expected one of {', '.join(KINDS)}, got {config.noise!r}"
+    return ""
+
+
 def to_dict(config: Any) -> dict[str, Any]:
     """Plain nested dict of any config dataclass, tuples as lists: JSON-able, and `from_dict` reads it back."""
     return {
@@ -229,6 +263,8 @@ def _read(hint: Any, value: Any, source: str) -> Any:
     if typing.get_origin(hint) is tuple:
         if not isinstance(value, list):
             raise ConfigError(f"{source}: expected a list, got {value!r}")
+        if Ellipsis not in arguments and len(value) != len(arguments):
+            raise ConfigError(f"{source}: expected {len(arguments)} values, got {value!r}")
         return tuple(_read(arguments[0], item, source) for item in value)
     if type(None) in arguments:
         return None if value is None else _read(arguments[0], value, source)

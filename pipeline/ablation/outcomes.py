@@ -14,6 +14,7 @@ import numpy as np
 
 from storage.checkpoints import load_weights
 from z2p_core.ablation_config import BASE, AblationsConfig, Variant
+from z2p_core.config import samples_until
 from z2p_core.metrics import NAMES
 
 DECIDING = "psnr_foreground"
@@ -83,7 +84,8 @@ def chance_of(outcomes: Sequence[Outcome]) -> float | None:
 
 
 def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, Mapping[str, Any]]) -> Outcome:
-    own = _rows(evaluate)
+    own, training = _rows(evaluate), variant.config.train
+    sides = training.resolutions or (variant.config.shard.resolution,)
     tensors = load_weights(train / "weights.safetensors").tensors
     differences = {name: found for name in NAMES if variant.name != BASE and (found := difference(own, base, name))}
     return Outcome(
@@ -91,7 +93,7 @@ def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, M
         means=json.loads((evaluate / "metrics.json").read_text(encoding="utf-8"))["means"],
         differences=differences,
         weights=sum(tensor.size for tensor in tensors.values()),
-        samples=variant.config.train.steps * variant.config.train.batch,
+        samples=samples_until(training.steps, training.batch, sides),
         seconds=seconds_of(train / "task.log"),
         curve=read_curve(train / "curve.csv"),
         results=tuple(f"{folder.parent.name}/{folder.name}" for folder in (train, evaluate)),

@@ -87,6 +87,18 @@ def test_a_render_keeps_its_cloud_for_the_epochs_it_is_reused(shards):
         assert all(torch.equal(first.buffers[i], other.buffers[j]) == kept for i, j in enumerate(match))
 
 
+def test_sides_that_come_several_times_go_on_through_the_same_epochs(shards):
+    """Of three turns at a side each has the records that the turns before have left, with clouds of their own."""
+    data = pictures(shards, replace(CONFIG, batch=5, resolutions=(16, 16, 32)))
+    batches = [data.batch(step) for step in (0, 1, 3, 4)]  # 13 records are an epoch of the smaller side
+    seen = [tuple(row.tolist()) for batch in batches for row in batch.settings]
+    assert len(set(seen[:13])) == 13 and set(seen[13:]) <= set(seen[:13])
+    buffers = torch.cat([batch.buffers for batch in batches])
+    first = seen.index(seen[13])
+    assert not torch.equal(buffers[13], buffers[first])  # an epoch later the cloud is another one
+    assert [len(data.batch(step).settings) for step in (0, 1, 2)] == [5, 5, 1]
+
+
 def test_validation_is_always_the_same(shards):
     assert_equal(pictures(shards).validation_batch([0, 2]), pictures(shards).validation_batch([0, 2]))
     np.testing.assert_array_equal(

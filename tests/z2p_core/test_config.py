@@ -14,6 +14,7 @@ from z2p_core.config import (
     PipelineConfig,
     from_dict,
     parse_config,
+    samples_until,
     to_dict,
 )
 
@@ -77,6 +78,7 @@ def test_configs_are_frozen() -> None:
         ("[render]\ncontrols = [1]", "render: controls: expected str, got 1"),
         ("render = 5", "render: expected a table, got 5"),
         ("[evaluate]\nelevation = 'high'", "evaluate: elevation: expected float, got 'high'"),
+        ("[train]\npoints = [5]", "train: points: expected 2 values, got [5]"),
         ("[render", "tiny.toml: not valid TOML"),
     ],
 )
@@ -84,3 +86,8 @@ def test_a_mistake_is_told_with_its_key(text: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         parse_config(text, "tiny.toml")
     assert message in str(caught.value)
+
+
+def test_steps_at_larger_sides_count_for_fewer_samples() -> None:
+    assert [samples_until(step, 8, (256,)) for step in (0, 1, 5)] == [0, 8, 40]
+    assert [samples_until(step, 8, (256, 256, 256, 512)) for step in (1, 3, 4, 5, 5000)] == [8, 24, 26, 34, 32_500]

@@ -1,5 +1,5 @@
 /* FAST marks a function that is compiled three times, for plain, wide and wider registers; the processor chooses at
- * load time. */
+ * load time, where the compiler and the C library know how; else it is compiled once. */
 
 #pragma once
 
@@ -7,7 +7,8 @@
 #include <stdint.h>
 #include <string.h>
 
-#if defined(__x86_64__) && defined(__GNUC__) && defined(__linux__)
+#if defined(__x86_64__) && defined(__GLIBC__) && \
+    ((defined(__clang__) && __clang_major__ >= 18) || (!defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 12))
 #define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define FAST
