@@ -117,15 +117,23 @@ def evaluate(
         _save_pictures(trial, results, out / "pictures", log)
         sheet.append(_sheet_row(trial, results))
     write_sheets(sheet, out, tuple(rivals))
-    settings = {
+    settings = _settings(config, weights, engine, subjects, rivals)
+    summaries = {name: {**summarise(own), "rows": own} for name, own in rows.items()}
+    return _write_json(out / "metrics.json", {"settings": settings, **summaries.pop(OURS), "baselines": summaries})
+
+
+def _settings(
+    config: EvaluateConfig, weights: str | Path, engine: str, subjects: Sequence[Subject],
+    rivals: Mapping[str, type[Baseline]],
+) -> dict[str, Any]:
+    """What was measured, and on what."""
+    return {
         "config": to_dict(config),
         "weights": {"name": Path(weights).name, "sha256": file_digest(resolve(weights))},
         "engine": engine,
         "meshes": {subject.name: subject.identity for subject in subjects},
         "baselines": [plugin_fields(plugin) for plugin in rivals.values()],
     }
-    summaries = {name: {**summarise(own), "rows": own} for name, own in rows.items()}
-    return _write_json(out / "metrics.json", {"settings": settings, **summaries.pop(OURS), "baselines": summaries})
 
 
 def draw_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> list[View]:

@@ -68,17 +68,18 @@ class Stance:
     def told(self) -> str:
         """Part of a line that says it."""
         height = "" if self.elevation is None else f", elevation {round(self.elevation)}"
-        strays = f"; {self.outliers} stray points left out of the frame" if self.outliers else ""
-        strays += f"; {self.background} points far behind it left out" if self.background else ""
-        strays += f"; {self.outside} points beyond the camera's frame" if self.outside else ""
-        hint = f"; {self.hint}" if self.hint else ""
-        strays += f"; {self.told_rounded}" if self.rounded else ""
-        if self.up == SETTLED:
-            turned = f", turned on by {round(self.azimuth)}" if self.azimuth else ""
-            return f"{self.view_reason}{height}{turned}{strays}"
-        return (f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}{strays}"
-                f"{hint}")
-
+        turned = f", turned on by {round(self.azimuth)}" if self.azimuth else ""
+        settled = f"{self.view_reason}{height}{turned}"
+        chosen = f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}"
+        parts = (
+            settled if self.up == SETTLED else chosen,
+            f"{self.outliers} stray points left out of the frame" if self.outliers else "",
+            f"{self.background} points far behind it left out" if self.background else "",
+            f"{self.outside} points beyond the camera's frame" if self.outside else "",
+            self.told_rounded if self.rounded else "",
+            self.hint if self.up != SETTLED else "",
+        )
+        return "; ".join(filter(None, parts))
 
     @property
     def told_rounded(self) -> str:

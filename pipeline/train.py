@@ -30,6 +30,7 @@ VALIDATION_PICTURES, STRIP_PICTURES = 32, 4
 CURVE_ROWS = 400
 LOG_SECONDS = 30.0
 
+
 def train(
     shards: Sequence[Path],
     config: TrainConfig,

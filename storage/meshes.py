@@ -59,15 +59,14 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def find_meshes(folder: Path) -> dict[str, Path]:
-    """The meshes in a folder (not below it, none hidden), sorted, by stem, or by file name where two share a stem.
+    """The meshes in a folder (not below it), sorted, by stem, or by file name where two share a stem.
 
     Raises:
         ScanError: no such folder, or no mesh in it.
     """
     if not folder.is_dir():
         raise ScanError(f"expected a folder of meshes, got {shown(folder)}, which is no folder; check the path")
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file()
-                   and not path.name.startswith("."))  # fmt: skip
+    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
     if not paths:
         raise ScanError(f"folder {shown(folder)} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
     stems = [path.stem for path in paths]

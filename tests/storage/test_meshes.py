@@ -10,7 +10,6 @@ import pytest
 import trimesh
 
 from storage.clouds import calls_for_smooth, read_mesh, write_mesh
-from storage.meshes import find_meshes
 from z2p_core.interfaces import ScanError
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
@@ -174,9 +173,3 @@ def test_dense_noise_stays_smooth_and_lone_triangles_do_not_fail() -> None:
     assert calls_for_smooth(rough, faces)
     assert not calls_for_smooth(rough, faces[:19_000])
     assert calls_for_smooth(TETRAHEDRON, SIDES[:1])
-
-
-def test_hidden_files_are_no_meshes(tmp_path: Path) -> None:
-    (tmp_path / "cow.ply").write_bytes(b"")
-    (tmp_path / "._cow.ply").write_bytes(b"what another system keeps beside it")
-    assert find_meshes(tmp_path) == {"cow": tmp_path / "cow.ply"}
