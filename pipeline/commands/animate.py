@@ -127,7 +127,7 @@ def _plan(
     suffix = output.suffix.lower() if alone else f".{options['format_']}"
     if alone and len(scans) > 1:
         raise click.UsageError(f"--output {output} names one loop, but {len(scans)} scans match; give a folder", ctx)
-    if output.suffix.lower() in PICTURES and not output.is_dir():
+    if not alone and output.suffix.lower() in PICTURES and not output.is_dir():
         raise click.UsageError(f"--output {output}: expected a folder, or a loop named {', '.join(SUFFIXES)}; still "
                                "pictures are made by z2p run-inference", ctx)  # fmt: skip
     check_suffix(suffix)

@@ -142,5 +142,8 @@ def test_the_command(
                32, "--load-camera", tmp_path / "a.gif")  # fmt: skip
     assert seen.exit_code == 0
     assert z2p("animate", scans, "-o", tmp_path / "a.gif", "--weights", tiny_weights).exit_code == 2
+    webp = z2p("animate", scans / "one.npy", "-o", tmp_path / "b.webp", "--weights", tiny_weights, "--resolution", 32,
+               "--frames", 2)  # fmt: skip
+    assert webp.exit_code == 0 and Image.open(tmp_path / "b.webp").n_frames == 2
     still = z2p("animate", scans / "one.npy", "-o", tmp_path / "a.png", "--weights", tiny_weights)
     assert still.exit_code == 2 and "run-inference" in still.stderr and not (tmp_path / "a.png").exists()
