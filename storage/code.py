@@ -30,9 +30,9 @@ def present_digest(name: str) -> str:
     return code_digest(source_of(module).read_text(encoding="utf-8"), definition)
 
 
-def source_of(module: str) -> Path:
-    """File that holds one of the project's modules, or would."""
-    path = ROOT / module.replace(".", "/")
+def source_of(module: str, root: Path = ROOT) -> Path:
+    """File that holds a module or a package below a folder, the project's without another, or would."""
+    path = root / module.replace(".", "/")
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 

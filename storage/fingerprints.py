@@ -14,7 +14,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from storage.code import code_digest, imported_modules
+from storage.code import code_digest, imported_modules, source_of
 from storage.stage_code import stage_code, stage_packages
 from z2p_core import registry
 
@@ -112,13 +112,6 @@ def _installed(name: str) -> Iterator[dict[str, str]]:
                 yield plugin_fields(registry.load(group, name))
 
 
-def _source_of(root: Path, module: str) -> Path | None:
-    """File of a module or of a package below a folder; None where there is none."""
-    place = root.joinpath(*module.split("."))
-    files = (place.with_name(f"{place.name}.py"), place / INIT)
-    return next((file for file in files if file.is_file()), None)
-
-
 def _package_digests(module: str, path: Path) -> list[str]:
     """Digest of a module's code, then those of the modules that it imports, directly or not, from its own package."""
     package, *below = module.split(".")
@@ -133,7 +126,7 @@ def _package_digests(module: str, path: Path) -> list[str]:
         if not (below or packaged):
             break  # what lies beside a module of its own is no package
         for imported in imported_modules(text, f"{name}.__init__" if source.name == INIT else name):
-            file = _source_of(root, imported)
-            if file is not None and imported.split(".")[0] == package and imported not in digests:
+            file = source_of(imported, root)
+            if imported.split(".")[0] == package and imported not in digests and file.is_file():
                 waiting[imported] = file
     return [digests.pop(module), *(digests[name] for name in sorted(digests))]
