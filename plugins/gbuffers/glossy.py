@@ -35,9 +35,10 @@ class Reflections(Lighting):
     """Light on a cloud's points, and what of it they reflect."""
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
-    ) -> None:
-        super().__init__(points, normals, spacing, scene, height)
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float,
+        viewer: np.ndarray,
+    ) -> None:  # fmt: skip
+        super().__init__(points, normals, spacing, scene, height, viewer)
         self.lamps, axes, self.powers = (x.astype(np.float32) for x in light_lamps(scene.light, LAMPS))
         self.axis = axes[0]
         self.metallic = _number(scene, "Metallic", 0.0)

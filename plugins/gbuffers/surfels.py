@@ -65,7 +65,7 @@ RIM = 0.05
 """By how much the lamp's shadow is too dark where nearly all of its light comes through: cells make outlines wide."""
 GREY = 0.5
 """Albedo of the grey picture: dark enough to stay below white under the nearest light."""
-UPPER = 0.55
+UPPER = 0.65
 """Share of the rows that one core draws while the other draws the shadow and the rest."""
 SKY = 50.0
 """Distance at which a lamp is a direction."""
@@ -97,14 +97,17 @@ class Surfels(GBuffer):
         found = tangents(thinned(cloud, MOST_POINTS))
         points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
-        radii = disc_radii(found, typical)
-        lighting = self.lighting(points, normals, max(typical, SPARSE * float(np.quantile(spacing, 0.9))), scene, floor)
+        spread = max(typical, SPARSE * float(np.quantile(spacing, 0.9)))
+        lighting = self.lighting(points, normals, spread, scene, floor, camera.position)
         rotation = camera.rotation.astype(np.float32)
         facing = turned(normals, rotation)
+        radii = disc_radii(found, typical)
         centres = native.centres(points, normals, radii, found.neighbours)
         seen = turned(centres - camera.position.astype(np.float32), rotation)
+        clips = native.clips(seen, facing, radii, found.neighbours)
+        lighting.follow()
         draw = partial(
-            native.surfels, seen, facing, radii, native.clips(seen, facing, radii, found.neighbours),
+            native.surfels, seen, facing, radii, clips,
             np.column_stack([facing[:, :2], lighting.colors(camera.position)]), camera, SLACK, SURE, FULL, NEAR, FAR,
             out[:-1],
         )  # fmt: skip
@@ -120,16 +123,19 @@ class Surfels(GBuffer):
 
 
 class Lighting:
-    """Light on the points (N, 3) of a cloud of that spacing, whose normals (N, 3) face the viewer, and on its floor."""
+    """Light on the points (N, 3) of a cloud of that spacing, whose normals (N, 3) face the viewer (3,), and its floor.
+
+    A second core looks around from the points, from the beginning; `follow` waits for it.
+    """
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
-    ) -> None:
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float,
+        viewer: np.ndarray,
+    ) -> None:  # fmt: skip
         self.points, self.normals = points, normals
         self.color = np.array(base_color(scene), dtype=np.float32)
-        radius, sky = math.sqrt(np.einsum("na,na->n", points, points).max()) + spacing, sky_axes()
-        hits = beside(native.first_hits, points, normals, sky, spacing, radius)
-        above, square = floor_sky(FLOOR_SKY), light_square(scene.light)
+        radius = math.sqrt(np.einsum("na,na->n", points, points).max()) + spacing
+        square = light_square(scene.light)
         lamps, axes, _ = light_lamps(scene.light, FLOOR_LAMPS)
         quarters = square[0] + QUARTERS @ square[1:]
         self.floor = native.Floor(
@@ -137,30 +143,41 @@ class Lighting:
         )
         side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
         floor = (height, FLOOR_HALF, side)
+
+        def look_around() -> tuple[np.ndarray, np.ndarray]:
+            """What the points see of each other, and where the floor mirrors them for the viewer."""
+            mirrored = native.floor_shade(points, mirrored_eyes(viewer, height), height, FLOOR_HALF, side // 2)
+            return native.first_hits(points, normals, sky_axes(), spacing, radius), mirrored
+
+        self.looking = beside(look_around)
         self.shades = (
             with_paler_rim(native.floor_shade(points, lamps, *floor, BALL * spacing, square=square)),
-            native.floor_shade(points, SKY * above, *floor, soft=SOFT),
+            native.floor_shade(points, SKY * floor_sky(FLOOR_SKY), *floor, soft=SOFT),
         )
         self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
-        seen = hits.result()
-        self.bounces = [native.gather_open(points, normals, sky, seen, self.direct, self.floor, *self.shades)]
+
+    def follow(self) -> None:
+        """Follows the light from the sky and the lit floor to the points, and on from there."""
+        cloud, above = (self.points, self.normals, sky_axes()), floor_sky(FLOOR_SKY)[::2]
+        seen, self.mirrored = self.looking.result()
+        self.bounces = [native.gather_open(*cloud, seen, self.direct, self.floor, *self.shades)]
+        self.below = native.floor_hits(self.points, above, self.floor, GLOW_CELLS)
         self.glows = []
         for _ in range(BOUNCES):
             light = self.bounces[-1]
-            glow, self.covered = native.floor_glow(points, normals, light, above[::2], self.floor, GLOW_CELLS)
-            self.glows.append(glow)
-            self.bounces.append(native.gather_bounced(points, normals, sky, seen, light, self.floor, glow))
+            self.glows.append(native.floor_glow(self.normals, light, above, self.below, GLOW_CELLS))
+            self.bounces.append(native.gather_bounced(*cloud, seen, light, self.floor, self.glows[-1]))
 
     def draw_shadow(self, camera: Camera, out: np.ndarray) -> None:
         """Draws into `out` (H, W) the alpha of the floor's shadow."""
-        eyes = mirrored_eyes(camera.position, self.floor.height)
-        mirrored = native.floor_shade(self.points, eyes, self.floor.height, self.floor.half, len(self.shades[0]) // 2)
-        native.floor_shadow(*self.shades, mirrored, self.radiance(), self.floor, camera, out)
+        native.floor_shadow(*self.shades, self.mirrored, self.radiance(), self.floor, camera, out)
 
     def radiance(self) -> np.ndarray:
         """Mean radiance (G, G) of the cloud as the floor's cells see it, over the three colours as well."""
         glow = np.sum([(self.color**times).mean() * glow for times, glow in enumerate(self.glows, 1)], axis=0)
-        mean: np.ndarray = around(glow) / np.maximum(around(self.covered), 1e-6)
+        white = np.ones((2, len(self.normals)), np.float32)
+        covered = native.floor_glow(self.normals, white, floor_sky(FLOOR_SKY)[::2], self.below, GLOW_CELLS)
+        mean: np.ndarray = around(glow) / np.maximum(around(covered), 1e-6)
         return mean
 
     def colors(self, viewer: np.ndarray) -> np.ndarray:

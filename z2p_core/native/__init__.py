@@ -8,6 +8,7 @@ from z2p_core.native.lighting import MOST_LIT as MOST_LIT
 from z2p_core.native.lighting import Floor as Floor
 from z2p_core.native.lighting import first_hits as first_hits
 from z2p_core.native.lighting import floor_glow as floor_glow
+from z2p_core.native.lighting import floor_hits as floor_hits
 from z2p_core.native.lighting import floor_shade as floor_shade
 from z2p_core.native.lighting import floor_shadow as floor_shadow
 from z2p_core.native.lighting import gather_bounced as gather_bounced

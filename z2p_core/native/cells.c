@@ -5,6 +5,7 @@
 
 #include "axes.h"
 #include "fast.h"
+#include "grid.h"
 
 #define DIRECTIONS 16 /* in which a cell's border is looked for, evenly around */
 #define STEEP 0.75f   /* sine of the angle off the plane from which on a neighbour lies on another surface */
@@ -14,20 +15,24 @@
  * is that among neighbours laid into the plane, or, if `solid`, what the plane cuts out of the cell in space. */
 INLINE float cell_reach(const float *points, const float *p, const float *n, const int *row, int most, int solid,
                         float (*around)[DIRECTIONS]) {
-    float u[3], v[3], inverse[DIRECTIONS] = {0}, least = INFINITY;
+    float u[3], v[3], inverse[DIRECTIONS] = {0}, least = INFINITY, d[3][MOST_NEIGHBOURS];
+    float x[MOST_NEIGHBOURS], y[MOST_NEIGHBOURS];
     axes_across(n, u, v);
+    for (int j = 0; j < most; j++)
+        for (int a = 0; a < 3; a++) d[a][j] = points[3 * (size_t)row[j] + a] - p[a];
     for (int j = 0; j < most; j++) {
-        const float *q = points + 3 * (size_t)row[j];
-        float step[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]}, height = dot(step, n), square = dot(step, step);
-        if (square < 1e-12f || (!solid && height * height > STEEP * STEEP * square)) continue;
-        float x = dot(step, u), y = dot(step, v), half = 0.5f * (solid ? square : x * x + y * y);
-        x /= half;
-        y /= half;
+        float step[3] = {d[0][j], d[1][j], d[2][j]}, height = dot(step, n), square = dot(step, step);
+        int none = (square < 1e-12f) | (!solid & (height * height > STEEP * STEEP * square));
+        float across = dot(step, u), up = dot(step, v), half = 0.5f * (solid ? square : across * across + up * up);
+        half = none ? INFINITY : half; /* a neighbour at infinity bounds nothing */
+        x[j] = across / half;
+        y[j] = up / half;
+    }
+    for (int j = 0; j < most; j++)
         for (int k = 0; k < DIRECTIONS; k++) {
-            float near = x * around[0][k] + y * around[1][k];
+            float near = x[j] * around[0][k] + y[j] * around[1][k];
             inverse[k] = near > inverse[k] ? near : inverse[k];
         }
-    }
     for (int k = 0; k < DIRECTIONS; k++) least = inverse[k] < least ? inverse[k] : least;
     return least > 0 ? 1 / least : INFINITY;
 }

@@ -84,33 +84,49 @@ FAST int z2p_gather_bounced(const float *points, const float *normals, int count
     return 1;
 }
 
-/* glow (2, side, side): what the cells of the floor's square see of a white cloud's radiance, summed over directions of
- * the sky (3), each of which weighs as much as `share`; and in how much of the sky they see the cloud. `light`
- * (2, count) is the cloud's radiance on both sides. */
-FAST int z2p_floor_glow(const float *points, const float *normals, const float *light, int count, const float *axes,
-                        int axis_count, float share, float floor, float half, int side, float *glow) {
-    size_t cells = (size_t)side * side;
-    float *low = malloc(sizeof(float) * 2 * cells), *found = low + cells, scale = (float)side / (2 * half);
-    if (!low) return 0;
-    memset(glow, 0, sizeof(float) * 2 * cells);
-    for (int a = 0; a < axis_count; a++) {
+/* cells (axis_count, count): the cell of the floor's square (side, side) that sees each point first along each of the
+ * directions of the sky (3); -1 where it sees another one before, or none does. */
+FAST int z2p_floor_hits(const float *points, int count, const float *axes, int axis_count, float floor, float half,
+                        int side, int *cells) {
+    float scale = (float)side / (2 * half);
+    int *lowest = malloc(sizeof(int) * ((size_t)side * side + 1));
+    if (!lowest) return 0;
+    for (int a = 0; a < axis_count; a++, cells += count) {
         const float *axis = axes + 3 * a;
-        for (size_t c = 0; c < cells; c++) low[c] = INFINITY, found[c] = 0;
         for (int i = 0; i < count; i++) {
-            const float *p = points + 3 * i;
+            const float *p = points + 3 * (size_t)i;
             float reach = (p[2] - floor) / axis[2];
             float x = (p[0] - reach * axis[0] + half) * scale, y = (p[1] - reach * axis[1] + half) * scale;
-            if (!(x >= 0 && y >= 0 && x < (float)side && y < (float)side)) continue;
-            size_t cell = (size_t)(int)y * side + (int)x;
-            if (p[2] >= low[cell]) continue;
-            low[cell] = p[2];
-            found[cell] = light[(dot(normals + 3 * i, axis) > 0) * (size_t)count + i];
+            int inside = (x >= 0) & (y >= 0) & (x < (float)side) & (y < (float)side);
+            cells[i] = inside ? (int)y * side + (int)x : -1;
         }
-        for (size_t c = 0; c < cells; c++) {
-            glow[c] += share * found[c];
-            glow[cells + c] += low[c] < INFINITY ? share : 0;
+        memset(lowest, -1, sizeof(int) * (size_t)side * side);
+        for (int i = 0; i < count; i++) {
+            if (cells[i] < 0) continue;
+            int *here = lowest + cells[i];
+            if (*here >= 0 && points[3 * (size_t)i + 2] >= points[3 * (size_t)*here + 2]) {
+                cells[i] = -1;
+                continue;
+            }
+            if (*here >= 0) cells[*here] = -1;
+            *here = i;
         }
     }
-    free(low);
+    free(lowest);
+    return 1;
+}
+
+/* glow (side, side): what the cells of the floor's square see of a white cloud's radiance, summed over directions of
+ * the sky (3), each of which weighs as much as `share`. `cells` is that of z2p_floor_hits, and `light` (2, count) the
+ * cloud's radiance on both sides. */
+FAST int z2p_floor_glow(const float *normals, const float *light, int count, const float *axes, int axis_count,
+                        const int *cells, float share, int side, float *glow) {
+    memset(glow, 0, sizeof(float) * (size_t)side * side);
+    for (int a = 0; a < axis_count; a++, cells += count)
+        for (int i = 0; i < count; i++) {
+            if (cells[i] < 0) continue;
+            int back = dot(normals + 3 * (size_t)i, axes + 3 * a) > 0;
+            glow[cells[i]] += share * light[(size_t)back * count + i];
+        }
     return 1;
 }

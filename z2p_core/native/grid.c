@@ -13,7 +13,8 @@
 #define POINTS_A_CELL 3.5f
 #define MOST_CELLS (1 << 22)
 #define FARTHEST_RING 6
-#define CHUNK 32      /* points whose distances are computed at a time */
+#define LANES 16      /* points whose distances are computed at a time */
+#define CROWD 256     /* points among which the nearest ones are looked for at a time */
 
 INLINE int clamp_int(int value, int low, int high) { return value < low ? low : value > high ? high : value; }
 
@@ -42,6 +43,21 @@ static int by_place(const void *first, const void *second) {
     return 0;
 }
 
+/* Keeps the axes apart, with room behind each for whole LANES. */
+static int split_axes(Grid *grid, int count, const float *sorted) {
+    size_t room = (size_t)count + LANES;
+    grid->x = calloc(3 * room, sizeof(float));
+    if (!grid->x) return 0;
+    grid->y = grid->x + room;
+    grid->z = grid->y + room;
+    for (int i = 0; i < count; i++) {
+        grid->x[i] = sorted[3 * i];
+        grid->y[i] = sorted[3 * i + 1];
+        grid->z[i] = sorted[3 * i + 2];
+    }
+    return 1;
+}
+
 /* Counting sort by cell, then by coordinates in each: `sorted` does not depend on the order of `points`. */
 static int fill(Grid *grid, int cells, const float *points, int count, float *sorted) {
     int *cell = malloc(sizeof(int) * (size_t)(count ? count : 1));
@@ -56,7 +72,7 @@ static int fill(Grid *grid, int cells, const float *points, int count, float *so
         int first = grid->start[c], members = grid->start[c + 1] - first;
         if (members > 1) qsort(sorted + 3 * first, (size_t)members, sizeof(float[3]), by_place);
     }
-    return 1;
+    return split_axes(grid, count, sorted);
 }
 
 int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted) {
@@ -92,34 +108,70 @@ int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted) {
     return fill(grid, cells, points, count, sorted);
 }
 
-/* Takes in those of points[first] to points[last - 1] that are nearer to p than the farthest so far. */
-INLINE void take_in(Near *near, const float *points, int first, int last, const float *p) {
-    float squares[CHUNK];
-    for (; first < last; first += CHUNK) {
-        int size = last - first < CHUNK ? last - first : CHUNK;
-        for (int i = 0; i < size; i++) {
-            const float *q = points + 3 * (first + i);
-            float dx = q[0] - p[0], dy = q[1] - p[1], dz = q[2] - p[2];
-            squares[i] = dx * dx + dy * dy + dz * dz;
+/* Points that may be among the nearest ones, and below which square of the distance another one may. */
+typedef struct {
+    int count;
+    float worst, square[CROWD + LANES];
+    int row[CROWD + LANES];
+} Crowd;
+
+/* Leaves the nearest ones, at most so many, nearest first; of those equally far the ones that came first. */
+INLINE void keep_nearest(Crowd *crowd, int most) {
+    float square[MOST_NEIGHBOURS];
+    int row[MOST_NEIGHBOURS], count = crowd->count, kept = count < most ? count : most;
+    for (int i = 0; i < LANES; i++) crowd->square[count + i] = INFINITY;
+    for (int i = 0; i < kept; i++) row[i] = -1;
+    for (int first = 0; first < count; first += LANES) {
+        int nearer[LANES] = {0}; /* how many are nearer, which is a point's place among all */
+        const float *own = crowd->square + first;
+        for (int j = 0; j < count; j++)
+            for (int i = 0; i < LANES; i++) nearer[i] += crowd->square[j] < own[i];
+        for (int i = 0; i < LANES && first + i < count; i++) {
+            int at = nearer[i];
+            while (at < kept && row[at] >= 0) at++; /* taken by one that is as far */
+            if (at >= kept) continue;
+            square[at] = own[i];
+            row[at] = crowd->row[first + i];
         }
-        for (int i = 0; i < size; i++) {
-            float square = squares[i];
-            if (near->count == near->most && square >= near->distance[near->most - 1]) continue;
-            int at = near->count < near->most ? near->count++ : near->most - 1;
-            for (; at > 0 && near->distance[at - 1] > square; at--) {
-                near->distance[at] = near->distance[at - 1];
-                near->found[at] = near->found[at - 1];
+    }
+    memcpy(crowd->square, square, sizeof(float) * (size_t)kept);
+    memcpy(crowd->row, row, sizeof(int) * (size_t)kept);
+    crowd->count = kept;
+    if (kept == most) crowd->worst = square[kept - 1];
+}
+
+/* Takes in the points from `first` to `last` - 1, but for those that are too far from p. */
+INLINE void take_in(Crowd *crowd, const Grid *grid, int first, int last, const float *p, int most) {
+    for (; first < last; first += LANES) {
+        int size = last - first < LANES ? last - first : LANES;
+        if (crowd->count + LANES > CROWD) keep_nearest(crowd, most);
+        const float *x = grid->x + first, *y = grid->y + first, *z = grid->z + first;
+        float *square = crowd->square + crowd->count;
+        int *row = crowd->row + crowd->count;
+        for (int i = 0; i < LANES; i++) {
+            float dx = x[i] - p[0], dy = y[i] - p[1], dz = z[i] - p[2];
+            square[i] = dx * dx + dy * dy + dz * dz;
+            row[i] = first + i;
+        }
+        if (crowd->worst < INFINITY) {
+            int near = 0;
+            for (int i = 0; i < size; i++) {
+                square[near] = square[i];
+                row[near] = row[i];
+                near += square[i] < crowd->worst;
             }
-            near->distance[at] = square;
-            near->found[at] = first + i;
+            size = near;
         }
+        crowd->count += size;
     }
 }
 
 FAST void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near *near) {
     const float *p = points + 3 * self;
     int home[3], low[3], high[3];
-    near->count = 0;
+    Crowd crowd;
+    crowd.count = 0;
+    crowd.worst = INFINITY;
     for (int axis = 0; axis < 3; axis++) home[axis] = place(grid, p, axis);
     for (int ring = 0; ring <= FARTHEST_RING; ring++) {
         for (int axis = 0; axis < 3; axis++) {
@@ -129,14 +181,19 @@ FAST void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near
         for (int z = low[2]; z <= high[2]; z++)
             for (int y = low[1]; y <= high[1]; y++) {
                 const int *start = grid->start + (size_t)(z * grid->size[1] + y) * grid->size[0];
+                int left = home[0] - ring, right = home[0] + ring;
                 if (abs(z - home[2]) == ring || abs(y - home[1]) == ring) { /* the points of a row lie in one piece */
-                    take_in(near, points, start[low[0]], start[high[0] + 1], p);
+                    take_in(&crowd, grid, start[low[0]], start[high[0] + 1], p, near->most);
                     continue;
                 }
-                if (home[0] - ring >= 0) take_in(near, points, start[low[0]], start[low[0] + 1], p);
-                if (home[0] + ring < grid->size[0]) take_in(near, points, start[high[0]], start[high[0] + 1], p);
+                if (left >= 0) take_in(&crowd, grid, start[left], start[left + 1], p, near->most);
+                if (right < grid->size[0]) take_in(&crowd, grid, start[right], start[right + 1], p, near->most);
             }
         /* all but the farthest few are sure to lie in the first ring: cells hold several points each */
-        if (ring && near->count == near->most) break;
+        if (ring && crowd.count >= near->most) break;
     }
+    keep_nearest(&crowd, near->most);
+    near->count = crowd.count;
+    memcpy(near->distance, crowd.square, sizeof(float) * (size_t)crowd.count);
+    memcpy(near->found, crowd.row, sizeof(int) * (size_t)crowd.count);
 }

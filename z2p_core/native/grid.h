@@ -7,7 +7,8 @@
 typedef struct {
     float low[3], cell;
     int size[3];
-    int *start; /* first point of each cell, and one past the last */
+    int *start;        /* first point of each cell, and one past the last */
+    float *x, *y, *z;  /* of the sorted points */
 } Grid;
 
 typedef struct {
@@ -15,8 +16,8 @@ typedef struct {
     float distance[MOST_NEIGHBOURS]; /* squared, nearest first */
 } Near;
 
-/* Sorts `points` (count, 3) by their cells into `sorted`. Returns 0 when memory is short; grid->start is to be
- * freed. */
+/* Sorts `points` (count, 3) by their cells into `sorted`. Returns 0 when memory is short; grid->start and
+ * grid->x, which the other axes lie behind, are to be freed. */
 int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted);
 
 /* near->most near points of `points[self]`, nearest first, itself among them, the nearest but for a few at the end. */

@@ -8,7 +8,7 @@
 #include "fast.h"
 #include "grid.h"
 
-#define LANES 16      /* neighbours that are weighed at a time */
+#define LANES 16      /* neighbours that are weighed at a time, and points whose patches are solved for */
 #define TERMS 6       /* 1, x, y, x^2, x y, y^2 */
 #define SUMS (TERMS * (TERMS + 1) / 2 + TERMS)
 #define WINDOW 1.2f   /* of the Gaussian that nearer neighbours count by, in `scale` */
@@ -17,9 +17,18 @@
 #define STIFF 0.03f   /* weight of a flat patch, against that of the neighbours */
 #define STEEPEST 1.0f /* slope by which a patch may turn a normal, along either axis */
 
-/* Adds up, over the neighbours in `row` (most), the weighted products of the terms and of the height with them. */
+/* Sum of the lanes, by halves, so that no addition waits for the one before. */
+INLINE float sum_of(float *lanes) {
+    for (int j = 0; j < LANES / 2; j++) lanes[j] += lanes[j + LANES / 2];
+    for (int j = 0; j < LANES / 4; j++) lanes[j] += lanes[j + LANES / 4];
+    return (lanes[0] + lanes[2]) + (lanes[1] + lanes[3]);
+}
+
+/* Adds up, over the neighbours in `row` (most), the weighted products of the terms and of the height with them, into a
+ * lane of `sums`. */
 INLINE void add_up(const float *points, const float *before, int point, const int *row, int most,
-                   const float *u, const float *v, float tolerance, float scale, float *sums) {
+                   const float *u, const float *v, float tolerance, float scale, int lane,
+                   float (*sums)[LANES]) {
     const float *p = points + 3 * (size_t)point, *n = before + 3 * (size_t)point;
     float lanes[SUMS][LANES] = {{0}}, unit = 1 / scale, narrow = scale / tolerance;
     for (int first = 0; first < most; first += LANES) {
@@ -53,31 +62,32 @@ INLINE void add_up(const float *points, const float *before, int point, const in
                 for (int j = 0; j < LANES; j++) lanes[at][j] += weight[j] * term[b][j] * term[a][j];
         }
     }
-    for (int s = 0; s < SUMS; s++) {
-        sums[s] = 0;
-        for (int j = 0; j < LANES; j++) sums[s] += lanes[s][j];
-    }
+    for (int s = 0; s < SUMS; s++) sums[s][lane] = sum_of(lanes[s]);
 }
 
-/* Solves a symmetric system by Cholesky's method: its lower rows and its right side come in `sums`. */
-INLINE void solve(float *sums, float *term) {
-    float *l[TERMS], *right = sums + SUMS - TERMS;
+/* Solves symmetric systems by Cholesky's method, one in each lane: their lower rows and right sides come in `sums`. */
+INLINE void solve(float (*sums)[LANES], float (*term)[LANES]) {
+    float(*l[TERMS])[LANES], (*right)[LANES] = sums + SUMS - TERMS;
     for (int a = 0, at = 0; a < TERMS; at += ++a) l[a] = sums + at;
     for (int a = 0; a < TERMS; a++) {
-        l[a][a] += a < 3 ? LEAST : STIFF;
         for (int b = 0; b <= a; b++) {
-            float sum = l[a][b];
-            for (int k = 0; k < b; k++) sum -= l[a][k] * l[b][k];
-            l[a][b] = b < a ? sum / l[b][b] : sqrtf(fmaxf(sum, 1e-8f));
+            float *to = l[a][b];
+            for (int k = 0; k < b; k++)
+                for (int i = 0; i < LANES; i++) to[i] -= l[a][k][i] * l[b][k][i];
+            if (b < a)
+                for (int i = 0; i < LANES; i++) to[i] /= l[b][b][i];
+            else
+                for (int i = 0; i < LANES; i++) to[i] = sqrtf(fmaxf(to[i], 1e-8f));
         }
-        float sum = right[a];
-        for (int k = 0; k < a; k++) sum -= l[a][k] * right[k];
-        right[a] = sum / l[a][a];
+        for (int k = 0; k < a; k++)
+            for (int i = 0; i < LANES; i++) right[a][i] -= l[a][k][i] * right[k][i];
+        for (int i = 0; i < LANES; i++) right[a][i] /= l[a][a][i];
     }
     for (int a = TERMS - 1; a >= 0; a--) {
-        float sum = right[a];
-        for (int k = a + 1; k < TERMS; k++) sum -= l[k][a] * term[k];
-        term[a] = sum / l[a][a];
+        for (int i = 0; i < LANES; i++) term[a][i] = right[a][i];
+        for (int k = a + 1; k < TERMS; k++)
+            for (int i = 0; i < LANES; i++) term[a][i] -= l[k][a][i] * term[k][i];
+        for (int i = 0; i < LANES; i++) term[a][i] /= l[a][a][i];
     }
 }
 
@@ -87,19 +97,29 @@ INLINE void solve(float *sums, float *term) {
  * as measured in `scale` (count). */
 FAST int z2p_jets(const float *points, const float *before, const int *asked, const int *found, int count, int most,
                   const float *tolerance, const float *scale, float *normals, float *heights) {
-    for (int i = 0; i < count; i++) {
-        const float *n = before + 3 * (size_t)asked[i];
-        float u[3], v[3], sums[SUMS], term[TERMS], unit = fmaxf(scale[i], 1e-9f), slope[2], length = 1;
-        axes_across(n, u, v);
-        add_up(points, before, asked[i], found + (size_t)i * most, most, u, v, tolerance[i] + 1e-9f, unit, sums);
-        solve(sums, term);
-        for (int a = 0; a < 2; a++) {
-            slope[a] = fminf(fmaxf(term[1 + a], -STEEPEST), STEEPEST);
-            length += slope[a] * slope[a];
+    for (int first = 0; first < count; first += LANES) {
+        int points_here = count - first < LANES ? count - first : LANES;
+        float sums[SUMS][LANES] = {{0}}, term[TERMS][LANES], u[LANES][3], v[LANES][3];
+        for (int i = 0; i < points_here; i++) {
+            int at = first + i;
+            axes_across(before + 3 * (size_t)asked[at], u[i], v[i]);
+            add_up(points, before, asked[at], found + (size_t)at * most, most, u[i], v[i], tolerance[at] + 1e-9f,
+                   fmaxf(scale[at], 1e-9f), i, sums);
         }
-        length = 1 / sqrtf(length);
-        for (int a = 0; a < 3; a++) normals[3 * (size_t)i + a] = (n[a] - slope[0] * u[a] - slope[1] * v[a]) * length;
-        heights[i] = -term[0] * unit * length;
+        for (int a = 0, at = 0; a < TERMS; at += ++a)
+            for (int i = 0; i < LANES; i++) sums[at + a][i] += a < 3 ? LEAST : STIFF;
+        solve(sums, term);
+        for (int i = 0; i < points_here; i++) {
+            const float *n = before + 3 * (size_t)asked[first + i];
+            float slope[2], length = 1, *normal = normals + 3 * (size_t)(first + i);
+            for (int a = 0; a < 2; a++) {
+                slope[a] = fminf(fmaxf(term[1 + a][i], -STEEPEST), STEEPEST);
+                length += slope[a] * slope[a];
+            }
+            length = 1 / sqrtf(length);
+            for (int a = 0; a < 3; a++) normal[a] = (n[a] - slope[0] * u[i][a] - slope[1] * v[i][a]) * length;
+            heights[first + i] = -term[0][i] * fmaxf(scale[first + i], 1e-9f) * length;
+        }
     }
     return 1;
 }

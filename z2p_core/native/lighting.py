@@ -128,26 +128,38 @@ def gather_bounced(
     return bounced
 
 
-def floor_glow(
-    points: np.ndarray, normals: np.ndarray, light: np.ndarray, axes: np.ndarray, floor: Floor, side: int
-) -> np.ndarray:
-    """What the floor's cells see of the cloud (2, side, side): as the radiance of a white floor, and of white light.
+def floor_hits(points: np.ndarray, axes: np.ndarray, floor: Floor, side: int) -> np.ndarray:
+    """The cell (A, N) int32 of the floor's (side, side) that sees each of points (N, 3) first along each axis (A, 3).
 
-    `light` (2, N) is the cloud's radiance on both sides; unit axes (A, 3) go up, and count alike.
+    -1 where it sees another one before. Unit axes go up.
     """
-    cloud = (floats(points), floats(normals), floats(light), len(points))
+    hits = np.empty((len(axes), len(points)), np.int32)
 
-    def glow_of(some: slice) -> np.ndarray:
-        glow = np.empty((2, side, side), np.float32)
+    def find(begin: int, end: int) -> None:
         call(
-            "z2p_floor_glow", *cloud, floats(axes[some]), len(axes[some]), ctypes.c_float(1 / len(axes)),
-            ctypes.c_float(floor.height), ctypes.c_float(floor.half), side, glow,
+            "z2p_floor_hits", cloud, len(points), floats(axes[begin:end]), end - begin, ctypes.c_float(floor.height),
+            ctypes.c_float(floor.half), side, hits[begin:end],
         )  # fmt: skip
-        return glow
 
-    second = beside(glow_of, slice(len(axes) // 2, None))
-    first: np.ndarray = glow_of(slice(len(axes) // 2))
-    return first + second.result()
+    cloud = floats(points)
+    second = beside(find, len(axes) // 2, len(axes))
+    find(0, len(axes) // 2)
+    second.result()
+    return hits
+
+
+def floor_glow(normals: np.ndarray, light: np.ndarray, axes: np.ndarray, hits: np.ndarray, side: int) -> np.ndarray:
+    """What the floor's cells (side, side) see of a cloud with normals (N, 3), as the radiance of a white floor.
+
+    `light` (2, N) is the cloud's radiance on both sides; `hits` are those of `floor_hits` along unit axes (A, 3), which
+    count alike.
+    """
+    glow = np.empty((side, side), np.float32)
+    call(
+        "z2p_floor_glow", floats(normals), floats(light), len(normals), floats(axes), len(axes), hits,
+        ctypes.c_float(1 / len(axes)), side, glow,
+    )  # fmt: skip
+    return glow
 
 
 def floor_shadow(

@@ -58,7 +58,10 @@ int z2p_grid(const float *points, int count, float *sorted, Grid **handle) {
 }
 
 int z2p_grid_free(Grid *grid) {
-    if (grid) free(grid->start);
+    if (grid) {
+        free(grid->start);
+        free(grid->x);
+    }
     free(grid);
     return 1;
 }
