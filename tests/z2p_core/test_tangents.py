@@ -27,6 +27,22 @@ def test_normals_of_a_sphere_are_its_radii():
     assert np.quantile(off_radius(found.points, found.normals), 0.99) < 8
 
 
+@pytest.mark.parametrize("count", [1, 16, 64])
+def test_neighbours_in_a_crowd_are_the_nearest_each_once(count):
+    """Thousands in one cell, and points that come three times: nearest first, and of those as far the first ones."""
+    rng = np.random.default_rng(2)
+    crowd = 1e-3 * rng.random((3000, 3))
+    grid = native.Grid(np.concatenate([rng.random((500, 3)), crowd, crowd[:50], crowd[:50]]).astype(np.float32))
+    asked = np.flatnonzero((grid.points < 1e-3).all(1)).astype(np.int32)[::7]
+    found, _ = grid.neighbours(asked, count)
+    away = ((grid.points[asked][:, None] - grid.points) ** 2).sum(2)
+    expected = np.argsort(away, axis=1, kind="stable")[:, :count]
+    np.testing.assert_allclose(
+        np.take_along_axis(away, found, 1), np.take_along_axis(away, expected, 1), rtol=1e-4, atol=1e-12
+    )
+    assert all(len(set(row)) == count for row in found.tolist())
+
+
 def test_patches_follow_curvature_where_planes_do_not():
     cloud = sphere_of(1000)
     grid = native.Grid(cloud)

@@ -37,6 +37,7 @@ class Grid:
         A point is its own neighbour, and the last neighbour is repeated where a cloud has fewer. Spacing is the side of
         the square patch of surface that is a point's share, by its 12 nearest points.
         """
+        asked = np.ascontiguousarray(asked, np.int32)
         found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
         call(
             "z2p_neighbours", ctypes.c_void_p(int(self._handle[0])), self.points, asked, len(asked), count, found,
