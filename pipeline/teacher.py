@@ -21,6 +21,12 @@ QUICK_ENGINE = "openvino-bf16"
 """Twice as quick as an exact one, and what it rounds is far less than what a teacher errs."""
 
 
+def teaching_engine() -> str | None:
+    """Name of the engine that teachers run on; None for whichever exact one there is."""
+    quick: type[Engine] = registry.load("engines", QUICK_ENGINE)
+    return QUICK_ENGINE if quick.installed() else None
+
+
 class TeacherError(ValueError):
     """Weights that cannot teach these shards; the message says which and why."""
 
@@ -47,8 +53,7 @@ class Teacher:
         known = [[control["name"], control["version"]] for control in self._loaded.card["controls"]]
         if known != wanted:
             raise TeacherError(f"train.teacher: expected weights whose controls are {wanted}, got {known} in {weights}")
-        quick: type[Engine] = registry.load("engines", QUICK_ENGINE)
-        self._engine = start_engine(self._loaded, file, QUICK_ENGINE if quick.installed() else None, threads=1)
+        self._engine = start_engine(self._loaded, file, teaching_engine(), threads=1)
         cells = Camera(resolution, resolution).frame_coordinates(step=self._loaded.config.unshuffle)
         self._encoding = self._loaded.encoder.encode(*cells)
 

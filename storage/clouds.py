@@ -86,6 +86,15 @@ def format_suffix(path: Path) -> str:
     return inner.suffix.lower()
 
 
+def reader_of(path: Path) -> type[Reader]:
+    """The reader that takes a file of that name.
+
+    Raises:
+        ScanError: none does, or two do.
+    """
+    return type(_reader(format_suffix(path)))
+
+
 def find_scans(
     inputs: Sequence[str], recursive: bool, passed_over: Callable[[Path], None] = lambda path: None
 ) -> list[Path]:

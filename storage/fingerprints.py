@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from storage.code import code_digest, imported_modules, source_of
-from storage.stage_code import stage_code, stage_packages
+from storage.stage_code import installed_version, stage_code, stage_packages
 from z2p_core import registry
 
 SCHEMA = 2
@@ -77,7 +77,8 @@ def file_digest(path: Path) -> str:
 def plugin_fields(plugin: type[Any]) -> dict[str, str]:
     """Name, version and code digest of a plugin class: any of them changing makes its users stale.
 
-    Where the plugin's module imports others of its own package, their code counts as well.
+    Where the plugin's module imports others of its own package, their code counts as well, and so do the versions of
+    the `packages` that it says it needs.
 
     Raises:
         ValueError: the class does not come from a Python file.
@@ -87,6 +88,9 @@ def plugin_fields(plugin: type[Any]) -> dict[str, str]:
         raise ValueError(f"plugin {plugin!r}: expected a class from a Python file, found no source")
     digests = _package_digests(plugin.__module__, Path(source))
     code = digests[0] if len(digests) == 1 else fingerprint({"modules": digests})
+    versions = {package: installed_version(package) for package in getattr(plugin, "packages", ())}
+    if versions:
+        code = fingerprint({"code": code, "packages": versions})
     return {"name": plugin.name, "version": plugin.version, "code": code}
 
 

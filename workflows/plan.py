@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pipeline.engines import REFERENCE_ENGINE
+from pipeline.teacher import teaching_engine
 from storage.checkpoints import WeightsError, load_weights, resolve
 from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry
 from storage.meshes import find_meshes
+from storage.stage_code import installed_version
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict, training_fault
 from z2p_core.interfaces import ScanError
@@ -179,6 +181,8 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
         weights = parameters.pop(name)
         if weights:
             parameters[name] = _weights_digest(name, weights, config.render.controls)
+    if "teacher" in parameters:
+        parameters["teacher_engine"] = _engine_fields(teaching_engine())
     network = parameters["network"]
     if network["conditioning"] == NetworkConfig.conditioning:
         del network["conditioning"]  # results of before there was a choice mean the same, and can be adopted
@@ -190,6 +194,14 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
         "parameters": parameters,
         "controls": _controls(config),
     }
+
+
+def _engine_fields(name: str | None) -> dict[str, str]:
+    """What tells an engine from another; exact ones give the same picture but for rounding."""
+    if name is None:
+        return {"name": "exact"}
+    engine = registry.load("engines", name)
+    return {"name": name, "version": engine.version, engine.package: installed_version(engine.package)}
 
 
 def _weights_digest(name: str, weights: str, controls: Sequence[str]) -> str:

@@ -14,7 +14,7 @@ from pipeline.load import load_plugins
 from pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
 from pipeline.paper.sweeps import CONTROLS, OWN_SHAPES
 from storage.checkpoints import WeightsError, resolve, shipped
-from storage.clouds import find_scans
+from storage.clouds import find_scans, reader_of
 from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from storage.layout import Entry
 from storage.stage_code import OF_WEIGHTS
@@ -202,7 +202,8 @@ def _times(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> 
 
 def _scans(config: ReportConfig, scans: Sequence[Path], method: Method) -> ReportStep:
     fields = _run_by(method, stage_fields("scans")) | _values(config) | {
-        "scans": [[path.name, file_digest(path)] for path in scans], "method": method_fields(method),
+        "scans": [[path.name, file_digest(path), plugin_fields(reader_of(path))] for path in scans],
+        "method": method_fields(method),
     }  # fmt: skip
     return ReportStep(Entry("scans", f"scans/{method.name}", fields), method=method)
 

@@ -39,6 +39,8 @@ class Baseline(ABC, Timed):
 
     name: ClassVar[str]
     version: ClassVar[str]
+    packages: ClassVar[tuple[str, ...]] = ()
+    """Distributions whose versions count, as the code does, when results are told stale: ``("open3d",)``."""
     for_view: ClassVar[bool] = False
     """Whether a mesh serves one viewpoint alone, and is made anew for another."""
 
@@ -64,6 +66,8 @@ class Painter(ABC, Timed):
 
     name: ClassVar[str]
     version: ClassVar[str]
+    packages: ClassVar[tuple[str, ...]] = ()
+    """Distributions whose versions count, as the code does, when results are told stale: ``("open3d",)``."""
 
     @abstractmethod
     def paint(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:

@@ -212,6 +212,8 @@ class Sampler(ABC):
 
     name: ClassVar[str]
     version: ClassVar[str]
+    packages: ClassVar[tuple[str, ...]] = ()
+    """Distributions whose versions count, as the code does, when results are told stale: ``("open3d",)``."""
 
     @abstractmethod
     def sample(
@@ -254,6 +256,8 @@ class Reader(ABC):
     version: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
     """Lower-case, with the dot: ``(".las", ".laz")``."""
+    packages: ClassVar[tuple[str, ...]] = ()
+    """Distributions whose versions count, as the code does, when results are told stale: ``("open3d",)``."""
     columns: Sequence[str] | None = None
     """What the user says that a text file's columns hold: ``("x", "y", "z", "r", "g", "b")``; others ignore it."""
 

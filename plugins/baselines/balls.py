@@ -17,6 +17,7 @@ class Balls(Baseline):
 
     name = "balls"
     version = "2"
+    packages = ("trimesh",)
 
     def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (42 N, 3) float64 and triangles (80 N, 3) int64; from `MANY` points on (12 N, 3) and (20 N, 3).

@@ -21,6 +21,7 @@ class BallPivoting(Baseline):
 
     name = "bpa"
     version = "1"
+    packages = ("open3d",)
 
     def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (V, 3) float64, the cloud's points, and triangles (M, 3) int64 between them.

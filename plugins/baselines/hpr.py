@@ -19,6 +19,7 @@ class VisibleTriangles(Baseline):
 
     name = "hpr"
     version = "1"
+    packages = ("open3d",)
     for_view = True
 
     def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ class Poisson(Baseline):
 
     name = "poisson"
     version = "1"
+    packages = ("open3d",)
 
     def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (V, 3) float64 and triangles (M, 3) int64 of the trimmed surface.

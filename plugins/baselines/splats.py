@@ -19,6 +19,7 @@ class Splats(Baseline):
 
     name = "splats"
     version = "1"
+    packages = ("open3d",)
 
     def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
         """Vertices (8 N, 3) float64 and triangles (6 N, 3) int64.

@@ -15,6 +15,7 @@ class E57(Reader):
 
     name = "e57"
     version = "1"
+    packages = ("pye57",)
     suffixes = (".e57",)
 
     def memory(self, path: Path) -> int:

@@ -19,6 +19,7 @@ class Las(Reader):
 
     name = "las"
     version = "1"
+    packages = ("laspy", "lazrs")
     suffixes = (".las", ".laz")
 
     def memory(self, path: Path) -> int:

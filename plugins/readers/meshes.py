@@ -19,6 +19,7 @@ class Meshes(Reader):
 
     name = "meshes"
     version = "1"
+    packages = ("trimesh",)
     suffixes = (".stl", ".glb")
 
     def read(self, path: Path) -> list[np.ndarray]:

@@ -21,6 +21,7 @@ class Pcd(Reader):
 
     name = "pcd"
     version = "2"
+    packages = ("pypcd4",)
     suffixes = (".pcd",)
 
     def memory(self, path: Path) -> int:

@@ -15,6 +15,7 @@ class Vertices(Reader):
 
     name = "vertices"
     version = "1"
+    packages = ("trimesh",)
     suffixes = (".obj", ".off")
 
     def memory(self, path: Path) -> int:

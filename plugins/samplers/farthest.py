@@ -16,6 +16,7 @@ class Farthest(Sampler):
 
     name = "farthest"
     version = "1"
+    packages = ("open3d",)
 
     def sample(self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
         """Points (count, 3) float64.

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+import storage.fingerprints
 from storage.code import ROOT, code_digest, defined, imports, part_digest, source_of
 from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from storage.stage_code import NOT_SHAPING, PACKAGES, SHAPING
@@ -172,6 +173,14 @@ def test_a_plugins_code_is_that_of_its_whole_package(tmp_path, monkeypatch):
     assert plugin_fields(plugin) == before
     (package / "strength.py").write_text("STRENGTH = 3\n")
     assert plugin_fields(plugin)["code"] != before["code"]
+
+
+def test_a_plugin_becomes_stale_with_the_packages_that_it_names(monkeypatch):
+    farthest, uniform = (registry.load("samplers", name) for name in ("farthest", "uniform"))
+    before = [plugin_fields(plugin) for plugin in (farthest, uniform)]
+    monkeypatch.setattr(storage.fingerprints, "installed_version", lambda package: f"{package} of tomorrow")
+    assert plugin_fields(farthest)["code"] != before[0]["code"]
+    assert plugin_fields(uniform) == before[1]
 
 
 @pytest.mark.parametrize("where", ["packed_plugin", "packed_plugin.deep"])

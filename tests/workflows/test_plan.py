@@ -135,6 +135,14 @@ def test_every_parameter_is_in_the_table():
     assert set(leaves(PipelineConfig())) == set(EFFECTS) | {"meshes", "evaluate_meshes"}
 
 
+def test_another_engine_of_the_teacher_trains_again(config, monkeypatch):
+    taught = edited(config, "train.teacher", "regular")
+    before, without = make_plan(taught), make_plan(config)
+    monkeypatch.setattr(workflows.plan, "teaching_engine", lambda: None)
+    assert stale(before, make_plan(taught)) == AFTER_SHARDS
+    assert stale(without, make_plan(config)) == set()
+
+
 def test_more_views_keep_every_finished_chunk(config):
     before, after = prints(make_plan(config)), prints(make_plan(edited(config, "render.views", 30)))
     assert after["render/ape/0-10"] == before["render/ape/0-10"]
