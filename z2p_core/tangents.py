@@ -25,8 +25,14 @@ MOST_POINTS = 40_000
 """Of larger clouds so many points, chosen by their coordinates, stand for all."""
 PATCHES = 2
 """How often a patch is fitted, each time from the normals before."""
-LOOSE, LOOSER = 0.6, 2.0
+LOOSE, LOOSER = 0.4, 2.0
 """How far from the plane before a neighbour still counts: in spacings, and in standard deviations of the noise."""
+SLABS = ((8, 5, 0.211), (16, 9, 0.567))
+"""Of so many neighbours a slab holds so many, and is half as wide as so much of noise of a seventh of the spacing."""
+TOLD = 0.2
+"""Noise in spacings up to which slabs tell it: they hardly grow any more with what is larger."""
+STACKED = 0.06
+"""Share of neighbours above or below a point from which on there are sheets close to each other."""
 BUMPS = 0.1
 """Of a clean surface at one spacing: where noise is as large, a point goes half the way to its patch."""
 
@@ -88,24 +94,46 @@ def probes(count: int) -> np.ndarray:
 
 def noise_of(grid: native.Grid, asked: np.ndarray, found: np.ndarray, spacing: float) -> float:
     """Standard deviation of the points off their surface, from neighbours found (M, K) of those asked for (M,)."""
-    noise = left_by_curvature(grid.points, asked, found)
+    noise = left_by_curvature(grid.points, found)
+    if noise > 0 and len(grid.points) >= FEWEST:
+        least, steep = in_slabs(grid.points, asked, found)
+        if steep > STACKED and least < TOLD * spacing:
+            return min(noise, least)
     while neighbours_for(noise / spacing) >= 2 * found.shape[1] <= len(grid.points):
         # noise so large that it is not all seen in so small a patch
         found, _ = grid.neighbours(asked, 2 * found.shape[1])
-        noise = max(noise, left_by_curvature(grid.points, asked, found))
+        noise = max(noise, left_by_curvature(grid.points, found))
     return noise
 
 
-def left_by_curvature(points: np.ndarray, asked: np.ndarray, found: np.ndarray) -> float:
-    """The part of points' standard deviation off planes through neighbours found (M, K) that curvature leaves open.
+def in_slabs(points: np.ndarray, asked: np.ndarray, found: np.ndarray) -> tuple[float, float]:
+    """The points' standard deviation as the better half of their neighbours found (M, 16) tells it.
 
-    What a curved surface leaves grows with the patch, to four times the variance over twice the points; noise does not.
+    The other side of a plate, or another bar close by, is not in that half, and so is not taken for noise. Also the
+    share of neighbours above and below the points, which tells such from the steps of a depth camera.
     """
+    variances = []
+    for many, held, share in SLABS:
+        widths, steep = native.slabs(points, asked, found[:, :many], held)
+        variances.append((float(np.median(widths)) / share) ** 2)
+    return without_curvature(*variances), float(steep.mean())
+
+
+def left_by_curvature(points: np.ndarray, found: np.ndarray) -> float:
+    """The points' standard deviation off planes through neighbours found (M, K)."""
     variances = []
     for many in (found.shape[1] // 2, found.shape[1]):
         spread = native.planes(points, np.ascontiguousarray(found[:, :many]))[1]
         variances.append(float(np.median(spread)) ** 2 * many / (many - 3))  # three of them fit the plane
-    return math.sqrt(max(4 * variances[0] - variances[1], 0.0) / 3)
+    return without_curvature(*variances)
+
+
+def without_curvature(fewer: float, twice: float) -> float:
+    """Standard deviation, of variances among some neighbours and twice as many, that a curved surface leaves open.
+
+    What it leaves grows with the patch, to four times the variance over twice the points; noise does not.
+    """
+    return math.sqrt(max(4 * fewer - twice, 0.0) / 3)
 
 
 def neighbours_for(noise: float) -> int:

@@ -7,7 +7,7 @@ import pytest
 from point_shapes import sphere_of, square_of
 
 from z2p_core import native
-from z2p_core.tangents import FEWEST, MOST, neighbours_for, tangents, thinned
+from z2p_core.tangents import FEWEST, MOST, left_by_curvature, neighbours_for, scatter, tangents, thinned
 
 
 def noisy(cloud, scale, seed=7):
@@ -153,3 +153,51 @@ def test_thinning_keeps_its_word_where_points_coincide_in_float32(seed):
     assert 5 <= len(thinned(cloud, 40_000)) <= 60_000
     wide = rng.normal(size=(70_000, 3)).astype(np.float32)
     assert 0.9 * 40_000 < len(thinned(wide, 40_000)) < 1.1 * 40_000
+
+
+def plate(count: int, thick: float, seed: int = 0) -> np.ndarray:
+    """Both sides of a square plate, its thickness in spacings of either side."""
+    rng = np.random.default_rng(seed)
+    sides = np.where(rng.random(count) < 0.5, thick * math.sqrt(2 / count), 0.0)
+    return np.column_stack([rng.random((count, 2)), sides]).astype(np.float32)
+
+
+@pytest.mark.parametrize("thick", [0.7, 1.0, 1.5])
+def test_the_other_side_of_a_plate_is_no_noise(thick):
+    cloud = plate(3000, thick)
+    grid = native.Grid(cloud)
+    asked = np.arange(0, 3000, 7, dtype=np.int32)
+    found, spacing = grid.neighbours(asked, FEWEST)
+    typical = float(np.median(spacing))
+    assert left_by_curvature(grid.points, found) > 0.1 * typical or thick == 1.5  # what planes alone say
+    assert scatter(cloud) < 0.06
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.25])
+def test_noise_is_told_of_a_sheet_and_of_a_plate(sigma):
+    rng = np.random.default_rng(4)
+    sheet = np.column_stack([rng.random((4000, 2)), sigma / math.sqrt(4000) * rng.normal(size=4000)])
+    assert scatter(sheet.astype(np.float32)) == pytest.approx(sigma, rel=0.25)
+    noisy = plate(4000, 3.0) + sigma / math.sqrt(2000) * rng.normal(size=(4000, 3)).astype(np.float32)
+    assert scatter(noisy) == pytest.approx(sigma, rel=0.45)
+
+
+def test_a_depth_cameras_steps_are_noise():
+    """Pixels of a slanted wall, whose depths come in steps as large as their distance."""
+    x, y = np.meshgrid(np.arange(60.0), np.arange(60.0))
+    steps = np.round(0.37 * x + 0.21 * y)
+    assert scatter(np.column_stack([x.ravel(), y.ravel(), steps.ravel()]).astype(np.float32)) > 0.15
+
+
+def test_a_slab_holds_half_of_the_points_and_leaves_out_the_rest():
+    """Nine points within 0.02 of a tilted plane, seven far from it."""
+    rng = np.random.default_rng(6)
+    flat = np.column_stack([rng.uniform(-1, 1, (16, 2)), rng.uniform(-0.02, 0.02, 16)])
+    flat[9:, 2] = rng.uniform(3, 4, 7)
+    flat[0] = 0
+    turned = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    points = (flat @ turned).astype(np.float32)
+    rows = np.concatenate([[0], 1 + np.argsort((flat[1:, :2] ** 2).sum(1))]).astype(np.int32)[None]
+    widths, steep = native.slabs(points, np.zeros(1, np.int32), rows, 9)
+    assert 0.005 < widths[0] < 0.06
+    assert steep[0] == pytest.approx(7 / 16)

@@ -57,6 +57,18 @@ def planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return normals, spread
 
 
+def slabs(points: np.ndarray, asked: np.ndarray, found: np.ndarray, held: int) -> tuple[np.ndarray, np.ndarray]:
+    """The thinnest slabs that hold so many of the neighbours found (M, K <= 16) of points (N, 3): half widths (M,).
+
+    And the share (M,) of neighbours that lie above or below the point, by that slab, rather than beside it. The points
+    asked for (M,) int32 are each the first of their own neighbours; a slab lies along two of the nearest six others.
+    """
+    widths, steep = np.empty((2, len(asked)), np.float32)
+    rows = (np.ascontiguousarray(asked, np.int32), np.ascontiguousarray(found, np.int32))
+    call("z2p_slabs", points, *rows, len(asked), found.shape[1], held, widths, steep)
+    return widths, steep
+
+
 def jets(
     points: np.ndarray, before: np.ndarray, asked: np.ndarray, found: np.ndarray, tolerance: np.ndarray,
     scale: np.ndarray,
