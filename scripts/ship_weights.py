@@ -46,9 +46,9 @@ Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixe
 - **The last round** was one of `configs/{config}.toml` (`z2p pipeline --config FILE --meshes DIR
   --evaluate-meshes DIR`), training result `{fingerprint}`; sha256 of the shipped file `{digest}`.
 - **Data**: {renders} Cycles renders (and their validation share) of {meshes} meshes: gathered from the public
-  repositories alecjacobson/common-3d-test-models, libigl/libigl-tutorial-data and odedstein/meshes, where each keeps the
-  licence of its source and none is part of z2p; and, of more than 34, relatives of those by scripts/vary_meshes.py and
-  things built by scripts/build_things.py (docs/meshes.md). {samples} samples seen in this round.
+  repositories alecjacobson/common-3d-test-models, libigl/libigl-tutorial-data and odedstein/meshes, where each keeps
+  the licence of its source and none is part of z2p; and, of more than 34, relatives of those by scripts/vary_meshes.py
+  and things built by scripts/build_things.py (docs/meshes.md). {samples} samples seen in this round.
 - **Begun** {begun}.
 - **Measured** on {evaluated} meshes never trained on, {views} views each, {points} points{noise},
   {resolution}x{resolution}, seed {seed}; controls are drawn at random, elevation apart:
