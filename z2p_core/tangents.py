@@ -31,6 +31,8 @@ SLABS = ((8, 5, 0.211), (16, 9, 0.567))
 """Of so many neighbours a slab holds so many, and is half as wide as so much of noise of a seventh of the spacing."""
 TOLD = 0.2
 """Noise in spacings up to which slabs tell it: they hardly grow any more with what is larger."""
+UNTOLD = 1.6
+"""How many times what slabs tell noise is at most, where it is larger and other sheets are close by."""
 STACKED = 0.06
 """Share of neighbours above or below a point from which on there are sheets close to each other."""
 BUMPS = 0.1
@@ -94,16 +96,18 @@ def probes(count: int) -> np.ndarray:
 
 def noise_of(grid: native.Grid, asked: np.ndarray, found: np.ndarray, spacing: float) -> float:
     """Standard deviation of the points off their surface, from neighbours found (M, K) of those asked for (M,)."""
-    noise = left_by_curvature(grid.points, found)
-    if noise > 0 and len(grid.points) >= FEWEST:
+    noise, most = left_by_curvature(grid.points, found), math.inf
+    if len(grid.points) >= FEWEST:
         least, steep = in_slabs(grid.points, asked, found)
-        if steep > STACKED and least < TOLD * spacing:
-            return min(noise, least)
+        if steep > STACKED:  # sheets close to each other, where planes tell neither their noise nor that there is none
+            if least < TOLD * spacing:
+                return least
+            noise, most = max(noise, least), UNTOLD * least
     while neighbours_for(noise / spacing) >= 2 * found.shape[1] <= len(grid.points):
         # noise so large that it is not all seen in so small a patch
         found, _ = grid.neighbours(asked, 2 * found.shape[1])
         noise = max(noise, left_by_curvature(grid.points, found))
-    return noise
+    return min(noise, most)
 
 
 def in_slabs(points: np.ndarray, asked: np.ndarray, found: np.ndarray) -> tuple[float, float]:

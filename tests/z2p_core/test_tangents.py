@@ -7,7 +7,7 @@ import pytest
 from point_shapes import sphere_of, square_of
 
 from z2p_core import native
-from z2p_core.tangents import FEWEST, MOST, left_by_curvature, neighbours_for, scatter, tangents, thinned
+from z2p_core.tangents import FEWEST, MOST, left_by_curvature, neighbours_for, probes, scatter, tangents, thinned
 
 
 def noisy(cloud, scale, seed=7):
@@ -180,6 +180,18 @@ def test_noise_is_told_of_a_sheet_and_of_a_plate(sigma):
     assert scatter(sheet.astype(np.float32)) == pytest.approx(sigma, rel=0.25)
     noisy = plate(4000, 3.0) + sigma / math.sqrt(2000) * rng.normal(size=(4000, 3)).astype(np.float32)
     assert scatter(noisy) == pytest.approx(sigma, rel=0.45)
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.2])
+@pytest.mark.parametrize("thick", [1.5, 1.8, 2.0])
+def test_noise_of_a_plate_is_told_where_planes_tell_none(sigma, thick):
+    """Its other side comes in among the further neighbours, which planes take for curvature."""
+    rng = np.random.default_rng(4)
+    cloud = plate(4000, thick) + sigma / math.sqrt(2000) * rng.normal(size=(4000, 3)).astype(np.float32)
+    grid = native.Grid(cloud)
+    found, _ = grid.neighbours(probes(4000), FEWEST)
+    assert left_by_curvature(grid.points, found) == 0
+    assert scatter(cloud) == pytest.approx(sigma, rel=0.25)
 
 
 def test_a_depth_cameras_steps_are_noise():
