@@ -96,14 +96,14 @@ def reader_of(path: Path) -> type[Reader]:
 
 
 def find_scans(
-    inputs: Sequence[str], recursive: bool, passed_over: Callable[[Path], None] = lambda path: None
+    inputs: Sequence[str], recursive: bool, passed_over: Callable[[Path], None] = lambda path: None, named: bool = False
 ) -> list[Path]:
     """The files that the inputs stand for, in the inputs' order, each once.
 
     A file stands for itself. A folder stands for the readable files in it, sorted by name; with `recursive`, for those
     below it too. Anything else is a glob pattern. Hidden files and links to folders are left out of folders and globs:
     what such a link leads to is either found anyway or lies outside. So is prose: a folder's .txt or .csv that does not
-    begin with numbers or their names; `passed_over` is told of each.
+    begin with numbers or their names (which the user may have `named`); `passed_over` is told of each.
 
     Raises:
         ScanError: an input is a URL or matches nothing, or a folder or pattern holds no readable file.
@@ -113,7 +113,7 @@ def find_scans(
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]*://", text):
             raise ScanError(f"{text!r} is a URL; z2p reads local files only, so download it first")
         try:
-            paths = _expand(text, recursive, passed_over)
+            paths = _expand(text, recursive, passed_over, named)
         except ScanError:
             raise
         except (OSError, ValueError) as error:
@@ -124,7 +124,7 @@ def find_scans(
     return list(found.values())
 
 
-def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None]) -> list[Path]:
+def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], named: bool) -> list[Path]:
     """The files behind one input."""
     path = Path(text)
     if path.is_dir():
@@ -138,7 +138,7 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None]) -> 
     suffixes = readable_suffixes()
     paths = []
     for candidate in candidates:
-        if is_prose(candidate):
+        if is_prose(candidate, named):
             passed_over(candidate)
         elif format_suffix(candidate) in suffixes:
             paths.append(candidate)

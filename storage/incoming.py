@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from z2p_core.column_names import column_names, is_comment, is_number
+from z2p_core.column_names import column_names, is_comment, is_number, is_row
 from z2p_core.interfaces import ScanError
 
 STDIN_STEM = "stdin"
@@ -63,8 +63,11 @@ def suffix_of(head: bytes) -> str:
     return ".obj" if any(line.split()[0] == b"v" for line in lines[:200]) else ".xyz"
 
 
-def is_prose(path: Path) -> bool:
-    """Whether a .txt or .csv file begins with neither three numbers nor the names x, y and z: a note, not a scan."""
+def is_prose(path: Path, named: bool = False) -> bool:
+    """Whether a .txt or .csv file begins with neither three numbers nor the names x, y and z: a note, not a scan.
+
+    Where the user has `named` its columns, one line may stand before the numbers, and words beside them.
+    """
     if path.suffix.lower() not in (".txt", ".csv") or not path.is_file():  # opening a pipe would wait for ever
         return False
     try:
@@ -72,13 +75,20 @@ def is_prose(path: Path) -> bool:
             head = file.read(4096).decode("utf-8-sig", errors="replace")
     except OSError:
         return False  # the reader says what is wrong
-    for line in (line.split("#")[0].strip() for line in head.splitlines()):
-        if column_names(line):
-            return False
-        if line and not is_comment(line):
-            words = re.split(r"[;,\s]+", line.strip(";,"))
-            return len(words) < 3 or not all(map(is_number, words))
-    return True
+    lines = [line for line in (line.split("#")[0].strip() for line in head.splitlines()) if line]
+    if any(map(column_names, lines[: _first_row(lines) + 1])):
+        return False
+    rows = lines[_first_row(lines) :]
+    if named and rows and not is_row(rows[0]):
+        rows = rows[1:]
+    words = re.split(r"[;,\s]+", rows[0].strip(";,")) if rows else []
+    numbers = sum(map(is_number, words))
+    return numbers < 3 or (numbers < len(words) and not named)
+
+
+def _first_row(lines: list[str]) -> int:
+    """Index of the first line that is no comment."""
+    return next((index for index, line in enumerate(lines) if not is_comment(line)), len(lines))
 
 
 @contextmanager

@@ -57,7 +57,7 @@ def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options
 def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dict[str, Any]) -> bool:
     """True when a file failed."""
     columns = columns_from(options)
-    scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
+    scans = found_scans(ctx, inputs, options, columns is not None)
     from pipeline.batch import told_fault
     from pipeline.motion import Motion
     from pipeline.suited import renderer_for

@@ -5,14 +5,17 @@ from __future__ import annotations
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import click
 
 STDIN = "-"
 
 
-def found_scans(ctx: click.Context, inputs: tuple[str, ...], recursive: bool, quiet: bool) -> list[Path]:
+def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, Any], named: bool) -> list[Path]:
     """The files behind the inputs; standard input is kept in a temporary file until the command ends.
+
+    `named`: the user names the columns of text files.
 
     Raises:
         ScanError: an input is a URL or matches nothing, or standard input is empty.
@@ -24,11 +27,11 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], recursive: bool, qu
     if inputs.count(STDIN) > 1:
         raise click.UsageError("- stands for standard input, which can be read only once", ctx)
     def say(path: Path) -> None:
-        if not quiet:
-            told = "text without points; name the file itself to have it read"
+        if not options["quiet"]:
+            told = "text without points; name its columns (--columns) or the file itself to have it read"
             click.echo(f"passed over: {shown(path)}: {told}", err=True)
 
-    scans = find_scans([text for text in inputs if text != STDIN], recursive, say)
+    scans = find_scans([text for text in inputs if text != STDIN], options["recursive"], say, named)
     if STDIN in inputs:
         folder = ctx.with_resource(tempfile.TemporaryDirectory(prefix=PREFIX))
         scans.append(spool(sys.stdin.buffer, Path(folder)))

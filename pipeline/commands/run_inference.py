@@ -76,7 +76,7 @@ def _run(
     columns = columns_from(options)
     if options["palette_name"] and "color" in values:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
-    scans = found_scans(ctx, inputs, options["recursive"], options["quiet"])
+    scans = found_scans(ctx, inputs, options, columns is not None)
     from pipeline.batch import render_files
     from pipeline.suited import renderer_for
     from z2p_core.threads import cores

@@ -119,6 +119,9 @@ def test_prose_in_a_folder_is_passed_over_and_said(render: Callable[..., Result]
     assert result.exit_code == 0, result.output
     assert sorted(path.stem for path in (tmp_path / "out").iterdir()) == ["one", "plain", "table", "two"]
     told = [line for line in result.stderr.splitlines() if line.startswith("passed over: ")]
-    assert len(told) == 4 and all("name the file itself" in line for line in told)
+    assert len(told) == 4 and all("or the file itself" in line for line in told)
+    (scans / "list.csv").write_text("lon,lat,top\n" + "".join(rows))
+    assert render(scans, "--columns", "x,y,z").exit_code == 0
+    assert (tmp_path / "out" / "list.png").exists()
     named = render(scans / "README.txt")
     assert named.exit_code == 1 and "failed: " in named.stderr

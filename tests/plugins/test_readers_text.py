@@ -220,3 +220,13 @@ def test_what_begins_as_a_note_is_still_prose(tmp_path: Path) -> None:
     for text in ("// by hand\n1 2 3\n", "0,5\t0,25\t1\n", "1,,2,3\n", "; by hand\nX (m);Y (m);Z (m)\n", ",x,y,z\n"):
         (tmp_path / "e.txt").write_text(text)
         assert not is_prose(tmp_path / "e.txt"), text
+
+
+def test_where_the_user_names_columns_a_line_of_words_may_stand_first(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    for text in ("lon,lat,height\n1,2,3\n", "// by hand\na;b;c;d\n1;2;3;oak\n", "1,2,3,oak\n"):
+        path.write_text(text)
+        assert is_prose(path) and not is_prose(path, named=True), text
+    for text in ("name,owner\na,b\n", "of a fox\nmade in May\n1 2 3\n", "a,b,c\n1,2\n", "a,b,c\n", ""):
+        path.write_text(text)
+        assert is_prose(path, named=True), text
