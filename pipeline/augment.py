@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,8 +11,6 @@ from z2p_core.config import TrainConfig
 from z2p_core.geometry import random_rotation
 from z2p_core.noise import add_noise
 
-SIGNED = {"light": (1,)}
-"""Numbers of a control's settings that run from left to right: the light's azimuth. Others are alike in a mirror."""
 CHOICE = 8
 """Points of the pool for each point of an even cloud, to take the one nearest to its cell's centre."""
 MOST_HOLES, HOLE = 8, (3, 8)
@@ -65,19 +61,16 @@ def evenly(pool: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray
     return even
 
 
-def mirrored(record: Record, controls: Sequence[dict[str, Any]]) -> Record:
-    """The record with left and right exchanged: pictures, light and settings; its points are to follow (x to -x).
-
-    `controls` are the shard's, in the order of the settings.
-    """
-    settings, start = record.settings.copy(), 0
-    for control in controls:
-        for number in SIGNED.get(control["name"], ()):
-            settings[start + number] = 1 - settings[start + number]
-        start += int(control["size"])
+def mirrored(record: Record) -> Record:
+    """The record with left and right exchanged: pictures, light and settings; its points are to follow (x to -x)."""
     radius, azimuth, elevation = record.scene.light
-    scene = replace(record.scene, light=(radius, -azimuth, elevation))
-    return replace(record, rgba=record.rgba[:, ::-1], coverage=record.coverage[:, ::-1], settings=settings, scene=scene)
+    return Record(
+        rgba=record.rgba[:, ::-1],
+        coverage=record.coverage[:, ::-1],
+        settings=record.mirrored_settings,
+        mirrored_settings=record.settings,
+        scene=replace(record.scene, light=(radius, -azimuth, elevation)),
+    )
 
 
 def _cells(points: np.ndarray, side: float) -> np.ndarray:

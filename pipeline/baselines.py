@@ -21,6 +21,7 @@ from pipeline.render import RenderError, RenderSettings, read_render, render_mes
 from storage.fingerprints import fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry, Store
 from storage.meshes import Mesh
+from storage.whole import whole, write_whole
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit
@@ -108,9 +109,7 @@ def rebuild_scenes(
                 (folder / f"{stem}.png").unlink(missing_ok=True)  # cut off before its times were written
             told = _made(rival, cloud, rng, jobs, folder, settings, log)
             for stem, _ in jobs:
-                temporary = folder / f".{stem}.json"
-                temporary.write_text(json.dumps(told), encoding="utf-8")
-                temporary.replace(folder / f"{stem}.json")
+                write_whole(json.dumps(told).encode(), folder / f"{stem}.json")
     return [_kept(folder, stem, settings) for stem in stems]
 
 
@@ -187,9 +186,8 @@ def _painted(painter: Painter, cloud: np.ndarray, scene: SceneDescription, setti
 
 
 def _save(picture: np.ndarray, path: Path) -> None:
-    temporary = path.with_name(f".{path.name}")
-    Image.fromarray(picture).save(temporary, format="PNG")
-    temporary.replace(path)
+    with whole(path) as temporary:
+        Image.fromarray(picture).save(temporary, format="PNG")
 
 
 def _kept(folder: Path, stem: str, settings: RenderSettings) -> Rebuilt:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +12,7 @@ import torch
 from PIL import Image
 from torch import Tensor
 
+from storage.whole import whole, write_whole
 from z2p_core.images import bytes_from_unit
 from z2p_core.losses import grey_on_white, ssim
 
@@ -46,10 +46,8 @@ def write_strips(path: Path, buffers: Tensor, prediction: Tensor, target: Tensor
     drawn = buffers[:, :1].clamp(0, 1).expand(-1, 3, -1, -1)
     columns = torch.cat([drawn, on_white(prediction), on_white(target)], dim=3).clamp(0, 1).cpu()  # (B, 3, H, 3W)
     picture = np.concatenate([row.permute(1, 2, 0).numpy() for row in columns])
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    Image.fromarray(bytes_from_unit(picture)).save(temporary, format="PNG")
-    temporary.replace(path)
+    with whole(path) as temporary:
+        Image.fromarray(bytes_from_unit(picture)).save(temporary, format="PNG")
 
 
 def write_curve(folder: Path, rows: Sequence[Row]) -> None:
@@ -59,10 +57,7 @@ def write_curve(folder: Path, rows: Sequence[Row]) -> None:
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in rows)
-    folder.mkdir(parents=True, exist_ok=True)
-    temporary = folder / f".curve.csv.{os.getpid()}"
-    temporary.write_text(text.getvalue(), encoding="utf-8")
-    temporary.replace(folder / "curve.csv")
+    write_whole(text.getvalue().encode(), folder / "curve.csv")
     _draw(folder / "curve.png", rows, columns)
 
 
@@ -82,6 +77,5 @@ def _draw(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> None:
     for axes in (left, right):
         if axes.lines:
             axes.legend(fontsize=8)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    figure.savefig(temporary, format="png", dpi=100)
-    temporary.replace(path)
+    with whole(path) as temporary:
+        figure.savefig(temporary, format="png", dpi=100)

@@ -201,7 +201,7 @@ class CloudPictures:
         """What the teacher draws; where scenes may be seen in a mirror, the mean with what it draws there."""
         picture = teacher.picture(cloud, scene, record.settings, side)
         if self.config.mirror:
-            other = mirrored(record, self.controls)
+            other = mirrored(record)
             there = replace(other.scene, floor=scene.floor)
             drawn = teacher.picture(cloud * np.array([-1, 1, 1], np.float32), there, other.settings, side)
             picture = (picture + drawn[:, ::-1]) / 2
@@ -217,7 +217,7 @@ class CloudPictures:
             if size <= self._room:
                 self._room -= size
                 self._cache[place, side] = record
-        return mirrored(record, self.controls) if in_mirror else record
+        return mirrored(record) if in_mirror else record
 
 
 def _stack(samples: list[_Sample], teacher_share: float = 0.0) -> Batch:

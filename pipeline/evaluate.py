@@ -25,6 +25,7 @@ from pipeline.views import View, describe, draw_view, view_rng
 from storage.checkpoints import resolve
 from storage.fingerprints import file_digest, plugin_fields, stage_fields
 from storage.meshes import Mesh, read_mesh
+from storage.whole import write_whole
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig, to_dict
 from z2p_core.geometry import Sphere, bounding_sphere
@@ -289,7 +290,4 @@ def _number(value: float) -> float | None:
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> Path:
-    temporary = path.with_name(f".{path.name}")
-    temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
-    temporary.replace(path)
-    return path
+    return write_whole((json.dumps(data, indent=1) + "\n").encode(), path)

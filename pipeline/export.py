@@ -9,8 +9,7 @@ import tempfile
 import warnings
 from pathlib import Path
 
-import numpy as np
-
+from pipeline.halving import halved_constants
 from pipeline.load import LoadedWeights, load_plugins
 from storage.checkpoints import WeightsError, resolve
 from storage.exports import save_onnx
@@ -18,8 +17,6 @@ from storage.exports import save_onnx
 OPSET = 17
 TRACED = (2, 72, 104)
 """Batch, height and width that the network is traced at; batch, height and width of the model are free."""
-SMALL = 256
-"""Elements below which a constant stays as it is."""
 
 
 def export_onnx(weights: Path) -> Path:
@@ -32,7 +29,7 @@ def export_onnx(weights: Path) -> Path:
         ImportError: torch, onnx or onnxruntime is not installed.
     """
     loaded = load_plugins(weights)
-    return save_onnx(weights, loaded.weights.digest, _halved(_folded(_traced(loaded))))
+    return save_onnx(weights, loaded.weights.digest, halved_constants(_folded(_traced(loaded))))
 
 
 def check_exporter() -> None:
@@ -80,31 +77,6 @@ def _folded(model: bytes) -> bytes:
         options.intra_op_num_threads, options.log_severity_level = 1, 3
         onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
         return Path(options.optimized_model_filepath).read_bytes()
-
-
-def _halved(model: bytes) -> bytes:
-    """The model with its large constants as float16 where that loses nothing, each behind a cast to float32."""
-    import onnx
-    from onnx import numpy_helper
-
-    parsed = onnx.load_from_string(model)
-    casts = []
-    for constant in parsed.graph.initializer:
-        array = numpy_helper.to_array(constant)
-        if array.dtype != np.float32 or array.size < SMALL:
-            continue
-        with np.errstate(over="ignore"):  # what is too large for float16 differs, and stays
-            half = array.astype(np.float16)
-        if np.array_equal(half.astype(np.float32), array):
-            name = constant.name
-            constant.CopyFrom(numpy_helper.from_array(half, f"{name}.half"))
-            casts.append(onnx.helper.make_node("Cast", [f"{name}.half"], [name], to=onnx.TensorProto.FLOAT))
-    nodes = [*casts, *parsed.graph.node]
-    del parsed.graph.node[:]
-    parsed.graph.node.extend(nodes)
-    onnx.checker.check_model(parsed)
-    written: bytes = parsed.SerializeToString()
-    return written
 
 
 if __name__ == "__main__":

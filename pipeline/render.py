@@ -19,6 +19,7 @@ import numpy as np
 from PIL import Image
 
 from storage.meshes import Mesh, read_mesh
+from storage.whole import whole
 from z2p_core.geometry import bounding_sphere
 from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied, unit_from_bytes
 from z2p_core.scene import SceneDescription
@@ -173,9 +174,8 @@ def _develop(exr: Path, out: Path, stem: str) -> None:
     _save_png(bytes_from_unit(coverage), out / f"{stem}.coverage.png")
     passes = _passes(channels, coverage)
     if passes:
-        temporary = out / f".{stem}.passes.npz"
-        np.savez_compressed(temporary, **passes)  # type: ignore[arg-type]
-        temporary.replace(out / f"{stem}.passes.npz")
+        with whole(out / f"{stem}.passes.npz") as temporary, temporary.open("wb") as file:
+            np.savez_compressed(file, **passes)  # type: ignore[arg-type]
     straight = straight_from_premultiplied(np.clip(channels["Combined"], 0, None))
     straight[..., :3] = srgb_from_linear(straight[..., :3])
     _save_png(bytes_from_unit(straight), out / f"{stem}.png")
@@ -196,6 +196,5 @@ def _passes(channels: dict[str, np.ndarray], coverage: np.ndarray) -> dict[str, 
 
 
 def _save_png(picture: np.ndarray, path: Path) -> None:
-    temporary = path.with_name(f".{path.name}")
-    Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)
-    temporary.replace(path)
+    with whole(path) as temporary:
+        Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)

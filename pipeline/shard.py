@@ -65,10 +65,13 @@ def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Reco
     if rest or factor < 1:
         raise ConfigError(f"shard.resolution: expected a divisor of the renders' {rgba.shape[0]}, got {resolution}")
     rgba, coverage = shrink_pictures(rgba, coverage, factor)
+    values = {name: tuple(view["values"][name]) for name in controls}
+    turned = {name: control.mirrored(values[name]) for name, control in controls.items()}
     return Record(
         rgba=rgba,
         coverage=coverage,
-        settings=settings_vector(view["values"], controls),
+        settings=settings_vector(values, controls),
+        mirrored_settings=settings_vector(turned, controls),
         scene=scene,
     )
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.halving import add_constant, constant_of, halved_constants, replace_nodes, widened
+
 Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Buffers, encoding and settings as `z2p_core.interfaces.Engine.run` takes them."""
 
@@ -22,8 +24,6 @@ PICTURE = 4
 """Channels of a picture, which come before the buffers."""
 PERCENTILE = 99.999
 """Of an activation's values, how many the 8 bits reach."""
-SMALL = 256
-"""Elements below which a constant stays as it is."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
     for node in graph.node:
         if node.op_type == "Shape" and node.input[0] == folded:
             node.input[0] = drawn  # as high and as wide
-    _replace_nodes(graph, list(graph.node))
+    replace_nodes(graph, list(graph.node))
     checker.check_model(model)
     written: bytes = model.SerializeToString()
     return written
@@ -77,14 +77,14 @@ def quantised(onnx: bytes, calibration: Iterable[Inputs]) -> bytes:
     read = [given.name for given in graph.input]  # no encoding, where the network has none
     with tempfile.TemporaryDirectory(prefix="z2p-quantise-") as folder:
         plain, done = Path(folder) / "plain.onnx", Path(folder) / "quantised.onnx"
-        plain.write_bytes(_widened(onnx))
+        plain.write_bytes(widened(onnx))
         quantize_static(
             plain, done, _Reader(calibration, read), quant_format=QuantFormat.QDQ, op_types_to_quantize=["Conv"],
             per_channel=True, activation_type=QuantType.QUInt8, weight_type=QuantType.QInt8, nodes_to_exclude=names,
             calibrate_method=CalibrationMethod.Percentile,
             extra_options={"AddQDQPairToWeight": True, "CalibPercentile": PERCENTILE},
         )  # fmt: skip
-        return _halved(done.read_bytes())
+        return halved_constants(done.read_bytes())
 
 
 class _Reader:
@@ -108,13 +108,13 @@ def _convolution(graph: Any, weight: str) -> Any:
 
 def _strided_stem(graph: Any, stem: Any, padded: str, encoding: str | None, channels: int, cell: int) -> str:
     """Puts strided convolutions in the stem's place, for each part that its output is split into; one's output."""
-    kernel, halved = _constant(graph, "stem.weight")
-    bias, _ = _constant(graph, stem.input[2])
+    kernel, halved = constant_of(graph, "stem.weight")
+    bias, _ = constant_of(graph, stem.input[2])
     split = next(node for node in graph.node if node.op_type == "Split" and node.input[0] == stem.output[0])
     graph.node.remove(split)
     graph.node.remove(stem)
     first, drawn = 0, ""
-    for name, output, size in zip(STEM_PARTS, split.output, _constant(graph, split.input[1])[0], strict=True):
+    for name, output, size in zip(STEM_PARTS, split.output, constant_of(graph, split.input[1])[0], strict=True):
         rows = slice(first, first + int(size))
         blocks, rest = np.split(kernel[rows], [channels * cell**2], axis=1)
         parts = {f"stem.{name}": Part(padded, blocks.reshape(-1, channels, cell, cell), bias[rows], cell)}
@@ -129,8 +129,8 @@ def _split_input(graph: Any, convolution: Any) -> None:
     """Puts a convolution for the picture and one for the buffers in the place of one of both, joined."""
     name = convolution.input[1].removesuffix(".weight")
     joined = next(node for node in graph.node if convolution.input[0] in node.output)
-    kernel, halved = _constant(graph, convolution.input[1])
-    bias, _ = _constant(graph, convolution.input[2])
+    kernel, halved = constant_of(graph, convolution.input[1])
+    bias, _ = constant_of(graph, convolution.input[2])
     picture, buffers = np.split(kernel, [PICTURE], axis=1)
     seen, beside = joined.input
     parts = {f"{name}.picture": Part(seen, picture, bias), f"{name}.buffers": Part(beside, buffers)}
@@ -143,10 +143,10 @@ def _add_convolutions(graph: Any, parts: dict[str, Part], output: str, halved: b
     from onnx import helper
 
     for name, part in parts.items():
-        graph.node.extend(_add_constant(graph, f"{name}.weight", part.kernel, halved))
+        graph.node.extend(add_constant(graph, f"{name}.weight", part.kernel, halved))
         inputs = [part.source, f"{name}.weight"]
         if part.bias is not None:
-            graph.node.extend(_add_constant(graph, f"{name}.bias", part.bias, halved=False))
+            graph.node.extend(add_constant(graph, f"{name}.bias", part.bias, halved=False))
             inputs.append(f"{name}.bias")
         side = part.kernel.shape[-1]
         border = side // 2 if part.stride == 1 else 0  # blocks lie side by side, pixels' surroundings overlap
@@ -166,86 +166,3 @@ def _sources(graph: Any, stem: Any) -> tuple[str, str, str | None]:
     while node.op_type != "Pad":
         node = makers[node.input[0]]
     return folded, node.output[0], encoding
-
-
-def _constant(graph: Any, name: str) -> tuple[np.ndarray, bool]:
-    """A constant in float32, and whether it is stored as float16."""
-    from onnx import numpy_helper
-
-    stored = {constant.name: constant for constant in graph.initializer}
-    halved = f"{name}.half" in stored
-    return numpy_helper.to_array(stored[f"{name}.half" if halved else name]).astype(np.float32), halved
-
-
-def _add_constant(graph: Any, name: str, value: np.ndarray, halved: bool) -> list[Any]:
-    """Stores a constant; the nodes that widen it, if it is to be stored as float16."""
-    from onnx import TensorProto, helper, numpy_helper
-
-    value = np.ascontiguousarray(value)
-    if not halved:
-        graph.initializer.append(numpy_helper.from_array(value, name))
-        return []
-    graph.initializer.append(numpy_helper.from_array(value.astype(np.float16), f"{name}.half"))
-    return [helper.make_node("Cast", [f"{name}.half"], [name], to=TensorProto.FLOAT)]
-
-
-def _replace_nodes(graph: Any, nodes: list[Any]) -> None:
-    """Gives the graph these nodes, each after those that it reads of, and drops what nothing reads."""
-    wanted, left = {output.name for output in graph.output}, list(nodes)
-    while True:
-        read = wanted | {name for node in left for name in node.input}
-        used = [node for node in left if not read.isdisjoint(node.output)]
-        if len(used) == len(left):
-            break
-        left = used
-    known = {constant.name for constant in graph.initializer} | {given.name for given in graph.input} | {""}
-    ordered: list[Any] = []
-    while left:
-        ready = [node for node in left if known.issuperset(node.input)]
-        ordered += ready
-        known.update(output for node in ready for output in node.output)
-        left = [node for node in left if not known.issuperset(node.output)]
-    constants = [constant for constant in graph.initializer if constant.name in read]
-    for field, content in ((graph.node, ordered), (graph.initializer, constants)):
-        del field[:]
-        field.extend(content)
-
-
-def _widened(onnx: bytes) -> bytes:
-    """The model with float32 constants in place of float16 ones and the casts behind them."""
-    from onnx import load_from_string, numpy_helper
-
-    model = load_from_string(onnx)
-    graph = model.graph
-    stored = {constant.name: constant for constant in graph.initializer}
-    casts = [node for node in graph.node if node.op_type == "Cast" and node.input[0] in stored]
-    for cast in casts:
-        constant = stored[cast.input[0]]
-        constant.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(constant).astype(np.float32), cast.output[0]))
-    _replace_nodes(graph, [node for node in graph.node if node not in casts])
-    written: bytes = model.SerializeToString()
-    return written
-
-
-def _halved(onnx: bytes) -> bytes:
-    """The model with its large constants as float16 where that loses nothing, each behind a cast to float32."""
-    from onnx import checker, load_from_string, numpy_helper
-
-    model = load_from_string(onnx)
-    graph, nodes = model.graph, []
-    for constant in list(graph.initializer):
-        array = numpy_helper.to_array(constant)
-        if array.dtype == np.float32 and array.size >= SMALL and np.array_equal(_rounded(array), array):
-            name = constant.name
-            graph.initializer.remove(constant)
-            nodes += _add_constant(graph, name, array, halved=True)
-    _replace_nodes(graph, [*nodes, *graph.node])
-    checker.check_model(model)
-    written: bytes = model.SerializeToString()
-    return written
-
-
-def _rounded(array: np.ndarray) -> np.ndarray:
-    """What float16 keeps of a float32 array; infinite where that is too large for it."""
-    with np.errstate(over="ignore"):
-        return array.astype(np.float16).astype(np.float32)

@@ -59,14 +59,15 @@ def read_mesh(path: Path) -> Mesh:
 
 
 def find_meshes(folder: Path) -> dict[str, Path]:
-    """The meshes in a folder (not below it), sorted, by stem, or by file name where two share a stem.
+    """The meshes in a folder (not below it, nor hidden), sorted, by stem, or by file name where two share a stem.
 
     Raises:
         ScanError: no such folder, or no mesh in it.
     """
     if not folder.is_dir():
         raise ScanError(f"expected a folder of meshes, got {shown(folder)}, which is no folder; check the path")
-    paths = sorted(path for path in folder.iterdir() if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
+    visible = [path for path in folder.iterdir() if not path.name.startswith(".")]  # as ._cow.obj, which macOS leaves
+    paths = sorted(path for path in visible if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
     if not paths:
         raise ScanError(f"folder {shown(folder)} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
     stems = [path.stem for path in paths]

@@ -20,7 +20,7 @@ import numpy as np
 from storage.whole import whole
 from z2p_core.scene import SceneDescription
 
-SCHEMA = 2
+SCHEMA = 3
 SCENE_BYTES = 1024
 """Room for a scene as JSON: fixed-length strings read the same from every thread."""
 INFLATION = 1200
@@ -41,6 +41,8 @@ class Record:
     """(R, R) uint8, how much of the pixel the object covers, without its shadow."""
     settings: np.ndarray
     """(S,) float32, the settings vector as the controls encode it."""
+    mirrored_settings: np.ndarray
+    """(S,) float32, that of the same scene with left and right exchanged."""
     scene: SceneDescription
     """What was rendered."""
 
@@ -111,7 +113,7 @@ class Shard:
             raise IndexError(f"{self.path}: record {index} of {len(self)}")
         try:
             file = self._open()
-            arrays = {name: file[name][index] for name in ("rgba", "coverage", "settings")}
+            arrays = {name: file[name][index] for name in ("rgba", "coverage", "settings", "mirrored_settings")}
             return Record(**arrays, scene=_scene(file["scene"][index]))
         except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
             raise self._damaged(error) from error
@@ -177,6 +179,7 @@ def _layout(
         "rgba": ((count, side, side, 4), np.uint8),
         "coverage": ((count, side, side), np.uint8),
         "settings": ((count, settings), np.float32),
+        "mirrored_settings": ((count, settings), np.float32),
         "scene": ((count,), np.dtype(f"S{SCENE_BYTES}")),
         "pool": ((points, 3), np.float32),
     }

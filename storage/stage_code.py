@@ -64,9 +64,10 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "train": (
         "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.augment",
-        "pipeline.teacher", "pipeline.curve", "pipeline.engines", "pipeline.export", "pipeline.shard:shrink_pictures",
-        "storage.exports", "storage.graphs", "storage.shards", "storage.shelf", "z2p_core.flip", "z2p_core.geometry",
-        "z2p_core.images", "z2p_core.losses", "z2p_core.metrics:PIXELS_A_DEGREE", "z2p_core.noise", "z2p_core.sliding",
+        "pipeline.teacher", "pipeline.curve", "pipeline.engines", "pipeline.export", "pipeline.halving",
+        "pipeline.shard:shrink_pictures", "storage.exports", "storage.graphs", "storage.shards", "storage.shelf",
+        "z2p_core.flip", "z2p_core.geometry", "z2p_core.images", "z2p_core.losses",
+        "z2p_core.metrics:PIXELS_A_DEGREE", "z2p_core.noise", "z2p_core.sliding",
         *_NETWORK,
     ),
     "evaluate": (

@@ -129,6 +129,10 @@ class Control(ABC):
             for number, low, high in zip(value, slider.low, slider.high, strict=True)
         )
 
+    def mirrored(self, value: Value) -> Value:
+        """Value for the same scene with left and right exchanged, as training shows it; itself unless overridden."""
+        return value
+
     @abstractmethod
     def apply(self, value: Value, scene: SceneDescription) -> None:
         """Write the value into the description of the Blender scene, e.g. ``scene.material["Metallic"] = value[0]``."""

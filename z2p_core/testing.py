@@ -208,6 +208,10 @@ def _check_encoding(control: Control, value: Value) -> tuple[float, ...]:
     size = control.size
     expect(len(encoding) == size, f"{control.name}: size is {size}, but encode gives {encoding} for {value}")
     expect(bool(np.isfinite(encoding).all()), f"{control.name}: encode gives {encoding} for {value}")
+    turned = control.mirrored(value)
+    _accepts(control, turned, f"what mirrored gives for {value}")
+    again = control.mirrored(turned)
+    expect(bool(np.allclose(again, value)), f"{control.name}: mirrored twice gives {again} for {value}")
     return encoding
 
 

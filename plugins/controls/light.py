@@ -21,6 +21,10 @@ class Light(Control):
         metavar="R,AZ,EL",
     )
 
+    def mirrored(self, value: Value) -> Value:
+        radius, azimuth, elevation = value
+        return radius, -azimuth, elevation
+
     def apply(self, value: Value, scene: SceneDescription) -> None:
         radius, azimuth, elevation = value
         scene.light = (radius, azimuth, elevation)

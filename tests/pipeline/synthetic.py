@@ -37,11 +37,14 @@ def sphere_record(side: int, rng: np.random.Generator, radius: float = 0.8) -> R
     rgba[inside > 0, :3] = (255 * color * shade[inside > 0, None] + 0.5).astype(np.uint8)
     rgba[..., 3] = np.where(inside > 0, 255, 0)
     low, high = np.array([0, 0, 0, 3, -90, 25, 0]), np.array([1, 1, 1, 4.5, 90, 75, 80])
-    settings = (np.array([*color, *light, elevation]) - low) / (high - low)
+    settings, mirrored = (
+        ((np.array([*color, light[0], azimuth, light[2], elevation]) - low) / (high - low)).astype(np.float32)
+        for azimuth in (light[1], -light[1])
+    )
     rotation = tuple(tuple(row) for row in random_rotation(rng).tolist())
     material = {"Base Color": (*(float(linear_from_srgb(x)) for x in color), 1.0)}
     scene = SceneDescription(elevation, tuple(map(float, light)), material, rotation)
-    return Record(rgba, rgba[..., 3].copy(), settings.astype(np.float32), scene)
+    return Record(rgba, rgba[..., 3].copy(), settings, mirrored, scene)
 
 
 def sphere_shard(
@@ -55,6 +58,10 @@ def sphere_shard(
     controls = list(CONTROLS)
     if metallic:
         controls.append({"name": "metallic", "version": "1", "size": 1})
-        records = [replace(one, settings=np.append(one.settings, np.float32(rng.random()))) for one in records]
+        more = rng.random(count, dtype=np.float32)
+        records = [
+            replace(one, settings=np.append(one.settings, number), mirrored_settings=np.append(one.settings, number))
+            for one, number in zip(records, more, strict=True)
+        ]
     write_shard(path, records, pool, {"mesh": path.stem, "controls": controls, "resolution": side})
     return path

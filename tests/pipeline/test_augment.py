@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import CONTROLS, sphere_record
+from synthetic import sphere_record
 
 from pipeline.augment import HOLE, MOST_HOLES, draw_cloud, evenly, mirrored, with_holes
 from plugins.controls.light import Light
@@ -62,14 +62,14 @@ def test_holes_take_patches_away_and_nothing_else():
 
 def test_a_mirror_exchanges_picture_light_and_settings_and_twice_it_is_nothing():
     record = sphere_record(16, np.random.default_rng(3))
-    other = mirrored(record, CONTROLS)
+    other = mirrored(record)
     np.testing.assert_array_equal(other.rgba, record.rgba[:, ::-1])
     np.testing.assert_array_equal(other.coverage, record.coverage[:, ::-1])
     radius, azimuth, elevation = record.scene.light
     assert other.scene == replace(record.scene, light=(radius, -azimuth, elevation))
     np.testing.assert_allclose(other.settings[3:6], Light().encode(other.scene.light), atol=1e-6)
     np.testing.assert_array_equal(other.settings[[0, 1, 2, 6]], record.settings[[0, 1, 2, 6]])
-    again = mirrored(other, CONTROLS)
+    again = mirrored(other)
     np.testing.assert_array_equal(again.rgba, record.rgba)
     np.testing.assert_allclose(again.settings, record.settings, atol=1e-6)
     assert again.scene == record.scene

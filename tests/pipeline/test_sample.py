@@ -75,7 +75,7 @@ def test_wrong_requests_are_clear_errors(tetrahedron: Path, tmp_path: Path) -> N
 
 
 def test_meshes_are_found_sorted_and_named_apart(tmp_path: Path) -> None:
-    for name in ("b.ply", "a.OFF", "b.obj", "notes.txt", "c.stl"):
+    for name in ("b.ply", "a.OFF", "b.obj", "notes.txt", "c.stl", "._c.stl", ".hidden.ply"):
         (tmp_path / name).touch()
     (tmp_path / "folder.ply").mkdir()
     found = find_meshes(tmp_path)

@@ -74,3 +74,10 @@ def test_settings_follow_the_order_of_the_controls(controls):
     swapped = dict(reversed(controls.items()))
     assert np.allclose(settings_vector(VALUES, swapped), [0.5, 0.0, 1.0, 0.5, 0.1, 0.2, 0.3])
     assert vector.dtype == np.float32
+
+
+def test_a_view_knows_its_settings_in_a_mirror(renders, controls):
+    """Only the light, which comes from the other side there, knows left from right."""
+    record = read_view(renders / "a" / "view_00002.json", 4, controls)
+    assert np.allclose(record.settings, [0.1, 0.2, 0.3, 0.0, 1.0, 0.5, 0.5])
+    assert np.allclose(record.mirrored_settings, [0.1, 0.2, 0.3, 0.0, 0.0, 0.5, 0.5])

@@ -11,7 +11,7 @@ from z2p_core.scene import SceneDescription
 
 CONTROLS = [{"name": "color", "version": "1", "size": 3}, {"name": "elevation", "version": "1", "size": 1}]
 ATTRIBUTES = {"mesh": "blob", "controls": CONTROLS, "resolution": 16}
-NAMES = ("rgba", "coverage", "settings", "scene")
+NAMES = ("rgba", "coverage", "settings", "mirrored_settings", "scene")
 
 
 def records_of(count, side=16, seed=0):
@@ -20,6 +20,7 @@ def records_of(count, side=16, seed=0):
         Record(
             rng.integers(0, 256, (side, side, 4), dtype=np.uint8),
             rng.integers(0, 256, (side, side), dtype=np.uint8),
+            rng.random(4, dtype=np.float32),
             rng.random(4, dtype=np.float32),
             SceneDescription(
                 elevation=rng.uniform(0, 80), light=tuple(rng.uniform(1, 4, 3).tolist()), lift=rng.uniform(0, 0.4),
@@ -56,7 +57,7 @@ def assert_whole(contents):
             np.testing.assert_array_equal(getattr(record, name), getattr(expected, name))
     np.testing.assert_array_equal(pool, POOL)
     np.testing.assert_array_equal(elevations, [record.scene.elevation for record in records])
-    assert attributes == {**ATTRIBUTES, "schema": 2}
+    assert attributes == {**ATTRIBUTES, "schema": 3}
 
 
 def test_what_goes_in_comes_out(shard):
@@ -166,7 +167,7 @@ def test_not_a_shard_missing_and_other_schema(shard, tmp_path):
     with pytest.raises(ShardError, match="no such shard"):
         Shard(tmp_path / "absent.h5")
     write_shard(shard, records_of(1), POOL, {**ATTRIBUTES, "schema": 99})
-    with pytest.raises(ShardError, match="expected schema 2, got 99"):
+    with pytest.raises(ShardError, match="expected schema 3, got 99"):
         Shard(shard)
 
 

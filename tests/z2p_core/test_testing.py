@@ -133,6 +133,8 @@ def test_sound_plugins_pass(tmp_path: Path) -> None:
         ({"encode": lambda self, value: (value[0], 0.0)}, "size is 1"),
         ({"encode": lambda self, value: (float("nan"),)}, "encode gives"),
         ({"encode": lambda self, value: (0.5,)}, "nothing is steered"),
+        ({"mirrored": lambda self, value: (-1.0 - value[0],)}, "what mirrored gives"),
+        ({"mirrored": lambda self, value: (value[0] / 2,)}, "mirrored twice gives"),
         ({"parse": lambda self, text: (0.0,)}, "expected SettingError"),
         ({"parse": lambda self, text: (float(text),)}, "expected SettingError, got ValueError"),
         ({"apply": lambda self, value, scene: None}, "apply changes the scene for no value"),

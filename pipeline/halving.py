@@ -1,0 +1,93 @@
+"""Constants of an ONNX model as float16 where that loses nothing, which halves its file, and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+SMALL = 256
+"""Elements below which a constant stays as it is."""
+
+
+def halved_constants(onnx: bytes) -> bytes:
+    """The model with its large constants as float16 where that loses nothing, each behind a cast to float32."""
+    from onnx import checker, load_from_string, numpy_helper
+
+    model = load_from_string(onnx)
+    graph, nodes = model.graph, []
+    for constant in list(graph.initializer):
+        array = numpy_helper.to_array(constant)
+        if array.dtype == np.float32 and array.size >= SMALL and np.array_equal(_rounded(array), array):
+            name = constant.name
+            graph.initializer.remove(constant)
+            nodes += add_constant(graph, name, array, halved=True)
+    replace_nodes(graph, [*nodes, *graph.node])
+    checker.check_model(model)
+    written: bytes = model.SerializeToString()
+    return written
+
+
+def widened(onnx: bytes) -> bytes:
+    """The model with float32 constants in place of float16 ones and the casts behind them."""
+    from onnx import load_from_string, numpy_helper
+
+    model = load_from_string(onnx)
+    graph = model.graph
+    stored = {constant.name: constant for constant in graph.initializer}
+    casts = [node for node in graph.node if node.op_type == "Cast" and node.input[0] in stored]
+    for cast in casts:
+        constant = stored[cast.input[0]]
+        constant.CopyFrom(numpy_helper.from_array(numpy_helper.to_array(constant).astype(np.float32), cast.output[0]))
+    replace_nodes(graph, [node for node in graph.node if node not in casts])
+    written: bytes = model.SerializeToString()
+    return written
+
+
+def constant_of(graph: Any, name: str) -> tuple[np.ndarray, bool]:
+    """A constant in float32, and whether it is stored as float16."""
+    from onnx import numpy_helper
+
+    stored = {constant.name: constant for constant in graph.initializer}
+    halved = f"{name}.half" in stored
+    return numpy_helper.to_array(stored[f"{name}.half" if halved else name]).astype(np.float32), halved
+
+
+def add_constant(graph: Any, name: str, value: np.ndarray, halved: bool) -> list[Any]:
+    """Stores a constant; the nodes that widen it, if it is to be stored as float16."""
+    from onnx import TensorProto, helper, numpy_helper
+
+    value = np.ascontiguousarray(value)
+    if not halved:
+        graph.initializer.append(numpy_helper.from_array(value, name))
+        return []
+    graph.initializer.append(numpy_helper.from_array(value.astype(np.float16), f"{name}.half"))
+    return [helper.make_node("Cast", [f"{name}.half"], [name], to=TensorProto.FLOAT)]
+
+
+def replace_nodes(graph: Any, nodes: list[Any]) -> None:
+    """Gives the graph these nodes, each after those that it reads of, and drops what nothing reads."""
+    wanted, left = {output.name for output in graph.output}, list(nodes)
+    while True:
+        read = wanted | {name for node in left for name in node.input}
+        used = [node for node in left if not read.isdisjoint(node.output)]
+        if len(used) == len(left):
+            break
+        left = used
+    known = {constant.name for constant in graph.initializer} | {given.name for given in graph.input} | {""}
+    ordered: list[Any] = []
+    while left:
+        ready = [node for node in left if known.issuperset(node.input)]
+        ordered += ready
+        known.update(output for node in ready for output in node.output)
+        left = [node for node in left if not known.issuperset(node.output)]
+    constants = [constant for constant in graph.initializer if constant.name in read]
+    for field, content in ((graph.node, ordered), (graph.initializer, constants)):
+        del field[:]
+        field.extend(content)
+
+
+def _rounded(array: np.ndarray) -> np.ndarray:
+    """What float16 keeps of a float32 array; infinite where that is too large for it."""
+    with np.errstate(over="ignore"):
+        return array.astype(np.float16).astype(np.float32)
