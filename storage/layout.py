@@ -126,13 +126,18 @@ class Store:
     ) -> Path:
         """Folder of the entry's result, made by `write(folder)` unless it is complete already.
 
-        A resumable stage gets the same folder again after a kill; `leftovers` are glob patterns of files and folders
-        in it that served only to resume, removed before publishing.
+        A resumable stage gets the same folder again after a kill or a failure; what another has written by then goes.
+        `leftovers` are glob patterns of files and folders in it that served only to resume, removed before publishing.
         """
         with self.lock(entry):
             if not self.complete(entry):
                 folder = self._opened_work_folder(entry) if resumable else self._temporary_folder(entry)
-                write(folder)
+                try:
+                    write(folder)
+                except BaseException:
+                    if not resumable:
+                        _remove(folder)
+                    raise
                 note = read_note(folder)
                 if note and note["adopted"]:
                     entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})

@@ -11,6 +11,7 @@ import shutil
 import time
 import uuid
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,7 +59,10 @@ def sweep(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
             one.path.rename(trash / str(number))
         for name in drop:
             (store.root / ".kept" / f"{name}.json").unlink(missing_ok=True)
-    shutil.rmtree(store.root / ".trash")
+    for left in list(trash.parent.iterdir()):  # of sweeps that were killed too; others may be at theirs right now
+        shutil.rmtree(left, ignore_errors=left != trash)
+    with suppress(OSError):  # not empty: another's
+        trash.parent.rmdir()
     return found
 
 

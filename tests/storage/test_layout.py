@@ -150,6 +150,7 @@ def test_a_failing_stage_leaves_no_entry(store):
     with pytest.raises(OSError, match="disk full"):
         store.produce(entry(), fail)
     assert not store.folder(entry()).exists() and not store.complete(entry())
+    assert not list((store.root / ".tmp").iterdir())
     store.produce(entry(), write)
     assert store.complete(entry())
 

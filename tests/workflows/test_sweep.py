@@ -33,6 +33,7 @@ def test_results_of_a_setting_that_was_left_go_and_the_rest_stays(config, store)
     assert names(unneeded(store)) == {"train", "evaluate"}
     after = listing(store.root)
     assert {path for path in after if "/.locks" not in path} == {path for path in before if "/.locks" not in path}
+    (store.root / ".trash" / "of one that was killed" / "0").mkdir(parents=True)
     assert names(sweep(store)) == {"train", "evaluate"} and unneeded(store) == []
     assert all(store.complete(step.entry) for step in new.steps.values())
     assert not store.complete(old.steps["train"].entry) and not (store.root / ".trash").exists()
