@@ -35,7 +35,7 @@ class RenderConfig:
     """Views rendered by one task."""
     resolution: int = 128
     samples: int = 4
-    """Cycles samples a pixel; noise in training targets averages out, so few are enough."""
+    """Cycles samples a pixel. Noise averages out over the targets; what denoising few of them smears is learnt."""
     denoise: str = "fast"
     """``off``, ``fast``, ``balanced`` or ``high``: OpenImageDenoise's quality."""
     bounces: int = 3
