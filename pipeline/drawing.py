@@ -67,8 +67,10 @@ class Drawing:
     """Why other weights drew it than usual, in words; empty where they did not."""
 
 
-def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
+def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look, *, settled: bool = False) -> Drawing:
     """The scan of a file with that suffix (lower-case, with its dot; empty for none) as the look has it.
+
+    A `settled` renderer draws it whatever weights would suit the cloud, as those of the first frame do the others.
 
     Raises:
         ScanError: the cloud has no extent, or no sensor though its view is asked for.
@@ -82,7 +84,7 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     values = dict(look.values)
     if placed.stance.elevation is not None:
         values["elevation"] = (placed.stance.elevation,)
-    renderer, choice = renderer.suited(placed.cloud)
+    renderer, choice = (renderer, "") if settled else renderer.suited(placed.cloud)
     factor = look.supersample
     floor = placed.viewpoint.floor
     if floor is not None:

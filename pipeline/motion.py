@@ -84,7 +84,8 @@ def _frame(
         share = (number + offset) / motion.frames
         values, viewpoint = _moved(look.values, first, motion.kind, share)
         placing = replace(look.placing, viewpoint=viewpoint, azimuth=0.0)
-        shots.append(draw(renderer, scan, suffix, replace(look, values=values, placing=placing, tight=False)).picture)
+        shown = replace(look, values=values, placing=placing, tight=False)
+        shots.append(draw(renderer, scan, suffix, shown, settled=True).picture)
     if len(shots) == 1:
         return shots[0]
     mean = np.mean([premultiplied_from_straight(unit_from_bytes(shot)) for shot in shots], axis=0)

@@ -262,12 +262,13 @@ FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int s
         float y = ((float)v + 0.5f - 0.5f * (float)height) / focal, fall = y * rotation[5] + rotation[8];
         if (fall > -1e-6f) continue; /* at the horizon or above it */
         float reach = (floor->height - place[2]) / fall;
+        if (!(reach > 1e-6f)) continue; /* the eye is on the floor or below it */
         float row = (place[1] + reach * (y * rotation[4] + rotation[7]) + half) * scale - 0.5f;
         if (!(row > part[2] && row < part[3])) continue;
         float step = reach / focal * scale, start = (place[0] + half) * scale - 0.5f;
         start += (0.5f - 0.5f * (float)width) * step; /* the first pixel's column of the grids */
-        int from = (int)fmaxf(ceilf((part[0] - start) / step), 0);
-        int to = (int)fminf(floorf((part[1] - start) / step), (float)width - 1);
+        int from = (int)fminf(fmaxf(ceilf((part[0] - start) / step), 0), (float)width);
+        int to = (int)fmaxf(fminf(floorf((part[1] - start) / step), (float)width - 1), -1);
         blend_rows(lamp_shade, side, row, lamp_line);
         blend_rows(sky_shade, side, row, sky_line);
         blend_rows(mirror_shade, half_side, (row + 0.5f) * to_half - 0.5f, mirror_line);
