@@ -30,6 +30,31 @@ def test_a_cloud_given_several_times_is_the_cloud(points: np.ndarray, times: int
     assert np.array_equal(distinct(np.tile(points, (times, 1))), points)
 
 
+@pytest.mark.parametrize(("times", "off"), [(2, 1e-7), (3, 1e-5), (10, 1e-6), (3, 3e-4)])
+def test_a_cloud_given_again_with_other_last_digits_is_the_cloud(times: int, off: float) -> None:
+    rng = np.random.default_rng(5)
+    sphere = rng.normal(size=(3000, 3))
+    sphere = sphere / np.linalg.norm(sphere, axis=1, keepdims=True) + 4000.0
+    copies = np.vstack([sphere, *(sphere + rng.normal(0, off, sphere.shape) for _ in range(times - 1))])
+    kept = distinct(copies)
+    assert 0.98 * len(sphere) < len(kept) < 1.02 * len(sphere)
+    assert {tuple(row) for row in kept} <= {tuple(row) for row in copies}
+    gaps = np.linalg.norm(kept[:500, None] - kept[None, :500], axis=2) + 9 * np.eye(500)
+    assert gaps.min() > off
+
+
+def test_dense_parts_scan_lines_and_pairs_are_no_copies() -> None:
+    rng = np.random.default_rng(6)
+    sheet = np.column_stack([rng.random((4000, 2)), np.zeros(4000)])
+    dense = np.vstack([sheet, sheet * 0.05])  # 400 times as dense in a corner
+    along, across = np.tile(np.linspace(0, 1, 2000), 4), np.repeat(np.linspace(0, 1, 4), 2000)
+    lines = np.column_stack([along, across, np.zeros(8000)])
+    voxels = np.stack(np.meshgrid(*[np.arange(18.0)] * 3), -1).reshape(-1, 3)
+    some = np.vstack([sheet, sheet[:400] + 1e-6])  # too few to show
+    for cloud in (dense, lines, voxels, some, sheet[:16], sheet * 0):
+        assert len(distinct(cloud)) == len(np.unique(cloud, axis=0))
+
+
 def test_zero_has_no_sign(points: np.ndarray) -> None:
     flat = points * (1, 1, 0)
     assert len(distinct(np.vstack([flat, flat * (1, 1, -1)]))) == len(points)
