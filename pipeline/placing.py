@@ -9,7 +9,17 @@ import numpy as np
 from storage.clouds import FEWEST_POINTS, Scan
 from z2p_core.camera import DEFAULT_ELEVATION, turn
 from z2p_core.foreground import is_room, subject, support, upright
-from z2p_core.framing import UP_AXES, Up, choose_up, choose_view, clip_outliers, implied_sensor, sensor_view
+from z2p_core.framing import (
+    METRES,
+    MILLIMETRES,
+    UP_AXES,
+    Up,
+    choose_up,
+    choose_view,
+    clip_outliers,
+    implied_sensor,
+    sensor_view,
+)
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.turning import along, extent, turned
@@ -18,6 +28,8 @@ from z2p_core.viewpoint import Viewpoint, frame
 SETTLED = "as settled"
 """Stands for up where a camera was settled before."""
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
+MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
+ANY_UNIT = (METRES, MILLIMETRES)
 COARSE = 1000
 """Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
 OUTSIDE = 1.2
@@ -122,7 +134,7 @@ def place(
     wished, beyond = _allowed(wished, free)
     azimuth += placing.azimuth
     viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
-    hint = ROOM_HINT if not placing.cut_top and is_room(turned(points, up.rotation)) else ""
+    hint = _hint(points, up, placing)
     stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
                     _rounded(points))  # fmt: skip
     return Placed(viewpoint.place(points), stance, viewpoint)
@@ -197,6 +209,16 @@ def _rounded(points: np.ndarray) -> float:
     return step
 
 
+def _hint(points: np.ndarray, up: Up, placing: Placing) -> str:
+    """What the user may want to try, or nothing."""
+    upright_points = turned(points, up.rotation)
+    if not placing.cut_top and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
+        return ROOM_HINT
+    if (placing.up, placing.view, up.sensor) == ("auto", "auto", None) and implied_sensor(points, (MILLIMETRES,)):
+        return MILLIMETRES_HINT
+    return ""
+
+
 def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[float | None, str]:
     """The elevation that a view may have of what it wishes, None when it is settled elsewhere, and what to say."""
     if wished is None or free is None:
@@ -210,11 +232,11 @@ def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[fl
 def _upright(points: np.ndarray, sensor: Sensor | None, suffix: str, placing: Placing) -> Up:
     """How the cloud is set upright, with the sensor that it may be seen from."""
     if placing.up == "auto":
-        up = choose_up(points, sensor, suffix)
+        up = choose_up(points, sensor, suffix, ANY_UNIT if placing.view == "sensor" else (METRES,))
         wanted = up.sensor or sensor if placing.view == "sensor" else up.sensor
         return Up(up.rotation, up.axis, up.reason, wanted)
     rotation = np.array(UP_AXES[placing.up], dtype=np.float64)
-    wanted = (sensor or implied_sensor(points)) if placing.view == "sensor" else None
+    wanted = (sensor or implied_sensor(points, ANY_UNIT)) if placing.view == "sensor" else None
     return Up(rotation, placing.up, "as asked", wanted)
 
 

@@ -105,4 +105,5 @@ def _copies_apart(cloud: np.ndarray) -> float:
     if copied.mean() < PAIRED:
         return 0.0
     near, far = (float(np.median(away[rows, last + step][copied])) for step in (0, 1))
-    return min(math.sqrt(max(near, np.finfo(np.float32).eps) * far), far / 3)
+    near = max(near, float(np.finfo(np.float32).eps))
+    return min(math.sqrt(near * far), far / 3)

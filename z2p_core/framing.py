@@ -6,6 +6,7 @@ Nothing here is certain, so every choice comes with its reason in words, and the
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,18 +73,22 @@ class Up:
     """The depth camera that took the cloud, told by the file or implied by the points."""
 
 
-def choose_up(points: np.ndarray, sensor: Sensor | None, suffix: str) -> Up:
+METRES, MILLIMETRES = 1.0, 1000.0
+"""Units to a metre, as depth cameras give them."""
+
+
+def choose_up(points: np.ndarray, sensor: Sensor | None, suffix: str, units: Sequence[float] = (METRES,)) -> Up:
     """Which way is up in finite points (N, 3) of a file with that suffix (lower-case, with its dot), and why.
 
     A depth camera's own up, else what its format holds by convention, unless the object would topple over so and stand
     firmly the other way: scans in .ply are +Z or +Y up. A sensor that sees all around (a laser scanner)
-    says nothing about up.
+    says nothing about up. Without a sensor the points may look like a depth camera's in one of the `units` to a metre.
     """
     reason = "as its depth camera stood"
     if sensor is not None and not _is_camera(points, sensor):
         sensor = None
     elif sensor is None:
-        sensor, reason = implied_sensor(points), "it looks like a depth camera's view from the origin"
+        sensor, reason = implied_sensor(points, units), "it looks like a depth camera's view from the origin"
     if sensor is not None:
         rotation = np.array(UP_AXES["-Y"], dtype=np.float64) @ sensor.rotation.T
         return Up(rotation, _axis_name(rotation[2]), reason, sensor)
@@ -94,18 +99,20 @@ def choose_up(points: np.ndarray, sensor: Sensor | None, suffix: str) -> Up:
     return Up(np.array(UP_AXES[axis], dtype=np.float64), axis, reason)
 
 
-def implied_sensor(points: np.ndarray) -> Sensor | None:
-    """Depth camera at the origin that points (N, 3) in metres seem to come from, though no file says so; or None.
+def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Sensor | None:
+    """Depth camera at the origin that points (N, 3) seem to come from, though no file says so; or None.
 
     Its mark: all points lie before the origin in a narrow cone along +Z (OpenCV's axes) or -Z (OpenGL's), and seen from
     there hardly any direction holds two depths, while from the side many do. A whole object shows its back as well.
+    Hills measured from the air have that mark, too: depths must be those of such cameras in one of the `units` to a
+    metre, and millimetres cannot be told from hills that lie some hundred metres above the sea.
     """
     if len(points) < FEWEST_FOR_LAYERS:
         return None
     sign = 1.0 if points[0, 2] > 0 else -1.0
     depth = sign * points[:, 2]
     nearest, farthest = IMPLIED_DEPTHS
-    if depth.min() < nearest or depth.max() > farthest:
+    if not any(nearest * unit <= depth.min() and depth.max() <= farthest * unit for unit in units):
         return None
     if (np.hypot(points[:, 0], points[:, 1]) > math.tan(math.radians(IMPLIED_CONE)) * depth).any():
         return None

@@ -92,6 +92,17 @@ def test_a_sensors_view_needs_a_sensor(cloud: np.ndarray) -> None:
         place(scan(cloud), ".ply", Placing(view="sensor"), 20.0, FREE)
 
 
+def test_a_depth_camera_may_count_in_millimetres() -> None:
+    """That is not taken for granted, for hills have the same mark, but told, and done where it is asked for."""
+    millimetres, metres = (scan(seen() * 0.5 * unit) for unit in (1000, 1))
+    plain = place(millimetres, ".ply", Placing(), 20.0, FREE).stance
+    assert plain.up == "+Z" and "--view sensor" in plain.told
+    asked = place(millimetres, ".ply", Placing(view="sensor"), 20.0, FREE)
+    known = place(metres, ".ply", Placing(), 20.0, FREE)
+    assert asked.stance.up == known.stance.up and "millimetres" not in asked.stance.told + known.stance.told
+    np.testing.assert_allclose(asked.cloud, known.cloud, atol=1e-5)
+
+
 def test_an_azimuth_may_be_asked_for(cloud: np.ndarray) -> None:
     placed = place(scan(cloud), ".ply", Placing(view=50.0, azimuth=-20.0), 20.0, FREE)
     assert np.array_equal(placed.cloud, place_cloud(cloud, "+Z", 30.0))

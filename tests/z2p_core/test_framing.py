@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from z2p_core.camera import turn
-from z2p_core.framing import UP_AXES, choose_up, choose_view, clip_outliers, implied_sensor, sensor_view
+from z2p_core.framing import (
+    METRES,
+    MILLIMETRES,
+    UP_AXES,
+    choose_up,
+    choose_view,
+    clip_outliers,
+    implied_sensor,
+    sensor_view,
+)
 from z2p_core.geometry import bounding_sphere, random_rotation
 from z2p_core.interfaces import Sensor
 
@@ -119,6 +128,14 @@ def test_a_depth_picture_from_the_origin_is_found_out(sign: float) -> None:
     assert up.axis == {1.0: "-Y", -1.0: "+Y"}[sign]
     assert "origin" in up.reason
     assert up.sensor is not None and np.array_equal(up.sensor.rotation, axes)
+
+
+def test_a_depth_picture_in_millimetres_is_found_where_that_may_be() -> None:
+    points = depth_picture() * 1000
+    assert implied_sensor(points) is None
+    assert implied_sensor(points, (METRES, MILLIMETRES)) is not None
+    assert choose_up(points, None, ".ply", (METRES, MILLIMETRES)).axis == "-Y"
+    assert implied_sensor(sphere(5000) * 300 + [0, 0, 1000], (METRES, MILLIMETRES)) is None
 
 
 def terrain() -> np.ndarray:
