@@ -16,12 +16,12 @@ from z2p_core.framing import (
     Up,
     choose_up,
     choose_view,
-    clip_outliers,
     implied_sensor,
     sensor_view,
 )
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
+from z2p_core.strays import clip_outliers
 from z2p_core.turning import along, extent, turned
 from z2p_core.viewpoint import Viewpoint, frame
 

@@ -83,7 +83,8 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "scans": (
         "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
         "pipeline.placing", "storage.clouds", "storage.repeats", "storage.incoming", "z2p_core.column_names",
-        "z2p_core.framing", "z2p_core.foreground", "z2p_core.viewpoint", "z2p_core.standing", *_CASES,
+        "z2p_core.framing", "z2p_core.foreground", "z2p_core.viewpoint", "z2p_core.standing", "z2p_core.strays",
+        *_CASES,
     ),
     "times": ("workflows.report_stages:Times", "pipeline.paper.times", *_CASES),
     "trust": ("workflows.report_stages:Trust", "pipeline.paper.trust", "pipeline.paper.measure",

@@ -1,4 +1,4 @@
-"""From a bare cloud to a view of it: which way is up, where to look from, and which points to leave out of the frame.
+"""From a bare cloud to a view of it: which way is up, and where to look from.
 
 Nothing here is certain, so every choice comes with its reason in words, and the user can force another one.
 """
@@ -13,9 +13,9 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import DEFAULT_ELEVATION
-from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import Sensor
 from z2p_core.standing import topples
+from z2p_core.strays import thinned
 from z2p_core.turning import extent, turned
 
 UP_AXES = {
@@ -43,21 +43,10 @@ CAMERA_CONE = 60.0
 IMPLIED_CONE, IMPLIED_DEPTHS = 50.0, (0.1, 15.0)
 """Cone in degrees and depths in metres of a cloud that may be a depth camera's although its file does not say so."""
 FEWEST_FOR_LAYERS = 500
-MOST_LOOKED_AT = 20_000
-"""A larger cloud is thinned to this many points before its views are weighed."""
-
 AZIMUTHS = 24
 THREE_QUARTER = 22.5
 """Degrees off the broadest view, so that the object's depth shows as well."""
 TIE, NOISE = 0.03, 0.005
-
-FEWEST_TO_CLIP = 100
-SMALL_CLUSTER, MOST_CLIPPED = 0.01, 0.02
-"""Shares of all points: of one stray cluster at most, and of everything that is clipped."""
-LEAST_SPAN = 1e-300
-"""Of a cloud whose places in a grid are still numbers."""
-LEAST_GAIN = 0.1
-"""Clipping must shrink the bounding sphere's radius by this share at least; otherwise the strays do no harm."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +105,7 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
         return None
     if (np.hypot(points[:, 0], points[:, 1]) > math.tan(math.radians(IMPLIED_CONE)) * depth).any():
         return None
-    x, y, z = _thinned(points).T
+    x, y, z = thinned(points).T
     depth = sign * z
     from_origin = _layered(x / depth, y / depth, depth, float(np.median(depth)))
     from_side = max(_layered(y, z, x, 1.0), _layered(x, z, y, 1.0))
@@ -144,7 +133,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
     """
     low, high = extent(points)
-    points = _thinned(points - (low + high) / 2)
+    points = thinned(points - (low + high) / 2)
     reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
     shown = _showing(points / reach, elevation)
     nearest_first = sorted(range(AZIMUTHS), key=lambda step: (min(step, AZIMUTHS - step), step))
@@ -158,82 +147,9 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     return (azimuth - THREE_QUARTER if azimuth > 0 else azimuth + THREE_QUARTER), "shows most"
 
 
-def clip_outliers(points: np.ndarray) -> np.ndarray:
-    """Mask (N,) bool of finite points (N, 3): False for strays that would make the object small in its sphere.
-
-    Strays are clusters of under 1 % of the points, apart from the rest by a cell or more of a coarse grid. They go only
-    when that shrinks the bounding sphere's radius by over 10 %, and never more than 2 % of the points in all.
-    """
-    kept = np.ones(len(points), dtype=bool)
-    if len(points) < FEWEST_TO_CLIP:
-        return kept
-    for _ in range(4):  # a stray very far away hides the nearer ones from the first grid
-        rows = np.flatnonzero(kept)
-        budget = int(MOST_CLIPPED * len(points)) - (len(points) - len(rows))
-        strays = _strays(points[rows], int(SMALL_CLUSTER * len(points)), budget)
-        if not strays.any():
-            break
-        kept[rows[strays]] = False
-    return kept
-
-
-def _strays(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
-    """Mask (N,) of the points in small clusters outside the sphere of the others, when that sphere is clearly smaller.
-
-    Clusters of up to `largest` points count, the farthest ones first, up to `budget` points in all.
-    """
-    none = np.zeros(len(points), dtype=bool)
-    cluster = _clusters(points)
-    sizes = np.bincount(cluster)
-    small = sizes <= largest
-    if small.all() or not small.any():
-        return none
-    rows = np.flatnonzero(small[cluster])
-    reach = np.zeros(len(sizes))
-    centre = points[~small[cluster]].mean(0)
-    np.maximum.at(reach, cluster[rows], np.sqrt(((points[rows] - centre) ** 2).sum(1)))
-    farthest = np.flatnonzero(small)[np.argsort(-reach[small], kind="stable")]
-    taken = np.zeros(len(sizes), dtype=bool)
-    taken[farthest[np.cumsum(sizes[farthest]) <= budget]] = True
-    strays = taken[cluster]
-    rest = bounding_sphere(_thinned(points[~strays]))
-    whole = bounding_sphere(np.vstack([_thinned(points[~strays]), points[strays]])) if strays.any() else rest
-    if rest.radius > (1 - LEAST_GAIN) * whole.radius:
-        return none
-    outside = np.sqrt(((points - rest.centre) ** 2).sum(1)) > 1.02 * rest.radius
-    return strays & outside
-
-
-def _clusters(points: np.ndarray) -> np.ndarray:
-    """Number (N,) of each point's cluster: points in touching cells of a coarse grid.
-
-    Cells are a 24th of the widest side, or wider where the cloud is sparse: four points in a taken cell on average.
-    """
-    low, high = extent(points)
-    span = max(float((high - low).max()), LEAST_SPAN)
-    for cells in (24, 16, 12, 8, 6):
-        place = ((points - low) * (cells / span * (1 - 1e-9))).astype(np.int64)
-        side = cells + 2  # an empty border, so that no neighbour wraps around
-        key = ((place[:, 0] + 1) * side + place[:, 1] + 1) * side + place[:, 2] + 1
-        count = np.bincount(key, minlength=side**3)
-        if len(points) >= 4 * np.count_nonzero(count):
-            break
-    taken = np.flatnonzero(count)
-    label = np.full(side**3, side**3, dtype=np.int64)
-    label[taken] = taken
-    steps = [(x * side + y) * side + z for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
-    while True:
-        least = np.min([label[taken + step] for step in steps], axis=0)
-        least = np.minimum(least, label[least])  # jump along what the neighbour has found
-        if np.array_equal(least, label[taken]):
-            break
-        label[taken] = least
-    return np.unique(label[key], return_inverse=True)[1]
-
-
 def _is_camera(points: np.ndarray, sensor: Sensor) -> bool:
     """True when nearly all points lie in the cone before the sensor."""
-    seen = turned(_thinned(points) - sensor.position, sensor.rotation.T)
+    seen = turned(thinned(points) - sensor.position, sensor.rotation.T)
     inside = np.hypot(seen[:, 0], seen[:, 1]) <= math.tan(math.radians(CAMERA_CONE)) * seen[:, 2]
     return bool(inside.mean() > 0.98)
 
@@ -244,10 +160,6 @@ def _axis_name(up: np.ndarray) -> str:
     if abs(up[longest]) < 1 - 1e-6:
         return "the sensor's -Y"
     return ("+" if up[longest] > 0 else "-") + "XYZ"[longest]
-
-
-def _thinned(points: np.ndarray) -> np.ndarray:
-    return points[:: -(-len(points) // MOST_LOOKED_AT)]
 
 
 def _layered(u: np.ndarray, v: np.ndarray, depth: np.ndarray, scale: float) -> float:

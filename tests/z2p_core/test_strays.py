@@ -1,0 +1,58 @@
+"""What to leave out of the frame: strays, whatever their distance, and no part of the thing itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_clouds import box, chair, lamppost, moved, sphere
+
+from z2p_core.geometry import bounding_sphere
+from z2p_core.strays import clip_outliers
+
+CLEAN = {
+    "sphere": sphere(5000), "sparse sphere": sphere(500), "few": sphere(40), "chair": chair(1500),
+    "lamppost": lamppost(1500), "sparse lamppost": lamppost(400), "plate": box(3000, 1, 1, 0.001),
+    "two balls": np.vstack([sphere(2000), sphere(2000) + 5.0]), "far away": moved(sphere(3000), 5e5, 5e6, 100),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_a_clean_object_loses_no_point(name: str) -> None:
+    assert clip_outliers(CLEAN[name]).all()
+
+
+@pytest.mark.parametrize("distance", [4.0, 1e3, 1e9])
+def test_strays_are_left_out_whatever_their_distance(distance: float) -> None:
+    thing = chair(2000)
+    strays = np.vstack([thing, [[distance, 0, 0], [0, -distance / 2, 0]], moved(sphere(20) * 0.1, 0, 0, distance)])
+    kept = clip_outliers(strays)
+    assert kept[: len(thing)].all()
+    assert not kept[len(thing) :].any()
+    assert np.array_equal(clip_outliers(strays[::-1]), kept[::-1])
+
+
+def test_no_more_than_two_percent_go_and_strays_that_do_no_harm_stay() -> None:
+    thing = sphere(1000)
+    many = np.vstack([thing, *(sphere(9, seed) * 0.01 + direction * 5 for seed, direction in enumerate(sphere(5, 9)))])
+    assert (~clip_outliers(many)).sum() <= 0.02 * len(many)
+    assert clip_outliers(np.vstack([thing, [[0, 0, 0]]])).all()  # inside: nothing would be won
+    assert clip_outliers(np.vstack([thing, [[1.05, 0, 0]]])).all()
+
+
+def test_a_large_detached_part_is_part_of_the_object() -> None:
+    assert clip_outliers(np.vstack([sphere(1000), sphere(60) * 0.2 + 4.0])).all()
+
+
+def test_a_part_that_was_scanned_coarsely_is_part_of_the_object() -> None:
+    """A bust scanned closely on a plinth that is not: the plinth's points stand apart in the bust's small cells."""
+    close, coarse = moved(sphere(40_000), 0, 0, 1.0), box(400, 0.3, 0.3, 1.2)
+    thing = np.vstack([close, moved(coarse[coarse[:, 2] < 1.1], 0, 0, -1.2)])
+    assert clip_outliers(thing).all()
+    kept = clip_outliers(np.vstack([thing, moved(sphere(30) * 0.05, 0, 0, -8.0)]))
+    assert kept[: len(thing)].all() and not kept[len(thing) :].any()
+
+
+def test_the_clipped_sphere_is_that_of_the_object() -> None:
+    thing = chair(2000)
+    points = np.vstack([thing, [[30.0, 0, 0]]])
+    assert bounding_sphere(points[clip_outliers(points)]) == bounding_sphere(thing)

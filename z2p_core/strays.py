@@ -1,0 +1,125 @@
+"""Which points to leave out of the frame: strays that would make the object small in it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.geometry import bounding_sphere
+from z2p_core.turning import extent
+
+MOST_LOOKED_AT = 20_000
+"""A larger cloud is thinned to this many points before it is weighed as a whole."""
+FEWEST_TO_CLIP = 100
+SMALL_CLUSTER, MOST_CLIPPED = 0.01, 0.02
+"""Shares of all points: of one stray cluster at most, and of everything that is clipped."""
+GAP, NEIGHBOURS = 4.0, 12
+"""How far off a part of a thing may be, in the spacings of its points there, and the neighbours that tell these."""
+MOST_PARTS, ASKED, BODY_CELLS = 64, 8, 64
+"""Small clusters that may be parts of a thing (more are not looked at), and points of each; and cells along the thing's
+widest side, each with one point, to find the nearest."""
+LEAST_SPAN = 1e-300
+"""Of a cloud whose places in a grid are still numbers."""
+LEAST_GAIN = 0.1
+"""Clipping must shrink the bounding sphere's radius by this share at least; otherwise the strays do no harm."""
+
+
+def thinned(points: np.ndarray) -> np.ndarray:
+    """Every so many of points (N, 3), `MOST_LOOKED_AT` at most."""
+    return points[:: -(-len(points) // MOST_LOOKED_AT)]
+
+
+def clip_outliers(points: np.ndarray) -> np.ndarray:
+    """Mask (N,) bool of finite points (N, 3): False for strays that would make the object small in its sphere.
+
+    Strays are clusters of under 1 % of the points, apart from the rest by a cell or more of a coarse grid. They go only
+    when that shrinks the bounding sphere's radius by over 10 %, and never more than 2 % of the points in all.
+    """
+    kept = np.ones(len(points), dtype=bool)
+    if len(points) < FEWEST_TO_CLIP:
+        return kept
+    for _ in range(4):  # a stray very far away hides the nearer ones from the first grid
+        rows = np.flatnonzero(kept)
+        budget = int(MOST_CLIPPED * len(points)) - (len(points) - len(rows))
+        strays = _strays(points[rows], int(SMALL_CLUSTER * len(points)), budget)
+        if not strays.any():
+            break
+        kept[rows[strays]] = False
+    return kept
+
+
+def _strays(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
+    """Mask (N,) of the points in small clusters outside the sphere of the others, when that sphere is clearly smaller.
+
+    Clusters of up to `largest` points count, the farthest ones first, up to `budget` points in all.
+    """
+    none = np.zeros(len(points), dtype=bool)
+    cluster = _clusters(points)
+    sizes = np.bincount(cluster)
+    small = sizes <= largest
+    if small.all() or not small.any():
+        return none
+    rows = np.flatnonzero(small[cluster])
+    reach = np.zeros(len(sizes))
+    centre = points[~small[cluster]].mean(0)
+    np.maximum.at(reach, cluster[rows], np.sqrt(((points[rows] - centre) ** 2).sum(1)))
+    farthest = np.flatnonzero(small)[np.argsort(-reach[small], kind="stable")]
+    taken = np.zeros(len(sizes), dtype=bool)
+    taken[farthest[np.cumsum(sizes[farthest]) <= budget]] = True
+    strays = taken[cluster]
+    rest = bounding_sphere(thinned(points[~strays]))
+    whole = bounding_sphere(np.vstack([thinned(points[~strays]), points[strays]])) if strays.any() else rest
+    if rest.radius > (1 - LEAST_GAIN) * whole.radius:
+        return none
+    outside = np.sqrt(((points - rest.centre) ** 2).sum(1)) > 1.02 * rest.radius
+    return strays & outside & ~_adjoining(points, cluster, taken, sizes > largest)
+
+
+def _adjoining(points: np.ndarray, cluster: np.ndarray, taken: np.ndarray, large: np.ndarray) -> np.ndarray:
+    """Mask (N,) of the points whose cluster is `taken` for strays, but as near to a `large` one as its points there.
+
+    Where one part of a thing is scanned far more finely, the cells are too small for the others, and part them.
+    """
+    joined: list[int] = []
+    clusters = np.flatnonzero(taken)
+    if len(clusters) > MOST_PARTS:
+        clusters = clusters[:0]
+    body = points[large[cluster]]
+    places = np.floor((body - body.min(axis=0)) * (BODY_CELLS / max(float(np.ptp(body, axis=0).max()), LEAST_SPAN)))
+    few = body[np.unique(places @ [1, BODY_CELLS + 1, (BODY_CELLS + 1) ** 2], return_index=True)[1]]
+    for one in clusters:
+        own = points[cluster == one]
+        own = own[np.argsort(((own - body.mean(0)) ** 2).sum(1), kind="stable")[:ASKED]]  # on the body's side
+        away = np.sqrt(((own[:, None] - few) ** 2).sum(-1))
+        nearest = few[away.min(axis=0).argmin()]
+        around = np.partition(((body - nearest) ** 2).sum(1), min(NEIGHBOURS, len(body) - 1))
+        spacing = np.sqrt(np.pi * around[min(NEIGHBOURS, len(body) - 1)] / NEIGHBOURS)
+        if away.min() < GAP * spacing:
+            joined.append(int(one))
+    return np.isin(cluster, joined)
+
+
+def _clusters(points: np.ndarray) -> np.ndarray:
+    """Number (N,) of each point's cluster: points in touching cells of a coarse grid.
+
+    Cells are a 24th of the widest side, or wider where the cloud is sparse: four points in a taken cell on average.
+    """
+    low, high = extent(points)
+    span = max(float((high - low).max()), LEAST_SPAN)
+    for cells in (24, 16, 12, 8, 6):
+        place = ((points - low) * (cells / span * (1 - 1e-9))).astype(np.int64)
+        side = cells + 2  # an empty border, so that no neighbour wraps around
+        key = ((place[:, 0] + 1) * side + place[:, 1] + 1) * side + place[:, 2] + 1
+        count = np.bincount(key, minlength=side**3)
+        if len(points) >= 4 * np.count_nonzero(count):
+            break
+    taken = np.flatnonzero(count)
+    label = np.full(side**3, side**3, dtype=np.int64)
+    label[taken] = taken
+    steps = [(x * side + y) * side + z for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
+    while True:
+        least = np.min([label[taken + step] for step in steps], axis=0)
+        least = np.minimum(least, label[least])  # jump along what the neighbour has found
+        if np.array_equal(least, label[taken]):
+            break
+        label[taken] = least
+    return np.unique(label[key], return_inverse=True)[1]
