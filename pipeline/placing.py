@@ -21,7 +21,7 @@ from z2p_core.framing import (
 )
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
-from z2p_core.strays import clip_outliers
+from z2p_core.strays import clip_outliers, thinned
 from z2p_core.turning import along, extent, turned
 from z2p_core.viewpoint import Viewpoint, frame
 
@@ -30,6 +30,9 @@ SETTLED = "as settled"
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
 MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
 ANY_UNIT = (METRES, MILLIMETRES)
+SMALL_HINT = "nearly all of its points lie in a small part of the frame: the others may be strays, to be removed first"
+MOST, SMALL = 0.97, 0.2
+"""Share of the points that is nearly all, and the radius about their middle, in the frame's, that is small."""
 COARSE = 1000
 """Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
 OUTSIDE = 1.2
@@ -134,10 +137,11 @@ def place(
     wished, beyond = _allowed(wished, free)
     azimuth += placing.azimuth
     viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
-    hint = _hint(points, up, placing)
+    cloud = viewpoint.place(points)
+    hint = _hint(points, up, placing) or (SMALL_HINT if not placing.keep_outliers and _is_small(cloud) else "")
     stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
                     _rounded(points))  # fmt: skip
-    return Placed(viewpoint.place(points), stance, viewpoint)
+    return Placed(cloud, stance, viewpoint)
 
 
 @dataclass(frozen=True)
@@ -217,6 +221,13 @@ def _hint(points: np.ndarray, up: Up, placing: Placing) -> str:
     if (placing.up, placing.view, up.sensor) == ("auto", "auto", None) and implied_sensor(points, (MILLIMETRES,)):
         return MILLIMETRES_HINT
     return ""
+
+
+def _is_small(cloud: np.ndarray) -> bool:
+    """Whether few of the placed points (N, 3) float32 make the frame wide, and the others hardly fill it."""
+    sample = thinned(cloud)
+    away = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
+    return bool(np.quantile(away, MOST) < SMALL)
 
 
 def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[float | None, str]:

@@ -119,6 +119,12 @@ def test_strays_are_left_out_and_counted_unless_kept(cloud: np.ndarray) -> None:
     assert "stray" not in kept.stance.told
 
 
+def test_a_thing_that_others_make_small_is_told(cloud: np.ndarray) -> None:
+    few = cloud[: len(cloud) // 40] * 0.01 + [40.0, 0.0, 0.0]  # too many for strays
+    assert "strays, to be removed" in place(scan(np.vstack([cloud, few])), ".ply", Placing(), 20.0, FREE).stance.told
+    assert "strays" not in place(scan(cloud), ".ply", Placing(), 20.0, FREE).stance.told
+
+
 def test_a_cloud_that_float32_has_rounded_far_from_the_origin_is_told(cloud: np.ndarray) -> None:
     """Nothing is said where it does not show, nor of numbers that float32 did not hold."""
     far = cloud + np.array([691234.25, 5334567.75, 512.0])
