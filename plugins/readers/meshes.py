@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from plugins.readers.gltf import readable_glb
 from z2p_core.interfaces import Reader, ScanError
 
 _STL_HEAD, _STL_TRIANGLE = 84, 50
@@ -18,7 +19,7 @@ class Meshes(Reader):
     """STL and binary glTF (trimesh); only the vertices count, so a mesh of few large triangles makes a thin cloud."""
 
     name = "meshes"
-    version = "1"
+    version = "2"
     packages = ("trimesh",)
     suffixes = (".stl", ".glb")
 
@@ -59,7 +60,7 @@ def _glb(blob: bytes) -> np.ndarray:
 
     if blob[:4] != b"glTF":
         raise ScanError("expected a GLB file, which begins with 'glTF'; this is another format under that name")
-    scene = trimesh.load_scene(io.BytesIO(blob), file_type="glb", process=False)
+    scene = trimesh.load_scene(io.BytesIO(readable_glb(blob)), file_type="glb", process=False)
     parts = [np.empty((0, 3))]
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]

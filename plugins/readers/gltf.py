@@ -1,0 +1,78 @@
+"""What trimesh does not know of today's binary glTF: packed meshes are refused, normalized positions converted."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+
+from z2p_core.interfaces import ScanError
+
+_PACKINGS = {
+    "KHR_draco_mesh_compression": "Draco",
+    "EXT_meshopt_compression": "meshopt",
+    "KHR_meshopt_compression": "meshopt",
+}
+"""Extensions without whose unpacking there are no positions -> how people call them."""
+_WHOLE = {5120: ("i1", 127), 5121: ("u1", 255), 5122: ("<i2", 32767), 5123: ("<u2", 65535)}
+"""Component type -> its numpy type, and the whole number that stands for 1 where an accessor is normalized."""
+_FLOAT = 5126
+_JSON, _BINARY = b"JSON", b"BIN\0"
+
+
+def readable_glb(blob: bytes) -> bytes:
+    """The same GLB as trimesh can read it, with normalized positions as floats: trimesh would take 32767 for 32767.
+
+    Raises:
+        ScanError: the meshes are packed, or not in the file.
+        Exception: the file is damaged; whatever the parsing stumbles over.
+    """
+    (length,) = struct.unpack_from("<I", blob, 12)
+    tree = json.loads(blob[20 : 20 + length])
+    for extension in tree.get("extensionsRequired", ()):
+        if packing := _PACKINGS.get(extension):
+            raise ScanError(f"its meshes are packed by {packing} ({extension}), which cannot be read here; export the "
+                            f"file again without {packing} compression")
+    parts = [part for mesh in tree.get("meshes", ()) for part in mesh["primitives"]]
+    used = {part.get("attributes", {}).get("POSITION") for part in parts}
+    whole = [index for index in used if index is not None and _is_whole(tree["accessors"][index])]
+    if not whole:
+        return blob
+    binary = bytearray(blob[20 + length + 8 :])
+    for index in whole:
+        _make_float(tree, tree["accessors"][index], binary)
+    return _packed(tree, bytes(binary))
+
+
+def _is_whole(accessor: dict[str, Any]) -> bool:
+    return bool(accessor.get("normalized")) and accessor["componentType"] in _WHOLE and "bufferView" in accessor
+
+
+def _make_float(tree: dict[str, Any], accessor: dict[str, Any], binary: bytearray) -> None:
+    """Appends the accessor's positions to the binary chunk as floats, and lets it point to them."""
+    view = tree["bufferViews"][accessor["bufferView"]]
+    if view["buffer"] != 0:
+        raise ScanError("the positions lie in another buffer than the file's own; export it again as one .glb file")
+    kind, one = _WHOLE[accessor["componentType"]]
+    stride = view.get("byteStride", 3 * np.dtype(kind).itemsize)
+    row = np.dtype({"names": ["xyz"], "formats": [(kind, 3)], "itemsize": stride})
+    start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    padded = bytes(binary[start:]) + bytes(stride)  # the last row may end before its stride does
+    values = np.frombuffer(padded, row, accessor["count"])["xyz"] / one
+    binary += bytes(-len(binary) % 4)
+    floats = np.maximum(values, -1).astype("<f4").tobytes()
+    accessor.update(bufferView=len(tree["bufferViews"]), byteOffset=0, componentType=_FLOAT, normalized=False)
+    tree["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(floats)})
+    binary += floats
+
+
+def _packed(tree: dict[str, Any], binary: bytes) -> bytes:
+    """A GLB of the two chunks."""
+    binary += bytes(-len(binary) % 4)
+    tree["buffers"][0]["byteLength"] = len(binary)
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = b"".join(struct.pack("<I4s", len(part), kind) + part for part, kind in ((text, _JSON), (binary, _BINARY)))
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -1,0 +1,64 @@
+"""The reader of STL and GLB: what exporters of today write, and files that hold no triangle."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from reader_files import cloud, read, refused
+
+
+def glb(tree: dict[str, Any], binary: bytes = b"") -> bytes:
+    """A GLB file of one buffer, with a node for each mesh."""
+    nodes = [{"mesh": index} for index in range(len(tree["meshes"]))]
+    whole = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": list(range(len(nodes)))}], "nodes": nodes,
+             "buffers": [{"byteLength": len(binary)}]}  # fmt: skip
+    text = json.dumps(whole | tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def points_of(accessor: int) -> dict[str, Any]:
+    return {"primitives": [{"attributes": {"POSITION": accessor}, "mode": 0}]}
+
+
+@pytest.mark.parametrize(("extension", "name"), [("KHR_draco_mesh_compression", "Draco"),
+                                                 ("EXT_meshopt_compression", "meshopt")])  # fmt: skip
+def test_packed_glb_is_refused_by_the_packings_name(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], extension: str, name: str
+) -> None:
+    tree = {"extensionsRequired": [extension], "meshes": [points_of(0)],
+            "accessors": [{"componentType": 5126, "count": 9, "type": "VEC3"}]}  # fmt: skip
+    refused(tmp_path / "a.glb", glb(tree), f"packed by {name} .*again without {name} compression")
+    assert capfd.readouterr().err == ""  # the library would have logged its own failure
+
+
+@pytest.mark.parametrize(("component", "kind", "one"), [(5122, "<i2", 32767), (5121, "u1", 255), (5120, "i1", 127)])
+def test_glb_positions_in_whole_numbers_stand_for_parts_of_one_where_the_file_says_so(
+    tmp_path: Path, component: int, kind: str, one: int
+) -> None:
+    rows = np.arange(27).reshape(9, 3).astype(kind)
+    rows[0, 0] = one
+    stride = 4 * rows.itemsize  # glTF pads each row to four bytes
+    packed = np.zeros((9, 4), kind)
+    packed[:, :3] = rows
+    floats = cloud(5, "<f4") + 4
+    binary = packed.tobytes() + floats.tobytes()
+    views = [{"buffer": 0, "byteOffset": 0, "byteLength": 9 * stride, "byteStride": stride},
+             {"buffer": 0, "byteOffset": 9 * stride, "byteLength": 60}]  # fmt: skip
+    accessors = [{"bufferView": 0, "componentType": component, "normalized": True, "count": 9, "type": "VEC3"},
+                 {"bufferView": 1, "componentType": 5126, "count": 5, "type": "VEC3"}]  # fmt: skip
+    tree = {"meshes": [points_of(0), points_of(1)], "accessors": accessors, "bufferViews": views}
+    path = tmp_path / "a.glb"
+    for normalized, expected in ((True, rows / one), (False, rows.astype("f8"))):
+        accessors[0]["normalized"] = normalized
+        path.write_bytes(glb(tree, binary))
+        points, both = read(path)[0], np.vstack([expected, floats])  # in any order of the nodes
+        np.testing.assert_allclose(points[np.lexsort(points.T)], both[np.lexsort(both.T)], atol=1e-6)
+    accessors[0]["normalized"] = True
+    refused(path, glb(tree, binary)[:-200], "cannot be read")
