@@ -12,15 +12,19 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from z2p_core.column_names import column_names, is_comment, is_number, is_row
+from z2p_core.column_names import column_names, is_comment, is_count, is_missing, is_number, is_row, text_encoding
 from z2p_core.interfaces import ScanError
 
 STDIN_STEM = "stdin"
 MAGIC = (
     (b"ply", ".ply"), (b"# .PCD", ".pcd"), (b"VERSION", ".pcd"), (b"\x93NUMPY", ".npy"), (b"PK\x03\x04", ".npz"),
-    (b"LASF", ".las"), (b"ASTM-E57", ".e57"), (b"OFF", ".off"), (b"glTF", ".glb"), (b"solid", ".stl"),
+    (b"LASF", ".las"), (b"ASTM-E57", ".e57"), (b"glTF", ".glb"), (b"solid", ".stl"),
 )  # fmt: skip
 """First bytes -> suffix."""
+_OFF = re.compile(r"(ST)?C?N?OFF(?![A-Za-z])")
+"""How OFF files begin; the letters before tell what stands beside a vertex."""
+_STL_HEAD, _STL_TRIANGLE, _MOST_STRAY = 84, 50, 16
+"""Bytes of a binary STL file's header and of each triangle, and how many may follow."""
 PREFIX = "z2p-stdin-"
 """Of the temporary folder that keeps standard input."""
 _STEP = 1 << 20
@@ -29,7 +33,7 @@ _STEP = 1 << 20
 def spool(stream: BinaryIO, folder: Path) -> Path:
     """File ``stdin.<suffix>`` in the folder that holds all of a stream; its format is told by its first bytes.
 
-    Text that says nothing else of itself counts as ``.xyz``, or as ``.obj`` where its lines begin with ``v``.
+    Text that says nothing else of itself counts as ``.txt``, which takes any columns.
 
     Raises:
         ScanError: nothing comes, or what begins like gzip is not.
@@ -39,14 +43,22 @@ def spool(stream: BinaryIO, folder: Path) -> Path:
         raise ScanError("standard input is empty; pipe a scan into it, as in: cat scan.ply | z2p run-inference -")
     zipped = head.startswith(b"\x1f\x8b")
     try:
-        start = zlib.decompressobj(31).decompress(head, 4096) if zipped else head
+        start = zlib.decompressobj(31).decompress(head, _STEP) if zipped else head
     except zlib.error as error:
         raise ScanError(f"standard input begins like a gzip file, and is none ({error}); send it again") from error
-    path = folder / f"{STDIN_STEM}{suffix_of(start)}{'.gz' if zipped else ''}"
+    path = folder / STDIN_STEM
     with path.open("wb") as file:
         file.write(head)
         shutil.copyfileobj(stream, file, _STEP)
-    return path
+    suffix = suffix_of(start, _unpacked_size(path) if zipped else path.stat().st_size)
+    return path.rename(folder / f"{STDIN_STEM}{suffix}{'.gz' if zipped else ''}")
+
+
+def _unpacked_size(path: Path) -> int:
+    """Bytes of a gzip file's content, as its last four say; more than 4 GB count from 0 again."""
+    with path.open("rb") as file:
+        file.seek(max(path.stat().st_size - 4, 0))
+        return int.from_bytes(file.read(), "little")
 
 
 def is_spooled(path: Path) -> bool:
@@ -54,13 +66,19 @@ def is_spooled(path: Path) -> bool:
     return path.name.startswith(f"{STDIN_STEM}.") and path.parent.name.startswith(PREFIX)
 
 
-def suffix_of(head: bytes) -> str:
-    """Suffix of the format that a file's first bytes belong to."""
+def suffix_of(head: bytes, size: int) -> str:
+    """Suffix of the format that a file of `size` bytes belongs to, by its first ones."""
     for magic, suffix in MAGIC:
         if head.startswith(magic):
             return suffix
-    lines = [line for line in head[:_STEP].splitlines() if line.strip() and not line.lstrip().startswith(b"#")]
-    return ".obj" if any(line.split()[0] == b"v" for line in lines[:200]) else ".xyz"
+    if len(head) >= _STL_HEAD:  # a binary STL says no more of itself than how many triangles make its length
+        triangles = int.from_bytes(head[_STL_HEAD - 4 : _STL_HEAD], "little")
+        if 0 <= size - _STL_HEAD - _STL_TRIANGLE * triangles <= _MOST_STRAY:
+            return ".stl"
+    lines = _told_lines(head)
+    if lines and _OFF.match(lines[0]):
+        return ".off"
+    return ".obj" if any(line.split()[0] == "v" for line in lines[:200]) else ".txt"
 
 
 def is_prose(path: Path, named: bool = False) -> bool:
@@ -72,23 +90,31 @@ def is_prose(path: Path, named: bool = False) -> bool:
         return False
     try:
         with path.open("rb") as file:
-            head = file.read(4096).decode("utf-8-sig", errors="replace")
+            head = file.read(4096)
     except OSError:
         return False  # the reader says what is wrong
-    lines = [line for line in (line.split("#")[0].strip() for line in head.splitlines()) if line]
-    if any(map(column_names, lines[: _first_row(lines) + 1])):
+    lines = _told_lines(head)
+    first = _first_row(lines)
+    if any(map(column_names, lines[: first + 1])):
         return False
-    rows = lines[_first_row(lines) :]
+    rows = lines[first:]
     if named and rows and not is_row(rows[0]):
         rows = rows[1:]
     words = re.split(r"[;,\s]+", rows[0].strip(";,")) if rows else []
-    numbers = sum(map(is_number, words))
+    numbers = sum(is_number(word) or is_missing(word) for word in words)
     return numbers < 3 or (numbers < len(words) and not named)
 
 
+def _told_lines(head: bytes) -> list[str]:
+    """Lines of a text's first bytes that hold something, without what ``#`` begins."""
+    text = head.decode(text_encoding(head), errors="replace")
+    return [line for line in (line.split("#")[0].strip() for line in text.splitlines()) if line]
+
+
 def _first_row(lines: list[str]) -> int:
-    """Index of the first line that is no comment."""
-    return next((index for index, line in enumerate(lines) if not is_comment(line)), len(lines))
+    """Index of the first line that is no comment and no count of the rows."""
+    first = next((index for index, line in enumerate(lines) if not is_comment(line)), len(lines))
+    return first + any(map(is_count, lines[first : first + 1]))
 
 
 @contextmanager

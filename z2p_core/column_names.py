@@ -1,14 +1,28 @@
-"""What the first lines of a table say: the names of its columns, or a comment."""
+"""What the first lines of a table say: how it is encoded, a comment, a count, the names of its columns or units."""
 
 from __future__ import annotations
 
+import codecs
 import re
 
 COMMENT_SIGNS = ("//", "%", ";")
 """A first line that begins so is a comment, as one with ``#`` is anywhere, unless it names columns or holds numbers."""
+_SEPARATOR = re.compile(r'\s*"?sep=[^\r\n]"?\s*', re.IGNORECASE)
+"""A first line that tells Excel what parts the cells."""
+_MISSING = {"na", "n/a", "<na>", "none", "null"}
+"""What R, Python and databases write for a number that is not there; ``nan`` is a number already."""
+_UNITS = {"m", "mm", "cm", "km", "um", "µm", "nm", "ft", "in", "us-ft", "feet", "metre", "metres", "meter",
+          "meters", "-"}  # fmt: skip
 _UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
 _AXES = {"easting": "x", "northing": "y", "height": "z", "elevation": "z", "alt": "z", "altitude": "z"}
 """Other names of the axes. Degrees (lon, lat) are no lengths, so they are not among them."""
+
+
+def text_encoding(head: bytes) -> str:
+    """The encoding that a text's first bytes tell; Excel and PowerShell write UTF-16. UTF-8 where they tell none."""
+    if head.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
+        return "utf-32"
+    return "utf-16" if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
 
 
 def column_names(line: str) -> list[tuple[str, ...]]:
@@ -22,13 +36,35 @@ def column_names(line: str) -> list[tuple[str, ...]]:
 
 
 def is_comment(line: str) -> bool:
-    """Whether a first line begins as comments do, and is no row of a table whose first cell is empty (``;1;2;3``)."""
+    """Whether a first line begins as comments do, and is no row of a table whose first cell is empty (``;1;2;3``).
+
+    Excel's ``sep=;`` is a comment too: the rows show what parts them.
+    """
+    if _SEPARATOR.fullmatch(line):
+        return True
     return line.lstrip().startswith(COMMENT_SIGNS) and not (line.count(";") > 1 and is_row(line))
 
 
 def is_row(line: str) -> bool:
     """Whether a cell of the line holds numbers: what has none is a line of words."""
     return any(all(map(is_number, cell.split())) for cell in _splits(line)[0] if cell.strip(" \t\r\n\"'"))
+
+
+def is_count(line: str) -> bool:
+    """Whether a line holds one whole number alone, which before the rows says how many they are."""
+    word = line.strip()
+    return word.isascii() and word.isdigit()
+
+
+def is_units(line: str) -> bool:
+    """Whether a line holds units of length and nothing else: ``[m],[m],[m]`` or ``m m mm``."""
+    words = re.split(r"[;,\s]+", _UNIT.sub("-", line.replace('"', "")).strip(";, \t\r\n"))
+    return all(word.lower() in _UNITS for word in words)
+
+
+def is_missing(text: str) -> bool:
+    """Whether the text stands for a number that is not there."""
+    return text.strip(" \t\r\n\"'").lower() in _MISSING
 
 
 def is_number(text: str) -> bool:

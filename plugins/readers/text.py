@@ -5,23 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
-from plugins.readers.text_form import BadLineError, Form, form_of, head_of
+from plugins.readers.text_form import BadLineError, Form, Head, form_of, head_of
+from z2p_core.column_names import text_encoding
 from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
 
 _HEAD = 1 << 16
 """Bytes from which the length of a line is told."""
 _LINES = 200_000
 """Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
+_FIRST_LINES = 5000
+"""Lines from which the form of the rows is told."""
 
 
 class Text(Reader):
     """Plain text, a point a line, numbers parted by blanks, commas or semicolons; ``#`` begins a comment."""
 
     name = "text"
-    version = "3"
+    version = "4"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
 
     def memory(self, path: Path) -> int:
@@ -36,33 +40,49 @@ class Text(Reader):
     def read(self, path: Path) -> list[np.ndarray]:
         """The first three columns, or those called x, y, z, one cloud (N, 3) float64; an empty cell is NaN.
 
-        A .pts begins with the number of its points; a file that has lost that line is read all the same. .txt, .asc and
-        .csv may have further columns, and begin with a line of names, among them x, y and z; the columns beside those
-        three may then hold words.
+        A line before the rows may hold their count, as in every .pts. .txt, .asc and .csv may have further columns, and
+        begin with a line of names, among them x, y and z; the columns beside those three may then hold words.
 
         Raises:
             ScanError: other columns than the suffix stands for or the user named, something not a number, or a wrong
-                count in .pts.
+                count.
+        """
+        head, form = self._form(path)
+        points = _table(path, form, head.lines) if form else np.empty((0, 3))
+        if head.promised is not None and head.promised != str(len(points)):
+            raise ScanError(f"line {_line_number(path, head.promised_at)} promises {head.promised[:40]!r} points, "
+                            f"{len(points)} came; mend the number, take the line out, or export the file again")
+        return [points]
+
+    def _form(self, path: Path) -> tuple[Head, Form | None]:
+        """What stands before the rows, and how they are written; None if there are none.
+
+        Raises:
+            ScanError: as `read` says.
         """
         suffix = path.suffix.lower()
-        rest = _content(path)
-        lines = next(rest, [])
+        blocks = _content(path, _FIRST_LINES)
+        lines = next(blocks, [])
         head = head_of(lines, suffix, self.columns is not None)
-        del lines[: head.lines]
-        lines = lines or next(rest, [])
-        parts: list[np.ndarray] = []
-        if lines:
-            form = form_of(lines, head, suffix, self.columns)
-            before = head.lines
-            while lines:
-                parts.append(_points(form, lines, path, before))
-                before += len(lines)
-                lines = next(rest, [])
-        points = np.concatenate([np.empty((0, 3)), *parts])
-        if head.promised is not None and head.promised != str(len(points)):
-            raise ScanError(f"the first line of the .pts file promises {head.promised[:40]!r} points, "
-                            f"{len(points)} came; mend the number or export the file again")
-        return [points]
+        rows = lines[head.lines :] or next(blocks, [])
+        if not rows:
+            return head, None
+        try:
+            return head, form_of(rows, head, suffix, self.columns)
+        except ScanError as error:
+            raise ScanError(f"line {_line_number(path, head.lines)}: {error}") from error
+
+
+def _table(path: Path, form: Form, skipped: int) -> np.ndarray:
+    """Points (N, 3) of a file whose first `skipped` lines with content are no rows."""
+    parts = [np.empty((0, 3))]
+    before = 0
+    for lines in _content(path, _LINES):
+        rows = lines[max(skipped - before, 0) :]
+        before += len(lines)
+        if rows:
+            parts.append(_points(form, rows, path, before - len(rows)))
+    return np.concatenate(parts)
 
 
 def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray:
@@ -76,14 +96,20 @@ def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray
                         f"{hint}") from error
 
 
-def _content(path: Path) -> Iterator[list[str]]:
-    """Lines that hold something, without what ``#`` begins; so many at a time."""
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
-        while lines := list(islice(file, _LINES)):
+def _content(path: Path, count: int) -> Iterator[list[str]]:
+    """Lines that hold something, without what ``#`` begins; of so many at a time."""
+    with _opened(path) as file:
+        while lines := list(islice(file, count)):
             if any("#" in line for line in lines):
                 lines = [line.split("#", 1)[0] for line in lines]
             if lines := [line for line in lines if line and not line.isspace()]:
                 yield lines
+
+
+def _opened(path: Path) -> TextIO:
+    with path.open("rb") as file:
+        encoding = text_encoding(file.read(4))
+    return path.open(encoding=encoding, errors="replace")
 
 
 def _line_number(path: Path, index: int) -> int:
@@ -91,6 +117,6 @@ def _line_number(path: Path, index: int) -> int:
 
     The file is read again for it, which costs only those that are refused; to remember it would cost all.
     """
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
+    with _opened(path) as file:
         numbers = (number for number, line in enumerate(file, start=1) if line.split("#", 1)[0].strip())
         return next(islice(numbers, index, None))

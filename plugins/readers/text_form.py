@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from z2p_core.column_names import column_names, is_comment, is_number, is_row
+from z2p_core.column_names import column_names, is_comment, is_count, is_missing, is_number, is_row, is_units
 from z2p_core.interfaces import ScanError
 
 _COLUMNS = {
@@ -24,6 +24,8 @@ _NAMED = (".txt", ".asc", ".csv")
 """Suffixes of tables, whose first line may name the columns."""
 _SAMPLE = 1000
 """Rows from which the form is told."""
+_ELEMENT = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
+"""An atom's name in a chemist's .xyz."""
 _COMMA_DECIMAL = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _POINT_DECIMAL = re.compile(r"[+-]?\d*\.\d*([eE][+-]?\d+)?")
 
@@ -42,7 +44,9 @@ class Head:
 
     lines: int = 0
     promised: str | None = None
-    """How many points a .pts says that it holds."""
+    """How many points the file says that it holds, on a line of its own."""
+    promised_at: int = 0
+    """Index of that line."""
     names: Sequence[tuple[str, ...]] = ()
     title: str = ""
     """The line of names, known or not."""
@@ -51,22 +55,50 @@ class Head:
 
 
 def head_of(lines: list[str], suffix: str, named: bool) -> Head:
-    """What the first lines say before the rows begin; `named`: the user names the columns."""
+    """What the first lines say before the rows begin; `named`: the user names the columns.
+
+    Raises:
+        ScanError: they are those of a raster.
+    """
     head = Head()
     while head.lines < len(lines) and is_comment(lines[head.lines]):
         if suffix in _NAMED and (names := column_names(lines[head.lines])):
             head.names, head.title, head.optional = names, lines[head.lines], True
         head.lines += 1
+    _take_count(lines, suffix, head)
+    if head.promised is not None:
+        _take_molecule(lines, head)
     rest = lines[head.lines : head.lines + 1]
-    if rest and suffix == ".pts" and len(re.split(r"[;,\s]+", rest[0].strip())) == 1:
-        head.promised = rest[0].strip()
-        head.lines += 1
-        rest = lines[head.lines : head.lines + 1]
+    if rest and rest[0].split()[0].lower() == "ncols":
+        raise ScanError("this is an ESRI grid (ncols, nrows ...), heights without places; turn it into points first, "
+                        "as in: gdal_translate -of XYZ grid.asc points.xyz")
     names = column_names(rest[0]) if rest and suffix in _NAMED else []
     if names or (rest and named and not is_row(rest[0])):
         head.names, head.title, head.optional = names, rest[0], False
         head.lines += 1
+        _take_count(lines, suffix, head)
+    if head.title and any(map(is_units, lines[head.lines : head.lines + 1])):
+        head.lines += 1
     return head
+
+
+def _take_count(lines: list[str], suffix: str, head: Head) -> None:
+    """Adds to the head a next line that holds a count alone, or, in a .pts, any one word."""
+    for line in lines[head.lines : head.lines + 1]:
+        alone = len(re.split(r"[;,\s]+", line.strip())) == 1
+        if head.promised is None and (is_count(line) or (suffix == ".pts" and alone)):
+            head.promised, head.promised_at = line.strip(), head.lines
+            head.lines += 1
+
+
+def _take_molecule(lines: list[str], head: Head) -> None:
+    """Adds to the head what a chemist's .xyz has behind the count: a line of remarks, and an element in each row."""
+    for index, line in enumerate(lines[head.lines : head.lines + 2]):
+        words = line.split()
+        if len(words) > 3 and _ELEMENT.fullmatch(words[0]) and all(map(is_number, words[1:4])):
+            head.names = [("element", "x", "y", "z", *[""] * (len(words) - 4))]
+            head.lines += index
+            return
 
 
 @dataclass(frozen=True)
@@ -127,7 +159,8 @@ class Form:
             if len(cells) != self.width:
                 raise BadLineError(index, f"the number of columns changed from {self.width} to {len(cells)}")
             try:
-                points[index] = [self._number(cells[place]) for place in places][:3]
+                numbers = {place: self._number(cells[place]) for place in places}
+                points[index] = [numbers[place] for place in self.places]
             except ValueError as error:
                 place = next(place for place in places if not self._readable(cells[place]))
                 reason = f"column {place + 1} holds {cells[place].strip()[:40]!r}, which is no number"
@@ -135,10 +168,18 @@ class Form:
         return points
 
     def _number(self, cell: str) -> float:
-        """The cell's number; NaN if it is empty. A comma can only be a decimal one where it parts no cells."""
+        """The cell's number; NaN if it is empty or says that it has none.
+
+        A comma can only be a decimal one where it parts no cells.
+        """
         if not cell or "_" in cell or "," in cell:  # Python would take 1_000 for a number
             cell = cell.strip().replace("_", "?").replace(",", "?" if self.delimiter == "," else ".")
-        return float(cell) if cell and not cell.isspace() else np.nan
+        try:
+            return float(cell) if cell and not cell.isspace() else np.nan
+        except ValueError:
+            if is_missing(cell):
+                return np.nan
+            raise
 
     def _readable(self, cell: str) -> bool:
         try:
@@ -221,7 +262,7 @@ def _check_columns(suffix: str, columns: int) -> None:
     if suffix not in _COLUMNS:  # a table
         if columns < 3:
             raise ScanError(f"expected x y z and perhaps more on a line, got {columns} columns; part them by blanks, "
-                            "commas or semicolons")
+                            "commas or semicolons, and put '#' before lines that are no points")
         return
     allowed, meaning = _COLUMNS[suffix]
     if columns not in allowed:

@@ -78,6 +78,31 @@ def test_a_pipe_in_a_folder_is_not_waited_for(render: Callable[..., Result], sca
     assert result.exit_code == 1 and "pipe.txt: expected a file" in result.stderr and "2 rendered" in result.stderr
 
 
+def stl(triangles: int, stray: bytes = b"") -> bytes:
+    return bytes(80) + triangles.to_bytes(4, "little") + bytes(range(50)) * triangles + stray
+
+
+@pytest.mark.parametrize(
+    ("content", "suffix"),
+    [(b"x,y,z\n1,2,3\n", ".txt"), ("\ufeffx,y,z\n1,2,3\n".encode(), ".txt"), ("x;y\n1;2\n".encode("utf-16"), ".txt"),
+     (b"label,x,y,z\noak,1,2,3\n", ".txt"), (b"1 2 3 4 5 6\n", ".txt"), (b"9\n1 2 3\n", ".txt"),
+     (b"OFFSET,x,y,z\n1,2,3,4\n", ".txt"), (b"OFF\n3 0 0\n", ".off"), (b"# by hand\nCOFF\n3 0 0\n", ".off"),
+     (b"STCNOFF 3 0 0\n", ".off"), (stl(9), ".stl"), (stl(30_000), ".stl"), (stl(9, b"\r\n"), ".stl"), (stl(0), ".stl"),
+     (stl(9)[:-50], ".txt"), (b"\n v 1 2 3\n", ".obj"), (b"solid a\n", ".stl"), (b"\x1f\x8b", ".txt")]
+)  # fmt: skip
+def test_standard_input_is_told_by_how_it_begins(tmp_path: Path, content: bytes, suffix: str) -> None:
+    for blob in (content, gzip.compress(content)):
+        path = spool(io.BytesIO(blob), tmp_path)
+        assert path.name.removesuffix(".gz") == f"stdin{suffix}" and path.read_bytes() == blob
+
+
+def test_tables_with_names_and_words_come_through_standard_input(tiny_weights: Path, tmp_path: Path) -> None:
+    rows = [f"old oak,{x},{y},{x * y}" for x in range(5) for y in range(5)]
+    words = ["run-inference", "-", "-o", str(tmp_path / "a.png"), "--weights", str(tiny_weights), "--resolution", "32"]
+    result = CliRunner().invoke(main, words, input="\n".join(["label,x,y,z", *rows]).encode("utf-16"))
+    assert result.exit_code == 0 and "25 points" in result.stderr, result.output
+
+
 @pytest.mark.parametrize("form", ["npy", "xyz", "xyz.gz"])
 def test_standard_input(tiny_weights: Path, scans: Path, tmp_path: Path, form: str) -> None:
     blob = (scans / "one.npy").read_bytes()
