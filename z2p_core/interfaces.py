@@ -244,6 +244,8 @@ class RawCloud:
     sensor: Sensor | None = None
     total: int | None = None
     """How many points the file has, where those here only stand for them (`z2p_core.spread`)."""
+    note: str = ""
+    """What the reader took for granted or left out, in a few words for the file's line."""
 
 
 MEMORY_A_POINT = 170

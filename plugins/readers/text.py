@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import TextIO
@@ -11,7 +12,7 @@ import numpy as np
 
 from plugins.readers.text_form import BadLineError, Form, Head, form_of, head_of
 from z2p_core.column_names import text_encoding
-from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 
 _HEAD = 1 << 16
 """Bytes from which the length of a line is told."""
@@ -19,6 +20,9 @@ _LINES = 200_000
 """Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
 _FIRST_LINES = 5000
 """Lines from which the form of the rows is told."""
+
+_FEWEST_NUMBERED = 10
+"""Rows from which a column of 0, 1, 2 ... is no chance."""
 
 
 class Text(Reader):
@@ -37,8 +41,10 @@ class Text(Reader):
             return super().memory(path)
         return path.stat().st_size * lines // len(head) * MEMORY_A_POINT
 
-    def read(self, path: Path) -> list[np.ndarray]:
+    def read(self, path: Path) -> list[np.ndarray | RawCloud]:
         """The first three columns, or those called x, y, z, one cloud (N, 3) float64; an empty cell is NaN.
+
+        Where nobody names the columns and the first of four or more counts the rows, it is no x: the next three are.
 
         A line before the rows may hold their count, as in every .pts. .txt, .asc and .csv may have further columns, and
         begin with a line of names, among them x, y and z; the columns beside those three may then hold words.
@@ -52,6 +58,9 @@ class Text(Reader):
         if head.promised is not None and head.promised != str(len(points)):
             raise ScanError(f"line {_line_number(path, head.promised_at)} promises {head.promised[:40]!r} points, "
                             f"{len(points)} came; mend the number, take the line out, or export the file again")
+        if form and form.may_be_numbered and _counts(points[:, 0]):
+            numbered = replace(form, places=(1, 2, 3))
+            return [RawCloud(_table(path, numbered, head.lines), note=_told_numbers(form.width))]
         return [points]
 
     def _form(self, path: Path) -> tuple[Head, Form | None]:
@@ -71,6 +80,16 @@ class Text(Reader):
             return head, form_of(rows, head, suffix, self.columns)
         except ScanError as error:
             raise ScanError(f"line {_line_number(path, head.lines)}: {error}") from error
+
+
+def _counts(column: np.ndarray) -> bool:
+    """Whether a column numbers its rows, from 0 or 1 on."""
+    return len(column) >= _FEWEST_NUMBERED and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
+
+
+def _told_numbers(width: int) -> str:
+    names = ",".join(["x", "y", "z", *(f"c{column}" for column in range(4, width + 1))])
+    return f"column 1 counts the rows, so x y z are columns 2 to 4; --columns {names} takes it as x"
 
 
 def _table(path: Path, form: Form, skipped: int) -> np.ndarray:

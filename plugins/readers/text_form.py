@@ -117,6 +117,8 @@ class Form:
     places: tuple[int, ...] = (0, 1, 2)
     named: bool = False
     """Whether it is said which columns are x, y and z: then the others may hold words."""
+    may_be_numbered: bool = False
+    """Whether a number of the row may stand before x, y and z."""
 
     def points(self, lines: list[str]) -> np.ndarray:
         """x, y and z (N, 3) float64 of the rows; an empty cell is NaN.
@@ -208,7 +210,8 @@ def form_of(rows: list[str], head: Head, suffix: str, columns: Sequence[str] | N
     names = _fitting(head, width, ended, columns)
     if names is None:
         _check_columns(suffix, width - ended)
-        return replace(form, width=width - ended, ended=ended)
+        width -= ended
+        return replace(form, width=width, ended=ended, may_be_numbered=suffix in _NAMED and width > 3)
     places = tuple(names.index(axis) for axis in "xyz")
     return replace(form, width=len(names), ended=len(names) < width, places=places, named=True)
 

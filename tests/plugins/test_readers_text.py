@@ -11,7 +11,7 @@ from reader_files import read, refused
 from plugins.readers.text import Text
 from storage.clouds import read_clouds
 from storage.incoming import is_prose
-from z2p_core.interfaces import ScanError
+from z2p_core.interfaces import RawCloud, ScanError
 
 TEXT_FORMS = [(".xyz", 3), (".xyzn", 6), (".xyzrgb", 6), (".pts", 3), (".pts", 4), (".pts", 6), (".pts", 7),
               (".txt", 3), (".txt", 5), (".txt", 9)]  # fmt: skip
@@ -73,6 +73,7 @@ def given(path: Path, text: str, columns: str = "") -> np.ndarray:
     reader = Text()
     reader.columns = columns.split(",") if columns else None
     (points,) = reader.read(path)
+    assert isinstance(points, np.ndarray)
     return points
 
 
@@ -199,6 +200,26 @@ def test_other_columns_may_hold_words_where_names_tell_them_apart(tmp_path: Path
 )  # fmt: skip
 def test_refusals_tell_the_line_as_an_editor_counts_it(tmp_path: Path, text: str, match: str) -> None:
     refused(tmp_path / "a.csv", text, match)
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("suffix", [".txt", ".csv", ".asc"])
+def test_a_column_that_counts_the_rows_is_no_x(
+    tmp_path: Path, suffix: str, first: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plugins.readers.text._LINES", 7)
+    points = np.random.default_rng(8).normal(size=(30, 3))
+    rows = [f"{first + row} {x!r} {y!r} {z!r} 9" for row, (x, y, z) in enumerate(points.tolist())]
+    path = tmp_path / f"a{suffix}"
+    path.write_text("# made\n30\n" + "\n".join(rows))
+    (cloud,) = Text().read(path)
+    assert isinstance(cloud, RawCloud) and np.array_equal(cloud.points, points)
+    assert "columns 2 to 4; --columns x,y,z,c4,c5 takes it as x" in cloud.note
+    as_x = np.column_stack([np.arange(30) + first, points[:, :2]])
+    assert np.array_equal(given(path, "\n".join(rows), "x,y,z,c4,c5"), as_x)
+    assert np.array_equal(given(path, "\n".join(["x,y,z,a,b", *rows])), as_x)
+    for others in (rows[:9], [*rows[:20], *rows[21:]], [row.rsplit(maxsplit=2)[0] for row in rows], rows[::-1]):
+        assert given(path, "\n".join(others))[0, 0] == float(others[0].split()[0])  # few, a gap, three, falling
 
 
 def test_a_line_is_counted_through_all_parts_of_a_large_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
