@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from plugins.readers.gltf import readable_glb
-from z2p_core.interfaces import Reader, ScanError
+from plugins.readers.lengths import stray_bytes, stray_note
+from z2p_core.interfaces import RawCloud, Reader, ScanError
 
 _STL_HEAD, _STL_TRIANGLE = 84, 50
 """Bytes of a binary STL file's header and of each triangle."""
@@ -23,36 +24,43 @@ class Meshes(Reader):
     packages = ("trimesh",)
     suffixes = (".stl", ".glb")
 
-    def read(self, path: Path) -> list[np.ndarray]:
+    def read(self, path: Path) -> list[RawCloud]:
         """The file's vertices, one cloud (N, 3) float64; parts of a GLB scene stand where the scene puts them.
 
         Both formats repeat a vertex for each triangle or seam; those at one place become one.
 
         Raises:
-            ScanError: no file of its format, or one that is shorter than it promises.
+            ScanError: no file of its format, one of another length than it promises, or without triangles.
         """
         blob = path.read_bytes()
         try:
-            points = _stl(blob) if path.suffix.lower() == ".stl" else _glb(blob)
+            points, note = _stl(blob) if path.suffix.lower() == ".stl" else (_glb(blob), "")
         except ScanError:
             raise
         except Exception as error:  # the library raises whatever its parsing stumbles over
             reason = " ".join(str(error).split())[:160] or type(error).__name__
             raise ScanError(f"the vertices cannot be read ({reason}); export the file again") from error
         first = np.unique(points, axis=0, return_index=True)[1]
-        return [points[np.sort(first)]]
+        return [RawCloud(points[np.sort(first)], note=note)]
 
 
-def _stl(blob: bytes) -> np.ndarray:
+def _stl(blob: bytes) -> tuple[np.ndarray, str]:
+    """Corners of the triangles (N, 3) float64, and a note."""
     from trimesh.exchange.stl import load_stl
 
-    text = blob[:5].lower() == b"solid" and b"vertex" in blob[:4096]
-    if not text:
-        (count,) = struct.unpack_from("<I", blob, 80) if len(blob) >= _STL_HEAD else (-1,)
-        if len(blob) != _STL_HEAD + _STL_TRIANGLE * count:
-            raise ScanError(f"the STL header promises {count} triangles, which {len(blob)} bytes do not hold; it is "
-                            "cut short, or another format; export it again")
-    return np.asarray(load_stl(io.BytesIO(blob))["vertices"], dtype=np.float64).reshape(-1, 3)
+    note = ""
+    if not (blob[:5].lower() == b"solid" and (b"vertex" in blob[:4096] or b"endsolid" in blob[:4096])):
+        if len(blob) < _STL_HEAD:
+            raise ScanError(f"a binary STL file begins with {_STL_HEAD} bytes of header, got {len(blob)} in all; it is "
+                            "cut short, or another format: export it again")
+        (count,) = struct.unpack_from("<I", blob, _STL_HEAD - 4)
+        size = _STL_TRIANGLE * count
+        note = stray_note(stray_bytes(f"the STL header promises {count} triangles", size, len(blob) - _STL_HEAD))
+        blob = blob[: _STL_HEAD + size]
+    vertices = load_stl(io.BytesIO(blob)).get("vertices", ())
+    if len(vertices) == 0:
+        raise ScanError("the STL file holds no triangle, so no points; export the mesh again")
+    return np.asarray(vertices, dtype=np.float64).reshape(-1, 3), note
 
 
 def _glb(blob: bytes) -> np.ndarray:

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from reader_files import cloud, read, refused
 
+from plugins.readers.meshes import Meshes
+
 
 def glb(tree: dict[str, Any], binary: bytes = b"") -> bytes:
     """A GLB file of one buffer, with a node for each mesh."""
@@ -62,3 +64,22 @@ def test_glb_positions_in_whole_numbers_stand_for_parts_of_one_where_the_file_sa
         np.testing.assert_allclose(points[np.lexsort(points.T)], both[np.lexsort(both.T)], atol=1e-6)
     accessors[0]["normalized"] = True
     refused(path, glb(tree, binary)[:-200], "cannot be read")
+
+
+def test_stl_of_another_length_than_promised(tmp_path: Path) -> None:
+    path = tmp_path / "a.stl"
+    corners = cloud(12, "<f4").reshape(4, 3, 3)
+    rows = b"".join(bytes(12) + triangle.tobytes() + bytes(2) for triangle in corners)
+    blob = bytes(80) + struct.pack("<I", 4) + rows
+    for stray in (b"", b"\n", bytes(16)):
+        path.write_bytes(blob + stray)
+        (raw,) = Meshes().read(path)
+        assert np.array_equal(raw.points, corners.reshape(-1, 3)) and bool(raw.note) == bool(stray)
+    refused(path, blob[:-1], "promises 4 triangles, which takes 200 bytes, but 199 follow it; the file is cut short")
+    refused(path, blob + bytes(17), "17 bytes longer, so its header is wrong")
+    refused(path, blob[:83], "84 bytes of header, got 83")
+
+
+def test_stl_without_triangles_says_so(tmp_path: Path) -> None:
+    refused(tmp_path / "a.stl", bytes(84), "holds no triangle")
+    refused(tmp_path / "a.stl", "solid a\nendsolid a\n", "holds no triangle")
