@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
 
 _LONGEST_HEADER = 1 << 16
@@ -20,7 +21,7 @@ class Pcd(Reader):
     """Point Cloud Library files (pypcd4); fields other than x, y, z are left out."""
 
     name = "pcd"
-    version = "2"
+    version = "3"
     packages = ("pypcd4",)
     suffixes = (".pcd",)
 
@@ -53,9 +54,9 @@ class Pcd(Reader):
         if header.points == 0:
             return [np.empty((0, 3))]
         pose = _viewpoint(header)
-        _check_size(header, body)
+        note = stray_note(_check_size(header, body))
         points = _load(header, _tidy_ascii(header, body) if header.data == "ascii" else _tidy_header(header) + body)
-        return [RawCloud(points, None if pose is None else _faced(pose, points))]
+        return [RawCloud(points, None if pose is None else _faced(pose, points), note=note)]
 
 
 @dataclass(frozen=True)
@@ -144,24 +145,28 @@ def _faced(sensor: Sensor, points: np.ndarray) -> Sensor:
     return sensor
 
 
-def _check_size(header: _Header, body: bytes) -> None:
-    """Raises ScanError unless the file's size fits what its header promises."""
+def _check_size(header: _Header, body: bytes) -> int:
+    """How many stray bytes follow binary points.
+
+    Raises:
+        ScanError: the file's size does not fit what its header promises.
+    """
     full = header.points * header.row_bytes
+    promise = f"the PCD header promises {header.points} points of {header.row_bytes} bytes ({header.data})"
     match header.data:
         case "ascii":
             fits = len(body) >= header.points * header.columns * 2 - 1
-        case "binary":
-            fits = len(body) == full
+        case "binary":  # a field that the header has lost is a byte a point at least
+            return stray_bytes(promise, full, len(body), min(header.points - 1, MOST_STRAY))
         case "binary_compressed" | "binaryscompressed":
             packed, unpacked = struct.unpack("<II", body[:8]) if len(body) >= 8 else (0, 0)
             fits = 0 < packed <= len(body) - 8 and unpacked == full and unpacked <= _WORST_LZF_RATIO * packed
         case _:
             raise ScanError(f"PCD data is ascii, binary or binary_compressed, got {header.data!r}; export it again")
     if not fits:
-        raise ScanError(
-            f"the PCD header promises {header.points} points of {header.row_bytes} bytes ({header.data}), "
-            f"which {len(body)} bytes do not hold; the file is cut short or its header is wrong: export it again"
-        )
+        raise ScanError(f"{promise}, which {len(body)} bytes do not hold; the file is cut short or its header is "
+                        "wrong: export it again")
+    return 0
 
 
 def _tidy_ascii(header: _Header, body: bytes) -> bytes:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
+from plugins.readers.ply_lists import walked_ascii, walked_binary
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
@@ -16,7 +18,7 @@ class Ply(Reader):
     """Polygon files; faces, edges and further properties are left out."""
 
     name = "ply"
-    version = "1"
+    version = "2"
     suffixes = (".ply",)
 
     def memory(self, path: Path) -> int:
@@ -25,12 +27,14 @@ class Ply(Reader):
             head = file.read(LONGEST_HEADER)
         try:
             header = parse_header(head)
-            header.check_size(path.stat().st_size)
+            _check_length(header, path.stat().st_size)
             vertex = _vertex(header)
         except ScanError:
             return 0  # read says what is wrong
         if header.ascii:
             return MEMORY_A_CHARACTER * path.stat().st_size
+        if not _found(header, vertex):
+            return vertex.count * MEMORY_A_POINT + 2 * path.stat().st_size
         if vertex.count > MOST_ROWS:
             return MOST_ROWS * MEMORY_A_POINT + 2 * BLOCK
         return vertex.count * MEMORY_A_POINT + 2 * vertex.least_bytes(ascii=False)
@@ -43,47 +47,68 @@ class Ply(Reader):
         """
         with path.open("rb") as file:
             header = parse_header(file.read(LONGEST_HEADER))
-            header.check_size(path.stat().st_size)
+            note = stray_note(_check_length(header, path.stat().st_size))
             vertex = _vertex(header)
             if vertex.count == 0:
                 return [np.empty((0, 3))]
             file.seek(header.size)
-            if vertex.count > MOST_ROWS and not header.ascii:
-                return [_spread(file, header, vertex)]
-            body = _rows_ascii(file, header, vertex) if header.ascii else _rows_binary(file, header, vertex)
-        return [_load(header, vertex, body)]
+            if header.ascii:
+                return [_load_ascii(vertex, _rows_ascii(file, header, vertex))]
+            if not _found(header, vertex):
+                return [walked_binary(file.read(), header, vertex, _axes(vertex))]
+            _seek(file, header, vertex)
+            if vertex.count > MOST_ROWS:
+                return [_spread(file, vertex, note)]
+            points = _table(vertex, file.read(vertex.least_bytes(ascii=False))).astype(np.float64)
+        return [RawCloud(points, note=note)]
+
+
+def _check_length(header: PlyHeader, size: int) -> int:
+    """How many stray bytes follow what the header promises, as far as it tells.
+
+    Raises:
+        ScanError: the file is shorter, or so much longer that the header may have lost a property.
+    """
+    if header.ascii or not all(element.scalar for element in header.elements):
+        header.check_size(size)
+        return 0
+    promise = f"the PLY header promises {', '.join(f'{element.count} {element.name}' for element in header.elements)}"
+    expected = sum(element.least_bytes(ascii=False) for element in header.elements)
+    most = max((element.count - 1 for element in header.elements), default=0)  # a property is a byte a row at least
+    return stray_bytes(promise, expected, size - header.size, min(most, MOST_STRAY))
 
 
 def _vertex(header: PlyHeader) -> PlyElement:
-    """The element that holds the points, checked for x, y, z and for rows that can be told apart."""
+    """The element that holds the points, checked for x, y, z."""
     vertex = header.element("vertex")
     known = ", ".join(element.name for element in header.elements) or "none"
     if vertex is None:
         raise ScanError(f"the PLY file has no element 'vertex' (elements: {known}); export the points as vertices")
     names = [entry.name for entry in vertex.properties if entry.length is None]
-    if any(names.count(axis) != 1 for axis in "xyz") or len(set(names)) != len(names):
+    if any(names.count(axis) != 1 for axis in _axes(vertex)) or len(set(names)) != len(names):
         raise ScanError(f"the PLY vertices need x, y and z once each, got {', '.join(names) or 'none'}; export again")
-    ahead = header.elements[: header.elements.index(vertex)]
-    if not vertex.scalar or not (header.ascii or all(element.scalar for element in ahead)):
-        raise ScanError("lists stand before or among the PLY vertices, so they cannot be found; "
-                        "save the file again with plain vertices first, e.g. from MeshLab or CloudCompare")
     return vertex
 
 
-def _rows_binary(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> bytes:
-    _seek(file, header, vertex)
-    return file.read(vertex.least_bytes(ascii=False))
+def _axes(vertex: PlyElement) -> tuple[str, ...]:
+    """Names of the coordinates: some programs write them in capitals."""
+    names = {entry.name for entry in vertex.properties if entry.length is None}
+    return tuple("XYZ") if names.isdisjoint("xyz") else tuple("xyz")
 
 
-def _spread(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> RawCloud:
+def _found(header: PlyHeader, vertex: PlyElement) -> bool:
+    """Whether it is known where each vertex stands in a binary file: no list is before or among them."""
+    return all(element.scalar for element in header.elements[: header.elements.index(vertex) + 1])
+
+
+def _spread(file: io.BufferedReader, vertex: PlyElement, note: str) -> RawCloud:
     """Points spread over the vertex rows, read in blocks."""
-    _seek(file, header, vertex)
 
     def read(rows: int) -> np.ndarray:
         return _table(vertex, file.read(rows * vertex.dtype.itemsize))
 
     points = spread_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MOST_ROWS)
-    return RawCloud(points, total=vertex.count)
+    return RawCloud(points, total=vertex.count, note=note)
 
 
 def _seek(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> None:
@@ -92,26 +117,26 @@ def _seek(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> Non
     file.seek(sum(element.least_bytes(ascii=False) for element in before), io.SEEK_CUR)
 
 
-def _rows_ascii(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> bytes:
+def _rows_ascii(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> list[bytes]:
     before = sum(element.count for element in header.elements[: header.elements.index(vertex)])
     lines = [line for line in file.read().splitlines() if line.strip()]
     rows = lines[before : before + vertex.count]
     if len(rows) != vertex.count:
         raise ScanError(f"the PLY header promises {vertex.count} vertices, {len(rows)} lines came; "
                         "the file is cut short: export it again")
-    return b"\n".join(rows) + b"\n"
+    return rows
 
 
-def _load(header: PlyHeader, vertex: PlyElement, body: bytes) -> np.ndarray:
+def _load_ascii(vertex: PlyElement, lines: list[bytes]) -> np.ndarray:
     """Points (N, 3) float64 of the vertex rows."""
     try:
-        if header.ascii:
-            rows = np.loadtxt(io.BytesIO(body), comments=None, ndmin=2)
-            names = [entry.name for entry in vertex.properties]
-            if rows.shape[1] != len(names):
-                raise ValueError(f"{len(names)} numbers a line expected, {rows.shape[1]} came")
-            return rows[:, [names.index(axis) for axis in "xyz"]]
-        return _table(vertex, body).astype(np.float64)
+        if not vertex.scalar:
+            return walked_ascii(lines, vertex, _axes(vertex))
+        rows = np.loadtxt(io.BytesIO(b"\n".join(lines)), comments=None, ndmin=2)
+        names = [entry.name for entry in vertex.properties]
+        if rows.shape[1] != len(names):
+            raise ValueError(f"{len(names)} numbers a line expected, {rows.shape[1]} came")
+        return rows[:, [names.index(axis) for axis in _axes(vertex)]]
     except ValueError as error:
         raise ScanError(f"the PLY vertices cannot be read ({error}); export the file again") from error
 
@@ -119,4 +144,4 @@ def _load(header: PlyHeader, vertex: PlyElement, body: bytes) -> np.ndarray:
 def _table(vertex: PlyElement, rows: bytes) -> np.ndarray:
     """Points (N, 3) of whole binary rows, in the type of x, y and z."""
     table = np.frombuffer(rows, vertex.dtype)
-    return np.column_stack([table[axis] for axis in "xyz"])
+    return np.column_stack([table[axis] for axis in _axes(vertex)])

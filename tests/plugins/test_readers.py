@@ -13,6 +13,7 @@ from pypcd4 import Encoding, PointCloud
 from reader_files import PLY_TYPES, cloud, ply, read, refused
 
 from plugins.readers.pcd import Pcd
+from z2p_core import registry
 from z2p_core.interfaces import Sensor
 
 
@@ -79,7 +80,8 @@ def test_ply_refusals(tmp_path: Path) -> None:
     refused(path, b"ply\nformat ascii 1.0\nelement face 0\nend_header\n", "no element 'vertex'")
     refused(path, b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", "need x, y and z")
     refused(path, ply(cloud(), binary)[:-1], "cut short")
-    refused(path, ply(cloud(), binary) + b"more", "header is wrong")
+    refused(path, ply(cloud(), binary) + bytes(50), "1200 bytes, but 1250 follow it; the file is 50 bytes longer")
+    refused(path, ply(cloud(9), binary) + bytes(9), "9 bytes longer, so its header is wrong")  # a lost uchar
     refused(path, ply(cloud(9), "ascii").replace(b"-", b"?"), "cannot be read|expected 9")
     text = ply(cloud(), "ascii")
     refused(path, text[: text.rindex(b"\n", 0, -1)], "49 lines came")
@@ -131,7 +133,7 @@ def test_pcd_header_that_lies_is_refused_before_loading(tmp_path: Path, monkeypa
     refused(path, pcd(b"1 2 3\n" * 4, **huge), "promises 2000000000000 points")
     refused(path, pcd(bytes(48), data="binary", **huge), "promises 2000000000000 points")
     refused(path, pcd(bytes(47), data="binary"), "cut short")
-    refused(path, pcd(bytes(49), data="binary"), "header is wrong")
+    refused(path, pcd(bytes(52), data="binary"), "4 bytes longer, so its header is wrong")
     bomb = struct.pack("<II", 16, 24 * 10**7) + bytes(16)
     refused(path, pcd(bomb, data="binary_compressed", points=2 * 10**7, width=10**7), "do not hold")
     refused(path, pcd(struct.pack("<II", 999, 48) + bytes(16), data="binary_compressed"), "do not hold")
@@ -184,6 +186,62 @@ def test_pcd_viewpoint_is_the_sensors_pose(tmp_path: Path) -> None:
     for broken in ("0 0 0 1 0 0", "0 0 0 one 0 0 0", "nan 0 0 1 0 0 0"):
         blob = flat.replace(b"VIEWPOINT 0 0 0 1 0 0 0", f"VIEWPOINT {broken}".encode())
         refused(tmp_path / "a.pcd", blob, "tx ty tz qw qx qy qz")
+
+
+@pytest.mark.parametrize("stray", [b"", b"\n", b"\r\n", bytes(3)])
+def test_a_few_bytes_behind_binary_points_are_told_and_ignored(tmp_path: Path, stray: bytes) -> None:
+    points = cloud(4, "<f4")
+    for name, blob in {"a.ply": ply(points, "binary_little_endian", "float"),
+                       "a.pcd": pcd(points.tobytes(), data="binary")}.items():  # fmt: skip
+        path = tmp_path / name
+        path.write_bytes(blob + stray)
+        (raw,) = registry.load("readers", name[2:])().read(path)
+        assert np.array_equal(raw.points, points)
+        assert raw.note == (f"{len(stray)} stray bytes at the file's end ignored" if stray else "")
+
+
+def list_ply(encoding: str, lengths: list[int], before: int) -> bytes:
+    """Vertices with a list among their properties, behind `before` rows of names."""
+    head = (f"ply\nformat {encoding} 1.0\nelement name {before}\nproperty list uchar uchar letters\n"
+            f"element vertex {len(lengths)}\nproperty float x\nproperty list uchar double weights\n"
+            "property double y\nproperty short z\nproperty list uint uchar more\n"
+            "element face 1\nproperty list uchar int vertex_indices\nend_header\n")  # fmt: skip
+    order = ">" if "big" in encoding else "<"
+    if encoding == "ascii":
+        rows = [f"{i} {n}{' 0.5' * n} {-i} 7 {n}{' 1' * n}" for i, n in enumerate(lengths)]
+        return (head + "3 1 2 3\n" * before + "\n".join([*rows, "3 0 1 2", ""])).encode()
+    names = b"".join(bytes([index % 2, *[9] * (index % 2)]) for index in range(before))
+    each = [struct.pack(f"{order}fB{n}ddhI{n}s", i, n, *[0.5] * n, -i, 7, n, bytes(n)) for i, n in enumerate(lengths)]
+    return head.encode() + names + b"".join(each) + struct.pack(f"{order}B3i", 3, 0, 1, 2)
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("before", [0, 5])
+@pytest.mark.parametrize("lengths", [[2] * 6, [0, 1, 2, 3, 0, 7], [0] * 6])
+def test_ply_lists_before_and_among_the_vertices(
+    tmp_path: Path, encoding: str, before: int, lengths: list[int]
+) -> None:
+    path = tmp_path / "a.ply"
+    blob = list_ply(encoding, lengths, before)
+    path.write_bytes(blob)
+    assert np.array_equal(read(path)[0], [[i, -i, 7] for i in range(6)])
+    assert registry.load("readers", "ply")().memory(path) >= 6 * 24
+    if encoding == "ascii":
+        refused(path, blob.replace(b"-3 7", b"-3 7 1 1 1"), "vertex 4: .* numbers expected")
+    elif lengths[1] < 2:
+        refused(path, blob[:-30] + b"\xff" * 30, "past the end")
+        refused(path, blob[:-40], "past the end|cut short")
+
+
+def test_ply_axes_in_capitals(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    for encoding in ("ascii", "binary_little_endian"):
+        blob = ply(cloud(), encoding)
+        for axis in b"x", b"y", b"z":
+            blob = blob.replace(b" " + axis + b"\n", b" " + axis.upper() + b"\n")
+        path.write_bytes(blob)
+        assert np.array_equal(read(path)[0], cloud())
+        refused(path, blob.replace(b" Z\n", b" z\n"), "need x, y and z once each, got X, Y, z")
 
 
 def test_obj_keeps_vertices_without_faces(tmp_path: Path) -> None:
