@@ -15,13 +15,19 @@ _LARGEST = 2 << 30
 _SUSPICIOUS, _WORST_RATIO = 100 << 20, 200
 """An npz member above `_LARGEST` bytes is refused, and one above `_SUSPICIOUS` that was packed over 200 times."""
 _MOST_COLUMNS = 128
+_KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord")
+"""Names under which programs keep points in an npz; the first that holds some counts."""
+_NO_POINTS = ("normal", "color", "colour", "rgb", "feat")
+"""Parts of the names of arrays that stand beside points."""
+_FEWEST_ROWS = 5
+"""Of an array that is taken without such a name: what has fewer may be a camera's matrix."""
 
 
 class NumpyArrays(Reader):
     """Numpy arrays (N, 3), (N, 6 or more: the first three count) and batches of these (B, N, 3 or more)."""
 
     name = "numpy"
-    version = "1"
+    version = "2"
     suffixes = (".npy", ".npz")
 
     def memory(self, path: Path) -> int:
@@ -36,7 +42,7 @@ class NumpyArrays(Reader):
         return super().memory(path)
 
     def read(self, path: Path) -> list[np.ndarray | RawCloud]:
-        """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` or the only one.
+        """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` ... or the only one.
 
         Of a single cloud of very many points in an npy, some that stand for all.
 
@@ -64,22 +70,54 @@ def _from_zip(path: Path) -> np.ndarray:
     """The array that holds the points."""
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        wanted = ["points", "xyz", *(members if len(members) == 1 else ())]
-        chosen = next((key for key in wanted if key in members), None)
+        chosen = _chosen(archive, members, path.stat().st_size)
         if chosen is None:
-            raise ScanError(f"expected an array named 'points' or 'xyz', or one array alone, got "
+            raise ScanError(f"expected an array named 'points' or 'xyz', or one array of floats (N, 3) alone, got "
                             f"{', '.join(members) or 'none'}; save the points as points=...")
         info = members[chosen]
-        ratio = info.file_size / max(info.compress_size, 1)
-        if (
-            info.file_size > _LARGEST
-            or (info.file_size > _SUSPICIOUS and ratio > _WORST_RATIO)
-            or info.compress_size > path.stat().st_size
-        ):
-            raise ScanError(f"array {chosen!r} would unpack to {info.file_size} bytes from {info.compress_size}; "
-                            "that is no cloud: save it again as .npy if it is one")
+        _weigh(chosen, info, path.stat().st_size)
         with archive.open(info) as file:
             return _array(file, info.file_size)
+
+
+def _chosen(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:
+    """Name of the array that holds the points, by that name or because no other one could; None if that is open.
+
+    One that is called so but has another shape is named too: the message then says what is wrong with it.
+    """
+    named = [key for key in _KEYS if key in members]
+    for key in named:
+        _weigh(key, members[key], size)
+        if _shape_of_points(archive, members[key]):
+            return key
+    if named or len(members) == 1:
+        return next(iter(named or members))
+    others = [key for key in members if not any(word in key.lower() for word in _NO_POINTS)]
+    floats = [key for key in others if _shape_of_points(archive, members[key], floats=True)]
+    return floats[0] if len(floats) == 1 else None
+
+
+def _shape_of_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bool = False) -> bool:
+    """Whether an array's header promises points; `floats`: such as can be told without a name."""
+    with archive.open(info) as file:
+        try:
+            shape, _, dtype = _header(file, info.file_size)
+            _check_shape(shape)
+        except ValueError:  # no array of numbers, or another shape
+            return False
+    return not floats or (dtype.kind == "f" and shape[-2] >= _FEWEST_ROWS)
+
+
+def _weigh(name: str, info: zipfile.ZipInfo, size: int) -> None:
+    """Raises ScanError for an array that packs more than a cloud could into a file of `size` bytes."""
+    ratio = info.file_size / max(info.compress_size, 1)
+    if (
+        info.file_size > _LARGEST
+        or (info.file_size > _SUSPICIOUS and ratio > _WORST_RATIO)
+        or info.compress_size > size
+    ):
+        raise ScanError(f"array {name!r} would unpack to {info.file_size} bytes from {info.compress_size}; "
+                        "that is no cloud: save it again as .npy if it is one")
 
 
 def _array(file: IO[bytes], size: int) -> np.ndarray:

@@ -34,6 +34,26 @@ def test_numpy_round_trip_is_exact(tmp_path: Path, dtype: str) -> None:
                 assert np.array_equal(points, table[:, :3].astype("f8"))
 
 
+def test_npz_arrays_under_the_names_that_programs_give_them(tmp_path: Path) -> None:
+    points, other, path = cloud(20, "<f4"), np.ones((20, 3)), tmp_path / "a.npz"
+    for arrays in (
+        *({key: points, "a": other, "b": other} for key in ("positions", "pos", "vertices", "coord", "coords")),
+        {"points": np.array(20), "xyz": points}, {"points": np.ones((3, 20)), "xyz": points},
+        {"pointcloud": points, "normals": other, "Colors": other, "pose": np.eye(3), "face": np.ones((9, 3), int)},
+        {"a": points, "label": np.zeros(20), "name": np.array("fox"), "object": np.array([None])},
+    ):  # fmt: skip
+        np.savez(path, **arrays)
+        assert np.array_equal(read(path)[0], points), list(arrays)
+    for arrays, match in (
+        ({"points": np.ones((3, 20)), "a": points}, "transpose"),
+        ({"a": points, "b": other}, "got a, b; save the points"),
+        ({"pos": np.ones(3), "label": np.zeros(20)}, r"got \(3,\)"),
+        ({"normals": other, "label": np.ones(20)}, "got norm"),
+    ):  # fmt: skip
+        np.savez(path, **arrays)
+        refused(path, path.read_bytes(), match)
+
+
 def test_numpy_batches_give_a_cloud_each(tmp_path: Path) -> None:
     batch = np.random.default_rng(4).normal(size=(5, 20, 7))
     np.save(tmp_path / "a.npy", batch)
