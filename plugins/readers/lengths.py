@@ -26,4 +26,4 @@ def stray_bytes(promise: str, expected: int, got: int, most: int = MOST_STRAY) -
 
 def stray_note(stray: int) -> str:
     """What the file's line says of stray bytes; nothing if there are none."""
-    return f"{stray} stray bytes at the file's end ignored" if stray else ""
+    return f"stray bytes at the file's end ignored: {stray}" if stray else ""

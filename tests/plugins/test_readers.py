@@ -197,7 +197,7 @@ def test_a_few_bytes_behind_binary_points_are_told_and_ignored(tmp_path: Path, s
         path.write_bytes(blob + stray)
         (raw,) = registry.load("readers", name[2:])().read(path)
         assert np.array_equal(raw.points, points)
-        assert raw.note == (f"{len(stray)} stray bytes at the file's end ignored" if stray else "")
+        assert raw.note == (f"stray bytes at the file's end ignored: {len(stray)}" if stray else "")
 
 
 def list_ply(encoding: str, lengths: list[int], before: int) -> bytes:
