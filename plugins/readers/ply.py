@@ -74,7 +74,7 @@ def _check_length(header: PlyHeader, size: int) -> int:
         return 0
     promise = f"the PLY header promises {', '.join(f'{element.count} {element.name}' for element in header.elements)}"
     expected = sum(element.least_bytes(ascii=False) for element in header.elements)
-    most = max((element.count - 1 for element in header.elements), default=0)  # a property is a byte a row at least
+    most = max([0, *(element.count - 1 for element in header.elements)])  # a lost property is a byte a row at least
     return stray_bytes(promise, expected, size - header.size, min(most, MOST_STRAY))
 
 

@@ -77,6 +77,7 @@ def test_ply_refusals(tmp_path: Path) -> None:
     refused(path, b"ply\nelement vertex 0\nend_header\n", "no line 'format'")
     refused(path, b"ply\nformat ascii 1.0\nelement vertex many\nend_header\n", "element vertex many")
     refused(path, b"ply\nformat ascii 1.0\nelement vertex -3\nend_header\n", "element vertex -3")
+    refused(path, b"ply\nformat binary_little_endian 1.0\nend_header\n", "no element 'vertex' .elements: none")
     refused(path, b"ply\nformat ascii 1.0\nelement face 0\nend_header\n", "no element 'vertex'")
     refused(path, b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n1\n", "need x, y and z")
     refused(path, ply(cloud(), binary)[:-1], "cut short")
