@@ -10,7 +10,7 @@ from typing import TextIO
 
 import numpy as np
 
-from plugins.readers.text_form import BadLineError, Form, Head, form_of, head_of
+from plugins.readers.text_form import BadLineError, Form, Head, form_of, head_of, some_names
 from z2p_core.column_names import text_encoding
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 
@@ -88,8 +88,7 @@ def _counts(column: np.ndarray) -> bool:
 
 
 def _told_numbers(width: int) -> str:
-    names = ",".join(["x", "y", "z", *(f"c{column}" for column in range(4, width + 1))])
-    return f"column 1 counts the rows, so x y z are columns 2 to 4; --columns {names} takes it as x"
+    return f"column 1 counts the rows, so x y z are columns 2 to 4; --columns {some_names(width)} takes it as x"
 
 
 def _table(path: Path, form: Form, skipped: int) -> np.ndarray:

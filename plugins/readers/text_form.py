@@ -261,6 +261,11 @@ def _fitting(head: Head, width: int, ended: bool, columns: Sequence[str] | None)
                     f"has {width - ended}; name each of them, in their order, as in --columns x,y,z,i")
 
 
+def some_names(columns: int) -> str:
+    """Names for so many columns, of which x, y and z come first, as --columns takes them."""
+    return ",".join(["x", "y", "z", *(f"c{column}" for column in range(4, columns + 1))])
+
+
 def _check_columns(suffix: str, columns: int) -> None:
     if suffix not in _COLUMNS:  # a table
         if columns < 3:
@@ -269,6 +274,7 @@ def _check_columns(suffix: str, columns: int) -> None:
         return
     allowed, meaning = _COLUMNS[suffix]
     if columns not in allowed:
-        hint = _SIX_IN_XYZ if (suffix, columns) == (".xyz", 6) else "; rename it to .txt to use the first three"
+        hint = f"; name each of them, as in --columns {some_names(columns)}"
+        hint = _SIX_IN_XYZ if (suffix, columns) == (".xyz", 6) else hint
         counts = " or ".join(str(count) for count in allowed)
         raise ScanError(f"a {suffix} file has {counts} columns ({meaning}), got {columns}{hint if columns > 3 else ''}")

@@ -93,6 +93,6 @@ def test_words_for_missing_numbers_are_counted_as_not_finite(tmp_path: Path, wor
 
 
 def test_other_columns_are_told_with_their_line(tmp_path: Path) -> None:
-    refused(tmp_path / "a.xyz", "# made\n\n1 2 3 4\n", "^line 3: a .xyz file has 3 columns")
+    refused(tmp_path / "a.xyz", "# made\n\n1 2 3 4\n", "^line 3: a .xyz file has 3 columns .* --columns x,y,z,c4$")
     refused(tmp_path / "a.txt", "Project: fox; in 2024\n1;2;3\n", "^line 1: expected x y z .*put '#' before lines")
     assert len(given(tmp_path / "a.txt", "\n".join(" ".join(map(str, row)) for row in cloud(9).tolist()))) == 9
