@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from storage.meshes import shown
@@ -10,6 +12,28 @@ from storage.pictures import FORMATS, PictureError, read_record
 from storage.whole import write_whole
 from z2p_core.interfaces import SettingError
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
+
+MOST_BYTES = 1 << 16
+"""A camera file has fewer; what is larger is not read to find out."""
+
+
+def check_camera_place(path: Path, taken: Iterable[Path] = ()) -> None:
+    """Makes sure that a camera written there replaces nothing but a camera.
+
+    `taken` are the files that the run reads or writes otherwise.
+
+    Raises:
+        SettingError: a folder, a picture's name, one of `taken`, or a file that is no camera.
+    """
+    told = f"--save-camera {shown(path)}: expected the name of a JSON file"
+    if path.is_dir():
+        raise SettingError(f"{told}, got a folder; add a name, as {shown(path / 'camera.json')}")
+    if path.suffix.lower() in (*FORMATS, ".gif"):
+        raise SettingError(f"{told}, got a picture's; each picture holds its camera anyway, see --load-camera")
+    if any(_same(path, other) for other in taken):
+        raise SettingError(f"{told}, got a file that this run reads or writes; choose another")
+    if path.exists() and not _is_camera(path):
+        raise SettingError(f"{told}, got a file that is there already and no camera of z2p; choose another")
 
 
 def write_camera(viewpoint: Viewpoint, path: Path) -> None:
@@ -33,3 +57,19 @@ def read_camera(path: Path) -> Viewpoint:
         raise SettingError(f"camera {shown(path)}: {str(error).removeprefix(f'{shown(path)}: ')}") from error
     except ValueError as error:  # neither UTF-8 nor JSON
         raise SettingError(f"camera {shown(path)}: not JSON ({error}); write one with --save-camera") from error
+
+
+def _same(path: Path, other: Path) -> bool:
+    """Whether two names lead to one file, be it there already or not."""
+    return os.path.realpath(path) == os.path.realpath(other) or (
+        path.exists() and other.exists() and path.samefile(other)
+    )
+
+
+def _is_camera(path: Path) -> bool:
+    try:
+        if not path.is_file() or path.stat().st_size > MOST_BYTES:
+            return False
+        return "z2p_camera" in json.loads(path.read_text("utf-8"))
+    except (OSError, ValueError, TypeError):
+        return False

@@ -96,8 +96,8 @@ def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:
     return names
 
 
-def writable(folder: Path) -> None:
-    """Nothing, once it is sure that files can be written into the folder, which is made if need be.
+def writable(folder: Path, option: str = "--output") -> None:
+    """Nothing, once it is sure that files can be written into the `option`'s folder, which is made if need be.
 
     Raises:
         click.UsageError: they cannot.
@@ -110,4 +110,4 @@ def writable(folder: Path) -> None:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        raise click.UsageError(f"cannot write to {folder}: {error.strerror}; choose another --output") from None
+        raise click.UsageError(f"cannot write to {folder}: {error.strerror}; choose another {option}") from None

@@ -146,7 +146,7 @@ def _plan(
 
 
 def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: dict[str, Any]) -> None:
-    """Contact sheets and gallery replace nobody's file: said before the first picture is drawn."""
+    """Contact sheets, gallery and camera replace nobody's file: said before the first picture is drawn."""
     from storage.pictures import FORMATS
 
     folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
@@ -165,6 +165,12 @@ def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: 
         from pipeline.gallery import check_place
 
         check_place(folder / "gallery.html")
+    if options["save_camera"] is not None:
+        from storage.cameras import check_camera_place
+
+        taken = [path for task in tasks for path in (task.scan, task.output)]
+        check_camera_place(options["save_camera"], [*taken, folder / "gallery.html"])
+        writable(options["save_camera"].parent, "--save-camera")
 
 
 def _same_frame(
