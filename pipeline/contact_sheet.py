@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from pipeline.sheets import MARK, check_places, drop_later, sheet_path
 from storage.meshes import shown
-from storage.pictures import PictureError
 from storage.png import png
 from storage.whole import write_whole
 
@@ -19,8 +19,6 @@ SMALLEST = 96
 """Side that a name needs; smaller pictures stand in the middle of it."""
 WIDEST = 8000
 """Pixels along a side of a sheet; with more columns or rows the pictures get smaller."""
-MARK = "z2p-sheet"
-"""Keyword of the text inside that tells a sheet from all other pictures, which are nobody's to replace."""
 PAPER, INK = (255, 255, 255), (60, 60, 60)
 
 
@@ -30,43 +28,18 @@ def write_contact_sheets(pictures: Sequence[Path], folder: Path, columns: int, r
     Transparent pictures stand on white, none larger than it is. Sheets of an earlier run with more of them go.
 
     Raises:
-        PictureError: in place of a sheet there is something else; see `check_places`.
+        SettingError: in place of a sheet there is something else; see `check_places`.
     """
     check_places(folder, -(-len(pictures) // (columns * rows)))
     cell = min(CELL, max(SMALLEST, *map(_side, pictures)), WIDEST // columns - GAP, WIDEST // rows - GAP - LABEL)
     sheets = []
     for first in range(0, len(pictures), columns * rows):
-        path = folder / ("sheet.png" if first == 0 else f"sheet_{first // (columns * rows) + 1}.png")
+        path = sheet_path(folder, len(sheets) + 1)
         page = _page(pictures[first : first + columns * rows], columns, cell)
         write_whole(png(page, {MARK: path.name}), path)
         sheets.append(path)
-    for number in range(len(sheets) + 1, 1000):
-        if not is_sheet(left := folder / f"sheet_{number}.png"):
-            break
-        left.unlink()
+    drop_later(folder, len(sheets))
     return sheets
-
-
-def check_places(folder: Path, count: int = 1) -> None:
-    """Makes sure that so many sheets in a folder replace nothing but sheets.
-
-    Raises:
-        PictureError: a file of that name is something else.
-    """
-    for number in range(1, count + 1):
-        path = folder / ("sheet.png" if number == 1 else f"sheet_{number}.png")
-        if path.exists() and not is_sheet(path):
-            raise PictureError(f"{shown(path)} is there already, and no contact sheet of z2p: rename it, or choose "
-                               "another folder")
-
-
-def is_sheet(path: Path) -> bool:
-    """Whether a file is a contact sheet that z2p wrote."""
-    try:
-        with Image.open(path) as page:
-            return MARK in page.info
-    except (OSError, SyntaxError, ValueError):  # no picture at all
-        return False
 
 
 def _side(picture: Path) -> int:

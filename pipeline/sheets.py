@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
 
+from storage.meshes import shown
 from z2p_core import registry
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import bytes_from_unit, composite
-from z2p_core.interfaces import ZBuffer
+from z2p_core.interfaces import SettingError, ZBuffer
 
 COLUMNS = ("cloud", "z-buffer (Eq. 1)", "picture", "ground truth")
 """Titles; those of other pictures to compare with come before the ground truth."""
@@ -20,6 +22,8 @@ ROWS_A_SHEET = 12
 CELL, GAP, LABEL, TITLE = 192, 6, 150, 24
 """Sides of a cell, the gap between cells, the label column and the title line, in pixels."""
 INK = (40, 40, 40)
+MARK = "z2p-sheet"
+"""Keyword of the text inside that tells a sheet from all other pictures, which are nobody's to replace."""
 
 
 @dataclass(frozen=True)
@@ -58,18 +62,60 @@ def write_sheets(rows: Sequence[SheetRow], out: Path, others: Sequence[str] = ()
     """``out/sheet.png``, and ``sheet_2.png`` and on where the rows are more than `ROWS_A_SHEET`; older ones go.
 
     `others` are the titles of the rows' other pictures.
+
+    Raises:
+        SettingError: in place of a sheet there is something else; see `check_places`.
     """
+    check_places(out, sheets_of(len(rows)))
     titles = (*COLUMNS[:-1], *others, COLUMNS[-1])
     paths = []
     for first in range(0, len(rows), ROWS_A_SHEET):
-        path = out / ("sheet.png" if first == 0 else f"sheet_{first // ROWS_A_SHEET + 1}.png")
-        _draw_sheet(rows[first : first + ROWS_A_SHEET], titles).save(path)
+        path, text = sheet_path(out, len(paths) + 1), PngInfo()
+        text.add_text(MARK, path.name)
+        _draw_sheet(rows[first : first + ROWS_A_SHEET], titles).save(path, pnginfo=text)
         paths.append(path)
-    for number in range(len(paths) + 1, 1000):
-        if not (left := out / f"sheet_{number}.png").exists():
-            break
-        left.unlink()  # of a longer evaluation into the same folder
+    drop_later(out, len(paths))
     return paths
+
+
+def sheets_of(rows: int) -> int:
+    """How many sheets so many rows take."""
+    return -(-rows // ROWS_A_SHEET)
+
+
+def sheet_path(folder: Path, number: int) -> Path:
+    """Where the sheet of a number, from 1 on, lies."""
+    return folder / ("sheet.png" if number == 1 else f"sheet_{number}.png")
+
+
+def check_places(folder: Path, count: int = 1) -> None:
+    """Makes sure that so many sheets in a folder replace nothing but sheets.
+
+    Raises:
+        SettingError: a file of that name is something else.
+    """
+    for number in range(1, count + 1):
+        path = sheet_path(folder, number)
+        if path.exists() and not is_sheet(path):
+            raise SettingError(f"{shown(path)} is there already, and no contact sheet of this z2p: rename it, or "
+                               "choose another folder")
+
+
+def drop_later(folder: Path, count: int) -> None:
+    """Removes the sheets of a longer run into the same folder, those behind so many; other files stay."""
+    for number in range(count + 1, 1000):
+        if not is_sheet(left := sheet_path(folder, number)):
+            break
+        left.unlink()
+
+
+def is_sheet(path: Path) -> bool:
+    """Whether a file is a contact sheet that z2p wrote."""
+    try:
+        with Image.open(path) as page:
+            return MARK in page.info
+    except (OSError, SyntaxError, ValueError):  # no picture at all
+        return False
 
 
 def _draw_sheet(rows: Sequence[SheetRow], titles: Sequence[str]) -> Image.Image:

@@ -57,6 +57,7 @@ def evaluate(
     Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
     """
     from pipeline.baselines import load_baselines
+    from pipeline.sheets import check_places, sheets_of
     from storage.checkpoints import resolve
     from storage.meshes import find_meshes
     from z2p_core import registry
@@ -67,6 +68,7 @@ def evaluate(
     load_baselines(baseline)
     registry.load("engines", engine)
     found, file = find_meshes(meshes), resolve(weights)
+    check_places(output, sheets_of(len(found) * config.views * config.seeds))  # before hours of rendering
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if missing:
         raise Failure(f"evaluation needs {', '.join(missing)}; {INSTALL}")

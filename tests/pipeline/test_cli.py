@@ -114,6 +114,11 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
     assert z2p(*words, "--engine", "onnxruntime").exit_code == 0 and called[-1][-1] == "onnxruntime"
     assert "unknown engine 'abacus'" in z2p(*words, "--engine", "abacus").stderr
     assert z2p(*words, "--elevation", "90").exit_code == 2
+    (out / "sheet.png").write_bytes(b"mine")
+    runs = len(called)
+    refused = z2p(*words)
+    assert refused.exit_code == 2 and "sheet.png is there already" in refused.stderr and len(called) == runs
+    (out / "sheet.png").unlink()
     assert z2p("evaluate", "--meshes", meshes, "--output", out, "--weights", "nosuch").exit_code == 2
 
 

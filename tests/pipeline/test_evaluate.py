@@ -257,6 +257,14 @@ def test_many_rows_go_on_several_sheets_and_old_ones_go(tmp_path: Path) -> None:
         assert first.width == last.width and first.height > 10 * CELL and last.height < 2 * CELL
     write_sheets([row], tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]
+    strangers = tmp_path / "sheet_2.png"
+    picture_bytes = paths[0].read_bytes()
+    Image.new("RGB", (8, 8)).save(strangers)
+    before = strangers.read_bytes()
+    write_sheets([row], tmp_path)
+    with pytest.raises(SettingError, match=r"sheet_2\.png is there already"):
+        write_sheets([row] * (ROWS_A_SHEET + 1), tmp_path)
+    assert strangers.read_bytes() == before and paths[0].read_bytes() == picture_bytes
 
 
 @pytest.mark.slow
