@@ -17,7 +17,7 @@ from typing import Any
 from pipeline.drawing import Drawing, Look, draw, record
 from pipeline.infer import Renderer
 from pipeline.placing import Stance
-from storage.clouds import Scan, format_suffix, read_clouds, shown
+from storage.clouds import Scan, format_suffix, read_each, shown
 from storage.fingerprints import file_digest
 from storage.incoming import is_spooled
 from storage.pictures import PictureError, write_picture
@@ -207,15 +207,19 @@ def _render_clouds(
     planned: frozenset[Path], columns: tuple[str, ...] | None,
 ) -> None:
     """Fill in `outcome` while drawing each cloud of the file; a cloud that cannot be drawn leaves the others."""
-    scans = read_clouds(task.scan, columns)
-    outcome.points = sum(len(scan.points) for scan in scans)
-    outcome.dropped, outcome.repeated = (sum(getattr(scan, name) for scan in scans) for name in ("dropped", "repeated"))
-    outcome.total = sum(scan.total or 0 for scan in scans)
+    scans = read_each(task.scan, columns)
+    good = [scan for scan in scans if isinstance(scan, Scan)]
+    outcome.points = sum(len(scan.points) for scan in good)
+    outcome.dropped, outcome.repeated = (sum(getattr(scan, name) for scan in good) for name in ("dropped", "repeated"))
+    outcome.total = sum(scan.total or 0 for scan in good)
     if len(scans) > 1:
         outcome.outputs = _batch_outputs(task, len(scans), planned)
     faults = []
     for cloud, (scan, output) in enumerate(zip(scans, outcome.outputs, strict=True)):
         if not overwrite and output.exists():
+            continue
+        if isinstance(scan, ScanError):
+            faults.append(told_fault(scan, task.scan))
             continue
         try:
             render(scan, cloud, output)

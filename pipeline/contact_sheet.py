@@ -32,7 +32,7 @@ def write_contact_sheets(pictures: Sequence[Path], folder: Path, columns: int, r
     """
     check_places(folder, -(-len(pictures) // (columns * rows)))
     cell = min(CELL, max(SMALLEST, *map(_side, pictures)), WIDEST // columns - GAP, WIDEST // rows - GAP - LABEL)
-    sheets = []
+    sheets: list[Path] = []
     for first in range(0, len(pictures), columns * rows):
         path = sheet_path(folder, len(sheets) + 1)
         page = _page(pictures[first : first + columns * rows], columns, cell)

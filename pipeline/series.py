@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.drawing import FAINTEST, Look, Window, draw, trimmed_window
 from pipeline.infer import Renderer
 from pipeline.placing import Placing, place, shown_points
-from storage.clouds import Scan, format_suffix, read_clouds, usable
+from storage.clouds import Scan, format_suffix, read_each, usable
 from z2p_core.geometry import random_rotation
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.viewpoint import Viewpoint
@@ -50,24 +50,23 @@ def common_viewpoint(
     """
     reach: list[np.ndarray] = []
     first: tuple[Sensor | None, str] | None = None
-    clouds = unread = 0
+    faults: list[str] = []
     for path in scans:
         try:
-            found = read_clouds(path, columns)
+            found = _usable_ones(path, columns)
             shown = [shown_points(scan, format_suffix(path), placing) for scan in found]
-        except ScanError:  # told by name when its turn to be drawn comes
-            unread += 1
+        except (ScanError, OSError, MemoryError) as error:  # told by name when its turn to be drawn comes
+            faults.append(str(error))
             continue
         first = first or (found[0].sensor, format_suffix(path))
         reach += [_outline(one.points) for one in shown]
-        clouds += len(found)
     if first is None:
-        raise ScanError(f"--same-frame: none of {unread} files can be read")
+        raise ScanError(f"--same-frame: none of the files can be read; the first: {faults[0]}")
     together = Scan(usable(np.vstack(reach)).points, 0, "", first[0])
     placing = replace(placing, keep_outliers=True, cut_top=0.0)  # what is to go has gone from each
     placed = place(together, first[1], placing, elevation, free)
     shared = replace(placed.viewpoint, floor=float(placed.cloud[:, 2].min()))  # what hovers in one cloud hovers
-    return Series(shared, placed.stance.told, clouds, unread)
+    return Series(shared, placed.stance.told, len(reach), len(faults))
 
 
 def common_window(
@@ -84,13 +83,26 @@ def common_window(
     alpha = np.zeros((height, width), dtype=np.uint8)
     for path in scans:
         with suppress(Exception):  # whatever a file brings up, the others count
-            for scan in read_clouds(path, columns):
+            for scan in _usable_ones(path, columns):
                 with suppress(Exception):
                     np.maximum(alpha, draw(renderer, scan, format_suffix(path), draft).picture[..., 3], out=alpha)
     if not (alpha >= FAINTEST).any():
         return None
     rows, across = trimmed_window(alpha)
     return (across.start / width, rows.start / height, min(across.stop / width, 1.0), min(rows.stop / height, 1.0))
+
+
+def _usable_ones(path: Path, columns: tuple[str, ...] | None) -> list[Scan]:
+    """The clouds of a file that show something; those that show nothing are told when their turn comes.
+
+    Raises:
+        ScanError: none does, or the file cannot be read.
+    """
+    found = read_each(path, columns)
+    good = [scan for scan in found if isinstance(scan, Scan)]
+    if not good:
+        raise next(scan for scan in found if isinstance(scan, ScanError))
+    return good
 
 
 def _outline(points: np.ndarray) -> np.ndarray:

@@ -68,7 +68,7 @@ def write_sheets(rows: Sequence[SheetRow], out: Path, others: Sequence[str] = ()
     """
     check_places(out, sheets_of(len(rows)))
     titles = (*COLUMNS[:-1], *others, COLUMNS[-1])
-    paths = []
+    paths: list[Path] = []
     for first in range(0, len(rows), ROWS_A_SHEET):
         path, text = sheet_path(out, len(paths) + 1), PngInfo()
         text.add_text(MARK, path.name)

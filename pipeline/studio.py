@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.batch import source_of
-from pipeline.drawing import Look, draw, record
+from pipeline.drawing import Drawing, Look, draw, record
 from pipeline.infer import Renderer
 from pipeline.placing import Placing
 from pipeline.settings import background_from, settings_for
@@ -26,7 +26,7 @@ from storage.clouds import Scan, format_suffix, read_clouds, usable
 from storage.pictures import encode, write_picture
 from z2p_core.framing import UP_AXES
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-from z2p_core.interfaces import SettingError, Value
+from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.picture import Picture
 from z2p_core.studio import Request
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
@@ -45,7 +45,8 @@ class DrawingStudio:
             ScanError: a cloud that has no extent.
             SettingError: a setting that cannot be.
         """
-        scans = [usable(cloud) for cloud in clouds]
+        labels = [f"[{index}]" if len(clouds) > 1 else "" for index in range(len(clouds))]
+        scans = [usable(cloud, label) for cloud, label in zip(clouds, labels, strict=True)]
         sources = [{"name": None, "sha256": hashlib.sha256(cloud.tobytes()).hexdigest(), "cloud": index}
                    for index, cloud in enumerate(clouds)]  # fmt: skip
         return _pictures(scans, sources, "", request)
@@ -150,7 +151,7 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
         look = look_for(renderer, request)
         pictures = []
         for scan, source in zip(scans, sources, strict=True):
-            drawing = draw(renderer, scan, suffix, look)
+            drawing = _drawn(renderer, scan, suffix, look)
             array = drawing.picture if look.background is None else _opaque(drawing.picture, look.background)
             notes = [f"{scan.dropped} points that are not finite were dropped"] if scan.dropped else []
             if scan.repeated:
@@ -167,6 +168,14 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
                 notes.append(f"{drawing.stance.outside} points lie beyond the camera's frame")
             pictures.append(Picture(array, record(drawing, look, source), tuple(notes)))
     return pictures
+
+
+def _drawn(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
+    """As `draw` does it; an error names which cloud of the batch it was."""
+    try:
+        return draw(renderer, scan, suffix, look)
+    except ScanError as error:
+        raise ScanError(f"cloud {scan.label}: {error}" if scan.label else str(error)) from error
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import stat
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,8 +18,8 @@ from storage.repeats import distinct
 from z2p_core import registry
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
 
-__all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "read_clouds", "read_mesh",
-           "readable_suffixes", "shown", "usable", "write_cloud", "write_mesh"]  # fmt: skip
+__all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "read_clouds", "read_each",
+           "read_mesh", "readable_suffixes", "shown", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 FEWEST_POINTS = 3
 LARGEST = float(np.finfo(np.float32).max)
@@ -52,7 +53,23 @@ def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan
         ScanError: no such file, no reader for its suffix, a file that is not of its format or too large for the free
             memory, or a cloud without three finite points at two places at least; one line that names the file.
     """
+    scans = []
+    for scan in read_each(path, columns):
+        if isinstance(scan, ScanError):
+            raise scan
+        scans.append(scan)
+    return scans
+
+
+def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan | ScanError]:
+    """The clouds of a file as `read_clouds` gives them, but in place of one that shows nothing the error that says so.
+
+    Raises:
+        ScanError: the file as a whole cannot be read.
+    """
     try:
+        if stat.S_ISDIR(_mode(path)):
+            raise ScanError("expected a file, got a folder; name one in it, or give the folder to z2p run-inference")
         reader = _reader(format_suffix(path))
         reader.columns = columns
         check_openable(path)
@@ -61,18 +78,18 @@ def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan
             _check_memory(reader, plain, free)
             clouds = _clouds(reader, plain)
         labels = [f"[{index}]" for index in range(len(clouds))] if len(clouds) > 1 else [""]
-        return [_scan(cloud, label) for cloud, label in zip(clouds, labels, strict=True)]
+        return [_scan_or_fault(cloud, label, path) for cloud, label in zip(clouds, labels, strict=True)]
     except ScanError as error:
         raise ScanError(f"{shown(path)}: {error}") from error
 
 
-def usable(points: np.ndarray) -> Scan:
-    """The finite rows of points (N, 3), as a scan in float64.
+def usable(points: np.ndarray, label: str = "") -> Scan:
+    """The finite rows of points (N, 3), as a scan in float64; `label` tells it from the others of its batch.
 
     Raises:
         ScanError: there are not three finite points at two places at least.
     """
-    return _scan(RawCloud(np.asarray(points, dtype=np.float64)), "")
+    return _scan(RawCloud(np.asarray(points, dtype=np.float64)), label)
 
 
 def readable_suffixes() -> dict[str, str]:
@@ -224,6 +241,21 @@ def _clouds(reader: Reader, path: Path) -> list[RawCloud]:
     if not clouds:
         raise ScanError("the file holds no cloud")
     return clouds
+
+
+def _mode(path: Path) -> int:
+    """The file's mode, 0 where it cannot be told."""
+    try:
+        return path.stat().st_mode
+    except (OSError, ValueError):
+        return 0
+
+
+def _scan_or_fault(raw: RawCloud, label: str, path: Path) -> Scan | ScanError:
+    try:
+        return _scan(raw, label)
+    except ScanError as error:
+        return ScanError(f"{shown(path)}: {error}")
 
 
 def _scan(raw: RawCloud, label: str) -> Scan:

@@ -104,7 +104,8 @@ def _drawn_again(
     from pipeline.drawing import record as record_of
     from pipeline.suited import renderer_for
     from storage.checkpoints import shipped
-    from storage.clouds import format_suffix, read_clouds
+    from storage.clouds import format_suffix, read_each
+    from z2p_core.interfaces import ScanError
 
     name = options["weights"] or record["weights"]["name"]
     if options["weights"] is None and name not in shipped():
@@ -114,10 +115,13 @@ def _drawn_again(
     look = _look(record, renderer, name, values, options)
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
-    clouds = read_clouds(scan, columns)
+    clouds = read_each(scan, columns)
     if source["cloud"] >= len(clouds):
         raise Failure(f"{scan} holds {len(clouds)} clouds; the picture shows number {source['cloud'] + 1}")
-    drawing = draw(renderer, clouds[source["cloud"]], format_suffix(scan), look)
+    cloud = clouds[source["cloud"]]
+    if isinstance(cloud, ScanError):
+        raise cloud
+    drawing = draw(renderer, cloud, format_suffix(scan), look)
     made_by = record_of(drawing, look, source_of(scan, output, source["cloud"], columns))
     if options["load_camera"] is None and not options["azimuth"]:
         made_by["stance"] = record["stance"]  # why it stands as it stands is known from the first time

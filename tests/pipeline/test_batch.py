@@ -106,7 +106,7 @@ def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
 
     at_work, together = set[str](), set[frozenset[str]]()
     both_light = threading.Barrier(2, timeout=20)
-    original = batch.read_clouds
+    original = batch.read_each
 
     def watched(path: Path, columns: None) -> list[batch.Scan]:
         at_work.add(path.stem)
@@ -118,7 +118,7 @@ def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
         finally:
             at_work.remove(path.stem)
 
-    monkeypatch.setattr(batch, "read_clouds", watched)
+    monkeypatch.setattr(batch, "read_each", watched)
     monkeypatch.setattr(batch, "HEAVY", 5_000)
     for name, count in {"light1": 50, "light2": 60, "heavy1": 900, "heavy2": 901, "heavy3": 902}.items():
         np.save(tmp_path / f"{name}.npy", np.random.default_rng(count).normal(size=(count, 3)))
@@ -131,7 +131,7 @@ def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, mon
     from pipeline import batch
 
     alive, most, lock = [0], [0], threading.Lock()
-    original = batch.read_clouds
+    original = batch.read_each
 
     def counted(path: Path, columns: None) -> list[batch.Scan]:
         with lock:
@@ -143,7 +143,7 @@ def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, mon
         with lock:
             alive[0] -= 1
 
-    monkeypatch.setattr(batch, "read_clouds", counted)
+    monkeypatch.setattr(batch, "read_each", counted)
     monkeypatch.setattr(batch, "write_picture", drawn)
     for index in range(12):
         np.save(tmp_path / f"{index}.npy", np.random.default_rng(index).normal(size=(50, 3)))

@@ -57,6 +57,23 @@ def test_a_batch_file(render: Callable[..., Result], tmp_path: Path, cloud: np.n
     assert lines(render(tmp_path / "many.npy", "--json"))[0]["status"] == "skipped"
 
 
+@pytest.mark.parametrize("bad", [np.nan, 0.0])
+def test_one_bad_cloud_of_a_batch_file_leaves_the_others(
+    render: Callable[..., Result], z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, cloud: np.ndarray,
+    bad: float,
+) -> None:
+    np.save(tmp_path / "many.npy", np.stack([cloud, cloud * bad, cloud * (1, 1, 3)]))
+    for words in ((), ("--same-frame", "--fit", "tight", "--overwrite")):
+        result = render(tmp_path / "many.npy", "--json", *words)
+        assert result.exit_code == 1
+        assert pictures(tmp_path / "out") == ["many_000.png", "many_002.png"]
+        [line] = lines(result)
+        assert line["status"] == "failed" and str(line["error"]).startswith("cloud [1]: ")
+        assert line["points"] == 2 * len(cloud) and result.stderr.count("[1]") == 1
+    last = tmp_path / "out" / "many_002.png"
+    assert z2p("rerender", last, "--weights", tiny_weights).exit_code == 0
+
+
 def test_output_may_name_one_picture(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     target = tmp_path / "figures" / "final.png"
     assert render(scans / "one.npy", output=target).exit_code == 0

@@ -88,6 +88,9 @@ def test_a_batch_is_a_sheet_and_a_sequence(cloud: np.ndarray, small: dict[str, A
     assert len(alone) == 1 and alone[0] is alone
     white = batch.on("white")
     assert (white.array[..., 3] == 255).all() and len(white) == 3 and (white[1].array[..., 3] == 255).all()
+    for bad, told in ((cloud * np.nan, r"cloud \[1\]: none of"), (cloud + 1e6, r"cloud \[1\]: lies beyond")):
+        with pytest.raises(ScanError, match=told):
+            z2p_core.render([cloud, bad], **small, camera=alone.camera)
     with pytest.raises(ScanError, match="empty batch"):
         z2p_core.render(np.empty((0, 5, 3)), **small)
 

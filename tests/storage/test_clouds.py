@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from storage import clouds
-from storage.clouds import find_scans, read_clouds, readable_suffixes, write_cloud
+from storage.clouds import find_scans, read_clouds, read_each, readable_suffixes, write_cloud
 from z2p_core import registry
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 
@@ -56,6 +56,9 @@ def test_batch_gives_labelled_scans_and_suffix_case_does_not_matter(tmp_path: Pa
     np.save(tmp_path / "b.npy", batch)
     with pytest.raises(ScanError, match=r"cloud \[2\]: none of the 10"):
         read_clouds(tmp_path / "b.npy")
+    each = read_each(tmp_path / "b.npy")
+    assert [isinstance(scan, ScanError) for scan in each] == [False, False, True, False]
+    assert str(each[2]).startswith(f"{tmp_path / 'b.npy'}: cloud [2]: none of the 10")
 
 
 @pytest.mark.parametrize(
@@ -94,8 +97,9 @@ def test_files_that_cannot_be_opened_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ScanError, match="cannot be opened"):
         read_clouds(tmp_path / "loop.ply")
     (tmp_path / "folder.ply").mkdir()
-    with pytest.raises(ScanError, match="got a folder or a device"):
-        read_clouds(tmp_path / "folder.ply")
+    for folder in (tmp_path, tmp_path / "folder.ply"):
+        with pytest.raises(ScanError, match="expected a file, got a folder"):
+            read_clouds(folder)
     os.mkfifo(tmp_path / "pipe.ply")
     with pytest.raises(ScanError, match="got a folder or a device"):
         read_clouds(tmp_path / "pipe.ply")
