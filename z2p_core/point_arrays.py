@@ -13,6 +13,14 @@ from z2p_core.interfaces import ScanError
 ATTRIBUTES = ("xyz", "points", "vertices")
 """Where other libraries keep their clouds: laspy (whose `points` are records), open3d and pyvista, trimesh."""
 MOST_COLUMNS = 128
+SMALLEST_MAP = 16
+"""Rows and columns of a point map at least."""
+MOST_LOOKED_AT = 512
+"""Rows and columns of an array that are looked at to tell whether it is a point map."""
+MAPS_SPREAD = 0.05
+"""How far x/z may vary within the columns of a point map, and y/z within its rows, of what they do across."""
+FEWEST_EACH = 8
+"""Points that a column or row which has any must have on average, or chance might line them up."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +36,8 @@ class PointArrays:
 def point_arrays(points: Any) -> PointArrays:
     """The clouds in an array or tensor (N, 3), (N, 6 or more) or (B, N, 3 or more), a cloud object, or a list of these.
 
+    A depth camera's point map (H, W, 3 or more) is one cloud.
+
     Raises:
         ScanError: no numbers, or another shape.
     """
@@ -42,9 +52,44 @@ def point_arrays(points: Any) -> PointArrays:
         raise ScanError(f"expected points (N, 3), (N, 6 or more) or a batch (B, N, 3), got {shape}{hint}")
     if array.dtype.kind not in "fiu":
         raise ScanError(f"expected points as numbers, got dtype {array.dtype}")
-    batch = array if array.ndim == 3 else array[None]
+    batch = as_batch(array)
     clouds = [np.array(cloud[:, :3], dtype=np.float64) for cloud in batch]
-    return PointArrays(clouds, array.ndim == 3, shape[-1] - 3)
+    return PointArrays(clouds, array.ndim == 3 and batch is array, shape[-1] - 3)
+
+
+def as_batch(array: np.ndarray) -> np.ndarray:
+    """Clouds (B, N, C) of an array (N, C), a batch, which is given back itself, or a depth camera's point map."""
+    if array.ndim == 3 and not _is_point_map(array):
+        return array
+    return array.reshape(1, -1, array.shape[-1])
+
+
+def _is_point_map(array: np.ndarray) -> bool:
+    """Whether numbers (H, W, 3 or more) are what a pinhole camera saw in its pixels, row by row, rather than H clouds.
+
+    Then the column tells x/z and the row y/z, as it does in no batch: its clouds' points would have to share them.
+    """
+    if min(array.shape[:2]) < SMALLEST_MAP:
+        return False
+    rows, columns = (np.linspace(0, side - 1, min(side, MOST_LOOKED_AT)).astype(int) for side in array.shape[:2])
+    x, y, z = np.moveaxis(array[rows[:, None], columns, :3].astype(np.float64), -1, 0)
+    with np.errstate(all="ignore"):  # missing points are 0 0 0 or no numbers
+        across, down = x / z, y / z
+    seen = np.isfinite(across) & np.isfinite(down)
+    return _told_by_column(across, seen) and _told_by_column(down.T, seen.T)
+
+
+def _told_by_column(values: np.ndarray, seen: np.ndarray) -> bool:
+    """Whether values (H, W), those that are `seen`, vary far less within the columns than from one to the other."""
+    counts = seen.sum(0)
+    used = counts > 0
+    if used.sum() < 2 or counts[used].mean() < FEWEST_EACH:
+        return False
+    values = np.where(seen, values, 0.0)[:, used]
+    means = values.sum(0) / counts[used]
+    within = np.where(seen[:, used], (values - means) ** 2, 0.0).sum()
+    between = (counts[used] * (means - (counts[used] * means).sum() / counts.sum()) ** 2).sum()
+    return bool(within < MAPS_SPREAD**2 * between)
 
 
 def _array(points: Any) -> np.ndarray:

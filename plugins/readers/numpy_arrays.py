@@ -9,6 +9,7 @@ from typing import IO
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
+from z2p_core.point_arrays import as_batch
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
 
 _LARGEST = 2 << 30
@@ -24,7 +25,7 @@ _FEWEST_ROWS = 5
 
 
 class NumpyArrays(Reader):
-    """Numpy arrays (N, 3), (N, 6 or more: the first three count) and batches of these (B, N, 3 or more)."""
+    """Numpy arrays (N, 3), (N, 6 or more: the first three count), batches of these, and depth cameras' point maps."""
 
     name = "numpy"
     version = "2"
@@ -43,6 +44,8 @@ class NumpyArrays(Reader):
 
     def read(self, path: Path) -> list[np.ndarray | RawCloud]:
         """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` ... or the only one.
+
+        What a pinhole camera saw, a point a pixel (H, W, 3), is one cloud.
 
         Of a single cloud of very many points in an npy, some that stand for all.
 
@@ -169,8 +172,7 @@ def _header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype
 def _clouds(array: np.ndarray) -> list[np.ndarray | RawCloud]:
     """Clouds (N, 3) float64 of an array whose shape says which axis is which."""
     _check_shape(array.shape)
-    batch = array if array.ndim == 3 else array[None]
-    return [np.ascontiguousarray(cloud[:, :3], dtype=np.float64) for cloud in batch]
+    return [np.ascontiguousarray(cloud[:, :3], dtype=np.float64) for cloud in as_batch(array)]
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:

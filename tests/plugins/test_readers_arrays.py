@@ -54,6 +54,16 @@ def test_npz_arrays_under_the_names_that_programs_give_them(tmp_path: Path) -> N
         refused(path, path.read_bytes(), match)
 
 
+def test_a_depth_cameras_point_map_is_one_cloud(tmp_path: Path) -> None:
+    row, column = np.mgrid[:40, :50]
+    depth = 2 + np.sin(row * column / 99)
+    seen = np.stack([(column - 25) / 50 * depth, (row - 20) / 50 * depth, depth], -1)
+    seen[:6, :9] = np.nan
+    np.save(tmp_path / "a.npy", seen)
+    (points,) = read(tmp_path / "a.npy")
+    assert np.array_equal(points, seen.reshape(-1, 3), equal_nan=True)
+
+
 def test_numpy_batches_give_a_cloud_each(tmp_path: Path) -> None:
     batch = np.random.default_rng(4).normal(size=(5, 20, 7))
     np.save(tmp_path / "a.npy", batch)

@@ -75,3 +75,61 @@ def test_the_callers_array_is_left_alone() -> None:
 def test_refusals(thing: object, told: str) -> None:
     with pytest.raises(ScanError, match=told):
         point_arrays(thing)
+
+
+def point_map(height: int = 60, width: int = 80, scale: float = 1.0) -> np.ndarray:
+    """What a pinhole camera sees of a wavy wall, (H, W, 3) float32, a point a pixel."""
+    row, column = np.mgrid[:height, :width]
+    across, down = (column - 0.48 * width) / width, (row - 0.55 * height) / width
+    depth = 2 + 0.4 * np.sin(9 * across) * np.cos(7 * down) + 0.8 * (across > 0.1)
+    return (scale * np.stack([across * depth, down * depth, depth], -1)).astype(np.float32)
+
+
+def holed(points: np.ndarray, missing: float) -> np.ndarray:
+    """The map where only a disc in its middle was measured."""
+    row, column = np.mgrid[: points.shape[0], : points.shape[1]]
+    seen = np.hypot(row - points.shape[0] / 2, column - points.shape[1] / 2) < 14
+    return np.where(seen[..., None], points, missing)
+
+
+@pytest.mark.parametrize(
+    "given",
+    [point_map(), -point_map(), point_map(900, 1300), holed(point_map(), np.nan), holed(point_map(), 0.0),
+     (point_map() * 1000).astype(np.int16), torch.from_numpy(point_map()), point_map().astype(np.float16),
+     np.concatenate([point_map(), np.ones((60, 80, 3))], -1), point_map(16, 2000), np.asfortranarray(point_map())],
+    ids=lambda given: f"{tuple(given.shape)} {given.dtype}",
+)  # fmt: skip
+def test_a_depth_cameras_point_map_is_one_cloud(given: np.ndarray) -> None:
+    found = point_arrays(given)
+    assert not found.batched and len(found.clouds) == 1
+    assert np.array_equal(found.clouds[0], np.asarray(given)[..., :3].reshape(-1, 3), equal_nan=True)
+
+
+def frames() -> np.ndarray:
+    """An ordered mesh (a sphere's vertices), 40 times as it walks, turns and swells."""
+    vertices = trimesh.creation.uv_sphere(count=(12, 24)).vertices
+    return np.stack([vertices * (1 + 0.01 * step) + [0.05 * step, 0, 4] for step in range(40)])
+
+
+def sheets() -> np.ndarray:
+    """40 grids (24 x 24) of one wavy plane, shifted."""
+    grid = np.stack(np.meshgrid(np.linspace(-1, 1, 24), np.linspace(-1, 1, 24)), -1).reshape(-1, 2)
+    plane = np.column_stack([grid, 3 + 0.1 * np.sin(5 * grid[:, 0])])
+    return plane + np.linspace(0, 0.2, 40)[:, None, None]
+
+
+RNG = np.random.default_rng(3)
+
+
+@pytest.mark.parametrize(
+    "batch",
+    [RNG.normal(size=(64, 500, 3)), RNG.uniform(size=(16, 16, 3)), RNG.normal((0, 0, 50), size=(32, 100, 3)),
+     np.stack([CLOUD] * 32), frames(), frames()[:, :, [2, 0, 1]], frames() * [1, 1, 0], frames()[:, ::-1] * 1e-3,
+     np.sort(RNG.uniform(size=(32, 200, 3)), axis=1), sheets(), point_map()[:15], np.zeros((20, 50, 3)),
+     np.full((20, 50, 3), np.nan), np.where(RNG.uniform(size=(64, 64, 1)) < 0.01, RNG.normal(size=(64, 64, 3)), 0),
+     np.stack([point_map(20, 30).reshape(-1, 3) * scale for scale in np.linspace(1, 2, 20)])],
+    ids=lambda batch: str(batch.shape),
+)  # fmt: skip
+def test_a_batch_is_never_taken_for_a_point_map(batch: np.ndarray) -> None:
+    found = point_arrays(batch)
+    assert found.batched and len(found.clouds) == len(batch)
