@@ -105,11 +105,11 @@ def look_for(renderer: Renderer, request: Request) -> Look:
     """
     if request.up != "auto" and request.up not in UP_AXES:
         raise SettingError(f"expected up auto, {', '.join(UP_AXES)}, got {request.up!r}")
-    wishes, view = dict(request.controls), _view(request.view)
-    if isinstance(view, tuple) and wishes.get("elevation") is None:
+    wishes, view, camera = dict(request.controls), _view(request.view), _camera(request.camera)
+    if isinstance(view, tuple) and camera is None and wishes.get("elevation") is None:
         wishes["elevation"] = view[1]
     placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
-                      request.keep_outliers, request.cut_top, _camera(request.camera))
+                      request.keep_outliers, request.cut_top, camera)
     return Look(_settings(renderer, wishes), placing, *request.size, background_from(request.background),
                 request.supersample, request.tight)  # fmt: skip
 

@@ -123,10 +123,12 @@ def find_scans(
     begin with numbers or their names (which the user may have `named`); `passed_over` is told of each.
 
     Raises:
-        ScanError: an input is a URL or matches nothing, or a folder or pattern holds no readable file.
+        ScanError: an input is empty, is a URL or matches nothing, or a folder or pattern holds no readable file.
     """
     found: dict[str, Path] = {}
     for text in inputs:
+        if not text:
+            raise ScanError("expected a file, folder or pattern, got ''; is the variable empty that should hold it?")
         if re.match(r"[A-Za-z][A-Za-z0-9+.-]*://", text):
             raise ScanError(f"{text!r} is a URL; z2p reads local files only, so download it first")
         try:

@@ -12,7 +12,8 @@ import click
 from pipeline.cli import debugging
 from pipeline.commands.control_options import SETTINGS, InferenceCommand
 from pipeline.commands.inputs import found_scans
-from pipeline.commands.picture_options import columns_from, look_from, picture_options, writable
+from pipeline.commands.picture_options import check_view, columns_from, look_from, picture_options, writable
+from pipeline.commands.values import FiniteRange, Target, is_folder
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from pipeline.batch import Task
@@ -23,14 +24,14 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
-@click.option("--output", "-o", default="pictures", type=click.Path(path_type=Path), metavar="OUT",
+@click.option("--output", "-o", default="pictures", type=Target(), metavar="OUT",
               help="Folder for the loops; or, for one cloud, the loop itself (.webp, .gif, .mp4).")
 @click.option("--format", "format_", default="webp", type=click.Choice(["webp", "gif", "mp4"]),
               help="Of loops in a folder. WebP keeps the transparency; MP4 needs the extra z2p[video].")
 @click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
               help="turn: the object, once around; light: the light, from side to side and back.")
 @click.option("--frames", default=48, type=click.IntRange(2, 720), metavar="N", help="Frames of the loop.")
-@click.option("--fps", default=24.0, type=click.FloatRange(1, 60), metavar="N", help="Frames a second.")
+@click.option("--fps", default=24.0, type=FiniteRange(1, 60), metavar="N", help="Frames a second.")
 @click.option("--steady", default=1, type=click.IntRange(1, 9), metavar="N",
               help="Pictures that each frame is the mean of: little smoother, N times slower.")
 @picture_options
@@ -57,13 +58,14 @@ def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options
 def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dict[str, Any]) -> bool:
     """True when a file failed."""
     columns = columns_from(options)
+    values = ctx.meta.get(SETTINGS, {})
+    check_view(ctx, values, options)
     scans = found_scans(ctx, inputs, options, columns is not None)
     from pipeline.batch import told_fault
     from pipeline.motion import Motion
     from pipeline.suited import renderer_for
     from storage.clouds import shown
 
-    values = ctx.meta.get(SETTINGS, {})
     renderer = renderer_for(options["weights"], values, engine=options["engine"])
     look = look_from(renderer, values, options)
     motion = Motion(options["motion"], options["frames"], options["steady"])
@@ -123,11 +125,11 @@ def _plan(
     from storage.animations import OPAQUE, SUFFIXES, check_suffix
     from storage.pictures import FORMATS as PICTURES
 
-    alone = output.suffix.lower() in SUFFIXES and not output.is_dir()
+    alone = output.suffix.lower() in SUFFIXES and not is_folder(ctx, output)
     suffix = output.suffix.lower() if alone else f".{options['format_']}"
     if alone and len(scans) > 1:
         raise click.UsageError(f"--output {output} names one loop, but {len(scans)} scans match; give a folder", ctx)
-    if not alone and output.suffix.lower() in PICTURES and not output.is_dir():
+    if not alone and output.suffix.lower() in PICTURES and not is_folder(ctx, output):
         raise click.UsageError(f"--output {output}: expected a folder, or a loop named {', '.join(SUFFIXES)}; still "
                                "pictures are made by z2p run-inference", ctx)  # fmt: skip
     check_suffix(suffix)

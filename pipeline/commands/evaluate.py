@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from pipeline.cli import Failure
-from pipeline.commands.values import SIDES, Elevation
+from pipeline.commands.values import SIDES, Elevation, FiniteRange
 from z2p_core.config import EvaluateConfig
 
 PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
@@ -33,7 +33,7 @@ def _split(context: click.Context, parameter: click.Parameter, text: str) -> tup
               help="Folder that keeps the Blender renders for the next time.  [default: OUTPUT/truth]")
 @click.option("--views", default=4, type=click.IntRange(min=1), metavar="V", help="Views of each mesh.")
 @click.option("--points", default=5000, type=click.IntRange(min=1), metavar="N", help="Points in each cloud.")
-@click.option("--noise", default=0.0, type=click.FloatRange(min=0), metavar="S",
+@click.option("--noise", default=0.0, type=FiniteRange(min=0), metavar="S",
               help="Standard deviation of Gaussian noise, in units of the mesh's radius.")
 @click.option("--sampler", default="uniform", metavar="NAME", help="How clouds are drawn; see `z2p plugins`.")
 @click.option("--seed", default=0, type=click.IntRange(min=0), metavar="K", help="Seed of views, clouds and noise.")

@@ -13,7 +13,7 @@ import click
 
 from pipeline.cli import Failure, debugging
 from pipeline.commands.control_options import SETTINGS, RerenderCommand
-from pipeline.commands.values import Background, Degrees, Resolution
+from pipeline.commands.values import Background, Degrees, Resolution, Target
 from z2p_core.interfaces import Value
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
@@ -52,7 +52,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
 
 @click.command(cls=RerenderCommand, context_settings={"show_default": True})
 @click.argument("figure", type=click.Path(path_type=Path), metavar="FIGURE")
-@click.option("--output", "-o", type=click.Path(path_type=Path), metavar="OUT", show_default=False,
+@click.option("--output", "-o", type=Target(file=True), metavar="OUT", show_default=False,
               help="The new picture.  [default: FIGURE with _2 before its suffix]")
 @click.option("--input", "scan", type=click.Path(path_type=Path), metavar="SCAN",
               help="The scan, if it has moved since.")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.commands.values import Background, Degrees, Resolution, UpAxis, View
+from pipeline.commands.values import Background, Degrees, FiniteRange, Resolution, UpAxis, View
 from z2p_core.interfaces import Value
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
@@ -36,10 +36,10 @@ OPTIONS = (
     click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
                  help="Turn the object on from there about its up axis, counter-clockwise from above."),
     click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
-                 help="Look as before: JSON that --save-camera wrote, or a picture of z2p; replaces --up and --view."),
+                 help="Look as before: JSON that --save-camera wrote, or a picture of z2p; without --up and --view."),
     click.option("--keep-outliers", is_flag=True,
                  help="Keep stray points that make the object small, and what is far behind a depth camera's subject."),
-    click.option("--cut-top", default=0.0, type=click.FloatRange(0, 100, max_open=True), metavar="PERCENT",
+    click.option("--cut-top", default=0.0, type=FiniteRange(0, 100, max_open=True), metavar="PERCENT",
                  help="Cut off so much of the height from above, to look into a room."),
     click.option("--resolution", default="512", type=Resolution(), help="Size in pixels."),
     click.option("--background", default="transparent", type=Background(),
@@ -58,6 +58,20 @@ def picture_options(command: Command) -> Command:
     return command
 
 
+def check_view(ctx: click.Context, given: dict[str, Value], options: dict[str, Any]) -> None:
+    """Makes sure that no two options settle the same of the view, of which one would be passed over.
+
+    Raises:
+        click.UsageError: two do.
+    """
+    default = click.core.ParameterSource.DEFAULT
+    for name in ("view", "up"):
+        if options["load_camera"] is not None and ctx.get_parameter_source(name) is not default:
+            raise click.UsageError(f"--load-camera and --{name} both choose the view; leave one out", ctx)
+    if isinstance(options["view"], tuple) and "elevation" in given:
+        raise click.UsageError("--view AZ,EL and --elevation both choose the elevation; leave one out", ctx)
+
+
 def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, Any]) -> Look:
     """The look that a command's options and its control settings stand for.
 
@@ -71,7 +85,7 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
 
     view, file = options["view"], options["load_camera"]
     if isinstance(view, tuple):
-        given = {"elevation": (view[1],), **given}  # --elevation wins
+        given = {**given, "elevation": (view[1],)}
     viewpoint = None if file is None else read_camera(file)
     placing = Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
                       options["keep_outliers"], options["cut_top"], viewpoint)

@@ -14,9 +14,9 @@ import click
 from pipeline.cli import debugging
 from pipeline.commands.control_options import SETTINGS, InferenceCommand
 from pipeline.commands.inputs import found_scans
-from pipeline.commands.picture_options import columns_from, look_from, picture_options, writable
+from pipeline.commands.picture_options import check_view, columns_from, look_from, picture_options, writable
 from pipeline.commands.telling import Progress, json_line, progress, reported, settings_of
-from pipeline.commands.values import Grid
+from pipeline.commands.values import Grid, Target, is_folder
 from z2p_core.interfaces import Value
 from z2p_core.palettes import PALETTES, palette
 
@@ -32,13 +32,13 @@ SUFFIXES = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif"}
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
-@click.option("--output", "-o", default="pictures", type=click.Path(path_type=Path), metavar="OUT",
+@click.option("--output", "-o", default="pictures", type=Target(), metavar="OUT",
               help="Folder for the pictures; or, for one cloud, the picture itself (.png, .webp, .jpg, .tif).")
 @click.option("--format", "format_", default="png", type=click.Choice(list(SUFFIXES)), help="Of pictures in a folder.")
 @picture_options
 @click.option("--same-frame", is_flag=True,
               help="One camera for all clouds, which keep their sizes and places in it; with --fit tight one crop.")
-@click.option("--save-camera", type=click.Path(path_type=Path), metavar="FILE",
+@click.option("--save-camera", type=Target(file=True), metavar="FILE",
               help="Write the camera as JSON; several clouds need --same-frame.")
 @click.option("--palette", "palette_name", type=click.Choice(list(PALETTES)),
               help="Colours for a series, a cloud each in turn, safe for colour-blind readers.")
@@ -76,6 +76,7 @@ def _run(
     columns = columns_from(options)
     if options["palette_name"] and "color" in values:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
+    check_view(ctx, values, options)
     scans = found_scans(ctx, inputs, options, columns is not None)
     from pipeline.batch import render_files
     from pipeline.suited import renderer_for
@@ -121,8 +122,8 @@ def _plan(
     from pipeline.batch import Task, plan_outputs
     from storage.pictures import FORMATS, OPAQUE
 
-    alone = output.suffix.lower() in FORMATS and not output.is_dir()
-    if output.suffix.lower() in NOT_WRITTEN and not output.is_dir():
+    alone = output.suffix.lower() in FORMATS and not is_folder(ctx, output)
+    if output.suffix.lower() in NOT_WRITTEN and not is_folder(ctx, output):
         loops = "; loops are made by z2p animate" if output.suffix.lower() in (".gif", ".mp4") else ""
         raise click.UsageError(f"--output {output}: expected a folder, or a picture named {', '.join(FORMATS)}{loops}",
                                ctx)  # fmt: skip

@@ -3,13 +3,57 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+from pathlib import Path
 from typing import Any
 
 import click
 
 SIDES = (32, 4096)
 """Smallest and largest side of a picture, pixels."""
+HIGHEST = 80
+"""Elevation of a camera above the horizon that weights know at most, degrees."""
+FOLDER = "z2p.folder"
+"""Key in click's context: whether the user's output ends in a slash, as only a folder's name does."""
+
+
+class Target(click.ParamType):
+    """Path of what is to be written; with `file` a file's alone. A slash at its end makes it a folder's."""
+
+    name = "OUT"
+
+    def __init__(self, file: bool = False) -> None:
+        self.file = file
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        if isinstance(value, Path):  # click may hand back what came from here
+            return value
+        if not value:
+            self.fail("expected a path, got ''; is the variable empty that should hold it?", param, ctx)
+        if value == "-":
+            self.fail("nothing is written to standard output: expected a path, got '-' (./- is one)", param, ctx)
+        if value.endswith((os.sep, os.altsep or os.sep)):
+            if self.file:
+                self.fail(f"expected a file's name, got a folder's, {value!r}; add a name", param, ctx)
+            if ctx is not None:
+                ctx.meta[FOLDER] = True
+        return Path(value)
+
+
+def is_folder(ctx: click.Context, output: Path) -> bool:
+    """Whether an output is a folder, or is to be one."""
+    return bool(ctx.meta.get(FOLDER)) or output.is_dir()
+
+
+class FiniteRange(click.FloatRange):
+    """A range without nan, which click's own lets through."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"expected a finite number, got {value!r}", param, ctx)
+        return number
 
 
 class UpAxis(click.Choice):
@@ -42,9 +86,9 @@ class View(click.ParamType):
             azimuth, elevation = (float(part) for part in value.split(","))
         except ValueError:
             azimuth = elevation = math.nan
-        if not (math.isfinite(azimuth) and 0 <= elevation <= 90):
-            self.fail(f"expected auto, front, sensor, or AZ,EL in degrees with EL from 0 to 90, got {value!r}", param,
-                      ctx)
+        if not (math.isfinite(azimuth) and 0 <= elevation <= HIGHEST):
+            self.fail(f"expected auto, front, sensor, or AZ,EL in degrees with EL from 0 to {HIGHEST}, got {value!r}",
+                      param, ctx)  # fmt: skip
         return azimuth, elevation
 
 
@@ -75,8 +119,8 @@ class Elevation(click.ParamType):
             degrees = float(value)
         except ValueError:
             degrees = math.nan
-        if not 0 <= degrees <= 80:
-            self.fail(f"expected 0 to 80 degrees or 'random', got {value!r}", param, ctx)
+        if not 0 <= degrees <= HIGHEST:
+            self.fail(f"expected 0 to {HIGHEST} degrees or 'random', got {value!r}", param, ctx)
         return degrees
 
 

@@ -153,7 +153,16 @@ def test_resolution(render: Callable[..., Result], scans: Path, tmp_path: Path, 
         (("--view", "side"), "AZ,EL"),
         (("--view", "30"), "AZ,EL"),
         (("--view", "30,-1"), "AZ,EL"),
-        (("--view", "30,85"), "expected 0 to 80"),
+        (("--view", "30,85"), "EL from 0 to 80, got '30,85'"),
+        (("--view", "30,20", "--elevation", "20"), "--view AZ,EL and --elevation both"),
+        (("--load-camera", "cam.json", "--view", "auto"), "--load-camera and --view both"),
+        (("--load-camera", "cam.json", "--up", "+Z"), "--load-camera and --up both"),
+        (("--cut-top", "nan"), "finite number, got 'nan'"),
+        (("--cut-top", "100"), "range 0<=x<100"),
+        (("--save-camera", "folder/"), "a file's name"),
+        (("--output", ""), "is the variable empty"),
+        (("--output", "-"), "standard output"),
+        (("",), "is the variable empty"),
         (("--jobs", "0"), "--jobs"),
         (("--metallic", "0.5"), "they carry: color, light, elevation"),
         (("--weights", "nosuch"), "unknown weights 'nosuch'"),
@@ -257,14 +266,14 @@ def test_ctrl_c_is_told_apart_from_failed_files(
 ) -> None:
     from pipeline import batch
 
-    original = batch.read_clouds
+    original = batch.read_each
 
     def read(path: Path, columns: None) -> list[batch.Scan]:
         if path.name == "two.xyz":
             raise KeyboardInterrupt
         return original(path)
 
-    monkeypatch.setattr(batch, "read_clouds", read)
+    monkeypatch.setattr(batch, "read_each", read)
     result = render(scans)
     assert result.exit_code == 130
     assert result.stderr.endswith("Interrupted.\n")

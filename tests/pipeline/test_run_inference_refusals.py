@@ -27,3 +27,23 @@ def test_a_camera_replaces_nothing_but_a_camera(
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before  # nor was it drawn
     for _ in range(2):  # its own, again
         assert render(scans / "one.npy", "--overwrite", "--save-camera", tmp_path / "cam.json").exit_code == 0
+
+
+def test_a_slash_at_its_end_makes_the_output_a_folder(
+    z2p: Callable[..., Result], render: Callable[..., Result], scans: Path, tmp_path: Path, tiny_weights: Path
+) -> None:
+    assert render(scans, output=f"{tmp_path}/new.png/").exit_code == 0
+    assert sorted(path.name for path in (tmp_path / "new.png").iterdir()) == ["one.png", "two.png"]
+    result = z2p("animate", scans / "one.npy", "-o", f"{tmp_path}/new.gif/", "--frames", 2, "--resolution", 32,
+                 "--weights", tiny_weights)  # fmt: skip
+    assert result.exit_code == 0 and (tmp_path / "new.gif" / "one.webp").is_file(), result.output
+
+
+@pytest.mark.parametrize("words", [("--output", ""), ("--output", "-"), ("",), ("--fps", "nan"), ("--cut-top", "nan"),
+                                   ("--load-camera", "cam.json", "--up", "+Z"), ("--view", "3,4", "--elevation", "9")])
+def test_loops_refuse_the_same(
+    z2p: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert z2p("animate", scans / "one.npy", *words).exit_code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["scans"]

@@ -47,8 +47,8 @@ def test_the_users_elevation_and_the_weights_own_win(
     assert stance(render(organised, "--json", weights=fixed, output=tmp_path / "fixed"))["elevation"] == 35
     asked = render(organised, "--json", "--view", "40,60", output=tmp_path / "asked")
     assert (stance(asked)["azimuth"], stance(asked)["elevation"]) == (40, 60)
-    both = render(organised, "--json", "--view", "40,60", "--elevation", "5", "--azimuth", "3", output=tmp_path / "b")
-    assert (stance(both)["azimuth"], stance(both)["elevation"]) == (43, 5)
+    turned = render(organised, "--json", "--view", "40,60", "--azimuth", "3", output=tmp_path / "b")
+    assert (stance(turned)["azimuth"], stance(turned)["elevation"]) == (43, 60)
     result = render(organised, "--view", "40,60", weights=fixed, output=tmp_path / "no")
     assert result.exit_code == 2
     assert "know only 35 degrees, got 60" in result.stderr

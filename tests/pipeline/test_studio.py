@@ -100,6 +100,8 @@ def test_one_camera_keeps_size_and_place(cloud: np.ndarray, small: dict[str, Any
     again = z2p_core.render(cloud, **small, camera=picture.camera)
     assert np.array_equal(again.array, picture.array)
     assert again.camera == picture.camera
+    whole = z2p_core.render(cloud, **small, camera=picture.camera, view=(70.0, 60.0), up="-Y")  # not half of it
+    assert np.array_equal(whole.array, picture.array)
     half = z2p_core.render((cloud - cloud.mean(0)) / 2 + cloud.mean(0), **small, camera=picture.camera.to_json())
     assert not np.array_equal(half.array, picture.array)
     assert np.array_equal(z2p_core.render(cloud / 2, **small, azimuth=25).array, picture.array)  # without it: no scale
