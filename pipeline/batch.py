@@ -25,7 +25,8 @@ from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.threads import cores, one_core_each
 from z2p_core.viewpoint import Viewpoint
 
-__all__ = ["Look", "Outcome", "Task", "plan_outputs", "render_files", "source_of", "told_fault", "write_picture"]
+__all__ = ["Look", "Outcome", "Task", "path_beside", "plan_outputs", "render_files", "source_of", "told_fault",
+           "write_picture"]  # fmt: skip
 
 HEAVY = 100_000_000
 """Bytes of a file from which on it is read and drawn while no other such file is."""
@@ -130,11 +131,16 @@ def source_of(
     `cloud` counts within the file. The path is relative to the picture, so that the two can move together; what came
     through standard input has none.
     """
-    path = os.path.relpath(os.path.abspath(scan), os.path.abspath(output.parent))  # noqa: PTH100 - keeps links
-    source = {"name": scan.name, "path": Path(path).as_posix(), "sha256": file_digest(scan), "cloud": cloud}
+    source = {"name": scan.name, "path": path_beside(scan, output), "sha256": file_digest(scan), "cloud": cloud}
     if columns is not None:
         source["columns"] = list(columns)
     return {**source, "path": None} if is_spooled(scan) else source
+
+
+def path_beside(scan: Path, output: Path) -> str:
+    """Where a scan lies, as seen from the folder of a picture."""
+    path = os.path.relpath(os.path.abspath(scan), os.path.abspath(output.parent))  # noqa: PTH100 - keeps links
+    return Path(path).as_posix()
 
 
 def told_fault(error: Exception, scan: Path) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.batch import source_of
+from pipeline.batch import path_beside, source_of
 from pipeline.drawing import Drawing, Look, draw, record
 from pipeline.infer import Renderer
 from pipeline.placing import Placing
@@ -60,17 +60,19 @@ class DrawingStudio:
         """
         scans = read_clouds(path)
         source = source_of(path, Path("picture"))
+        if source["path"] is not None:  # as a whole: only when it is saved is known what it is to be relative to
+            source["path"] = path.absolute().as_posix()
         sources = [{**source, "cloud": index} for index in range(len(scans))]
         return _pictures(scans, sources, format_suffix(path), request)
 
     def save(self, picture: Picture, path: Path) -> Path:
         """The path, once the picture is written there, in the format of its suffix."""
-        write_picture(picture.array, path, record=dict(picture.record))
+        write_picture(picture.array, path, record=_record_beside(picture.record, path))
         return path
 
     def png(self, picture: Picture) -> bytes:
         """The picture as a PNG file."""
-        return encode(picture.array, ".png", record=dict(picture.record))
+        return encode(picture.array, ".png", record=_record_beside(picture.record, Path("picture")))
 
     def over(self, picture: Picture, background: Any) -> Picture:
         """The picture made opaque; the members of a batch too."""
@@ -95,6 +97,14 @@ class DrawingStudio:
                 line = f"{line} {word}".strip()
         pen.multiline_text((size[0] // 20, size[1] // 20), "\n".join([*lines, line]), NOTICE_INK, font)
         return np.asarray(image)
+
+
+def _record_beside(record: Mapping[str, Any], picture: Path) -> dict[str, Any]:
+    """The record as it stands in a picture's file: its scan is named from there, so that the two can move together."""
+    source = dict(record["input"])
+    if source.get("path") is not None:
+        source["path"] = path_beside(Path(source["path"]), picture)
+    return {**record, "input": source}
 
 
 def look_for(renderer: Renderer, request: Request) -> Look:

@@ -82,6 +82,9 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     record = read_record(figure)
     if "motion" in record:
         raise Failure(f"{figure} is a loop; make it again with z2p animate SCAN --load-camera {figure}")
+    if "batch" in record:
+        raise Failure(f"{figure} is a sheet of {record['batch']} clouds, of which its record tells the first; draw it "
+                      "again in Python, or save and change its pictures one by one, as sheet[0].save(...)")
     output = output or figure.with_stem(f"{figure.stem}_2")
     if output.exists() and not options["overwrite"]:
         raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)

@@ -115,6 +115,8 @@ def test_what_cannot_be_drawn_again_says_why(
     from_array = z2p_core.render(cloud, weights=tiny_weights, size=40).save(tmp_path / "array.png")
     result = rerender(from_array)
     assert result.exit_code == 2 and "from an array in Python" in result.stderr
+    sheet = z2p_core.render([cloud, cloud * 2], weights=tiny_weights, size=40).save(tmp_path / "sheet.png")
+    assert "a sheet of 2 clouds" in rerender(sheet).stderr and not (tmp_path / "sheet_2.png").exists()
     assert rerender(figure, "--metallic", "0.5").exit_code == 2
     assert rerender(figure).exit_code == 0
     again = rerender(figure)
@@ -131,3 +133,21 @@ def test_one_cloud_of_a_batch_file(
     third = tmp_path / "out" / "many_002.png"
     assert rerender(third, "-o", tmp_path / "again.png").exit_code == 0
     assert np.array_equal(pixels(tmp_path / "again.png"), pixels(third))
+
+
+def test_a_picture_of_python_finds_its_scan_from_wherever_it_was_saved(
+    rerender: Callable[..., Result], scans: Path, tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import z2p_core
+
+    monkeypatch.chdir(tmp_path)
+    picture = z2p_core.render("scans/one.npy", weights=tiny_weights, size=40)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    saved = picture.on("white").save("deep/er/a.png")
+    assert read_record(saved)["input"]["path"] == "../../../scans/one.npy"  # relative: the folder may move
+    shutil.copytree(tmp_path, tmp_path.with_name("moved"))
+    shutil.rmtree(scans)
+    result = rerender(tmp_path.with_name("moved") / "elsewhere" / saved)
+    assert result.exit_code == 0, result.output
+    assert str(tmp_path) not in picture._repr_png_().decode("latin1")
