@@ -34,6 +34,16 @@ def test_a_damaged_file_is_as_though_it_had_never_been_kept(tmp_path: Path, dama
     assert shelf.get("a") == b"again"
 
 
+def test_what_may_only_be_read_is_used_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    Shelf(tmp_path).put("a", b"content")
+
+    def refuse(path: Path) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "utime", refuse)
+    assert Shelf(tmp_path).get("a") == b"content"
+
+
 def test_those_that_nobody_asked_for_the_longest_are_dropped(tmp_path: Path) -> None:
     shelf = Shelf(tmp_path)
     for number in range(MOST):
