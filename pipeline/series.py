@@ -13,7 +13,8 @@ from pipeline.drawing import FAINTEST, Look, Window, draw, trimmed_window
 from pipeline.infer import Renderer
 from pipeline.placing import Placing, place, shown_points
 from storage.clouds import Scan, format_suffix, read_each, usable
-from z2p_core.geometry import random_rotation
+from storage.clouds import shown as printable
+from z2p_core.geometry import bounding_sphere, random_rotation
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.viewpoint import Viewpoint
 
@@ -21,6 +22,10 @@ DIRECTIONS = 3 * 170
 """A cloud's reach is kept as its farthest points along so many directions, whatever its size."""
 DRAFT = 256
 """Shorter side of the pictures in which the common crop is looked for, pixels: such as the weights know."""
+SPECK = 0.02
+"""Radius of a cloud, of the common frame's, below which little of it shows."""
+MOST_TOLD = 5
+"""Specks that are told by name."""
 MOST_EACH = 2000
 """Points of each cloud that the choice of the view looks at."""
 
@@ -35,6 +40,16 @@ class Series:
     clouds: int
     unread: int
     """Files that could not be read; they fail again, and are told, when they are drawn."""
+    specks: tuple[tuple[str, float], ...] = ()
+    """Clouds so small in the frame that little of them will show: name, and size as a share of the frame's."""
+
+    @property
+    def notes(self) -> list[str]:
+        """Lines that warn of the specks."""
+        lines = [f"note: {name} spans {100 * share:.2g} % of the common frame, too little to be seen; if its units or "
+                 "offset are others than the rest's, render it by itself" for name, share in self.specks[:MOST_TOLD]]
+        more = len(self.specks) - MOST_TOLD
+        return [*lines, f"note: so do {more} more clouds"] if more > 0 else lines
 
 
 def common_viewpoint(
@@ -48,7 +63,7 @@ def common_viewpoint(
     Raises:
         ScanError: no file can be read, or the clouds are all in one place.
     """
-    reach: list[np.ndarray] = []
+    reach: list[tuple[str, np.ndarray]] = []
     first: tuple[Sensor | None, str] | None = None
     faults: list[str] = []
     for path in scans:
@@ -59,14 +74,17 @@ def common_viewpoint(
             faults.append(str(error))
             continue
         first = first or (found[0].sensor, format_suffix(path))
-        reach += [_outline(one.points) for one in shown]
+        reach += [(f"{printable(path)}{scan.label}", _outline(one.points))
+                  for scan, one in zip(found, shown, strict=True)]  # fmt: skip
     if first is None:
         raise ScanError(f"--same-frame: none of the files can be read; the first: {faults[0]}")
-    together = Scan(usable(np.vstack(reach)).points, 0, "", first[0])
+    together = Scan(usable(np.vstack([points for _, points in reach])).points, 0, "", first[0])
     placing = replace(placing, keep_outliers=True, cut_top=0.0)  # what is to go has gone from each
     placed = place(together, first[1], placing, elevation, free)
     shared = replace(placed.viewpoint, floor=float(placed.cloud[:, 2].min()))  # what hovers in one cloud hovers
-    return Series(shared, placed.stance.told, len(reach), len(faults))
+    sizes = [(name, bounding_sphere(points).radius / shared.radius) for name, points in reach]
+    specks = tuple((name, size) for name, size in sizes if size < SPECK)
+    return Series(shared, placed.stance.told, len(reach), len(faults), specks)
 
 
 def common_window(

@@ -184,7 +184,7 @@ def _same_frame(
     if look.placing.viewpoint is None:  # a loaded camera is one for all already
         series = common_viewpoint(scans, look.placing, *elevation_of(renderer, look.values), columns)
         if not quiet:
-            click.echo(f"one frame for {series.clouds} clouds: {series.told}", err=True)
+            click.echo("\n".join([f"one frame for {series.clouds} clouds: {series.told}", *series.notes]), err=True)
         look = replace(look, placing=replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0))
     if look.tight:
         look = replace(look, window=common_window(scans, renderer, look, columns))
