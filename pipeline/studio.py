@@ -113,7 +113,7 @@ def look_for(renderer: Renderer, request: Request) -> Look:
     Raises:
         SettingError: a setting that cannot be, or that the weights do not carry.
     """
-    if request.up != "auto" and request.up not in UP_AXES:
+    if not isinstance(request.up, str) or (request.up != "auto" and request.up not in UP_AXES):
         raise SettingError(f"expected up auto, {', '.join(UP_AXES)}, got {request.up!r}")
     wishes, view, camera = dict(request.controls), _view(request.view), _camera(request.camera)
     if isinstance(view, tuple) and camera is None and wishes.get("elevation") is None:
@@ -208,6 +208,8 @@ def _camera(camera: Any) -> Viewpoint | None:
     """The camera that was asked for, checked."""
     if camera is None:
         return None
+    if isinstance(camera, Picture):
+        return camera.camera
     if isinstance(camera, str | Path):
         return read_camera(Path(camera))
     return viewpoint_from_json(camera.to_json() if isinstance(camera, Viewpoint) else camera)

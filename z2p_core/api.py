@@ -38,7 +38,7 @@ def render(
     up: str | None = None,
     view: str | tuple[float, float] = "auto",
     azimuth: float = 0.0,
-    camera: Viewpoint | Mapping[str, Any] | str | Path | None = None,
+    camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None,
     color: str | Sequence[float] | None = None,
     light: str | Sequence[float] | None = None,
     elevation: float | None = None,
@@ -59,13 +59,13 @@ def render(
         points: array or tensor (N, 3), or (N, 6 or more) of which x, y, z count, or a batch (B, N, 3); a cloud of
             open3d, trimesh, pyvista or laspy; a list of these; or the path of a file. Any unit, any offset.
         colors: per-point colours (N, 3). The weights know none: their mean becomes the colour of the whole object,
-            with a warning, unless `color` is given.
+            with a warning, unless `color` is given. Floats in [0, 1], or integers to 255 (to 1 if none is larger).
         up: the data's axis that points up, ``+Z``, ``-Y``, ...; ``auto`` looks for a depth camera's own, then takes
             the convention of the file's format. None: ``auto`` for a file, as `z2p run-inference` does, else ``+Z``.
         view: ``auto`` (a three-quarter side that shows most), ``front``, ``sensor``, or (azimuth, elevation), degrees.
         azimuth: degrees that the object is turned on by.
-        camera: `picture.camera` of another picture, or a file that --save-camera wrote; the object keeps its true size
-            and place before it. Replaces `up` and `view`.
+        camera: another picture or its `picture.camera`, or a file that --save-camera wrote; the object keeps its true
+            size and place before it. Replaces `up` and `view`.
         color: CSS name, ``#hex`` or sRGB triple in [0, 1].
         light: distance 3 to 4.5, azimuth -90 to 90 (0 behind the camera, positive to the right), elevation 25 to 75.
         elevation: the camera's, 0 to 80 degrees above the horizon.
@@ -87,17 +87,20 @@ def render(
     _check_names(controls)
     wishes = {"color": color, "light": light, "elevation": elevation, "metallic": metallic, "roughness": roughness}
     notes = []
-    if colors is not None:
-        wishes["color"], note = _instead_of(colors, color)
+    table = None if colors is None else _color_table(colors)
+    if table is not None:
+        wishes["color"], note = _instead_of(table, color)
         notes.append(note)
     if up is None:
         up = "auto" if isinstance(points, str | Path) else "+Z"
     request = Request(up, view, azimuth, camera, {**wishes, **controls}, _size(size), background, _factor(supersample),
-                      _tight(fit), keep_outliers, _percent(cut_top), weights)
+                      _tight(fit), keep_outliers, _percent(cut_top), _weights(weights))
     if isinstance(points, str | Path):
         pictures, batched = studio().draw_file(Path(points), request), False
     else:
         given = point_arrays(points)
+        if table is not None:
+            _check_count(table, given.clouds)
         if given.unused_columns:
             notes.append(f"the {given.unused_columns} columns behind x, y, z were left out: no normals or per-point "
                          "colours are drawn")
@@ -127,9 +130,9 @@ def _check_names(controls: Collection[str]) -> None:
         raise SettingError(f"unknown argument {unknown[0]!r}{meant}; expected {expected}")
 
 
-def _instead_of(colors: Any, color: Any) -> tuple[Any, str]:
-    """The one colour that is drawn in place of per-point ones, and what to say about it."""
-    mean = _mean_color(colors)
+def _instead_of(table: np.ndarray, color: Any) -> tuple[Any, str]:
+    """The one colour that is drawn in place of per-point ones (N, 3), and what to say about it."""
+    mean = _mean_color(table)
     if color is not None:
         return color, "these weights draw no per-point colours: the whole object has the colour given"
     shown = "#" + "".join(f"{round(255 * channel):02x}" for channel in mean)
@@ -137,13 +140,37 @@ def _instead_of(colors: Any, color: Any) -> tuple[Any, str]:
                   f"{shown}; choose another with color=")
 
 
-def _mean_color(colors: Any) -> tuple[float, float, float]:
-    """Mean sRGB in [0, 1] of per-point colours (..., 3 or 4), floats in [0, 1] or integers to 255."""
-    table = np.asarray(colors.detach().cpu().numpy() if hasattr(colors, "detach") else colors)
+def _color_table(colors: Any) -> np.ndarray:
+    """Colours (N, 3) of per-point colours (..., 3 or 4), in whichever numbers they came."""
+    try:
+        table = np.asarray(colors.detach().cpu().numpy() if hasattr(colors, "detach") else colors)
+    except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
+        reason = " ".join(str(error).split())
+        raise SettingError(f"expected colors (N, 3) as numbers, got {type(colors).__name__} ({reason})") from error
     if table.size == 0 or table.ndim < 2 or table.shape[-1] not in (3, 4) or table.dtype.kind not in "fiu":
         raise SettingError(f"expected colors (N, 3) as numbers, got {table.shape} {table.dtype}")
-    mean = table[..., :3].reshape(-1, 3).mean(0, dtype=np.float64)
-    red, green, blue = (mean / 255 if table.dtype.kind in "iu" else mean).tolist()
+    return table[..., :3].reshape(-1, 3)
+
+
+def _check_count(table: np.ndarray, clouds: Sequence[np.ndarray]) -> None:
+    """
+    Raises:
+        SettingError: there is a colour neither for each point of all clouds nor for each one of every cloud.
+    """
+    points = sum(map(len, clouds))
+    if len(table) != points and any(len(cloud) != len(table) for cloud in clouds):
+        raise SettingError(f"expected a color for each of the {points} points, got {len(table)}; leave colors out, or "
+                           "give one color=")
+
+
+def _mean_color(table: np.ndarray) -> tuple[float, float, float]:
+    """Mean sRGB in [0, 1] of colours (N, 3): floats in [0, 1] or integers to 255, which to 1 only mean what floats do.
+
+    Raises:
+        SettingError: it lies outside.
+    """
+    mean = table.mean(0, dtype=np.float64)
+    red, green, blue = (mean / 255 if table.dtype.kind in "iu" and table.max() > 1 else mean).tolist()
     if not all(0 <= channel <= 1 for channel in (red, green, blue)):
         raise SettingError(f"expected colors as floats from 0 to 1 or integers to 255, got a mean of {mean.tolist()}")
     return red, green, blue
@@ -161,15 +188,22 @@ def _size(size: Any) -> tuple[int, int]:
 
 
 def _factor(supersample: Any) -> int:
-    if supersample not in (1, 2, 3, 4):
+    if not (isinstance(supersample, Real) and supersample in (1, 2, 3, 4)):
         raise SettingError(f"expected a supersample of 1, 2, 3 or 4, got {supersample!r}")
     return int(supersample)
 
 
 def _tight(fit: Any) -> bool:
-    if fit not in ("frame", "tight"):
+    if not (isinstance(fit, str) and fit in ("frame", "tight")):
         raise SettingError(f"expected fit 'frame' or 'tight', got {fit!r}")
     return bool(fit == "tight")
+
+
+def _weights(weights: Any) -> str | Path:
+    if not isinstance(weights, str | Path):
+        raise SettingError(f"expected weights as 'auto', a shipped name or the path of a .safetensors file, got "
+                           f"{weights!r}")
+    return weights
 
 
 def _percent(cut_top: Any) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from z2p_core.interfaces import SettingError
 from z2p_core.studio import studio
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
 
@@ -32,13 +34,16 @@ class Picture:
         """The camera that took it, for `render(others, camera=...)`; of a batch, that of the first picture."""
         return viewpoint_from_json(self[0].record["camera"])
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | os.PathLike[str]) -> Path:
         """The path, once the picture is written there: PNG, WebP, JPEG or TIFF by its suffix, the record inside.
 
         Raises:
-            ValueError: a suffix of another format.
+            ValueError: no path, or a suffix of another format.
             OSError: it cannot be written.
         """
+        if not isinstance(path, str | os.PathLike):
+            raise SettingError(f"expected a path to save the picture to, got {type(path).__name__}; pillow writes to "
+                               "others: PIL.Image.fromarray(picture.array).save(...)")
         return studio().save(self, Path(path))
 
     def on(self, background: str | Sequence[float]) -> Picture:

@@ -42,7 +42,7 @@ def point_arrays(points: Any) -> PointArrays:
         ScanError: no numbers, or another shape.
     """
     if isinstance(points, Sequence) and not isinstance(points, str) and points and _rank(points[0]) == 2:
-        parts = [point_arrays(part) for part in points]
+        parts = [_member(part, index) for index, part in enumerate(points)]
         return PointArrays([part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts))
     array = _array(points)
     shape = array.shape
@@ -92,26 +92,72 @@ def _told_by_column(values: np.ndarray, seen: np.ndarray) -> bool:
     return bool(within < MAPS_SPREAD**2 * between)
 
 
+def _member(part: Any, index: int) -> PointArrays:
+    """The one cloud that is a member of a list; an error names which it was."""
+    try:
+        return point_arrays(part)
+    except ScanError as error:
+        raise ScanError(f"cloud [{index}]: {error}") from error
+
+
 def _array(points: Any) -> np.ndarray:
-    """Array of a tensor on any device, of a cloud object, or of what numpy can read."""
+    """Array of a tensor on any device, of a cloud object, or of what numpy can read.
+
+    Raises:
+        ScanError: it is something else.
+    """
+    expected = f"expected points as an array (N, 3), a cloud object or one path, got {_kind(points)}"
+    try:
+        array = _converted(points)
+    except ScanError:
+        raise
+    except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
+        raise ScanError(f"{expected} ({' '.join(str(error).split())})") from error
+    if not isinstance(points, np.ndarray) and (array.ndim == 0 or array.dtype.kind in "OUS"):
+        raise ScanError(expected)
+    return array
+
+
+def _converted(points: Any) -> np.ndarray:
     if hasattr(points, "detach"):  # torch; through float64, as numpy knows no bfloat16
         return np.asarray(points.detach().cpu().double().numpy())
     if hasattr(points, "point") and hasattr(points.point, "positions"):  # open3d's tensor clouds
         return np.asarray(points.point.positions.cpu().numpy())
+    if _is_scene(points):
+        return _vertices(points)
     if not isinstance(points, np.ndarray):
         for attribute in ATTRIBUTES:
             if hasattr(points, attribute):
                 return np.asarray(getattr(points, attribute))
     if isinstance(points, np.ma.MaskedArray):
         return np.asarray(np.ma.filled(points.astype(np.float64), np.nan))
-    try:
-        return np.asarray(points)
-    except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
-        raise ScanError(f"expected points as an array, got {type(points).__name__} ({error})") from error
+    return np.asarray(points)
+
+
+def _is_scene(points: Any) -> bool:
+    """Whether it is a scene of trimesh, whose geometry stands where its graph says."""
+    return hasattr(points, "geometry") and hasattr(getattr(points, "graph", None), "nodes_geometry")
+
+
+def _vertices(scene: Any) -> np.ndarray:
+    """All vertices (N, 3) of a scene, in the world's coordinates."""
+    parts = []
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        parts.append(np.asarray(scene.geometry[name].vertices) @ matrix[:3, :3].T + matrix[:3, 3])
+    if not parts:
+        raise ScanError(f"expected points, got a {type(scene).__name__} without geometry")
+    return np.vstack(parts)
+
+
+def _kind(points: Any) -> str:
+    """The type of something in words, of a list also that of its first member."""
+    name = type(points).__name__
+    return f"{name} of {type(points[0]).__name__}" if isinstance(points, list | tuple) and points else name
 
 
 def _rank(part: Any) -> int:
     """Axes of one member of a list: 2 for a cloud, so that the list is a batch."""
     if hasattr(part, "shape"):
         return len(part.shape)
-    return 2 if any(hasattr(part, attribute) for attribute in (*ATTRIBUTES, "point")) else 0
+    return 2 if _is_scene(part) or any(hasattr(part, attribute) for attribute in (*ATTRIBUTES, "point")) else 0

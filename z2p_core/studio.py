@@ -25,7 +25,7 @@ class Request:
     up: str = "+Z"
     view: str | tuple[float, float] = "auto"
     azimuth: float = 0.0
-    camera: Viewpoint | Mapping[str, Any] | str | Path | None = None
+    camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None
     controls: Mapping[str, Any] = field(default_factory=dict)
     size: tuple[int, int] = (512, 512)
     background: Any = None

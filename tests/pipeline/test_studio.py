@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 import warnings
@@ -51,7 +52,9 @@ def test_every_setting_changes_the_picture(cloud: np.ndarray, small: dict[str, A
      {"background": "nocolour"}, {"background": (1, 2, 3)}, {"fit": "loose"}, {"supersample": 7},
      {"azimuth": np.nan}, {"azimuth": np.inf}, {"azimuth": None}, {"view": (np.nan, 10)}, {"view": (0, np.inf)},
      {"cut_top": np.nan}, {"cut_top": "5"}, {"camera": {"a": 1}},
-     {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)}],
+     {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)}, {"colors": np.ones((10, 3))},
+     {"colors": [[1, 0, 0], [1, 0]]}, {"weights": None}, {"supersample": np.array([1, 2])},
+     {"fit": np.array(["frame", "tight"])}, {"up": np.array([0, 0, 1])}],
     ids=str,
 )  # fmt: skip
 def test_wrong_settings_are_value_errors_in_one_line(
@@ -100,6 +103,7 @@ def test_one_camera_keeps_size_and_place(cloud: np.ndarray, small: dict[str, Any
     again = z2p_core.render(cloud, **small, camera=picture.camera)
     assert np.array_equal(again.array, picture.array)
     assert again.camera == picture.camera
+    assert np.array_equal(z2p_core.render(cloud, **small, camera=picture).array, picture.array)
     whole = z2p_core.render(cloud, **small, camera=picture.camera, view=(70.0, 60.0), up="-Y")  # not half of it
     assert np.array_equal(whole.array, picture.array)
     half = z2p_core.render((cloud - cloud.mean(0)) / 2 + cloud.mean(0), **small, camera=picture.camera.to_json())
@@ -118,6 +122,8 @@ def test_what_is_left_out_is_said(cloud: np.ndarray, small: dict[str, Any]) -> N
     with pytest.warns(RenderWarning, match="no per-point colours: the whole object has their mean, #ff8000"):
         warm = z2p_core.render(cloud, np.full(cloud.shape, (255, 128, 0), np.uint8), **small)
     assert warm.record["controls"]["color"] == pytest.approx([1, 128 / 255, 0])
+    with pytest.warns(RenderWarning, match="their mean, #ff0000"):
+        z2p_core.render([cloud, cloud], [[1, 0, 0]] * len(cloud), **small)
     with pytest.warns(RenderWarning, match="has the colour given"):
         green = z2p_core.render(cloud, np.ones(cloud.shape), color="lime", **small)
     assert green.record["controls"]["color"] == [0, 1, 0]
@@ -164,6 +170,8 @@ def test_saved_pictures_carry_their_record(
     assert read_record(path) == picture.record
     with pytest.raises(ValueError, match=r"\.png"):
         picture.save(tmp_path / "a.bmp")
+    with pytest.raises(SettingError, match=r"expected a path .*, got BytesIO"):
+        picture.save(io.BytesIO())  # type: ignore[arg-type]
 
 
 def test_it_shows_itself_in_a_notebook(cloud: np.ndarray, small: dict[str, Any], tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -44,6 +45,18 @@ def test_open3d_clouds_go_in_as_they_are() -> None:
         np.testing.assert_allclose(point_arrays(holder).clouds[0], CLOUD)
 
 
+def test_a_scene_is_the_vertices_of_its_geometry_where_it_stands() -> None:
+    scene, moved = trimesh.Scene(), np.diag([2.0, 2.0, 2.0, 1.0])
+    moved[:3, 3] = (5, 6, 7)
+    scene.add_geometry(trimesh.PointCloud(CLOUD), geom_name="cloud", node_name="here")
+    scene.graph.update("there", matrix=moved, geometry="cloud")
+    [cloud] = point_arrays(scene).clouds
+    assert len(cloud) == 2 * len(CLOUD)
+    for wanted in (CLOUD, 2 * CLOUD + (5, 6, 7)):
+        assert np.abs(cloud[:, None] - wanted).max(2).min(0).max() < 1e-5
+    assert point_arrays([scene, CLOUD]).batched
+
+
 def test_half_precision_is_read() -> None:
     [cloud] = point_arrays(torch.from_numpy(CLOUD).bfloat16()).clouds
     np.testing.assert_allclose(cloud, CLOUD, rtol=0.01)
@@ -70,6 +83,10 @@ def test_the_callers_array_is_left_alone() -> None:
         (np.zeros((9, 4)), "expected points"), (np.zeros((2, 2, 9, 3)), "expected points"), (None, "expected points"),
         ([[1, 2, 3], [1, 2]], "expected points as an array"), (np.array([["a", "b", "c"]]), "numbers"),
         (np.zeros((4, 3), dtype=complex), "numbers"), (object(), "expected points"), ("cloud", "expected points"),
+        (None, "got NoneType$"), ({"points": CLOUD}, "got dict$"), ((row for row in CLOUD), "got generator$"),
+        ([Path("a.ply"), Path("b.ply")], r"one path, got list of \w*Path$"), (("a.ply",), "got tuple of str$"),
+        (5, "got int$"), ([CLOUD, None], r"cloud \[1\]: .* got NoneType$"),
+        (trimesh.Scene(), "a Scene without geometry"), (torch.eye(3).to_sparse(), "got Tensor .*Sparse"),
     ],
 )  # fmt: skip
 def test_refusals(thing: object, told: str) -> None:
