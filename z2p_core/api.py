@@ -190,7 +190,7 @@ def _size(size: Any) -> tuple[int, int]:
 def _factor(supersample: Any) -> int:
     if not (isinstance(supersample, Real) and supersample in (1, 2, 3, 4)):
         raise SettingError(f"expected a supersample of 1, 2, 3 or 4, got {supersample!r}")
-    return int(supersample)
+    return int(float(supersample))
 
 
 def _tight(fit: Any) -> bool:
