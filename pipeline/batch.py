@@ -60,6 +60,8 @@ class Outcome:
     """Rows left out because they repeat others or stand for missing points."""
     total: int = 0
     """How many points the file has, if those read only stand for them."""
+    note: str = ""
+    """What its reader took for granted or left out, in words."""
     stances: list[Stance] = field(default_factory=list)
     """Of each picture that was drawn."""
     viewpoints: list[Viewpoint] = field(default_factory=list)
@@ -218,6 +220,7 @@ def _render_clouds(
     outcome.points = sum(len(scan.points) for scan in good)
     outcome.dropped, outcome.repeated = (sum(getattr(scan, name) for scan in good) for name in ("dropped", "repeated"))
     outcome.total = sum(scan.total or 0 for scan in good)
+    outcome.note = "; ".join(dict.fromkeys(scan.note for scan in good if scan.note))
     if len(scans) > 1:
         outcome.outputs = _batch_outputs(task, len(scans), planned)
     faults = []

@@ -164,6 +164,8 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
             drawing = _drawn(renderer, scan, suffix, look)
             array = drawing.picture if look.background is None else _opaque(drawing.picture, look.background)
             notes = [f"{scan.dropped} points that are not finite were dropped"] if scan.dropped else []
+            if scan.note:
+                notes.append(scan.note)
             if scan.repeated:
                 notes.append(f"{scan.repeated} points that repeat others, or stand for missing ones, were dropped")
             if drawing.stance.outliers:

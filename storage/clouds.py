@@ -42,6 +42,8 @@ class Scan:
     total: int | None = None
     """How many points the file has, where those here only stand for them."""
     repeated: int = 0
+    note: str = ""
+    """What the reader took for granted or left out, in words."""
 
 
 def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
@@ -276,4 +278,4 @@ def _scan(raw: RawCloud, label: str) -> Scan:
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     once = distinct(points)
-    return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once))
+    return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once), raw.note)

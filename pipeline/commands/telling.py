@@ -83,13 +83,14 @@ def _told(outcome: Outcome) -> str:
         return f"skipped: {name}: {pictures} is there already; --overwrite renders it again"
     dropped = f", {outcome.dropped} not finite dropped" if outcome.dropped else ""
     dropped += f", {outcome.repeated} repeated dropped" if outcome.repeated else ""
+    note = f"; {outcome.note}" if outcome.note else ""
     spread = f" that stand for {outcome.total}" if outcome.total else ""
     stances = list(dict.fromkeys(
         "; ".join(filter(None, (stance.told, choice)))
         for stance, choice in zip(outcome.stances, outcome.choices, strict=True)
     ))  # fmt: skip
     others = "; its other clouds otherwise" if len(stances) > 1 else ""
-    return (f"rendered: {name} -> {pictures} ({outcome.points} points{spread}{dropped}, {outcome.seconds:.2f} s; "
+    return (f"rendered: {name} -> {pictures} ({outcome.points} points{spread}{dropped}, {outcome.seconds:.2f} s{note}; "
             f"{stances[0]}{others})")
 
 
@@ -115,6 +116,7 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
         "total": outcome.total or outcome.points + outcome.dropped + outcome.repeated,
         "seconds": round(outcome.seconds, 4),
         "error": outcome.error,
+        "note": outcome.note,
         "stances": stances,
         "weights": outcome.weights,
         "settings": settings,

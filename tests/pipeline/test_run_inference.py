@@ -77,7 +77,8 @@ def test_json_tells_all_of_a_file(
     picture = str(tmp_path / "out" / "one.png")
     assert line == {
         "input": str(scans / "one.npy"), "output": picture, "outputs": [picture], "status": "ok",
-        "points": 396, "dropped": 4, "repeated": 0, "total": 400, "error": None, "weights": ["tiny"],
+        "points": 396, "dropped": 4, "repeated": 0, "total": 400, "error": None, "note": "",
+        "weights": ["tiny"],
     }  # fmt: skip
     assert settings["controls"]["color"] == [1, 0, 0]
     assert (settings["up"], settings["azimuth"], settings["elevation"]) == ("-Y", -30, 20)

@@ -152,6 +152,15 @@ def test_six_columns_are_refused_until_they_are_named(
         assert render(tmp_path / "six.xyz", "--columns", text).exit_code == 2
 
 
+def test_what_a_reader_took_for_granted_is_told_in_the_files_line(
+    render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
+) -> None:
+    np.savetxt(tmp_path / "numbered.txt", np.column_stack([np.arange(len(cloud)), cloud]))
+    result = render(tmp_path / "numbered.txt", "--json")
+    note = "column 1 counts the rows, so x y z are columns 2 to 4; --columns x,y,z,c4 takes it as x"
+    assert f" s; {note}; up " in result.stderr and json.loads(result.stdout)["note"] == note
+
+
 def test_a_url_is_refused_with_a_word_why(render: Callable[..., Result]) -> None:
     result = render("https://example.org/a.ply")
     assert result.exit_code == 2
