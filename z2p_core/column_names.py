@@ -16,6 +16,10 @@ _UNITS = {"m", "mm", "cm", "km", "um", "µm", "nm", "ft", "in", "us-ft", "feet",
 _UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
 _AXES = {"easting": "x", "northing": "y", "height": "z", "elevation": "z", "alt": "z", "altitude": "z"}
 """Other names of the axes. Degrees (lon, lat) are no lengths, so they are not among them."""
+_OF_POINTS = re.compile(
+    r"(?:points?|coord(?:inate)?s?|pos(?:ition)?s?)[:_.]?([xyz012])|([xyz])_(?:m|mm|cm|ft|coord|pos)"
+)
+"""Names of one axis of something, as ParaView (``Points:0``), ArcGIS (``POINT_X``) and others write them."""
 
 
 def text_encoding(head: bytes) -> str:
@@ -84,4 +88,13 @@ def _splits(line: str) -> list[list[str]]:
 
 def _axes(names: list[str]) -> tuple[str, ...]:
     """The names, with x, y and z for their other names where they do not stand themselves."""
-    return tuple(axis if (axis := _AXES.get(name)) and axis not in names else name for name in names)
+    return tuple(axis if (axis := _axis(name)) and axis not in names else name for name in names)
+
+
+def _axis(name: str) -> str | None:
+    """The axis that a column of another name holds; None if it is none."""
+    parts = _OF_POINTS.fullmatch(name)
+    if parts is None:
+        return _AXES.get(name)
+    axis = parts[1] or parts[2]
+    return axis if axis in "xyz" else "xyz"[int(axis)]

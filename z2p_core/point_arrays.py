@@ -44,7 +44,7 @@ def point_arrays(points: Any) -> PointArrays:
     if isinstance(points, Sequence) and not isinstance(points, str) and points and _rank(points[0]) == 2:
         parts = [_member(part, index) for index, part in enumerate(points)]
         return PointArrays([part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts))
-    array = _array(points)
+    array = plain(_array(points))
     shape = array.shape
     flat = array.ndim in (2, 3) and shape[-2] == 3 != shape[-1]
     if array.ndim not in (2, 3) or flat or (shape[-1] != 3 and not 6 <= shape[-1] <= MOST_COLUMNS):
@@ -62,6 +62,14 @@ def as_batch(array: np.ndarray) -> np.ndarray:
     if array.ndim == 3 and not _is_point_map(array):
         return array
     return array.reshape(1, -1, array.shape[-1])
+
+
+def plain(array: np.ndarray) -> np.ndarray:
+    """Numbers (..., 3) float64 of records that have fields x, y and z; any other array as it is."""
+    fields = {name.lower(): name for name in array.dtype.names or ()}
+    if not fields.keys() >= set("xyz"):
+        return array
+    return np.stack([array[fields[axis]].astype(np.float64) for axis in "xyz"], axis=-1)
 
 
 def _is_point_map(array: np.ndarray) -> bool:

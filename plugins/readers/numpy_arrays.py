@@ -9,7 +9,7 @@ from typing import IO
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_core.point_arrays import as_batch
+from z2p_core.point_arrays import as_batch, plain
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
 
 _LARGEST = 2 << 30
@@ -127,7 +127,7 @@ def _array(file: IO[bytes], size: int) -> np.ndarray:
     """The array in an npy stream of `size` bytes, after its header has been weighed against them."""
     _header(file, size)
     file.seek(0)
-    return np.lib.format.read_array(file, allow_pickle=False)
+    return plain(np.lib.format.read_array(file, allow_pickle=False))
 
 
 def _is_spread(shape: tuple[int, ...], fortran: bool, dtype: np.dtype) -> bool:
@@ -160,7 +160,7 @@ def _header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype
     if dtype.hasobject:
         raise ScanError("the array holds pickled objects, which are never opened; save one plain float array a file, "
                         "or a batch (B, N, 3)")
-    if dtype.kind not in "fiu":
+    if dtype.kind not in "fiu" and not plain(np.empty(0, dtype)).ndim == 2:
         raise ScanError(f"expected an array of numbers, got dtype {dtype}; save the points as float32 or float64")
     promised = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if promised != size - file.tell():

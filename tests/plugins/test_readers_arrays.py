@@ -18,6 +18,7 @@ from reader_files import SUFFIXES, cloud, e57, las, ply, read, refused
 from storage.clouds import read_clouds
 from z2p_core import registry
 from z2p_core.interfaces import ScanError
+from z2p_core.point_arrays import point_arrays
 
 
 @pytest.mark.parametrize("dtype", ["<f2", "<f4", ">f8", "<i4"])
@@ -32,6 +33,17 @@ def test_numpy_round_trip_is_exact(tmp_path: Path, dtype: str) -> None:
             for name in ("a.npy", "a.npz", "b.npz", "c.npz"):
                 (points,) = read(tmp_path / name)
                 assert np.array_equal(points, table[:, :3].astype("f8"))
+
+
+def test_records_with_x_y_and_z_are_points(tmp_path: Path) -> None:
+    points = cloud(20, "<f4")
+    records = np.zeros(20, [("id", "<i4"), ("X", "<f4"), ("Y", "<f4"), ("Z", "<f4")])
+    records["X"], records["Y"], records["Z"] = points.T
+    np.save(tmp_path / "a.npy", records)
+    assert np.array_equal(read(tmp_path / "a.npy")[0], points)
+    assert np.array_equal(point_arrays(records).clouds[0], points)
+    np.save(tmp_path / "b.npy", records[["id", "X", "Y"]])
+    refused(tmp_path / "b.npy", (tmp_path / "b.npy").read_bytes(), "got dtype")
 
 
 def test_npz_arrays_under_the_names_that_programs_give_them(tmp_path: Path) -> None:

@@ -143,7 +143,8 @@ def test_a_comma_at_the_end_of_lines_breaks_nothing(tmp_path: Path, text: str) -
 
 @pytest.mark.parametrize(
     "head", [",x,y,z", ";x;y;z", "\tx\ty\tz", '"","x","y","z"', "id,Easting,Northing,Height", "id,EASTING,northing,Alt",
-             "id,easting,northing,elevation", "id,E,x,y,z", "id;X(m);Y(m);Z(m)", "id,X [m],Y [m],Z [m]",
+             "id,easting,northing,elevation", "id,E,x,y,z", "id,POINT_X,POINT_Y,POINT_Z", "id,pos_x,pos_y,pos_z",
+             'id,"Points:0","Points:1","Points:2"', "id,x_m,y_m,z_m", "id;X(m);Y(m);Z(m)", "id,X [m],Y [m],Z [m]",
              "id X [m] Y [m] Z (m)", "id\tX [m]\tY [m]\tZ", "//id,x,y,z", "% id x y z", "# by hand\n// too\n,x,y,alt",
              "height,x,y,z", "% by hand\n; of the x, y and z of Ox\n\nid,x,y,z"]
 )  # fmt: skip
