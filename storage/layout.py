@@ -127,34 +127,35 @@ class Store:
         """Folder of the entry's result, made by `write(folder)` unless it is complete already.
 
         A resumable stage gets the same folder again after a kill or a failure; what another has written by then goes.
-        `leftovers` are glob patterns of files and folders in it that served only to resume, removed before publishing.
+        `leftovers` are glob patterns of files and folders in it that served only to resume. They are no part of the
+        result, and go once it is published: what stops the publishing, a full disk say, costs no work.
         """
         with self.lock(entry):
             if not self.complete(entry):
                 folder = self._opened_work_folder(entry) if resumable else self._temporary_folder(entry)
                 try:
                     write(folder)
+                    note = read_note(folder)
+                    if note and note["adopted"]:
+                        entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})
+                    self.publish(folder, entry, (NOTE, *leftovers))
                 except BaseException:
                     if not resumable:
                         _remove(folder)
                     raise
-                note = read_note(folder)
-                if note and note["adopted"]:
-                    entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})
-                for pattern in (NOTE, *leftovers):
-                    for path in list(folder.glob(pattern)):
-                        _remove(path)
-                self.publish(folder, entry)
         return self.folder(entry)
 
-    def publish(self, folder: Path, entry: Entry) -> bool:
+    def publish(self, folder: Path, entry: Entry, leftovers: Sequence[str] = ()) -> bool:
         """Whether `folder` became the entry's result; False when another writer was first, and `folder` is dropped.
+
+        `leftovers`, as of `produce`, go with the folder and are then removed; one that stays harms no result.
 
         Raises:
             StoreError: the folder holds no file.
         """
+        left = sorted({path.relative_to(folder) for pattern in leftovers for path in folder.glob(pattern)})
         try:
-            seal(folder, entry.name, entry.fields, entry.provenance)
+            seal(folder, entry.name, entry.fields, entry.provenance, left)
         except FileNotFoundError as error:
             raise StoreError(str(error)) from error
         target = self.folder(entry)
@@ -169,6 +170,9 @@ class Store:
             _remove(folder)
             return False
         sync(target.parent)
+        for path in left:
+            with suppress(OSError):
+                _remove(target / path)
         return True
 
     def link(self, files: Mapping[str, Path], entry: Entry) -> None:

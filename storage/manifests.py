@@ -6,7 +6,7 @@ import json
 import os
 import platform
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -50,14 +50,20 @@ def faults(folder: Path, expected: str | None = None, *, every_digest: bool = Fa
     return [fault for name, record in files.items() if (fault := _fault(folder / name, *record, sealed, every_digest))]
 
 
-def seal(folder: Path, name: str, fields: Mapping[str, Any], provenance: Mapping[str, Any]) -> None:
+def seal(
+    folder: Path, name: str, fields: Mapping[str, Any], provenance: Mapping[str, Any], leftovers: Iterable[Path] = ()
+) -> None:
     """Bring every file of the folder to the disk, then write the manifest.
+
+    `leftovers`, files and folders in it by their paths below it, are left as they are and are not in the manifest.
 
     Raises:
         FileNotFoundError: the folder holds no file.
     """
     (folder / MANIFEST).unlink(missing_ok=True)
-    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    left = {folder / path for path in leftovers}
+    kept = [path for path in folder.rglob("*") if not left & {path, *path.parents}]
+    paths = sorted(path for path in kept if path.is_file())
     if not paths:
         raise FileNotFoundError(f"{name}: the stage wrote no file into {folder}")
     files = {}
@@ -75,7 +81,7 @@ def seal(folder: Path, name: str, fields: Mapping[str, Any], provenance: Mapping
     }
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n", encoding="utf-8")
     sync(folder / MANIFEST)
-    for path in [folder, *(path for path in folder.rglob("*") if path.is_dir())]:
+    for path in [folder, *(path for path in kept if path.is_dir())]:
         sync(path)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from storage.whole import write_whole
 
 NOTE = ".entry.json"
-"""Hidden, so that it goes with other leftovers when the result is published."""
+"""Hidden; it goes with other leftovers once the result is published."""
 
 
 def write_note(folder: Path, name: str, fields: Mapping[str, Any], adopted: Mapping[str, Any] | None = None) -> None:

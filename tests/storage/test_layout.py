@@ -13,6 +13,7 @@ import pytest
 
 from storage.layout import Entry, Store, StoreError, check
 from storage.manifests import MANIFEST
+from storage.unfinished import read_note
 
 
 def entry(value=1):
@@ -203,6 +204,50 @@ def test_a_resumable_stage_finds_what_it_left_and_publishes_without_leftovers(st
     folder = store.produce(entry(), finish, resumable=True, leftovers=(".*", "checkpoints"))
     assert sorted(path.name for path in folder.iterdir()) == [MANIFEST, "view_0.png", "view_1.png"]
     assert store.complete(entry())
+
+
+def no_room(*_):
+    raise OSError("No space left on device")
+
+
+@pytest.mark.parametrize("broken", ["storage.manifests.sync", "pathlib.Path.rename"])
+def test_what_stops_the_publishing_costs_no_work(store, monkeypatch, broken):
+    def train(folder):
+        (folder / "checkpoints").mkdir(exist_ok=True)
+        (folder / "checkpoints" / "1.pt").write_text("days of work")
+        write(folder)
+
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
+        patch.setattr(broken, no_room)
+        store.produce(entry(), train, resumable=True, leftovers=("**/.*", "checkpoints"))
+    assert (store.work_folder(entry()) / "checkpoints" / "1.pt").read_text() == "days of work"
+    assert read_note(store.work_folder(entry()))["name"] == "sample/bunny" and not store.complete(entry())
+    folder = store.produce(entry(), write, resumable=True, leftovers=("**/.*", "checkpoints"))
+    assert set(store.manifest(entry())["files"]) == {"pool.npy", "more/curve.csv"}
+    assert sorted(path.name for path in folder.iterdir()) == [MANIFEST, "more", "pool.npy"]
+    assert not store.work_folder(entry()).exists()
+
+
+def test_leftovers_of_a_kill_right_after_publishing_harm_no_result(store, monkeypatch):
+    def train(folder):
+        write(folder)
+        (folder / "checkpoints").mkdir()
+        (folder / "checkpoints" / "1.pt").write_text("x")
+
+    monkeypatch.setattr("storage.layout._remove", no_room)
+    folder = store.produce(entry(), train, resumable=True, leftovers=("checkpoints",))
+    assert (folder / "checkpoints" / "1.pt").exists() and store.complete(entry()) and store.verify(entry()) == []
+
+
+@pytest.mark.parametrize("broken", ["storage.manifests.sync", "pathlib.Path.rename"])
+def test_a_result_that_cannot_be_published_leaves_nothing(store, monkeypatch, broken):
+    with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
+        patch.setattr(broken, no_room)
+        store.produce(entry(), write)
+    assert unfinished(store) == [] and not store.complete(entry())
+    with pytest.raises(StoreError, match="no file"):
+        store.produce(entry(), lambda folder: None)
+    assert unfinished(store) == []
 
 
 @pytest.mark.parametrize("resumable", [False, True])
