@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from pipeline.engines import REFERENCE_ENGINE
-from pipeline.teacher import teaching_engine
-from storage.checkpoints import WeightsError, load_weights, resolve
 from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry
 from storage.meshes import find_meshes
-from storage.stage_code import installed_version
+from workflows.prior_weights import PRIOR, prior_fields, prior_files
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict, training_fault
 from z2p_core.interfaces import ScanError
@@ -47,6 +45,8 @@ class Step:
     mesh: MeshInput | None = None
     views: tuple[int, int] = (0, 0)
     """First view and the one after the last, of a render step."""
+    files: tuple[tuple[Path, str], ...] = ()
+    """Other files that it reads, each with the sha256 that is in the fields: they must not change before they are."""
 
     @property
     def name(self) -> str:
@@ -111,7 +111,7 @@ def assemble(
     evaluation: Sequence[MeshInput],
     warnings: Sequence[str] = (),
 ) -> Plan:
-    """Plan of a config and meshes whose identities are known; no file but the plugins' source is read."""
+    """Plan of a config and meshes whose identities are known; no mesh is read."""
     steps: list[Step] = []
     if any(mesh.path is None for mesh in [*training, *evaluation]):
         steps.append(Step(Entry("shapes", "shapes", shapes_fields())))
@@ -120,7 +120,9 @@ def assemble(
         chain = _mesh_chain(config, mesh)
         shards.append(chain[-1])
         steps += chain
-    train = Step(Entry("train", "train", _train_fields(config, shards)), tuple(shard.name for shard in shards))
+    fields = _train_fields(config, shards)
+    upstream, files = tuple(shard.name for shard in shards), prior_files(config.train, fields["parameters"])
+    train = Step(Entry("train", "train", fields), upstream, files=files)
     evaluate = Step(
         Entry("evaluate", "evaluate", _evaluate_fields(config, train, evaluation)),
         (train.name, *_shapes_of(evaluation)),
@@ -177,12 +179,9 @@ def _render_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
 def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, Any]:
     parameters = to_dict(config.train)
     del parameters["checkpoint_every"]  # a run resumes exactly, so how often it could does not matter
-    for name in ("start", "teacher"):
-        weights = parameters.pop(name)
-        if weights:
-            parameters[name] = _weights_digest(name, weights, config.render.controls)
-    if "teacher" in parameters:
-        parameters["teacher_engine"] = _engine_fields(teaching_engine())
+    for name in PRIOR:
+        del parameters[name]
+    parameters |= prior_fields(config.train, config.render.controls)
     network = parameters["network"]
     if network["conditioning"] == NetworkConfig.conditioning:
         del network["conditioning"]  # results of before there was a choice mean the same, and can be adopted
@@ -194,30 +193,6 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
         "parameters": parameters,
         "controls": _controls(config),
     }
-
-
-def _engine_fields(name: str | None) -> dict[str, str]:
-    """What tells an engine from another; exact ones give the same picture but for rounding."""
-    if name is None:
-        return {"name": "exact"}
-    engine = registry.load("engines", name)
-    return {"name": name, "version": engine.version, engine.package: installed_version(engine.package)}
-
-
-def _weights_digest(name: str, weights: str, controls: Sequence[str]) -> str:
-    """sha256 of weights to start or to learn from, which know the controls: told now, not after hours of rendering."""
-    try:
-        file = resolve(weights)
-        known = [entry["name"] for entry in load_weights(file).card["controls"]]
-    except WeightsError as error:
-        raise ConfigError(f"train.{name}: {error}") from error
-    learnt = len(known) if name == "start" else None  # what comes after is new to weights that are started from
-    if known != list(controls[:learnt]):
-        raise ConfigError(
-            f"train.{name}: expected weights whose controls are {', '.join(controls)}, got {', '.join(known)} in "
-            f"{weights}; choose others, or set render.controls as theirs"
-        )
-    return file_digest(file)
 
 
 def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshInput]) -> dict[str, Any]:

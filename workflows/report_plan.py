@@ -127,7 +127,8 @@ def make_report_plan(config: ReportConfig, command: str = "") -> ReportPlan:
         "upstream": [step.entry.fingerprint for step in steps], "config": to_dict(config), "command": command,
         "template": file_digest(template), "meshes": [mesh.name for mesh in meshes],
     }  # fmt: skip
-    steps.append(ReportStep(Entry("report", "report", fields), measured))
+    files = ((template, fields["template"]),)
+    steps.append(ReportStep(Entry("report", "report", fields), measured, files=files))
     return ReportPlan(config, {step.name: step for step in steps}, tuple(meshes), methods, scans, command,
                       tuple(warnings))  # fmt: skip
 
@@ -193,19 +194,23 @@ def _trust(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:
 
 
 def _times(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> ReportStep:
+    told = [method_fields(method) for method in methods]
     fields = stage_fields("times") | {
-        "mesh": mesh.identity, "methods": [method_fields(method) for method in methods], "points": config.points,
+        "mesh": mesh.identity, "methods": told, "points": config.points,
         "repeats": config.time_repeats, "samples": config.samples, "denoise": config.denoise, "seed": config.seed,
     }  # fmt: skip
-    return ReportStep(Entry("times", "times", fields), ("shapes",) if mesh.path is None else (), mesh)
+    files = tuple((resolve(method.source).absolute(), one["sha256"]) for method, one in zip(methods, told, strict=True)
+                  if method.kind == WEIGHTS)  # fmt: skip
+    return ReportStep(Entry("times", "times", fields), ("shapes",) if mesh.path is None else (), mesh, files=files)
 
 
 def _scans(config: ReportConfig, scans: Sequence[Path], method: Method) -> ReportStep:
+    files = tuple((path.absolute(), file_digest(path)) for path in scans)
     fields = _run_by(method, stage_fields("scans")) | _values(config) | {
-        "scans": [[path.name, file_digest(path), plugin_fields(reader_of(path))] for path in scans],
+        "scans": [[path.name, digest, plugin_fields(reader_of(path))] for path, digest in files],
         "method": method_fields(method),
     }  # fmt: skip
-    return ReportStep(Entry("scans", f"scans/{method.name}", fields), method=method)
+    return ReportStep(Entry("scans", f"scans/{method.name}", fields), method=method, files=files)
 
 
 def _values(config: ReportConfig) -> dict[str, Any]:

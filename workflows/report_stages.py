@@ -35,6 +35,7 @@ class Scans(ReportTask):
         if self.part.method is None:
             raise ValueError(f"{self.part.name} has no method")
         show_scans(self.part.method, self.report.scans, self.report.config, self.truth, out, log=say)
+        self._check_files()  # again: a scan is read when its turn comes, which may be long after the first one's
 
 
 class Trust(ReportTask):

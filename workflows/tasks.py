@@ -112,6 +112,12 @@ class StageTask(luigi.Task):
         changed = changed_parts(fields["code"]) + [f"plugin {name}" for name in changed_plugins(fields)]
         if changed:
             raise ConfigError(f"{self.step_name}: {changed[0]} changed since the pipeline started; start it again")
+        self._check_files()
+
+    def _check_files(self) -> None:
+        """Weights, scans and the like are read hours after the plan: they must be what the fingerprint says."""
+        for path, digest in self.step.files:
+            _check_file(path, digest)
 
     def _show_log(self) -> None:
         """Put the log beside the files that it tells of; it is no part of the result."""
@@ -144,9 +150,13 @@ class StageTask(luigi.Task):
             from pipeline.shapes import shape_path
 
             return Path(shape_path(self.upstream_folders("shapes")[0], mesh.name))
-        if file_digest(mesh.path) != mesh.identity:
-            raise ConfigError(f"{mesh.path}: the file changed since the pipeline started; start it again")
+        _check_file(mesh.path, mesh.identity)
         return mesh.path
+
+
+def _check_file(path: Path, digest: str) -> None:
+    if not path.is_file() or file_digest(path) != digest:
+        raise ConfigError(f"{path}: the file changed since the pipeline started; start it again")
 
 
 def task_of(step: Step, source: str, workspace: str) -> StageTask:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import pipeline.paper.scans
 from storage import stage_code
 from storage.checkpoints import load_weights, save_weights
 from workflows.report_plan import load_report_plan, report_source
@@ -220,12 +221,30 @@ def test_weights_that_changed_since_the_plan_was_made_are_refused(tmp_path: Path
     mine = tmp_path / "mine.safetensors"
     shutil.copy(make_weights(), mine)
     source = report_source(str(CONFIG), "", "", str(mine), "")
-    step = load_report_plan(source).steps["measure/noise/bumpy_ball/mine"]
-    task = task_of(step, source, str(tmp_path / "runs"))
-    task._check_code()
+    steps = load_report_plan(source).steps
+    tasks = [task_of(steps[name], source, str(tmp_path / "runs")) for name in ("measure/noise/bumpy_ball/mine", "times")]
+    for task in tasks:
+        task._check_code()
     tensors = load_weights(mine)
     save_weights(mine, {name: tensor + 1 for name, tensor in tensors.tensors.items()}, tensors.card)
-    with pytest.raises(ConfigError, match="mine changed since the report started"):
+    for task, told in zip(tasks, ["mine changed since the report", "mine.*: the file changed since"], strict=True):
+        with pytest.raises(ConfigError, match=told):
+            task._check_code()
+
+
+def test_a_scan_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "scans").mkdir()
+    scan = tmp_path / "scans" / "one.xyz"
+    np.savetxt(scan, np.eye(3))
+    (tmp_path / "scans.toml").write_text("scans = 'scans'")
+    monkeypatch.chdir(tmp_path)
+    source = report_source("scans.toml", "", str(scan.parent), "", "")
+    task = task_of(load_report_plan(source).steps["scans/splats"], source, str(tmp_path / "runs"))
+    task._check_code()
+    monkeypatch.setattr(pipeline.paper.scans, "show_scans", lambda *_, **__: scan.write_text("1 2 3\n"))
+    with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):
+        task.make(tmp_path)  # it was read when its turn came
+    with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):
         task._check_code()
 
 

@@ -9,6 +9,7 @@ from editing import edited
 
 import storage.fingerprints
 import workflows.plan
+import workflows.prior_weights
 from workflows.plan import Plan, assemble, make_plan
 from z2p_core import registry
 from z2p_core.config import PipelineConfig
@@ -138,9 +139,27 @@ def test_every_parameter_is_in_the_table():
 def test_another_engine_of_the_teacher_trains_again(config, monkeypatch):
     taught = edited(config, "train.teacher", "regular")
     before, without = make_plan(taught), make_plan(config)
-    monkeypatch.setattr(workflows.plan, "teaching_engine", lambda: None)
+    monkeypatch.setattr(workflows.prior_weights, "teaching_engine", lambda: None)
     assert stale(before, make_plan(taught)) == AFTER_SHARDS
     assert stale(without, make_plan(config)) == set()
+
+
+@pytest.mark.parametrize("key", ["version", "code"])
+def test_a_plugin_that_only_the_teacher_uses_trains_again(config, monkeypatch, key):
+    bare = edited(config, "train.network.gbuffer", "none")
+    taught = edited(bare, "train.teacher", "regular")
+    before, without = make_plan(taught), make_plan(bare)
+    fields = workflows.prior_weights.plugin_fields
+    changed = lambda plugin: fields(plugin) | ({key: "other"} if plugin.name == "surfels" else {})  # noqa: E731
+    for module in (workflows.plan, workflows.prior_weights):
+        monkeypatch.setattr(module, "plugin_fields", changed)
+    assert stale(before, make_plan(taught)) == AFTER_SHARDS
+    assert stale(without, make_plan(bare)) == set()
+
+
+def test_plugins_that_the_teacher_shares_are_told_once(config):
+    fields = make_plan(edited(config, "train.teacher", "regular")).steps["train"].entry.fields
+    assert "teacher_plugins" not in fields["parameters"]  # trainings of before it was told can be adopted
 
 
 def test_more_views_keep_every_finished_chunk(config):

@@ -10,6 +10,7 @@ import pytest
 import storage.stage_code
 import workflows
 import workflows.tasks
+from storage.checkpoints import resolve
 from storage.layout import Store
 from workflows.full_pipeline import RESULTS
 from workflows.known_views import copy_known_views
@@ -144,6 +145,22 @@ def test_a_plugin_that_changed_since_the_plan_was_made_is_refused(ran, monkeypat
     real = inspect.getsourcefile
     monkeypatch.setattr(inspect, "getsourcefile", lambda one: str(edited) if one is plugin else real(one))
     with pytest.raises(ConfigError, match=f"{step}: plugin {name} changed since the pipeline started"):
+        task._check_code()
+
+
+@pytest.mark.parametrize("name", ["start", "teacher"])
+@pytest.mark.parametrize("edit", [lambda path: path.write_bytes(b"others"), Path.unlink])
+def test_weights_to_learn_from_that_changed_since_the_plan_was_made_are_refused(ran, monkeypatch, tmp_path, name, edit):
+    weights = tmp_path / "known.safetensors"
+    shutil.copyfile(resolve("regular"), weights)
+    (tmp_path / "small.toml").write_text(f"{TOML}[train]\n{name} = 'known.safetensors'\n")
+    source = workflows.FullPipeline(config="small.toml").source
+    load_plan.cache_clear()
+    task = task_of(load_plan(source).steps["train"], source, str(tmp_path / "runs"))
+    weights.touch()
+    task._check_code()
+    edit(weights)
+    with pytest.raises(ConfigError, match=r"known\.safetensors: the file changed since the pipeline started"):
         task._check_code()
 
 
