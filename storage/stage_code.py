@@ -11,6 +11,7 @@ A change that gives the same results (a refactoring) can be vouched for with `z2
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from importlib import metadata
 
@@ -40,6 +41,11 @@ OF_WEIGHTS = (
     "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", *_KERNELS,
 )
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
+PLACING = (
+    "z2p_core.turning", "z2p_core.native", "z2p_core.native.calls", "z2p_core.native.pictures",
+    "z2p_core/native/fast.h", "z2p_core/native/showing.c",
+)  # fmt: skip
+"""Those of them that placing a scan runs as well, whichever method then draws it."""
 _CASES = (
     *(f"pipeline.paper.{name}" for name in ("sweeps", "clouds", "made", "references", "methods")), "pipeline.baselines",
     *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer", "pipeline.engines",
@@ -66,7 +72,8 @@ SHAPING: dict[str, tuple[str, ...]] = {
         "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.augment",
         "pipeline.teacher", "pipeline.curve", "pipeline.engines", "pipeline.export", "pipeline.halving",
         "pipeline.shard:shrink_pictures", "storage.exports", "storage.graphs", "storage.shards", "storage.shelf",
-        "z2p_core.flip", "z2p_core.geometry", "z2p_core.images", "z2p_core.losses",
+        "z2p_core.config:batch_size", "z2p_core.config:samples_until", "z2p_core.flip", "z2p_core.geometry",
+        "z2p_core.images", "z2p_core.losses",
         "z2p_core.metrics:PIXELS_A_DEGREE", "z2p_core.noise", "z2p_core.sliding",
         *_NETWORK,
     ),
@@ -83,7 +90,8 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "scans": (
         "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
         "pipeline.placing", "storage.clouds", "storage.repeats", "storage.incoming", "z2p_core.column_names",
-        "z2p_core.framing", "z2p_core.foreground", "z2p_core.viewpoint", "z2p_core.standing", "z2p_core.strays",
+        "z2p_core.framing", "z2p_core.foreground", "z2p_core.point_arrays", "z2p_core.spread", "z2p_core.standing",
+        "z2p_core.strays", "z2p_core.viewpoint",
         *_CASES,
     ),
     "times": ("workflows.report_stages:Times", "pipeline.paper.times", *_CASES),
@@ -98,13 +106,14 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "compare": (
         "workflows.ablation_stages:Compare", *(f"pipeline.ablation.{name}" for name in ("page", "curves", "outcomes")),
-        "storage.checkpoints", "z2p_core.ablation_config", "z2p_core.metrics:NAMES",
+        "storage.checkpoints", "z2p_core.ablation_config", "z2p_core.config:batch_size",
+        "z2p_core.config:samples_until", "z2p_core.metrics:NAMES",
     ),
 }
 """Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
 
 NOT_SHAPING: dict[str, str] = {
-    "z2p_core.config": "the values that a stage gets are in its fingerprint",
+    "z2p_core.config": "the values that a stage gets are in its fingerprint; what reckons with them is listed",
     "z2p_core.registry": "finds plugins, whose code is in the fingerprint",
     "z2p_core.interfaces": "abstract but for Control and Slider, which are listed where they count",
     "storage.layout": "puts files where they belong, whatever they hold",
@@ -118,6 +127,7 @@ NOT_SHAPING: dict[str, str] = {
     "z2p_core.report_config": "the values that a stage gets are in its fingerprint",
     "workflows.report_task": "what the report's tasks share: where files lie, not what is in them",
     "plugins.baselines.normals": "in the digests of the plugins that use it",
+    "plugins.readers.text_form": "in the digest of the reader that uses it",
     "plugins.baselines.apart": "runs another function elsewhere, whose answer is the same",
     "storage.memory": "refuses what does not fit, and changes nothing of what does",
     "storage.whole": "writes the bytes that it is given",
@@ -137,14 +147,16 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "train": ("numpy", "torch", "onnx", "onnxruntime"),
     "evaluate": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
     "reference": ("numpy", "trimesh", "bpy"),
-    "measure": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
-    "scans": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
-    "times": ("numpy", "trimesh", "bpy", "torch", "onnxruntime"),
-    "trust": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
+    "measure": ("numpy", "trimesh", "bpy", "open3d", "torch", "kornia", "flip-evaluator"),
+    "scans": ("numpy", "trimesh", "bpy", "open3d", "torch", "kornia", "flip-evaluator"),
+    "times": ("numpy", "trimesh", "bpy", "open3d", "torch", "onnxruntime"),
+    "trust": ("numpy", "trimesh", "bpy", "open3d", "torch", "kornia", "flip-evaluator"),
     "report": ("numpy", "torch", "kornia"),
     "compare": ("numpy",),
 }
 """Stage -> the declared packages whose versions shape its result."""
+_OTHERWISE = {"open3d": "open3d-cpu"}
+"""Package -> the distribution that brings it where its own does not."""
 
 
 def stage_code(stage: str) -> dict[str, str]:
@@ -173,7 +185,7 @@ def stage_packages(stage: str) -> dict[str, str]:
 @lru_cache(maxsize=64)
 def installed_version(package: str) -> str:
     """Version of an installed package, or ``not installed``."""
-    try:
-        return metadata.version(package).partition("+")[0]
-    except metadata.PackageNotFoundError:
-        return "not installed"
+    for distribution in (package, _OTHERWISE.get(package, package)):
+        with suppress(metadata.PackageNotFoundError):
+            return metadata.version(distribution).partition("+")[0]
+    return "not installed"

@@ -17,7 +17,7 @@ from storage.checkpoints import WeightsError, resolve, shipped
 from storage.clouds import find_scans, reader_of
 from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from storage.layout import Entry
-from storage.stage_code import OF_WEIGHTS
+from storage.stage_code import OF_WEIGHTS, PLACING
 from workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
 from z2p_core import registry
 from z2p_core.config import ConfigError, parse_config, to_dict
@@ -181,7 +181,8 @@ def _run_by(method: Method, fields: dict[str, Any]) -> dict[str, Any]:
     """The fields, without the code of networks where the method has none."""
     if method.kind == WEIGHTS:
         return fields
-    return fields | {"code": {part: digest for part, digest in fields["code"].items() if part not in OF_WEIGHTS}}
+    needless = set(OF_WEIGHTS) - set(PLACING if fields["stage"] == "scans" else ())
+    return fields | {"code": {part: digest for part, digest in fields["code"].items() if part not in needless}}
 
 
 def _trust(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:

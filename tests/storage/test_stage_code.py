@@ -4,13 +4,14 @@ import ast
 import re
 import sys
 from collections.abc import Iterator
+from importlib import metadata
 
 import pytest
 
 import storage.fingerprints
 from storage.code import ROOT, code_digest, defined, imports, part_digest, source_of
 from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
-from storage.stage_code import NOT_SHAPING, PACKAGES, SHAPING
+from storage.stage_code import NOT_SHAPING, OF_WEIGHTS, PACKAGES, PLACING, SHAPING, installed_version
 from z2p_core import registry
 
 ROOMS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
@@ -37,12 +38,13 @@ PLUGINS = {
     "train": {"zbuffers", "gbuffers", "encoders"},
     "evaluate": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines"},
     "measure": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters"},
-    "scans": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters"},
+    "scans": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters",
+              "readers"},
     "times": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters"},
     "trust": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines"},
 }
 DISTRIBUTIONS = {"trimesh": "trimesh", "bpy": "bpy", "h5py": "h5py", "torch": "torch", "kornia": "kornia",
-                 "flip_evaluator": "flip-evaluator", "numpy": "numpy"}  # fmt: skip
+                 "flip_evaluator": "flip-evaluator", "numpy": "numpy", "open3d": "open3d"}  # fmt: skip
 READERS = {("train", "h5py"), ("evaluate", "h5py")}
 """Packages with which a stage only reads what another one wrote."""
 
@@ -82,9 +84,18 @@ def in_project(found: Iterator[tuple[str, str]]) -> set[tuple[str, str]]:
     return {inner.get(one, one) for one in kept}
 
 
+def plugins(stage: str) -> list[type]:
+    found = [registry.load(group, name) for group in PLUGINS.get(stage, ()) for name in registry.names(group)]
+    return [plugin for plugin in found if plugin.__module__.startswith("plugins.")]
+
+
 def plugin_modules(stage: str) -> set[str]:
-    return {registry.load(group, name).__module__ for group in PLUGINS.get(stage, ()) for name in registry.names(group)
-            if registry.load(group, name).__module__.startswith("plugins.")}  # fmt: skip
+    return {plugin.__module__ for plugin in plugins(stage)}
+
+
+def packages(part: str) -> set[str]:
+    """Distributions whose code a part calls, as far as any stage declares them."""
+    return {DISTRIBUTIONS[name] for name in {module.split(".")[0] for module, _ in needs(part)} & set(DISTRIBUTIONS)}
 
 
 @pytest.mark.parametrize("stage", SHAPING)
@@ -116,12 +127,38 @@ def test_nothing_is_listed_that_no_code_of_the_stage_reaches(stage):
 
 @pytest.mark.parametrize("stage", SHAPING)
 def test_the_packages_that_a_stages_code_imports_are_declared(stage):
-    used = {module.split(".")[0] for part in [*SHAPING[stage], *plugin_modules(stage)] for module, _ in needs(part)}
-    assert {DISTRIBUTIONS[name] for name in used & set(DISTRIBUTIONS) if (stage, name) not in READERS} <= set(
-        PACKAGES[stage]
-    )
+    used = {package for part in SHAPING[stage] for package in packages(part)}
+    for plugin in plugins(stage):  # what it names itself is in its own fields
+        used |= packages(plugin.__module__) - set(getattr(plugin, "packages", ()))
+    assert {package for package in used if (stage, package) not in READERS} <= set(PACKAGES[stage])
     project = (ROOT / "pyproject.toml").read_text()
     assert all(re.search(rf'"{package}[>=]', project) for package in PACKAGES[stage])
+
+
+def test_what_placing_a_scan_runs_is_no_part_of_weights_alone():
+    reached, waiting = set(), {"pipeline.placing"}
+    while waiting:
+        part = waiting.pop()
+        reached.add(part)
+        if part != "z2p_core.native":  # its names come from modules that placing does not all call
+            waiting |= {module for module, _ in in_project(needs(part))} - reached
+    assert reached & set(OF_WEIGHTS) <= set(PLACING) <= set(OF_WEIGHTS) & set(SHAPING["scans"])
+    assert "native.showing(" in (ROOT / "z2p_core" / "framing.py").read_text()  # the one kernel of placing
+
+
+def test_a_package_may_come_by_another_name(monkeypatch):
+    versions = {"open3d-cpu": "0.19.0", "numpy": "1.26.4"}
+
+    def version(name):
+        if name not in versions:
+            raise metadata.PackageNotFoundError(name)
+        return versions[name]
+
+    monkeypatch.setattr(metadata, "version", version)
+    installed = installed_version.__wrapped__
+    assert [installed(name) for name in ("open3d", "numpy", "torch")] == ["0.19.0", "1.26.4", "not installed"]
+    versions["open3d"] = "0.20.0+abc"
+    assert installed("open3d") == "0.20.0"
 
 
 def test_every_excuse_is_needed_and_every_stage_is_told():
