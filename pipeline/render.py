@@ -14,10 +14,12 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from pipeline.children import child_environment
 from storage.meshes import Mesh, read_mesh
 from storage.whole import whole
 from z2p_core.geometry import bounding_sphere
@@ -56,6 +58,10 @@ class RenderSettings:
         for name in self.passes:
             if name not in PASSES:
                 raise ValueError(f"passes: expected some of {', '.join(PASSES)}, got {name!r}")
+
+    def shaping(self) -> dict[str, Any]:
+        """All that shapes the pixels, by name, for fingerprints."""
+        return {name: value for name, value in asdict(self).items() if name != "threads"}
 
 
 def render_scenes(
@@ -149,7 +155,9 @@ def _run_blender(job: Path, name: str) -> Iterator[str]:
     """Yield the stem of each picture as soon as it is whole."""
     command = [sys.executable, "-m", "pipeline.blender", str(job)]
     last: deque[str] = deque(maxlen=12)
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) as blender:
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=child_environment()
+    ) as blender:
         try:
             for line in blender.stdout or ():
                 last.append(line.rstrip())

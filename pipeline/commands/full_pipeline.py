@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import signal
 import subprocess
 import sys
@@ -14,6 +13,7 @@ from typing import Any
 
 import click
 
+from pipeline.children import child_environment
 from pipeline.cli import Failure
 
 PATIENT = ("--worker-keep-alive", "--worker-wait-interval", "1", "--worker-wait-jitter", "1")
@@ -67,7 +67,7 @@ def run_task(task: str, scheduler: str | None, explain: bool, dry_run: bool, **o
     """Run a task of `workflows` in luigi, with the values of `pipeline_options`, and end with its exit status.
 
     Raises:
-        Failure: luigi or the `workflows` package is not installed.
+        Failure: luigi is not installed.
     """
     check_luigi()
     command = [sys.executable, "-m", "luigi", "--module", "workflows", task]
@@ -76,12 +76,12 @@ def run_task(task: str, scheduler: str | None, explain: bool, dry_run: bool, **o
     for name in ("config", "meshes", "evaluate_meshes", "workspace", "workers"):
         if options[name] is not None:
             command += [f"--{name.replace('_', '-')}", str(options[name])]
-    status = run_process(command, luigi_environment())
+    status = run_process(command, child_environment())
     for _ in range(LOOKS if scheduler else 0):
         if status not in LEFT_TO_OTHERS:
             break
         time.sleep(2)
-        status = run_process(command, luigi_environment())
+        status = run_process(command, child_environment())
     click.get_current_context().exit(status)
 
 
@@ -94,26 +94,6 @@ def check_luigi() -> None:
     if importlib.util.find_spec("luigi") is None:
         raise Failure('the pipeline needs luigi, which is not installed; install it, in a clone of z2p: '
                       'pip install -c constraints.txt ".[pipeline]"')
-
-
-def luigi_environment() -> dict[str, str]:
-    """Environment for luigi: this installation's packages ahead of the working folder's.
-
-    Names such as `storage` are common: a folder of the user's must not stand in for ours.
-
-    Raises:
-        Failure: the `workflows` package is not installed.
-    """
-    spec = importlib.util.find_spec("workflows")
-    if spec is None or not spec.submodule_search_locations:
-        raise Failure("the `workflows` package is missing; install z2p again")
-    folder = Path(next(iter(spec.submodule_search_locations))).resolve()
-    earlier = os.environ.get("PYTHONPATH")
-    return {
-        **os.environ,
-        "PYTHONSAFEPATH": "1",
-        "PYTHONPATH": os.pathsep.join([str(folder.parent), *([earlier] if earlier else [])]),
-    }
 
 
 def run_process(command: list[str], environment: dict[str, str]) -> int:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import click
 
-from pipeline.commands.full_pipeline import check_luigi, luigi_environment, run_process
+from pipeline.children import child_environment
+from pipeline.commands.full_pipeline import check_luigi, run_process
 
 
 @click.command()
@@ -41,4 +42,4 @@ def report_paper(ctx: click.Context, explain: bool, dry_run: bool, **options: Pa
     for name in ("config", "meshes", "scans", "weights", "sweeps", "workspace", "workers"):
         if options[name] is not None:
             command += [f"--{name}", str(options[name])]
-    ctx.exit(run_process(command, luigi_environment()))
+    ctx.exit(run_process(command, child_environment()))

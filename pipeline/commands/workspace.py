@@ -7,7 +7,8 @@ import sys
 
 import click
 
-from pipeline.commands.full_pipeline import check_luigi, luigi_environment, run_process
+from pipeline.children import child_environment
+from pipeline.commands.full_pipeline import check_luigi, run_process
 
 
 class HandedOn(click.Command):
@@ -24,9 +25,9 @@ def _handed_on(name: str) -> click.Command:
         check_luigi()
         words = [sys.executable, "-m", "workflows", name, *ctx.args]
         if {"-h", "--help"} & set(ctx.args):
-            click.echo(subprocess.run(words, env=luigi_environment(), capture_output=True, text=True).stdout, nl=False)
+            click.echo(subprocess.run(words, env=child_environment(), capture_output=True, text=True).stdout, nl=False)
         else:
-            ctx.exit(run_process(words, luigi_environment()))
+            ctx.exit(run_process(words, child_environment()))
 
     return command
 

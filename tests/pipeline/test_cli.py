@@ -143,16 +143,27 @@ def test_pipeline_starts_luigi_with_only_what_was_given(
     assert z2p("pipeline", "--config", tmp_path / "missing.toml").exit_code == 2
 
 
-def test_luigis_process_finds_our_packages_whatever_the_working_folder_holds(tmp_path: Path) -> None:
-    from pipeline.commands.full_pipeline import luigi_environment
+def test_a_child_finds_our_packages_whatever_the_working_folder_holds(tmp_path: Path) -> None:
+    from pipeline.children import child_environment
 
     (tmp_path / "storage").mkdir()
     (tmp_path / "storage" / "__init__.py").write_text("raise SystemExit('the wrong storage')")
     done = subprocess.run(
         [sys.executable, "-c", "import storage"],
-        cwd=tmp_path, env=luigi_environment(), capture_output=True, text=True,
+        cwd=tmp_path, env=child_environment(), capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
+
+
+def test_blenders_process_runs_no_file_of_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from pipeline.render import RenderError, _run_blender
+
+    for name in ("pipeline", "numpy", "json"):
+        (tmp_path / f"{name}.py").write_text("print('a file of the user')\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RenderError, match=r"job\.json") as error:  # ours was started, and has nothing to do
+        list(_run_blender(tmp_path, "mesh"))
+    assert "a file of the user" not in str(error.value)
 
 
 def test_a_process_hands_on_its_exit_status() -> None:
