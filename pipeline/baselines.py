@@ -9,7 +9,7 @@ import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +18,7 @@ import numpy as np
 from PIL import Image
 
 from pipeline.render import RenderError, RenderSettings, read_render, render_mesh
+from storage.code import part_digest
 from storage.fingerprints import fingerprint, plugin_fields, stage_fields
 from storage.layout import Entry, Store
 from storage.meshes import Mesh
@@ -96,9 +97,7 @@ def rebuild_scenes(
         PluginError: the baseline breaks its contract.
         RenderError: Blender failed, or a kept render is damaged.
     """
-    parameters = {name: value for name, value in asdict(settings).items() if name != "threads"}
-    fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": parameters}
-    folder = root / fingerprint(fields)[:32]
+    folder = root / fingerprint(_fields(rival, settings))[:32]
     stems = [fingerprint({"cloud": cloud_fields, "scene": scene.to_json()})[:32] for scene in scenes]
     with Store(root).lock(Entry("reference", rival.name, {"folder": folder.name, "cloud": cloud_fields})):
         wanted = dict(zip(stems, scenes, strict=True))
@@ -111,6 +110,13 @@ def rebuild_scenes(
             for stem, _ in jobs:
                 write_whole(json.dumps(told).encode(), folder / f"{stem}.json")
     return [_kept(folder, stem, settings) for stem in stems]
+
+
+def _fields(rival: Rival, settings: RenderSettings) -> dict[str, Any]:
+    """What shapes a rival's pictures of any cloud and scene: the renderer, the plugin, and what stands between them."""
+    fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": settings.shaping()}
+    fields["code"] = {**fields["code"], "pipeline.baselines": part_digest("pipeline.baselines")}
+    return fields
 
 
 def on_true_floor(scene: SceneDescription, vertices: np.ndarray) -> SceneDescription:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -61,7 +60,7 @@ def reference(name: str, identity: str, scene: SceneDescription, settings: Rende
 def old_picture(root: Path, identity: str, scene: SceneDescription, settings: RenderSettings) -> Path:
     """Where the picture lies if z2p rendered it before such pictures had manifests."""
     fields = {"schema": 1, "stage": "render", "stage_version": 1}
-    fields |= {"mesh": identity, "parameters": _parameters(settings)}
+    fields |= {"mesh": identity, "parameters": settings.shaping()}
     return root / fingerprint(fields)[:32] / f"{stem(scene)}.png"
 
 
@@ -71,11 +70,7 @@ def stem(scene: SceneDescription) -> str:
 
 
 def _shared(identity: str, settings: RenderSettings) -> dict[str, Any]:
-    return stage_fields("reference") | {"mesh": identity, "parameters": _parameters(settings)}
-
-
-def _parameters(settings: RenderSettings) -> dict[str, Any]:
-    return {name: value for name, value in asdict(settings).items() if name != "threads"}
+    return stage_fields("reference") | {"mesh": identity, "parameters": settings.shaping()}
 
 
 def _move(work: Path, name: str, folder: Path) -> None:

@@ -118,6 +118,8 @@ NOT_SHAPING: dict[str, str] = {
     "z2p_core.interfaces": "abstract but for Control and Slider, which are listed where they count",
     "storage.layout": "puts files where they belong, whatever they hold",
     "storage.fingerprints": "names results and seeds by sha256",
+    "storage.code": "tells the code that names results",
+    "pipeline.children": "tells where Blender's process finds our code",
     "train/z2p_core.interfaces:Control": "shards hold the settings as encoded; only names and sizes are compared",
     "pipeline.baselines": "stands beside the weights; its pictures have fingerprints of their own",
     "workflows.tasks": "what all tasks share: where files lie, not what is in them",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -64,9 +63,8 @@ def mesh_digest(mesh: Mesh) -> str:
 
 def _render_made(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, root: Path, log: Log) -> Path:
     """Picture of a mesh that is placed in the unit sphere already, and keeps its size."""
-    parameters = {name: value for name, value in asdict(settings).items() if name != "threads"}
     fields: dict[str, Any] = stage_fields("reference") | {
-        "placed": mesh_digest(mesh), "parameters": parameters, "scene": scene.to_json(),
+        "placed": mesh_digest(mesh), "parameters": settings.shaping(), "scene": scene.to_json(),
     }  # fmt: skip
     store = Store(root)
     entry = Entry("reference", "reference/made", fields)

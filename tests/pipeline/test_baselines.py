@@ -114,6 +114,22 @@ def test_what_a_baseline_made_is_kept_by_all_that_shapes_it(rendered, meshes, ti
     assert new(CONFIG, "balls", "bpa") == 2
 
 
+def test_what_makes_a_baselines_pictures_shapes_them_as_well(rendered, tmp_path, monkeypatch) -> None:
+    balls, cloud = registry.load("baselines", "balls"), np.eye(3, dtype=np.float32)
+    settings = RenderSettings((SIDE, SIDE))
+
+    def made() -> int:
+        before = len(rendered)
+        rebuild(balls, cloud, {}, np.random.default_rng(0), SceneDescription(), settings, tmp_path)
+        return len(rendered) - before
+
+    assert [made(), made()] == [1, 0]
+    settings = replace(settings, threads=1)
+    assert made() == 0
+    monkeypatch.setattr(module, "part_digest", lambda part: f"another {part}")
+    assert made() == 1
+
+
 def test_a_record_cut_off_or_damaged_is_not_trusted(rendered, meshes, tiny_weights, tmp_path) -> None:
     run(meshes, tiny_weights, tmp_path, CONFIG, "balls")
     first, second = sorted((tmp_path / "truth").glob("*/*.json"))
