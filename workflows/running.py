@@ -101,7 +101,7 @@ def _is_alive(path: Path) -> bool:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
                 return True
-            own = path.name.startswith(f"{os.uname().nodename}-")
+            own = json.load(file)["host"] == os.uname().nodename
             return not own and silent < SILENT_SECONDS
     except FileNotFoundError:
         return False

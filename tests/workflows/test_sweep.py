@@ -1,5 +1,6 @@
 """What nobody needs is shown and then removed; what is kept, linked, written or in use stays."""
 
+import json
 import os
 import subprocess
 import sys
@@ -66,13 +67,16 @@ def test_what_a_running_pipeline_uses_stays_until_it_ends(config, store):
     assert len(unneeded(store)) == len(plan.steps)
 
 
-def test_a_killed_pipelines_note_does_not_last_but_that_of_another_machine_is_believed_for_a_while(config, store):
+@pytest.mark.parametrize("name", ["elsewhere", f"{os.uname().nodename}-2"])
+def test_a_killed_pipelines_note_does_not_last_but_that_of_another_machine_is_believed_for_a_while(config, store, name):
     plan = make_plan(config)
     fill(store, plan)
     registration = Registration(store, plan, "{}")
     (store.root / ".kept" / "quick.json").unlink()
     registration._file.close()  # as the kernel does when the process is killed
-    elsewhere = registration.path.rename(registration.path.with_name("elsewhere-1-abc.json"))
+    assert len(unneeded(store)) == len(plan.steps)
+    elsewhere = registration.path.rename(registration.path.with_name(f"{name}-1-abc.json"))
+    elsewhere.write_text(json.dumps({**json.loads(elsewhere.read_text()), "host": name}))
     assert unneeded(store) == []
     os.utime(elsewhere, (time.time() - 3600,) * 2)
     assert len(unneeded(store)) == len(plan.steps) and elsewhere.exists()  # looking removes nothing
