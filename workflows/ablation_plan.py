@@ -11,10 +11,11 @@ from typing import Any
 
 from storage.fingerprints import stage_fields
 from storage.layout import Entry
-from workflows.plan import Plan, Step, assemble, make_plan
+from workflows.plan import Plan, Step, assemble, check_config, make_plan
 from workflows.task_log import say
 from z2p_core.ablation_config import AblationsConfig, Variant, parse_ablations, with_meshes
 from z2p_core.config import ConfigError
+from z2p_core.registry import PluginError
 
 DEFAULT_CONFIG = Path(__file__).parents[1] / "configs" / "ablations.toml"
 COMPARE = "compare"
@@ -90,13 +91,21 @@ def make_ablation_plan(config: AblationsConfig, command: str = "") -> AblationPl
     steps: dict[str, Step] = {}
     variant_of: dict[str, str] = {}
     for variant in config.variants:
-        plan = _named(assemble(variant.config, shared.training, shared.evaluation), variant.name)
-        plans[variant.name] = plan
+        plan = plans[variant.name] = _variant_plan(variant, shared)
         for name, step in plan.steps.items():
             steps.setdefault(name, step)
             variant_of.setdefault(name, variant.name)
     steps[COMPARE] = _comparison(config, plans, command)
     return AblationPlan(config, steps, plans, variant_of, command)
+
+
+def _variant_plan(variant: Variant, shared: Plan) -> Plan:
+    """The variant's own plan on the base's meshes; what is wrong with its values is told with its name."""
+    try:
+        check_config(variant.config)
+        return _named(assemble(variant.config, shared.training, shared.evaluation), variant.name)
+    except (ConfigError, PluginError) as error:
+        raise type(error)(f"variants.{variant.name}: {error}") from error
 
 
 def _named(plan: Plan, variant: str) -> Plan:

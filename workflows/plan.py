@@ -93,7 +93,7 @@ def make_plan(config: PipelineConfig) -> Plan:
         ScanError: a mesh folder is missing or empty.
         PluginError: a plugin that the config names is unknown or broken.
     """
-    _check(config)
+    check_config(config)
     training, warnings = distinct(_meshes(config.meshes, kept_aside=False))
     evaluation = training
     if config.evaluate_meshes or config.meshes == "builtin":
@@ -248,7 +248,12 @@ def distinct(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:
     return list(found.values()), warnings
 
 
-def _check(config: PipelineConfig) -> None:
+def check_config(config: PipelineConfig) -> None:
+    """Nothing, when the config's values fit together.
+
+    Raises:
+        ConfigError: they do not.
+    """
     name = config.name
     if not name or name.startswith(".") or Path(name).name != name:
         raise ConfigError(f"name: expected a plain folder name, got {name!r}")

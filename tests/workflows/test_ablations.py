@@ -20,6 +20,7 @@ from workflows.plan import make_plan
 from workflows.sweep import unneeded
 from workflows.tasks import load_plan
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
+from z2p_core.registry import PluginError
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 VARIANTS = """
@@ -149,3 +150,19 @@ def test_a_variants_plan_is_that_of_a_full_pipeline_with_its_config() -> None:
 def test_a_missing_config_is_named() -> None:
     with pytest.raises(ConfigError, match=r"expected a TOML file, got .*nowhere.toml"):
         load_ablation_plan(ablation_source("nowhere.toml", "", ""))
+
+
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("change, error, message", [
+    ('noise = "gausian"', ConfigError, r"train\.noise: expected one of .*, got 'gausian'"),
+    ("even = 3.0", ConfigError, r"train\.even: expected a share from 0 to 1"),
+    ('teacher = "nosuch"', ConfigError, r"train\.teacher: unknown weights 'nosuch'"),
+    ('network.encoder = "nosuch"', PluginError, "unknown encoder 'nosuch'"),
+])  # fmt: skip
+def test_a_variant_that_cannot_work_is_refused_by_name(
+    tmp_path: Path, change: str, error: type[Exception], message: str
+) -> None:
+    config = tmp_path / "ablations.toml"
+    config.write_text(f'[variants.odd]\ntitle = "odd"\nwhy = "to be refused"\ntrain.{change}\n')
+    with pytest.raises(error, match=rf"variants\.odd: {message}"):
+        load_ablation_plan(ablation_source(str(config), "", ""))
