@@ -108,8 +108,7 @@ def evaluate(
     (out / "pictures").mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (OURS, *rivals)}
     sheet: list[SheetRow] = []
-    runs = [replace(config, seed=config.seed + number, seeds=1) for number in range(config.seeds)]
-    trials = (_trials(subject, renderer, run, truth_root, log) for run in runs for subject in subjects)
+    trials = (_trials(subject, renderer, run, truth_root, log) for run in runs_of(config) for subject in subjects)
     for trial in chain.from_iterable(trials):
         results = {OURS: _run_weights(renderer, trial)}
         results |= {name: _run_baseline(rival, trial, truth_root, log) for name, rival in rivals.items()}
@@ -121,6 +120,11 @@ def evaluate(
     settings = _settings(config, weights, engine, subjects, rivals)
     summaries = {name: {**summarise(own), "rows": own} for name, own in rows.items()}
     return _write_json(out / "metrics.json", {"settings": settings, **summaries.pop(OURS), "baselines": summaries})
+
+
+def runs_of(config: EvaluateConfig) -> list[EvaluateConfig]:
+    """A config of one seed for each that is measured."""
+    return [replace(config, seed=config.seed + number, seeds=1) for number in range(config.seeds)]
 
 
 def _settings(

@@ -27,7 +27,7 @@ def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
 
 def references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
     """Each picture that the plan's evaluation needs, and where it would lie without a manifest."""
-    from pipeline.evaluate import draw_views, render_settings
+    from pipeline.evaluate import draw_views, render_settings, runs_of
     from pipeline.shapes import shape_path
     from pipeline.truth import old_picture, reference
     from pipeline.views import load_controls
@@ -36,12 +36,13 @@ def references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
     controls = load_controls(plan.config.render.controls)
     # all that drawing the views asks of the weights
     weights = SimpleNamespace(controls=controls, fixed_elevation=None if "elevation" in controls else DEFAULT_ELEVATION)
-    settings = render_settings(plan.config.evaluate)
     for mesh in plan.evaluation:
         path = mesh.path or shape_path(store.folder(plan.steps["shapes"].entry), mesh.name)
         if not path.is_file():
             continue
         identity = file_digest(path)
-        for view in draw_views(weights, identity, plan.config.evaluate):  # type: ignore[arg-type]
-            entry = reference(path.stem, identity, view.scene, settings)
-            yield entry, old_picture(store.root / "truth", identity, view.scene, settings)
+        for run in runs_of(plan.config.evaluate):
+            settings = render_settings(run)
+            for view in draw_views(weights, identity, run):  # type: ignore[arg-type]
+                entry = reference(path.stem, identity, view.scene, settings)
+                yield entry, old_picture(store.root / "truth", identity, view.scene, settings)

@@ -75,6 +75,17 @@ def test_adopting_takes_ground_truth_that_had_no_manifest(world, plan):
     assert (folder / "picture.png").samefile(old) and (folder / "picture.coverage.png").read_text() == "coverage"
 
 
+def test_ground_truth_of_every_seed_can_be_adopted(world):
+    from workflows.truth import references
+
+    config = world.root / "small.toml"
+    config.write_text(config.read_text().replace("[evaluate]\n", "[evaluate]\nseed = 3\nseeds = 2\n"))
+    plan = load_plan(source_of("small.toml", "meshes", "kept"))
+    found = [entry.fields for entry, _ in references(plan, Store(world.workspace))]
+    assert [fields["parameters"]["seed"] for fields in found] == [3, 4]
+    assert found[0]["scene"] != found[1]["scene"]
+
+
 def test_verify_puts_damage_aside_and_says_so(world, plan):
     store = Store(world.workspace)
     fill(store, plan)
