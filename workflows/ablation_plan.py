@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -46,6 +47,14 @@ def ablation_source(config: str, meshes: str, evaluate_meshes: str) -> str:
     where["config"] = where["config"] or str(DEFAULT_CONFIG)
     command = " ".join(["z2p ablate", *(f"--{name} {word}" for name, word in words.items() if word)])
     return json.dumps({"ablations": {**where, "command": command}})
+
+
+def is_ablations(config: str) -> bool:
+    """Whether a file holds variants, whatever else is right or wrong about it."""
+    try:
+        return "variants" in tomllib.loads(Path(config).read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # told when it is read as a pipeline's
+        return False
 
 
 def variant_source(source: str, variant: str) -> str:

@@ -23,6 +23,7 @@ from storage.fingerprints import STAGE_VERSIONS
 from storage.layout import Store, StoreError
 from storage.manifests import faults
 from workflows import apply_settings
+from workflows.ablation_plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
 from workflows.plan import USERS_ERRORS, Plan
 from workflows.report_plan import ReportPlan, is_report, load_report_plan, report_source
 from workflows.running import keep, kept
@@ -30,6 +31,7 @@ from workflows.status import as_json, states, table
 from workflows.sweep import Unneeded, sweep, unneeded
 from workflows.tasks import load_plan, source_of
 from workflows.truth import truth_candidates
+from z2p_core.ablation_config import BASE
 
 TRUTH = "truth"
 """Folder of a workspace that is a store of its own, for ground truth."""
@@ -41,7 +43,7 @@ def _workspace(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _plan_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of `z2p pipeline` and `z2p report-paper` that say which results are meant."""
+    """The options of `z2p pipeline`, `ablate` and `report-paper` that say which results are meant."""
     command = click.option("--report", is_flag=True, help="The results of z2p report-paper; so it is with a report's "
                            "config, and with its own options.")(command)  # fmt: skip
     for name, metavar, text in (
@@ -123,9 +125,9 @@ def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool,
     """Vouch for results that older code made: take them over where nothing but code or packages changed.
 
     STAGE is one or more of shapes, sample, render, shard, train, evaluate and reference (the ground truth of the
-    evaluation), or of a report measure, scans, trust, times and report; without one, all of them. Without --because
-    it lists what could be taken over and changes nothing. Results whose parameters, meshes or plugin versions differ
-    are never taken over.
+    evaluation), of ablations compare as well, or of a report measure, scans, trust, times and report; without one, all
+    of them. Without --because it lists what could be taken over and changes nothing. Results whose parameters, meshes
+    or plugin versions differ are never taken over.
     """
     unknown = [stage for stage in stages if stage not in STAGE_VERSIONS]
     if unknown:
@@ -135,7 +137,8 @@ def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool,
     wanted = stages or tuple(STAGE_VERSIONS)
     found = candidates(store, [step.entry for step in plan.steps.values()], wanted)
     truth = Store(store.root / TRUTH)
-    pictures = truth_candidates(plan, store, truth) if isinstance(plan, Plan) and "reference" in wanted else []
+    measured = plan.plans[BASE] if isinstance(plan, AblationPlan) else plan  # all variants on the same pictures
+    pictures = truth_candidates(measured, store, truth) if isinstance(measured, Plan) and "reference" in wanted else []
     for candidate in found if because else ():
         take_over(store, candidate, because)
     for candidate in pictures if because else ():
@@ -168,17 +171,21 @@ def scheduler(address: str, port: int) -> None:
 
 
 def _source(config: str, meshes: str, evaluate_meshes: str, report: bool, **of_report: str) -> str:
-    """Where config and meshes come from, of a pipeline or of a report."""
+    """Where config and meshes come from, of a pipeline, of ablations or of a report."""
     if not (report or any(of_report.values()) or is_report(config)):
-        return source_of(config, meshes, evaluate_meshes)
+        kind = ablation_source if is_ablations(config) else source_of
+        return kind(config, meshes, evaluate_meshes)
     if evaluate_meshes:
         raise click.UsageError("--evaluate-meshes is no option of a report; its meshes are those of --meshes")
     return report_source(config, meshes, **of_report)
 
 
-def _plan(source: str) -> Plan | ReportPlan:
+def _plan(source: str) -> Plan | AblationPlan | ReportPlan:
+    where = json.loads(source)
     try:
-        return load_report_plan(source) if "report" in json.loads(source) else load_plan(source)
+        if "ablations" in where:
+            return load_ablation_plan(source)
+        return load_report_plan(source) if "report" in where else load_plan(source)
     except USERS_ERRORS as error:
         raise click.UsageError(str(error)) from error
 

@@ -13,6 +13,7 @@ from world import World
 
 import storage.stage_code
 from storage.layout import Store
+from workflows.ablation_plan import ablation_source, load_ablation_plan
 from workflows.commands import main
 from workflows.report_plan import load_report_plan, report_source
 from workflows.tasks import load_plan, source_of
@@ -35,6 +36,7 @@ def plan(world):
 
 def run(*words):
     load_plan.cache_clear()
+    load_ablation_plan.cache_clear()
     return CliRunner().invoke(main, list(words))
 
 
@@ -143,6 +145,21 @@ def test_a_reports_config_is_told_from_a_pipelines(tmp_path, monkeypatch):
     assert wrong.exit_code == 2 and "no option of a report" in wrong.stderr
     unknown = run("status", "--weights", "nosuch")
     assert unknown.exit_code == 2 and "unknown weights 'nosuch'" in unknown.stderr
+
+
+def test_an_ablations_config_is_told_from_a_pipelines(world):
+    config = world.root / "small.toml"
+    config.write_text(config.read_text() + '[variants.other]\ntitle = "other"\nwhy = "to see"\ntrain.seed = 7\n')
+    plan = load_ablation_plan(ablation_source("small.toml", "meshes", "kept"))
+    fill(Store(world.workspace), plan, "train/other", "compare")
+    result = run("status", *world.options)
+    assert result.exit_code == 0 and "FRESH   train/other\n" in result.stdout, result.output
+    assert "MISSING train/base" in result.stdout and result.stdout.endswith("2 fresh, 0 stale, 9 missing\n")
+    assert "FRESH   compare" in result.stdout  # the command that it tells is z2p ablate's
+    assert run("adopt", *world.options).exit_code == 0
+    config.write_text(config.read_text().replace("train.seed", "train.sed"))
+    wrong = run("status", *world.options)
+    assert wrong.exit_code == 2 and "variants.other: train: unknown key 'sed'" in wrong.stderr
 
 
 def test_a_reports_results_are_adopted(tmp_path, monkeypatch):
