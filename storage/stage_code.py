@@ -103,6 +103,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
                                                 "tables")),
         *(f"pipeline.paper.methods:{name}" for name in ("Method", "BASELINE", "TRUTH", "WEIGHTS")),
         "pipeline.paper.measure:ROWS", "pipeline.paper.times:TIMES", "pipeline.paper.trust:TRUST",
+        "storage.checkpoints",
     ),
     "compare": (
         "workflows.ablation_stages:Compare", *(f"pipeline.ablation.{name}" for name in ("page", "curves", "outcomes")),

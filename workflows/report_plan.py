@@ -127,7 +127,7 @@ def make_report_plan(config: ReportConfig, command: str = "") -> ReportPlan:
         "upstream": [step.entry.fingerprint for step in steps], "config": to_dict(config), "command": command,
         "template": file_digest(template), "meshes": [mesh.name for mesh in meshes],
     }  # fmt: skip
-    files = ((template, fields["template"]),)
+    files = ((template, fields["template"]), *_weights_files(methods))
     steps.append(ReportStep(Entry("report", "report", fields), measured, files=files))
     return ReportPlan(config, {step.name: step for step in steps}, tuple(meshes), methods, scans, command,
                       tuple(warnings))  # fmt: skip
@@ -146,14 +146,20 @@ def report_methods(config: ReportConfig) -> tuple[Method, ...]:
             load_plugins(resolve(name))
         except WeightsError as error:
             raise ConfigError(f"weights: {error}") from error
-        methods.append(Method(Path(name).stem, WEIGHTS, name))
+        methods.append(Method(_called(name), WEIGHTS, name))
     methods += [Method(name, BASELINE, name) for name in config.baselines]
     names = [method.name for method in methods]
     for name in names:
         if names.count(name) > 1 or name == TRUTH:
             raise ConfigError(f"expected methods of different names, none of them {TRUTH!r}, got {', '.join(names)}; "
-                              "rename a file of weights")
+                              "rename a file of weights, or the folder of a training")
     return tuple(methods)
+
+
+def _called(weights: str) -> str:
+    """What a shipped name or a file is called; every training's file is ``weights``, so its folder tells which."""
+    path = Path(weights)
+    return (path.absolute().parent.name if path.stem == "weights" else "") or path.stem
 
 
 def _measured(
@@ -195,14 +201,18 @@ def _trust(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:
 
 
 def _times(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> ReportStep:
-    told = [method_fields(method) for method in methods]
     fields = stage_fields("times") | {
-        "mesh": mesh.identity, "methods": told, "points": config.points,
+        "mesh": mesh.identity, "methods": [method_fields(method) for method in methods], "points": config.points,
         "repeats": config.time_repeats, "samples": config.samples, "denoise": config.denoise, "seed": config.seed,
     }  # fmt: skip
-    files = tuple((resolve(method.source).absolute(), one["sha256"]) for method, one in zip(methods, told, strict=True)
-                  if method.kind == WEIGHTS)  # fmt: skip
-    return ReportStep(Entry("times", "times", fields), ("shapes",) if mesh.path is None else (), mesh, files=files)
+    shapes = ("shapes",) if mesh.path is None else ()
+    return ReportStep(Entry("times", "times", fields), shapes, mesh, files=_weights_files(methods))
+
+
+def _weights_files(methods: Sequence[Method]) -> tuple[tuple[Path, str], ...]:
+    """File and digest of all weights, for steps that are of no one method."""
+    found = [(resolve(method.source).absolute(), method_fields(method)) for method in methods if method.kind == WEIGHTS]
+    return tuple((path, fields["sha256"]) for path, fields in found)
 
 
 def _scans(config: ReportConfig, scans: Sequence[Path], method: Method) -> ReportStep:

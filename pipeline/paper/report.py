@@ -28,6 +28,7 @@ from pipeline.paper.tables import (
 )
 from pipeline.paper.times import TIMES
 from pipeline.paper.trust import TRUST
+from storage.checkpoints import load_weights, resolve
 from storage.whole import write_whole
 from z2p_core import __version__
 from z2p_core.config import to_dict
@@ -193,9 +194,12 @@ def _scan_sections(findings: Findings, folders: Mapping[str, Path], command: str
 
 def _absent(findings: Findings, config: ReportConfig) -> list[tuple[str, str]]:
     """What the paper's evaluation has and this report has not, and what it would take."""
-    weights = set(findings.named(WEIGHTS))
-    material = any("psnr_white" in row for name in weights for row in findings.rows("material", name))
-    there = {ABSENT[2][0]: "paper" in weights, ABSENT[3][0]: "denoise" in weights, ABSENT[4][0]: material}
+    weights = [method for method in findings.methods if method.kind == WEIGHTS]
+    cards = [load_weights(resolve(method.source)).card for method in weights]  # a name tells nothing for sure
+    papers = any(card["network"]["kind"] == "adain_unet" for card in cards)
+    noise = any(card["training"].get("noise", "none") != "none" for card in cards)
+    material = any("psnr_white" in row for method in weights for row in findings.rows("material", method.name))
+    there = {ABSENT[2][0]: papers, ABSENT[3][0]: noise, ABSENT[4][0]: material}
     found = [(title, why) for title, why in ABSENT if not there.get(title)]
     found += [(KINDS[sweep].title, "left out by the config or by --sweeps") for sweep in SWEEP_NAMES
               if sweep not in config.sweeps()]  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,11 @@ from pipeline.paper.findings import Findings, duels, read_findings
 from pipeline.paper.lead import lead
 from pipeline.paper.measure import ROWS, contrast_kept, gain
 from pipeline.paper.methods import Method
+from pipeline.paper.report import _absent
 from pipeline.paper.tables import level_table, means_table, trust_table
 from pipeline.paper.trust import worth
+from storage.checkpoints import load_weights, save_weights
+from z2p_core.report_config import ReportConfig
 
 METHODS = (Method("regular", "weights", "regular"), Method("bpa", "baseline", "bpa"))
 
@@ -137,3 +141,17 @@ def test_results_go_by_the_names_of_today(tmp_path: Path) -> None:
     assert [(one["sweep"], one["mesh"], one["method"]) for one in found.every] == [
         ("base", "rabbit", "new"), ("scans", "", "new")
     ]  # fmt: skip
+
+
+def test_what_is_absent_is_told_by_the_weights_cards_and_not_by_their_names(make_weights, tmp_path: Path) -> None:
+    def absent(*files: Path) -> set[str]:
+        methods = tuple(Method(f"other{number}", "weights", str(file)) for number, file in enumerate(files))
+        return {title for title, _ in _absent(Findings((), methods), ReportConfig())}
+
+    plain = make_weights()
+    named = shutil.copy(plain, tmp_path / "paper.safetensors")
+    assert {"The paper's network", "Weights for noise"} <= absent(plain, Path(named))
+    assert "The paper's network" not in absent(make_weights(kind="adain_unet", unshuffle=1, refine=0))
+    taught, weights = tmp_path / "weights.safetensors", load_weights(plain)
+    save_weights(taught, weights.tensors, {**weights.card, "training": {"noise": "uniform"}})
+    assert "Weights for noise" not in absent(taught)

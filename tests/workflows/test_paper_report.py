@@ -260,6 +260,18 @@ def test_weights_of_another_version_s_buffers_are_refused(tmp_path: Path, make_w
         plan(tmp_path, weights=str(older))
 
 
+def test_weights_of_trainings_are_called_after_their_folders(tmp_path: Path, make_weights, monkeypatch) -> None:
+    for folder in ("first", "second"):
+        (tmp_path / folder).mkdir()
+        shutil.copy(make_weights(), tmp_path / folder / "weights.safetensors")
+    monkeypatch.chdir(tmp_path)
+    files = [f"{folder}/weights.safetensors" for folder in ("first", "second")]
+    assert [one.name for one in plan(tmp_path, "baselines = []", ",".join(files)).methods] == ["first", "second"]
+    monkeypatch.chdir("first")
+    named = plan(tmp_path, "baselines = []\nweights = ['weights.safetensors', 'regular']", "").methods
+    assert [one.name for one in named] == ["first", "regular"]
+
+
 def test_sweeps_can_be_chosen_and_the_plain_case_stays(tmp_path: Path) -> None:
     found = plan(tmp_path, "", sweeps="light,gap")
     assert {step.sweep for step in found.steps.values() if step.sweep} == {"base", "light", "gap"}
