@@ -199,6 +199,13 @@ def test_renaming_touching_and_moving_meshes_runs_nothing(config, meshes):
     assert "shard/aa" in after.steps and stale(before, after) == set()
 
 
+def test_a_renamed_mesh_kept_aside_is_measured_again_only(config, meshes):
+    """The rows of its metrics bear the name."""
+    before = make_plan(config)
+    (meshes / "kept" / "cow.ply").rename(meshes / "kept" / "ox.ply")
+    assert stale(before, make_plan(config)) == {"evaluate"}
+
+
 def test_the_same_mesh_twice_is_used_once_with_a_warning(config, meshes):
     (meshes / "meshes" / "copy.ply").write_text("ape")
     plan = make_plan(config)
