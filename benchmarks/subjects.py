@@ -6,10 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core import registry
-from z2p_core.config import NetworkConfig, to_dict
-
-CONTROLS = ("color", "light", "elevation")
+SHIPPED = "regular"
+"""The weights whose network is timed."""
 
 
 def cloud_of(count: int) -> np.ndarray:
@@ -27,28 +25,19 @@ def random_weights(folder: Path) -> Path:
     import torch
 
     from pipeline.export import export_onnx
+    from pipeline.load import load_plugins
     from storage.checkpoints import save_weights
     from z2p_core.model import build_network
 
-    zbuffer, gbuffer = registry.load("zbuffers", "splats"), registry.load("gbuffers", "surfels")
-    encoder = registry.load("encoders", "fourier").create(np.random.default_rng(0))
-    controls = [registry.load("controls", name)() for name in CONTROLS]
-    config, settings = NetworkConfig(), sum(control.size for control in controls)
+    shipped = load_plugins(SHIPPED)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
-        network = build_network(config, zbuffer.channels + gbuffer.channels, encoder.channels, settings)
+        channels, settings = shipped.buffer_channels, shipped.settings
+        network = build_network(shipped.config, channels, shipped.encoder.channels, settings)
         with torch.no_grad():
             for parameter in network.parameters():
                 parameter += 0.02 * torch.randn_like(parameter)
-    card = {
-        "network": to_dict(config),
-        "zbuffer": {"name": zbuffer.name, "version": zbuffer.version},
-        "gbuffer": {"name": gbuffer.name, "version": gbuffer.version},
-        "encoder": {"name": encoder.name, "version": encoder.version, "state": encoder.state},
-        "controls": [{"name": one.name, "version": one.version, "size": one.size} for one in controls],
-        "resolution": [512], "fixed_elevation": None, "training": {},
-    }  # fmt: skip
     path = folder / "random.safetensors"
-    save_weights(path, network.state_dict(), card, half=True)
+    save_weights(path, network.state_dict(), {**shipped.card, "training": {}}, half=True)
     export_onnx(path)
     return path

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from storage.checkpoints import load_weights, resolve
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -27,6 +29,19 @@ def test_the_benchmark_of_a_picture_times_every_stage(tmp_path: Path) -> None:
         assert told[stage]["median"] > 0 and f"| {stage} |" in done.stdout
     assert told["z-buffer, 5k points"]["median"] < told[told["z-buffer, 5k points"]["baseline"]]["median"]
     assert {"points.png", "resolution.png"} <= {file.name for file in tmp_path.iterdir()}
+
+
+def test_random_weights_have_the_shape_of_the_shipped_ones(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(str(ROOT / "benchmarks"))
+    import subjects
+
+    monkeypatch.setattr("pipeline.export.export_onnx", lambda path: None)
+    ours, shipped = (load_weights(path) for path in (subjects.random_weights(tmp_path), resolve("regular")))
+    assert {name: one.shape for name, one in ours.tensors.items()} == {
+        name: one.shape for name, one in shipped.tensors.items()
+    }
+    for part in ("network", "zbuffer", "gbuffer", "encoder", "controls"):
+        assert ours.card[part] == shipped.card[part]
 
 
 def run_benchmark(script: str, out: Path, *words: object) -> tuple[str, Any]:
