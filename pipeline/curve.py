@@ -14,7 +14,7 @@ from torch import Tensor
 
 from storage.whole import whole, write_whole
 from z2p_core.images import bytes_from_unit
-from z2p_core.losses import grey_on_white, ssim
+from z2p_core.losses import grey_on_white, rgb_on_white, ssim
 
 Row = dict[str, float]
 
@@ -24,7 +24,7 @@ def validation_metrics(prediction: Tensor, target: Tensor, coverage: Tensor) -> 
 
     Quick stand-ins for the evaluation's metrics: SSIM is of the whole picture in grey.
     """
-    squared = (on_white(prediction) - on_white(target)).square()
+    squared = (rgb_on_white(prediction) - rgb_on_white(target)).square()
     inside = (coverage > 0.9).to(squared.dtype)
     errors = {
         "psnr_white": squared.mean((1, 2, 3)),
@@ -36,15 +36,11 @@ def validation_metrics(prediction: Tensor, target: Tensor, coverage: Tensor) -> 
     return row
 
 
-def on_white(picture: Tensor) -> Tensor:
-    """Colour (B, 3, H, W) of premultiplied pictures (B, 4, H, W) laid on white."""
-    return picture[:, :3] + 1 - picture[:, 3:]
-
-
 def write_strips(path: Path, buffers: Tensor, prediction: Tensor, target: Tensor) -> None:
     """A PNG with a row for each sample: first z-buffer channel, prediction on white, target on white."""
     drawn = buffers[:, :1].clamp(0, 1).expand(-1, 3, -1, -1)
-    columns = torch.cat([drawn, on_white(prediction), on_white(target)], dim=3).clamp(0, 1).cpu()  # (B, 3, H, 3W)
+    shown = [drawn, rgb_on_white(prediction), rgb_on_white(target)]
+    columns = torch.cat(shown, dim=3).clamp(0, 1).cpu()  # (B, 3, H, 3W)
     picture = np.concatenate([row.permute(1, 2, 0).numpy() for row in columns])
     with whole(path) as temporary:
         Image.fromarray(bytes_from_unit(picture)).save(temporary, format="PNG")

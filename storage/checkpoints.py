@@ -14,7 +14,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from storage.whole import write_whole
+from storage.whole import whole
 
 FORMAT = 1
 SHIPPED = Path(__file__).parent / "weights"
@@ -77,7 +77,8 @@ def save_weights(path: Path, tensors: Mapping[str, Any], card: dict[str, Any], h
     for name, array in arrays.items():
         if not np.isfinite(array).all():
             raise WeightsError(f"{path}: {name} holds values that are not finite in {np.dtype(kind)}")
-    _publish(path, arrays, {"format": FORMAT, **card})
+    with whole(path) as temporary:
+        _write(temporary, arrays, {"format": FORMAT, **card})
 
 
 def load_weights(path: Path) -> Weights:
@@ -112,15 +113,17 @@ def check(weights: Weights, expected: Mapping[str, tuple[int, ...]]) -> None:
 def save_checkpoint(folder: Path, tensors: Mapping[str, Any], state: dict[str, Any]) -> None:
     """Write the newest training checkpoint into `folder` and keep the one before it; a kill at any time leaves one."""
     newest = folder / CHECKPOINT
-    temporary = folder / f".{CHECKPOINT}.{os.getpid()}"
-    _publish(temporary, {name: _array(tensor) for name, tensor in tensors.items()}, state)
-    if newest.exists():
-        newest.replace(folder / PREVIOUS)
-    temporary.replace(newest)
+    with whole(newest) as temporary:
+        _write(temporary, {name: _array(tensor) for name, tensor in tensors.items()}, state)
+        if newest.exists():
+            newest.replace(folder / PREVIOUS)
 
 
 def load_checkpoint(folder: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], list[str]] | None:
-    """Tensors and state of the newest undamaged checkpoint and warnings about damaged ones; None when there is none."""
+    """Tensors and state of the newest undamaged checkpoint, and warnings about damaged ones.
+
+    None when there is no checkpoint; no tensors and no state when all are damaged.
+    """
     warnings: list[str] = []
     for path in (folder / CHECKPOINT, folder / PREVIOUS):
         if path.exists():
@@ -137,10 +140,14 @@ def _array(tensor: Any) -> np.ndarray:
     return np.asarray(tensor.detach().cpu().numpy() if hasattr(tensor, "detach") else tensor, order="C")
 
 
-def _publish(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) -> None:
+def _write(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) -> None:
+    """Write a file that lasts, even where the machine goes down right after it got its name."""
     # One metadata key: safetensors orders several as it pleases, and equal weights should be equal bytes.
     header = {"z2p": json.dumps({"card": card, "sha256": _digest(arrays, card)})}
-    write_whole(save(arrays, metadata=header), path, lasting=True)
+    with path.open("wb") as file:
+        file.write(save(arrays, metadata=header))
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], str]:
