@@ -22,8 +22,11 @@ from workflows.mesh_warnings import mesh_warnings
 from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
 from workflows.task_log import last_lines, logged, say
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
+from z2p_core.native.sources import outdated
 
 LOG = "task.log"
+KERNELS = "z2p_core/native/"
+"""How parts of a fingerprint begin that run only once they are compiled."""
 
 
 class StageTask(luigi.Task):
@@ -112,6 +115,9 @@ class StageTask(luigi.Task):
         changed = changed_parts(fields["code"]) + [f"plugin {name}" for name in changed_plugins(fields)]
         if changed:
             raise ConfigError(f"{self.step_name}: {changed[0]} changed since the pipeline started; start it again")
+        if any(part.startswith(KERNELS) for part in fields["code"]) and outdated():
+            raise ConfigError(f"{self.step_name}: the compiled kernels are not those of the C files in {KERNELS}; "
+                              "install z2p again")
         self._check_files()
 
     def _check_files(self) -> None:

@@ -164,6 +164,20 @@ def test_weights_to_learn_from_that_changed_since_the_plan_was_made_are_refused(
         task._check_code()
 
 
+def test_kernels_that_were_compiled_from_other_files_are_refused(ran, monkeypatch, tmp_path):
+    """The fingerprint holds the C files, and what runs is another thing."""
+    source = workflows.FullPipeline(config="small.toml").source
+    load_plan.cache_clear()
+    steps = load_plan(source).steps
+    shard, train = (task_of(steps[name], source, str(tmp_path / "runs")) for name in ("shard/ape", "train"))
+    monkeypatch.setattr(workflows.tasks, "outdated", lambda: False)
+    train._check_code()
+    monkeypatch.setattr(workflows.tasks, "outdated", lambda: True)
+    shard._check_code()  # it draws nothing
+    with pytest.raises(ConfigError, match=r"train: the compiled kernels are not .*install z2p again"):
+        train._check_code()
+
+
 def test_the_safety_settings_apply_on_import():
     config = luigi.configuration.get_config()
     codes = [config.getint("retcode", name) for name in ("task_failed", "scheduling_error", "not_run", "missing_data")]

@@ -1,6 +1,10 @@
 """The compiled kernels against plain geometry: spheres, planes and lamps whose answers are known."""
 
 import math
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +13,9 @@ from point_shapes import sphere_of
 from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, straight_from_premultiplied
+from z2p_core.native.sources import NOTE, digest, outdated
+
+ROOT = Path(__file__).parents[2]
 
 FULL, NEAR, FAR = 2.0, 1.0, 6.0
 
@@ -178,3 +185,31 @@ def test_a_view_shows_the_cells_that_its_dots_cover(count):
                 dots[column + x, row + y] = True
         assert abs(covered[view] - dots[1:-1, 1:-1].sum()) <= 3  # a point at a cell's border may fall either way
         assert breadth[view] == pytest.approx(np.ptp(across), rel=1e-5)
+
+
+def test_kernels_of_other_c_files_are_known_by_the_note_beside_them(tmp_path):
+    (tmp_path / "a.c").write_text("int a;")
+    (tmp_path / "a.h").write_text("int a;")
+    assert not outdated(tmp_path)  # compiled before there were notes: nobody knows
+    (tmp_path / NOTE).write_text(digest(tmp_path) + "\n")
+    (tmp_path / "a.py").write_text("a = 1")
+    assert not outdated(tmp_path)
+    for change in ("int b;", "int  a;"):
+        (tmp_path / "a.h").write_text(change)
+        assert outdated(tmp_path)
+    (tmp_path / "a.h").write_text("int a;")
+    assert not outdated(tmp_path)
+    (tmp_path / "a.c").rename(tmp_path / "b.c")
+    assert outdated(tmp_path)
+
+
+@pytest.mark.slow  # compiles
+def test_an_installation_notes_what_it_compiled(tmp_path):
+    for path in ("pyproject.toml", "README.md", "LICENSE", "z2p_core"):
+        copy = shutil.copytree if (ROOT / path).is_dir() else shutil.copy2
+        copy(ROOT / path, tmp_path / path)
+    (tmp_path / "z2p_core" / "native" / NOTE).unlink(missing_ok=True)
+    command = [sys.executable, "-c", "import setuptools; setuptools.setup()", "-q", "build_ext", "--inplace"]
+    subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
+    native_files = tmp_path / "z2p_core" / "native"
+    assert (native_files / NOTE).read_text().strip() == digest(native_files) and not outdated(native_files)
