@@ -53,11 +53,11 @@ def finish(world: World, undisturbed: World) -> list[str]:
 
 KILLS = {
     "in sampling": ("sample/tetra", "open 1 pool\\.npy$"),
-    "in Cycles": ("render/tetra/0-2", "open 1 /\\.view_00001\\.png$"),
+    "in Cycles": ("render/tetra/0-2", "os.rename 1 /view_00001\\.png$"),
     "mid-shard": ("shard/tetra", "open 2 /render/[0-9a-f]{32}/view_00001\\.png$"),
     "before a shard has its name": ("shard/tetra", "os.rename 1 /shard\\.h5$"),
     "in training": ("train", "open 2 /checkpoints/\\.z2p-"),
-    "in evaluation": ("evaluate", "open 1 /\\.metrics\\.json"),
+    "in evaluation": ("evaluate", "os.rename 1 /metrics\\.json$"),
     "between manifest and rename": ("train", "os.rename 1 /train/[0-9a-f]{32}$"),
     "between a sample's manifest and rename": ("sample/tetra", "os.rename 1 /sample/[0-9a-f]{32}$"),
 }
@@ -78,6 +78,8 @@ def test_everything_killed(world, undisturbed, moment):
         assert "view_00000.png" in work and "view_00000 rendered" not in said  # finished renders stay
     if moment == "in training":
         assert "going on from step 2" in said
+    if moment == "between manifest and rename":
+        assert "going on from step 4" in said  # all of the training is still there
 
 
 @pytest.mark.parametrize("step, rule", [
