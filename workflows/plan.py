@@ -46,7 +46,7 @@ class Step:
     views: tuple[int, int] = (0, 0)
     """First view and the one after the last, of a render step."""
     files: tuple[tuple[Path, str], ...] = ()
-    """Other files that it reads, each with the sha256 that is in the fields: they must not change before they are."""
+    """Other files that it reads, each with the sha256 that is in the fields: it refuses others."""
 
     @property
     def name(self) -> str:
