@@ -30,6 +30,7 @@ SETTLED = "as settled"
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
 MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
 ANY_UNIT = (METRES, MILLIMETRES)
+FEW_POINTS, FEW_HINT = 100, "so few points tell no surface: some hundreds are needed for a shape to show"
 SMALL_HINT = "nearly all of its points lie in a small part of the frame: the others may be strays, to be removed first"
 MOST, SMALL = 0.97, 0.2
 """Share of the points that is nearly all, and the radius about their middle, in the frame's, that is small."""
@@ -214,7 +215,9 @@ def _rounded(points: np.ndarray) -> float:
 
 
 def _hint(points: np.ndarray, up: Up, placing: Placing) -> str:
-    """What the user may want to try, or nothing."""
+    """What the user may want to try or to know, or nothing."""
+    if len(points) < FEW_POINTS:
+        return FEW_HINT
     upright_points = turned(points, up.rotation)
     if not placing.cut_top and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
         return ROOM_HINT

@@ -119,6 +119,12 @@ def test_strays_are_left_out_and_counted_unless_kept(cloud: np.ndarray) -> None:
     assert "stray" not in kept.stance.told
 
 
+def test_too_few_points_for_a_surface_are_told(cloud: np.ndarray) -> None:
+    for count, told in ((20, True), (300, False)):
+        line = place(scan(cloud[:: len(cloud) // count][:count]), ".ply", Placing(), 20.0, FREE).stance.told
+        assert ("so few points" in line) == told
+
+
 def test_a_thing_that_others_make_small_is_told(cloud: np.ndarray) -> None:
     few = cloud[: len(cloud) // 40] * 0.01 + [40.0, 0.0, 0.0]  # too many for strays
     assert "strays, to be removed" in place(scan(np.vstack([cloud, few])), ".ply", Placing(), 20.0, FREE).stance.told
