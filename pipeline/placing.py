@@ -29,6 +29,9 @@ SETTLED = "as settled"
 """Stands for up where a camera was settled before."""
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
 MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
+FEWEST_STEPPED, STEPS, WIDE = 1000, 60, 0.1
+"""Of a cloud an axis of which was rounded: its points, the steps at most of that axis along its widest side, and the
+width of that axis as a share of that side."""
 ANY_UNIT = (METRES, MILLIMETRES)
 FEW_POINTS, FEW_HINT = 100, "so few points tell no surface: some hundreds are needed for a shape to show"
 SMALL_HINT = "nearly all of its points lie in a small part of the frame: the others may be strays, to be removed first"
@@ -223,7 +226,21 @@ def _hint(points: np.ndarray, up: Up, placing: Placing) -> str:
         return ROOM_HINT
     if (placing.up, placing.view, up.sensor) == ("auto", "auto", None) and implied_sensor(points, (MILLIMETRES,)):
         return MILLIMETRES_HINT
-    return ""
+    return _stepped(points) if up.sensor is None else ""
+
+
+def _stepped(points: np.ndarray) -> str:
+    """What to say of points (N, 3) of which an axis, but not all, takes few values; or nothing."""
+    if len(points) < FEWEST_STEPPED:
+        return ""
+    different = np.array([len(np.unique(thinned(points[:, axis])[:FEWEST_STEPPED])) for axis in range(3)])
+    low, high = extent(points)
+    width = high - low
+    stepped = (width > WIDE * width.max()) & (width * STEPS > different * width.max())
+    if not stepped.any() or different.max() < 5 * STEPS:  # a grid of voxels has steps along all axes
+        return ""
+    axes = " and ".join("xyz"[axis] for axis in np.flatnonzero(stepped))
+    return f"few different values of {axes}, as when digits are lost in saving: if so, save more of them"
 
 
 def _is_small(cloud: np.ndarray) -> bool:

@@ -125,6 +125,16 @@ def test_too_few_points_for_a_surface_are_told(cloud: np.ndarray) -> None:
         assert ("so few points" in line) == told
 
 
+def test_digits_that_were_lost_in_saving_are_told() -> None:
+    """An easting and a northing of six digits: the thing falls apart into stripes."""
+    points = np.random.default_rng(2).normal(size=(3000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    lost = np.column_stack([np.round(points[:, :2] * 8), points[:, 2] * 8])
+    assert "few different values of x and y" in place(scan(lost), ".xyz", Placing(), 20.0, FREE).stance.told
+    for clean in (points, np.round(points * 8), points * (1, 1, 0)):
+        assert "different values" not in place(scan(clean), ".xyz", Placing(), 20.0, FREE).stance.told
+
+
 def test_a_thing_that_others_make_small_is_told(cloud: np.ndarray) -> None:
     few = cloud[: len(cloud) // 40] * 0.01 + [40.0, 0.0, 0.0]  # too many for strays
     assert "strays, to be removed" in place(scan(np.vstack([cloud, few])), ".ply", Placing(), 20.0, FREE).stance.told
