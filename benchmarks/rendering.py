@@ -19,12 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from subjects import own_mesh
 
 from pipeline import render
 from pipeline.render import RenderSettings, render_scenes
-from pipeline.shapes import shape
 from pipeline.views import draw_view, load_controls
-from storage.meshes import write_mesh
 
 CONTROLS = ("color", "light", "elevation")
 SMALL = (32, 32)
@@ -45,7 +44,7 @@ def main() -> None:
     passes = tuple(filter(None, options.passes.split(",")))
     whole = RenderSettings((options.resolution,) * 2, options.samples, options.denoise, passes=passes)
     with tempfile.TemporaryDirectory(prefix="z2p-rendering-") as folder:
-        mesh = options.mesh or _own_mesh(Path(folder))
+        mesh = options.mesh or own_mesh(Path(folder))
         rows, load = measured(mesh, whole, options.views, Path(folder)), os.getloadavg()[0]
     told = f"{options.resolution} x {options.resolution}, {options.samples} samples, {options.denoise}, load {load:.1f}"
     print(f"{told}, {os.cpu_count()} cores\n\n| what | seconds | of processors |\n|---|--:|--:|")
@@ -104,12 +103,6 @@ def _blenders() -> float:
     """Processor seconds of the processes that have ended."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
-
-
-def _own_mesh(folder: Path) -> Path:
-    path = folder / "torus_knot.ply"
-    write_mesh(path, *shape("torus_knot"))
-    return path
 
 
 if __name__ == "__main__":

@@ -20,6 +20,16 @@ def cloud_of(count: int) -> np.ndarray:
     return points
 
 
+def own_mesh(folder: Path) -> Path:
+    """A mesh of z2p's own, written into the folder."""
+    from pipeline.shapes import shape
+    from storage.meshes import write_mesh
+
+    path = folder / "torus_knot.ply"
+    write_mesh(path, *shape("torus_knot"))
+    return path
+
+
 def random_weights(folder: Path) -> Path:
     """Weights of the shipped network's shape with random numbers: they take the same time as trained ones."""
     import torch

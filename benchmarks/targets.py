@@ -17,11 +17,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from subjects import own_mesh
 
 from pipeline.render import RenderSettings, read_render, render_scenes
-from pipeline.shapes import shape
 from pipeline.views import draw_view, load_controls
-from storage.meshes import write_mesh
 from z2p_core.images import area_average, shrink
 from z2p_core.metrics import picture_metrics
 from z2p_core.scene import SceneDescription
@@ -50,7 +49,7 @@ def main() -> None:
     rows = []
     with tempfile.TemporaryDirectory(prefix="z2p-targets-") as temporary:
         folder = Path(temporary)
-        mesh = options.mesh or _own_mesh(folder)
+        mesh = options.mesh or own_mesh(folder)
         clean, _ = _rendered(mesh, scenes, CLEAN, folder / "clean")
         for samples, denoise in TRIED:
             settings = replace(CLEAN, samples=samples, denoise=denoise)
@@ -88,12 +87,6 @@ def _rendered(mesh: Path, scenes: Scenes, settings: RenderSettings, out: Path) -
         coverage = area_average(read_render(out / f"{stem}.coverage.png", (SIDE, SIDE)), 2)
         pictures.append(np.concatenate([picture, coverage[..., None]], axis=-1))
     return np.stack(pictures), seconds
-
-
-def _own_mesh(folder: Path) -> Path:
-    path = folder / "torus_knot.ply"
-    write_mesh(path, *shape("torus_knot"))
-    return path
 
 
 if __name__ == "__main__":

@@ -233,7 +233,8 @@ def _stepped(points: np.ndarray) -> str:
     """What to say of points (N, 3) of which an axis, but not all, takes few values; or nothing."""
     if len(points) < FEWEST_STEPPED:
         return ""
-    different = np.array([len(np.unique(thinned(points[:, axis])[:FEWEST_STEPPED])) for axis in range(3)])
+    some = points[:: -(-len(points) // FEWEST_STEPPED)]  # from the whole file, whose rows may be sorted by place
+    different = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
     low, high = extent(points)
     width = high - low
     stepped = (width > WIDE * width.max()) & (width * STEPS > different * width.max())

@@ -28,7 +28,7 @@ NOT_IN_CORE = {"h5py", "luigi", "bpy", "open3d"}
 FILE_CALLS = {"open", "read_text", "write_text", "read_bytes", "write_bytes", "mkdir", "unlink", "touch", "rename"}
 FILE_CALLS |= {"savez", "savez_compressed", "savetxt", "loadtxt", "genfromtxt", "fromfile", "tofile", "load_file"}
 BUILDING = {Path("z2p_core/native/compiling.py"), Path("z2p_core/native/sources.py")}
-"""What runs when z2p is installed, and so beside what it compiles."""
+"""What compiles the kernels and tells the C files that they come from, which lie beside it."""
 LONGEST = 300
 
 

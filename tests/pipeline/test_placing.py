@@ -131,7 +131,9 @@ def test_digits_that_were_lost_in_saving_are_told() -> None:
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     lost = np.column_stack([np.round(points[:, :2] * 8), points[:, 2] * 8])
     assert "few different values of x and y" in place(scan(lost), ".xyz", Placing(), 20.0, FREE).stance.told
-    for clean in (points, np.round(points * 8), points * (1, 1, 0)):
+    x, z = np.random.default_rng(3).random((2, 20_000))
+    line_by_line = np.column_stack([x, np.repeat(np.linspace(0, 1, 100), 200), z])
+    for clean in (points, np.round(points * 8), points * (1, 1, 0), line_by_line):
         assert "different values" not in place(scan(clean), ".xyz", Placing(), 20.0, FREE).stance.told
 
 
