@@ -14,6 +14,7 @@ from workflows.explaining import explain
 from workflows.links import link, linked
 from workflows.plan import USERS_ERRORS, Planned
 from workflows.progress import watch
+from workflows.stopping import stop_tidily
 from workflows.task_log import say
 from workflows.tasks import StageTask, absolute, task_of
 
@@ -65,6 +66,7 @@ class Goal(luigi.Task):
         if all(task.complete() for task in tasks):
             return linked(self.results())
         watch(self.store, self.plan, self.source)
+        stop_tidily()
         self.prepare()
         return False
 

@@ -20,6 +20,7 @@ from storage.layout import Store
 from storage.stage_code import changed_parts
 from workflows.mesh_warnings import mesh_warnings
 from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
+from workflows.stopping import ended_by_interrupt
 from workflows.task_log import last_lines, logged, say
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
 from z2p_core.native.sources import outdated
@@ -84,7 +85,7 @@ class StageTask(luigi.Task):
             made.append(out)
             self.make(out)
 
-        with logged(self.log):
+        with ended_by_interrupt(self.step_name), logged(self.log):
             say(f"{self.step_name}: started")
             self._check_code()
             for task in self.requires():

@@ -107,6 +107,32 @@ def test_blender_killed_while_it_renders(world, undisturbed):
     finish(world, undisturbed)
 
 
+@pytest.mark.parametrize("sent", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("step, moment, rule", [
+    ("render/tetra/0-2", "view_00000 rendered", "os.rename 1 /view_00001\\.png$"),
+    ("train", "step 2: checkpoint", "open 2 /checkpoints/\\.z2p-"),
+])  # fmt: skip
+def test_a_pipeline_told_to_stop_stops_all_that_it_has_started(world, undisturbed, step, moment, rule, sent):
+    """SIGTERM goes to one process, as of `kill` or `timeout`; Ctrl-C to all that the terminal has."""
+    lose(world, step)
+    pipeline = world.start(Z2P_FAULT=f"pause {rule}")
+    said = ""
+    for line in pipeline.stderr:
+        said += line
+        if moment in line:
+            (os.kill if sent == signal.SIGTERM else os.killpg)(pipeline.pid, sent)
+            break
+    said += pipeline.communicate(timeout=60)[1]
+    assert pipeline.returncode in (130, -signal.SIGINT) and f"{step}: interrupted" in said, said
+    assert "Traceback" not in said and "the same command goes on" in said
+    left = ["pgrep", "-l", "-g", str(pipeline.pid)]
+    deadline = time.monotonic() + 20
+    while (found := subprocess.run(left, capture_output=True, text=True, check=False).stdout):
+        assert time.monotonic() < deadline, f"still there: {found}"
+        time.sleep(0.2)
+    finish(world, undisturbed)
+
+
 def test_a_dead_parents_orphan_publishes_late_and_harmlessly(world, undisturbed):
     lose(world, "train")
     pipeline = world.start()

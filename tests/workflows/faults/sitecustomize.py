@@ -2,13 +2,15 @@
 
 ``Z2P_FAULT="ACTION EVENT COUNT PATTERN"``: when the audit event ("open", "os.mkdir", "os.rename") happens for the
 COUNTth time in a process with a path that PATTERN matches, ``kill`` kills the whole process group, ``die`` this process
-alone, and ``fill`` fills the filesystem of ``Z2P_BALLAST`` to the last byte and goes on.
+alone, ``pause`` holds it up until a signal comes, and ``fill`` fills the filesystem of ``Z2P_BALLAST`` to the last byte
+and goes on.
 """
 
 import os
 import re
 import signal
 import sys
+import time
 
 if "Z2P_FAULT" in os.environ:
     action, event, count, pattern = os.environ["Z2P_FAULT"].split(" ", 3)
@@ -41,6 +43,8 @@ if "Z2P_FAULT" in os.environ:
                     os.killpg(os.getpgrp(), signal.SIGKILL)
                 elif action == "die":
                     os.kill(os.getpid(), signal.SIGKILL)
+                elif action == "pause":
+                    time.sleep(300)
                 else:
                     fill()
 
