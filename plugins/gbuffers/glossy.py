@@ -1,7 +1,7 @@
 """The rough rendering for surfaces that shine: the lamp, the sky and the lit floor as they are reflected.
 
 A surface is Blender's Principled BSDF: a diffuse part, which metal has none of, and a reflection, blurred by roughness.
-What the cloud's own parts look like in each other is left to the network.
+The cloud's own parts are reflected as well, and what they reflect in turn; where it is blurred, they fade.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from plugins.gbuffers.surfels import GREY, Lighting, Surfels, light_lamps
+from z2p_core import native
 from z2p_core.images import srgb_from_linear
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.turning import along
@@ -19,6 +20,10 @@ LAMPS, SHARPEST = 36, 150.0
 """Points that stand for the reflected light, and the sharpest lobe that they show without gaps."""
 MATT = (0.25, 1.0)
 """Roughness from which on a reflection fades into that of a diffuse surface, and where it is that."""
+MIRRORS = 1
+"""Of the cloud's own parts that light is followed over, from the viewer on."""
+REACH = 1.2
+"""Radius in spacings of the discs that are mirrored: of random points they leave a hundredth of the surface open."""
 HEAD_ON = 0.08
 """What a dielectric reflects straight back, for each unit of "Specular IOR Level"."""
 
@@ -27,7 +32,7 @@ class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "6"
+    version = "7"
     refines = "surfels"
 
 
@@ -43,51 +48,84 @@ class Reflections(Lighting):
         self.axis = axes[0]
         self.metallic = _number(scene, "Metallic", 0.0)
         self.roughness = _number(scene, "Roughness", 1.0)
-        self.head_on = HEAD_ON * _number(scene, "Specular IOR Level", 0.0)
+        self.sizes = REACH * spacing, spacing, self.radius  # of discs that rays meet, of gaps between points, of all
+        self.sharpness, self.matt = lobe_sharpness(self.roughness), matt_share(self.roughness)
+        specular = HEAD_ON * _number(scene, "Specular IOR Level", 0.0)
+        self.head_on = specular * (1 - self.metallic) + self.color * self.metallic  # (3,), of the reflection's colour
 
     def colors(self, viewer: np.ndarray) -> np.ndarray:
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey and diffuse, then as the surface is."""
         towards = viewer.astype(np.float32) - self.points
         towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        facing = np.maximum((self.normals * towards).sum(1), 1e-3)
-        mirrored = 2 * facing[:, None] * self.normals - towards
-        head_on = self.head_on * (1 - self.metallic) + self.color * self.metallic  # (3,), of the reflection's colour
-        sharpness = lobe_sharpness(self.roughness)
-        seen = self.lamp_in(mirrored, sharpness) + self.surroundings_in(mirrored, sharpness)
-        matt = np.clip((self.roughness - MATT[0]) / (MATT[1] - MATT[0]), 0, 1)
-        matt = matt * matt * (3 - 2 * matt)
-        seen = seen[:, None] * (1 - matt) + self.light(head_on) * matt
-        diffuse = self.color * self.light(self.color) * (1 - self.metallic)
-        shining = diffuse + seen * reflectance(head_on, facing, self.roughness)
+        everyone = np.arange(len(self.points))
+        shining = self.sent(everyone, np.zeros_like(everyone), towards, MIRRORS)
         grey = GREY * self.light(np.array([GREY]))
         return srgb_from_linear(np.clip(np.column_stack([grey, shining]), 0, 1)).astype(np.float32)
 
-    def lamp_in(self, mirrored: np.ndarray, sharpness: float) -> np.ndarray:
-        """Radiance (N,) of the light in lobes about directions (N, 3), hidden as much as it is from a matt surface."""
-        away = self.lamps - self.points[:, None]  # (N, L, 3)
+    def sent(self, rows: np.ndarray, sides: np.ndarray, towards: np.ndarray, mirrors: int) -> np.ndarray:
+        """Radiance (M, 3) that points of these rows (M,) send in directions (M, 3), which lie on these sides (M,).
+
+        Side 0 is the one that normals point to, 1 the other. Light is followed back over so many mirrors.
+        """
+        points, normals = self.points[rows], self.normals[rows] * np.where(sides, -1, 1).astype(np.float32)[:, None]
+        facing = np.maximum(each(normals, towards), 1e-3)
+        mirrored = 2 * facing[:, None] * normals - towards
+        around = np.repeat(self.surroundings_in(points, mirrored)[:, None], 3, axis=1)
+        if mirrors and self.matt < 1:
+            self.add_parts(around, rows, mirrored, mirrors - 1)
+        seen = around + self.lamp_in(points, normals, mirrored, self.direct[sides, rows])[:, None]
+        seen = seen * (1 - self.matt) + self.light_on(rows, sides, self.head_on) * self.matt
+        diffuse = self.color * self.light_on(rows, sides, self.color) * (1 - self.metallic)
+        radiance: np.ndarray = diffuse + seen * reflectance(self.head_on, facing, self.roughness)
+        return radiance
+
+    def add_parts(self, around: np.ndarray, rows: np.ndarray, rays: np.ndarray, mirrors: int) -> None:
+        """Puts, where rays (M, 3) from points of these rows meet another part, what it sends into `around` (M, 3).
+
+        One ray stands for a lobe, so the wider that is, the more of what was there stays.
+        """
+        met = native.mirror_hits(self.points, self.normals, rows, rays, *self.sizes)
+        meeting = np.flatnonzero(met >= 0)
+        others, back = met[meeting], -rays[meeting]
+        sides = (each(self.normals[others], back) < 0).astype(np.intp)
+        around[meeting] *= self.matt
+        around[meeting] += (1 - self.matt) * self.sent(others, sides, back, mirrors)
+
+    def light_on(self, rows: np.ndarray, sides: np.ndarray, albedo: np.ndarray) -> np.ndarray:
+        """What diffuse points of these rows and sides (M,) get, of these albedos (A,): (M, A), as `light` gives it."""
+        light: np.ndarray = sum(bounce[sides, rows, None] * albedo**times for times, bounce in enumerate(self.bounces))
+        return light
+
+    def lamp_in(self, points: np.ndarray, normals: np.ndarray, mirrored: np.ndarray, direct: np.ndarray) -> np.ndarray:
+        """Radiance (M,) of the light in lobes about directions (M, 3), hidden as much as it is from matt points (M, 3).
+
+        `direct` (M,) is what such get of it.
+        """
+        away = self.lamps - points[:, None]  # (M, L, 3)
         square = np.einsum("nla,nla->nl", away, away)
         away /= np.sqrt(square)[..., None]
-        shining = np.maximum(-(away @ self.axis), 0) / square  # (N, L)
-        above = np.maximum(np.einsum("nla,na->nl", away, self.normals), 0)
+        shining = np.maximum(-(away @ self.axis), 0) / square  # (M, L)
+        above = np.maximum(np.einsum("nla,na->nl", away, normals), 0)
         full = (self.powers * above * shining).sum(1) / math.pi
-        open_share = np.clip(self.direct[0] / np.maximum(full, 1e-4), 0, 1)
-        lobe = np.exp(np.float32(sharpness) * (np.einsum("nla,na->nl", away, mirrored) - 1))
-        lobe *= sharpness / (2 * math.pi * (1 - math.exp(-2 * sharpness)))  # 1 over the sphere
+        open_share = np.clip(direct / np.maximum(full, 1e-4), 0, 1)
+        lobe = np.exp(np.float32(self.sharpness) * (np.einsum("nla,na->nl", away, mirrored) - 1))
+        lobe *= self.sharpness / (2 * math.pi * (1 - math.exp(-2 * self.sharpness)))  # 1 over the sphere
         solid_angle = LIGHT_SIDE**2 / LAMPS * shining
         radiance: np.ndarray = LIGHT_RADIANCE * (lobe * solid_angle * (above > 0)).sum(1) * open_share
         return radiance
 
-    def surroundings_in(self, mirrored: np.ndarray, sharpness: float) -> np.ndarray:
-        """Radiance (N,) of sky and lit floor in lobes about directions (N, 3)."""
-        upwards = 1 / (1 + np.exp(-1.7 * math.sqrt(sharpness) * mirrored[:, 2]))  # share of a lobe above the horizon
-        radiance: np.ndarray = AMBIENT * upwards + self.floor_towards(mirrored) * (1 - upwards)
+    def surroundings_in(self, points: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
+        """Radiance (M,) of sky and lit floor in lobes about directions (M, 3) from points (M, 3)."""
+        # share of a lobe above the horizon
+        upwards = 1 / (1 + np.exp(-1.7 * math.sqrt(self.sharpness) * mirrored[:, 2]))
+        radiance: np.ndarray = AMBIENT * upwards + self.floor_towards(points, mirrored) * (1 - upwards)
         return radiance
 
-    def floor_towards(self, rays: np.ndarray) -> np.ndarray:
-        """Radiance (N,) of the floor where rays (N, 3) from the points meet it; far off for one that goes up."""
+    def floor_towards(self, points: np.ndarray, rays: np.ndarray) -> np.ndarray:
+        """Radiance (M,) of the floor where rays (M, 3) from points meet it; far off for one that goes up."""
         floor, side = self.floor, len(self.shades[0])
-        reach = (floor.height - self.points[:, 2]) / np.minimum(rays[:, 2], -1e-3)
-        place = self.points + reach[:, None] * rays
+        reach = (floor.height - points[:, 2]) / np.minimum(rays[:, 2], -1e-3)
+        place = points + reach[:, None] * rays
         away = floor.lamps.mean(0) - place
         square = (away**2).sum(1)
         lit = floor.power * np.maximum(-along(away, floor.axis), 0) * away[:, 2] / (square * square * math.pi)
@@ -102,10 +140,22 @@ class Reflections(Lighting):
 Glossy.lighting = Reflections
 
 
+def each(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Scalar products (M,) of vectors (M, 3) with others (M, 3)."""
+    product: np.ndarray = np.einsum("na,na->n", first, second)
+    return product
+
+
 def lobe_sharpness(roughness: float) -> float:
     """Sharpness of the spherical Gaussian near a reflected lobe (Wang et al., All-Frequency Rendering, 2009)."""
     alpha = max(roughness * roughness, 1e-3)
     return min(0.5 + 0.5 / alpha**2, SHARPEST)
+
+
+def matt_share(roughness: float) -> float:
+    """How far a reflection is that of a diffuse surface, from 0 to 1."""
+    share = min(max((roughness - MATT[0]) / (MATT[1] - MATT[0]), 0.0), 1.0)
+    return share * share * (3 - 2 * share)
 
 
 def reflectance(head_on: np.ndarray, facing: np.ndarray, roughness: float) -> np.ndarray:

@@ -134,7 +134,7 @@ class Lighting:
     ) -> None:  # fmt: skip
         self.points, self.normals = points, normals
         self.color = np.array(base_color(scene), dtype=np.float32)
-        radius = math.sqrt(np.einsum("na,na->n", points, points).max()) + spacing
+        self.radius = radius = math.sqrt(np.einsum("na,na->n", points, points).max()) + spacing
         square = light_square(scene.light)
         lamps, axes, _ = light_lamps(scene.light, FLOOR_LAMPS)
         quarters = square[0] + QUARTERS @ square[1:]

@@ -75,6 +75,28 @@ def test_metal_shows_the_lit_floor_from_below_and_the_sky_from_above() -> None:
     assert bottom > 1.4 * top
 
 
+def plate(count: int, seed: int, half: float = 0.6) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(-half, half, (count, 2)).astype(np.float32)
+
+
+def test_smooth_metal_shows_the_walls_that_stand_on_it_and_rough_metal_does_not() -> None:
+    """A wall of half-grey metal, mirrored in a floor of the same, sends what it mirrors itself: half as much."""
+    flat, upright = plate(12_000, 0), plate(12_000, 1)
+    ground = np.column_stack([flat, np.full(len(flat), -0.3)]).astype(np.float32)
+    wall = np.column_stack([upright[:, 0], np.full(len(upright), 0.5), upright[:, 1] / 2]).astype(np.float32)
+    both = np.concatenate([ground, wall])
+    shares = []
+    for roughness in (0.1, 0.9):
+        alone, beside = (
+            linear_from_srgb(Glossy().draw(cloud, CAMERA, scene(1.0, roughness, (0.5, 0.5, 0.5)))[6])
+            for cloud in (ground, both)
+        )
+        before = np.column_stack([np.linspace(-0.2, 0.2, 9), np.full(9, 0.25), np.full(9, -0.3)]).astype(np.float32)
+        (columns, rows), _ = CAMERA.project(before)[0].T.astype(int), None
+        shares.append(np.median(beside[rows, columns]) / np.median(alone[rows, columns]))
+    assert shares[0] < 0.65 and shares[1] > 0.8
+
+
 def test_a_white_metal_gives_back_all_and_plastic_all_at_the_rim() -> None:
     facing = np.linspace(0.05, 1, 20)
     for roughness in (0.05, 0.3, 0.6, 1.0):

@@ -94,6 +94,22 @@ def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacin
     return hits
 
 
+def mirror_hits(
+    points: np.ndarray, normals: np.ndarray, asked: np.ndarray, rays: np.ndarray, reach: float, spacing: float,
+    radius: float,
+) -> np.ndarray:  # fmt: skip
+    """The point (M,) int32 that each of those asked for (M,) sees first along its own unit ray (M, 3); -1 for none.
+
+    Points (N, 3) are discs of radius `reach` across their normals; the point's own surface is not seen. The cloud has
+    that spacing and lies within `radius` of the origin.
+    """
+    hits, asked = np.empty(len(asked), np.int32), np.ascontiguousarray(asked, np.int32)
+    cloud = (floats(points), floats(normals), len(points), asked)
+    rest = (floats(rays), ctypes.c_float(reach), ctypes.c_float(spacing), ctypes.c_float(radius), hits)
+    over_rows(lambda begin, end: call("z2p_mirror_hits", *cloud, begin, end, *rest), len(asked))
+    return hits
+
+
 def gather_open(
     points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, direct: np.ndarray, floor: Floor,
     lamp_shade: np.ndarray, sky_shade: np.ndarray,
