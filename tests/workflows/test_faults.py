@@ -115,7 +115,8 @@ def test_blender_killed_while_it_renders(world, undisturbed):
 def test_a_pipeline_told_to_stop_stops_all_that_it_has_started(world, undisturbed, step, moment, rule, sent):
     """SIGTERM goes to one process, as of `kill` or `timeout`; Ctrl-C to all that the terminal has."""
     lose(world, step)
-    pipeline = world.start(Z2P_FAULT=f"pause {rule}")
+    heard = ["env", "--default-signal=INT"]  # what runs in a shell's background hears no Ctrl-C, these tests perhaps
+    pipeline = world.start(on=lambda words: [*heard, *words], Z2P_FAULT=f"pause {rule}")
     said = ""
     for line in pipeline.stderr:
         said += line
