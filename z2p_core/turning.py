@@ -19,6 +19,11 @@ def along(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
     return np.einsum("na,a->n", points, axis)
 
 
+def products(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Scalar products (N,) of vectors (N, 3) with as many others (N, 3)."""
+    return np.einsum("na,na->n", first, second)
+
+
 def extent(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest coordinates (3,) each of points (N, 3); numpy takes ten times as long along so short a row."""
     columns = np.ascontiguousarray(points.T)

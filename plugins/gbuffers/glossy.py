@@ -14,7 +14,7 @@ from plugins.gbuffers.surfels import GREY, Lighting, Surfels, light_lamps
 from z2p_core import native
 from z2p_core.images import srgb_from_linear
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
-from z2p_core.turning import along
+from z2p_core.turning import along, products
 
 LAMPS, SHARPEST = 36, 150.0
 """Points that stand for the reflected light, and the sharpest lobe that they show without gaps."""
@@ -68,7 +68,7 @@ class Reflections(Lighting):
         Side 0 is the one that normals point to, 1 the other. Light is followed back over so many mirrors.
         """
         points, normals = self.points[rows], self.normals[rows] * np.where(sides, -1, 1).astype(np.float32)[:, None]
-        facing = np.maximum(each(normals, towards), 1e-3)
+        facing = np.maximum(products(normals, towards), 1e-3)
         mirrored = 2 * facing[:, None] * normals - towards
         around = np.repeat(self.surroundings_in(points, mirrored)[:, None], 3, axis=1)
         if mirrors and self.matt < 1:
@@ -87,7 +87,7 @@ class Reflections(Lighting):
         met = native.mirror_hits(self.points, self.normals, rows, rays, *self.sizes)
         meeting = np.flatnonzero(met >= 0)
         others, back = met[meeting], -rays[meeting]
-        sides = (each(self.normals[others], back) < 0).astype(np.intp)
+        sides = (products(self.normals[others], back) < 0).astype(np.intp)
         around[meeting] *= self.matt
         around[meeting] += (1 - self.matt) * self.sent(others, sides, back, mirrors)
 
@@ -116,8 +116,7 @@ class Reflections(Lighting):
 
     def surroundings_in(self, points: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
         """Radiance (M,) of sky and lit floor in lobes about directions (M, 3) from points (M, 3)."""
-        # share of a lobe above the horizon
-        upwards = 1 / (1 + np.exp(-1.7 * math.sqrt(self.sharpness) * mirrored[:, 2]))
+        upwards = 1 / (1 + np.exp(-1.7 * math.sqrt(self.sharpness) * mirrored[:, 2]))  # share above the horizon
         radiance: np.ndarray = AMBIENT * upwards + self.floor_towards(points, mirrored) * (1 - upwards)
         return radiance
 
@@ -138,12 +137,6 @@ class Reflections(Lighting):
 
 
 Glossy.lighting = Reflections
-
-
-def each(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Scalar products (M,) of vectors (M, 3) with others (M, 3)."""
-    product: np.ndarray = np.einsum("na,na->n", first, second)
-    return product
 
 
 def lobe_sharpness(roughness: float) -> float:

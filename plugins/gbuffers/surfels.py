@@ -22,7 +22,7 @@ from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
 from z2p_core.threads import beside, in_halves
-from z2p_core.turning import turned
+from z2p_core.turning import products, turned
 
 OVERLAP, SLACK = 1.35, 0.7
 """Radius of a disc in those of its Voronoi cell, which alone would close the surface, and how far behind the nearest
@@ -134,7 +134,7 @@ class Lighting:
     ) -> None:  # fmt: skip
         self.points, self.normals = points, normals
         self.color = np.array(base_color(scene), dtype=np.float32)
-        self.radius = radius = math.sqrt(np.einsum("na,na->n", points, points).max()) + spacing
+        self.radius = radius = math.sqrt(products(points, points).max()) + spacing
         square = light_square(scene.light)
         lamps, axes, _ = light_lamps(scene.light, FLOOR_LAMPS)
         quarters = square[0] + QUARTERS @ square[1:]
@@ -241,7 +241,7 @@ def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.nda
     if len(points) < 3:
         towards = viewer.astype(np.float32) - points
         return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-6)
-    away = np.einsum("na,na->n", points - viewer.astype(np.float32), normals) > 0
+    away = products(points - viewer.astype(np.float32), normals) > 0
     return np.where(away[:, None], -normals, normals)
 
 

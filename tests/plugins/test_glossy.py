@@ -92,7 +92,7 @@ def test_smooth_metal_shows_the_walls_that_stand_on_it_and_rough_metal_does_not(
             for cloud in (ground, both)
         )
         before = np.column_stack([np.linspace(-0.2, 0.2, 9), np.full(9, 0.25), np.full(9, -0.3)]).astype(np.float32)
-        (columns, rows), _ = CAMERA.project(before)[0].T.astype(int), None
+        columns, rows = CAMERA.project(before)[0].T.astype(int)
         shares.append(np.median(beside[rows, columns]) / np.median(alone[rows, columns]))
     assert shares[0] < 0.65 and shares[1] > 0.8
 
