@@ -150,7 +150,7 @@ class ZBuffer(ABC):
         """Picture (channels, height, width) float32 of a cloud (N, 3) float32 in world units; 0 where nothing is."""
 
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera) -> None:
-        """Draws into `out`, contiguous and zero at first; one that does so without a copy overrides this."""
+        """Draws all of `out`, contiguous, whatever is in it; one that does so without a copy overrides this."""
         out[...] = self.draw(cloud, camera)
 
 
@@ -176,7 +176,7 @@ class GBuffer(ABC):
         """
 
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
-        """Draws into `out`, contiguous and zero at first; one that does so without a copy overrides this."""
+        """Draws all of `out`, contiguous, whatever is in it; one that does so without a copy overrides this."""
         out[...] = self.draw(cloud, camera, scene)
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import Camera
+from z2p_core.threads import cores
 
 SHARE = 200_000
 """Points that are worth a thread of their own."""
@@ -22,7 +22,7 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndar
     Each point of the cloud (N, 3) float32, world units, falls into the one pixel that holds its projection. The margin
     keeps points outside the picture whose window may reach into it. Points behind the camera are dropped.
     """
-    threads = min(MOST_THREADS, os.cpu_count() or 1, len(cloud) // SHARE)
+    threads = min(MOST_THREADS, cores(), len(cloud) // SHARE)
     if threads < 2:
         return native.nearest_depth(cloud, camera, margin)
     with ThreadPoolExecutor(threads) as pool:

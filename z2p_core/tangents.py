@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from z2p_core import native
-from z2p_core.threads import in_halves
 
 FEWEST, MOST, MORE = 16, 64, 75.0
 """Neighbours of a clean cloud, of the noisiest one, and how many more for noise as large as the spacing."""
@@ -61,19 +59,18 @@ def tangents(cloud: np.ndarray) -> Tangents:
     """The tangent planes of a cloud (N, 3), N >= 1, in an order that does not depend on the cloud's."""
     grid = native.Grid(cloud)
     everyone = np.arange(len(cloud), dtype=np.int32)
-    found, spacing = in_halves(partial(grid.neighbours, count=FEWEST), everyone)
+    found, spacing = grid.neighbours(everyone, FEWEST)
     typical = max(float(np.median(spacing)), 1e-9)
     asked = probes(len(cloud))
     noise = noise_of(grid, asked, found[asked], typical)
     count = neighbours_for(noise / typical)
     if count > FEWEST:
-        found, _ = in_halves(partial(grid.neighbours, count=count), everyone)
-    normals, _ = in_halves(partial(native.planes, grid.points), found)
+        found, _ = grid.neighbours(everyone, count)
+    normals, _ = native.planes(grid.points, found)
     scale = spacing * np.float32(math.sqrt(count / FEWEST))
     tolerance = LOOSE * scale + np.float32(LOOSER * noise)
     for _ in range(PATCHES):
-        fit = partial(native.jets, grid.points, normals)
-        normals, heights = in_halves(fit, everyone, found, tolerance, scale)
+        normals, heights = native.jets(grid.points, normals, everyone, found, tolerance, scale)
     points = moved(grid.points, normals, heights, spacing, noise)
     return Tangents(points, spacing, normals, noise, spacing[found[:, FEWEST // 2]], found, grid)
 

@@ -80,6 +80,9 @@ def check_zbuffer(zbuffer_class: type[ZBuffer]) -> None:
         expect(bool(picture.any()), f"{name}: draw gives an empty picture for a cloud of {len(cloud)} points")
         same(zbuffer.draw(cloud, camera), picture, f"{name}: the same cloud drawn twice")
         same(zbuffer.draw(cloud[rng.permutation(len(cloud))], camera), picture, f"{name}: points in another order")
+        drawn = np.full_like(picture, np.nan)
+        zbuffer.draw_into(drawn, cloud, camera)
+        same(drawn, picture, f"{name}: draw_into, whatever was there before")
     same(cloud, given, f"{name}: the cloud given to draw")
     _check_nearest_wins(zbuffer)
 
@@ -105,6 +108,9 @@ def check_gbuffer(gbuffer_class: type[GBuffer]) -> None:
             same(gbuffer.draw(cloud, camera, scene), picture, f"{name}: {what} drawn twice")
             shuffled = cloud[rng.permutation(len(cloud))]
             same(gbuffer.draw(shuffled, camera, scene), picture, f"{name}: {what}, points in another order")
+            drawn = np.full_like(picture, np.nan)
+            gbuffer.draw_into(drawn, cloud, camera, scene)
+            same(drawn, picture, f"{name}: draw_into of {what}, whatever was there before")
     for what, cloud in clouds.items():
         same(cloud, given[what], f"{name}: the cloud given to draw, {what}")
     expect(scene == SceneDescription(), f"{name}: draw changes the scene given to it")

@@ -7,13 +7,14 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache
-from threading import Semaphore
+from itertools import pairwise
+from threading import Lock, Semaphore
 from typing import Any
-
-import numpy as np
 
 SMALLEST = 1000
 """Rows below which a second thread costs more than it saves."""
+PARTS = 6
+"""Parts that work is shared out in."""
 
 
 def cores() -> int:
@@ -23,9 +24,9 @@ def cores() -> int:
 
 def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
     """What the work gives, done on a second core meanwhile; or at once, where that core is still at other work."""
-    second = _second_core(os.getpid())
-    if second.idle.acquire(blocking=False):
-        return second.thread.submit(second.run, work, *arguments)
+    begun = _begun(work, *arguments)
+    if begun is not None:
+        return begun
     done: Future[Any] = Future()
     try:
         done.set_result(work(*arguments))
@@ -37,33 +38,45 @@ def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
 @contextmanager
 def one_core_each() -> Iterator[None]:
     """Meanwhile `beside` does work at once: for those who keep all cores busy anyway, with a picture on each."""
-    idle = _second_core(os.getpid()).idle
-    taken = idle.acquire(blocking=False)
+    second = _second_core(os.getpid())
+    taken = second.idle.acquire(blocking=False)
+    with second.counting:
+        second.kept_away += 1
     try:
         yield
     finally:
+        with second.counting:
+            second.kept_away -= 1
         if taken:
-            idle.release()
+            second.idle.release()
 
 
-def in_halves(work: Callable[..., tuple[np.ndarray, ...]], *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
-    """What the work gives for rows of the arrays, half of them done on each of two cores, joined again."""
-    count = len(arrays[0])
-    if count < SMALLEST:
-        return work(*arrays)
-    second = beside(work, *(array[count // 2 :] for array in arrays))
-    first = work(*(array[: count // 2] for array in arrays))
-    return tuple(np.concatenate(pair) for pair in zip(first, second.result(), strict=True))
-
-
-def over_rows(work: Callable[[int, int], object], count: int) -> None:
-    """Does the work for rows from 0 up to `count`, half of them on each of two cores."""
-    if count < SMALLEST:
+def over_rows(work: Callable[[int, int], object], count: int, smallest: int = SMALLEST, parts: int = PARTS) -> None:
+    """Does the work for rows from 0 up to `count` in parts, with a second core from the moment on that it is idle."""
+    if count < smallest or _second_core(os.getpid()).kept_away:
         work(0, count)
         return
-    second = beside(work, count // 2, count)
-    work(0, count // 2)
-    second.result()
+    left = iter(list(pairwise(count * part // parts for part in range(parts + 1))))  # each core takes the next one
+
+    def help_out() -> None:
+        for begin, end in left:
+            work(begin, end)
+
+    second = None
+    try:
+        for begin, end in left:
+            second = second or _begun(help_out)
+            work(begin, end)
+    finally:  # an error is told when nobody works on the rows any more
+        failed = None if second is None else second.exception()
+    if failed is not None:
+        raise failed
+
+
+def _begun(work: Callable[..., Any], *arguments: Any) -> Future[Any] | None:
+    """What the work will give on a second core; None, and nothing is done, where that is still at other work."""
+    second = _second_core(os.getpid())
+    return second.thread.submit(second.run, work, *arguments) if second.idle.acquire(blocking=False) else None
 
 
 class _Core:
@@ -72,6 +85,9 @@ class _Core:
     def __init__(self) -> None:
         self.thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="z2p")
         self.idle = Semaphore(1)
+        self.counting = Lock()
+        self.kept_away = 0
+        """How many of those who keep all cores busy do so now."""
 
     def run(self, work: Callable[..., Any], *arguments: Any) -> Any:
         """What the work gives; by the time it is there, the thread counts as idle."""

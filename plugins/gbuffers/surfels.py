@@ -21,7 +21,7 @@ from z2p_core.interfaces import GBuffer
 from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
-from z2p_core.threads import beside, in_halves
+from z2p_core.threads import beside, over_rows
 from z2p_core.turning import products, turned
 
 OVERLAP, SLACK = 1.35, 0.7
@@ -65,8 +65,8 @@ RIM = 0.05
 """By how much the lamp's shadow is too dark where nearly all of its light comes through: cells make outlines wide."""
 GREY = 0.5
 """Albedo of the grey picture: dark enough to stay below white under the nearest light."""
-UPPER = 0.65
-"""Share of the rows that one core draws while the other draws the shadow and the rest."""
+STRIPS = 6
+"""Strips of a picture, which the cores take in turn. One core draws the same, for they tell which discs are hidden."""
 SKY = 50.0
 """Distance at which a lamp is a direction."""
 
@@ -86,12 +86,13 @@ class Surfels(GBuffer):
     lighting: ClassVar[type[Lighting]]
 
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
-        picture = np.zeros((self.channels, camera.height, camera.width), dtype=np.float32)
+        picture = np.empty((self.channels, camera.height, camera.width), dtype=np.float32)
         self.draw_into(picture, cloud, camera, scene)
         return picture
 
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
         if not len(cloud):
+            out.fill(0)
             return
         floor = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
         found = tangents(thinned(cloud, MOST_POINTS))
@@ -111,15 +112,14 @@ class Surfels(GBuffer):
             np.column_stack([facing[:, :2], lighting.colors(camera.position)]), camera, SLACK, SURE, FULL, NEAR, FAR,
             out[:-1],
         )  # fmt: skip
-        middle = round(UPPER * camera.height)
 
-        def draw_below() -> None:
-            lighting.draw_shadow(camera, out[-1])
-            draw((middle, camera.height))
+        def draw_strips(begin: int, end: int) -> None:
+            for strip in range(begin, end):
+                draw((strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS))
 
-        below = beside(draw_below)
-        draw((0, middle))
-        below.result()
+        shadow = beside(lighting.draw_shadow, camera, out[-1])
+        over_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
+        shadow.result()
 
 
 class Lighting:
@@ -230,7 +230,7 @@ def disc_radii(found: Tangents, typical: float) -> np.ndarray:
     radii = np.clip(OVERLAP * cells, SMALLEST * share, LARGEST * share)
     near = np.maximum(np.minimum(found.spacing, found.around), NARROWEST * typical)
     wide = np.flatnonzero(cells > TORN * near).astype(np.int32)
-    farther, _ = in_halves(partial(found.grid.neighbours, count=FARTHER), wide)
+    farther, _ = found.grid.neighbours(wide, FARTHER)
     torn = wide[native.cells(found.points, found.normals, wide, farther, solid=True) > TORN * near[wide]]
     radii[torn] = BORDER * near[torn]
     return radii
@@ -251,6 +251,7 @@ def base_color(scene: SceneDescription) -> tuple[float, float, float]:
     return (color[0], color[1], color[2]) if isinstance(color, tuple) else (color, color, color)
 
 
+@lru_cache(maxsize=8)
 def light_square(light: tuple[float, float, float]) -> np.ndarray:
     """The middle of the square area light, and its two sides: (3, 3)."""
     centre = light_position(light)
@@ -260,6 +261,7 @@ def light_square(light: tuple[float, float, float]) -> np.ndarray:
     return np.stack([centre, LIGHT_SIDE * across, LIGHT_SIDE * np.cross(across, axis)])
 
 
+@lru_cache(maxsize=8)
 def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Places (L, 3), axes (L, 3) and powers (L,) of points spread over the square area light, L a square number.
 

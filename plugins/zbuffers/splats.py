@@ -25,7 +25,7 @@ class SplatPyramid(ZBuffer):
     channels = 4
 
     def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
-        picture = np.zeros((self.channels, camera.height, camera.width), dtype=np.float32)
+        picture = np.empty((self.channels, camera.height, camera.width), dtype=np.float32)
         self.draw_into(picture, cloud, camera)
         return picture
 

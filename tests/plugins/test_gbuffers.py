@@ -10,6 +10,7 @@ from z2p_core.camera import DISTANCE, Camera, light_position
 from z2p_core.images import linear_from_srgb
 from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.tangents import thinned
+from z2p_core.threads import one_core_each
 
 CAMERA = Camera(96, 96)
 COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = range(10)
@@ -34,6 +35,15 @@ def test_a_sphere_is_covered_and_its_normals_point_outwards():
     assert np.abs(picture[RIGHT] - (columns - pixel[0, 0]) / edge)[inner].mean() < 0.06
     assert np.abs(picture[DOWN] - (rows - pixel[0, 1]) / edge)[inner].mean() < 0.06
     assert picture[DEPTH][48, 48] == pytest.approx((4.6 - 3.0) / 2, abs=0.02)
+
+
+@pytest.mark.parametrize("side", [5, 96, 257])
+def test_one_core_draws_what_two_draw(side):
+    cloud = np.concatenate([sphere_of(4000, 0.6), sphere_of(3000, 0.3) + np.float32([0.2, -0.7, 0.1])])
+    camera = Camera(side, side)
+    shared = Surfels().draw(cloud, camera, SCENE)
+    with one_core_each():
+        np.testing.assert_array_equal(Surfels().draw(cloud, camera, SCENE), shared)
 
 
 def test_light_from_a_side_lights_that_side_and_throws_the_shadow_to_the_other():

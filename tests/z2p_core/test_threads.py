@@ -1,11 +1,12 @@
 """The second core: results and errors come back from it, and nobody waits for another's work on it."""
 
 import threading
+import time
 
 import numpy as np
 import pytest
 
-from z2p_core.threads import SMALLEST, beside, in_halves, one_core_each, over_rows
+from z2p_core.threads import SMALLEST, beside, one_core_each, over_rows
 
 
 def test_work_is_done_on_another_thread_and_its_result_comes_back():
@@ -36,14 +37,6 @@ def test_while_the_second_core_is_busy_work_is_done_at_once_here():
     assert free != threading.get_ident(), "and the core is used again afterwards"
 
 
-@pytest.mark.parametrize("count", [1, SMALLEST - 1, SMALLEST, 2 * SMALLEST + 1])
-def test_halves_are_joined_in_order(count):
-    numbers, table = np.arange(count), np.arange(3 * count).reshape(-1, 3)
-    doubled, same = in_halves(lambda x, y: (2 * x, y), numbers, table)
-    np.testing.assert_array_equal(doubled, 2 * numbers)
-    np.testing.assert_array_equal(same, table)
-
-
 @pytest.mark.parametrize("count", [0, 1, SMALLEST - 1, SMALLEST, 2 * SMALLEST + 1])
 def test_every_row_is_worked_on_once(count):
     seen = np.zeros(count, int)
@@ -55,12 +48,41 @@ def test_every_row_is_worked_on_once(count):
     assert (seen == 1).all()
 
 
+def test_a_second_core_that_becomes_idle_takes_parts_of_work_that_has_begun():
+    stop, asking, seen = threading.Event(), threading.get_ident(), []
+    busy = beside(stop.wait)
+
+    def work(begin, end):
+        seen.append((begin, threading.get_ident()))
+        if begin == 0:
+            stop.set()
+            busy.result()
+        elif threading.get_ident() == asking:
+            deadline = time.monotonic() + 60
+            while len({who for _, who in seen}) < 2 and time.monotonic() < deadline:
+                time.sleep(0.001)  # until the other has taken one
+
+    over_rows(work, 60, smallest=2, parts=6)
+    assert sorted(begin for begin, _ in seen) == [0, 10, 20, 30, 40, 50]
+    assert {who for begin, who in seen if begin > 0} - {asking}, "the second core came too late"
+
+
+def test_an_error_in_any_part_is_told():
+    for bad in range(6):
+        with pytest.raises(ZeroDivisionError):
+            over_rows(lambda begin, end, bad=bad: 1 / (begin - bad), 6, smallest=2, parts=6)
+    assert beside(threading.get_ident).result() != threading.get_ident()
+
+
 def test_with_a_picture_on_each_core_work_is_done_by_the_thread_that_asks():
     asking = threading.get_ident()
     with one_core_each():
         assert beside(threading.get_ident).result() == asking
         with one_core_each():  # another folder at the same time
             assert beside(threading.get_ident).result() == asking
+        parts = []
+        over_rows(lambda *rows: parts.append(rows), 2 * SMALLEST)
+        assert parts == [(0, 2 * SMALLEST)], "in one go"
         assert beside(threading.get_ident).result() == asking
     assert beside(threading.get_ident).result() != asking
     with pytest.raises(ZeroDivisionError), one_core_each():

@@ -35,7 +35,7 @@ def call(name: str, *arguments: Any) -> None:
         ImportError: the kernels are missing, or older than the code.
         MemoryError: there is not enough of it.
     """
-    given = [x.ctypes.data_as(ctypes.c_void_p) if isinstance(x, np.ndarray) else x for x in arguments]
+    given = [ctypes.c_void_p(x.ctypes.data) if isinstance(x, np.ndarray) else x for x in arguments]
     kernel = getattr(library(), name, None)
     if kernel is None:
         raise ImportError(f"z2p's compiled kernels are older than its code: {name} is missing; install z2p again")

@@ -10,7 +10,7 @@ import numpy as np
 
 from z2p_core.camera import Camera
 from z2p_core.native.calls import call, floats, place
-from z2p_core.threads import beside, over_rows
+from z2p_core.threads import over_rows
 
 MOST_LIT = 0xFFFF
 """Points whose numbers fit into shadow maps."""
@@ -158,9 +158,7 @@ def floor_hits(points: np.ndarray, axes: np.ndarray, floor: Floor, side: int) ->
         )  # fmt: skip
 
     cloud = floats(points)
-    second = beside(find, len(axes) // 2, len(axes))
-    find(0, len(axes) // 2)
-    second.result()
+    over_rows(find, len(axes), smallest=2)
     return hits
 
 

@@ -8,6 +8,10 @@ import numpy as np
 
 from z2p_core.camera import Camera
 from z2p_core.native.calls import call, floats, place
+from z2p_core.threads import over_rows
+
+SHORTEST = 400
+"""Rows of a picture below which one core converts them."""
 
 
 def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
@@ -62,7 +66,7 @@ def surfels(
     slack: float, sure: float, full: float, near: float, far: float, out: np.ndarray,
     rows: tuple[int, int] | None = None,
 ) -> None:  # fmt: skip
-    """Draws discs into `out` (9, H, W), 0 at first: coverage, density, depth and six features; 0 off the discs.
+    """Draws discs into `out` (9, H, W): coverage, density, depth and six features; 0 off the discs.
 
     Points (N, 3), normals (N, 3), which face it, and the planes `clips` (N, 4, 4) that end discs (see
     `z2p_core.native.clips`) are in the camera's axes; features are (N, 6). Where discs overlap, those at most `slack`
@@ -83,5 +87,10 @@ def straight_bytes(picture: np.ndarray) -> np.ndarray:
     """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
     _, height, width = picture.shape
     out = np.empty((height, width, 4), np.uint8)
-    call("z2p_straight_bytes", floats(picture), ctypes.c_int64(height * width), out)
+    planes = (floats(picture), ctypes.c_int64(height * width))
+
+    def convert(top: int, bottom: int) -> None:
+        call("z2p_straight_bytes", *planes, ctypes.c_int64(top * width), ctypes.c_int64(bottom * width), out)
+
+    over_rows(convert, height, SHORTEST, parts=2)
     return out

@@ -158,9 +158,9 @@ INLINE void resolve(const float *sums, int stride, const Box *box, int width, in
         }
 }
 
-/* Rows from `first` to `last` - 1 of picture (9, height, width), zero at first: coverage 1 - exp(-sure x weight),
- * density weight / full up to 1, depth from 1 at `near` to 0 at `far`, and six features, averaged over what the nearest
- * surfels show. Points and normals are in the camera's axes, normals facing it, and so are the planes `clips` (count,
+/* Rows from `first` to `last` - 1 of picture (9, height, width), whatever is there before: coverage 1 - exp(-sure x
+ * weight), density weight / full up to 1, depth from 1 at `near` to 0 at `far`, and six features, averaged over what the
+ * nearest surfels show; 0 where there is none. Points and normals are in the camera's axes, normals facing it, and so are the planes `clips` (count,
  * CLIPS, 4) that nothing of a disc lies over; features (count, 6). A surfel counts where it lies at most `slack` of its
  * radius behind the nearest. */
 FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *clips,
@@ -168,6 +168,8 @@ FAST int z2p_surfels(const float *points, const float *normals, const float *rad
                      float slack, float sure, float full, float near, float far, float *picture) {
     Disc *discs = malloc(sizeof(Disc) * ((size_t)count + 1));
     if (!discs) return 0;
+    for (int c = 0; c <= PIXEL; c++)
+        memset(picture + ((size_t)c * height + first) * width, 0, sizeof(float) * (size_t)(last - first) * width);
     Box box;
     int placed = place_all(points, normals, radii, clips, count, focal, width, height, first, last, discs, &box);
     if (!placed) { free(discs); return 1; }

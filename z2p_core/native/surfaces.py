@@ -39,10 +39,12 @@ class Grid:
         """
         asked = np.ascontiguousarray(asked, np.int32)
         found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
-        call(
-            "z2p_neighbours", ctypes.c_void_p(int(self._handle[0])), self.points, asked, len(asked), count, found,
-            spacing,
-        )  # fmt: skip
+        grid = (ctypes.c_void_p(int(self._handle[0])), self.points)
+
+        def find(begin: int, end: int) -> None:
+            call("z2p_neighbours", *grid, asked[begin:end], end - begin, count, found[begin:end], spacing[begin:end])
+
+        over_rows(find, len(asked))
         return found, spacing
 
 
@@ -53,7 +55,12 @@ def planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarra
     """
     count = len(found)
     normals, spread = np.empty((count, 3), np.float32), np.empty(count, np.float32)
-    call("z2p_planes", points, found, count, found.shape[1], normals, spread)
+
+    def fit(begin: int, end: int) -> None:
+        rows = slice(begin, end)
+        call("z2p_planes", points, found[rows], end - begin, found.shape[1], normals[rows], spread[rows])
+
+    over_rows(fit, count)
     return normals, spread
 
 
@@ -79,7 +86,12 @@ def jets(
     plane by its normal of `before` (N, 3), within tolerances (M,), that agree with it, and that are near by scale (M,).
     """
     normals, heights = np.empty((len(asked), 3), np.float32), np.empty(len(asked), np.float32)
-    call("z2p_jets", points, before, asked, found, len(asked), found.shape[1], tolerance, scale, normals, heights)
+
+    def fit(begin: int, end: int) -> None:
+        of_rows = (array[begin:end] for array in (tolerance, scale, normals, heights))
+        call("z2p_jets", points, before, asked[begin:end], found[begin:end], end - begin, found.shape[1], *of_rows)
+
+    over_rows(fit, len(asked))
     return normals, heights
 
 
