@@ -79,7 +79,7 @@ def _batch(
     """Seconds of each step for a batch, each picture's buffers drawn one after the other as the paper's are."""
     camera, steps = Camera(WIDTH, HEIGHT, scene.elevation), {}
     shape = (batch, loaded.buffer_channels, HEIGHT, WIDTH)
-    buffers, split = np.zeros(shape, np.float32), loaded.zbuffer.channels
+    buffers, split = np.empty(shape, np.float32), loaded.zbuffer.channels
     encoding = loaded.encoder.encode(*camera.frame_coordinates(step=loaded.config.unshuffle))
     values = {name: MADE_LOOK.get(name, control.slider.default) for name, control in loaded.controls.items()}
     encoded = [number for name, value in values.items() for number in loaded.controls[name].encode(value)]
@@ -87,12 +87,10 @@ def _batch(
 
     def draw_z() -> None:
         for picture in buffers:
-            picture[:split] = 0
             loaded.zbuffer.draw_into(picture[:split], cloud, camera)
 
     def draw_g() -> None:
         for picture in buffers:
-            picture[split:] = 0
             loaded.gbuffer.draw_into(picture[split:], cloud, camera, scene)
 
     steps["project"] = _median(lambda: [camera.project(cloud) for _ in range(batch)], repeats)
