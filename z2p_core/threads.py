@@ -37,7 +37,7 @@ def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
 
 @contextmanager
 def one_core_each() -> Iterator[None]:
-    """Meanwhile `beside` does work at once: for those who keep all cores busy anyway, with a picture on each."""
+    """Meanwhile work is done at once, in one go: for those who keep all cores busy anyway, with a picture on each."""
     second = _second_core(os.getpid())
     taken = second.idle.acquire(blocking=False)
     with second.counting:

@@ -195,7 +195,7 @@ def floor_shadow(
 def _gather(
     kernel: str, points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, *rest: Any
 ) -> None:
-    """Calls a kernel that works on rows of points, half of them on each of two cores."""
+    """Calls a kernel that works on rows of points, which two cores share out."""
     count = len(points)
     cloud = (floats(points), floats(normals), count)
     seen = (floats(axes), len(axes), hits)

@@ -158,11 +158,11 @@ INLINE void resolve(const float *sums, int stride, const Box *box, int width, in
         }
 }
 
-/* Rows from `first` to `last` - 1 of picture (9, height, width), whatever is there before: coverage 1 - exp(-sure x
- * weight), density weight / full up to 1, depth from 1 at `near` to 0 at `far`, and six features, averaged over what the
- * nearest surfels show; 0 where there is none. Points and normals are in the camera's axes, normals facing it, and so are the planes `clips` (count,
- * CLIPS, 4) that nothing of a disc lies over; features (count, 6). A surfel counts where it lies at most `slack` of its
- * radius behind the nearest. */
+/* Rows from `first` to `last` - 1 of picture (9, height, width), whatever is there before: coverage
+ * 1 - exp(-sure x weight), density weight / full up to 1, depth from 1 at `near` to 0 at `far`, and six features,
+ * averaged over what the nearest surfels show; 0 where there is none. Points and normals are in the camera's axes,
+ * normals facing it, and so are the planes `clips` (count, CLIPS, 4) that nothing of a disc lies over; features
+ * (count, 6). A surfel counts where it lies at most `slack` of its radius behind the nearest. */
 FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *clips,
                      const float *features, int count, float focal, int width, int height, int first, int last,
                      float slack, float sure, float full, float near, float far, float *picture) {
