@@ -2,8 +2,9 @@
 
 First a plane (Hoppe et al., Surface Reconstruction from Unorganized Points, 1992) through all neighbours alike; then,
 twice, a curved patch (Cazals and Pouget, osculating jets, 2005) through those that agree with the answer before, which
-keeps creases and close sheets apart. Of a noisy cloud more neighbours are asked, and its points are moved onto their
-patches.
+keeps creases and close sheets apart; then neighbours agree upon their patches, by a small network that has learnt how
+(after Satorras et al., E(n) Equivariant Graph Neural Networks, 2021). Of a noisy cloud more neighbours are asked, and
+its points are moved onto their patches.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ TOLD = 0.2
 """Noise in spacings up to which slabs tell it: they hardly grow any more with what is larger."""
 UNTOLD = 1.6
 """How many times what slabs tell noise is at most, where it is larger and other sheets are close by."""
+NARROWEST = 0.2
+"""Spacing in the cloud's, at least, where neighbours agree: of points that come twice it is 0."""
 STACKED = 0.06
 """Share of neighbours above or below a point from which on there are sheets close to each other."""
 BUMPS = 0.1
@@ -55,8 +58,36 @@ class Tangents:
     grid: native.Grid
 
 
+@dataclass(frozen=True)
+class Fitted:
+    """Patches as each point fits its own: `grid` of the points (N, 3), and as in `Tangents` for the rest.
+
+    `typical` is the median spacing, and `scale` (N,), above 0, the spacing that as many neighbours would have were they
+    the fewest.
+    """
+
+    grid: native.Grid
+    neighbours: np.ndarray
+    spacing: np.ndarray
+    normals: np.ndarray
+    scale: np.ndarray
+    typical: float
+    noise: float
+
+
 def tangents(cloud: np.ndarray) -> Tangents:
     """The tangent planes of a cloud (N, 3), N >= 1, in an order that does not depend on the cloud's."""
+    own = fitted(cloud)
+    points, normals = own.grid.points, own.normals
+    if len(cloud) >= FEWEST:
+        agreed, normals = native.refine(points, normals, own.neighbours, own.scale, own.noise / own.typical)
+        points = moved(points, agreed, own.spacing, own.noise)
+    around = own.spacing[own.neighbours[:, FEWEST // 2]]
+    return Tangents(points, own.spacing, normals, own.noise, around, own.neighbours, own.grid)
+
+
+def fitted(cloud: np.ndarray) -> Fitted:
+    """The patches of a cloud (N, 3), N >= 1, before neighbours agree upon them."""
     grid = native.Grid(cloud)
     everyone = np.arange(len(cloud), dtype=np.int32)
     found, spacing = grid.neighbours(everyone, FEWEST)
@@ -67,12 +98,12 @@ def tangents(cloud: np.ndarray) -> Tangents:
     if count > FEWEST:
         found, _ = grid.neighbours(everyone, count)
     normals, _ = native.planes(grid.points, found)
-    scale = spacing * np.float32(math.sqrt(count / FEWEST))
-    tolerance = LOOSE * scale + np.float32(LOOSER * noise)
+    wider = np.float32(math.sqrt(count / FEWEST))
+    tolerance = LOOSE * wider * spacing + np.float32(LOOSER * noise)
     for _ in range(PATCHES):
-        normals, heights = native.jets(grid.points, normals, everyone, found, tolerance, scale)
-    points = moved(grid.points, normals, heights, spacing, noise)
-    return Tangents(points, spacing, normals, noise, spacing[found[:, FEWEST // 2]], found, grid)
+        normals, _ = native.jets(grid.points, normals, everyone, found, tolerance, wider * spacing)
+    scale = wider * np.maximum(spacing, np.float32(NARROWEST * typical))
+    return Fitted(grid, found, spacing, normals, scale, typical, noise)
 
 
 def scatter(cloud: np.ndarray) -> float:
@@ -142,14 +173,12 @@ def neighbours_for(noise: float) -> int:
     return int(min(FEWEST + MORE * noise, MOST))
 
 
-def moved(
-    points: np.ndarray, normals: np.ndarray, heights: np.ndarray, spacing: np.ndarray, noise: float
-) -> np.ndarray:
-    """Points (N, 3), each moved towards its patch, the further the more of its height (N,) above it is noise."""
+def moved(points: np.ndarray, patches: np.ndarray, spacing: np.ndarray, noise: float) -> np.ndarray:
+    """Points (N, 3), each moved towards its place on its patch (N, 3), the further the more of the way is noise."""
     if noise == 0:
         return points
     share = noise**2 / (noise**2 + (BUMPS * spacing) ** 2)
-    result: np.ndarray = points - (heights * share)[:, None] * normals
+    result: np.ndarray = points + share[:, None] * (patches - points)
     return result
 
 

@@ -7,7 +7,17 @@ import pytest
 from point_shapes import sphere_of, square_of
 
 from z2p_core import native
-from z2p_core.tangents import FEWEST, MOST, left_by_curvature, neighbours_for, probes, scatter, tangents, thinned
+from z2p_core.tangents import (
+    FEWEST,
+    MOST,
+    fitted,
+    left_by_curvature,
+    neighbours_for,
+    probes,
+    scatter,
+    tangents,
+    thinned,
+)
 
 
 def noisy(cloud, scale, seed=7):
@@ -65,6 +75,56 @@ def test_a_jet_is_exact_on_a_surface_of_its_own_order(count):
     normals, heights = native.jets(points, before, np.int32([0]), everyone, 10 * wide, wide)
     assert normals[0] == pytest.approx([0, 0, 1], abs=0.02)
     assert heights[0] == pytest.approx(0.01, abs=0.003)  # it is one of its own neighbours
+
+
+def refined(cloud, **changed):
+    """What neighbours agree upon: points and normals, by the cloud's own patches, or some of it changed."""
+    own = fitted(cloud)
+    given = {"points": own.grid.points, "normals": own.normals, "found": own.neighbours, "scale": own.scale} | changed
+    return native.refine(**given, noise=own.noise / own.typical)
+
+
+def test_neighbours_agree_upon_the_same_however_the_cloud_is_turned():
+    cloud = noisy(sphere_of(1500), 0.02)
+    own = fitted(cloud)
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    turn = turn.astype(np.float32)
+    points, normals = refined(cloud)
+    turned_points, turned_normals = refined(cloud, points=own.grid.points @ turn, normals=own.normals @ turn)
+    np.testing.assert_allclose(turned_points, points @ turn, atol=1e-5)
+    np.testing.assert_allclose(turned_normals, normals @ turn, atol=1e-3)
+
+
+def test_neighbours_agree_upon_the_same_whatever_the_sign_of_their_normals():
+    cloud = noisy(sphere_of(1500), 0.02)
+    signs = np.random.default_rng(4).choice([-1, 1], (1500, 1)).astype(np.float32)
+    points, normals = refined(cloud)
+    same_points, signed = refined(cloud, normals=signs * fitted(cloud).normals)
+    np.testing.assert_allclose(same_points, points, atol=1e-6)
+    np.testing.assert_allclose(signed, signs * normals, atol=1e-4)
+
+
+def box_of(count, seed=0):
+    """Points (count, 3) on a unit cube, and its normals there (count, 3)."""
+    rng = np.random.default_rng(seed)
+    axis, side = rng.integers(3, size=count), rng.choice([-1, 1], count)
+    points, normals = rng.uniform(-0.5, 0.5, (count, 3)), np.zeros((count, 3))
+    points[np.arange(count), axis], normals[np.arange(count), axis] = 0.5 * side, side
+    return points.astype(np.float32), normals
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_agreement_finds_creases_and_flat_sides_better_than_each_point_by_itself(noise):
+    points, normals = box_of(3000)
+    cloud = noisy(points, noise)
+    order = np.empty(len(cloud), int)
+    own, agreed = fitted(cloud), tangents(cloud)
+    order[np.lexsort(own.grid.points.T)] = np.lexsort(cloud.T)
+    alone, together = (
+        np.degrees(np.arccos(np.clip(np.abs((found * normals[order]).sum(1)), 0, 1))).mean()
+        for found in (own.normals, agreed.normals)
+    )
+    assert together < 0.75 * alone
 
 
 @pytest.mark.parametrize("count", [500, 4000, 30_000])

@@ -27,4 +27,5 @@ from z2p_core.native.surfaces import centres as centres
 from z2p_core.native.surfaces import clips as clips
 from z2p_core.native.surfaces import jets as jets
 from z2p_core.native.surfaces import planes as planes
+from z2p_core.native.surfaces import refine as refine
 from z2p_core.native.surfaces import slabs as slabs

@@ -11,6 +11,8 @@ from z2p_core.threads import over_rows
 
 MOST_CLIPS = 4
 """Planes that end a disc."""
+ROUNDS, WIDTH = 3, 16
+"""Of `refine.c`: rounds of messages, and numbers that a point remembers from one to the next."""
 
 
 class Grid:
@@ -93,6 +95,36 @@ def jets(
 
     over_rows(fit, len(asked))
     return normals, heights
+
+
+def refine(
+    points: np.ndarray, normals: np.ndarray, found: np.ndarray, scale: np.ndarray, noise: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) moved onto their patches and unit normals (N, 3), as each agrees with its neighbours found (N, K).
+
+    A small graph network (`scripts/learn_patches.py`) that passes messages three times, from points (N, 3), unit
+    normals (N, 3) of either sign and the noise in spacings. Steps are measured in scale (N,), above 0.
+    """
+    count = len(points)
+    memory, told = np.empty((2, count, WIDTH), np.float32)
+    call("z2p_refine_begin", ctypes.c_float(noise), count, memory, told)
+    state: tuple[np.ndarray, ...] = (floats(points), floats(normals), memory, told)
+    for which in range(ROUNDS):
+        state = _next_round(which, state, found, floats(scale))
+    return state[0], state[1]
+
+
+def _next_round(
+    which: int, state: tuple[np.ndarray, ...], found: np.ndarray, scale: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """The points, normals, memory (N, WIDTH) and what is told (N, WIDTH) after that round, from those before it."""
+    after = tuple(np.empty_like(array) for array in state)
+
+    def send(begin: int, end: int) -> None:
+        call("z2p_refine", which, *state, found, scale, begin, end, found.shape[1], *after)
+
+    over_rows(send, len(found))
+    return after
 
 
 def centres(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.ndarray) -> np.ndarray:
