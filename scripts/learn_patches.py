@@ -1,11 +1,11 @@
 """Teaches the small network that lets neighbouring points agree upon their patches, and writes it as C.
 
-    python scripts/learn_patches.py MESHES [MESHES ...] [--steps 6000] [--begin HEADER] [--output HEADER]
+    python scripts/learn_patches.py MESHES [MESHES ...] [--steps 5000] [--begin HEADER] [--output HEADER]
 
 Clouds are drawn from the meshes as scanners and samplers draw them: evenly, unevenly, from one side, clean and noisy.
 What `z2p_core/tangents.py` finds without the network is what it begins with; the meshes' own normals, and where the
 points lay before the noise, are what it should find. HEADER is `z2p_core/native/refine_weights.h` unless another is
-named; install z2p again to compile it, and train the weights again, which have learnt from patches as they were.
+named. Install z2p again to compile it, and train the weights some more, which have learnt from patches as they were.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def main() -> None:
     """Learn, and write the header."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("meshes", nargs="+", type=Path, help="folders of meshes to learn from")
-    parser.add_argument("--steps", type=int, default=6000)
+    parser.add_argument("--steps", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--begin", type=Path, help="a header to go on from")
     parser.add_argument("--output", type=Path, default=HEADER)
@@ -199,14 +199,35 @@ def drawn(shape: Shape, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
         points, normals = on_shape(shape, count, rng)
         kept = np.arange(count)
     points, normals = points[kept], normals[kept]
-    size = 0.0 if rng.random() < CLEAN else NOISIEST * rng.random() ** 1.3 * math.sqrt(6 / len(points))
-    if kind == "from one side" and rng.random() < 0.6:
-        noise = 1.4 * size * towards * rng.normal(size=(len(points), 1))
-    else:
+    clean = rng.random() < CLEAN
+    noise = 0.0 if clean else noise_of(points, towards if kind == "from one side" else None, rng)
+    return points, normals, (points + noise).astype(np.float32)
+
+
+def noise_of(points: np.ndarray, towards: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
+    """Noise (N, 3) of points (N, 3): to every side; or, of a depth camera, mostly the way that it looks."""
+    spacing = math.sqrt(6 / len(points))
+    size = NOISIEST * rng.random() ** 1.3 * spacing
+    if towards is None or rng.random() < 0.3:
         noise = size * rng.normal(size=points.shape)
+    else:
+        depth = rng.normal(size=len(points))
+        if rng.random() < 0.5:  # stereo matches patches of pixels, so neighbours err together
+            depth += rng.uniform(0.3, 1.0) * bumps(points, rng.uniform(0.7, 2.5) * spacing, rng)
+        if rng.random() < 0.2:  # and knows whole steps of disparity alone
+            step, straight = rng.uniform(0.2, 1.0) * spacing, points @ towards
+            depth += (np.round(straight / step) * step - straight) / (1.4 * size)
+        noise = 1.4 * size * depth[:, None] * towards
     if rng.random() < 0.25:
         noise *= np.abs(rng.normal(size=(len(points), 1)))  # with some far off
-    return points, normals, (points + noise).astype(np.float32)
+    return noise
+
+
+def bumps(points: np.ndarray, length: float, rng: np.random.Generator) -> np.ndarray:
+    """A smooth random field (N,) at points (N, 3), of variance 1, that is like itself over that length."""
+    waves, phases = rng.normal(size=(3, 64)) / length, rng.uniform(0, 2 * math.pi, 64)
+    field: np.ndarray = math.sqrt(2 / 64) * np.cos(points @ waves + phases).sum(1)
+    return field
 
 
 def on_shape(shape: Shape, count: int, rng: np.random.Generator) -> Sampled:
