@@ -1,11 +1,12 @@
 """Teaches the small network that lets neighbouring points agree upon their patches, and writes it as C.
 
     python scripts/learn_patches.py MESHES [MESHES ...] [--steps 5000] [--begin HEADER] [--output HEADER]
+    python scripts/learn_patches.py MESHES --begin HEADER --steps 0 --measure OTHERS
 
-Clouds are drawn from the meshes as scanners and samplers draw them: evenly, unevenly, from one side, clean and noisy.
-What `z2p_core/tangents.py` finds without the network is what it begins with; the meshes' own normals, and where the
-points lay before the noise, are what it should find. HEADER is `z2p_core/native/refine_weights.h` unless another is
-named. Install z2p again to compile it, and train the weights some more, which have learnt from patches as they were.
+Clouds are drawn from the meshes as scanners and samplers draw them (`scanned_clouds.py`). What `z2p_core/tangents.py`
+finds without the network is what it begins with; the meshes' own normals, and where the points lay before the noise,
+are what it should find. HEADER is `z2p_core/native/refine_weights.h` unless another is named. Install z2p again to
+compile it, and train the weights some more, which have learnt from patches as they were.
 """
 
 from __future__ import annotations
@@ -20,34 +21,27 @@ from pathlib import Path
 
 import numpy as np
 import torch
+from scanned_clouds import Shape, drawn, on_shape, shape_of
 from torch import nn
 from tqdm import tqdm
 
-from storage.meshes import find_meshes, read_mesh
-from z2p_core.geometry import bounding_sphere
+from storage.meshes import find_meshes
 from z2p_core.tangents import fitted
 
 HEADER = Path(__file__).resolve().parent.parent / "z2p_core" / "native" / "refine_weights.h"
 ROUNDS, WIDTH, FEATURES, VOTES = 3, 16, 6, 4
 REACH = 4.0
 """As in `refine.c`: in scale, of the longest step to a neighbour."""
-FEWEST, MOST = 800, 7000
-"""Points of a cloud."""
-NOISIEST = 0.55
-"""Standard deviation of the noise at most, in spacings of an even cloud on a sphere."""
-CLEAN = 0.3
-"""Share of the clouds that have no noise."""
 CLOUDS = 2
 """A step learns from so many."""
 RATE, WARM = 4e-3, 100
 """Rate of learning at most, and steps until it is reached; it ends near 0."""
+MEASURED = ((2048, 0.0), (5000, 0.0), (5000, 0.01), (5000, 0.02), (20_000, 0.01))
+"""Points, and noise in the radius of the shape."""
 EARLY, OFF = 0.3, 0.3
 """Weights in the loss: of what rounds before the last say, and of points off their surface, in spacings, against the
 sine of the angle between normals."""
 TITLE = "/* What scripts/learn_patches.py has learnt, which writes this file; refine.c uses it. */\n\n#pragma once\n\n"
-
-Shape = tuple[np.ndarray, np.ndarray]
-Sampled = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -122,6 +116,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--begin", type=Path, help="a header to go on from")
     parser.add_argument("--output", type=Path, default=HEADER)
+    parser.add_argument("--measure", type=Path, help="a folder of other meshes, to measure it on")
     asked = parser.parse_args()
     shapes = [shape_of(path) for folder in asked.meshes for path in find_meshes(folder).values()]
     torch.manual_seed(asked.seed)
@@ -130,6 +125,8 @@ def main() -> None:
         network = read_header(asked.begin)
     learn(network, shapes, asked.steps, np.random.default_rng(asked.seed))
     write_header(asked.output, network)
+    if asked.measure:
+        measure(network, [shape_of(path) for path in find_meshes(asked.measure).values()])
 
 
 def learn(network: Refinement, shapes: list[Shape], steps: int, rng: np.random.Generator) -> None:
@@ -148,6 +145,22 @@ def learn(network: Refinement, shapes: list[Shape], steps: int, rng: np.random.G
             bar.set_postfix(loss=f"{loss.item():.3f}")
 
 
+def measure(network: Refinement, shapes: list[Shape]) -> None:
+    """Prints mean angles to the true normals, in degrees, as each point finds its own and as neighbours agree."""
+    for count, noise in MEASURED:
+        angles = []
+        for shape in shapes:
+            rng = np.random.default_rng(3)
+            points, normals = on_shape(shape, count, rng)
+            cloud = example(points, normals, (points + noise * rng.normal(size=points.shape)).astype(np.float32))
+            with torch.no_grad():
+                *_, (_, agreed) = network(cloud)
+            alongs = [(found * cloud.true_normals).sum(-1).abs().clamp(max=1) for found in (cloud.normals, agreed)]
+            angles.append([float(torch.rad2deg(torch.arccos(along)).mean()) for along in alongs])
+        alone, together = np.mean(angles, axis=0)
+        print(f"{count} points, noise {noise:g}: {alone:.2f} degrees alone, {together:.2f} together")
+
+
 def loss_of(network: Refinement, cloud: Example) -> torch.Tensor:
     """Sines of the angles to the true normals, of either sign, and distances from the surface; means."""
     total = torch.zeros(())
@@ -157,12 +170,6 @@ def loss_of(network: Refinement, cloud: Example) -> torch.Tensor:
         off = ((points - cloud.true_points) * cloud.true_normals).sum(-1).abs() / cloud.spacing
         total = total + (1.0 if after == ROUNDS else EARLY) * (sine.mean() + OFF * off.mean())
     return total
-
-
-def shape_of(path: Path) -> Shape:
-    """Vertices in the unit sphere (V, 3) and faces (F, 3) of a mesh."""
-    mesh = read_mesh(path)
-    return bounding_sphere(mesh.vertices).normalise(mesh.vertices), np.asarray(mesh.faces)
 
 
 def example(true_points: np.ndarray, true_normals: np.ndarray, cloud: np.ndarray) -> Example:
@@ -175,82 +182,6 @@ def example(true_points: np.ndarray, true_normals: np.ndarray, cloud: np.ndarray
         *(torch.from_numpy(array) for array in arrays), own.noise / own.typical, own.typical,
         *(torch.from_numpy(array[order].astype(np.float32)) for array in (true_points, true_normals)),
     )  # fmt: skip
-
-
-def drawn(shape: Shape, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (N, 3) on the shape as a sampler or a scanner might draw them, its normals there, and the noisy points."""
-    count = int(math.exp(rng.uniform(math.log(FEWEST), math.log(MOST))))
-    towards = rng.normal(size=3)
-    towards /= np.linalg.norm(towards)
-    kind = rng.choice(["random", "random", "uneven", "even", "from one side"])
-    if kind == "uneven":
-        points, normals = on_shape(shape, 6 * count, rng)
-        dense = np.exp(rng.uniform(0.3, 2.0) * (points @ towards))
-        kept = rng.choice(len(points), count, replace=False, p=dense / dense.sum())
-    elif kind == "even":
-        points, normals = on_shape(shape, 12 * count, rng)
-        cells = np.floor(points / (0.9 * math.sqrt(6 / count)) + rng.random(3)).astype(np.int64)
-        kept = np.unique(cells, axis=0, return_index=True)[1]
-    elif kind == "from one side":
-        points, normals = on_shape(shape, 60_000, rng)
-        kept = seen_from(points, towards, min(int(math.sqrt(2.2 * count)), 150), rng)
-        kept = kept[rng.random(len(kept)) >= rng.choice([0.0, 0.1])]  # sensors miss some
-    else:
-        points, normals = on_shape(shape, count, rng)
-        kept = np.arange(count)
-    points, normals = points[kept], normals[kept]
-    clean = rng.random() < CLEAN
-    noise = 0.0 if clean else noise_of(points, towards if kind == "from one side" else None, rng)
-    return points, normals, (points + noise).astype(np.float32)
-
-
-def noise_of(points: np.ndarray, towards: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
-    """Noise (N, 3) of points (N, 3): to every side; or, of a depth camera, mostly the way that it looks."""
-    spacing = math.sqrt(6 / len(points))
-    size = NOISIEST * rng.random() ** 1.3 * spacing
-    if towards is None or rng.random() < 0.3:
-        noise = size * rng.normal(size=points.shape)
-    else:
-        depth = rng.normal(size=len(points))
-        if rng.random() < 0.5:  # stereo matches patches of pixels, so neighbours err together
-            depth += rng.uniform(0.3, 1.0) * bumps(points, rng.uniform(0.7, 2.5) * spacing, rng)
-        if rng.random() < 0.2:  # and knows whole steps of disparity alone
-            step, straight = rng.uniform(0.2, 1.0) * spacing, points @ towards
-            depth += (np.round(straight / step) * step - straight) / (1.4 * size)
-        noise = 1.4 * size * depth[:, None] * towards
-    if rng.random() < 0.25:
-        noise *= np.abs(rng.normal(size=(len(points), 1)))  # with some far off
-    return noise
-
-
-def bumps(points: np.ndarray, length: float, rng: np.random.Generator) -> np.ndarray:
-    """A smooth random field (N,) at points (N, 3), of variance 1, that is like itself over that length."""
-    waves, phases = rng.normal(size=(3, 64)) / length, rng.uniform(0, 2 * math.pi, 64)
-    field: np.ndarray = math.sqrt(2 / 64) * np.cos(points @ waves + phases).sum(1)
-    return field
-
-
-def on_shape(shape: Shape, count: int, rng: np.random.Generator) -> Sampled:
-    """Random points (count, 3) on a shape, and its normals there."""
-    vertices, faces = shape
-    corners = vertices[faces]
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    sizes = np.linalg.norm(across, axis=1)
-    chosen = rng.choice(len(faces), count, p=sizes / sizes.sum())
-    root, along = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
-    first, second, third = corners[chosen].transpose(1, 0, 2)
-    points = (1 - root) * first + root * (1 - along) * second + root * along * third
-    return points, across[chosen] / sizes[chosen, None]
-
-
-def seen_from(points: np.ndarray, towards: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
-    """Rows of the points that a depth camera of side x side pixels sees, which looks along `towards`."""
-    right = np.cross(towards, rng.normal(size=3))
-    right /= np.linalg.norm(right)
-    axes = np.stack([right, np.cross(towards, right)], 1)
-    pixels = np.floor((points @ axes + 1) / 2 * side).astype(np.int64) @ [side, 1]
-    nearest = np.argsort(points @ towards)
-    return nearest[np.unique(pixels[nearest], return_index=True)[1]]
 
 
 def write_header(path: Path, network: Refinement) -> None:

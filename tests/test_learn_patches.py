@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import sys
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from z2p_core import native
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 import learn_patches
+import scanned_clouds
 
 
 @pytest.fixture
@@ -31,7 +33,7 @@ def test_the_kernel_computes_what_the_network_of_the_shipped_header_does(
     meshes: Path, noise: float, neighbours: int
 ) -> None:
     rng = np.random.default_rng(1)
-    points, normals = learn_patches.on_shape(learn_patches.shape_of(meshes / "vase.ply"), 2000, rng)
+    points, normals = scanned_clouds.on_shape(scanned_clouds.shape_of(meshes / "vase.ply"), 2000, rng)
     cloud = learn_patches.example(points, normals, (points + noise * rng.normal(size=points.shape)).astype(np.float32))
     cloud = dataclasses.replace(cloud, found=cloud.found[:, :neighbours])  # the last block of 16 may be half full
     with torch.no_grad():
@@ -62,7 +64,7 @@ def test_it_learns_and_the_same_seed_learns_the_same(
 ) -> None:
     headers = []
     for run in ("first.h", "second.h"):
-        monkeypatch.setattr(learn_patches, "MOST", 1200)
+        monkeypatch.setattr(scanned_clouds, "MOST", 1200)
         monkeypatch.setattr(sys, "argv", ["", str(meshes), "--steps", "12", "--output", str(tmp_path / run)])
         learn_patches.main()
         headers.append((tmp_path / run).read_bytes())
@@ -70,20 +72,33 @@ def test_it_learns_and_the_same_seed_learns_the_same(
     learnt = learn_patches.read_header(tmp_path / "first.h")
     torch.manual_seed(1)
     fresh, rng = learn_patches.Refinement(), np.random.default_rng(5)
-    vase = learn_patches.shape_of(meshes / "vase.ply")
-    clouds = [learn_patches.example(*learn_patches.drawn(vase, rng)) for _ in range(8)]
+    vase = scanned_clouds.shape_of(meshes / "vase.ply")
+    clouds = [learn_patches.example(*scanned_clouds.drawn(vase, rng)) for _ in range(8)]
     with torch.no_grad():
         before, after = (sum(learn_patches.loss_of(network, cloud) for cloud in clouds) for network in (fresh, learnt))
     assert after < before
 
 
+def test_what_it_has_learnt_is_measured(
+    meshes: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The shipped network, on a shape that it has never seen."""
+    monkeypatch.setattr(learn_patches, "MEASURED", ((1500, 0.0), (1500, 0.01)))
+    vase = scanned_clouds.shape_of(meshes / "vase.ply")
+    learn_patches.measure(learn_patches.read_header(learn_patches.HEADER), [vase])
+    rows = re.findall(r"1500 points, noise [0.]*1?: ([\d.]+) degrees alone, ([\d.]+) together", capsys.readouterr().out)
+    assert len(rows) == 2
+    for alone, together in rows:
+        assert float(together) < 0.95 * float(alone)
+
+
 @pytest.mark.parametrize("seed", range(12))
 def test_clouds_to_learn_from_lie_near_the_shape(meshes: Path, seed: int) -> None:
     """In single cells and from one side as well: as many true points and normals as noisy ones, and a unit each."""
-    points, normals, cloud = learn_patches.drawn(
-        learn_patches.shape_of(meshes / "vase.ply"), np.random.default_rng(seed)
+    points, normals, cloud = scanned_clouds.drawn(
+        scanned_clouds.shape_of(meshes / "vase.ply"), np.random.default_rng(seed)
     )
     assert len(points) == len(normals) == len(cloud) >= 100
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-6)
     off = np.linalg.norm(cloud - points, axis=1)
-    assert np.median(off) < 2.5 * learn_patches.NOISIEST * np.sqrt(6 / len(points))
+    assert np.median(off) < 2.5 * scanned_clouds.NOISIEST * np.sqrt(6 / len(points))
