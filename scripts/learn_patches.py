@@ -120,9 +120,7 @@ def main() -> None:
     asked = parser.parse_args()
     shapes = [shape_of(path) for folder in asked.meshes for path in find_meshes(folder).values()]
     torch.manual_seed(asked.seed)
-    network = Refinement()
-    if asked.begin:
-        network = read_header(asked.begin)
+    network = read_header(asked.begin) if asked.begin else Refinement()
     learn(network, shapes, asked.steps, np.random.default_rng(asked.seed))
     write_header(asked.output, network)
     if asked.measure:
@@ -216,7 +214,8 @@ def numbers_of(network: Refinement) -> list[torch.Tensor]:
     for each in network.rounds:
         assert isinstance(each, Round)
         found += [each.pair.weight.T, each.pair.bias, each.own.weight.T, each.other.weight.T, each.vote.weight]
-        found += [each.next.weight.T, each.next.bias]
+        if each is not network.rounds[-1]:  # after the last nobody remembers; C fills up with zeros
+            found += [each.next.weight.T, each.next.bias]
     return [tensor.detach() for tensor in found]
 
 

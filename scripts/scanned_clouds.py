@@ -50,11 +50,11 @@ def drawn(shape: Shape, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarra
         kept = np.arange(count)
     points, normals = points[kept], normals[kept]
     clean = rng.random() < CLEAN
-    noise = 0.0 if clean else noise_of(points, towards if kind == "from one side" else None, rng)
+    noise = 0.0 if clean else scanner_noise(points, towards if kind == "from one side" else None, rng)
     return points, normals, (points + noise).astype(np.float32)
 
 
-def noise_of(points: np.ndarray, towards: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
+def scanner_noise(points: np.ndarray, towards: np.ndarray | None, rng: np.random.Generator) -> np.ndarray:
     """Noise (N, 3) of points (N, 3): to every side; or, of a depth camera, mostly the way that it looks."""
     spacing = math.sqrt(6 / len(points))
     size = NOISIEST * rng.random() ** 1.3 * spacing
@@ -81,7 +81,7 @@ def bumps(points: np.ndarray, length: float, rng: np.random.Generator) -> np.nda
 
 
 def on_shape(shape: Shape, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Random points (count, 3) on a shape, and its normals there."""
+    """Random points (count, 3) on a shape, and its normals there, which `z2p_core.surface` does not tell."""
     vertices, faces = shape
     corners = vertices[faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -109,8 +109,9 @@ def refine(
     memory, told = np.empty((2, count, WIDTH), np.float32)
     call("z2p_refine_begin", ctypes.c_float(noise), count, memory, told)
     state: tuple[np.ndarray, ...] = (floats(points), floats(normals), memory, told)
+    scale = floats(scale)
     for which in range(ROUNDS):
-        state = _next_round(which, state, found, floats(scale))
+        state = _next_round(which, state, found, scale)
     return state[0], state[1]
 
 
