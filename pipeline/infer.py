@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.buffers import draw_buffers
 from pipeline.engines import start_engine
+from pipeline.enlarging import drawn_size, enlarged
 from pipeline.load import load_plugins
 from storage.checkpoints import resolve
 from storage.fingerprints import file_digest
@@ -88,9 +89,11 @@ class Renderer:
     ) -> np.ndarray:
         """Picture (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units.
 
-        The floor lies at that height; None puts it under the lowest point.
+        The floor lies at that height; None puts it under the lowest point. Of a sparse cloud a smaller picture is drawn
+        and enlarged.
         """
-        return straight_bytes(self._engine.run(*self.inputs(cloud, values, width, height, floor))[0])
+        drawn = self._engine.run(*self.inputs(cloud, values, *drawn_size(cloud, width, height), floor))[0]
+        return straight_bytes(enlarged(drawn, width, height))
 
     def inputs(
         self,

@@ -36,9 +36,10 @@ _NETWORK = (
 )
 
 OF_WEIGHTS = (
-    "pipeline.buffers", "pipeline.load", "pipeline.infer", "pipeline.engines", "storage.checkpoints", "storage.exports",
-    "storage.graphs", "storage.shelf", "z2p_core.model", "z2p_core.reflection", "z2p_core.sizes", "z2p_core.splatting",
-    "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", *_KERNELS,
+    "pipeline.buffers", "pipeline.load", "pipeline.infer", "pipeline.enlarging", "pipeline.engines",
+    "storage.checkpoints", "storage.exports", "storage.graphs", "storage.shelf", "z2p_core.model",
+    "z2p_core.reflection", "z2p_core.sizes", "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads",
+    "z2p_core.turning", *_KERNELS,
 )
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
 PLACING = (
@@ -48,8 +49,9 @@ PLACING = (
 """Those of them that placing a scan runs as well, whichever method then draws it."""
 _CASES = (
     *(f"pipeline.paper.{name}" for name in ("sweeps", "clouds", "made", "references", "methods")), "pipeline.baselines",
-    *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer", "pipeline.engines",
-    "pipeline.sample:draw_cloud", "pipeline.truth", "pipeline.views", "pipeline.shapes",
+    *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer",
+    "pipeline.enlarging", "pipeline.engines", "pipeline.sample:draw_cloud", "pipeline.truth", "pipeline.views",
+    "pipeline.shapes",
     "storage.exports", "storage.graphs", "storage.shelf", "z2p_core.sizes",
     "z2p_core.framing:UP_AXES", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
 )
@@ -79,9 +81,9 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
-        "pipeline.engines", "storage.exports", "storage.graphs", "storage.shelf", "z2p_core.sizes",
+        "pipeline.enlarging", "pipeline.engines", "storage.exports", "storage.graphs", "storage.shelf",
         "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
-        "z2p_core.metrics", "z2p_core.noise", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
+        "z2p_core.metrics", "z2p_core.noise", "z2p_core.sizes", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),
     "reference": ("pipeline.truth", "z2p_core.scene", *_PICTURES),
     "measure": (

@@ -117,6 +117,13 @@ def scatter(cloud: np.ndarray) -> float:
     return noise_of(grid, asked, found, typical) / typical
 
 
+def typical_spacing(cloud: np.ndarray) -> float:
+    """Median spacing of a cloud's points (N, 3), N >= 1, or of those that stand for so many; in its units."""
+    grid = native.Grid(thinned(cloud, MOST_POINTS))
+    _, spacing = grid.neighbours(np.arange(len(grid.points), dtype=np.int32), FEWEST)
+    return float(np.median(spacing))
+
+
 def probes(count: int) -> np.ndarray:
     """Rows (M,) int32 at which noise is measured, of so many."""
     return np.arange(0, count, max(count // PROBES, 1), dtype=np.int32)

@@ -31,14 +31,12 @@ typedef struct {
 /* One number of each unit. Spelt out, as compilers turn loops over so few the wrong way round. */
 typedef float Units __attribute__((vector_size(4 * WIDTH)));
 typedef int Masks __attribute__((vector_size(4 * WIDTH)));
+typedef float Half __attribute__((vector_size(2 * WIDTH)));
+typedef float Quarter __attribute__((vector_size(WIDTH)));
 
-/* What is measured of a neighbour: its normal, turned as the point's own; the step to it; and how far that rises along
- * either normal. */
-enum { NORMAL, STEP = 3, RISE = 6, THEIR_RISE, MEASURES };
-
-/* What the units say is summed over the neighbours as it is, and times a neighbour's normal, the step to it times
- * either rise, and the rise: votes are made of these. */
-enum { SAID, TURN, CLIMB = TURN + 3, THEIR_CLIMB = CLIMB + 3, HEIGHT = THEIR_CLIMB + 3, SUMS };
+/* What votes are made of, measured of a neighbour: its normal, turned as the point's own; the step to it times how far
+ * that rises along either normal; and the rise itself. What the units say is summed over the neighbours times each. */
+enum { TURN, CLIMB = 3, THEIR_CLIMB = 6, RISE = 9, MEASURES };
 
 INLINE Units units(const float *numbers) {
     Units all;
@@ -57,11 +55,13 @@ INLINE Units product(Units numbers, const float (*weights)[WIDTH]) {
 
 /* Sum of all units, by halves, so that no addition waits for the one before. */
 INLINE float total(Units all) {
-    float numbers[WIDTH];
-    memcpy(numbers, &all, sizeof all);
-    for (int half = WIDTH / 2; half; half /= 2)
-        for (int i = 0; i < half; i++) numbers[i] += numbers[i + half];
-    return numbers[0];
+    Half halves[2];
+    memcpy(halves, &all, sizeof halves);
+    halves[0] += halves[1];
+    Quarter quarters[2];
+    memcpy(quarters, halves, sizeof quarters);
+    Quarter sums = quarters[0] + quarters[1];
+    return (sums[0] + sums[2]) + (sums[1] + sums[3]);
 }
 
 /* Measures of the first `count` neighbours in `row`, and what the units read of them: lengths and angles. */
@@ -70,21 +70,22 @@ INLINE void measure(const float *points, const float *normals, const float *p, c
     for (int j = 0; j < LANES; j++) {
         size_t other = 3 * (size_t)row[j < count ? j : count - 1];
         for (int a = 0; a < 3; a++) {
-            measures[STEP + a][j] = (points[other + a] - p[a]) * unit;
-            measures[NORMAL + a][j] = normals[other + a];
+            measures[CLIMB + a][j] = (points[other + a] - p[a]) * unit;
+            measures[TURN + a][j] = normals[other + a];
         }
     }
     for (int j = 0; j < LANES; j++) {
-        float x = measures[STEP][j], y = measures[STEP + 1][j], z = measures[STEP + 2][j];
+        float x = measures[CLIMB][j], y = measures[CLIMB + 1][j], z = measures[CLIMB + 2][j];
         float shorter = 1 / sqrtf(1 + (x * x + y * y + z * z) * (1 / (REACH * REACH)));
-        float u = measures[NORMAL][j], v = measures[NORMAL + 1][j], w = measures[NORMAL + 2][j];
+        float u = measures[TURN][j], v = measures[TURN + 1][j], w = measures[TURN + 2][j];
         float along = u * n[0] + v * n[1] + w * n[2], sign = along < 0 ? -1.0f : 1.0f;
         x *= shorter, y *= shorter, z *= shorter;
         u *= sign, v *= sign, w *= sign;
         float rise = x * n[0] + y * n[1] + z * n[2], theirs = x * u + y * v + z * w, square = x * x + y * y + z * z;
-        measures[NORMAL][j] = u, measures[NORMAL + 1][j] = v, measures[NORMAL + 2][j] = w;
-        measures[STEP][j] = x, measures[STEP + 1][j] = y, measures[STEP + 2][j] = z;
-        measures[RISE][j] = rise, measures[THEIR_RISE][j] = theirs;
+        measures[TURN][j] = u, measures[TURN + 1][j] = v, measures[TURN + 2][j] = w;
+        measures[CLIMB][j] = x * rise, measures[CLIMB + 1][j] = y * rise, measures[CLIMB + 2][j] = z * rise;
+        measures[THEIR_CLIMB][j] = x * theirs, measures[THEIR_CLIMB + 1][j] = y * theirs;
+        measures[THEIR_CLIMB + 2][j] = z * theirs, measures[RISE][j] = rise;
         features[0][j] = square;
         features[1][j] = rise * rise;
         features[2][j] = theirs * theirs;
@@ -94,22 +95,17 @@ INLINE void measure(const float *points, const float *normals, const float *p, c
     }
 }
 
-/* Adds up what the units say of the first `count` neighbours in `row`. */
+/* Adds up what the units say of the first `count` neighbours in `row`, as it is and times each measure. */
 INLINE void add_up(const Round *round, Units own, const float *told, const int *row, int count,
-                   float (*measures)[LANES], float (*features)[LANES], Units *sums) {
+                   float (*measures)[LANES], float (*features)[LANES], Units *all, Units *sums) {
     Units pair[FEATURES];
     for (int f = 0; f < FEATURES; f++) pair[f] = units(round->pair[f]);
     for (int j = 0; j < count; j++) {
         Units said = own + units(told + (size_t)row[j] * WIDTH);
         for (int f = 0; f < FEATURES; f++) said += features[f][j] * pair[f];
         said = positive(said);
-        sums[SAID] += said;
-        sums[HEIGHT] += said * measures[RISE][j];
-        for (int a = 0; a < 3; a++) {
-            sums[TURN + a] += said * measures[NORMAL + a][j];
-            sums[CLIMB + a] += said * (measures[STEP + a][j] * measures[RISE][j]);
-            sums[THEIR_CLIMB + a] += said * (measures[STEP + a][j] * measures[THEIR_RISE][j]);
-        }
+        *all += said;
+        for (int m = 0; m < MEASURES; m++) sums[m] += said * measures[m][j];
     }
 }
 
@@ -137,26 +133,26 @@ FAST int z2p_refine(int which, const float *points, const float *normals, const 
         const float *p = points + 3 * (size_t)i, *n = normals + 3 * (size_t)i;
         const int *row = found + (size_t)i * most;
         float share = 1 / (float)most, turned[3];
-        Units own = units(memory + (size_t)i * WIDTH), sums[SUMS] = {{0}};
+        Units own = units(memory + (size_t)i * WIDTH), said = {0}, sums[MEASURES] = {{0}};
         Units heard = units(round->bias) + product(own, round->own);
         for (int first = 0; first < most; first += LANES) {
             float measures[MEASURES][LANES], features[FEATURES][LANES];
             int count = most - first < LANES ? most - first : LANES;
             measure(points, normals, p, n, row + first, count, 1 / scale[i], measures, features);
-            add_up(round, heard, told, row + first, count, measures, features, sums);
+            add_up(round, heard, told, row + first, count, measures, features, &said, sums);
         }
         Units vote[4];
         for (int v = 0; v < 4; v++) vote[v] = share * units(round->vote[v]);
         for (int a = 0; a < 3; a++)
             turned[a] = n[a] + total(vote[0] * sums[TURN + a] + vote[1] * sums[CLIMB + a]
                                      + vote[2] * sums[THEIR_CLIMB + a]);
-        float length = sqrtf(dot(turned, turned)), lift = scale[i] * total(vote[3] * sums[HEIGHT]);
+        float length = sqrtf(dot(turned, turned)), lift = scale[i] * total(vote[3] * sums[RISE]);
         for (int a = 0; a < 3; a++) {
             points_after[3 * (size_t)i + a] = p[a] + lift * n[a];
             normals_after[3 * (size_t)i + a] = length > 1e-6f ? turned[a] / length : n[a];
         }
         if (which + 1 == ROUNDS) continue; /* nobody listens any more */
-        Units learnt = product(sums[SAID] * share, round->learn);
+        Units learnt = product(said * share, round->learn);
         Units after = positive(units(round->forget) + product(own, round->keep) + learnt);
         Units says = product(after, round[1].other);
         memcpy(memory_after + (size_t)i * WIDTH, &after, sizeof after);
