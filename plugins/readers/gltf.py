@@ -1,4 +1,5 @@
-"""What trimesh does not know of today's binary glTF: packed meshes are refused, normalized positions converted."""
+"""What trimesh does not know of today's binary glTF: packed meshes are refused, normalized positions converted, and a
+file without a scene, which the format allows, gets one."""
 
 from __future__ import annotations
 
@@ -25,6 +26,8 @@ _JSON, _BINARY = b"JSON", b"BIN\0"
 def readable_glb(blob: bytes) -> bytes:
     """The same GLB as trimesh can read it, with normalized positions as floats: trimesh would take 32767 for 32767.
 
+    Without a scene trimesh would find nothing, so one of all nodes is added.
+
     Raises:
         ScanError: the meshes are packed, or not in the file.
         Exception: the file is damaged; whatever the parsing stumbles over.
@@ -38,12 +41,23 @@ def readable_glb(blob: bytes) -> bytes:
     parts = [part for mesh in tree.get("meshes", ()) for part in mesh["primitives"]]
     used = {part.get("attributes", {}).get("POSITION") for part in parts}
     whole = [index for index in used if index is not None and _is_whole(tree["accessors"][index])]
-    if not whole:
+    bare = bool(parts) and not tree.get("scenes")
+    if not whole and not bare:
         return blob
+    if bare:
+        _add_scene(tree)
     binary = bytearray(blob[20 + length + 8 :])
     for index in whole:
         _make_float(tree, tree["accessors"][index], binary)
     return _packed(tree, bytes(binary))
+
+
+def _add_scene(tree: dict[str, Any]) -> None:
+    """Puts all nodes into a scene, and before that each mesh into a node where there is none."""
+    nodes = tree.get("nodes") or [{"mesh": index} for index in range(len(tree.get("meshes", ())))]
+    below = {child for node in nodes for child in node.get("children", ())}
+    roots = [index for index in range(len(nodes)) if index not in below]
+    tree.update(nodes=nodes, scenes=[{"nodes": roots}], scene=0)
 
 
 def _is_whole(accessor: dict[str, Any]) -> bool:

@@ -34,7 +34,8 @@ class Vertices(Reader):
 
 def _obj(blob: bytes) -> np.ndarray:
     """Points of the ``v`` lines; trimesh would drop vertices without a face and double those on texture seams."""
-    rows = [line.split()[1:4] for line in blob.splitlines() if line.lstrip()[:2] in (b"v ", b"v\t")]
+    whole = blob.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")  # a line goes on after a backslash
+    rows = [line.split()[1:4] for line in whole.splitlines() if line.lstrip()[:2] in (b"v ", b"v\t")]
     if not rows and blob.strip():
         raise ScanError("expected OBJ vertices (lines 'v x y z'), found none; this is another format under that name, "
                         "or it holds no points")

@@ -254,6 +254,8 @@ def test_obj_keeps_vertices_without_faces(tmp_path: Path) -> None:
         assert np.array_equal(read(path)[0], points)
     path.write_text("\n".join(f"{line} 1.0 0.5 0.5" for line in lines))  # vertex colours
     assert np.array_equal(read(path)[0], points)
+    path.write_bytes("\n".join(lines).replace(" ", " \\\r\n").encode())  # lines that go on after a backslash
+    assert np.array_equal(read(path)[0], points)
 
 
 def test_off_keeps_vertices_without_faces(tmp_path: Path) -> None:

@@ -66,6 +66,17 @@ def test_glb_positions_in_whole_numbers_stand_for_parts_of_one_where_the_file_sa
     refused(path, glb(tree, binary)[:-200], "cannot be read")
 
 
+def test_glb_without_a_scene_shows_all_its_nodes_or_meshes(tmp_path: Path) -> None:
+    rows = cloud(5, "<f4")
+    accessor = {"bufferView": 0, "componentType": 5126, "count": 5, "type": "VEC3"}
+    tree = {"meshes": [points_of(0)], "accessors": [accessor], "scenes": [],
+            "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 60}]}  # fmt: skip
+    moved = [{"children": [1], "translation": [5, 0, 0]}, {"mesh": 0}]
+    for nodes, expected in (([], rows), (moved, rows + np.float32([5, 0, 0]))):
+        (tmp_path / "a.glb").write_bytes(glb(tree | {"nodes": nodes}, rows.tobytes()))
+        np.testing.assert_allclose(read(tmp_path / "a.glb")[0], expected, atol=1e-6)
+
+
 def test_stl_of_another_length_than_promised(tmp_path: Path) -> None:
     path = tmp_path / "a.stl"
     corners = cloud(12, "<f4").reshape(4, 3, 3)
