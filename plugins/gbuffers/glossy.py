@@ -32,7 +32,7 @@ class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "7"
+    version = "8"
     refines = "surfels"
 
 
@@ -93,8 +93,7 @@ class Reflections(Lighting):
 
     def light_on(self, rows: np.ndarray, sides: np.ndarray, albedo: np.ndarray) -> np.ndarray:
         """What diffuse points of these rows and sides (M,) get, of these albedos (A,): (M, A), as `light` gives it."""
-        light: np.ndarray = sum(bounce[sides, rows, None] * albedo**times for times, bounce in enumerate(self.bounces))
-        return light
+        return self.gathered([bounce[sides, rows] for bounce in self.bounces], albedo)
 
     def lamp_in(self, points: np.ndarray, normals: np.ndarray, mirrored: np.ndarray, direct: np.ndarray) -> np.ndarray:
         """Radiance (M,) of the light in lobes about directions (M, 3), hidden as much as it is from matt points (M, 3).

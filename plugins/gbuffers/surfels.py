@@ -24,7 +24,7 @@ from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
 from z2p_core.threads import beside, over_rows
 from z2p_core.turning import products, turned
 
-OVERLAP, SLACK = 1.35, 0.7
+OVERLAP, SLACK = 1.45, 0.7
 """Radius of a disc in those of its Voronoi cell, which alone would close the surface, and how far behind the nearest
 disc another still counts, in radii."""
 SMALLEST, LARGEST = 0.8, 1.5
@@ -38,9 +38,9 @@ NARROWEST, WIDEST = 0.5, 2.5
 """Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
 SPARSE = 0.6
 """Light takes the cloud for as sparse as so much of the spacing that a tenth of the points exceed, if that is more."""
-SURE, FULL = 50.0, 1.8
-"""Of coverage: a pixel that discs only touch with their rim stays in doubt. Of density: what discs of that radius add
-up to where they lie all around; about a third of it is the surface's border."""
+SURE, FULL = 15.0, 2.7
+"""Of coverage: what discs only touch with their rim stays in doubt. Of density: what discs of that radius add up to
+where they lie all around; about a third of it is the surface's border."""
 NEAR, FAR = 2.6, 4.6
 """Depths of the unit sphere's near and far end."""
 LAMPS, FLOOR_LAMPS = 16, 64
@@ -50,25 +50,22 @@ QUARTERS = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / math.sqrt(12)
 (Gauss's quadrature)."""
 SKY_DIRECTIONS, FLOOR_SKY, MIRRORED = 24, 64, 64
 """Directions that stand for the sky, likewise; and those in which the floor mirrors."""
-FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.0125, 720, 96
+FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.0125, 720, 128
 """Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side; and cells
 a side for the light that comes back from the cloud."""
 FLOOR_ALBEDO, FLOOR_ROUGHNESS, FLOOR_INDEX = 0.8, 0.5, 1.5
 """Blender's own for a surface without a material, which is a Principled BSDF."""
-BOUNCES = 2
-"""How often light is followed from the cloud's points to each other, and by way of the floor."""
-BALL = 0.7
-"""Radius in spacings of the balls that points are where their shadow is drawn out."""
-SOFT = 5
-"""Cells to every side over which the sky's shadow is averaged, which so few directions leave in steps."""
+BOUNCES, LATER = 2, 0.9
+"""How often light is followed from point to point and over the floor, and the most of a bounce's that the next has."""
+BALL, SOFT = 0.7, 5
+"""Radius in spacings of the balls that points are where their shadow is drawn out; and cells to every side over which
+the sky's shadow is averaged, which so few directions leave in steps."""
 RIM = 0.05
 """By how much the lamp's shadow is too dark where nearly all of its light comes through: cells make outlines wide."""
-GREY = 0.5
-"""Albedo of the grey picture: dark enough to stay below white under the nearest light."""
+GREY, SKY = 0.5, 50.0
+"""Albedo of the grey picture, below white under the nearest light; and distance at which a lamp is a direction."""
 STRIPS = 6
 """Strips of a picture, which the cores take in turn. One core draws the same, for they tell which discs are hidden."""
-SKY = 50.0
-"""Distance at which a lamp is a direction."""
 
 
 class Surfels(GBuffer):
@@ -81,7 +78,7 @@ class Surfels(GBuffer):
     """
 
     name = "surfels"
-    version = "8"
+    version = "9"
     channels = 10
     lighting: ClassVar[type[Lighting]]
 
@@ -187,8 +184,17 @@ class Lighting:
 
     def light(self, albedo: np.ndarray) -> np.ndarray:
         """What diffuse surfaces of these albedos (A,) get: (N, A), as the radiance of a white one, linear."""
-        light: np.ndarray = sum(bounce[0][:, None] * albedo**times for times, bounce in enumerate(self.bounces))
-        return light
+        return self.gathered([bounce[0] for bounce in self.bounces], albedo)
+
+    def gathered(self, bounces: list[np.ndarray], albedo: np.ndarray) -> np.ndarray:
+        """Light (M, A) on surfaces of these albedos (A,), which get so much of each bounce, (M,) each.
+
+        The last has all later ones in it, each as much fainter than the one before as the last was.
+        """
+        before, last = (float(bounce[0].mean()) for bounce in self.bounces[-2:])
+        shares = albedo ** np.arange(BOUNCES + 1, dtype=np.float32)[:, None]
+        shares[-1] /= 1 - min(last / max(before, 1e-6), LATER) * albedo
+        return np.einsum("bm,ba->ma", np.stack(bounces), shares)
 
 
 Surfels.lighting = Lighting
@@ -201,10 +207,9 @@ def mirrored_eyes(viewer: np.ndarray, floor: float) -> np.ndarray:
     """
     towards = viewer - (0.0, 0.0, floor)
     distance = float(np.linalg.norm(towards))
-    towards = towards / distance
     aside = np.array([towards[0], towards[1], 0.0]) / max(math.hypot(towards[0], towards[1]), 1e-9)
     axes = np.stack([aside, np.cross((0.0, 0.0, 1.0), aside), (0.0, 0.0, 1.0)])
-    ways = mirror_directions(round(float(towards[2]), 4), FLOOR_ROUGHNESS, FLOOR_INDEX, MIRRORED)
+    ways = mirror_directions(round(float(towards[2]) / distance, 4), FLOOR_ROUGHNESS, FLOOR_INDEX, MIRRORED)
     places: np.ndarray = np.array([0.0, 0.0, floor]) - distance * ways @ axes
     return places
 

@@ -17,7 +17,7 @@ from z2p_core.native.sources import NOTE, digest, outdated
 
 ROOT = Path(__file__).parents[2]
 
-FULL, NEAR, FAR = 2.0, 1.0, 6.0
+SURE, FULL, NEAR, FAR = 25.0, 2.0, 1.0, 6.0
 
 
 def depth_of(drawn):
@@ -29,7 +29,7 @@ def surfels_of(points, normals, radius, camera, features=None, slack=2.0, clips=
     radii = np.full(len(points), radius, np.float32)
     drawn = np.zeros((9, camera.height, camera.width), np.float32)
     clips = nothing_ends(points) if clips is None else clips
-    native.surfels(points, normals, radii, clips, features, camera, slack, 25.0, FULL, NEAR, FAR, drawn)
+    native.surfels(points, normals, radii, clips, features, camera, slack, SURE, FULL, NEAR, FAR, drawn)
     return drawn
 
 
@@ -44,7 +44,8 @@ def test_a_disc_facing_the_camera_covers_its_area_at_its_depth():
     camera = Camera(128, 128)
     drawn = surfels_of(np.float32([[0.2, -0.1, 3.0]]), TOWARDS[None], 0.3, camera)
     covered = drawn[0] > 0
-    assert covered.sum() == pytest.approx(math.pi * (0.3 * camera.focal / 3) ** 2, rel=0.03)
+    area = math.pi * (0.3 * camera.focal / 3) ** 2
+    assert drawn[0].sum() == pytest.approx(area * (1 - 1 / SURE), rel=0.01)  # its rim is in doubt
     np.testing.assert_allclose(depth_of(drawn)[covered], 3.0, rtol=1e-5)
     assert drawn[0].max() == pytest.approx(1) and not drawn[:, ~covered].any()
     rows, columns = np.nonzero(covered)
@@ -54,11 +55,12 @@ def test_a_disc_facing_the_camera_covers_its_area_at_its_depth():
 
 def test_a_tilted_disc_has_the_depth_of_its_plane():
     camera, normal = Camera(128, 128), np.float32([0.6, 0, -0.8])
-    drawn = surfels_of(np.float32([[0, 0, 3.0]]), normal[None], 0.4, camera)
-    rows, columns = np.nonzero(drawn[0] > 0)
+    drawn = surfels_of(np.float32([[0, 0, 3.0]]), normal[None], 0.1, camera)
+    rows, columns = np.nonzero(drawn[0] > 0.9)
+    assert len(rows) > 50
     rays = np.stack([(columns + 0.5 - 64) / camera.focal, (rows + 0.5 - 64) / camera.focal, np.ones(len(rows))], 1)
     depth = depth_of(drawn)[rows, columns]
-    np.testing.assert_allclose(depth * (rays @ normal), 3.0 * normal[2], rtol=1e-4)
+    np.testing.assert_allclose(depth * (rays @ normal), 3.0 * normal[2], rtol=1e-3)
 
 
 def test_next_to_nothing_of_a_disc_lies_over_the_planes_that_end_it():
@@ -71,7 +73,7 @@ def test_next_to_nothing_of_a_disc_lies_over_the_planes_that_end_it():
     left = (x <= 0.1) & (x[:, None] >= 0)
     np.testing.assert_array_equal(drawn[:, left], whole[:, left])
     beyond = ~left & (whole[1] > 0.2)
-    assert (drawn[1, beyond] < 0.02 * whole[1, beyond]).all()  # next to nothing, of the same depth and colour
+    assert (drawn[1, beyond] < 0.04 * whole[1, beyond]).all()  # next to nothing, of the same depth and colour
     np.testing.assert_allclose(drawn[2:, beyond], whole[2:, beyond], rtol=1e-5)
 
 
@@ -81,7 +83,7 @@ def test_what_lies_over_a_discs_end_hides_nothing_behind_it():
     clips = nothing_ends(points)
     clips[0, 0] = 1, 0, 0, -0.1  # the nearer disc only shows left of its middle
     drawn = surfels_of(points, np.tile(TOWARDS, (2, 1)), 0.3, camera, features, 0.5, clips)
-    assert drawn[4, 32, 32] > 0.98 and depth_of(drawn)[32, 32] == pytest.approx(3.0, abs=0.02)
+    assert drawn[4, 32, 32] > 0.96 and depth_of(drawn)[32, 32] == pytest.approx(3.0, abs=0.02)
 
 
 def test_the_nearest_disc_shows_and_touching_ones_blend():
@@ -93,6 +95,22 @@ def test_the_nearest_disc_shows_and_touching_ones_blend():
             drawn = surfels_of(points[order], np.tile(TOWARDS, (2, 1)), 0.2, camera, features[order])
             assert (drawn[3, 32, 32] > 0, drawn[4, 32, 32] > 0) == (True, blended)
             assert drawn[3:5, 32, 32].sum() == pytest.approx(1)
+
+
+def test_pixels_on_an_edge_are_covered_in_part_and_show_both_sides():
+    """A near disc before a large far one: its colour's mean is its share of the area, and there is some in between."""
+    camera, points = Camera(64, 64), np.float32([[0.013, 0.007, 2.0], [0, 0, 5.0]])
+    features = np.float32([[1, 0, 0, 0, 0, 0], [0, 1, 0, 0, 0, 0]])
+    radii = np.float32([0.2, 4.0])
+    drawn = np.zeros((9, 64, 64), np.float32)
+    facing, clips = np.tile(TOWARDS, (2, 1)), nothing_ends(points)
+    native.surfels(points, facing, radii, clips, features, camera, 0.5, 1e4, FULL, NEAR, FAR, drawn)
+    np.testing.assert_allclose(drawn[0], 1, atol=1e-6)
+    np.testing.assert_allclose(drawn[3] + drawn[4], 1, atol=1e-5)
+    assert drawn[3].sum() == pytest.approx(math.pi * (0.2 * camera.focal / 2.0) ** 2, rel=0.02)
+    assert set(np.round(4 * drawn[3], 3).ravel()) == {0, 1, 2, 3, 4}
+    alone = surfels_of(points[:1], TOWARDS[None], 0.2, camera)
+    np.testing.assert_array_equal(alone[0] > 0, drawn[3] > 0)
 
 
 def test_density_is_the_weight_of_the_discs_over_that_of_a_full_surface():
@@ -126,7 +144,7 @@ def test_discs_at_the_borders_are_cut_and_the_rest_of_them_is_as_in_a_larger_pic
     small, large = Camera(61, 61), Camera(161, 61)  # the same focal length, the small one in the large one's middle
     cut, whole = (surfels_of(points, normals, 0.12, camera, features) for camera in (small, large))
     other = np.abs(cut - whole[:, :, 50:111]).max(0) > 2e-5
-    assert other.sum() <= 3  # where a rim just touches a pixel's centre, or not
+    assert other.sum() <= 9  # where a rim just touches a sample, or not
     assert (cut[0, :, [0, -1]] > 0).any() and (cut[0, [0, -1]] > 0).any()
 
 

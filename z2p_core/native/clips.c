@@ -9,7 +9,7 @@
 
 #define TURNED 0.906f /* cosine of 25 degrees, by which a neighbour must be turned to end a disc */
 #define ROOM 0.035f   /* of its radius, by which a disc goes on over a neighbour's plane */
-#define REACH 1.7f    /* radii within which neighbours count */
+#define REACH 1.6f    /* radii within which neighbours count */
 
 /* How far along the disc of a point p, with normal n, the plane of another, q and m, ends it; INFINITY where it does
  * not: the planes are hardly turned, or the viewer, whom both normals face, looks into the valley between them. */

@@ -69,10 +69,11 @@ def surfels(
     """Draws discs into `out` (9, H, W): coverage, density, depth and six features; 0 off the discs.
 
     Points (N, 3), normals (N, 3), which face it, and the planes `clips` (N, 4, 4) that end discs (see
-    `z2p_core.native.clips`) are in the camera's axes; features are (N, 6). Where discs overlap, those at most `slack`
-    of their radius behind the nearest are averaged, by weights w that fall from 1 to 0 towards a disc's rim. Of their
-    sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes from 1 at `near` to 0 at `far`.
-    Only `rows` from the first up to the last, that one excluded, are drawn.
+    `z2p_core.native.clips`) are in the camera's axes; features are (N, 6). A pixel is the mean of four samples. Where
+    discs overlap, those at most `slack` of their radius behind the nearest are averaged, by weights w that fall from 1
+    to 0 towards a disc's rim. Of their sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes
+    from 1 at `near` to 0 at `far`. Samples count as far as they are covered. Only `rows` from the first up to the last,
+    that one excluded, are drawn.
     """
     first, last = rows or (0, camera.height)
     call(

@@ -1,202 +1,194 @@
 /* Surfels: each point as a small disc in its tangent plane, drawn where the nearest ones are seen and blended there. */
 
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "clips.h"
+#include "disc.h"
 #include "fast.h"
 
-#define NEAREST_PLANE 0.1f
-#define PIXEL 8 /* sums for each pixel, in as many lines a row: weight, depth and six features */
-#define ROW 64  /* pixels that are resolved at a time */
-#define DOUBT 0.01f /* weight beyond a disc's end: it hides nothing there, but shows where nothing else does */
-#define LANES 8 /* pixels of a row are met so many at a time, beyond the disc's end too */
-
-typedef struct {
-    float at[3], normal[3]; /* in the camera's axes */
-    float radius, plane;    /* plane: normal . at */
-    int left, right, top, bottom, point, ends; /* `ends` planes end it before its rim */
-    const float *clips;
-} Disc;
-
-typedef struct {
-    int left, top, wide, high; /* the part of the picture that discs reach */
-} Box;
-
-static int clamp_pixel(float value, int high) { return value < 0 ? 0 : value > (float)high ? high : (int)value; }
-
-/* Fills in the rectangle of pixels, in rows from `first` to `last` - 1, that may show the disc; 0 when none does. */
-static int place_disc(Disc *disc, float focal, int width, int height, int first, int last) {
-    const float *p = disc->at;
-    if (p[2] < NEAREST_PLANE) return 0;
-    float reach = disc->radius * focal / fmaxf(p[2] - disc->radius, NEAREST_PLANE);
-    float x = p[0] / p[2] * focal + 0.5f * (float)width, y = p[1] / p[2] * focal + 0.5f * (float)height;
-    if (x + reach < 0 || y + reach < 0 || x - reach >= (float)width || y - reach >= (float)height) return 0;
-    disc->left = clamp_pixel(x - reach, width - 1);
-    disc->right = clamp_pixel(x + reach, width - 1);
-    disc->top = clamp_pixel(y - reach, height - 1);
-    disc->bottom = clamp_pixel(y + reach, height - 1);
-    if (disc->top < first) disc->top = first;
-    if (disc->bottom >= last) disc->bottom = last - 1;
-    if (disc->top > disc->bottom) return 0;
-    disc->plane = disc->normal[0] * p[0] + disc->normal[1] * p[1] + disc->normal[2] * p[2];
-    return 1;
-}
+#define SIDE 2 /* samples along a pixel's side */
+#define SUMS 8 /* for each sample, in as many lines a row: weight, depth and six features */
+#define BAND 8 /* rows of pixels whose sums are kept at a time: they stay in the core's own cache */
+#define ROW 64 /* pixels that are resolved at a time */
+#define DOUBT 0.02f /* weight beyond a disc's end: it hides nothing there, but shows where nothing else does */
+#define HIDDEN 1.0f /* radii that a disc's middle lies behind what is nearest there, from which on it is not drawn */
 
 /* The discs that the picture may show, how many they are, and the box that holds them all. */
-static int place_all(const float *points, const float *normals, const float *radii, const float *clips, int count,
-                     float focal, int width, int height, int first, int last, Disc *discs, Box *box) {
-    int placed = 0, left = width, right = -1, top = height, bottom = -1;
+INLINE int place_all(const float *points, const float *normals, const float *radii, const float *clips, int count,
+                     float slack, const View *view, Disc *discs, Box *box) {
+    int placed = 0;
+    *box = (Box){view->width, view->height, 0, 0};
     for (int i = 0; i < count; i++) {
         Disc *disc = discs + placed;
-        memcpy(disc->at, points + 3 * (size_t)i, sizeof disc->at);
-        memcpy(disc->normal, normals + 3 * (size_t)i, sizeof disc->normal);
-        disc->radius = radii[i];
+        Box reach;
+        if (!place_disc(disc, points + 3 * (size_t)i, normals + 3 * (size_t)i, radii[i], clips + 4 * CLIPS * (size_t)i,
+                        view, &reach)) continue;
         disc->point = i;
-        disc->clips = clips + 4 * CLIPS * (size_t)i;
-        for (disc->ends = 0; disc->ends < CLIPS && disc->clips[4 * disc->ends + 3] < INFINITY;) disc->ends++;
-        if (!place_disc(disc, focal, width, height, first, last)) continue;
+        disc->radius = radii[i], disc->behind = slack * radii[i];
         placed++;
-        if (disc->left < left) left = disc->left;
-        if (disc->right > right) right = disc->right;
-        if (disc->top < top) top = disc->top;
-        if (disc->bottom > bottom) bottom = disc->bottom;
+        if (reach.left < box->left) box->left = reach.left;
+        if (reach.right > box->right) box->right = reach.right;
+        if (reach.top < box->top) box->top = reach.top;
+        if (reach.bottom > box->bottom) box->bottom = reach.bottom;
     }
-    *box = (Box){left, top, right - left + 1, bottom - top + 1};
+    box->left -= box->left % SIDE, box->top -= box->top % SIDE; /* to whole pixels */
+    box->right += -box->right & (SIDE - 1), box->bottom += -box->bottom & (SIDE - 1);
     return placed;
 }
 
-/* Along a row of pixels from disc->left to disc->right, and on to whole LANES: depth of the disc on each ray, and
- * weight, 0 for a miss, negative beyond a plane that ends the disc. */
-INLINE void meet_row(const Disc *disc, float focal, float middle, float ry, float *restrict depth,
-                     float *restrict weight) {
-    float inverse = 1 / (disc->radius * disc->radius), step = 1 / focal;
-    float first = ((float)disc->left + 0.5f - middle) * step, across = disc->normal[0];
-    float rest = disc->normal[1] * ry + disc->normal[2];
-    int wide = disc->right - disc->left + 1, whole = (wide + LANES - 1) / LANES * LANES;
-    for (int i = 0; i < whole; i++) {
-        float rx = first + (float)i * step, slant = across * rx + rest;
-        /* normals face the camera; a disc seen from its very edge is a miss */
-        float z = disc->plane / (slant < -0.02f ? slant : -0.02f);
-        float dx = rx * z - disc->at[0], dy = ry * z - disc->at[1], dz = z - disc->at[2];
-        float inside = 1 - (dx * dx + dy * dy + dz * dz) * inverse;
-        int hit = (inside > 0) & (slant < -0.02f) & (z > NEAREST_PLANE) & (i < wide);
-        depth[i] = z;
-        weight[i] = hit ? inside * inside + 1e-3f : 0;
+/* Keeps the depth of what is nearest in a row of samples. */
+INLINE void keep_nearest(const Row *row, int ends, float *nearest) {
+    Lanes x = first_lanes(row), depth, inside;
+    Masks over;
+    for (int i = row->left; i <= row->right; i += LANES, x += (float)LANES) {
+        Masks shows = meet(row, ends, x, &depth, &inside, &over) & ~over;
+        Lanes known = lanes(nearest + i);
+        shows &= depth < known;
+        known = (Lanes)((shows & (Masks)depth) | (~shows & (Masks)known));
+        memcpy(nearest + i, &known, sizeof known);
     }
-    for (const float *clip = disc->clips, *end = clip + 4 * disc->ends; clip < end; clip += 4) {
-        float sideways = clip[0], ahead = clip[1] * ry + clip[2], most = clip[3];
-        for (int i = 0; i < whole; i++) {
-            float rx = first + (float)i * step;
-            int over = (depth[i] * (sideways * rx + ahead) > most) & (weight[i] > 0);
-            weight[i] = over ? -DOUBT * weight[i] : weight[i];
+}
+
+/* Whether a disc's middle lies far behind what is seen there. */
+INLINE int hidden(const Disc *disc, const float *front, int stride, const Box *box) {
+    float x = disc->x, y = disc->y;
+    if (!(x >= (float)box->left && x < (float)box->right && y >= (float)box->top && y < (float)box->bottom)) return 0;
+    return disc->depth > front[(size_t)((int)y - box->top) * stride + (int)x - box->left] + HIDDEN * disc->radius;
+}
+
+/* Keeps the depths of what is nearest in `front`, of the nearer half of the discs first, and leaves out those that are
+ * hidden; how many are left. */
+INLINE int find_front(Disc *discs, int placed, const View *view, const Box *box, int stride, float *front) {
+    float middle = 0;
+    Row row;
+    for (int i = 0; i < placed; i++) middle += discs[i].depth / (float)placed;
+    for (int farther = 0; farther < 2; farther++)
+        for (int i = 0; i < placed; i++) {
+            const Disc *disc = discs + i;
+            if ((disc->depth > middle) != farther || hidden(disc, front, stride, box)) continue;
+            for (int y = disc->top; y < disc->bottom; y++)
+                if (cut_row(disc, y, view, &row))
+                    keep_nearest(&row, disc->ends, front + (size_t)(y - box->top) * stride - box->left);
+        }
+    int left = 0;
+    for (int i = 0; i < placed; i++)
+        if (!hidden(discs + i, front, stride, box)) discs[left++] = discs[i];
+    return left;
+}
+
+/* Adds a disc's row to the sums, lines `stride` apart, of those samples where it lies little enough behind the nearest.
+ * What goes beyond its rim, to whole LANES, counts 0. */
+INLINE void add_row(const Row *row, const Disc *disc, const float *nearest, const float *features, int stride,
+                    float *sums) {
+    Lanes x = first_lanes(row), depth, inside;
+    Masks over;
+    for (int i = row->left; i <= row->right; i += LANES, x += (float)LANES) {
+        Masks shows = meet(row, disc->ends, x, &depth, &inside, &over);
+        shows &= depth <= lanes(nearest + i) + disc->behind;
+        Lanes weight = where(shows, inside + 1e-3f);
+        weight = where(~over, weight) + where(over, weight * DOUBT);
+        float *line = sums + i;
+        for (int c = 0; c < SUMS; c++, line += stride) {
+            Lanes sum = lanes(line);
+            sum += c == 0 ? weight : c == 1 ? weight * depth : weight * features[c - 2];
+            memcpy(line, &sum, sizeof sum);
         }
     }
 }
 
-/* Whether the disc's centre lies in the box's rows and far behind what is seen there. */
-static int hidden(const Disc *disc, const float *front, int stride, const Box *box, float focal, int width, int height,
-                  float slack) {
-    float x = disc->at[0] / disc->at[2] * focal + 0.5f * (float)width;
-    float y = disc->at[1] / disc->at[2] * focal + 0.5f * (float)height;
-    if (!(x >= 0 && x < (float)width && y >= (float)box->top && y < (float)(box->top + box->high))) return 0;
-    const float *nearest = front + (size_t)((int)y - box->top) * stride + ((int)x - box->left);
-    return disc->at[2] > *nearest + (slack + 1) * disc->radius;
-}
-
-INLINE void keep_nearest(int count, const float *restrict depth, const float *restrict weight,
-                         float *restrict nearest) {
-    for (int i = 0; i < count; i++) {
-        float found = weight[i] > 0 ? depth[i] : INFINITY;
-        nearest[i] = found < nearest[i] ? found : nearest[i];
+/* Adds all discs to the sums of the rows of samples from `top` to `bottom` - 1, in front of which `nearest` lies. */
+INLINE void add_band(const Disc *discs, int placed, const float *features, const View *view, const float *nearest,
+                     int stride, int top, int bottom, float *sums) {
+    Row row;
+    for (int i = 0; i < placed; i++) {
+        const Disc *disc = discs + i;
+        int first = disc->top > top ? disc->top : top, last = disc->bottom < bottom ? disc->bottom : bottom;
+        for (int y = first; y < last; y++)
+            if (cut_row(disc, y, view, &row))
+                add_row(&row, disc, nearest + (size_t)(y - top) * stride, features + (size_t)disc->point * (SUMS - 2),
+                        stride, sums + (size_t)(y - top) * SUMS * stride);
     }
 }
 
-/* Adds the disc to the sums, lines `stride` apart, of those pixels where it lies at most `slack` of its radius
- * behind the nearest one. What goes beyond the disc's end, to whole LANES, counts 0. */
-INLINE void add_row(const Disc *disc, const float *restrict depth, float *restrict weight,
-                    const float *restrict nearest, const float *restrict features, float slack, int stride,
-                    float *restrict sums) {
-    int wide = disc->right - disc->left + 1, whole = (wide + LANES - 1) / LANES * LANES;
-    float behind = slack * disc->radius;
-    for (int i = 0; i < whole; i++) {
-        float counts = depth[i] <= nearest[i] + behind ? fabsf(weight[i]) : 0;
-        weight[i] = counts;
-        sums[i] += counts;
-        sums[stride + i] += counts * depth[i];
-    }
-    for (int c = 2; c < PIXEL; c++) {
-        float *restrict line = sums + (size_t)c * stride, value = features[c - 2];
-        for (int i = 0; i < whole; i++) line[i] += weight[i] * value;
-    }
+/* Sums of pairs: of what the samples of a row of pixels have, once those above each other are added up. */
+INLINE void add_pairs(const float *samples, int count, float *pixels) {
+    for (int x = 0; x < count; x++) pixels[x] = samples[2 * x] + samples[2 * x + 1];
 }
 
-/* Turns the sums in the box into the picture's planes (9, height, width): coverage, density, depth and features. */
-INLINE void resolve(const float *sums, int stride, const Box *box, int width, int height, float sure, float full,
+/* Turns `high` rows of sums, two to a row of pixels, into the picture's planes (9, height, width): coverage, density,
+ * depth and features. */
+INLINE void resolve(const float *sums, int stride, int wide, int high, size_t plane, int width, float sure, float full,
                     float near, float far, float *picture) {
-    size_t plane = (size_t)width * height;
-    float scale = 1 / (far - near), inverse[ROW];
-    for (int y = 0; y < box->high; y++)
-        for (int first = 0; first < box->wide; first += ROW) {
-            const float *restrict line = sums + (size_t)y * PIXEL * stride + first;
-            float *restrict row = picture + (size_t)(box->top + y) * width + box->left + first;
-            int count = box->wide - first < ROW ? box->wide - first : ROW;
-            for (int x = 0; x < count; x++) {
-                float weight = line[x], density = weight / full;
-                inverse[x] = weight > 0 ? 1 / weight : 0;
-                float depth = weight > 0 ? (far - line[stride + x] * inverse[x]) * scale : 0;
-                row[x] = 1 - exp_fast(-sure * weight);
-                row[plane + x] = density > 1 ? 1 : density;
-                row[2 * plane + x] = depth < 0 ? 0 : depth > 1 ? 1 : depth;
+    float scale = 1 / (far - near), share[2][2 * ROW], samples[2 * ROW], dense[2 * ROW], inverse[ROW];
+    for (int y = 0; y < high; y++)
+        for (int first = 0; first < wide; first += ROW) {
+            const float *upper = sums + (size_t)2 * y * SUMS * stride + 2 * first;
+            const float *lower = upper + (size_t)SUMS * stride;
+            float *row = picture + (size_t)y * width + first;
+            int count = wide - first < ROW ? wide - first : ROW;
+            for (int x = 0; x < 2 * count; x++) {
+                float above = 1 - exp_fast(-sure * upper[x]), below = 1 - exp_fast(-sure * lower[x]);
+                float thick = upper[x] > full ? full : upper[x], thin = lower[x] > full ? full : lower[x];
+                share[0][x] = upper[x] > 0 ? above / upper[x] : 0;
+                share[1][x] = lower[x] > 0 ? below / lower[x] : 0;
+                samples[x] = above + below;
+                dense[x] = above * thick + below * thin;
             }
-            for (int c = 2; c < PIXEL; c++) {
-                float *restrict out = row + (size_t)(c + 1) * plane;
-                for (int x = 0; x < count; x++) out[x] = line[(size_t)c * stride + x] * inverse[x];
+            add_pairs(samples, count, row);
+            add_pairs(dense, count, row + plane);
+            for (int x = 0; x < count; x++) {
+                inverse[x] = row[x] > 0 ? 1 / row[x] : 0;
+                row[x] *= 0.25f;
+                row[plane + x] *= inverse[x] / full;
+            }
+            for (int c = 1; c < SUMS; c++) {
+                const float *up = upper + (size_t)c * stride, *low = lower + (size_t)c * stride;
+                float *out = row + (size_t)(c + 1) * plane;
+                for (int x = 0; x < 2 * count; x++) samples[x] = up[x] * share[0][x] + low[x] * share[1][x];
+                add_pairs(samples, count, out);
+                for (int x = 0; x < count; x++) out[x] *= inverse[x];
+            }
+            for (int x = 0; x < count; x++) {
+                float *depth = row + 2 * plane + x, found = inverse[x] > 0 ? (far - *depth) * scale : 0;
+                *depth = found < 0 ? 0 : found > 1 ? 1 : found;
             }
         }
 }
 
-/* Rows from `first` to `last` - 1 of picture (9, height, width), whatever is there before: coverage
- * 1 - exp(-sure x weight), density weight / full up to 1, depth from 1 at `near` to 0 at `far`, and six features,
- * averaged over what the nearest surfels show; 0 where there is none. Points and normals are in the camera's axes,
- * normals facing it, and so are the planes `clips` (count, CLIPS, 4) that nothing of a disc lies over; features
- * (count, 6). A surfel counts where it lies at most `slack` of its radius behind the nearest. */
+/* Rows from `first` to `last` - 1 of picture (9, height, width), whatever is there before: coverage, the mean over a
+ * pixel's samples of 1 - exp(-sure x weight); and means over the covered ones of density, weight / full up to 1, of
+ * depth from 1 at `near` to 0 at `far`, and of six features, averaged over what the nearest surfels show; 0 where
+ * there is none. Points and normals are in the camera's axes, normals facing it, and so are the planes `clips`
+ * (count, CLIPS, 4) that nothing of a disc lies over; features (count, 6). A surfel counts where it lies at most
+ * `slack` of its radius behind the nearest. */
 FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *clips,
                      const float *features, int count, float focal, int width, int height, int first, int last,
                      float slack, float sure, float full, float near, float far, float *picture) {
     Disc *discs = malloc(sizeof(Disc) * ((size_t)count + 1));
     if (!discs) return 0;
-    for (int c = 0; c <= PIXEL; c++)
-        memset(picture + ((size_t)c * height + first) * width, 0, sizeof(float) * (size_t)(last - first) * width);
+    size_t plane = (size_t)width * height;
+    for (int c = 0; c <= SUMS; c++)
+        memset(picture + c * plane + (size_t)first * width, 0, sizeof(float) * (size_t)(last - first) * width);
+    View view = {focal * SIDE, width * SIDE, height * SIDE, first * SIDE, last * SIDE};
     Box box;
-    int placed = place_all(points, normals, radii, clips, count, focal, width, height, first, last, discs, &box);
+    int placed = place_all(points, normals, radii, clips, count, slack, &view, discs, &box);
     if (!placed) { free(discs); return 1; }
-    int stride = box.wide + LANES; /* rows of pixels are met in whole lanes */
-    size_t pixels = (size_t)stride * box.high;
-    float *front = malloc(sizeof(float) * pixels), *sums = calloc(pixels * PIXEL, sizeof(float));
-    float *depth = malloc(sizeof(float) * 2 * (size_t)stride), *weight = depth + stride;
-    int fine = front && sums && depth;
-    for (size_t i = 0; fine && i < pixels; i++) front[i] = INFINITY;
-    for (int pass = 0; fine && pass < 2; pass++)
-        for (int i = 0; i < placed; i++) {
-            const Disc *disc = discs + i;
-            if (pass && hidden(disc, front, stride, &box, focal, width, height, slack)) continue;
-            int whole = (disc->right - disc->left + LANES) / LANES * LANES;
-            for (int y = disc->top; y <= disc->bottom; y++) {
-                size_t column = (size_t)(disc->left - box.left), row = (size_t)(y - box.top);
-                float *nearest = front + row * stride + column;
-                meet_row(disc, focal, 0.5f * (float)width, ((float)y + 0.5f - 0.5f * (float)height) / focal, depth,
-                         weight);
-                if (pass)
-                    add_row(disc, depth, weight, nearest, features + (size_t)disc->point * (PIXEL - 2), slack, stride,
-                            sums + row * PIXEL * stride + column);
-                else
-                    keep_nearest(whole, depth, weight, nearest);
-            }
-        }
-    if (fine) resolve(sums, stride, &box, width, height, sure, full, near, far, picture);
-    free(discs); free(front); free(sums); free(depth);
+    int wide = box.right - box.left, high = box.bottom - box.top;
+    int stride = wide + LANES; /* rows are met in whole lanes */
+    size_t samples = (size_t)stride * high, kept = (size_t)stride * SUMS * BAND * SIDE;
+    float *front = malloc(sizeof(float) * samples), *sums = malloc(sizeof(float) * kept);
+    int fine = front && sums;
+    for (size_t i = 0; fine && i < samples; i++) front[i] = INFINITY;
+    if (fine) placed = find_front(discs, placed, &view, &box, stride, front);
+    for (int top = box.top; fine && top < box.bottom; top += BAND * SIDE) {
+        int bottom = top + BAND * SIDE < box.bottom ? top + BAND * SIDE : box.bottom;
+        const float *nearest = front + (size_t)(top - box.top) * stride - box.left;
+        memset(sums, 0, sizeof(float) * kept);
+        add_band(discs, placed, features, &view, nearest, stride, top, bottom, sums - box.left);
+        resolve(sums, stride, wide / SIDE, (bottom - top) / SIDE, plane, width, sure, full, near, far,
+                picture + (size_t)(top / SIDE) * width + box.left / SIDE);
+    }
+    free(discs); free(front); free(sums);
     return fine;
 }
