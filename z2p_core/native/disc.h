@@ -45,7 +45,7 @@ static int place_disc(Disc *disc, const float *p, const float *n, float radius, 
                       Box *reach) {
     float focal = view->focal, x = p[0] / p[2], y = p[1] / p[2], slant = n[0] * x + n[1] * y + n[2];
     if (!(p[2] >= NEAREST_PLANE && slant <= -EDGE)) return 0; /* normals face the camera */
-    float far = radius * focal / fmaxf(p[2] - radius, NEAREST_PLANE);
+    float far = radius * focal * (1 + y * y) / fmaxf(p[2] - radius, NEAREST_PLANE);
     disc->y = y * focal + 0.5f * (float)view->height;
     if (disc->y + far < (float)view->first || disc->y - far >= (float)view->last) return 0;
     disc->x = x * focal + 0.5f * (float)view->width;
