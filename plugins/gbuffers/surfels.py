@@ -55,8 +55,8 @@ FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.0125, 720, 128
 a side for the light that comes back from the cloud."""
 FLOOR_ALBEDO, FLOOR_ROUGHNESS, FLOOR_INDEX = 0.8, 0.5, 1.5
 """Blender's own for a surface without a material, which is a Principled BSDF."""
-BOUNCES, LATER = 2, 0.9
-"""How often light is followed from point to point and over the floor, and the most of a bounce's that the next has."""
+BOUNCES, MOST_KEPT = 2, 0.9
+"""How often light is followed from point to point and over the floor, and what later bounces keep of it at most."""
 BALL, SOFT = 0.7, 5
 """Radius in spacings of the balls that points are where their shadow is drawn out; and cells to every side over which
 the sky's shadow is averaged, which so few directions leave in steps."""
@@ -193,7 +193,7 @@ class Lighting:
         """
         before, last = (float(bounce[0].mean()) for bounce in self.bounces[-2:])
         shares = albedo ** np.arange(BOUNCES + 1, dtype=np.float32)[:, None]
-        shares[-1] /= 1 - min(last / max(before, 1e-6), LATER) * albedo
+        shares[-1] /= 1 - min(last / max(before, 1e-6), MOST_KEPT) * albedo
         return np.einsum("bm,ba->ma", np.stack(bounces), shares)
 
 

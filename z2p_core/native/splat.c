@@ -7,7 +7,7 @@
 #include "disc.h"
 #include "fast.h"
 
-#define SIDE 2 /* samples along a pixel's side */
+#define SIDE 2 /* samples along a pixel's side; resolve() adds them up in pairs */
 #define SUMS 8 /* for each sample, in as many lines a row: weight, depth and six features */
 #define BAND 8 /* rows of pixels whose sums are kept at a time: they stay in the core's own cache */
 #define ROW 64 /* pixels that are resolved at a time */
