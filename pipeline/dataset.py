@@ -17,6 +17,7 @@ import torch
 
 from pipeline.augment import draw_cloud, mirrored
 from pipeline.buffers import draw_buffers
+from pipeline.haze import without_haze
 from pipeline.shard import shrink_pictures
 from pipeline.teacher import Teacher
 from storage.shards import Record, Shard
@@ -115,13 +116,14 @@ class CloudPictures:
             epoch, place = divmod(position, count)
             order = np.random.default_rng((EPOCH, self.config.seed, self.sides.index(side), epoch)).permutation(count)
             samples.append(self._training_sample(int(order[place]), side, epoch // self.config.reuse))
-        return _stack(samples, self.config.teacher_share)
+        return _stack(samples, self.config.haze, self.config.teacher_share)
 
     def validation_batch(self, numbers: Sequence[int]) -> Batch:
         """The held-out samples of these numbers at the first side, each with a cloud that is always the same."""
         rngs = [np.random.default_rng((VALIDATION, self.config.seed, number)) for number in numbers]
         places = [self.validation[number] for number in numbers]
-        return _stack([self._sample(place, self.sides[0], rng) for place, rng in zip(places, rngs, strict=True)])
+        samples = [self._sample(place, self.sides[0], rng) for place, rng in zip(places, rngs, strict=True)]
+        return _stack(samples, self.config.haze)
 
     @contextmanager
     def batches(self, first: int, last: int) -> Iterator[Iterator[Batch]]:
@@ -220,18 +222,18 @@ class CloudPictures:
         return mirrored(record) if in_mirror else record
 
 
-def _stack(samples: list[_Sample], teacher_share: float = 0.0) -> Batch:
-    """The samples' batch, its targets that share the teacher's and the rest the renders'."""
+def _stack(samples: list[_Sample], haze: float, teacher_share: float = 0.0) -> Batch:
+    """The samples' batch, its targets the renders without that haze, and on the object in part the teacher's."""
     records = [sample.record for sample in samples]
     rgba = _units([record.rgba for record in records])
-    target = torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1)
+    coverage = torch.from_numpy(np.stack([record.coverage for record in records])).float()[:, None] / 255
+    target = without_haze(torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1), coverage, haze)
     taught = [sample.taught for sample in samples if sample.taught is not None]
-    if taught:  # for all samples or for none, which are of one side
-        target = torch.lerp(target, _units(taught), teacher_share)
-    coverage = torch.from_numpy(np.stack([record.coverage for record in records])).float() / 255
+    if taught:  # for all samples or for none, which are of one side; its floor may have learnt haze
+        target = torch.lerp(target, _units(taught), teacher_share * (coverage > 0))
     settings = torch.from_numpy(np.stack([record.settings for record in records]))
     buffers = torch.from_numpy(np.stack([sample.buffers for sample in samples]))
-    return Batch(buffers, settings, target, coverage[:, None])
+    return Batch(buffers, settings, target, coverage)
 
 
 def _units(pictures: list[np.ndarray]) -> torch.Tensor:

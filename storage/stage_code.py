@@ -73,6 +73,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "train": (
         "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.augment",
         "pipeline.teacher", "pipeline.curve", "pipeline.engines", "pipeline.export", "pipeline.halving",
+        "pipeline.haze",
         "pipeline.shard:shrink_pictures", "storage.exports", "storage.graphs", "storage.shards", "storage.shelf",
         "z2p_core.config:batch_size", "z2p_core.config:samples_until", "z2p_core.flip", "z2p_core.geometry",
         "z2p_core.images", "z2p_core.losses",

@@ -113,7 +113,10 @@ class TrainConfig:
     shards' resolution, with `mirror` in a mirror as well, and the mean is shrunk to the side trained at, where that is
     smaller."""
     teacher_share: float = 0.5
-    """Their share of the target that is learnt; the rest is the render's."""
+    """Their share of the target that is learnt, where the object is; the rest is the render's."""
+    haze: float = 0.0
+    """By how much noise darkens faint shade on the renders' floor, in alpha, which is taken from what is learnt: 0.0025
+    for 4 to 16 samples with fast denoising (`scripts/measure_haze.py`)."""
     resolutions: tuple[int, ...] = ()
     """Sides trained at, in turn step by step, each a divisor of the shards'; empty for theirs alone. A step at a larger
     side takes fewer samples, so that all steps cost the same. Clouds are drawn anew at each side, never resized."""

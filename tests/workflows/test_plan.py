@@ -85,6 +85,7 @@ EFFECTS = {
     "train.start": ("regular", AFTER_SHARDS),
     "train.teacher": ("regular", AFTER_SHARDS),
     "train.teacher_share": (0.3, AFTER_SHARDS),
+    "train.haze": (0.001, AFTER_SHARDS),
     "train.resolutions": ((64, 128), AFTER_SHARDS),
     "train.steps": (151, AFTER_SHARDS),
     "train.batch": (4, AFTER_SHARDS),
