@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core import native
+from z2p_core.threads import beside
 
 FEWEST, MOST, MORE = 16, 64, 75.0
 """Neighbours of a clean cloud, of the noisiest one, and how many more for noise as large as the spacing."""
@@ -93,11 +94,13 @@ def fitted(cloud: np.ndarray) -> Fitted:
     found, spacing = grid.neighbours(everyone, FEWEST)
     typical = max(float(np.median(spacing)), 1e-9)
     asked = probes(len(cloud))
-    noise = noise_of(grid, asked, found[asked], typical)
+    measured = beside(noise_of, grid, asked, found[asked], typical)
+    normals, _ = native.planes(grid.points, found)  # as most clouds are so clean that these neighbours will do
+    noise = measured.result()
     count = neighbours_for(noise / typical)
     if count > FEWEST:
         found, _ = grid.neighbours(everyone, count)
-    normals, _ = native.planes(grid.points, found)
+        normals, _ = native.planes(grid.points, found)
     wider = np.float32(math.sqrt(count / FEWEST))
     tolerance = LOOSE * wider * spacing + np.float32(LOOSER * noise)
     for _ in range(PATCHES):

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 from threading import Lock, Semaphore
 from typing import Any
@@ -24,9 +24,9 @@ def cores() -> int:
 
 def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
     """What the work gives, done on a second core meanwhile; or at once, where that core is still at other work."""
-    begun = _begun(work, *arguments)
-    if begun is not None:
-        return begun
+    core = _second_core(os.getpid())
+    if core.idle.acquire(blocking=False):
+        return core.thread.submit(core.run, work, *arguments)
     done: Future[Any] = Future()
     try:
         done.set_result(work(*arguments))
@@ -56,27 +56,37 @@ def over_rows(work: Callable[[int, int], object], count: int, smallest: int = SM
     if count < smallest or _second_core(os.getpid()).kept_away:
         work(0, count)
         return
-    left = iter(list(pairwise(count * part // parts for part in range(parts + 1))))  # each core takes the next one
+    rows_beside(work, count, parts)()
 
-    def help_out() -> None:
+
+def rows_beside(work: Callable[[int, int], object], count: int, parts: int = PARTS) -> Callable[[], None]:
+    """Has a second core begin the work for rows from 0 up to `count`, as soon as it is idle.
+
+    What comes back does all that is left, together with that core.
+    """
+    go_on, core = _in_parts(work, count, parts), _second_core(os.getpid())
+    return partial(_finished, go_on, None if core.kept_away else core.thread.submit(core.help, go_on))
+
+
+def _in_parts(work: Callable[[int, int], object], count: int, parts: int) -> Callable[[], None]:
+    """Does the work part by part; whoever else calls it meanwhile takes the next one."""
+    left = iter(list(pairwise(count * part // parts for part in range(parts + 1))))
+
+    def go_on() -> None:
         for begin, end in left:
             work(begin, end)
 
-    second = None
+    return go_on
+
+
+def _finished(go_on: Callable[[], None], second: Future[Any] | None) -> None:
+    """Goes on beside a second core to the end; an error is told when nobody works on the rows any more."""
     try:
-        for begin, end in left:
-            second = second or _begun(help_out)
-            work(begin, end)
-    finally:  # an error is told when nobody works on the rows any more
-        failed = None if second is None else second.exception()
+        go_on()
+    finally:
+        failed = None if second is None or second.cancel() else second.exception()
     if failed is not None:
         raise failed
-
-
-def _begun(work: Callable[..., Any], *arguments: Any) -> Future[Any] | None:
-    """What the work will give on a second core; None, and nothing is done, where that is still at other work."""
-    second = _second_core(os.getpid())
-    return second.thread.submit(second.run, work, *arguments) if second.idle.acquire(blocking=False) else None
 
 
 class _Core:
@@ -95,6 +105,11 @@ class _Core:
             return work(*arguments)
         finally:
             self.idle.release()
+
+    def help(self, work: Callable[[], None]) -> None:
+        """Does the work, when its turn comes, unless others have the thread by then."""
+        if self.idle.acquire(blocking=False):
+            self.run(work)
 
 
 @lru_cache(maxsize=1)

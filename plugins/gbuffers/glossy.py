@@ -10,9 +10,10 @@ import math
 
 import numpy as np
 
-from plugins.gbuffers.surfels import GREY, Lighting, Surfels, light_lamps
+from plugins.gbuffers.surfels import GREY, Lighting, Surfels
 from z2p_core import native
 from z2p_core.images import srgb_from_linear
+from z2p_core.lamps import light_lamps
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.turning import along, products
 
@@ -40,10 +41,9 @@ class Reflections(Lighting):
     """Light on a cloud's points, and what of it they reflect."""
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float,
-        viewer: np.ndarray,
-    ) -> None:  # fmt: skip
-        super().__init__(points, normals, spacing, scene, height, viewer)
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
+    ) -> None:
+        super().__init__(points, normals, spacing, scene, height)
         self.lamps, axes, self.powers = (x.astype(np.float32) for x in light_lamps(scene.light, LAMPS))
         self.axis = axes[0]
         self.metallic = _number(scene, "Metallic", 0.0)

@@ -9,19 +9,20 @@ makes a clean picture of it.
 from __future__ import annotations
 
 import math
-from functools import lru_cache, partial
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import Camera, light_position
+from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer
+from z2p_core.lamps import floor_sky, light_lamps, light_square, sky_axes
 from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
-from z2p_core.threads import beside, over_rows
+from z2p_core.threads import beside, over_rows, rows_beside
 from z2p_core.turning import products, turned
 
 OVERLAP, SLACK = 1.45, 0.7
@@ -96,7 +97,7 @@ class Surfels(GBuffer):
         points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
         spread = max(typical, SPARSE * float(np.quantile(spacing, 0.9)))
-        lighting = self.lighting(points, normals, spread, scene, floor, camera.position)
+        lighting = self.lighting(points, normals, spread, scene, floor)
         rotation = camera.rotation.astype(np.float32)
         facing = turned(normals, rotation)
         radii = disc_radii(found, typical)
@@ -104,6 +105,7 @@ class Surfels(GBuffer):
         seen = turned(centres - camera.position.astype(np.float32), rotation)
         clips = native.clips(seen, facing, radii, found.neighbours)
         lighting.follow()
+        shadow = beside(lighting.draw_shadow, camera, out[-1])
         draw = partial(
             native.surfels, seen, facing, radii, clips,
             np.column_stack([facing[:, :2], lighting.colors(camera.position)]), camera, SLACK, SURE, FULL, NEAR, FAR,
@@ -114,21 +116,19 @@ class Surfels(GBuffer):
             for strip in range(begin, end):
                 draw((strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS))
 
-        shadow = beside(lighting.draw_shadow, camera, out[-1])
         over_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
         shadow.result()
 
 
 class Lighting:
-    """Light on the points (N, 3) of a cloud of that spacing, whose normals (N, 3) face the viewer (3,), and its floor.
+    """Light on the points (N, 3) of a cloud of that spacing, whose normals (N, 3) face the viewer, and on its floor.
 
-    A second core looks around from the points, from the beginning; `follow` waits for it.
+    A second core looks around from the points, from the beginning; `follow` helps it and goes on.
     """
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float,
-        viewer: np.ndarray,
-    ) -> None:  # fmt: skip
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
+    ) -> None:
         self.points, self.normals = points, normals
         self.color = np.array(base_color(scene), dtype=np.float32)
         self.radius = radius = math.sqrt(products(points, points).max()) + spacing
@@ -141,12 +141,14 @@ class Lighting:
         side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
         floor = (height, FLOOR_HALF, side)
 
-        def look_around() -> tuple[np.ndarray, np.ndarray]:
-            """What the points see of each other, and where the floor mirrors them for the viewer."""
-            mirrored = native.floor_shade(points, mirrored_eyes(viewer, height), height, FLOOR_HALF, side // 2)
-            return native.first_hits(points, normals, sky_axes(), spacing, radius), mirrored
+        axes = sky_axes(SKY_DIRECTIONS)
+        self.seen = np.empty((2 * len(axes), len(points)), np.int32)
 
-        self.looking = beside(look_around)
+        def look_around(begin: int, end: int) -> None:
+            """What the points see of each other along some axes and against them."""
+            self.seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
+
+        self.look_around = rows_beside(look_around, len(axes), parts=8)
         self.shades = (
             with_paler_rim(native.floor_shade(points, lamps, *floor, BALL * spacing, square=square)),
             native.floor_shade(points, SKY * floor_sky(FLOOR_SKY), *floor, soft=SOFT),
@@ -155,25 +157,28 @@ class Lighting:
 
     def follow(self) -> None:
         """Follows the light from the sky and the lit floor to the points, and on from there."""
-        cloud, above = (self.points, self.normals, sky_axes()), floor_sky(FLOOR_SKY)[::2]
-        seen, self.mirrored = self.looking.result()
-        self.bounces = [native.gather_open(*cloud, seen, self.direct, self.floor, *self.shades)]
-        self.below = native.floor_hits(self.points, above, self.floor, GLOW_CELLS)
+        cloud = (self.points, self.normals, sky_axes(SKY_DIRECTIONS))
+        self.look_around()
+        self.bounces = [native.gather_open(*cloud, self.seen, self.direct, self.floor, *self.shades)]
+        self.below = native.floor_hits(*cloud[:2], floor_sky(FLOOR_SKY)[::2], self.floor, GLOW_CELLS)
         self.glows = []
         for _ in range(BOUNCES):
             light = self.bounces[-1]
-            self.glows.append(native.floor_glow(self.normals, light, above, self.below, GLOW_CELLS))
-            self.bounces.append(native.gather_bounced(*cloud, seen, light, self.floor, self.glows[-1]))
+            self.glows.append(native.floor_glow(light, self.below, GLOW_CELLS))
+            self.bounces.append(native.gather_bounced(*cloud, self.seen, light, self.floor, self.glows[-1]))
 
     def draw_shadow(self, camera: Camera, out: np.ndarray) -> None:
         """Draws into `out` (H, W) the alpha of the floor's shadow."""
-        native.floor_shadow(*self.shades, self.mirrored, self.radiance(), self.floor, camera, out)
+        height, side = self.floor.height, len(self.shades[0]) // 2
+        eyes = mirrored_eyes(camera.position, height)
+        mirrored = native.floor_shade(self.points, eyes, height, FLOOR_HALF, side)
+        native.floor_shadow(*self.shades, mirrored, self.radiance(), self.floor, camera, out)
 
     def radiance(self) -> np.ndarray:
         """Mean radiance (G, G) of the cloud as the floor's cells see it, over the three colours as well."""
         glow = np.sum([(self.color**times).mean() * glow for times, glow in enumerate(self.glows, 1)], axis=0)
         white = np.ones((2, len(self.normals)), np.float32)
-        covered = native.floor_glow(self.normals, white, floor_sky(FLOOR_SKY)[::2], self.below, GLOW_CELLS)
+        covered = native.floor_glow(white, self.below, GLOW_CELLS)
         mean: np.ndarray = around(glow) / np.maximum(around(covered), 1e-6)
         return mean
 
@@ -247,53 +252,10 @@ def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.nda
         towards = viewer.astype(np.float32) - points
         return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-6)
     away = products(points - viewer.astype(np.float32), normals) > 0
-    return np.where(away[:, None], -normals, normals)
+    return normals * np.where(away, np.float32(-1), np.float32(1))[:, None]
 
 
 def base_color(scene: SceneDescription) -> tuple[float, float, float]:
     """Linear colour of the surface; Blender's own grey where no control sets one."""
     color = scene.material.get("Base Color", (0.8, 0.8, 0.8, 1.0))
     return (color[0], color[1], color[2]) if isinstance(color, tuple) else (color, color, color)
-
-
-@lru_cache(maxsize=8)
-def light_square(light: tuple[float, float, float]) -> np.ndarray:
-    """The middle of the square area light, and its two sides: (3, 3)."""
-    centre = light_position(light)
-    axis = -centre / np.linalg.norm(centre)
-    across = np.cross(axis, (0.0, 0.0, 1.0))
-    across /= np.linalg.norm(across)
-    return np.stack([centre, LIGHT_SIDE * across, LIGHT_SIDE * np.cross(across, axis)])
-
-
-@lru_cache(maxsize=8)
-def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Places (L, 3), axes (L, 3) and powers (L,) of points spread over the square area light, L a square number.
-
-    They are the middles of equal squares, row by row: with points less even, light on the whole is off by more than a
-    shade shows.
-    """
-    centre, across, up = light_square(light)
-    axis = -centre / np.linalg.norm(centre)
-    steps = (np.arange(math.isqrt(count)) + 0.5) / math.isqrt(count) - 0.5
-    x, y = (place.reshape(-1, 1) for place in np.meshgrid(steps, steps))
-    power = LIGHT_RADIANCE * LIGHT_SIDE**2 / count
-    return centre + x * across + y * up, np.repeat(axis[None], count, axis=0), np.full(count, power)
-
-
-@lru_cache(maxsize=1)
-def sky_axes() -> np.ndarray:
-    """Directions (24, 3) spread evenly over the upper half of the sky."""
-    height = (np.arange(SKY_DIRECTIONS) + 0.5) / SKY_DIRECTIONS
-    angle = np.arange(SKY_DIRECTIONS) * math.pi * (3 - math.sqrt(5))
-    side = np.sqrt(1 - height**2)
-    return np.column_stack([side * np.cos(angle), side * np.sin(angle), height])
-
-
-@lru_cache(maxsize=1)
-def floor_sky(count: int) -> np.ndarray:
-    """Directions (count, 3) of the sky, each of which gives a floor as much light."""
-    height = np.sqrt((np.arange(count) + 0.5) / count)
-    angle = np.arange(count) * math.pi * (3 - math.sqrt(5))
-    side = np.sqrt(1 - height**2)
-    return np.column_stack([side * np.cos(angle), side * np.sin(angle), height])

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plugins.gbuffers.surfels import Surfels, floor_sky, light_lamps, sky_axes
-from z2p_core.camera import DISTANCE, Camera, light_position
+from plugins.gbuffers.surfels import Surfels
+from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import linear_from_srgb
-from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
+from z2p_core.scene import SceneDescription
 from z2p_core.tangents import thinned
 from z2p_core.threads import one_core_each
 
@@ -114,33 +114,6 @@ def test_the_floor_touches_the_lowest_point_unless_it_is_told():
     resting, told, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=x)) for x in (None, lowest, lowest - 0.3))
     np.testing.assert_array_equal(resting, told)
     assert np.array_equal(resting[:GREY], deep[:GREY]) and not np.array_equal(resting[SHADOW], deep[SHADOW])
-
-
-def test_the_area_light_is_a_square_that_faces_the_origin():
-    light = (3.5, -30.0, 60.0)
-    lamps, axes, powers = light_lamps(light, 64)
-    centre = light_position(light)
-    np.testing.assert_allclose(lamps.mean(0), centre, atol=1e-9)
-    np.testing.assert_allclose((lamps - centre) @ centre, 0, atol=1e-9)
-    np.testing.assert_allclose(axes @ centre, -3.5, atol=1e-9)
-    across = np.cross(centre, [0, 0, 1])
-    columns = np.unique(((lamps - centre) @ across / np.linalg.norm(across)).round(6))
-    np.testing.assert_allclose(columns, ((np.arange(8) + 0.5) / 8 - 0.5) * LIGHT_SIDE, atol=1e-6)
-    assert powers.sum() == pytest.approx(LIGHT_RADIANCE * LIGHT_SIDE**2)
-
-
-def test_the_sky_is_above_and_even():
-    sky = sky_axes()
-    np.testing.assert_allclose(np.linalg.norm(sky, axis=1), 1)
-    assert (sky[:, 2] > 0).all() and np.abs(sky[:, :2].mean(0)).max() < 0.06
-    assert sky[:, 2].mean() == pytest.approx(0.5, abs=1e-6)
-
-
-def test_each_direction_gives_a_floor_as_much_light():
-    directions = floor_sky(4096)
-    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-12)
-    assert directions[:, 2].mean() == pytest.approx(2 / 3, abs=0.01)  # of a density that falls with the cosine
-    assert np.abs(directions[:, :2].mean(0)).max() < 0.01
 
 
 def test_noise_hardly_shows_in_the_shading():

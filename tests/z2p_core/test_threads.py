@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from z2p_core.threads import SMALLEST, beside, one_core_each, over_rows
+from z2p_core.threads import SMALLEST, beside, one_core_each, over_rows, rows_beside
 
 
 def test_work_is_done_on_another_thread_and_its_result_comes_back():
@@ -67,6 +67,71 @@ def test_a_second_core_that_becomes_idle_takes_parts_of_work_that_has_begun():
     assert {who for begin, who in seen if begin > 0} - {asking}, "the second core came too late"
 
 
+def test_a_second_core_that_becomes_idle_need_not_wait_for_the_next_part():
+    stop, helped, asking = threading.Event(), threading.Event(), threading.get_ident()
+    busy = beside(stop.wait)
+
+    def work(begin, end):
+        if threading.get_ident() != asking:
+            helped.set()
+        elif begin == 0:
+            stop.set()
+            assert helped.wait(60), "the second core waits for the end of this part"
+
+    over_rows(work, 2, smallest=2, parts=2)
+    busy.result()
+
+
+def test_work_on_the_second_core_may_share_out_rows_as_well():
+    def inside():
+        seen = np.zeros(12, int)
+
+        def work(begin, end):
+            seen[begin:end] += 1
+
+        over_rows(work, 12, smallest=2)
+        return seen
+
+    assert (beside(inside).result(timeout=60) == 1).all()
+
+
+def test_rows_are_begun_on_a_second_core_and_finished_by_both():
+    begun, asking = threading.Event(), threading.get_ident()
+    taken = []
+
+    def work(begin, end):
+        taken.append((begin, threading.get_ident()))
+        if threading.get_ident() != asking:
+            begun.set()
+            while len({who for _, who in taken}) < 2:
+                time.sleep(0.001)  # until the other has taken one
+
+    finish = rows_beside(work, 60, parts=6)
+    assert begun.wait(60)
+    finish()
+    assert sorted(begin for begin, _ in taken) == [0, 10, 20, 30, 40, 50]
+    assert {who for _, who in taken} > {asking}
+
+
+def test_rows_are_done_by_the_one_who_asked_while_the_second_core_is_busy():
+    stop, taken = threading.Event(), []
+    busy = beside(stop.wait)
+    finish = rows_beside(lambda *rows: taken.append((*rows, threading.get_ident())), 4, parts=2)
+    assert not taken
+    finish()
+    assert taken == [(0, 2, threading.get_ident()), (2, 4, threading.get_ident())]
+    stop.set()
+    busy.result()
+    assert beside(threading.get_ident).result() != threading.get_ident(), "and the core is used again afterwards"
+
+
+def test_an_error_in_rows_that_were_begun_is_told():
+    for bad in range(6):
+        finish = rows_beside(lambda begin, end, bad=bad: 1 / (begin - bad), 6, parts=6)
+        with pytest.raises(ZeroDivisionError):
+            finish()
+
+
 def test_an_error_in_any_part_is_told():
     for bad in range(6):
         with pytest.raises(ZeroDivisionError):
@@ -81,6 +146,12 @@ def test_with_a_picture_on_each_core_work_is_done_by_the_thread_that_asks():
         with one_core_each():  # another folder at the same time
             assert beside(threading.get_ident).result() == asking
         parts = []
+        finish = rows_beside(lambda *rows: parts.append((*rows, threading.get_ident())), 2, parts=2)
+        time.sleep(0.01)
+        assert not parts, "nobody else begins"
+        finish()
+        assert [who for *_, who in parts] == [asking, asking]
+        parts.clear()
         over_rows(lambda *rows: parts.append(rows), 2 * SMALLEST)
         assert parts == [(0, 2 * SMALLEST)], "in one go"
         assert beside(threading.get_ident).result() == asking

@@ -84,14 +84,26 @@ FAST int z2p_gather_bounced(const float *points, const float *normals, int count
     return 1;
 }
 
-/* cells (axis_count, count): the cell of the floor's square (side, side) that sees each point first along each of the
- * directions of the sky (3); -1 where it sees another one before, or none does. */
-FAST int z2p_floor_hits(const float *points, int count, const float *axes, int axis_count, float floor, float half,
-                        int side, int *cells) {
+/* Keeps the points that some cell of the floor sees along an axis, in their order: seen (2, count) gets their cells, ended
+ * by -1 where they are fewer than all, and the places in (2, count) of the light of the side that is seen. */
+INLINE void keep_seen(const int *cells, const float *normals, int count, const float *axis, int *seen) {
+    int *places = seen + count, found = 0;
+    for (int i = 0; i < count; i++) {
+        if (cells[i] < 0) continue; /* most are hidden */
+        seen[found] = cells[i];
+        places[found++] = i + (dot(normals + 3 * (size_t)i, axis) > 0 ? count : 0);
+    }
+    if (found < count) seen[found] = -1;
+}
+
+/* seen (axis_count, 2, count): for each of the directions of the sky (3) the cells of the floor's square (side, side) that
+ * see a point first, and which light they see of it; see keep_seen. */
+FAST int z2p_floor_hits(const float *points, const float *normals, int count, const float *axes, int axis_count,
+                        float floor, float half, int side, int *seen) {
     float scale = (float)side / (2 * half);
-    int *lowest = malloc(sizeof(int) * ((size_t)side * side + 1));
+    int *lowest = malloc(sizeof(int) * ((size_t)side * side + (size_t)count)), *cells = lowest + (size_t)side * side;
     if (!lowest) return 0;
-    for (int a = 0; a < axis_count; a++, cells += count) {
+    for (int a = 0; a < axis_count; a++) {
         const float *axis = axes + 3 * a;
         for (int i = 0; i < count; i++) {
             const float *p = points + 3 * (size_t)i;
@@ -111,22 +123,19 @@ FAST int z2p_floor_hits(const float *points, int count, const float *axes, int a
             if (*here >= 0) cells[*here] = -1;
             *here = i;
         }
+        keep_seen(cells, normals, count, axis, seen + 2 * (size_t)a * count);
     }
     free(lowest);
     return 1;
 }
 
 /* glow (side, side): what the cells of the floor's square see of a white cloud's radiance, summed over directions of
- * the sky (3), each of which weighs as much as `share`. `cells` is that of z2p_floor_hits, and `light` (2, count) the
- * cloud's radiance on both sides. */
-FAST int z2p_floor_glow(const float *normals, const float *light, int count, const float *axes, int axis_count,
-                        const int *cells, float share, int side, float *glow) {
+ * the sky, each of which weighs as much as `share`. `seen` is that of z2p_floor_hits, and `light` (2, count) the cloud's
+ * radiance on both sides. */
+FAST int z2p_floor_glow(const float *light, int count, int axis_count, const int *seen, float share, int side,
+                        float *glow) {
     memset(glow, 0, sizeof(float) * (size_t)side * side);
-    for (int a = 0; a < axis_count; a++, cells += count)
-        for (int i = 0; i < count; i++) {
-            if (cells[i] < 0) continue;
-            int back = dot(normals + 3 * (size_t)i, axes + 3 * a) > 0;
-            glow[cells[i]] += share * light[(size_t)back * count + i];
-        }
+    for (int a = 0; a < axis_count; a++, seen += 2 * (size_t)count)
+        for (int i = 0; i < count && seen[i] >= 0; i++) glow[seen[i]] += share * light[seen[count + i]];
     return 1;
 }

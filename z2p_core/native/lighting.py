@@ -144,35 +144,34 @@ def gather_bounced(
     return bounced
 
 
-def floor_hits(points: np.ndarray, axes: np.ndarray, floor: Floor, side: int) -> np.ndarray:
-    """The cell (A, N) int32 of the floor's (side, side) that sees each of points (N, 3) first along each axis (A, 3).
+def floor_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, floor: Floor, side: int) -> np.ndarray:
+    """What the cells of the floor's (side, side) see first along each axis (A, 3): (A, 2, N) int32.
 
-    -1 where it sees another one before. Unit axes go up.
+    In row 0 the cells that see one of points (N, 3), ended by -1 where that are not all; in row 1 where the light of
+    what they see lies in a cloud's (2, N), by normals (N, 3). Unit axes go up.
     """
-    hits = np.empty((len(axes), len(points)), np.int32)
+    seen = np.empty((len(axes), 2, len(points)), np.int32)
 
     def find(begin: int, end: int) -> None:
         call(
-            "z2p_floor_hits", cloud, len(points), floats(axes[begin:end]), end - begin, ctypes.c_float(floor.height),
-            ctypes.c_float(floor.half), side, hits[begin:end],
+            "z2p_floor_hits", *cloud, floats(axes[begin:end]), end - begin, ctypes.c_float(floor.height),
+            ctypes.c_float(floor.half), side, seen[begin:end],
         )  # fmt: skip
 
-    cloud = floats(points)
+    cloud = (floats(points), floats(normals), len(points))
     over_rows(find, len(axes), smallest=2)
-    return hits
+    return seen
 
 
-def floor_glow(normals: np.ndarray, light: np.ndarray, axes: np.ndarray, hits: np.ndarray, side: int) -> np.ndarray:
-    """What the floor's cells (side, side) see of a cloud with normals (N, 3), as the radiance of a white floor.
+def floor_glow(light: np.ndarray, seen: np.ndarray, side: int) -> np.ndarray:
+    """What the floor's cells (side, side) see of a cloud, as the radiance of a white floor.
 
-    `light` (2, N) is the cloud's radiance on both sides; `hits` are those of `floor_hits` along unit axes (A, 3), which
-    count alike.
+    `light` (2, N) is the cloud's radiance on both sides; `seen` (A, 2, N) is that of `floor_hits`, whose axes count
+    alike.
     """
     glow = np.empty((side, side), np.float32)
-    call(
-        "z2p_floor_glow", floats(normals), floats(light), len(normals), floats(axes), len(axes), hits,
-        ctypes.c_float(1 / len(axes)), side, glow,
-    )  # fmt: skip
+    count = len(seen)
+    call("z2p_floor_glow", floats(light), light.shape[1], count, seen, ctypes.c_float(1 / count), side, glow)
     return glow
 
 
