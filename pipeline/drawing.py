@@ -136,7 +136,7 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
         "placing": {"up": look.placing.up, "view": look.placing.view, "keep_outliers": look.placing.keep_outliers,
-                    "cut_top": look.placing.cut_top},
+                    "cut_top": look.placing.cut_top, "smooth": look.placing.smooth},
         "stance": asdict(drawing.stance),
         **window,
     }

@@ -21,6 +21,7 @@ from z2p_core.images import (
     unit_from_bytes,
 )
 from z2p_core.interfaces import SettingError, Value
+from z2p_core.smoothing import smoothed
 from z2p_core.viewpoint import Viewpoint
 
 LIGHT_SWING = 80.0
@@ -51,8 +52,11 @@ def moving_frames(renderer: Renderer, scan: Scan, suffix: str, look: Look, motio
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
     first = draw(renderer, scan, suffix, replace(look, width=64, height=64, supersample=1, tight=False))
     renderer = first.renderer  # the weights, too, are chosen once
-    scan = replace(scan, points=shown_points(scan, suffix, look.placing).points)  # chosen once, not for every frame
-    look = replace(look, placing=Placing("+Z", "front", keep_outliers=True))
+    points = shown_points(scan, suffix, look.placing).points  # chosen and made smooth once, not for every frame
+    if first.stance.smooth:
+        points = first.viewpoint.taken_back(smoothed(first.viewpoint.place(points), first.stance.smooth))
+    scan = replace(scan, points=points)
+    look = replace(look, placing=Placing("+Z", "front", keep_outliers=True, smooth=0.0))
     shots = (_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
     if not look.tight:
         yield from shots

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.hints import hint_for, hint_for_placed, rounding
 from storage.clouds import FEWEST_POINTS, Scan
 from z2p_core.camera import DEFAULT_ELEVATION, turn
-from z2p_core.foreground import is_room, subject, support, upright
+from z2p_core.foreground import subject, support, upright
 from z2p_core.framing import (
     METRES,
     MILLIMETRES,
@@ -21,24 +22,14 @@ from z2p_core.framing import (
 )
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
-from z2p_core.strays import clip_outliers, thinned
-from z2p_core.turning import along, extent, turned
+from z2p_core.smoothing import patch_radius, smoothed
+from z2p_core.strays import clip_outliers
+from z2p_core.turning import along, turned
 from z2p_core.viewpoint import Viewpoint, frame
 
 SETTLED = "as settled"
 """Stands for up where a camera was settled before."""
-ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
-MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
-FEWEST_STEPPED, STEPS, WIDE = 1000, 60, 0.1
-"""Of a cloud an axis of which was rounded: its points, the steps at most of that axis along its widest side, and the
-width of that axis as a share of that side."""
 ANY_UNIT = (METRES, MILLIMETRES)
-FEW_POINTS, FEW_HINT = 100, "so few points tell no surface: some hundreds are needed for a shape to show"
-SMALL_HINT = "nearly all of its points lie in a small part of the frame: the others may be strays, to be removed first"
-MOST, SMALL = 0.97, 0.2
-"""Share of the points that is nearly all, and the radius about their middle, in the frame's, that is small."""
-COARSE = 1000
-"""Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
 OUTSIDE = 1.2
 """Distance from the middle, in radii, from where on a point may lie outside a square picture."""
 
@@ -59,6 +50,9 @@ class Placing:
     """Percent of the height that is cut off from above: a room's ceiling, say."""
     viewpoint: Viewpoint | None = None
     """A camera settled before: it replaces `up`, `view` and the cloud's own frame; `azimuth` still turns it."""
+    smooth: str | float = "auto"
+    """Radius, in the frame's, of the patches of surface that points are moved onto; 0 leaves them where they are.
+    ``auto`` does so too, but for a depth camera's noisy clouds."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +76,8 @@ class Stance:
     """What the user may want to try."""
     rounded: float = 0.0
     """Step, in the data's units, to which float32 has rounded it far from the origin; 0 where that does not show."""
+    smooth: float = 0.0
+    """Radius, in the frame's, of the patches that points were moved onto; 0 where they were not."""
 
     @property
     def told(self) -> str:
@@ -96,6 +92,7 @@ class Stance:
             f"{self.background} points far behind it left out" if self.background else "",
             f"{self.outside} points beyond the camera's frame" if self.outside else "",
             self.told_rounded if self.rounded else "",
+            f"made smooth over {self.smooth:.2g} of its radius" if self.smooth else "",
             self.hint if self.up != SETTLED else "",
         )
         return "; ".join(filter(None, parts))
@@ -136,15 +133,17 @@ def place(
     shown = shown_points(scan, suffix, placing)
     points, up = shown.points, shown.up
     if placing.viewpoint is not None:
-        return _as_settled(shown, placing.viewpoint, placing.azimuth, elevation, free)
+        return _as_settled(shown, placing.viewpoint, placing, elevation, free)
     azimuth, wished, reason = _view(points, up, placing, elevation)
     wished, beyond = _allowed(wished, free)
     azimuth += placing.azimuth
     viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
-    cloud = viewpoint.place(points)
-    hint = _hint(points, up, placing) or (SMALL_HINT if not placing.keep_outliers and _is_small(cloud) else "")
+    cloud, smooth = _smoothed(viewpoint.place(points), up, placing)
+    hint = hint_for(points, up, by_itself=(placing.up, placing.view) == ("auto", "auto"), whole=not placing.cut_top)
+    if not (hint or placing.keep_outliers):
+        hint = hint_for_placed(cloud)
     stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
-                    _rounded(points))  # fmt: skip
+                    rounding(points), smooth)  # fmt: skip
     return Placed(cloud, stance, viewpoint)
 
 
@@ -191,10 +190,11 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
 
 
 def _as_settled(
-    shown: Shown, viewpoint: Viewpoint, azimuth: float, elevation: float, free: tuple[float, float] | None
+    shown: Shown, viewpoint: Viewpoint, placing: Placing, elevation: float, free: tuple[float, float] | None
 ) -> Placed:
-    """The points before a camera that was settled before, turned on by `azimuth` degrees."""
+    """The points before a camera that was settled before, turned on as asked."""
     wished, beyond = _allowed(viewpoint.elevation, free)
+    azimuth = placing.azimuth
     rotation = turn(azimuth) @ np.array(viewpoint.rotation) if azimuth else np.array(viewpoint.rotation)
     viewpoint = replace(viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()),
                         elevation=elevation if wished is None else wished)
@@ -202,53 +202,18 @@ def _as_settled(
     outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
     if outside == len(cloud):
         raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
+    cloud, smooth = _smoothed(cloud, shown.up, placing)
     stance = Stance(SETTLED, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
-                    outside, shown.background, rounded=_rounded(shown.points))
+                    outside, shown.background, rounded=rounding(shown.points), smooth=smooth)
     return Placed(cloud, stance, viewpoint)
 
 
-def _rounded(points: np.ndarray) -> float:
-    """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them."""
-    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
-        low, high = extent(points)
-        step = float(np.spacing(np.float32(max(high.max(), -low.min()))))
-        if (high - low).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
-            return 0.0
-    return step
-
-
-def _hint(points: np.ndarray, up: Up, placing: Placing) -> str:
-    """What the user may want to try or to know, or nothing."""
-    if len(points) < FEW_POINTS:
-        return FEW_HINT
-    upright_points = turned(points, up.rotation)
-    if not placing.cut_top and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
-        return ROOM_HINT
-    if (placing.up, placing.view, up.sensor) == ("auto", "auto", None) and implied_sensor(points, (MILLIMETRES,)):
-        return MILLIMETRES_HINT
-    return _stepped(points) if up.sensor is None else ""
-
-
-def _stepped(points: np.ndarray) -> str:
-    """What to say of points (N, 3) of which an axis, but not all, takes few values; or nothing."""
-    if len(points) < FEWEST_STEPPED:
-        return ""
-    some = points[:: -(-len(points) // FEWEST_STEPPED)]  # from the whole file, whose rows may be sorted by place
-    different = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
-    low, high = extent(points)
-    width = high - low
-    stepped = (width > WIDE * width.max()) & (width * STEPS > different * width.max())
-    if not stepped.any() or different.max() < 5 * STEPS:  # a grid of voxels has steps along all axes
-        return ""
-    axes = " and ".join("xyz"[axis] for axis in np.flatnonzero(stepped))
-    return f"few different values of {axes}, as when digits are lost in saving: if so, save more of them"
-
-
-def _is_small(cloud: np.ndarray) -> bool:
-    """Whether few of the placed points (N, 3) float32 make the frame wide, and the others hardly fill it."""
-    sample = thinned(cloud)
-    away = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
-    return bool(np.quantile(away, MOST) < SMALL)
+def _smoothed(cloud: np.ndarray, up: Up, placing: Placing) -> tuple[np.ndarray, float]:
+    """The placed cloud (N, 3), made as smooth as asked, and over which radius; 0 where it was left as it is."""
+    radius = placing.smooth
+    if not isinstance(radius, float):
+        radius = 0.0 if up.sensor is None else patch_radius(cloud)
+    return (smoothed(cloud, radius), radius) if radius else (cloud, 0.0)
 
 
 def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[float | None, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,8 @@ if TYPE_CHECKING:  # reading a colour needs no torch
     from pipeline.infer import Renderer
 
 Color = tuple[float, float, float]
+WIDEST_SMOOTH = 0.3
+"""Radius of the patches that clouds are made smooth over, at most, in that of the frame."""
 
 
 def settings_for(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Value]:
@@ -34,6 +37,23 @@ def settings_for(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Valu
             raise SettingError(f"--elevation: these weights know only {renderer.fixed_elevation:g} degrees, got "
                                f"{asked}; leave it out, or take weights that carry the elevation control")
     return values
+
+
+def smooth_from(wish: Any) -> str | float:
+    """``auto``, or a radius from 0 to `WIDEST_SMOOTH`.
+
+    Raises:
+        SettingError: it is neither.
+    """
+    if isinstance(wish, str) and wish.lower() == "auto":
+        return "auto"
+    try:
+        radius = float(wish)
+    except (TypeError, ValueError):
+        radius = math.nan
+    if not 0 <= radius <= WIDEST_SMOOTH:
+        raise SettingError(f"smooth: expected auto, or a radius from 0 to {WIDEST_SMOOTH:g}, got {wish!r}")
+    return radius
 
 
 def background_from(wish: Any) -> Color | None:

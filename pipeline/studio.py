@@ -18,7 +18,7 @@ from pipeline.batch import path_beside, source_of
 from pipeline.drawing import Drawing, Look, draw, record
 from pipeline.infer import Renderer
 from pipeline.placing import Placing
-from pipeline.settings import background_from, settings_for
+from pipeline.settings import background_from, settings_for, smooth_from
 from pipeline.suited import AUTO, renderer_for
 from storage.cameras import read_camera
 from storage.checkpoints import resolve
@@ -119,7 +119,7 @@ def look_for(renderer: Renderer, request: Request) -> Look:
     if isinstance(view, tuple) and camera is None and wishes.get("elevation") is None:
         wishes["elevation"] = view[1]
     placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
-                      request.keep_outliers, request.cut_top, camera)
+                      request.keep_outliers, request.cut_top, camera, smooth_from(request.smooth))
     return Look(_settings(renderer, wishes), placing, *request.size, background_from(request.background),
                 request.supersample, request.tight)  # fmt: skip
 
@@ -174,6 +174,8 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
             if drawing.stance.background:
                 notes.append(f"{drawing.stance.background} points far behind the depth camera's subject were left out; "
                              "keep_outliers=True keeps them")
+            if drawing.stance.smooth and look.placing.smooth == "auto":
+                notes.append("the depth camera's noisy cloud was made smooth; smooth=0 leaves it as it is")
             if drawing.stance.rounded:
                 notes.append(drawing.stance.told_rounded)
             if drawing.stance.outside:

@@ -43,8 +43,10 @@ OF_WEIGHTS = (
 )
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
 PLACING = (
-    "z2p_core.turning", "z2p_core.native", "z2p_core.native.calls", "z2p_core.native.pictures",
-    "z2p_core/native/fast.h", "z2p_core/native/showing.c",
+    "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning",
+    *(f"z2p_core.native{part}" for part in ("", ".calls", ".pictures", ".surfaces")),
+    *(f"z2p_core/native/{name}" for name in ("axes.h", "fast.h", "grid.c", "grid.h", "jets.c", "planes.c", "showing.c",
+                                             "slabs.c")),
 )  # fmt: skip
 """Those of them that placing a scan runs as well, whichever method then draws it."""
 _CASES = (
@@ -92,9 +94,9 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "scans": (
         "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
-        "pipeline.placing", "storage.clouds", "storage.repeats", "storage.incoming", "z2p_core.column_names",
-        "z2p_core.framing", "z2p_core.foreground", "z2p_core.point_arrays", "z2p_core.spread", "z2p_core.standing",
-        "z2p_core.strays", "z2p_core.viewpoint",
+        "pipeline.placing", "pipeline.hints", "storage.clouds", "storage.repeats", "storage.incoming",
+        "z2p_core.column_names", "z2p_core.framing", "z2p_core.foreground", "z2p_core.point_arrays",
+        "z2p_core.smoothing", "z2p_core.spread", "z2p_core.standing", "z2p_core.strays", "z2p_core.viewpoint",
         *_CASES,
     ),
     "times": ("workflows.report_stages:Times", "pipeline.paper.times", *_CASES),

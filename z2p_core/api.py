@@ -50,6 +50,7 @@ def render(
     fit: str = "frame",
     keep_outliers: bool = False,
     cut_top: float = 0.0,
+    smooth: str | float = "auto",
     weights: str | Path = "auto",
     **controls: Any,
 ) -> Picture:
@@ -76,6 +77,8 @@ def render(
         fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to what is to be seen, the shadow included).
         keep_outliers: keep stray points that make the object small, and what lies far behind a depth camera's subject.
         cut_top: percent of the height to cut off from above, to look into a room.
+        smooth: make the surface smooth over patches of that radius, 0 to 0.3 of the frame's; ``auto``: only a depth
+            camera's noisy clouds.
         weights: a shipped name or a .safetensors file; ``auto`` takes of the shipped ones those that carry the controls
             asked for, and for noisy clouds those made for noise.
 
@@ -94,7 +97,7 @@ def render(
     if up is None:
         up = "auto" if isinstance(points, str | Path) else "+Z"
     request = Request(up, view, azimuth, camera, {**wishes, **controls}, _size(size), background, _factor(supersample),
-                      _tight(fit), keep_outliers, _percent(cut_top), _weights(weights))
+                      _tight(fit), keep_outliers, _percent(cut_top), smooth, _weights(weights))
     if isinstance(points, str | Path):
         pictures, batched = studio().draw_file(Path(points), request), False
     else:

@@ -33,6 +33,7 @@ class Request:
     tight: bool = False
     keep_outliers: bool = False
     cut_top: float = 0.0
+    smooth: Any = "auto"
     weights: str | Path = "auto"
 
 

@@ -50,6 +50,11 @@ class Viewpoint:
         world: np.ndarray = turned(placed, np.array(self.rotation)).astype(np.float32)
         return world
 
+    def taken_back(self, cloud: np.ndarray) -> np.ndarray:
+        """Points (N, 3) float64 in the data's units, which `place` makes a cloud (N, 3) in the world's of."""
+        points: np.ndarray = turned(cloud.astype(np.float64), np.array(self.rotation).T) * self.radius + self.centre
+        return points
+
     def to_json(self) -> dict[str, Any]:
         """The viewpoint as plain numbers, with the constants of the camera that it holds for."""
         return {

@@ -13,7 +13,7 @@ import click
 
 from pipeline.cli import Failure, debugging
 from pipeline.commands.control_options import SETTINGS, RerenderCommand
-from pipeline.commands.values import Background, Degrees, Resolution, Target
+from pipeline.commands.values import Background, Degrees, Resolution, Smooth, Target
 from z2p_core.interfaces import Value
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
@@ -60,6 +60,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
 @click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG", help="Turn the object on by so much.")
 @click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
               help="Another camera: JSON of --save-camera, or another picture.")
+@click.option("--smooth", type=Smooth(), help="Make the surface smooth over patches of that radius; 0: leave it.")
 @click.option("--resolution", type=Resolution(), help="Another size in pixels.")
 @click.option("--background", type=Background(), help="transparent, or a CSS colour name or #hex.")
 @click.option("--supersample", type=click.IntRange(1, 4), metavar="N", help="Draw N times as large and average down.")
@@ -127,7 +128,8 @@ def _drawn_again(
     drawing = draw(renderer, cloud, format_suffix(scan), look)
     made_by = record_of(drawing, look, source_of(scan, output, source["cloud"], columns))
     if options["load_camera"] is None and not options["azimuth"]:
-        made_by["stance"] = record["stance"]  # why it stands as it stands is known from the first time
+        # why it stands as it stands is known from the first time
+        made_by["stance"] = {**record["stance"], "smooth": drawing.stance.smooth}
     return drawing.picture, look, made_by
 
 
@@ -153,7 +155,9 @@ def _look(
     if options["load_camera"] is not None and "elevation" not in given:
         values.pop("elevation", None)  # the loaded camera has its own
     asked = record["placing"]
-    placing = Placing(asked["up"], asked["view"], options["azimuth"], asked["keep_outliers"], asked["cut_top"], camera)
+    smooth = asked.get("smooth", 0.0) if options["smooth"] is None else options["smooth"]  # once nothing was made so
+    placing = Placing(asked["up"], asked["view"], options["azimuth"], asked["keep_outliers"], asked["cut_top"], camera,
+                      smooth)  # fmt: skip
     background = record["background"] if options["background"] is None else options["background"]
     width, height = options["resolution"] or record["resolution"]
     supersample, fit = (options[name] or record[name] for name in ("supersample", "fit"))
@@ -214,6 +218,7 @@ def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
                    f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
         ("left out", f"{stance['outliers']} stray points, {stance['background']} far behind"),
+        ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
         ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
                  f"fit {record['fit']}"),
         ("background", record["background"] if isinstance(record["background"], str) else

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.commands.values import Background, Degrees, FiniteRange, Resolution, UpAxis, View
+from pipeline.commands.values import Background, Degrees, FiniteRange, Resolution, Smooth, UpAxis, View
 from z2p_core.interfaces import Value
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
@@ -41,6 +41,9 @@ OPTIONS = (
                  help="Keep stray points that make the object small, and what is far behind a depth camera's subject."),
     click.option("--cut-top", default=0.0, type=FiniteRange(0, 100, max_open=True), metavar="PERCENT",
                  help="Cut off so much of the height from above, to look into a room."),
+    click.option("--smooth", default="auto", type=Smooth(),
+                 help="Make the surface smooth over patches of that radius, 0.1 being a tenth of the frame's; auto: "
+                 "only for a depth camera's noisy clouds; 0: never."),
     click.option("--resolution", default="512", type=Resolution(), help="Size in pixels."),
     click.option("--background", default="transparent", type=Background(),
                  help="transparent, or a CSS colour name or #hex."),
@@ -88,7 +91,7 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
         given = {**given, "elevation": (view[1],)}
     viewpoint = None if file is None else read_camera(file)
     placing = Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
-                      options["keep_outliers"], options["cut_top"], viewpoint)
+                      options["keep_outliers"], options["cut_top"], viewpoint, options["smooth"])
     background = None if options["background"] == "transparent" else options["background"]
     width, height = options["resolution"]
     return Look(settings_for(renderer, given), placing, width, height, background, options["supersample"],

@@ -29,6 +29,7 @@ def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict
         "azimuth": look.placing.azimuth,
         "keep_outliers": look.placing.keep_outliers,
         "cut_top": look.placing.cut_top,
+        "smooth": look.placing.smooth,
         "resolution": [look.width, look.height],
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,

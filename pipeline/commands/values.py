@@ -92,6 +92,25 @@ class View(click.ParamType):
         return azimuth, elevation
 
 
+class Smooth(click.ParamType):
+    """``auto``, or a radius; see `pipeline.settings.smooth_from`."""
+
+    name = "auto|R"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """As the words are written."""
+        return self.name
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
+        from pipeline.settings import smooth_from
+        from z2p_core.interfaces import SettingError
+
+        try:
+            return smooth_from(value)
+        except SettingError as error:
+            self.fail(str(error), param, ctx)
+
+
 class Degrees(click.ParamType):
     """A finite number."""
 

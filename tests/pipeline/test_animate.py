@@ -37,6 +37,14 @@ def test_a_turn_is_the_still_picture_turned_on(renderer: Renderer, cloud: np.nda
         assert np.abs(frame.astype(int) - draw(renderer, usable(cloud), ".ply", still).picture).max() <= 2
 
 
+def test_a_smoothed_turn_begins_with_the_still_picture(renderer: Renderer, cloud: np.ndarray) -> None:
+    look = replace(LOOK, placing=Placing("+Z", view=10.0, smooth=0.3))
+    first = next(moving_frames(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
+    looks = (look, replace(look, placing=Placing("+Z", view=10.0, smooth=0.0)))
+    still, plain = (draw(renderer, usable(cloud), ".ply", one).picture for one in looks)
+    assert np.abs(first.astype(int) - still).mean() < 0.3 * np.abs(first.astype(int) - plain).mean()
+
+
 def test_a_light_sweep_goes_right_left_and_back(renderer: Renderer, cloud: np.ndarray) -> None:
     frames = list(moving_frames(renderer, usable(cloud), "", LOOK, Motion("light", frames=4, steady=1)))
     assert np.array_equal(frames[0], frames[2])  # the middle, on the way there and back

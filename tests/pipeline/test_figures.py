@@ -71,6 +71,24 @@ def test_a_changed_figure_is_what_inference_would_have_drawn(
     assert np.abs(pixels(tmp_path / "a.png").astype(int) - pixels(tmp_path / "b.png")).max() <= 2  # angles add up
 
 
+def test_a_figure_stays_as_smooth_as_it_was_unless_asked_otherwise(
+    rerender: Callable[..., Result], render: Callable[..., Result], z2p: Callable[..., Result], scans: Path,
+    tmp_path: Path,
+) -> None:
+    rng, points = np.random.default_rng(5), np.random.default_rng(6).normal(size=(4000, 3))
+    points *= (1 + 0.03 * rng.normal(size=(4000, 1))) / np.linalg.norm(points, axis=1, keepdims=True)
+    np.save(scans / "noisy.npy", points)
+    figures = {smooth: tmp_path / f"{smooth}.png" for smooth in ("0", "0.3")}
+    for smooth, path in figures.items():
+        assert render(scans / "noisy.npy", "--smooth", smooth, output=path).exit_code == 0
+        assert rerender(path, "-o", tmp_path / "again.png", "--overwrite").exit_code == 0
+        assert (tmp_path / "again.png").read_bytes() == path.read_bytes()
+    assert not np.array_equal(pixels(figures["0"]), pixels(figures["0.3"]))
+    assert "smooth      over 0.3 of the frame's radius" in z2p("info", figures["0.3"]).stdout
+    assert rerender(figures["0"], "-o", tmp_path / "other.png", "--smooth", 0.3).exit_code == 0
+    assert (tmp_path / "other.png").read_bytes() == figures["0.3"].read_bytes()
+
+
 def test_info_shows_the_record(z2p: Callable[..., Result], figure: Path, tmp_path: Path) -> None:
     told = z2p("info", figure)
     assert told.exit_code == 0

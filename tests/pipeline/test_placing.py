@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.infer import UP_AXES, place_cloud
-from pipeline.placing import Placing, place
+from pipeline.placing import Placed, Placing, place
 from storage.clouds import Scan
 from z2p_core.camera import Camera
 from z2p_core.geometry import random_rotation
@@ -135,6 +135,48 @@ def test_digits_that_were_lost_in_saving_are_told() -> None:
     line_by_line = np.column_stack([x, np.repeat(np.linspace(0, 1, 100), 200), z])
     for clean in (points, np.round(points * 8), points * (1, 1, 0), line_by_line):
         assert "different values" not in place(scan(clean), ".xyz", Placing(), 20.0, FREE).stance.told
+
+
+def noisy() -> np.ndarray:
+    """The same half of the ball by a camera whose depths are off by up to a spacing."""
+    rng, points = np.random.default_rng(4), np.random.default_rng(5).normal(size=(16_000, 3))
+    points *= 0.8 / np.linalg.norm(points, axis=1, keepdims=True)
+    points = points[points[:, 2] <= 0] + [0.0, 0.0, 3.0]
+    return points * (1 + rng.normal(scale=0.03, size=(len(points), 1)) / np.linalg.norm(points, axis=1, keepdims=True))
+
+
+def off_the_ball(placed: Placed) -> float:
+    """How far the points lie off the ball that was seen, in radii of the frame."""
+    ball = placed.viewpoint.place(np.array([[0.0, 0.0, 3.0]]))
+    away = np.linalg.norm(placed.cloud - ball, axis=1) - 0.8 / placed.viewpoint.radius
+    return float(np.abs(away).mean())
+
+
+def test_a_depth_cameras_noisy_cloud_is_made_smooth_unless_asked_otherwise() -> None:
+    camera = Sensor(np.zeros(3), np.eye(3))
+    made = {smooth: place(scan(noisy(), camera), ".pcd", Placing(smooth=smooth), 20.0, FREE)
+            for smooth in ("auto", 0.0, 0.25)}  # fmt: skip
+    assert off_the_ball(made["auto"]) < 0.9 * off_the_ball(made[0.0])
+    assert off_the_ball(made[0.25]) < off_the_ball(made["auto"])
+    for smooth, placed in made.items():
+        assert ("made smooth over" in placed.stance.told) == (smooth != 0)
+        assert placed.viewpoint == made["auto"].viewpoint
+    assert made[0.0].stance.smooth == 0 and made[0.25].stance.smooth == 0.25
+
+
+def test_other_clouds_are_made_smooth_when_that_is_asked_for_alone() -> None:
+    for points, sensor in ((noisy(), None), (seen(), Sensor(np.zeros(3), np.eye(3)))):
+        assert place(scan(points, sensor), ".ply", Placing("+Z" if sensor is None else "auto")).stance.smooth == 0
+    asked = place(scan(noisy()), ".ply", Placing("+Z", smooth=0.2), 20.0, FREE)
+    assert off_the_ball(asked) < 0.7 * off_the_ball(place(scan(noisy()), ".ply", Placing("+Z"), 20.0, FREE))
+
+
+def test_a_settled_camera_makes_as_smooth_as_the_first_time() -> None:
+    camera = Sensor(np.zeros(3), np.eye(3))
+    first = place(scan(noisy(), camera), ".pcd", Placing(), 20.0, FREE)
+    again = place(scan(noisy(), camera), ".pcd", Placing(viewpoint=first.viewpoint), 20.0, FREE)
+    assert again.stance.smooth == first.stance.smooth > 0
+    assert np.array_equal(again.cloud, first.cloud)
 
 
 def test_a_thing_that_others_make_small_is_told(cloud: np.ndarray) -> None:

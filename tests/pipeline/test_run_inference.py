@@ -87,7 +87,7 @@ def test_json_tells_all_of_a_file(
     assert settings["view"] == "front"
     assert stance == {"up": "-Y", "up_reason": "as asked", "azimuth": -30, "elevation": 20,
                       "view_reason": "the front", "outliers": 0, "outside": 0, "background": 0, "hint": "",
-                      "rounded": 0}  # fmt: skip
+                      "rounded": 0, "smooth": 0}  # fmt: skip
     assert "; up -Y: as asked; azimuth -30: the front)" in result.stderr
 
 
@@ -160,6 +160,7 @@ def test_resolution(render: Callable[..., Result], scans: Path, tmp_path: Path, 
         (("--load-camera", "cam.json", "--up", "+Z"), "--load-camera and --up both"),
         (("--cut-top", "nan"), "finite number, got 'nan'"),
         (("--cut-top", "100"), "range 0<=x<100"),
+        (("--smooth", "0.4"), "expected auto, or a radius from 0 to 0.3, got '0.4'"),
         (("--save-camera", "folder/"), "a file's name"),
         (("--output", ""), "is the variable empty"),
         (("--output", "-"), "standard output"),

@@ -39,7 +39,7 @@ def test_every_setting_changes_the_picture(cloud: np.ndarray, small: dict[str, A
     settings: list[dict[str, Any]] = [
         {}, {"color": "red"}, {"color": (0.2, 0.9, 0.1)}, {"light": (3.6, 60, 50)}, {"light": "3.6,80,50"},
         {"elevation": 60}, {"view": (45.0, 20.0)}, {"view": (45.0, 50.0)}, {"view": "front"}, {"azimuth": 70},
-        {"up": "+Y"}, {"supersample": 2}, {"background": "white"},
+        {"up": "+Y"}, {"supersample": 2}, {"background": "white"}, {"smooth": 0.3},
     ]  # fmt: skip
     made = [z2p_core.render(cloud, **small, **more).array.tobytes() for more in settings]
     assert len(set(made)) == len(settings)
@@ -51,9 +51,10 @@ def test_every_setting_changes_the_picture(cloud: np.ndarray, small: dict[str, A
      {"size": (64, 64, 64)}, {"metallic": 0.5}, {"nosuch": 1}, {"view": "side"}, {"view": (1,)}, {"up": "Z"},
      {"background": "nocolour"}, {"background": (1, 2, 3)}, {"fit": "loose"}, {"supersample": 7},
      {"azimuth": np.nan}, {"azimuth": np.inf}, {"azimuth": None}, {"view": (np.nan, 10)}, {"view": (0, np.inf)},
-     {"cut_top": np.nan}, {"cut_top": "5"}, {"camera": {"a": 1}},
-     {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)}, {"colors": np.ones((10, 3))},
-     {"colors": [[1, 0, 0], [1, 0]]}, {"weights": None}, {"supersample": np.array([1, 2])},
+     {"cut_top": np.nan}, {"cut_top": "5"}, {"smooth": 0.4}, {"smooth": "much"}, {"smooth": np.nan},
+     {"camera": {"a": 1}}, {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)},
+     {"colors": np.ones((10, 3))}, {"colors": [[1, 0, 0], [1, 0]]}, {"weights": None},
+     {"supersample": np.array([1, 2])},
      {"fit": np.array(["frame", "tight"])}, {"up": np.array([0, 0, 1])}],
     ids=str,
 )  # fmt: skip

@@ -143,7 +143,9 @@ def test_what_placing_a_scan_runs_is_no_part_of_weights_alone():
         if part != "z2p_core.native":  # its names come from modules that placing does not all call
             waiting |= {module for module, _ in in_project(needs(part))} - reached
     assert reached & set(OF_WEIGHTS) <= set(PLACING) <= set(OF_WEIGHTS) & set(SHAPING["scans"])
-    assert "native.showing(" in (ROOT / "z2p_core" / "framing.py").read_text()  # the one kernel of placing
+    kernels = {name: set(re.findall(r"native\.(\w+)", (ROOT / "z2p_core" / f"{name}.py").read_text()))
+               for name in ("framing", "smoothing")}  # fmt: skip
+    assert kernels == {"framing": {"showing"}, "smoothing": {"Grid", "jets", "planes"}}  # and what noise is told by
 
 
 def test_a_package_may_come_by_another_name(monkeypatch):

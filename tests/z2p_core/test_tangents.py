@@ -53,6 +53,16 @@ def test_neighbours_in_a_crowd_are_the_nearest_each_once(count):
     assert all(len(set(row)) == count for row in found.tolist())
 
 
+def test_neighbours_of_other_places_are_the_nearest_and_one_at_least():
+    rng = np.random.default_rng(8)
+    grid, places = native.Grid(sphere_of(2000)), 1.01 * sphere_of(300)
+    away = np.sort(((places[:, None] - grid.points) ** 2).sum(2), axis=1)
+    found = grid.around(places, 20)
+    np.testing.assert_allclose(((places[:, None] - grid.points[found]) ** 2).sum(2)[:, :4], away[:, :4], rtol=1e-3)
+    few = native.Grid(np.float32([[0, 0, 0], *(0.01 * rng.random((100, 3)) + 1)]))
+    assert set(few.around(np.float32([[0.3, 0.5, 0.4], [90, 0, 0], [-1, -1, -1]]), 8).ravel()) <= set(range(101))
+
+
 def test_patches_follow_curvature_where_planes_do_not():
     cloud = sphere_of(1000)
     grid = native.Grid(cloud)

@@ -25,6 +25,11 @@ def test_the_cloud_it_was_made_for_fills_the_unit_sphere() -> None:
         assert np.linalg.norm(placed, axis=1).max() == pytest.approx(1.0, abs=1e-5)
 
 
+def test_what_is_placed_can_be_taken_back() -> None:
+    viewpoint = frame(points(5e6), random_rotation(np.random.default_rng(3)), 20.0)
+    np.testing.assert_allclose(viewpoint.taken_back(viewpoint.place(points(5e6))), points(5e6), rtol=0, atol=1e-4)
+
+
 def test_clouds_keep_their_sizes_and_places_beside_each_other() -> None:
     viewpoint = frame(points(), random_rotation(np.random.default_rng(1)), 20.0)
     first, second = viewpoint.place(points()), viewpoint.place(points() / 2 + [0.0, 0.0, 1.0])

@@ -173,7 +173,7 @@ FAST void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near
     crowd.count = 0;
     crowd.worst = INFINITY;
     for (int axis = 0; axis < 3; axis++) home[axis] = place(grid, p, axis);
-    for (int ring = 0; ring <= FARTHEST_RING; ring++) {
+    for (int ring = 0; ring <= FARTHEST_RING || !crowd.count; ring++) { /* a place of its own may lie far from all */
         for (int axis = 0; axis < 3; axis++) {
             low[axis] = clamp_int(home[axis] - ring, 0, grid->size[axis] - 1);
             high[axis] = clamp_int(home[axis] + ring, 0, grid->size[axis] - 1);

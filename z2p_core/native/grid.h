@@ -20,5 +20,6 @@ typedef struct {
  * grid->x, which the other axes lie behind, are to be freed. */
 int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted);
 
-/* near->most near points of `points[self]`, nearest first, itself among them, the nearest but for a few at the end. */
+/* near->most near points of the place `points[self]`, nearest first, the nearest but for a few at the end: itself among
+ * them, where it is one of the grid's. One at least is found. */
 void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near *near);

@@ -39,9 +39,18 @@ class Grid:
         A point is its own neighbour, and the last neighbour is repeated where a cloud has fewer. Spacing is the side of
         the square patch of surface that is a point's share, by its 12 nearest points.
         """
-        asked = np.ascontiguousarray(asked, np.int32)
+        return self._nearest(self.points, np.ascontiguousarray(asked, np.int32), count)
+
+    def around(self, places: np.ndarray, count: int) -> np.ndarray:
+        """Rows of `points` (M, count) int32, count <= 64, nearest to places (M, 3) that need be none of them.
+
+        The last one is repeated where fewer are near.
+        """
+        return self._nearest(floats(places), np.arange(len(places), dtype=np.int32), count)[0]
+
+    def _nearest(self, places: np.ndarray, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
-        grid = (ctypes.c_void_p(int(self._handle[0])), self.points)
+        grid = (ctypes.c_void_p(int(self._handle[0])), places)
 
         def find(begin: int, end: int) -> None:
             call("z2p_neighbours", *grid, asked[begin:end], end - begin, count, found[begin:end], spacing[begin:end])

@@ -1,0 +1,69 @@
+"""What the user may want to know or to try of a scan as it stands in its picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.foreground import is_room
+from z2p_core.framing import MILLIMETRES, Up, implied_sensor
+from z2p_core.strays import thinned
+from z2p_core.turning import extent, turned
+
+ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
+MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
+FEWEST_STEPPED, STEPS, WIDE = 1000, 60, 0.1
+"""Of a cloud an axis of which was rounded: its points, the steps at most of that axis along its widest side, and the
+width of that axis as a share of that side."""
+FEW_POINTS, FEW_HINT = 100, "so few points tell no surface: some hundreds are needed for a shape to show"
+SMALL_HINT = "nearly all of its points lie in a small part of the frame: the others may be strays, to be removed first"
+MOST, SMALL = 0.97, 0.2
+"""Share of the points that is nearly all, and the radius about their middle, in the frame's, that is small."""
+COARSE = 1000
+"""Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
+
+
+def hint_for(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
+    """What the user may want to try or to know of points (N, 3) that stand so, or nothing.
+
+    `by_itself`: z2p chose up and view; `whole`: nothing was cut off.
+    """
+    if len(points) < FEW_POINTS:
+        return FEW_HINT
+    upright_points = turned(points, up.rotation)
+    if whole and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
+        return ROOM_HINT
+    if by_itself and up.sensor is None and implied_sensor(points, (MILLIMETRES,)):
+        return MILLIMETRES_HINT
+    return _stepped(points) if up.sensor is None else ""
+
+
+def hint_for_placed(cloud: np.ndarray) -> str:
+    """What to say where few of the placed points (N, 3) float32 make the frame wide, and the others hardly fill it."""
+    sample = thinned(cloud)
+    away = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
+    return SMALL_HINT if np.quantile(away, MOST) < SMALL else ""
+
+
+def rounding(points: np.ndarray) -> float:
+    """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them."""
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
+        low, high = extent(points)
+        step = float(np.spacing(np.float32(max(high.max(), -low.min()))))
+        if (high - low).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
+            return 0.0
+    return step
+
+
+def _stepped(points: np.ndarray) -> str:
+    """What to say of points (N, 3) of which an axis, but not all, takes few values; or nothing."""
+    if len(points) < FEWEST_STEPPED:
+        return ""
+    some = points[:: -(-len(points) // FEWEST_STEPPED)]  # from the whole file, whose rows may be sorted by place
+    different = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
+    low, high = extent(points)
+    width = high - low
+    stepped = (width > WIDE * width.max()) & (width * STEPS > different * width.max())
+    if not stepped.any() or different.max() < 5 * STEPS:  # a grid of voxels has steps along all axes
+        return ""
+    axes = " and ".join("xyz"[axis] for axis in np.flatnonzero(stepped))
+    return f"few different values of {axes}, as when digits are lost in saving: if so, save more of them"
