@@ -10,6 +10,9 @@ import numpy as np
 from z2p_core.camera import light_position
 from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE
 
+SHIFTS = {1: [(0, 0)], 2: [(-0.25, -0.25), (0.25, 0.25)], 4: [(x, y) for x in (-0.25, 0.25) for y in (-0.25, 0.25)]}
+"""Of that many sets of lamps, in the distance from lamp to lamp."""
+
 
 @lru_cache(maxsize=8)
 def light_square(light: tuple[float, float, float]) -> np.ndarray:
@@ -34,6 +37,14 @@ def light_lamps(light: tuple[float, float, float], count: int) -> tuple[np.ndarr
     x, y = (place.reshape(-1, 1) for place in np.meshgrid(steps, steps))
     power = LIGHT_RADIANCE * LIGHT_SIDE**2 / count
     return centre + x * across + y * up, np.repeat(axis[None], count, axis=0), np.full(count, power)
+
+
+@lru_cache(maxsize=8)
+def lamp_sets(light: tuple[float, float, float], count: int, sets: int) -> tuple[np.ndarray, ...]:
+    """Places (count, 3) as those of `light_lamps`, so many times (1, 2 or 4), each between those of the others."""
+    lamps, square = light_lamps(light, count)[0], light_square(light)
+    steps = np.array(SHIFTS[sets]) / math.isqrt(count) @ square[1:]
+    return tuple(lamps + step for step in steps)
 
 
 @lru_cache(maxsize=1)

@@ -41,9 +41,9 @@ class Reflections(Lighting):
     """Light on a cloud's points, and what of it they reflect."""
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float, sets: int
     ) -> None:
-        super().__init__(points, normals, spacing, scene, height)
+        super().__init__(points, normals, spacing, scene, height, sets)
         self.lamps, axes, self.powers = (x.astype(np.float32) for x in light_lamps(scene.light, LAMPS))
         self.axis = axes[0]
         self.metallic = _number(scene, "Metallic", 0.0)

@@ -18,7 +18,7 @@ from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer
-from z2p_core.lamps import floor_sky, light_lamps, light_square, sky_axes
+from z2p_core.lamps import floor_sky, lamp_sets, light_lamps, light_square, sky_axes
 from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
@@ -49,6 +49,9 @@ LAMPS, FLOOR_LAMPS = 16, 64
 QUARTERS = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / math.sqrt(12)
 """Places on a square, in its sides from its middle, whose mean is that over all of it for light that changes slowly
 (Gauss's quadrature)."""
+SMALL, MIDDLING = 300, 700
+"""Sides of pictures, in pixels, up to which such lamps stand over the floor once, and twice; over larger ones four
+times, for the steps that they leave in a penumbra grow with the picture."""
 SKY_DIRECTIONS, FLOOR_SKY, MIRRORED = 24, 64, 64
 """Directions that stand for the sky, likewise; and those in which the floor mirrors."""
 FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.0125, 720, 128
@@ -97,7 +100,7 @@ class Surfels(GBuffer):
         points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
         spread = max(typical, SPARSE * float(np.quantile(spacing, 0.9)))
-        lighting = self.lighting(points, normals, spread, scene, floor)
+        lighting = self.lighting(points, normals, spread, scene, floor, lamp_sets_for(camera))
         rotation = camera.rotation.astype(np.float32)
         facing = turned(normals, rotation)
         radii = disc_radii(found, typical)
@@ -127,16 +130,16 @@ class Lighting:
     """
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float, sets: int
     ) -> None:
         self.points, self.normals = points, normals
         self.color = np.array(base_color(scene), dtype=np.float32)
         self.radius = radius = math.sqrt(products(points, points).max()) + spacing
         square = light_square(scene.light)
-        lamps, axes, _ = light_lamps(scene.light, FLOOR_LAMPS)
+        _, shining, _ = light_lamps(scene.light, LAMPS)
         quarters = square[0] + QUARTERS @ square[1:]
         self.floor = native.Floor(
-            height, FLOOR_HALF, quarters, axes[0], LIGHT_RADIANCE * LIGHT_SIDE**2, AMBIENT, FLOOR_ALBEDO
+            height, FLOOR_HALF, quarters, shining[0], LIGHT_RADIANCE * LIGHT_SIDE**2, AMBIENT, FLOOR_ALBEDO
         )
         side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
         floor = (height, FLOOR_HALF, side)
@@ -149,8 +152,10 @@ class Lighting:
             self.seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
 
         self.look_around = rows_beside(look_around, len(axes), parts=8)
+        shades = [native.floor_shade(points, lamps, *floor, BALL * spacing, square=square)
+                  for lamps in lamp_sets(scene.light, FLOOR_LAMPS, sets)]  # fmt: skip
         self.shades = (
-            with_paler_rim(native.floor_shade(points, lamps, *floor, BALL * spacing, square=square)),
+            with_paler_rim(sum(shades[1:], shades[0]) / np.float32(sets)),
             native.floor_shade(points, SKY * floor_sky(FLOOR_SKY), *floor, soft=SOFT),
         )
         self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
@@ -203,6 +208,12 @@ class Lighting:
 
 
 Surfels.lighting = Lighting
+
+
+def lamp_sets_for(camera: Camera) -> int:
+    """How many times lamps stand over the floor for a picture of that size."""
+    side = max(camera.width, camera.height)
+    return 1 if side <= SMALL else 2 if side <= MIDDLING else 4
 
 
 def mirrored_eyes(viewer: np.ndarray, floor: float) -> np.ndarray:

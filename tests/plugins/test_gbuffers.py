@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from plugins.gbuffers import surfels
 from plugins.gbuffers.surfels import Surfels
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import linear_from_srgb
@@ -149,3 +150,17 @@ def test_a_part_with_fewer_points_is_closed_and_a_stray_point_stays_a_dot():
     stray = np.float32([[0.45, 0, 0.5]])
     dot = Surfels().draw(np.vstack([dense, stray]), CAMERA, SCENE)[COVERAGE][:, 52:]
     assert (dot > 0.5).sum() < 12
+
+
+def test_the_penumbra_of_a_thin_thing_falls_in_finer_steps_in_larger_pictures(monkeypatch):
+    """Lamps that stand for a square would cast as many shadows of a pole, side by side."""
+    height = np.random.default_rng(0).uniform(-0.95, 0.95, 1500)
+    turn = np.random.default_rng(1).uniform(0, 2 * np.pi, 1500)
+    pole = np.column_stack([0.02 * np.cos(turn), 0.02 * np.sin(turn), height]).astype(np.float32)
+    scene = SceneDescription(light=(3.5, -60.0, 40.0))
+    fine = Surfels().draw(pole, Camera(800, 800), scene)[-1]
+    monkeypatch.setattr(surfels, "lamp_sets_for", lambda camera: 1)
+    coarse = Surfels().draw(pole, Camera(800, 800), scene)[-1]
+    assert fine.sum() == pytest.approx(coarse.sum(), rel=0.02)
+    steps = [np.abs(np.diff(shadow[:, 500:], axis=0)).sum() for shadow in (fine, coarse)]
+    assert steps[0] < 0.8 * steps[1]

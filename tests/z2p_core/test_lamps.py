@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from z2p_core.camera import light_position
-from z2p_core.lamps import floor_sky, light_lamps, sky_axes
+from z2p_core.lamps import floor_sky, lamp_sets, light_lamps, light_square, sky_axes
 from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE
 
 
@@ -19,6 +19,19 @@ def test_the_area_light_is_a_square_that_faces_the_origin():
     columns = np.unique(((lamps - centre) @ across / np.linalg.norm(across)).round(6))
     np.testing.assert_allclose(columns, ((np.arange(8) + 0.5) / 8 - 0.5) * LIGHT_SIDE, atol=1e-6)
     assert powers.sum() == pytest.approx(LIGHT_RADIANCE * LIGHT_SIDE**2)
+
+
+@pytest.mark.parametrize("sets", [1, 2, 4])
+def test_sets_of_lamps_interlock_on_the_same_square(sets):
+    light = (3.5, -30.0, 60.0)
+    middle, *sides = light_square(light)
+    places = np.concatenate(lamp_sets(light, 64, sets)) - middle
+    np.testing.assert_allclose(places.mean(0), 0, atol=1e-9)
+    on_square = places @ np.transpose(sides) / LIGHT_SIDE**2
+    assert np.abs(on_square).max() < 0.5
+    apart = np.linalg.norm(on_square[:, None] - on_square, axis=2) + 9 * np.eye(len(places))
+    np.testing.assert_allclose(apart.min(1), 1 / 8 / np.sqrt(sets), atol=1e-9)
+    assert np.array_equal(lamp_sets(light, 64, 1)[0], light_lamps(light, 64)[0])
 
 
 def test_the_sky_is_above_and_even():
