@@ -19,6 +19,9 @@ from z2p_core.threads import beside
 
 FEWEST, MOST, MORE = 16, 64, 75.0
 """Neighbours of a clean cloud, of the noisiest one, and how many more for noise as large as the spacing."""
+PATENT, DROWNED, FEWEST_KEPT = 0.45, 0.83, 4_000
+"""Noise in spacings from which on it is measured among `MOST` neighbours as well; what it is there when the surface
+drowns in it, for they do not reach beyond it; and points that are kept of such a cloud at least."""
 PROBES = 400
 """Points at which noise is measured."""
 MOST_POINTS = 40_000
@@ -79,12 +82,23 @@ class Fitted:
 def tangents(cloud: np.ndarray) -> Tangents:
     """The tangent planes of a cloud (N, 3), N >= 1, in an order that does not depend on the cloud's."""
     own = fitted(cloud)
+    while len(cloud) >= 2 * FEWEST_KEPT and drowned(own):
+        cloud = thinned(cloud, len(cloud) // 2)
+        own = fitted(cloud)
     points, normals = own.grid.points, own.normals
     if len(cloud) >= FEWEST:
         agreed, normals = native.refine(points, normals, own.neighbours, own.scale, own.noise / own.typical)
         points = moved(points, agreed, own.spacing, own.noise)
     around = own.spacing[own.neighbours[:, FEWEST // 2]]
     return Tangents(points, own.spacing, normals, own.noise, around, own.neighbours, own.grid)
+
+
+def drowned(own: Fitted) -> bool:
+    """Whether noise is so large that patches do not reach beyond it. Those of half as many points reach farther."""
+    if own.noise < PATENT * own.typical:
+        return False
+    found, _ = own.grid.neighbours(probes(len(own.grid.points)), MOST)
+    return left_by_curvature(own.grid.points, found) > DROWNED * own.typical
 
 
 def fitted(cloud: np.ndarray) -> Fitted:

@@ -63,6 +63,20 @@ def test_neighbours_of_other_places_are_the_nearest_and_one_at_least():
     assert set(few.around(np.float32([[0.3, 0.5, 0.4], [90, 0, 0], [-1, -1, -1]]), 8).ravel()) <= set(range(101))
 
 
+def test_of_a_cloud_that_drowns_in_noise_fewer_points_tell_the_surface_better(monkeypatch):
+    rng, cloud = np.random.default_rng(9), sphere_of(40_000)
+    drowning, clear = ((cloud * (1 + rng.normal(scale=scale, size=(40_000, 1)))).astype(np.float32)
+                       for scale in (0.05, 0.01))  # fmt: skip
+    found = tangents(drowning)
+    assert 4_000 <= len(found.points) <= 17_000 and len(tangents(clear).points) == 40_000
+    monkeypatch.setattr("z2p_core.tangents.drowned", lambda own: False)
+    everyone = tangents(drowning)
+    assert len(everyone.points) == 40_000
+    off, off_before = (np.abs(np.linalg.norm(one.points, axis=1) - 1).mean() for one in (found, everyone))
+    assert off < 0.6 * off_before
+    assert off_radius(found.points, found.normals).mean() < 0.8 * off_radius(everyone.points, everyone.normals).mean()
+
+
 def test_patches_follow_curvature_where_planes_do_not():
     cloud = sphere_of(1000)
     grid = native.Grid(cloud)
