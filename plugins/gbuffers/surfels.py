@@ -164,8 +164,9 @@ class Lighting:
         """Follows the light from the sky and the lit floor to the points, and on from there."""
         cloud = (self.points, self.normals, sky_axes(SKY_DIRECTIONS))
         self.look_around()
+        below = beside(native.floor_hits, *cloud[:2], floor_sky(FLOOR_SKY)[::2], self.floor, GLOW_CELLS)
         self.bounces = [native.gather_open(*cloud, self.seen, self.direct, self.floor, *self.shades)]
-        self.below = native.floor_hits(*cloud[:2], floor_sky(FLOOR_SKY)[::2], self.floor, GLOW_CELLS)
+        self.below = below.result()
         self.glows = []
         for _ in range(BOUNCES):
             light = self.bounces[-1]
