@@ -121,7 +121,7 @@ def test_no_command_lacks_an_option_that_it_needs(page: Path) -> None:
 
 def test_amid_the_text_commands_are_found() -> None:
     assert any(command.startswith("z2p evaluate ") for command in inline_commands(ROOT / "README.md"))
-    assert any("--sampler grid" in command for command in inline_commands(ROOT / "docs" / "limits.md"))
+    assert any("--points 2048" in command for command in inline_commands(ROOT / "docs" / "ablations.md"))
 
 
 def test_the_plugins_of_the_page_keep_their_contracts(tmp_path: Path) -> None:
