@@ -126,7 +126,8 @@ class Surfels(GBuffer):
 class Lighting:
     """Light on the points (N, 3) of a cloud of that spacing, whose normals (N, 3) face the viewer, and on its floor.
 
-    A second core looks around from the points, from the beginning; `follow` helps it and goes on.
+    Over the floor, which lies at that height, so many `sets` of lamps (1, 2 or 4) stand for the light. A second core
+    looks around from the points, from the beginning; `follow` helps it and goes on.
     """
 
     def __init__(
@@ -136,10 +137,10 @@ class Lighting:
         self.color = np.array(base_color(scene), dtype=np.float32)
         self.radius = radius = math.sqrt(products(points, points).max()) + spacing
         square = light_square(scene.light)
-        _, shining, _ = light_lamps(scene.light, LAMPS)
+        lamps = light_lamps(scene.light, LAMPS)
         quarters = square[0] + QUARTERS @ square[1:]
         self.floor = native.Floor(
-            height, FLOOR_HALF, quarters, shining[0], LIGHT_RADIANCE * LIGHT_SIDE**2, AMBIENT, FLOOR_ALBEDO
+            height, FLOOR_HALF, quarters, lamps[1][0], LIGHT_RADIANCE * LIGHT_SIDE**2, AMBIENT, FLOOR_ALBEDO
         )
         side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
         floor = (height, FLOOR_HALF, side)
@@ -152,13 +153,13 @@ class Lighting:
             self.seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
 
         self.look_around = rows_beside(look_around, len(axes), parts=8)
-        shades = [native.floor_shade(points, lamps, *floor, BALL * spacing, square=square)
-                  for lamps in lamp_sets(scene.light, FLOOR_LAMPS, sets)]  # fmt: skip
+        shades = [native.floor_shade(points, places, *floor, BALL * spacing, square=square)
+                  for places in lamp_sets(scene.light, FLOOR_LAMPS, sets)]  # fmt: skip
         self.shades = (
             with_paler_rim(sum(shades[1:], shades[0]) / np.float32(sets)),
             native.floor_shade(points, SKY * floor_sky(FLOOR_SKY), *floor, soft=SOFT),
         )
-        self.direct = native.illuminate(points, normals, *light_lamps(scene.light, LAMPS), spacing, radius) / math.pi
+        self.direct = native.illuminate(points, normals, *lamps, spacing, radius) / math.pi
 
     def follow(self) -> None:
         """Follows the light from the sky and the lit floor to the points, and on from there."""
