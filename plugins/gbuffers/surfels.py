@@ -49,7 +49,7 @@ LAMPS, FLOOR_LAMPS = 16, 64
 QUARTERS = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / math.sqrt(12)
 """Places on a square, in its sides from its middle, whose mean is that over all of it for light that changes slowly
 (Gauss's quadrature)."""
-SMALL, MIDDLING = 300, 700
+SMALL, MIDDLING = 600, 900
 """Sides of pictures, in pixels, up to which such lamps stand over the floor once, and twice; over larger ones four
 times, for the steps that they leave in a penumbra grow with the picture."""
 SKY_DIRECTIONS, FLOOR_SKY, MIRRORED = 24, 64, 64
@@ -64,8 +64,6 @@ BOUNCES, MOST_KEPT = 2, 0.9
 BALL, SOFT = 0.7, 5
 """Radius in spacings of the balls that points are where their shadow is drawn out; and cells to every side over which
 the sky's shadow is averaged, which so few directions leave in steps."""
-RIM = 0.05
-"""By how much the lamp's shadow is too dark where nearly all of its light comes through: cells make outlines wide."""
 GREY, SKY = 0.5, 50.0
 """Albedo of the grey picture, below white under the nearest light; and distance at which a lamp is a direction."""
 STRIPS = 6
@@ -156,7 +154,7 @@ class Lighting:
         shades = [native.floor_shade(points, places, *floor, BALL * spacing, square=square)
                   for places in lamp_sets(scene.light, FLOOR_LAMPS, sets)]  # fmt: skip
         self.shades = (
-            with_paler_rim(sum(shades[1:], shades[0]) / np.float32(sets)),
+            sum(shades[1:], shades[0]) / np.float32(sets),
             native.floor_shade(points, SKY * floor_sky(FLOOR_SKY), *floor, soft=SOFT),
         )
         self.direct = native.illuminate(points, normals, *lamps, spacing, radius) / math.pi
@@ -238,11 +236,6 @@ def around(cells: np.ndarray) -> np.ndarray:
     rows = padded[:-2] + padded[1:-1] + padded[2:]
     total: np.ndarray = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
     return total
-
-
-def with_paler_rim(shade: np.ndarray) -> np.ndarray:
-    """The lamp's shadow, a share of its light, lighter towards its rim."""
-    return shade * (1 - RIM * (1 - shade))
 
 
 def disc_radii(found: Tangents, typical: float) -> np.ndarray:

@@ -32,33 +32,75 @@ def test_an_eye_below_the_floor_sees_a_sheet_smaller_on_it():
     assert (columns.mean() + 0.5) * 2 * half / side - half == pytest.approx(0.5, abs=0.02)
 
 
+def mean_around(grid: np.ndarray, cells: int) -> np.ndarray:
+    """The mean over so many cells to every side; beyond the border there is none."""
+    padded, wide = np.pad(grid, cells), 2 * cells + 1
+    side = len(grid)
+    return sum(padded[i : i + side, j : j + side] for i in range(wide) for j in range(wide)) / wide**2
+
+
+def square_light(middle: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
+    """A square light that looks down askew, and its 64 parts."""
+    square = np.float32([middle, [1.4, 0.8, 0.0], [-0.5, 0.9, 1.3]])
+    steps = (np.arange(8) + 0.5) / 8 - 0.5
+    return square, np.float32([square[0] + x * square[1] + y * square[2] for y in steps for x in steps])
+
+
 def test_parts_of_a_square_light_count_as_much_as_they_shine():
     """Against each part alone, weighed by what it gives the cell."""
-    side, half, floor = 60, 2.0, -0.7
-    middle, across, up = square = np.float32([[0.9, -1.6, 1.9], [1.4, 0.8, 0.0], [-0.5, 0.9, 1.3]])
-    axis = np.cross(up, across) / np.linalg.norm(np.cross(up, across))
-    steps = (np.arange(8) + 0.5) / 8 - 0.5
-    lamps = np.float32([middle + x * across + y * up for y in steps for x in steps])
-    sheet = square_of(6_000, 0.5, 0.3)
+    side, half, floor = 160, 2.0, -0.7
+    square, lamps = square_light((0.9, -1.6, 1.9))
+    axis = np.cross(square[2], square[1]) / np.linalg.norm(np.cross(square[2], square[1]))
+    sheet = square_of(40_000, 0.5, 0.3)
     shade = native.floor_shade(sheet, lamps, floor, half, side, square=square)
     x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 * half - half] * 2)
     full, lost = np.zeros((side, side)), np.zeros((side, side))
-    for lamp in lamps:
+    for number, lamp in enumerate(lamps):
         away = lamp - np.stack([x, y, np.full_like(x, floor)], -1)
         given = np.abs(away @ axis) * away[..., 2] / (away**2).sum(-1) ** 2
+        alone = np.where(np.arange(64)[:, None] == number, lamps, np.float32([0, 0, -0.6]))  # others shine from below
         full += given
-        lost += given * native.floor_shade(sheet, lamp[None], floor, half, side)
+        lost += given * 64 * native.floor_shade(sheet, alone, floor, half, side)
     expected, even = lost / full, native.floor_shade(sheet, lamps, floor, half, side)
-    assert np.abs(shade - expected).mean() < 0.2 * np.abs(even - expected).mean()
+    # smoothly, for the steps from part to part are taken out
+    off = [np.abs(mean_around(found - expected, 4)).mean() for found in (shade, even)]
+    assert off[0] < 0.25 * off[1]
+
+
+def test_a_penumbra_has_no_steps():
+    """A half plane's edge takes parts of the light away one row after the other; the floor darkens evenly."""
+    side, half = 400, 2.0
+    rows = (np.arange(8) + 0.5) / 8 - 0.5
+    square = np.float32([[0, 0, 2.0], [1.6, 0, 0], [0, 1.6, 0]])
+    lamps = np.float32([[1.6 * x, 1.6 * y, 2.0] for y in rows for x in rows])
+    sheet = square_of(60_000, 0.7, 0.0) + np.float32([0.7, 0, 0])
+    steps = [np.diff(native.floor_shade(sheet, lamps, -1.0, half, side, square=given)[side // 2, 150:250])
+             for given in (None, square)]  # fmt: skip
+    assert np.median(steps[1]) > 0  # where there were steps, most cells were as dark as their neighbours
+    assert steps[1].std() < 0.4 * steps[0].std()
+
+
+@pytest.mark.parametrize(("number", "wider"), [(0, 1.0), (2, 0.0)])
+def test_a_quarter_of_the_lamps_have_shadows_a_cell_narrower(number: int, wider: float):
+    """Of a dense sheet, on the mean over where it lies on the cells: those are as wide as it, others a cell wider."""
+    side, half = 120, 2.0
+    lamps = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), np.float32([0, 0, -0.3]))
+    widths, middles = [], []
+    for shift in np.linspace(0, 2 * half / side, 10, endpoint=False, dtype=np.float32):
+        sheet = square_of(40_000, 0.5, 0.0) + np.float32([shift, 0, 0])
+        row = native.floor_shade(sheet, lamps, -0.5, half, side)[side // 2] * 64
+        widths.append(row.sum())
+        middles.append((np.flatnonzero(row).mean() + 0.5) * 2 * half / side - half - shift)
+    assert np.mean(widths) == pytest.approx(side / (2 * half) + wider, abs=0.2)
+    assert np.mean(middles) == pytest.approx(0, abs=0.2 * 2 * half / side)
 
 
 def test_a_soft_shade_is_the_mean_over_the_cells_around():
     side, soft, sheet = 90, 3, square_of(4_000, 0.4, 0.0) + np.float32([0.3, -0.5, 0])
     lamps = np.float32([[0.5, 0, 2.0], [0.5, 0.4, 3.0]])
     sharp = native.floor_shade(sheet, lamps, -1.0, 2.0, side)
-    padded = np.pad(sharp, soft)
-    mean = sum(padded[i : i + side, j : j + side] for i in range(7) for j in range(7)) / 49
-    np.testing.assert_allclose(native.floor_shade(sheet, lamps, -1.0, 2.0, side, soft=soft), mean, atol=1e-6)
+    np.testing.assert_allclose(native.floor_shade(sheet, lamps, -1.0, 2.0, side, soft=soft), mean_around(sharp, soft),
+                               atol=1e-6)  # fmt: skip
 
 
 def test_points_above_a_lamp_and_far_off_cast_no_shade():
