@@ -16,27 +16,18 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import Camera
+from z2p_core.discs import discs
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer
 from z2p_core.lamps import floor_sky, lamp_sets, light_lamps, light_square, sky_axes
 from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
-from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
+from z2p_core.tangents import MOST_POINTS, tangents, thinned
 from z2p_core.threads import beside, over_rows, rows_beside
 from z2p_core.turning import products, turned
 
-OVERLAP, SLACK = 1.45, 0.7
-"""Radius of a disc in those of its Voronoi cell, which alone would close the surface, and how far behind the nearest
-disc another still counts, in radii."""
-SMALLEST, LARGEST = 0.8, 1.5
-"""Radius of a disc in spacings, at least and at most."""
-NEARBY, FARTHER = 24, 48
-"""Neighbours that a cell is looked for among, and those among which one that they leave open is looked for again."""
-TORN, BORDER = 3.5, 0.7
-"""A cell that reaches so many spacings lies at a border or a hole: chance leaves no gaps of more than two, and scans
-look better with small holes closed. And the radius in spacings of its disc, which closes nothing."""
-NARROWEST, WIDEST = 0.5, 2.5
-"""Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
+SLACK = 0.7
+"""How far behind the nearest disc another still counts, in radii."""
 SPARSE = 0.6
 """Light takes the cloud for as sparse as so much of the spacing that a tenth of the points exceed, if that is more."""
 SURE, FULL = 15.0, 2.7
@@ -66,6 +57,8 @@ BALL, SOFT = 0.7, 5
 the sky's shadow is averaged, which so few directions leave in steps."""
 GREY, SKY = 0.5, 50.0
 """Albedo of the grey picture, below white under the nearest light; and distance at which a lamp is a direction."""
+HOLE_RIM = 4
+"""Points at the rim of a hole whose mean colour it gets."""
 STRIPS = 6
 """Strips of a picture, which the cores take in turn. One core draws the same, for they tell which discs are hidden."""
 
@@ -99,18 +92,19 @@ class Surfels(GBuffer):
         typical = max(float(np.median(spacing)), 1e-3)
         spread = max(typical, SPARSE * float(np.quantile(spacing, 0.9)))
         lighting = self.lighting(points, normals, spread, scene, floor, lamp_sets_for(camera))
+        found, radii = discs(found, typical)
+        normals = faced(found.points, found.normals, camera.position)
         rotation = camera.rotation.astype(np.float32)
         facing = turned(normals, rotation)
-        radii = disc_radii(found, typical)
-        centres = native.centres(points, normals, radii, found.neighbours)
+        centres = native.centres(found.points, normals, radii, found.neighbours)
         seen = turned(centres - camera.position.astype(np.float32), rotation)
         clips = native.clips(seen, facing, radii, found.neighbours)
         lighting.follow()
         shadow = beside(lighting.draw_shadow, camera, out[-1])
+        colors = with_holes(lighting.colors(camera.position), found.neighbours)
         draw = partial(
-            native.surfels, seen, facing, radii, clips,
-            np.column_stack([facing[:, :2], lighting.colors(camera.position)]), camera, SLACK, SURE, FULL, NEAR, FAR,
-            out[:-1],
+            native.surfels, seen, facing, radii, clips, np.column_stack([facing[:, :2], colors]), camera, SLACK, SURE,
+            FULL, NEAR, FAR, out[:-1],
         )  # fmt: skip
 
         def draw_strips(begin: int, end: int) -> None:
@@ -238,18 +232,10 @@ def around(cells: np.ndarray) -> np.ndarray:
     return total
 
 
-def disc_radii(found: Tangents, typical: float) -> np.ndarray:
-    """Radii (N,) of discs that close the surface of a cloud of that spacing, but neither its holes nor its borders."""
-    share = np.clip(found.spacing, NARROWEST * typical, WIDEST * np.maximum(found.around, typical))
-    nearby = np.ascontiguousarray(found.neighbours[:, :NEARBY])
-    cells = native.cells(found.points, found.normals, np.arange(len(share), dtype=np.int32), nearby)
-    radii = np.clip(OVERLAP * cells, SMALLEST * share, LARGEST * share)
-    near = np.maximum(np.minimum(found.spacing, found.around), NARROWEST * typical)
-    wide = np.flatnonzero(cells > TORN * near).astype(np.int32)
-    farther, _ = found.grid.neighbours(wide, FARTHER)
-    torn = wide[native.cells(found.points, found.normals, wide, farther, solid=True) > TORN * near[wide]]
-    radii[torn] = BORDER * near[torn]
-    return radii
+def with_holes(colors: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """Colours (M, C) of discs with these neighbours (M, K): those of the points (N, C), and in holes of the rim."""
+    rim = neighbours[len(colors) :, :HOLE_RIM]
+    return np.concatenate([colors, colors[rim].mean(axis=1)])
 
 
 def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:

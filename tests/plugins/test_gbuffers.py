@@ -97,6 +97,21 @@ def test_gaps_of_chance_are_closed_and_a_hole_wider_than_they_are_stays_open():
     assert (torn[(reach > 5.5 * spacing) & (reach < 0.5)] > 0.5).mean() > 0.99
 
 
+def test_a_small_hole_is_closed_and_looks_like_what_is_around_it():
+    rng = np.random.default_rng(1)
+    spacing = 1.2 / np.sqrt(3000)
+    sheet = np.column_stack([rng.uniform(-0.6, 0.6, 3000), np.zeros(3000), rng.uniform(-0.6, 0.6, 3000)])
+    sheet = sheet[np.hypot(sheet[:, 0], sheet[:, 2]) > 2.5 * spacing]
+    picture = Surfels().draw(sheet.astype(np.float32), CAMERA, SCENE)
+    (column, row), _ = (found[0] for found in CAMERA.project(np.zeros((1, 3))))
+    rows, columns = np.mgrid[:96, :96] + 0.5
+    reach = np.hypot(columns - column, rows - row) * DISTANCE / CAMERA.focal
+    hole, around = reach < 2 * spacing, (reach > 3 * spacing) & (reach < 8 * spacing)
+    assert picture[COVERAGE][hole].min() > 0.9
+    for channel in (DEPTH, RIGHT, DOWN, GREY, RED):
+        assert picture[channel][hole].mean() == pytest.approx(picture[channel][around].mean(), abs=0.03)
+
+
 def test_density_is_about_a_third_at_the_border_of_a_sheet():
     rng = np.random.default_rng(0)
     wall = np.column_stack([rng.uniform(-0.6, 0.6, 6000), np.zeros(6000), rng.uniform(-0.6, 0.6, 6000)])

@@ -25,6 +25,7 @@ from z2p_core.native.surfaces import Grid as Grid
 from z2p_core.native.surfaces import cells as cells
 from z2p_core.native.surfaces import centres as centres
 from z2p_core.native.surfaces import clips as clips
+from z2p_core.native.surfaces import holes as holes
 from z2p_core.native.surfaces import jets as jets
 from z2p_core.native.surfaces import planes as planes
 from z2p_core.native.surfaces import refine as refine

@@ -10,12 +10,13 @@
 #define DIRECTIONS 16 /* in which a cell's border is looked for, evenly around */
 #define STEEP 0.75f   /* sine of the angle off the plane from which on a neighbour lies on another surface */
 
-/* The farthest that the border of a point's cell is, along the directions (2, DIRECTIONS); INFINITY where neighbours
- * (most) leave it open. A neighbour at q bounds the cell by r . q = |q|^2 / 2, so by 1 / r = 2 along . q / |q|^2. The cell
- * is that among neighbours laid into the plane, or, if `solid`, what the plane cuts out of the cell in space. */
+/* The farthest that the border of a point's cell is, along the directions (2, DIRECTIONS), and where, at `end`;
+ * INFINITY where neighbours (most) leave it open. A neighbour at q bounds the cell by r . q = |q|^2 / 2, so by
+ * 1 / r = 2 along . q / |q|^2. The cell is that among neighbours laid into the plane, or, if `solid`, what the plane
+ * cuts out of the cell in space. */
 INLINE float cell_reach(const float *points, const float *p, const float *n, const int *row, int most, int solid,
-                        float (*around)[DIRECTIONS]) {
-    float u[3], v[3], inverse[DIRECTIONS] = {0}, least = INFINITY, d[3][MOST_NEIGHBOURS];
+                        float (*around)[DIRECTIONS], float *end) {
+    float u[3], v[3], inverse[DIRECTIONS] = {0}, d[3][MOST_NEIGHBOURS];
     float x[MOST_NEIGHBOURS], y[MOST_NEIGHBOURS];
     axes_across(n, u, v);
     for (int j = 0; j < most; j++)
@@ -33,14 +34,18 @@ INLINE float cell_reach(const float *points, const float *p, const float *n, con
             float near = x[j] * around[0][k] + y[j] * around[1][k];
             inverse[k] = near > inverse[k] ? near : inverse[k];
         }
-    for (int k = 0; k < DIRECTIONS; k++) least = inverse[k] < least ? inverse[k] : least;
-    return least > 0 ? 1 / least : INFINITY;
+    int farthest = 0;
+    for (int k = 1; k < DIRECTIONS; k++) farthest = inverse[k] < inverse[farthest] ? k : farthest;
+    float reach = inverse[farthest] > 0 ? 1 / inverse[farthest] : INFINITY;
+    float x_way = around[0][farthest], y_way = around[1][farthest];
+    for (int a = 0; a < 3; a++) end[a] = p[a] + reach * (x_way * u[a] + y_way * v[a]);
+    return reach;
 }
 
-/* reaches (count), from place `begin` to `end`: of the cells of the points asked for (count), whose neighbours found
- * (count, most) are known, and the unit normals of all points. */
+/* reaches (count) and the places (count, 3) up to which they reach, from `begin` to `end`: of the cells of the points
+ * asked for (count), whose neighbours found (count, most) are known, and the unit normals of all points. */
 FAST int z2p_cells(const float *points, const float *normals, const int *asked, const int *found, int begin, int end,
-                   int most, int solid, float *reaches) {
+                   int most, int solid, float *reaches, float *ends) {
     float around[2][DIRECTIONS];
     for (int k = 0; k < DIRECTIONS; k++) {
         float angle = 6.2831853f * (float)k / DIRECTIONS;
@@ -49,7 +54,8 @@ FAST int z2p_cells(const float *points, const float *normals, const int *asked, 
     }
     for (int i = begin; i < end; i++) {
         size_t at = 3 * (size_t)asked[i];
-        reaches[i] = cell_reach(points, points + at, normals + at, found + (size_t)i * most, most, solid, around);
+        reaches[i] = cell_reach(points, points + at, normals + at, found + (size_t)i * most, most, solid, around,
+                                ends + 3 * (size_t)i);
     }
     return 1;
 }

@@ -163,14 +163,33 @@ def clips(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.
 
 def cells(
     points: np.ndarray, normals: np.ndarray, asked: np.ndarray, found: np.ndarray, solid: bool = False
-) -> np.ndarray:
-    """How far the Voronoi cells of the points asked for (M,) int32 reach in the planes of their normals: (M,) float32.
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far the Voronoi cells of the points asked for (M,) int32 reach in the planes of their normals: (M,), float32.
 
     They are cells of points (N, 3) with unit normals (N, 3), bounded by the neighbours found (M, K), laid into the
     plane, but for those far off it; or, if `solid`, what the plane cuts out of the cells in space, which the neighbours
-    beyond a crease bound as well. Where no neighbour bounds a cell, as at a border, it reaches very far, or inf.
+    beyond a crease bound as well. Where no neighbour bounds a cell, as at a border, it reaches very far, or inf. The
+    places (M, 3) that they reach as well.
     """
-    reaches = np.empty(len(asked), np.float32)
+    reaches, ends = np.empty(len(asked), np.float32), np.empty((len(asked), 3), np.float32)
     cloud = (floats(points), floats(normals), asked, found)
-    over_rows(lambda begin, end: call("z2p_cells", *cloud, begin, end, found.shape[1], int(solid), reaches), len(asked))
-    return reaches
+
+    def reach(begin: int, end: int) -> None:
+        call("z2p_cells", *cloud, begin, end, found.shape[1], int(solid), reaches, ends)
+
+    over_rows(reach, len(asked))
+    return reaches, ends
+
+
+def holes(
+    points: np.ndarray, normals: np.ndarray, places: np.ndarray, facing: np.ndarray, reaches: np.ndarray,
+    found: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Radii (M,) of discs that close the small holes of a surface of points (N, 3) at places (M, 3), 0 where is none.
+
+    A hole reaches so far (M,) from its place, has none of the neighbours found (M, K) much nearer, and has them on all
+    sides; `facing` (M, 3) are normals of points at its rim. Also the places and normals (M, 3) of the discs.
+    """
+    placed, normal, radii = floats(places).copy(), floats(facing).copy(), np.empty(len(places), np.float32)
+    call("z2p_holes", points, normals, found, len(places), found.shape[1], floats(reaches), placed, normal, radii)
+    return radii, placed, normal
