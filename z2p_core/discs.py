@@ -43,17 +43,17 @@ def discs(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
     torn = rim[np.minimum(solid, reaches[rim]) > TORN * near[rim]]
     radii[torn] = BORDER * near[torn]
     small = (solid > HOLE * near[rim]) & (solid < TORN * near[rim])
-    return closed(found, radii, rim[small], solid[small], ends[small])
+    return closed(found, radii, rim[small], solid[small], ends[small], typical)
 
 
 def closed(
-    found: Tangents, radii: np.ndarray, rim: np.ndarray, reaches: np.ndarray, middles: np.ndarray
+    found: Tangents, radii: np.ndarray, rim: np.ndarray, reaches: np.ndarray, middles: np.ndarray, typical: float
 ) -> tuple[Tangents, np.ndarray]:
-    """The tangents and radii with those of discs in holes at the end.
+    """The tangents and radii of a cloud of that spacing, with those of discs in holes at the end.
 
     Points at the rim (M,) reach so far (M,) into them, up to their middles (M, 3).
     """
-    cells = np.floor(middles / (APART * found.spacing[rim, None])).astype(np.int64)
+    cells = np.floor(middles / (APART * typical)).astype(np.int64)
     _, once = np.unique(cells, axis=0, return_index=True)
     rim, reaches, middles = rim[once], reaches[once], middles[once]
     around = found.grid.around(middles, RIM)

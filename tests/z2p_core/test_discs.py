@@ -90,3 +90,13 @@ def test_an_even_cloud_has_no_holes():
 def test_the_smallest_clouds_have_a_disc_for_each_point(count):
     points, radii, _, _ = discs_of(np.random.default_rng(0).random((count, 3)))
     assert len(points) == count and (radii > 0).all() and np.isfinite(radii).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_points_that_come_many_times_are_no_trouble(seed):
+    """Where so many lie in one place, their spacing is 0."""
+    rng = np.random.default_rng(seed)
+    cloud = np.round(rng.normal(size=(2_000, 3)) * 3) / 8
+    with np.errstate(all="raise"):
+        _, radii, middles, wide = discs_of(cloud)
+    assert np.isfinite(radii).all() and np.isfinite(middles).all() and np.isfinite(wide).all()
