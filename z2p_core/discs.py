@@ -24,7 +24,7 @@ HOLE, TORN, BORDER = 1.9, 3.5, 0.7
 two, and scans look better with small holes closed. And the radius of a border's disc, which closes nothing."""
 NARROWEST, WIDEST = 0.5, 2.5
 """Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
-RIM, APART = 32, 0.75
+AROUND, APART = 32, 0.75
 """Points near a hole's middle that tell whether it is one, and the spacings within which two middles count as one."""
 
 
@@ -56,7 +56,7 @@ def closed(
     cells = np.floor(middles / (APART * typical)).astype(np.int64)
     _, once = np.unique(cells, axis=0, return_index=True)
     rim, reaches, middles = rim[once], reaches[once], middles[once]
-    around = found.grid.around(middles, RIM)
+    around = found.grid.around(middles, AROUND)
     own, middles, normals = native.holes(found.points, found.normals, middles, found.normals[rim], reaches, around)
     kept = own > 0
     if not kept.any():

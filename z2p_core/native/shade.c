@@ -38,7 +38,7 @@ INLINE int cast(const float *p, const float *restrict lamps, int lamp_count, flo
     for (int l = 0; l < lamp_count; l++) {
         float lx = lamps[l], ly = lamps[MOST_LAMPS + l], lz = lamps[2 * MOST_LAMPS + l];
         float dx = p[0] - lx, dy = p[1] - ly, drop = lz - p[2], fall = lz - floor, stretch = fall / drop;
-        float on = lamps[3 * MOST_LAMPS + l]; /* in cells */
+        float on = lamps[3 * MOST_LAMPS + l]; /* of a narrowed one half a cell */
         float x = (lx + dx * stretch + half) * scale + on, y = (ly + dy * stretch + half) * scale + on;
         int near = fabsf(stretch) < LONGEST, beyond = (fall > 0 ? drop : -drop) > 1e-3f;
         int inside = beyond & (x >= low) & (y >= low) & (x < high) & (y < high);
