@@ -18,10 +18,11 @@ from pipeline.cli import Failure
 
 PATIENT = ("--worker-keep-alive", "--worker-wait-interval", "1", "--worker-wait-jitter", "1")
 """A worker with nothing to do waits for the others, and asks the scheduler no more than once in a second or two."""
-LEFT_TO_OTHERS, LOOKS = (10, 25), 10
-"""luigi ends so, by workflows/luigi.cfg, when other workers have taken some of the tasks, also when all is well: look
-again, up to so many times, whether everything is there."""
-
+WITH_OTHERS, NOT_RUN = 10, 25
+"""luigi ends so, by workflows/luigi.cfg, while other workers have some of the tasks, or when the scheduler gave out no
+more of them; also when all is well, so look again whether everything is there."""
+LOOKS = 10
+"""How often to look again when nobody runs what is left."""
 
 
 def pipeline_options(config_help: str, config_default: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -76,10 +77,9 @@ def run_task(task: str, scheduler: str | None, explain: bool, dry_run: bool, **o
     for name in ("config", "meshes", "evaluate_meshes", "workspace", "workers"):
         if options[name] is not None:
             command += [f"--{name.replace('_', '-')}", str(options[name])]
-    status = run_process(command, child_environment())
-    for _ in range(LOOKS if scheduler else 0):
-        if status not in LEFT_TO_OTHERS:
-            break
+    looks, status = 0, run_process(command, child_environment())
+    while scheduler and (status == WITH_OTHERS or (status == NOT_RUN and looks < LOOKS)):
+        looks += status == NOT_RUN
         time.sleep(2)
         status = run_process(command, child_environment())
     click.get_current_context().exit(status)

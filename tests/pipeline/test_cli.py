@@ -143,6 +143,22 @@ def test_pipeline_starts_luigi_with_only_what_was_given(
     assert z2p("pipeline", "--config", tmp_path / "missing.toml").exit_code == 2
 
 
+@pytest.mark.parametrize(
+    ("statuses", "end"),
+    [([10] * 30 + [0], 0), ([25] * 10 + [0], 0), ([25] * 11 + [0], 25), ([10, 25, 30], 30), ([10, 25] * 10 + [0], 0)],
+    ids=["others work for long", "left undone for a while", "left undone for good", "failed at last", "both"],
+)
+def test_a_worker_looks_again_as_long_as_others_work(
+    statuses: list[int], end: int, z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipeline.commands import full_pipeline
+
+    left = iter(statuses)
+    monkeypatch.setattr(full_pipeline, "run_process", lambda command, environment: next(left))
+    monkeypatch.setattr(full_pipeline.time, "sleep", lambda seconds: None)
+    assert z2p("pipeline", "--scheduler", "http://127.0.0.1:8082").exit_code == end
+
+
 def test_a_child_finds_our_packages_whatever_the_working_folder_holds(tmp_path: Path) -> None:
     from pipeline.children import child_environment
 

@@ -1,18 +1,24 @@
-"""Three hosts share a workspace; one is killed and one cut off midway. The third finishes, and nothing is lost."""
+"""Hosts share a workspace; some are killed or cut off midway. Those that are left finish, and nothing is lost."""
 
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import threading
 import time
 from collections import Counter
+from datetime import timedelta
 from functools import partial
 
 import pytest
 from hosts import hosts
+from luigi.rpc import RemoteScheduler
+from luigi.worker import worker
 from world import CONFIG, World, luigid
+
+from workflows.tasks import load_steps, source_of, task_of
 
 pytestmark = pytest.mark.slow
 
@@ -23,6 +29,8 @@ rpc-retry-wait = 2
 [scheduler]
 worker_disconnect_delay = 6
 retry_delay = 1
+[worker]
+max_keep_alive_idle_duration = 3 seconds
 """
 MANY = CONFIG.replace("views = 2\nchunk = 2", "views = 6\nchunk = 2")
 
@@ -43,7 +51,12 @@ class Worker:
             time.sleep(0.02)
 
     def end(self, seconds: float) -> int:
-        status = self.process.wait(seconds)
+        """Exit status; one that does not end in time is killed, and what it has said tells where it stood."""
+        try:
+            status = self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(self.process.pid, signal.SIGKILL)
+            raise AssertionError(f"not over after {seconds} s:\n{''.join(self.lines)}") from None
         self.reader.join()
         return status
 
@@ -57,6 +70,29 @@ def in_flight(lines: list[str]) -> set[str]:
 def views(lines: list[str]) -> list[str]:
     """Views that were rendered, each by its mesh and number."""
     return [line.split(" rendered")[0] for line in lines if " rendered, " in line]
+
+
+def test_a_worker_lost_between_its_result_and_its_word(tmp_path, monkeypatch):
+    """luigi's scheduler would give its task to nobody: the others have seen that the result is there."""
+    assert worker().max_keep_alive_idle_duration > timedelta()  # by the settings that ship
+    (tmp_path / "luigi.cfg").write_text(SETTINGS)
+    monkeypatch.setenv("LUIGI_CONFIG_PATH", str(tmp_path / "luigi.cfg"))
+    world = World(tmp_path, code=False)
+    world.make()
+    before = world.digests()
+    for step in ("shard/tetra", "train", "evaluate"):
+        shutil.rmtree(world.manifest(step).parent)
+    source = source_of(*(str(tmp_path / name) for name in ("small.toml", "meshes", "kept")))
+    render = task_of(load_steps(source)["render/tetra/0-2"], source, str(world.workspace))
+    assert render.complete()
+    with luigid(world):
+        scheduler = RemoteScheduler(f"http://{world.scheduler_address}:{world.scheduler}")
+        scheduler.add_task(worker="lost", task_id=render.task_id, status="PENDING", runnable=True)
+        assert scheduler.get_work(worker="lost", host="lost")["task_id"] == render.task_id
+        left = Worker(world.start())
+        assert left.end(120) == 0, "".join(left.lines)
+    assert not any(line.startswith("render/") for line in left.lines)
+    assert world.digests() == before
 
 
 def test_three_hosts_of_which_one_is_killed_and_one_cut_off(tmp_path, monkeypatch):
