@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.hints import hint_for, hint_for_placed, rounding
 from storage.clouds import FEWEST_POINTS, Scan
 from z2p_core.camera import DEFAULT_ELEVATION, turn
+from z2p_core.dropouts import dropouts
 from z2p_core.foreground import subject, support, upright
 from z2p_core.framing import (
     METRES,
@@ -52,7 +53,8 @@ class Placing:
     """A camera settled before: it replaces `up`, `view` and the cloud's own frame; `azimuth` still turns it."""
     smooth: str | float = "auto"
     """Radius, in the frame's, of the patches of surface that points are moved onto; 0 leaves them where they are.
-    ``auto`` does so too, but for a depth camera's noisy clouds."""
+    ``auto`` does so too, but for a depth camera's noisy clouds. Gaps in what such a camera measured are closed, but
+    with 0."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,8 @@ class Stance:
     """Step, in the data's units, to which float32 has rounded it far from the origin; 0 where that does not show."""
     smooth: float = 0.0
     """Radius, in the frame's, of the patches that points were moved onto; 0 where they were not."""
+    added: int = 0
+    """Points put into gaps of what a depth camera measured."""
 
     @property
     def told(self) -> str:
@@ -91,6 +95,7 @@ class Stance:
             f"{self.outliers} stray points left out of the frame" if self.outliers else "",
             f"{self.background} points far behind it left out" if self.background else "",
             f"{self.outside} points beyond the camera's frame" if self.outside else "",
+            f"{self.added} put into small gaps of it" if self.added else "",
             self.told_rounded if self.rounded else "",
             f"made smooth over {self.smooth:.2g} of its radius" if self.smooth else "",
             self.hint if self.up != SETTLED else "",
@@ -138,12 +143,12 @@ def place(
     wished, beyond = _allowed(wished, free)
     azimuth += placing.azimuth
     viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
-    cloud, smooth = _smoothed(viewpoint.place(points), up, placing)
+    cloud, smooth = _smoothed(viewpoint.place(points), shown, placing)
     hint = hint_for(points, up, by_itself=(placing.up, placing.view) == ("auto", "auto"), whole=not placing.cut_top)
     if not (hint or placing.keep_outliers):
         hint = hint_for_placed(cloud)
     stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
-                    rounding(points), smooth)  # fmt: skip
+                    rounding(points), smooth, shown.added)  # fmt: skip
     return Placed(cloud, stance, viewpoint)
 
 
@@ -156,6 +161,8 @@ class Shown:
     up: Up
     outliers: int
     background: int
+    added: int
+    """How many of the points, the last ones, were put into gaps of what a depth camera measured."""
 
 
 def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
@@ -167,26 +174,43 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
     kept = np.ones(len(scan.points), dtype=bool) if placing.keep_outliers else clip_outliers(scan.points)
     points = scan.points[kept] if not kept.all() else scan.points
     up = _upright(points, scan.sensor, suffix, placing)
-    background = 0
-    if up.sensor is not None and not placing.keep_outliers:
-        before = subject(points, up.sensor)
-        background = int(len(before) - before.sum())
-        if background:
-            points = points[before]
-            points = points[clip_outliers(points)]
+    background, put_in = 0, points[:0]
+    if up.sensor is not None:
+        put_in = points[:0] if placing.smooth == 0 else dropouts(points, up.sensor)
+        if not placing.keep_outliers:
+            points, background = _subject(points, up.sensor)
+            put_in = put_in[_depth(put_in, up.sensor) <= _depth(points, up.sensor).max()]
     if up.sensor is not None and placing.up == "auto":
         normal = support(points, up.rotation[2], up.sensor)
         if normal is not None:
             up = replace(up, rotation=upright(up.rotation, normal), axis="the table's normal",
                          reason=f"{up.reason}, set upright by the plane that things stand on")
     outliers = len(scan.points) - background - len(points)
+    added = len(put_in)
+    points = np.concatenate([points, put_in]) if added else points
     if placing.cut_top:
         rotation = up.rotation if placing.viewpoint is None else np.array(placing.viewpoint.rotation)
         height = along(points, rotation[2])
-        points = points[height <= height.max() - placing.cut_top / 100 * np.ptp(height)]
+        low = height <= height.max() - placing.cut_top / 100 * np.ptp(height)
+        points, added = points[low], int(low[len(low) - added :].sum())
         if len(points) < FEWEST_POINTS:
             raise ScanError(f"--cut-top {placing.cut_top:g} leaves {len(points)} points; cut off less")
-    return Shown(points, up, outliers, background)
+    return Shown(points, up, outliers, background, added)
+
+
+def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
+    """The points (M, 3) of a depth camera's subject, without strays, and how many lie far behind it."""
+    before = subject(points, sensor)
+    background = int(len(before) - before.sum())
+    if background:
+        points = points[before]
+        points = points[clip_outliers(points)]
+    return points, background
+
+
+def _depth(points: np.ndarray, sensor: Sensor) -> np.ndarray:
+    """How far ahead of a sensor points (N, 3) lie."""
+    return along(points - sensor.position, sensor.rotation[:, 2])
 
 
 def _as_settled(
@@ -202,17 +226,18 @@ def _as_settled(
     outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
     if outside == len(cloud):
         raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
-    cloud, smooth = _smoothed(cloud, shown.up, placing)
+    cloud, smooth = _smoothed(cloud, shown, placing)
     stance = Stance(SETTLED, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
-                    outside, shown.background, rounded=rounding(shown.points), smooth=smooth)
+                    outside, shown.background, rounded=rounding(shown.points), smooth=smooth, added=shown.added)
     return Placed(cloud, stance, viewpoint)
 
 
-def _smoothed(cloud: np.ndarray, up: Up, placing: Placing) -> tuple[np.ndarray, float]:
+def _smoothed(cloud: np.ndarray, shown: Shown, placing: Placing) -> tuple[np.ndarray, float]:
     """The placed cloud (N, 3), made as smooth as asked, and over which radius; 0 where it was left as it is."""
     radius = placing.smooth
     if not isinstance(radius, float):
-        radius = 0.0 if up.sensor is None else patch_radius(cloud)
+        measured = cloud[: len(cloud) - shown.added]
+        radius = 0.0 if shown.up.sensor is None else patch_radius(measured)
     return (smoothed(cloud, radius), radius) if radius else (cloud, 0.0)
 
 

@@ -95,9 +95,9 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "scans": (
         "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
         "pipeline.placing", "pipeline.hints", "storage.clouds", "storage.repeats", "storage.incoming",
-        "z2p_core.column_names", "z2p_core.framing", "z2p_core.foreground", "z2p_core.point_arrays",
-        "z2p_core.smoothing", "z2p_core.spread", "z2p_core.standing", "z2p_core.strays", "z2p_core.viewpoint",
-        *_CASES,
+        "z2p_core.column_names", "z2p_core.dropouts", "z2p_core.framing", "z2p_core.foreground",
+        "z2p_core.point_arrays", "z2p_core.smoothing", "z2p_core.spread", "z2p_core.standing", "z2p_core.strays",
+        "z2p_core.viewpoint", *_CASES,
     ),
     "times": ("workflows.report_stages:Times", "pipeline.paper.times", *_CASES),
     "trust": ("workflows.report_stages:Trust", "pipeline.paper.trust", "pipeline.paper.measure",

@@ -78,7 +78,7 @@ def render(
         keep_outliers: keep stray points that make the object small, and what lies far behind a depth camera's subject.
         cut_top: percent of the height to cut off from above, to look into a room.
         smooth: make the surface smooth over patches of that radius, 0 to 0.3 of the frame's; ``auto``: only a depth
-            camera's noisy clouds.
+            camera's noisy clouds, of which it closes small gaps as well; 0: neither.
         weights: a shipped name or a .safetensors file; ``auto`` takes of the shipped ones those that carry the controls
             asked for, and for noisy clouds those made for noise.
 

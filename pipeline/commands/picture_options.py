@@ -43,7 +43,7 @@ OPTIONS = (
                  help="Cut off so much of the height from above, to look into a room."),
     click.option("--smooth", default="auto", type=Smooth(),
                  help="Make the surface smooth over patches of that radius, 0.1 being a tenth of the frame's; auto: "
-                 "only for a depth camera's noisy clouds; 0: never."),
+                 "only for a depth camera's noisy clouds; 0: as it was measured, gaps too."),
     click.option("--resolution", default="512", type=Resolution(), help="Size in pixels."),
     click.option("--background", default="transparent", type=Background(),
                  help="transparent, or a CSS colour name or #hex."),

@@ -59,7 +59,7 @@ def test_a_sensors_cloud_is_seen_as_the_sensor_saw_it() -> None:
     points = np.vstack([seen(), [[0.0, 0.0, 2.2], [0.5, 0.0, 2.5], [0.0, 0.5, 2.5]]])
     placed = place(scan(points, Sensor(np.zeros(3), np.eye(3))), ".pcd", Placing(), 20.0, FREE)
     assert placed.stance.elevation is not None
-    pixel, _ = Camera(200, 200, placed.stance.elevation).project(placed.cloud[-3:])
+    pixel, _ = Camera(200, 200, placed.stance.elevation).project(placed.cloud[len(points) - 3 : len(points)])
     ahead, right, below = pixel
     assert np.abs(ahead - 100).max() < 3  # the optical axis goes through the middle of the cloud
     assert right[0] > ahead[0] + 20 and abs(right[1] - ahead[1]) < 3

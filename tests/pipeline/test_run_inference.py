@@ -87,7 +87,7 @@ def test_json_tells_all_of_a_file(
     assert settings["view"] == "front"
     assert stance == {"up": "-Y", "up_reason": "as asked", "azimuth": -30, "elevation": 20,
                       "view_reason": "the front", "outliers": 0, "outside": 0, "background": 0, "hint": "",
-                      "rounded": 0, "smooth": 0}  # fmt: skip
+                      "rounded": 0, "smooth": 0, "added": 0}  # fmt: skip
     assert "; up -Y: as asked; azimuth -30: the front)" in result.stderr
 
 

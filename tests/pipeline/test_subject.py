@@ -56,6 +56,23 @@ def test_the_wall_goes_and_the_table_is_level(scene: Path) -> None:
     assert place(scan, ".pcd", Placing("-Y"), 20.0, (0.0, 80.0)).stance.background == 0  # forced: nothing is chosen
 
 
+def test_a_gap_in_what_the_camera_measured_is_closed(scene: Path) -> None:
+    [scan] = read_clouds(scene)
+    ahead = scan.points[:, :2] / scan.points[:, 2:]
+    on_the_ball = (np.abs(ahead - [0.0, 0.02]) < 0.02).all(axis=1)
+    assert 16 <= on_the_ball.sum() <= 36
+    torn = Scan(scan.points[~on_the_ball], 0, "", scan.sensor)
+    mended = place(torn, ".pcd", Placing(), 20.0, (0.0, 80.0))
+    assert mended.stance.added >= 4 and f"{mended.stance.added} put into small gaps" in mended.stance.told
+    assert len(mended.cloud) == len(torn.points) - mended.stance.background + mended.stance.added
+    centre = scan.points[on_the_ball].mean(0)
+    added = shown_points(torn, ".pcd", Placing()).points[-mended.stance.added :]
+    assert np.linalg.norm(added - centre, axis=1).max() < 0.06
+    left = place(torn, ".pcd", Placing(smooth=0.0), 20.0, (0.0, 80.0))
+    assert left.stance.added == 0 and "gaps" not in left.stance.told
+    assert place(torn, ".pcd", Placing(up="-Y"), 20.0, (0.0, 80.0)).stance.added == 0
+
+
 def test_the_top_is_cut_off_along_up(scene: Path) -> None:
     [scan] = read_clouds(scene)
     whole = place(scan, ".pcd", Placing("-Y", "front"), 20.0, None).viewpoint.place(scan.points)
