@@ -25,6 +25,8 @@ WIDTH = 12
 STEEPEST = 3.0
 """Most that the depths around a gap may differ by, in its width: as on a table that is looked at 18 degrees from above.
 Behind a step a camera that projects or compares misses a strip narrower than that, by distance over baseline."""
+SPARSEST = 20.0
+"""Pixels for each point up to which these can fill a camera's picture."""
 WIDEST = 2.0
 """Tangent of the angle off the sensor's axis within which all points lie, if it is a camera."""
 
@@ -53,15 +55,10 @@ def _between(across: np.ndarray, depth: np.ndarray, pixel: float, most: int) -> 
     Those are seen at places (N, 2) on the sensor's picture, at that depth (N,).
     """
     corner = across.min(axis=0)
-    column, row = ((across - corner) / pixel).astype(np.int64).T
-    width, height = int(column.max()) + 1, int(row.max()) + 1
-    held = np.bincount(row * width + column, minlength=width * height)
-    sums = (np.bincount(row * width + column, power, minlength=width * height) for power in (depth, depth**2))
-    depths, squares = (total / np.maximum(held, 1) for total in sums)
-    layered = squares - depths**2 > (STEEPEST * pixel * depths) ** 2 / 4
-    depths[layered] = np.nan  # no end of a gap: it would lead to somewhere between two surfaces
-    picture, empty = depths.reshape(height, width), (held == 0).reshape(height, width)
-    rows, columns = _bridges(picture, empty), _bridges(picture.T, empty.T).turned()
+    if np.prod(np.ptp(across, axis=0) / pixel) > SPARSEST * len(across):
+        return np.empty((0, 3)), np.inf
+    picture, empty = _picture(((across - corner) / pixel).astype(np.int64), depth, STEEPEST * pixel / 2)
+    rows, columns = _bridges(picture, empty), _bridges(picture.T, empty.T).transposed()
     ends = np.stack([rows.first, rows.last, columns.first, columns.last])
     widest = np.maximum(rows.length, columns.length)
     flat = np.ptp(ends, axis=0) <= STEEPEST * widest * pixel * ends.mean(axis=0)
@@ -69,7 +66,21 @@ def _between(across: np.ndarray, depth: np.ndarray, pixel: float, most: int) -> 
     between = (rows.between * columns.length + columns.between * rows.length) / (rows.length + columns.length)
     places = np.argwhere(closed)[:, ::-1]
     ways = np.column_stack([(places + 0.5) * pixel + corner, np.ones(len(places))])
-    return ways * between[closed][:, None], len(places) / np.count_nonzero(held)
+    return ways * between[closed][:, None], len(places) / np.count_nonzero(~empty)
+
+
+def _picture(places: np.ndarray, depth: np.ndarray, spread: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean depth (H, W) of points (N,) in pixels at places (N, 2), from 0 on; and which hold none, (H, W) bool.
+
+    NaN where depths spread by more than that share of their mean: a gap's end there would lie between two surfaces.
+    """
+    width, height = (int(last) + 1 for last in places.max(axis=0))
+    pixel = places[:, 1] * width + places[:, 0]
+    held = np.bincount(pixel, minlength=width * height)
+    sums = (np.bincount(pixel, power, minlength=width * height) for power in (depth, depth**2))
+    mean, square = (total / np.maximum(held, 1) for total in sums)
+    mean[square - mean**2 > (spread * mean) ** 2] = np.nan
+    return mean.reshape(height, width), (held == 0).reshape(height, width)
 
 
 @dataclass(frozen=True)
@@ -82,8 +93,8 @@ class _Bridges:
     length: np.ndarray
     between: np.ndarray
 
-    def turned(self) -> _Bridges:
-        """The same for columns, of a picture that was handed over with rows and columns exchanged."""
+    def transposed(self) -> _Bridges:
+        """Of a picture whose rows and columns were exchanged, in that picture's own order."""
         return _Bridges(self.first.T, self.last.T, self.length.T, self.between.T)
 
 

@@ -93,6 +93,12 @@ def test_points_too_uneven_for_a_camera_stay_as_they_are() -> None:
     assert len(dropouts(ball[ball[:, 2] <= 0] + [0.0, 0.0, 3.0], CAMERA)) == 0
 
 
+def test_a_dense_clump_amid_a_wide_view_needs_no_huge_picture() -> None:
+    clump = np.random.default_rng(0).normal(scale=1e-6, size=(15_000, 3))
+    clump[:, 2] += 1
+    assert len(dropouts(np.vstack([seen(slope()), clump]), CAMERA)) == 0
+
+
 def test_neither_order_nor_place_matters() -> None:
     points = lost(slope(), slice(40, 46), slice(30, 37))
     added = dropouts(points, CAMERA)
