@@ -92,7 +92,10 @@ class Renderer:
         The floor lies at that height; None puts it under the lowest point. Of a sparse cloud a smaller picture is drawn
         and enlarged.
         """
-        drawn = self._engine.run(*self.inputs(cloud, values, *drawn_size(cloud, width, height), floor))[0]
+        inputs = self.inputs(cloud, values, *drawn_size(cloud, width, height), floor)
+        drawn = np.require(self._engine.run(*inputs)[0], np.float32, ["C", "W"])
+        gbuffer = self._loaded.gbuffer
+        gbuffer.reconcile(drawn, inputs[0][0, len(inputs[0][0]) - gbuffer.channels :], len(cloud))
         return straight_bytes(enlarged(drawn, width, height))
 
     def inputs(

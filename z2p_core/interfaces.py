@@ -179,6 +179,13 @@ class GBuffer(ABC):
         """Draws all of `out`, contiguous, whatever is in it; one that does so without a copy overrides this."""
         out[...] = self.draw(cloud, camera, scene)
 
+    def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:  # noqa: B027 - most need none
+        """Moves the network's picture (4, H, W), colour times alpha and alpha, towards what it was drawn of, in place.
+
+        `features` (channels, H, W) are those of a cloud of so many points. Where they are as near to the truth as the
+        picture, and err in another way, a mean of both is nearer.
+        """
+
 
 class PositionalEncoder(ABC):
     """Features of a pixel's place in the full frame, joined to the network's input (paper section 3.3, Eq. 3)."""

@@ -59,6 +59,13 @@ GREY, SKY = 0.5, 50.0
 """Albedo of the grey picture, below white under the nearest light; and distance at which a lamp is a direction."""
 HOLE_RIM = 4
 """Points at the rim of a hole whose mean colour it gets."""
+APART = 3.6
+"""Square of the distance from point to point, in covered pixels for each point."""
+SPARSE_APART, TRUST, MOST_TRUST = 5.0, 0.15, 0.6
+"""Pixels from point to point from which on the network's picture stays as it is; and the share that the discs' colours
+have in it for each pixel less, and at most."""
+ALIKE = 8 / 255
+"""How far the network's colour and a disc's differ by chance, at most: by more where the network mends something."""
 STRIPS = 6
 """Strips of a picture, which the cores take in turn. One core draws the same, for they tell which discs are hidden."""
 
@@ -113,6 +120,12 @@ class Surfels(GBuffer):
 
         over_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
         shadow.result()
+
+    def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
+        apart = math.sqrt(APART * float(features[0].sum()) / max(min(points, MOST_POINTS), 1))
+        trust = min(TRUST * (SPARSE_APART - apart), MOST_TRUST)
+        if trust > 0:
+            native.reconcile(picture, features[0], features[6:9], trust, ALIKE)
 
 
 class Lighting:

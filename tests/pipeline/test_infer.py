@@ -103,7 +103,7 @@ def test_order_of_points_does_not_matter(renderer: Renderer, cloud: np.ndarray) 
 def test_the_picture_is_the_networks_with_straight_colour(
     renderer: Renderer, cloud: np.ndarray, tiny_weights: Path
 ) -> None:
-    """Premultiplied again and within rounding, it is what the network gave."""
+    """Premultiplied again and within rounding, it is what the network gave, reconciled with the G-buffer."""
     import torch
 
     placed, loaded = place_cloud(cloud), load_network(tiny_weights)
@@ -112,12 +112,15 @@ def test_the_picture_is_the_networks_with_straight_colour(
     for control in renderer.controls.values():
         control.apply(control.slider.default, scene)
     values = [x for control in renderer.controls.values() for x in control.encode(control.slider.default)]
+    buffers = draw_buffers(placed, camera, scene, loaded.zbuffer, loaded.gbuffer)
     with torch.inference_mode():
-        expected = loaded.network(
-            torch.from_numpy(draw_buffers(placed, camera, scene, loaded.zbuffer, loaded.gbuffer))[None],
+        drawn = loaded.network(
+            torch.from_numpy(buffers)[None],
             torch.from_numpy(loaded.encoder.encode(*camera.frame_coordinates(step=4))),
             torch.tensor([values], dtype=torch.float32),
-        )[0].permute(1, 2, 0).numpy()
+        )[0].contiguous().numpy()
+    loaded.gbuffer.reconcile(drawn, buffers[loaded.zbuffer.channels :], len(placed))
+    expected = drawn.transpose(1, 2, 0)
     picture = renderer.render(placed, None, 64, 64).astype(np.float32) / 255
     assert np.abs(picture[..., 3] - expected[..., 3]).max() <= 0.5 / 255 + 1e-6
     lit = np.minimum(expected[..., :3], expected[..., 3:])  # colour above alpha cannot be told in straight RGBA

@@ -47,6 +47,35 @@ def test_one_core_draws_what_two_draw(side):
         np.testing.assert_array_equal(Surfels().draw(cloud, camera, SCENE), shared)
 
 
+def reconciled(count, off):
+    """Features of a sphere of so many points, and how a picture of them moves that is off in colour by so much."""
+    features = Surfels().draw(sphere_of(count), CAMERA, SCENE)
+    picture = np.concatenate([features[RED : BLUE + 1] + np.float32(off), features[COVERAGE : COVERAGE + 1]])
+    before = picture.copy()
+    Surfels().reconcile(picture, features, count)
+    return features, picture - before
+
+
+@pytest.mark.parametrize(("count", "off"), [(40_000, 0.01), (40_000, -0.02), (4000, 0.01)])
+def test_where_points_are_dense_the_picture_moves_towards_its_discs(count, off):
+    features, moved = reconciled(count, off)
+    whole = features[COVERAGE] == 1
+    share = -moved[:3, whole] / off
+    assert whole.sum() > 500 and share.min() > 0.05 and share.max() <= surfels.MOST_TRUST + 1e-3
+    assert np.ptp(share) < 1e-3 and not moved[3].any() and not moved[:, features[COVERAGE] < 0.9].any()
+
+
+def test_denser_points_are_trusted_more_and_sparse_ones_not_at_all():
+    found = [reconciled(count, 0.01) for count in (200, 4000, 10_000, 40_000)]
+    shares = [np.abs(moved[:3, features[COVERAGE] == 1]).max() for features, moved in found]
+    assert shares[0] == 0 < shares[1] < shares[2] <= shares[3] + 1e-6
+
+
+def test_a_picture_moves_little_where_it_says_otherwise():
+    near, far = (np.abs(reconciled(40_000, off)[1]).max() for off in (surfels.ALIKE, 0.3))
+    assert far == pytest.approx(near, rel=1e-3)
+
+
 def test_light_from_a_side_lights_that_side_and_throws_the_shadow_to_the_other():
     left, right = (
         Surfels().draw(sphere_of(), CAMERA, replace(SCENE, light=(3.6, azimuth, 40.0))) for azimuth in (-70.0, 70.0)

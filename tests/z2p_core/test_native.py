@@ -231,3 +231,18 @@ def test_an_installation_notes_what_it_compiled(tmp_path):
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True)
     native_files = tmp_path / "z2p_core" / "native"
     assert (native_files / NOTE).read_text().strip() == digest(native_files) and not outdated(native_files)
+
+
+def test_a_picture_is_reconciled_with_colours_only_amid_what_both_show():
+    rng = np.random.default_rng(0)
+    picture = rng.uniform(0.2, 0.8, (4, 40, 50)).astype(np.float32)
+    coverage, colors = rng.uniform(0.8, 1, (40, 50)).astype(np.float32), rng.random((3, 40, 50), np.float32)
+    picture[3] = rng.uniform(0.9, 1, (40, 50))
+    before = picture.copy()
+    native.reconcile(picture, coverage, colors, 0.5, 0.03)
+    amid = np.clip(10 * coverage - 9, 0, 1) * np.clip(20 * before[3] - 19, 0, 1)
+    off = np.clip(colors * before[3] - before[:3], -0.03, 0.03)
+    np.testing.assert_allclose(picture[:3], before[:3] + 0.5 * amid * off, atol=1e-5)
+    np.testing.assert_array_equal(picture[3], before[3])
+    rim = (coverage <= 0.9) | (before[3] <= 0.95)
+    assert 0.2 < rim.mean() < 0.9 and (picture[:, rim] == before[:, rim]).all()

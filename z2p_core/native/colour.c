@@ -9,6 +9,25 @@ INLINE float unit(float value) { return value > 0 ? (value < 1 ? value : 1) : 0;
 
 INLINE uint8_t byte_of(float value) { return (uint8_t)(int32_t)(unit(value) * 255 + 0.5f); }
 
+/* Moves colour times alpha in planes (4, pixels), from `first` to `last` - 1, towards the colours (3, pixels) that were
+ * given, by the share `trust` and where they differ by more than `most` by that of it; only in the midst of what both
+ * the coverage and the alpha show whole. */
+FAST int z2p_reconcile(float *planes, const float *coverage, const float *colors, int64_t pixels, int64_t first,
+                    int64_t last, float trust, float most) {
+    const float *alpha = planes + 3 * pixels;
+    for (int color = 0; color < 3; color++) {
+        float *plane = planes + color * pixels;
+        const float *given = colors + color * pixels;
+        for (int64_t i = first; i < last; i++) {
+            float amid = unit(10 * coverage[i] - 9) * unit(20 * alpha[i] - 19);
+            float off = given[i] * alpha[i] - plane[i];
+            off = off > most ? most : off < -most ? -most : off;
+            plane[i] += trust * amid * off;
+        }
+    }
+    return 1;
+}
+
 /* rgba (pixels, 4), from `first` to `last` - 1: straight colour and alpha in bytes, of planes (4, pixels) of colour
  * times alpha and alpha; colour is 0 where alpha is. */
 FAST int z2p_straight_bytes(const float *planes, int64_t pixels, int64_t first, int64_t last, uint8_t *rgba) {

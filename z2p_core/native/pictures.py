@@ -84,6 +84,22 @@ def surfels(
     )  # fmt: skip
 
 
+def reconcile(picture: np.ndarray, coverage: np.ndarray, colors: np.ndarray, trust: float, most: float) -> None:
+    """Moves a picture (4, H, W), colour times alpha and alpha, towards given straight colours (3, H, W), in place.
+
+    By the share `trust`, and where they differ by more than `most` by that of it; in the midst of what both coverage
+    (H, W) and alpha show whole, and nowhere else. All are float32 and contiguous.
+    """
+    _, height, width = picture.shape
+    planes = (place(picture, (4, height, width)), floats(coverage), floats(colors), ctypes.c_int64(height * width))
+
+    def move(top: int, bottom: int) -> None:
+        rows = (ctypes.c_int64(top * width), ctypes.c_int64(bottom * width))
+        call("z2p_reconcile", *planes, *rows, ctypes.c_float(trust), ctypes.c_float(most))
+
+    over_rows(move, height, SHORTEST, parts=2)
+
+
 def straight_bytes(picture: np.ndarray) -> np.ndarray:
     """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
     _, height, width = picture.shape
