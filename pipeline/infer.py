@@ -94,8 +94,8 @@ class Renderer:
         """
         inputs = self.inputs(cloud, values, *drawn_size(cloud, width, height), floor)
         drawn = np.require(self._engine.run(*inputs)[0], np.float32, ["C", "W"])
-        gbuffer = self._loaded.gbuffer
-        gbuffer.reconcile(drawn, inputs[0][0, len(inputs[0][0]) - gbuffer.channels :], len(cloud))
+        features = inputs[0][0, self._loaded.zbuffer.channels :]
+        self._loaded.gbuffer.reconcile(drawn, features, len(cloud))
         return straight_bytes(enlarged(drawn, width, height))
 
     def inputs(

@@ -10,7 +10,7 @@ from pipeline.hints import hint_for, hint_for_placed, rounding
 from storage.clouds import FEWEST_POINTS, Scan
 from z2p_core.camera import DEFAULT_ELEVATION, turn
 from z2p_core.dropouts import dropouts
-from z2p_core.foreground import subject, support, upright
+from z2p_core.foreground import depths, subject, support, upright
 from z2p_core.framing import (
     METRES,
     MILLIMETRES,
@@ -179,7 +179,7 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
         put_in = points[:0] if placing.smooth == 0 else dropouts(points, up.sensor)
         if not placing.keep_outliers:
             points, background = _subject(points, up.sensor)
-            put_in = put_in[_depth(put_in, up.sensor) <= _depth(points, up.sensor).max()]
+            put_in = put_in[depths(put_in, up.sensor) <= depths(points, up.sensor).max()]
     if up.sensor is not None and placing.up == "auto":
         normal = support(points, up.rotation[2], up.sensor)
         if normal is not None:
@@ -206,11 +206,6 @@ def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
         points = points[before]
         points = points[clip_outliers(points)]
     return points, background
-
-
-def _depth(points: np.ndarray, sensor: Sensor) -> np.ndarray:
-    """How far ahead of a sensor points (N, 3) lie."""
-    return along(points - sensor.position, sensor.rotation[:, 2])
 
 
 def _as_settled(

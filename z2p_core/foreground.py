@@ -32,12 +32,17 @@ ROOM_HEIGHT, ROOM_BREADTH = (1.9, 12.0), 2.5
 """A room's height, metres; and its narrower side at the least."""
 
 
+def depths(points: np.ndarray, sensor: Sensor) -> np.ndarray:
+    """How far ahead of a sensor, along its axis, points (N, 3) lie: (N,)."""
+    return along(points - sensor.position, sensor.rotation[:, 2])
+
+
 def subject(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     """Mask (N,) bool of points (N, 3): False for what lies behind the first wide gap in depth from a depth camera.
 
     All True when there is no such gap, or too few points before it.
     """
-    depth = along(points - sensor.position, sensor.rotation[:, 2])
+    depth = depths(points, sensor)
     whole = np.ones(len(points), dtype=bool)
     near = float(np.quantile(depth, EMPTY))
     if near <= 0:
