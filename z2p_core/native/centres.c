@@ -22,11 +22,11 @@ FAST int z2p_centres(const float *points, const float *normals, const float *rad
         for (int j = 1; j < last; j++) {
             const float *q = points + 3 * (size_t)row[j];
             float step[3] = {q[0] - p[0], q[1] - p[1], q[2] - p[2]};
-            height += fmaxf(-bound, fminf(dot(step, n), bound));
+            height += larger(-bound, smaller(dot(step, n), bound));
             square += dot(step, step);
         }
         float count = (float)(last > 1 ? last - 1 : 1);
-        float wide = square > 0 ? fminf(radii[i] * radii[i] * count / square, WIDER) : 0;
+        float wide = square > 0 ? smaller(radii[i] * radii[i] * count / square, WIDER) : 0;
         for (int a = 0; a < 3; a++) centres[3 * (size_t)i + a] = p[a] + 0.5f * wide * height / count * n[a];
     }
     return 1;

@@ -45,7 +45,7 @@ static int place_disc(Disc *disc, const float *p, const float *n, float radius, 
                       Box *reach) {
     float focal = view->focal, x = p[0] / p[2], y = p[1] / p[2], slant = n[0] * x + n[1] * y + n[2];
     if (!(p[2] >= NEAREST_PLANE && slant <= -EDGE)) return 0; /* normals face the camera */
-    float far = radius * focal * (1 + y * y) / fmaxf(p[2] - radius, NEAREST_PLANE);
+    float far = radius * focal * (1 + y * y) / larger(p[2] - radius, NEAREST_PLANE);
     disc->y = y * focal + 0.5f * (float)view->height;
     if (disc->y + far < (float)view->first || disc->y - far >= (float)view->last) return 0;
     disc->x = x * focal + 0.5f * (float)view->width;
@@ -84,8 +84,8 @@ INLINE int cut_row(const Disc *disc, int y, const View *view, Row *row) {
     if (rest < 0) return 0;
     float inverse = 1 / disc->xx, middle = disc->x - 0.5f - disc->xy * down * inverse, half = sqrtf(rest) * inverse;
     if (middle + half < 0 || middle - half > (float)(view->width - 1)) return 0;
-    row->left = (int)ceilf(fmaxf(middle - half, 0));
-    row->right = (int)fminf(middle + half, (float)(view->width - 1));
+    row->left = (int)ceilf(larger(middle - half, 0));
+    row->right = (int)smaller(middle + half, (float)(view->width - 1));
     row->x = (float)row->left + 0.5f - disc->x;
     row->inside = 1 - disc->yy * down * down;
     row->slope = -2 * disc->xy * down;

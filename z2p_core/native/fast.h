@@ -20,6 +20,10 @@
 #define INLINE static inline
 #endif
 
+/* For C's own, which mind what is no number, the compiler calls the library, and so makes no vectors of their loops. */
+INLINE float larger(float a, float b) { return a > b ? a : b; }
+INLINE float smaller(float a, float b) { return a < b ? a : b; }
+
 INLINE float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 /* e^x to about two units in the last place, 0 below -87; without a call or a branch, so that loops become vectors.

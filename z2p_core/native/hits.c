@@ -115,7 +115,7 @@ FAST int z2p_first_hits(const float *points, const float *normals, int count, co
                         float spacing, float radius, int *hit) {
     Sweep sweep;
     float step = spacing / FINE;
-    sweep.side = (int)fminf(2 * radius / step + 1 + 2 * MARGIN, LARGEST_MAP);
+    sweep.side = (int)smaller(2 * radius / step + 1 + 2 * MARGIN, LARGEST_MAP);
     step = 2 * radius / (float)(sweep.side - 2 * MARGIN);
     size_t cells = (size_t)sweep.side * sweep.side;
     sweep.height = malloc(sizeof(float) * 2 * ((size_t)count + 1));

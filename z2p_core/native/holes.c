@@ -48,8 +48,8 @@ INLINE float widest_gap(const float *points, const float *place, const int *row,
         angles[to] = angle;
     }
     if (!count) return INFINITY;
-    for (int j = 1; j < count; j++) widest = fmaxf(widest, angles[j] - angles[j - 1]);
-    return fmaxf(widest, angles[0] + 6.2831853f - angles[count - 1]);
+    for (int j = 1; j < count; j++) widest = larger(widest, angles[j] - angles[j - 1]);
+    return larger(widest, angles[0] + 6.2831853f - angles[count - 1]);
 }
 
 /* radii (count) of the discs that close the holes around places (count, 3), 0 where there is none: a hole is empty up

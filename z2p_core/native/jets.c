@@ -77,7 +77,7 @@ INLINE void solve(float (*sums)[LANES], float (*term)[LANES]) {
             if (b < a)
                 for (int i = 0; i < LANES; i++) to[i] /= l[b][b][i];
             else
-                for (int i = 0; i < LANES; i++) to[i] = sqrtf(fmaxf(to[i], 1e-8f));
+                for (int i = 0; i < LANES; i++) to[i] = sqrtf(larger(to[i], 1e-8f));
         }
         for (int k = 0; k < a; k++)
             for (int i = 0; i < LANES; i++) right[a][i] -= l[a][k][i] * right[k][i];
@@ -104,7 +104,7 @@ FAST int z2p_jets(const float *points, const float *before, const int *asked, co
             int at = first + i;
             axes_across(before + 3 * (size_t)asked[at], u[i], v[i]);
             add_up(points, before, asked[at], found + (size_t)at * most, most, u[i], v[i], tolerance[at] + 1e-9f,
-                   fmaxf(scale[at], 1e-9f), i, sums);
+                   larger(scale[at], 1e-9f), i, sums);
         }
         for (int a = 0, at = 0; a < TERMS; at += ++a)
             for (int i = 0; i < LANES; i++) sums[at + a][i] += a < 3 ? LEAST : STIFF;
@@ -113,12 +113,12 @@ FAST int z2p_jets(const float *points, const float *before, const int *asked, co
             const float *n = before + 3 * (size_t)asked[first + i];
             float slope[2], length = 1, *normal = normals + 3 * (size_t)(first + i);
             for (int a = 0; a < 2; a++) {
-                slope[a] = fminf(fmaxf(term[1 + a][i], -STEEPEST), STEEPEST);
+                slope[a] = smaller(larger(term[1 + a][i], -STEEPEST), STEEPEST);
                 length += slope[a] * slope[a];
             }
             length = 1 / sqrtf(length);
             for (int a = 0; a < 3; a++) normal[a] = (n[a] - slope[0] * u[i][a] - slope[1] * v[i][a]) * length;
-            heights[first + i] = -term[0][i] * fmaxf(scale[first + i], 1e-9f) * length;
+            heights[first + i] = -term[0][i] * larger(scale[first + i], 1e-9f) * length;
         }
     }
     return 1;

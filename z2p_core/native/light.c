@@ -48,9 +48,9 @@ INLINE void place_points(const float *restrict points, int count, const float *r
 INLINE void cast_shadows(const float *points, const float *normals, int count, const float *lamp, float spacing,
                          float radius, int32_t *map, int32_t *room, float *depth, int *cell, float *open) {
     View view = look_from(lamp);
-    float away = sqrtf(dot(lamp, lamp)), reach = fmaxf(away * away - radius * radius, 0.25f);
+    float away = sqrtf(dot(lamp, lamp)), reach = larger(away * away - radius * radius, 0.25f);
     float half = radius / sqrtf(reach) * 1.02f, step = spacing / FINE / away;
-    int side = (int)fminf(2 * half / step + 1 + 2 * MARGIN, LARGEST_MAP);
+    int side = (int)smaller(2 * half / step + 1 + 2 * MARGIN, LARGEST_MAP);
     step = 2 * half / (float)(side - 2 * MARGIN);
     place_points(points, count, lamp, &view, half, step, side, depth, cell);
     float nearest = away - 1.01f * radius, steps = DEPTHS / (2.02f * radius);

@@ -97,7 +97,7 @@ INLINE int first_on_way(const Cells *cells, const float *points, const float *no
 FAST int z2p_mirror_hits(const float *points, const float *normals, int count, const int *asked, int begin, int end,
                          const float *rays, float reach, float spacing, float radius, int *hit) {
     Cells cells = {.low = -radius};
-    cells.side = (int)fminf(radius / reach, MOST_CELLS);
+    cells.side = (int)smaller(radius / reach, MOST_CELLS);
     if (cells.side < 1) cells.side = 1;
     cells.cell = 2 * radius / (float)cells.side;
     int fine = fill_cells(&cells, points, count, reach);

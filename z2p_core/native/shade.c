@@ -129,7 +129,7 @@ FAST static void weigh_parts(const uint64_t *mask, const float *square, float fl
             float aloft = up[2] / drop + fall * (dx * up[0] + dy * up[1] + drop * up[2]);
             float tilt = along * from_middle(bits, COLUMNS) + aloft * from_middle(bits, ROWS);
             float share = SHARE * ((float)__builtin_popcountll(bits) + tilt / 16);
-            shade[(size_t)y * side + x] = bits ? fminf(fmaxf(share, 0), 1) : 0;
+            shade[(size_t)y * side + x] = bits ? smaller(larger(share, 0), 1) : 0;
         }
     }
 }
@@ -169,8 +169,8 @@ FAST static void take_out_steps(float *shade, float *room, int side, int first, 
         for (int x = APART; x < side - APART; x++) {
             float across = here[x + APART] - here[x - APART], along = below[x] - above[x];
             float slope = sqrtf(across * across + along * along) / (2 * APART);
-            float cells = 0.125f / fmaxf(slope, 1e-4f); /* from step to step */
-            out[x] += fminf(fmaxf((cells - 1) / (2 * WIDE), 0), 1) * (here[x] - out[x]);
+            float cells = 0.125f / larger(slope, 1e-4f); /* from step to step */
+            out[x] += smaller(larger((cells - 1) / (2 * WIDE), 0), 1) * (here[x] - out[x]);
         }
     }
 }

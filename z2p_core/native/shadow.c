@@ -91,8 +91,8 @@ FAST int z2p_floor_shadow(const float *lamp_shade, const float *sky_shade, int s
         if (!(row > part[2] && row < part[3])) continue;
         float step = reach / focal * scale, start = (place[0] + half) * scale - 0.5f;
         start += (0.5f - 0.5f * (float)width) * step; /* the first pixel's column of the grids */
-        int from = (int)fminf(fmaxf(ceilf((part[0] - start) / step), 0), (float)width);
-        int to = (int)fmaxf(fminf(floorf((part[1] - start) / step), (float)width - 1), -1);
+        int from = (int)smaller(larger(ceilf((part[0] - start) / step), 0), (float)width);
+        int to = (int)larger(smaller(floorf((part[1] - start) / step), (float)width - 1), -1);
         blend_rows(lamp_shade, side, row, lamp_line);
         blend_rows(sky_shade, side, row, sky_line);
         blend_rows(mirror_shade, half_side, (row + 0.5f) * to_half - 0.5f, mirror_line);

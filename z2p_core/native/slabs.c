@@ -23,7 +23,7 @@ INLINE void heights_over(const float *points, const float *p, const int *row, in
         for (int j = i + 1; j <= NEAREST; j++, pair++) {
             const float *u = q[i], *v = q[j];
             float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
-            float square = dot(n, n), inverse = 1 / sqrtf(fmaxf(square, 1e-30f));
+            float square = dot(n, n), inverse = 1 / sqrtf(larger(square, 1e-30f));
             spans[pair] = square > SLANTED * SLANTED * dot(u, u) * dot(v, v) && square > 1e-30f;
             for (int a = 0; a < 3; a++) normal[a][pair] = n[a] * inverse;
         }
