@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import sys
 import threading
 from pathlib import Path
 
@@ -150,6 +151,19 @@ def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, mon
     tasks = plan_outputs(sorted(tmp_path.glob("*.npy")), [], tmp_path, False)
     assert len(list(render_files(tasks, renderer, LOOK, jobs=2))) == 12
     assert 1 <= most[0] <= 2
+
+
+def test_threads_take_turns_faster_only_meanwhile(tmp_path: Path, renderer: Renderer, cloud: np.ndarray) -> None:
+    np.savetxt(tmp_path / "one.xyz", cloud)
+    tasks = [Task(tmp_path / "one.xyz", tmp_path / f"{number}.png") for number in range(3)]
+    usual, seen = sys.getswitchinterval(), []
+    for _ in render_files(tasks, renderer, Look(width=32, height=32), jobs=2):
+        seen.append(sys.getswitchinterval())
+    assert max(seen) < usual == sys.getswitchinterval()
+    outcomes = render_files(tasks, renderer, Look(width=32, height=32), overwrite=True, jobs=2)
+    next(outcomes)
+    outcomes.close()
+    assert sys.getswitchinterval() == usual
 
 
 def test_a_batch_file_becomes_numbered_pictures_beside_a_file_of_that_name(
