@@ -1,43 +1,62 @@
 """The rough rendering for surfaces that shine: the lamp, the sky and the lit floor as they are reflected.
 
 A surface is Blender's Principled BSDF: a diffuse part, which metal has none of, and a reflection, blurred by roughness.
-The cloud's own parts are reflected as well, and what they reflect in turn; where it is blurred, they fade.
+The cloud's own parts are reflected as well, and what they reflect in turn; where it is blurred, they fade. Highlights,
+which may be smaller than the points lie apart, are reckoned for each pixel, by the normal that its discs agree upon.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from plugins.gbuffers.surfels import GREY, Lighting, Surfels
+from plugins.gbuffers.surfels import FAR, GREY, NEAR, Lighting, Surfels
 from z2p_core import native
+from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
 from z2p_core.lamps import light_lamps
-from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
+from z2p_core.scene import AMBIENT, SceneDescription
 from z2p_core.turning import along, products
 
-LAMPS, SHARPEST = 36, 150.0
-"""Points that stand for the reflected light, and the sharpest lobe that they show without gaps."""
-MATT = (0.25, 1.0)
-"""Roughness from which on a reflection fades into that of a diffuse surface, and where it is that."""
+LAMPS, SMOOTHEST = 36, 0.04
+"""Points that stand for the reflected light, and the least GGX alpha whose lobe shows them without gaps."""
+SHARPEST = 150.0
+"""Sharpness, at most, of the lobe that blurs the horizon."""
+MATT = (0.1, 1.0)
+"""Roughness from which on what surrounds a thing is reflected as by a matt one, little by little, and in full."""
 MIRRORS = 1
 """Of the cloud's own parts that light is followed over, from the viewer on."""
 REACH = 1.2
 """Radius in spacings of the discs that are mirrored: of random points they leave a hundredth of the surface open."""
 HEAD_ON = 0.08
 """What a dielectric reflects straight back, for each unit of "Specular IOR Level"."""
+AGREED, TORN = 0.98, 0.9
+"""Length of the mean normal in a pixel from which on its discs agree, and up to which they do not: at creases."""
 
 
 class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "8"
+    version = "9"
     refines = "surfels"
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
         """Leaves the picture as it is: reflections of the discs are not as near to the truth as the network's."""
+
+
+@dataclass(frozen=True)
+class Sent:
+    """What M points send to a viewer, but for what they mirror of the lamp, the sky and the floor."""
+
+    steady: np.ndarray
+    """Radiance (M, 3), which changes little over a disc."""
+    lit: np.ndarray
+    """How much of the lamp shines on each (M,), from 0 to 1."""
+    clear: np.ndarray
+    """How much of sky or floor is mirrored (M,): what no part hides, as far as it is not reflected as by a matt thing."""
 
 
 class Reflections(Lighting):
@@ -47,8 +66,8 @@ class Reflections(Lighting):
         self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float, sets: int
     ) -> None:
         super().__init__(points, normals, spacing, scene, height, sets)
-        self.lamps, axes, self.powers = (x.astype(np.float32) for x in light_lamps(scene.light, LAMPS))
-        self.axis = axes[0]
+        places, axes, powers = light_lamps(scene.light, LAMPS)
+        self.lamps = places, axes[0], float(powers[0])
         self.metallic = _number(scene, "Metallic", 0.0)
         self.roughness = _number(scene, "Roughness", 1.0)
         self.sizes = REACH * spacing, spacing, self.radius  # of discs that rays meet, of gaps between points, of all
@@ -58,62 +77,81 @@ class Reflections(Lighting):
 
     def colors(self, viewer: np.ndarray) -> np.ndarray:
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey and diffuse, then as the surface is."""
-        towards = viewer.astype(np.float32) - self.points
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        everyone = np.arange(len(self.points))
-        shining = self.sent(everyone, np.zeros_like(everyone), towards, MIRRORS)
+        everyone, towards = np.arange(len(self.points)), ways_to(viewer, self.points)
+        self.sent, shining = self.send(everyone, np.zeros_like(everyone), towards, MIRRORS)
         grey = GREY * self.light(np.array([GREY]))
-        return srgb_from_linear(np.clip(np.column_stack([grey, shining]), 0, 1)).astype(np.float32)
+        return displayed(np.column_stack([grey, shining]))
 
-    def sent(self, rows: np.ndarray, sides: np.ndarray, towards: np.ndarray, mirrors: int) -> np.ndarray:
-        """Radiance (M, 3) that points of these rows (M,) send in directions (M, 3), which lie on these sides (M,).
+    def further(self) -> list[np.ndarray]:
+        return [np.column_stack([self.sent.steady, self.sent.lit, self.sent.clear])]
+
+    def finish(self, camera: Camera, rows: tuple[int, int], pictures: list[np.ndarray]) -> None:
+        """Reckons mirrored lamp, sky and floor for each pixel where the discs agree which way it faces."""
+        drawn, more = (picture[:, slice(*rows)] for picture in pictures)
+        shown = drawn[0] > 0
+        of_discs, more = drawn[:, shown], more[:, shown]
+        facing = np.stack([of_discs[3], of_discs[4], more[3]], axis=1)
+        length = np.linalg.norm(facing, axis=1)
+        normals = (facing / np.maximum(length, 1e-6)[:, None]) @ camera.rotation.astype(np.float32)
+        points = _places(of_discs[2], shown, camera, rows[0])
+        sent = Sent(more[4:7].T, more[7], more[8])
+        radiance = sent.steady + self.mirrored(points, normals, ways_to(camera.position, points), sent)
+        sure = np.clip((length - TORN) / (AGREED - TORN), 0, 1)
+        drawn[6:, shown] += sure * (displayed(radiance).T - of_discs[6:])
+
+    def send(self, rows: np.ndarray, sides: np.ndarray, towards: np.ndarray, mirrors: int) -> tuple[Sent, np.ndarray]:
+        """What points of these rows (M,) send in directions (M, 3), which lie on these sides (M,); radiance (M, 3).
 
         Side 0 is the one that normals point to, 1 the other. Light is followed back over so many mirrors.
         """
         points, normals = self.points[rows], self.normals[rows] * np.where(sides, -1, 1).astype(np.float32)[:, None]
         facing = np.maximum(products(normals, towards), 1e-3)
-        mirrored = 2 * facing[:, None] * normals - towards
-        around = np.repeat(self.surroundings_in(points, mirrored)[:, None], 3, axis=1)
+        clear = np.full(len(rows), 1 - self.matt, np.float32)
+        direct = self.direct[sides, rows]
+        around = (self.light_on(rows, sides, self.head_on) - direct[:, None]) * self.matt
         if mirrors and self.matt < 1:
-            self.add_parts(around, rows, mirrored, mirrors - 1)
-        seen = around + self.lamp_in(points, normals, mirrored, self.direct[sides, rows])[:, None]
-        seen = seen * (1 - self.matt) + self.light_on(rows, sides, self.head_on) * self.matt
-        diffuse = self.color * self.light_on(rows, sides, self.color) * (1 - self.metallic)
-        radiance: np.ndarray = diffuse + seen * reflectance(self.head_on, facing, self.roughness)
-        return radiance
+            self.add_parts(around, clear, rows, 2 * facing[:, None] * normals - towards, mirrors - 1)
+        steady = self.color * self.light_on(rows, sides, self.color) * (1 - self.metallic)
+        steady += around * reflectance(self.head_on, facing, self.roughness)
+        shine = self.shine(points, normals, towards)
+        sent = Sent(steady, np.clip(direct / np.maximum(shine[:, 2], 1e-4), 0, 1), clear)
+        return sent, steady + self.mirrored(points, normals, towards, sent, shine)
 
-    def add_parts(self, around: np.ndarray, rows: np.ndarray, rays: np.ndarray, mirrors: int) -> None:
-        """Puts, where rays (M, 3) from points of these rows meet another part, what it sends into `around` (M, 3).
+    def add_parts(
+        self, around: np.ndarray, clear: np.ndarray, rows: np.ndarray, rays: np.ndarray, mirrors: int
+    ) -> None:
+        """Adds, where rays (M, 3) from points of these rows meet another part, what it sends to `around` (M, 3).
 
-        One ray stands for a lobe, so the wider that is, the more of what was there stays.
+        One ray stands for a lobe, so the wider that is, the more of what was there, and `clear` (M,), stays.
         """
         met = native.mirror_hits(self.points, self.normals, rows, rays, *self.sizes)
         meeting = np.flatnonzero(met >= 0)
         others, back = met[meeting], -rays[meeting]
         sides = (products(self.normals[others], back) < 0).astype(np.intp)
         around[meeting] *= self.matt
-        around[meeting] += (1 - self.matt) * self.sent(others, sides, back, mirrors)
+        around[meeting] += (1 - self.matt) * self.send(others, sides, back, mirrors)[1]
+        clear[meeting] *= self.matt
 
     def light_on(self, rows: np.ndarray, sides: np.ndarray, albedo: np.ndarray) -> np.ndarray:
         """What diffuse points of these rows and sides (M,) get, of these albedos (A,): (M, A), as `light` gives it."""
         return self.gathered([bounce[sides, rows] for bounce in self.bounces], albedo)
 
-    def lamp_in(self, points: np.ndarray, normals: np.ndarray, mirrored: np.ndarray, direct: np.ndarray) -> np.ndarray:
-        """Radiance (M,) of the light in lobes about directions (M, 3), hidden as much as it is from matt points (M, 3).
+    def shine(self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray) -> np.ndarray:
+        """What surfaces at points (M, 3) send of the lamp, as `native.gloss` says it (M, 3)."""
+        return native.gloss(points, normals, towards, *self.lamps, max(self.roughness**2, SMOOTHEST))
 
-        `direct` (M,) is what such get of it.
-        """
-        away = self.lamps - points[:, None]  # (M, L, 3)
-        square = np.einsum("nla,nla->nl", away, away)
-        away /= np.sqrt(square)[..., None]
-        shining = np.maximum(-(away @ self.axis), 0) / square  # (M, L)
-        above = np.maximum(np.einsum("nla,na->nl", away, normals), 0)
-        full = (self.powers * above * shining).sum(1) / math.pi
-        open_share = np.clip(direct / np.maximum(full, 1e-4), 0, 1)
-        lobe = np.exp(np.float32(self.sharpness) * (np.einsum("nla,na->nl", away, mirrored) - 1))
-        lobe *= self.sharpness / (2 * math.pi * (1 - math.exp(-2 * self.sharpness)))  # 1 over the sphere
-        solid_angle = LIGHT_SIDE**2 / LAMPS * shining
-        radiance: np.ndarray = LIGHT_RADIANCE * (lobe * solid_angle * (above > 0)).sum(1) * open_share
+    def mirrored(
+        self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray, sent: Sent, shine: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Radiance (M, 3) of lamp, sky and floor in surfaces at points (M, 3), as seen from directions (M, 3)."""
+        if shine is None:
+            shine = self.shine(points, normals, towards)
+        facing = np.maximum(products(normals, towards), 1e-3)
+        around = self.surroundings_in(points, 2 * facing[:, None] * normals - towards) * sent.clear
+        lamp, grazed = sent.lit[:, None] * shine[:, :1], sent.lit[:, None] * shine[:, 1:2]
+        lamp = self.head_on * (lamp - grazed) + at_the_rim(self.head_on) * grazed
+        again = second_bounce(self.head_on, facing, self.roughness)
+        radiance: np.ndarray = lamp * again + around[:, None] * reflectance(self.head_on, facing, self.roughness)
         return radiance
 
     def surroundings_in(self, points: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
@@ -141,6 +179,18 @@ class Reflections(Lighting):
 Glossy.lighting = Reflections
 
 
+def ways_to(viewer: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Unit directions (M, 3) float32 from points (M, 3) to the viewer (3,)."""
+    ways = viewer.astype(np.float32) - points
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    return ways
+
+
+def displayed(radiance: np.ndarray) -> np.ndarray:
+    """Radiance of any shape in sRGB, float32."""
+    return srgb_from_linear(np.clip(radiance, 0, 1)).astype(np.float32)
+
+
 def lobe_sharpness(roughness: float) -> float:
     """Sharpness of the spherical Gaussian near a reflected lobe (Wang et al., All-Frequency Rendering, 2009)."""
     alpha = max(roughness * roughness, 1e-3)
@@ -148,7 +198,7 @@ def lobe_sharpness(roughness: float) -> float:
 
 
 def matt_share(roughness: float) -> float:
-    """How far a reflection is that of a diffuse surface, from 0 to 1."""
+    """How far surroundings are reflected as by a diffuse surface, from 0 to 1."""
     share = min(max((roughness - MATT[0]) / (MATT[1] - MATT[0]), 0.0), 1.0)
     return share * share * (3 - 2 * share)
 
@@ -156,15 +206,47 @@ def matt_share(roughness: float) -> float:
 def reflectance(head_on: np.ndarray, facing: np.ndarray, roughness: float) -> np.ndarray:
     """Share (N, 3) of surrounding light that is reflected to a viewer, of `head_on` (3,) where he looks straight at it.
 
-    `facing` (N,) are cosines between normals and viewer. Lazarov's fit (Karis, Physically Based Shading on Mobile,
-    2014), and what rough surfaces send back at a second bounce (Turquin, Practical Multiple Scattering, 2019).
+    `facing` (N,) are cosines between normals and viewer.
+    """
+    scale, rim = _lazarov(facing, roughness)
+    once = head_on * scale[:, None] + rim[:, None] * at_the_rim(head_on)
+    return once * second_bounce(head_on, facing, roughness)
+
+
+def second_bounce(head_on: np.ndarray, facing: np.ndarray, roughness: float) -> np.ndarray:
+    """How much more (N, 3) a rough surface reflects, as light goes on in it from hill to hill.
+
+    Turquin, Practical Multiple Scattering, 2019.
+    """
+    scale, rim = _lazarov(facing, roughness)
+    more: np.ndarray = 1 + head_on * (1 / (scale + rim)[:, None] - 1)
+    return more
+
+
+def at_the_rim(head_on: np.ndarray) -> np.ndarray:
+    """What one that reflects so much straight back (3,) reflects at a grazing angle: all, unless it hardly does."""
+    share: np.ndarray = np.clip(50 * head_on, 0, 1)
+    return share
+
+
+def _lazarov(facing: np.ndarray, roughness: float) -> tuple[np.ndarray, np.ndarray]:
+    """Shares (N,) of what is reflected head on and at the rim in what all of the sky sends: a fit by Lazarov.
+
+    Karis, Physically Based Shading on Mobile, 2014.
     """
     x, y, z, w = roughness * np.array([-1, -0.0275, -0.572, 0.022]) + np.array([1, 0.0425, 1.04, -0.04])
     steep = np.minimum(x * x, 2 ** (-9.28 * facing)) * x + y
-    scale, rim = -1.04 * steep + z, 1.04 * steep + w
-    once = head_on * scale[:, None] + rim[:, None] * np.clip(50 * head_on, 0, 1)
-    share: np.ndarray = once * (1 + head_on * (1 / (scale + rim)[:, None] - 1))
-    return share
+    return -1.04 * steep + z, 1.04 * steep + w
+
+
+def _places(depth: np.ndarray, shown: np.ndarray, camera: Camera, top: int) -> np.ndarray:
+    """World positions (M, 3) float32 of the pixels `shown` (h, W), in rows from `top` on, by the depths (M,) drawn."""
+    row, column = np.nonzero(shown)
+    away = FAR - (FAR - NEAR) * depth
+    x = (column + 0.5 - camera.width / 2) / camera.focal * away
+    y = (row + top + 0.5 - camera.height / 2) / camera.focal * away
+    places: np.ndarray = np.stack([x, y, away], axis=1) @ camera.rotation + camera.position
+    return places.astype(np.float32)
 
 
 def _number(scene: SceneDescription, name: str, default: float) -> float:

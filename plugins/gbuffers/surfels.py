@@ -108,15 +108,18 @@ class Surfels(GBuffer):
         clips = native.clips(seen, facing, radii, found.neighbours)
         lighting.follow()
         shadow = beside(lighting.draw_shadow, camera, out[-1])
-        colors = with_holes(lighting.colors(camera.position), found.neighbours)
-        draw = partial(
-            native.surfels, seen, facing, radii, clips, np.column_stack([facing[:, :2], colors]), camera, SLACK, SURE,
-            FULL, NEAR, FAR, out[:-1],
-        )  # fmt: skip
+        kept = partial(with_holes, neighbours=found.neighbours)
+        layers = [np.column_stack([facing[:, :2], kept(lighting.colors(camera.position))])]
+        layers += [np.column_stack([facing[:, 2], kept(further)]) for further in lighting.further()]
+        pictures = [out[:-1], *(np.empty_like(out[:-1]) for _ in layers[1:])]
+        draw = partial(native.surfels, seen, facing, radii, clips)
 
         def draw_strips(begin: int, end: int) -> None:
             for strip in range(begin, end):
-                draw((strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS))
+                rows = (strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS)
+                for layer, picture in zip(layers, pictures, strict=True):
+                    draw(layer, camera, SLACK, SURE, FULL, NEAR, FAR, picture, rows)
+                lighting.finish(camera, rows, pictures)
 
         over_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
         shadow.result()
@@ -198,6 +201,16 @@ class Lighting:
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey, then in the surface's colour."""
         albedo = np.array([GREY, *self.color], dtype=np.float32)
         return srgb_from_linear(np.clip(albedo * self.light(albedo), 0, 1))
+
+    def further(self) -> list[np.ndarray]:
+        """Five more numbers (N, 5) of each point, if `finish` needs what discs show of them in a pixel."""
+        return []
+
+    def finish(self, camera: Camera, rows: tuple[int, int], pictures: list[np.ndarray]) -> None:
+        """Finishes rows, from the first up to the last, that one excluded, of the first picture (9, H, W).
+
+        For numbers of `further` there is a second one, with the normal towards the camera and them for features.
+        """
 
     def light(self, albedo: np.ndarray) -> np.ndarray:
         """What diffuse surfaces of these albedos (A,) get: (N, A), as the radiance of a white one, linear."""

@@ -22,8 +22,8 @@ def test_the_networks_picture_stays_as_it_is():
     assert (picture == 0.5).all()
 
 
-def ball(count: int) -> np.ndarray:
-    points = np.random.default_rng(0).normal(size=(count, 3))
+def ball(count: int, seed: int = 0) -> np.ndarray:
+    points = np.random.default_rng(seed).normal(size=(count, 3))
     return (0.6 * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
 
 
@@ -41,7 +41,8 @@ def drawn(metallic: float, roughness: float, color: tuple[float, float, float] =
 def test_a_matt_scene_is_drawn_as_before() -> None:
     cloud, plain = ball(2000), SceneDescription(material={"Base Color": (0.5, 0.2, 0.1, 1.0)})
     ours, theirs = (kind().draw(cloud, CAMERA, plain) for kind in (Glossy, Surfels))
-    np.testing.assert_allclose(ours, theirs, atol=1e-5)
+    np.testing.assert_allclose(np.delete(ours, range(6, 9), 0), np.delete(theirs, range(6, 9), 0), atol=1e-5)
+    np.testing.assert_allclose(ours[COLOR], theirs[COLOR], atol=2e-3)  # means of light, and of what is displayed of it
     shining = Glossy().draw(cloud, CAMERA, scene(1.0, 0.2))
     np.testing.assert_allclose(np.delete(shining, range(6, 9), 0), np.delete(
         Surfels().draw(cloud, CAMERA, scene(1.0, 0.2)), range(6, 9), 0), atol=1e-5)  # fmt: skip
@@ -55,6 +56,29 @@ def test_the_lamp_is_seen_where_a_ball_mirrors_it() -> None:
     (column, row), _ = (values[0] for values in CAMERA.project(place[None]))
     bright = np.argwhere(picture >= 0.9 * np.nanmax(picture)).mean(0) + 0.5
     assert np.hypot(*(bright - (row, column))) < 4, "pixels from where the mirror direction meets the lamp"
+
+
+def test_a_highlight_finer_than_the_points_is_as_bright_as_of_many() -> None:
+    large, metal = Camera(256, 256), scene(1.0, 0.2, (0.03, 0.03, 0.03))
+    brightest = [Glossy().draw(ball(count, seed), large, metal)[6].max()
+                 for count, seed in ((30_000, 0), (700, 1), (700, 2), (700, 3))]  # fmt: skip
+    assert brightest[0] < 0.99, "else the test could not fail"
+    assert min(brightest[1:]) > 0.95 * brightest[0]
+
+
+def test_a_ridge_does_not_shine_by_the_mean_of_its_sides() -> None:
+    """Neither side of the roof mirrors the lamp to the viewer, but a surface between them would."""
+    halfway = light_position(LIGHT) / np.linalg.norm(light_position(LIGHT)) + CAMERA.position / np.linalg.norm(
+        CAMERA.position)  # fmt: skip
+    halfway /= np.linalg.norm(halfway)
+    along = np.cross(halfway, (0.0, 0.0, 1.0))
+    along /= np.linalg.norm(along)
+    across = np.cross(halfway, along)
+    u, v = plate(12_000, 0).T
+    roof = u[:, None] * along + v[:, None] * across - np.abs(v)[:, None] * halfway
+    picture = Glossy().draw(roof.astype(np.float32), Camera(256, 256), scene(1.0, 0.2))
+    sides = picture[6][picture[0] > 0.99]
+    assert sides.max() < np.quantile(sides, 0.98) + 0.05
 
 
 def test_roughness_blurs_the_highlight() -> None:

@@ -13,6 +13,7 @@ from z2p_core.native.lighting import floor_shade as floor_shade
 from z2p_core.native.lighting import floor_shadow as floor_shadow
 from z2p_core.native.lighting import gather_bounced as gather_bounced
 from z2p_core.native.lighting import gather_open as gather_open
+from z2p_core.native.lighting import gloss as gloss
 from z2p_core.native.lighting import illuminate as illuminate
 from z2p_core.native.lighting import mirror_hits as mirror_hits
 from z2p_core.native.pictures import intensity as intensity

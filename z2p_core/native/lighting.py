@@ -110,6 +110,23 @@ def mirror_hits(
     return hits
 
 
+def gloss(
+    points: np.ndarray, normals: np.ndarray, towards: np.ndarray, lamps: np.ndarray, axis: np.ndarray, power: float,
+    alpha: float,
+) -> np.ndarray:  # fmt: skip
+    """What surfaces at points (M, 3) with unit normals (M, 3) send of lamps in unit directions (M, 3): (M, 3).
+
+    As radiances: what one of roughness `alpha` mirrors (GGX), if it mirrored all; that by the fifth power of one minus
+    the cosine at which it is met; and what a matt white one sends back. Nothing hides the lamps (L, 3), which shine
+    along a unit axis (3,), each with that power.
+    """
+    shine = np.empty((len(points), 3), np.float32)
+    seen = (floats(points), floats(normals), floats(towards))
+    rest = (floats(lamps), len(lamps), floats(axis), ctypes.c_float(power), ctypes.c_float(alpha**2), shine)
+    over_rows(lambda begin, end: call("z2p_gloss", *seen, begin, end, *rest), len(points))
+    return shine
+
+
 def gather_open(
     points: np.ndarray, normals: np.ndarray, axes: np.ndarray, hits: np.ndarray, direct: np.ndarray, floor: Floor,
     lamp_shade: np.ndarray, sky_shade: np.ndarray,
