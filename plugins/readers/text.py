@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import TextIO
 
@@ -20,7 +20,6 @@ _LINES = 200_000
 """Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
 _FIRST_LINES = 5000
 """Lines from which the form of the rows is told."""
-
 _FEWEST_NUMBERED = 10
 """Rows from which a column of 0, 1, 2 ... is no chance."""
 
@@ -53,31 +52,28 @@ class Text(Reader):
             ScanError: other columns than the suffix stands for or the user named, something not a number, or a wrong
                 count.
         """
-        head, form = self._form(path)
-        points = _table(path, form, head.lines) if form else np.empty((0, 3))
+        blocks = _content(path)
+        first = next(blocks, [])
+        head = head_of(first, path.suffix.lower(), self.columns is not None)
+        rows = first[head.lines :] or next(blocks, [])
+        form = self._form(path, head, rows) if rows else None
+        points = _table(path, form, head.lines, chain([rows], blocks)) if form else np.empty((0, 3))
         if head.promised is not None and head.promised != str(len(points)):
             raise ScanError(f"line {_line_number(path, head.promised_at)} promises {head.promised[:40]!r} points, "
                             f"{len(points)} came; mend the number, take the line out, or export the file again")
         if form and form.may_be_numbered and _counts(points[:, 0]):
             numbered = replace(form, places=(1, 2, 3))
-            return [RawCloud(_table(path, numbered, head.lines), note=_told_numbers(form.width))]
+            return [RawCloud(_again(path, numbered, head.lines), note=_told_numbers(form.width))]
         return [points]
 
-    def _form(self, path: Path) -> tuple[Head, Form | None]:
-        """What stands before the rows, and how they are written; None if there are none.
+    def _form(self, path: Path, head: Head, rows: list[str]) -> Form:
+        """How the rows, of which these are the first, are written.
 
         Raises:
             ScanError: as `read` says.
         """
-        suffix = path.suffix.lower()
-        blocks = _content(path, _FIRST_LINES)
-        lines = next(blocks, [])
-        head = head_of(lines, suffix, self.columns is not None)
-        rows = lines[head.lines :] or next(blocks, [])
-        if not rows:
-            return head, None
         try:
-            return head, form_of(rows, head, suffix, self.columns)
+            return form_of(rows, head, path.suffix.lower(), self.columns)
         except ScanError as error:
             raise ScanError(f"line {_line_number(path, head.lines)}: {error}") from error
 
@@ -91,16 +87,20 @@ def _told_numbers(width: int) -> str:
     return f"column 1 counts the rows, so x y z are columns 2 to 4; --columns {some_names(width)} takes it as x"
 
 
-def _table(path: Path, form: Form, skipped: int) -> np.ndarray:
-    """Points (N, 3) of a file whose first `skipped` lines with content are no rows."""
+def _table(path: Path, form: Form, before: int, blocks: Iterable[list[str]]) -> np.ndarray:
+    """Points (N, 3) of blocks of rows, before which so many lines of the file have content but are none."""
     parts = [np.empty((0, 3))]
-    before = 0
-    for lines in _content(path, _LINES):
-        rows = lines[max(skipped - before, 0) :]
-        before += len(lines)
-        if rows:
-            parts.append(_points(form, rows, path, before - len(rows)))
+    for rows in blocks:
+        parts.append(_points(form, rows, path, before))
+        before += len(rows)
     return np.concatenate(parts)
+
+
+def _again(path: Path, form: Form, skipped: int) -> np.ndarray:
+    """Points (N, 3) of the file, read once more, whose first `skipped` lines with content are no rows."""
+    blocks = _content(path)
+    first = next(blocks, [])
+    return _table(path, form, skipped, chain([first[skipped:] or next(blocks, [])], blocks))
 
 
 def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray:
@@ -114,13 +114,17 @@ def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray
                         f"{hint}") from error
 
 
-def _content(path: Path, count: int) -> Iterator[list[str]]:
-    """Lines that hold something, without what ``#`` begins; of so many at a time."""
+def _content(path: Path) -> Iterator[list[str]]:
+    """Lines that hold something, without what ``#`` begins; some first ones, then many at a time."""
     with _opened(path) as file:
+        count = _FIRST_LINES
         while lines := list(islice(file, count)):
-            if any("#" in line for line in lines):
+            count = _LINES
+            if "#" in "".join(lines):
                 lines = [line.split("#", 1)[0] for line in lines]
-            if lines := [line for line in lines if line and not line.isspace()]:
+            if "" in lines or any(map(str.isspace, lines)):
+                lines = [line for line in lines if line and not line.isspace()]
+            if lines:
                 yield lines
 
 
