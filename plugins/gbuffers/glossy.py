@@ -22,8 +22,8 @@ from z2p_core.turning import along, products
 
 LAMPS, SMOOTHEST = 36, 0.04
 """Points that stand for the reflected light, and the least GGX alpha whose lobe shows them without gaps."""
-SHARPEST = 150.0
-"""Sharpness, at most, of the lobe that blurs the horizon."""
+SHARPEST, HORIZON = 150.0, 2.4
+"""Sharpness, at most, of the lobe that blurs the horizon; and how steeply it crosses it, in its width."""
 MATT = (0.1, 1.0)
 """Roughness from which on what surrounds a thing is reflected as by a matt one, little by little, and in full."""
 MIRRORS = 1
@@ -56,7 +56,7 @@ class Sent:
     lit: np.ndarray
     """How much of the lamp shines on each (M,), from 0 to 1."""
     clear: np.ndarray
-    """How much of sky or floor is mirrored (M,): what no part hides, as far as it is not reflected as by a matt thing."""
+    """How much of sky or floor is mirrored (M,): what no part hides, as far as it is not reflected as if matt."""
 
 
 class Reflections(Lighting):
@@ -147,17 +147,22 @@ class Reflections(Lighting):
         if shine is None:
             shine = self.shine(points, normals, towards)
         facing = np.maximum(products(normals, towards), 1e-3)
-        around = self.surroundings_in(points, 2 * facing[:, None] * normals - towards) * sent.clear
+        lobes = leaning(2 * facing[:, None] * normals - towards, normals, self.roughness)
+        around = self.surroundings_in(points, lobes) * sent.clear
         lamp, grazed = sent.lit[:, None] * shine[:, :1], sent.lit[:, None] * shine[:, 1:2]
         lamp = self.head_on * (lamp - grazed) + at_the_rim(self.head_on) * grazed
         again = second_bounce(self.head_on, facing, self.roughness)
         radiance: np.ndarray = lamp * again + around[:, None] * reflectance(self.head_on, facing, self.roughness)
         return radiance
 
-    def surroundings_in(self, points: np.ndarray, mirrored: np.ndarray) -> np.ndarray:
+    def surroundings_in(self, points: np.ndarray, lobes: np.ndarray) -> np.ndarray:
         """Radiance (M,) of sky and lit floor in lobes about directions (M, 3) from points (M, 3)."""
-        upwards = 1 / (1 + np.exp(-1.7 * math.sqrt(self.sharpness) * mirrored[:, 2]))  # share above the horizon
-        radiance: np.ndarray = AMBIENT * upwards + self.floor_towards(points, mirrored) * (1 - upwards)
+        width = 1 / math.sqrt(self.sharpness)
+        upwards = 1 / (1 + np.exp(-HORIZON / width * lobes[:, 2]))  # share above the horizon
+        lower = lobes.copy()  # where the rest points to
+        lower[:, 2] = -width * np.logaddexp(0, -lobes[:, 2] / width)
+        lower /= np.linalg.norm(lower, axis=1, keepdims=True)
+        radiance: np.ndarray = AMBIENT * upwards + self.floor_towards(points, lower) * (1 - upwards)
         return radiance
 
     def floor_towards(self, points: np.ndarray, rays: np.ndarray) -> np.ndarray:
@@ -189,6 +194,17 @@ def ways_to(viewer: np.ndarray, points: np.ndarray) -> np.ndarray:
 def displayed(radiance: np.ndarray) -> np.ndarray:
     """Radiance of any shape in sRGB, float32."""
     return srgb_from_linear(np.clip(radiance, 0, 1)).astype(np.float32)
+
+
+def leaning(mirrored: np.ndarray, normals: np.ndarray, roughness: float) -> np.ndarray:
+    """Middles (M, 3) of lobes about mirrored directions (M, 3), which lean to unit normals (M, 3) on rough surfaces.
+
+    Lagarde and de Rousiers, Moving Frostbite to Physically Based Rendering, 2014.
+    """
+    share = (1 - roughness) * (math.sqrt(1 - roughness) + roughness)
+    middles = normals + np.float32(share) * (mirrored - normals)
+    middles /= np.maximum(np.linalg.norm(middles, axis=1, keepdims=True), 1e-6)
+    return middles
 
 
 def lobe_sharpness(roughness: float) -> float:
