@@ -102,15 +102,19 @@ class Reflections(Lighting):
     def send(self, rows: np.ndarray, sides: np.ndarray, towards: np.ndarray, mirrors: int) -> tuple[Sent, np.ndarray]:
         """What points of these rows (M,) send in directions (M, 3), which lie on these sides (M,); radiance (M, 3).
 
-        Side 0 is the one that normals point to, 1 the other. Light is followed back over so many mirrors.
+        Side 0 is the one that normals point to, 1 the other. Light is followed back over so many mirrors; in the last
+        one the floor beneath the thing is not seen, for it would be the thing itself that hides it from the sky.
         """
         points, normals = self.points[rows], self.normals[rows] * np.where(sides, -1, 1).astype(np.float32)[:, None]
         facing = np.maximum(products(normals, towards), 1e-3)
-        clear = np.full(len(rows), 1 - self.matt, np.float32)
+        rays = 2 * facing[:, None] * normals - towards
         direct = self.direct[sides, rows]
-        around = (self.light_on(rows, sides, self.head_on) - direct[:, None]) * self.matt
+        clear = np.full(len(rows), 1 - self.matt, np.float32)
+        if not mirrors:
+            clear *= 1 - self.beneath(points, leaning(rays, normals, self.roughness))
+        around = (self.light_on(rows, sides, self.head_on) - direct[:, None]) * (1 - clear)[:, None]
         if mirrors and self.matt < 1:
-            self.add_parts(around, clear, rows, 2 * facing[:, None] * normals - towards, mirrors - 1)
+            self.add_parts(around, clear, rows, rays, mirrors - 1)
         steady = self.color * self.light_on(rows, sides, self.color) * (1 - self.metallic)
         steady += around * reflectance(self.head_on, facing, self.roughness)
         shine = self.shine(points, normals, towards)
@@ -157,28 +161,40 @@ class Reflections(Lighting):
 
     def surroundings_in(self, points: np.ndarray, lobes: np.ndarray) -> np.ndarray:
         """Radiance (M,) of sky and lit floor in lobes about directions (M, 3) from points (M, 3)."""
-        width = 1 / math.sqrt(self.sharpness)
-        upwards = 1 / (1 + np.exp(-HORIZON / width * lobes[:, 2]))  # share above the horizon
-        lower = lobes.copy()  # where the rest points to
-        lower[:, 2] = -width * np.logaddexp(0, -lobes[:, 2] / width)
-        lower /= np.linalg.norm(lower, axis=1, keepdims=True)
-        radiance: np.ndarray = AMBIENT * upwards + self.floor_towards(points, lower) * (1 - upwards)
-        return radiance
-
-    def floor_towards(self, points: np.ndarray, rays: np.ndarray) -> np.ndarray:
-        """Radiance (M,) of the floor where rays (M, 3) from points meet it; far off for one that goes up."""
-        floor, side = self.floor, len(self.shades[0])
-        reach = (floor.height - points[:, 2]) / np.minimum(rays[:, 2], -1e-3)
-        place = points + reach[:, None] * rays
+        upwards, lower = self.halves(lobes)
+        floor = self.floor
+        place, no_lamp, no_sky = self.floor_met(points, lower)
         away = floor.lamps.mean(0) - place
         square = (away**2).sum(1)
         lit = floor.power * np.maximum(-along(away, floor.axis), 0) * away[:, 2] / (square * square * math.pi)
+        lit_floor = floor.albedo * (lit * (1 - no_lamp) + floor.sky * (1 - no_sky))
+        radiance: np.ndarray = AMBIENT * upwards + lit_floor * (1 - upwards)
+        return radiance
+
+    def beneath(self, points: np.ndarray, lobes: np.ndarray) -> np.ndarray:
+        """Share (M,) of lobes about directions (M, 3) from points (M, 3) with floor that sees nothing of the sky."""
+        upwards, lower = self.halves(lobes)
+        share: np.ndarray = (1 - upwards) * self.floor_met(points, lower)[2]
+        return share
+
+    def halves(self, lobes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How much (M,) of lobes about directions (M, 3) is above the horizon, and directions (M, 3) of the rest."""
+        width = 1 / math.sqrt(self.sharpness)
+        lower = lobes.copy()
+        lower[:, 2] = -width * np.logaddexp(0, -lobes[:, 2] / width)
+        lower /= np.linalg.norm(lower, axis=1, keepdims=True)
+        return 1 / (1 + np.exp(-HORIZON / width * lobes[:, 2])), lower
+
+    def floor_met(self, points: np.ndarray, rays: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where rays (M, 3) down from points (M, 3) meet the floor (M, 3), and how much of lamp and sky it lacks."""
+        floor, side = self.floor, len(self.shades[0])
+        reach = (floor.height - points[:, 2]) / np.minimum(rays[:, 2], -1e-3)
+        place = points + reach[:, None] * rays
         column, row = ((place[:, axis] + floor.half) * side / (2 * floor.half) for axis in (0, 1))
         inside = (column >= 0) & (row >= 0) & (column < side) & (row < side)
         cell = (np.where(inside, row, 0).astype(np.intp), np.where(inside, column, 0).astype(np.intp))
         no_lamp, no_sky = (np.where(inside, shade[cell], 0) for shade in self.shades)
-        radiance: np.ndarray = floor.albedo * (lit * (1 - no_lamp) + floor.sky * (1 - no_sky))
-        return radiance
+        return place, no_lamp, no_sky
 
 
 Glossy.lighting = Reflections
