@@ -22,18 +22,24 @@ STEM_PARTS = ("features", "traced")
 """What the stem's output is split into."""
 PICTURE = 4
 """Channels of a picture, which come before the buffers."""
+BLOCK = 2
+"""Side of the blocks of pixels that a picture's last convolution writes; larger ones read too much around them."""
 PERCENTILE = 99.999
 """Of an activation's values, how many the 8 bits reach."""
 
 
 @dataclass(frozen=True)
 class Part:
-    """A convolution of several whose sum is wanted: what it reads, its kernel (O, I, k, k), bias (O,) and stride."""
+    """A convolution of several whose sum is wanted.
+
+    What it reads, its kernel (O, I, k, k), bias (O,), stride, and how many zeros surround what it reads.
+    """
 
     source: str
     kernel: np.ndarray
     bias: np.ndarray | None = None
     stride: int = 1
+    border: int = 0
 
 
 def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
@@ -41,7 +47,8 @@ def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
 
     `channels` is how many the buffers have, `cell` the side of a pixel block. Blocks are read by strided convolutions,
     rather than folded into channels before one, which engines do on one core. Instead of convolutions whose input is
-    joined or whose output is split there are two. A network without a stem stays as it is.
+    joined or whose output is split there are two. And what has few channels to write is written in blocks of pixels.
+    A network without a stem stays as it is.
     """
     from onnx import checker, load_from_string
 
@@ -54,6 +61,9 @@ def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
     drawn = _strided_stem(graph, stem, padded, encoding, channels, cell)
     if look is not None:
         _split_input(graph, look)
+    touch = _convolution(graph, "touch.weight")
+    if touch is not None:
+        _in_blocks(graph, touch)
     for node in graph.node:
         if node.op_type == "Shape" and node.input[0] == folded:
             node.input[0] = drawn  # as high and as wide
@@ -133,27 +143,50 @@ def _split_input(graph: Any, convolution: Any) -> None:
     bias, _ = constant_of(graph, convolution.input[2])
     picture, buffers = np.split(kernel, [PICTURE], axis=1)
     seen, beside = joined.input
-    parts = {f"{name}.picture": Part(seen, picture, bias), f"{name}.buffers": Part(beside, buffers)}
+    border = kernel.shape[-1] // 2
+    parts = {f"{name}.picture": Part(seen, picture, bias, border=border),
+             f"{name}.buffers": Part(beside, buffers, border=border)}  # fmt: skip
     graph.node.remove(convolution)
     _add_convolutions(graph, parts, convolution.output[0], halved)
+
+
+def _in_blocks(graph: Any, convolution: Any) -> None:
+    """Puts a convolution that writes blocks of `BLOCK` pixels a side in the place of one with 3x3 weights.
+
+    Engines compute sixteen channels at a time: four of each of four pixels, where there were but four.
+    """
+    from onnx import helper
+
+    name = convolution.input[1].removesuffix(".weight")
+    kernel, halved = constant_of(graph, convolution.input[1])
+    bias, _ = constant_of(graph, convolution.input[2])
+    (written, read), reach = kernel.shape[:2], kernel.shape[-1]
+    wide = np.zeros((written, BLOCK, BLOCK, read, reach + BLOCK - 1, reach + BLOCK - 1), np.float32)
+    for row, column in np.ndindex(BLOCK, BLOCK):
+        wide[:, row, column, :, row : row + reach, column : column + reach] = kernel
+    blocks = Part(convolution.input[0], wide.reshape(-1, read, *wide.shape[-2:]), np.repeat(bias, BLOCK**2), BLOCK,
+                  border=reach // 2)  # fmt: skip
+    graph.node.remove(convolution)
+    drawn = _add_convolutions(graph, {f"{name}.blocks": blocks}, f"{name}.blocks.drawn", halved)
+    graph.node.append(helper.make_node("DepthToSpace", [drawn], [convolution.output[0]], f"/{name}/DepthToSpace",
+                                       blocksize=BLOCK, mode="CRD"))  # fmt: skip
 
 
 def _add_convolutions(graph: Any, parts: dict[str, Part], output: str, halved: bool) -> str:
     """Adds a convolution for each part, by its name, and `output`, their sum; the first one's output."""
     from onnx import helper
 
-    for name, part in parts.items():
+    drawn = [f"{name}.drawn" for name in parts] if len(parts) > 1 else [output]
+    for (name, part), writes in zip(parts.items(), drawn, strict=True):
         graph.node.extend(add_constant(graph, f"{name}.weight", part.kernel, halved))
         inputs = [part.source, f"{name}.weight"]
         if part.bias is not None:
             graph.node.extend(add_constant(graph, f"{name}.bias", part.bias, halved=False))
             inputs.append(f"{name}.bias")
-        side = part.kernel.shape[-1]
-        border = side // 2 if part.stride == 1 else 0  # blocks lie side by side, pixels' surroundings overlap
-        graph.node.append(helper.make_node("Conv", inputs, [f"{name}.drawn"], f"/{name}/Conv", kernel_shape=[side] * 2,
-                                           strides=[part.stride] * 2, pads=[border] * 4))  # fmt: skip
-    drawn = [f"{name}.drawn" for name in parts]
-    graph.node.append(helper.make_node("Sum", drawn, [output], f"/{next(iter(parts))}/Sum"))
+        graph.node.append(helper.make_node("Conv", inputs, [writes], f"/{name}/Conv", kernel_shape=part.kernel.shape[2:],
+                                           strides=[part.stride] * 2, pads=[part.border] * 4))  # fmt: skip
+    if len(parts) > 1:
+        graph.node.append(helper.make_node("Sum", drawn, [output], f"/{next(iter(parts))}/Sum"))
     return drawn[0]
 
 

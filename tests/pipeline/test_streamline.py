@@ -48,6 +48,10 @@ def operators(model: bytes) -> list[str]:
     return [node.op_type for node in onnx.load_from_string(model).graph.node]
 
 
+def constants(model: bytes) -> set[str]:
+    return {constant.name.removesuffix(".half") for constant in onnx.load_from_string(model).graph.initializer}
+
+
 def random_inputs(renderer: Renderer, batch: int, width: int, height: int) -> Inputs:
     rng, cell = np.random.default_rng(0), renderer._loaded.config.unshuffle
     given = renderer.inputs(rng.normal(size=(300, 3)).astype(np.float32) / 3, None, width, height)
@@ -68,8 +72,8 @@ def test_the_streamlined_is_the_same_network(make_weights: Callable[..., Path], 
         inputs = random_inputs(renderer, batch, width, height)
         assert np.abs(drawn(lean, inputs) - drawn(model, inputs)).max() < 1e-3  # random weights: steep
     assert operators(lean).count("Transpose") < operators(model).count("Transpose")
-    assert "Split" not in operators(lean)
-    assert len(lean) < len(model) + 1000
+    assert "Split" not in operators(lean) and "touch.weight" not in constants(lean)
+    assert len(lean) < len(model) + 17_000  # the last convolution, in blocks
 
 
 def test_a_network_without_a_stem_stays_as_it_is(make_weights: Callable[..., Path]) -> None:
