@@ -183,8 +183,8 @@ def _add_convolutions(graph: Any, parts: dict[str, Part], output: str, halved: b
         if part.bias is not None:
             graph.node.extend(add_constant(graph, f"{name}.bias", part.bias, halved=False))
             inputs.append(f"{name}.bias")
-        graph.node.append(helper.make_node("Conv", inputs, [writes], f"/{name}/Conv", kernel_shape=part.kernel.shape[2:],
-                                           strides=[part.stride] * 2, pads=[part.border] * 4))  # fmt: skip
+        shape = {"kernel_shape": part.kernel.shape[2:], "strides": [part.stride] * 2, "pads": [part.border] * 4}
+        graph.node.append(helper.make_node("Conv", inputs, [writes], f"/{name}/Conv", **shape))
     if len(parts) > 1:
         graph.node.append(helper.make_node("Sum", drawn, [output], f"/{next(iter(parts))}/Sum"))
     return drawn[0]
