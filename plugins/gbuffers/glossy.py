@@ -16,22 +16,27 @@ from plugins.gbuffers.surfels import FAR, GREY, NEAR, Lighting, Surfels
 from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.lamps import light_lamps
-from z2p_core.scene import AMBIENT, SceneDescription
+from z2p_core.lamps import light_lamps, light_square
+from z2p_core.principled import INDEX, Principled
+from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
 from z2p_core.turning import along, products
 
 LAMPS, SMOOTHEST = 36, 0.04
-"""Points that stand for the reflected light, and the least GGX alpha whose lobe shows them without gaps."""
+"""Points that stand for the reflected light, and the least GGX alpha whose lobe shows them without gaps: smoother
+surfaces show the light's image."""
+BLUR, UNSURE = 1.7, 0.02
+"""How far an image is blurred, in alpha, so that half of the light stays as near as in the lobe; and the alpha, at
+least, for normals are not surer."""
 SHARPEST, HORIZON = 150.0, 2.4
 """Sharpness, at most, of the lobe that blurs the horizon; and how steeply it crosses it, in its width."""
+LEANING = 0.6
+"""Of the way that lobes lean to the normal by the formula: lobes on metal balls are met best so."""
 MATT = (0.1, 1.0)
 """Roughness from which on what surrounds a thing is reflected as by a matt one, little by little, and in full."""
 MIRRORS = 1
 """Of the cloud's own parts that light is followed over, from the viewer on."""
 REACH = 1.2
 """Radius in spacings of the discs that are mirrored: of random points they leave a hundredth of the surface open."""
-HEAD_ON = 0.08
-"""What a dielectric reflects straight back, for each unit of "Specular IOR Level"."""
 AGREED, TORN = 0.98, 0.9
 """Length of the mean normal in a pixel from which on its discs agree, and up to which they do not: at creases."""
 
@@ -40,7 +45,7 @@ class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "9"
+    version = "10"
     refines = "surfels"
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
@@ -67,13 +72,12 @@ class Reflections(Lighting):
     ) -> None:
         super().__init__(points, normals, spacing, scene, height, sets)
         places, axes, powers = light_lamps(scene.light, LAMPS)
-        self.lamps = places, axes[0], float(powers[0])
-        self.metallic = _number(scene, "Metallic", 0.0)
+        self.lamps, self.square = (places, axes[0], float(powers[0])), light_square(scene.light)
         self.roughness = _number(scene, "Roughness", 1.0)
+        metallic, specular = _number(scene, "Metallic", 0.0), _number(scene, "Specular IOR Level", 0.0)
+        self.surface = Principled(self.color, metallic, specular, self.roughness)
         self.sizes = REACH * spacing, spacing, self.radius  # of discs that rays meet, of gaps between points, of all
         self.sharpness, self.matt = lobe_sharpness(self.roughness), matt_share(self.roughness)
-        specular = HEAD_ON * _number(scene, "Specular IOR Level", 0.0)
-        self.head_on = specular * (1 - self.metallic) + self.color * self.metallic  # (3,), of the reflection's colour
 
     def colors(self, viewer: np.ndarray) -> np.ndarray:
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey and diffuse, then as the surface is."""
@@ -94,8 +98,9 @@ class Reflections(Lighting):
         length = np.linalg.norm(facing, axis=1)
         normals = (facing / np.maximum(length, 1e-6)[:, None]) @ camera.rotation.astype(np.float32)
         points = _places(of_discs[2], shown, camera, rows[0])
+        seen = (points, normals, ways_to(camera.position, points))
         sent = Sent(more[4:7].T, more[7], more[8])
-        radiance = sent.steady + self.mirrored(points, normals, ways_to(camera.position, points), sent)
+        radiance = sent.steady + self.mirrored(*seen, sent, self.shine(*seen))
         sure = np.clip((length - TORN) / (AGREED - TORN), 0, 1)
         drawn[6:, shown] += sure * (displayed(radiance).T - of_discs[6:])
 
@@ -112,13 +117,15 @@ class Reflections(Lighting):
         clear = np.full(len(rows), 1 - self.matt, np.float32)
         if not mirrors:
             clear *= 1 - self.beneath(points, leaning(rays, normals, self.roughness))
-        around = (self.light_on(rows, sides, self.head_on) - direct[:, None]) * (1 - clear)[:, None]
+        light = self.gathered([bounce[sides, rows] for bounce in self.bounces], self.surface.albedo)
+        around = (light - direct[:, None]) * (1 - clear)[:, None]
         if mirrors and self.matt < 1:
             self.add_parts(around, clear, rows, rays, mirrors - 1)
-        steady = self.color * self.light_on(rows, sides, self.color) * (1 - self.metallic)
-        steady += around * reflectance(self.head_on, facing, self.roughness)
-        shine = self.shine(points, normals, towards)
-        sent = Sent(steady, np.clip(direct / np.maximum(shine[:, 2], 1e-4), 0, 1), clear)
+        steady = light * self.surface.matt(facing) + around * self.surface.reflectance(facing)
+        shine, unhidden = self.gloss(points, normals, towards)
+        sent = Sent(steady, np.clip(direct / np.maximum(unhidden, 1e-4), 0, 1), clear)
+        if self.smooth:
+            shine = self.shine(points, normals, towards)
         return sent, steady + self.mirrored(points, normals, towards, sent, shine)
 
     def add_parts(
@@ -136,28 +143,31 @@ class Reflections(Lighting):
         around[meeting] += (1 - self.matt) * self.send(others, sides, back, mirrors)[1]
         clear[meeting] *= self.matt
 
-    def light_on(self, rows: np.ndarray, sides: np.ndarray, albedo: np.ndarray) -> np.ndarray:
-        """What diffuse points of these rows and sides (M,) get, of these albedos (A,): (M, A), as `light` gives it."""
-        return self.gathered([bounce[sides, rows] for bounce in self.bounces], albedo)
+    @property
+    def smooth(self) -> bool:
+        """Whether the lamp's own image is seen in it."""
+        return self.roughness**2 < SMOOTHEST
+
+    def gloss(self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What rough surfaces at points (M, 3) mirror of the lamp (M, 3), and matt ones have of it (M,)."""
+        return native.gloss(points, normals, towards, *self.lamps, max(self.roughness**2, SMOOTHEST), INDEX)
 
     def shine(self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray) -> np.ndarray:
-        """What surfaces at points (M, 3) send of the lamp, as `native.gloss` says it (M, 3)."""
-        return native.gloss(points, normals, towards, *self.lamps, max(self.roughness**2, SMOOTHEST))
+        """What this surface at points (M, 3) mirrors of the lamp, as `native.gloss` says it (M, 3)."""
+        if not self.smooth:
+            return self.gloss(points, normals, towards)[0]
+        blur = BLUR * max(self.roughness**2, UNSURE)
+        return native.image(points, normals, towards, self.square, LIGHT_RADIANCE, blur, INDEX)
 
     def mirrored(
-        self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray, sent: Sent, shine: np.ndarray | None = None
+        self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray, sent: Sent, shine: np.ndarray
     ) -> np.ndarray:
         """Radiance (M, 3) of lamp, sky and floor in surfaces at points (M, 3), as seen from directions (M, 3)."""
-        if shine is None:
-            shine = self.shine(points, normals, towards)
         facing = np.maximum(products(normals, towards), 1e-3)
         lobes = leaning(2 * facing[:, None] * normals - towards, normals, self.roughness)
         around = self.surroundings_in(points, lobes) * sent.clear
-        lamp, grazed = sent.lit[:, None] * shine[:, :1], sent.lit[:, None] * shine[:, 1:2]
-        lamp = self.head_on * (lamp - grazed) + at_the_rim(self.head_on) * grazed
-        again = second_bounce(self.head_on, facing, self.roughness)
-        radiance: np.ndarray = lamp * again + around[:, None] * reflectance(self.head_on, facing, self.roughness)
-        return radiance
+        lamp = self.surface.gloss(sent.lit[:, None] * shine, facing)
+        return lamp + around[:, None] * self.surface.reflectance(facing)
 
     def surroundings_in(self, points: np.ndarray, lobes: np.ndarray) -> np.ndarray:
         """Radiance (M,) of sky and lit floor in lobes about directions (M, 3) from points (M, 3)."""
@@ -215,10 +225,10 @@ def displayed(radiance: np.ndarray) -> np.ndarray:
 def leaning(mirrored: np.ndarray, normals: np.ndarray, roughness: float) -> np.ndarray:
     """Middles (M, 3) of lobes about mirrored directions (M, 3), which lean to unit normals (M, 3) on rough surfaces.
 
-    Lagarde and de Rousiers, Moving Frostbite to Physically Based Rendering, 2014.
+    After Lagarde and de Rousiers, Moving Frostbite to Physically Based Rendering, 2014; they lean further.
     """
-    share = (1 - roughness) * (math.sqrt(1 - roughness) + roughness)
-    middles = normals + np.float32(share) * (mirrored - normals)
+    leant = LEANING * (1 - (1 - roughness) * (math.sqrt(1 - roughness) + roughness))
+    middles = mirrored + np.float32(leant) * (normals - mirrored)
     middles /= np.maximum(np.linalg.norm(middles, axis=1, keepdims=True), 1e-6)
     return middles
 
@@ -233,42 +243,6 @@ def matt_share(roughness: float) -> float:
     """How far surroundings are reflected as by a diffuse surface, from 0 to 1."""
     share = min(max((roughness - MATT[0]) / (MATT[1] - MATT[0]), 0.0), 1.0)
     return share * share * (3 - 2 * share)
-
-
-def reflectance(head_on: np.ndarray, facing: np.ndarray, roughness: float) -> np.ndarray:
-    """Share (N, 3) of surrounding light that is reflected to a viewer, of `head_on` (3,) where he looks straight at it.
-
-    `facing` (N,) are cosines between normals and viewer.
-    """
-    scale, rim = _lazarov(facing, roughness)
-    once = head_on * scale[:, None] + rim[:, None] * at_the_rim(head_on)
-    return once * second_bounce(head_on, facing, roughness)
-
-
-def second_bounce(head_on: np.ndarray, facing: np.ndarray, roughness: float) -> np.ndarray:
-    """How much more (N, 3) a rough surface reflects, as light goes on in it from hill to hill.
-
-    Turquin, Practical Multiple Scattering, 2019.
-    """
-    scale, rim = _lazarov(facing, roughness)
-    more: np.ndarray = 1 + head_on * (1 / (scale + rim)[:, None] - 1)
-    return more
-
-
-def at_the_rim(head_on: np.ndarray) -> np.ndarray:
-    """What one that reflects so much straight back (3,) reflects at a grazing angle: all, unless it hardly does."""
-    share: np.ndarray = np.clip(50 * head_on, 0, 1)
-    return share
-
-
-def _lazarov(facing: np.ndarray, roughness: float) -> tuple[np.ndarray, np.ndarray]:
-    """Shares (N,) of what is reflected head on and at the rim in what all of the sky sends: a fit by Lazarov.
-
-    Karis, Physically Based Shading on Mobile, 2014.
-    """
-    x, y, z, w = roughness * np.array([-1, -0.0275, -0.572, 0.022]) + np.array([1, 0.0425, 1.04, -0.04])
-    steep = np.minimum(x * x, 2 ** (-9.28 * facing)) * x + y
-    return -1.04 * steep + z, 1.04 * steep + w
 
 
 def _places(depth: np.ndarray, shown: np.ndarray, camera: Camera, top: int) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plugins.gbuffers.glossy import Glossy, lobe_sharpness, reflectance
+from plugins.gbuffers.glossy import Glossy, lobe_sharpness
 from plugins.gbuffers.surfels import Surfels
 from z2p_core.camera import Camera, light_position
 from z2p_core.images import linear_from_srgb
@@ -127,14 +127,17 @@ def test_smooth_metal_shows_the_walls_that_stand_on_it_and_rough_metal_does_not(
     assert shares[0] < 0.65 and shares[1] > 0.8
 
 
-def test_a_white_metal_gives_back_all_and_plastic_all_at_the_rim() -> None:
-    facing = np.linspace(0.05, 1, 20)
-    for roughness in (0.05, 0.3, 0.6, 1.0):
-        np.testing.assert_allclose(reflectance(np.ones(3), facing, roughness), 1, atol=0.02)
-    plastic = reflectance(np.full(3, 0.04), facing, 0.05)
-    assert plastic[-1] == pytest.approx(0.04, abs=0.01) and plastic[0, 0] > 0.3
-    assert (np.diff(plastic[:, 0]) < 1e-3).all()
-    assert reflectance(np.zeros(3), facing, 0.05).max() == 0
+def test_smooth_metal_shows_the_lamp_with_sharp_edges() -> None:
+    """Few pixels lie between the lamp's image and the sky beside it; of a blurred highlight most do."""
+    shares = []
+    for roughness in (0.05, 0.25):
+        picture = Glossy().draw(ball(20_000), Camera(256, 256), scene(1.0, roughness, (0.03, 0.03, 0.03)))
+        within = (picture[0] > 0.99) & (picture[3] ** 2 + picture[4] ** 2 < 0.5)  # the rim shines by itself
+        shown = linear_from_srgb(picture[6][within])
+        lamp = np.quantile(shown, 0.999)
+        assert lamp > 10 * 0.03 * 0.35, "the sky's radiance"
+        shares.append(((shown > 0.25 * lamp) & (shown < 0.75 * lamp)).sum() / (shown > 0.75 * lamp).sum())
+    assert shares[0] < 0.5 < 1 < shares[1]
 
 
 def test_lobes_grow_wider_with_roughness() -> None:

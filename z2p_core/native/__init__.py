@@ -15,6 +15,7 @@ from z2p_core.native.lighting import gather_bounced as gather_bounced
 from z2p_core.native.lighting import gather_open as gather_open
 from z2p_core.native.lighting import gloss as gloss
 from z2p_core.native.lighting import illuminate as illuminate
+from z2p_core.native.lighting import image as image
 from z2p_core.native.lighting import mirror_hits as mirror_hits
 from z2p_core.native.pictures import intensity as intensity
 from z2p_core.native.pictures import nearest_depth as nearest_depth

@@ -112,18 +112,34 @@ def mirror_hits(
 
 def gloss(
     points: np.ndarray, normals: np.ndarray, towards: np.ndarray, lamps: np.ndarray, axis: np.ndarray, power: float,
-    alpha: float,
-) -> np.ndarray:  # fmt: skip
-    """What surfaces at points (M, 3) with unit normals (M, 3) send of lamps in unit directions (M, 3): (M, 3).
+    alpha: float, index: float,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """What surfaces at points (M, 3) with unit normals (M, 3) send of lamps in unit directions (M, 3).
 
-    As radiances: what one of roughness `alpha` mirrors (GGX), if it mirrored all; that by the fifth power of one minus
-    the cosine at which it is met; and what a matt white one sends back. Nothing hides the lamps (L, 3), which shine
-    along a unit axis (3,), each with that power.
+    As radiances (M, 3): what one of roughness `alpha` mirrors (GGX), if it mirrored all; and that by how far what metal
+    reflects rises to a grazing angle, and plastic of that index of refraction. And what a matt white one sends (M,).
+    Nothing hides the lamps (L, 3), which shine along a unit axis (3,), each with that power.
+    """
+    shine, matt = np.empty((len(points), 3), np.float32), np.empty(len(points), np.float32)
+    seen = (floats(points), floats(normals), floats(towards))
+    rest = (floats(lamps), len(lamps), floats(axis), *map(ctypes.c_float, (power, alpha**2, index)), shine, matt)
+    over_rows(lambda begin, end: call("z2p_gloss", *seen, begin, end, *rest), len(points))
+    return shine, matt
+
+
+def image(
+    points: np.ndarray, normals: np.ndarray, towards: np.ndarray, light: np.ndarray, radiance: float, blur: float,
+    index: float,
+) -> np.ndarray:  # fmt: skip
+    """The same radiances (M, 3) of surfaces so smooth that they show a square light's image.
+
+    `light` (3, 3) is its middle and its two sides; it shines towards the origin. The image's edges are blurred by
+    `blur` of the way to it, a standard deviation.
     """
     shine = np.empty((len(points), 3), np.float32)
     seen = (floats(points), floats(normals), floats(towards))
-    rest = (floats(lamps), len(lamps), floats(axis), ctypes.c_float(power), ctypes.c_float(alpha**2), shine)
-    over_rows(lambda begin, end: call("z2p_gloss", *seen, begin, end, *rest), len(points))
+    rest = (floats(light), *map(ctypes.c_float, (radiance, blur, index)), shine)
+    over_rows(lambda begin, end: call("z2p_image", *seen, begin, end, *rest), len(points))
     return shine
 
 
