@@ -18,6 +18,7 @@ from typing import Any
 from pipeline.drawing import Drawing, Look, draw, record
 from pipeline.infer import Renderer
 from pipeline.placing import Stance
+from pipeline.present import told_if_kept
 from storage.clouds import Scan, format_suffix, read_each, shown
 from storage.fingerprints import file_digest
 from storage.incoming import is_spooled
@@ -69,6 +70,8 @@ class Outcome:
     """Of each picture that was drawn."""
     viewpoints: list[Viewpoint] = field(default_factory=list)
     """Of each picture that was drawn."""
+    kept: str = ""
+    """What a picture that was there before and stays shows otherwise than asked, in words."""
     weights: list[str] = field(default_factory=list)
     """Names of those that drew each picture."""
     choices: list[str] = field(default_factory=list)
@@ -115,7 +118,7 @@ def render_files(
 
     def work(task: Task) -> Outcome:
         with heavy if _is_heavy(task.scan) else nullcontext():
-            return _render_file(task, renderer, look, overwrite, planned, columns, drawn)
+            return _File(task, renderer, look, overwrite, columns, drawn).render(planned)
 
     if jobs == 1:
         yield from map(work, tasks)
@@ -184,67 +187,93 @@ def _stem(scan: Path) -> str:
     return (scan.with_suffix("") if scan.suffix.lower() == ".gz" else scan).stem
 
 
-def _render_file(
-    task: Task, renderer: Renderer, look: Look, overwrite: bool, planned: frozenset[Path],
-    columns: tuple[str, ...] | None, drawn: Callable[[Path], None],
-) -> Outcome:
-    outcome = Outcome(task.scan, [task.output])
-    source: dict[str, Any] = {}
+class _File:
+    """One file on its way to its pictures."""
 
-    def render(scan: Scan, cloud: int, output: Path) -> None:
-        own = look
-        if task.colors:
-            own = replace(look, values={**look.values, "color": task.colors[cloud % len(task.colors)]})
-        drawing: Drawing = draw(renderer, scan, format_suffix(task.scan), own)
-        if not source:  # once a file, for its digest takes time
-            source.update(source_of(task.scan, output, columns=columns))
-        made_by = record(drawing, own, {**source, "cloud": cloud})
-        write_picture(drawing.picture, output, look.background, made_by)
+    def __init__(
+        self, task: Task, renderer: Renderer, look: Look, overwrite: bool, columns: tuple[str, ...] | None,
+        drawn: Callable[[Path], None],
+    ) -> None:
+        self.task, self.renderer, self.look, self.overwrite = task, renderer, look, overwrite
+        self.columns, self.drawn = columns, drawn
+        self.outcome = Outcome(task.scan, [task.output])
+        self._source: dict[str, Any] = {}
+
+    def render(self, planned: frozenset[Path]) -> Outcome:
+        """What became of it; `planned` are the pictures of all files."""
+        outcome, started = self.outcome, time.perf_counter()
+        try:
+            if not self._stays(self.task.output, 0):
+                self._render_clouds(planned)
+        except Exception as error:  # whatever a file or a stranger's reader brings up, the other files go on
+            outcome.status, outcome.error = "failed", told_fault(error, self.task.scan)
+        outcome.seconds = time.perf_counter() - started
+        return outcome
+
+    def _render_clouds(self, planned: frozenset[Path]) -> None:
+        """Draws each cloud of the file; one that cannot be drawn leaves the others."""
+        scans, outcome = read_each(self.task.scan, self.columns), self.outcome
+        _count(scans, outcome)
+        if len(scans) > 1:
+            outcome.outputs = _batch_outputs(self.task, len(scans), planned)
+        faults = []
+        for cloud, (scan, output) in enumerate(zip(scans, outcome.outputs, strict=True)):
+            try:
+                if self._stays(output, cloud):
+                    continue
+                if isinstance(scan, ScanError):
+                    faults.append(told_fault(scan, self.task.scan))
+                    continue
+                self._draw(scan, cloud, output)
+                outcome.status = "ok"
+            except Exception as error:  # as above
+                where = f"cloud {scan.label}: " if isinstance(scan, Scan) and scan.label else ""
+                faults.append(where + told_fault(error, self.task.scan))
+        if faults:
+            outcome.status = "failed"
+            outcome.error = faults[0] + (f" (and {len(faults) - 1} more clouds failed)" if len(faults) > 1 else "")
+
+    def _stays(self, output: Path, cloud: int) -> bool:
+        """Whether a picture is there that is left as it is; what it shows otherwise than asked is noted.
+
+        Raises:
+            PictureError: it shows another cloud.
+        """
+        if self.overwrite or not output.exists():
+            return False
+        told = told_if_kept(output, self._source_of(output, cloud), self._look_at(cloud))
+        self.outcome.kept = told or self.outcome.kept
+        return told is not None
+
+    def _draw(self, scan: Scan, cloud: int, output: Path) -> None:
+        look, outcome = self._look_at(cloud), self.outcome
+        drawing: Drawing = draw(self.renderer, scan, format_suffix(self.task.scan), look)
+        write_picture(drawing.picture, output, look.background, record(drawing, look, self._source_of(output, cloud)))
         outcome.stances.append(drawing.stance)
         outcome.viewpoints.append(drawing.viewpoint)
         outcome.weights.append(drawing.renderer.weights["name"])
         outcome.choices.append(drawing.choice)
-        drawn(output)
+        self.drawn(output)
 
-    started = time.perf_counter()
-    try:
-        if overwrite or not task.output.exists():
-            _render_clouds(task, outcome, render, overwrite, planned, columns)
-    except Exception as error:  # whatever a file or a stranger's reader brings up, the other files go on
-        outcome.status, outcome.error = "failed", told_fault(error, task.scan)
-    outcome.seconds = time.perf_counter() - started
-    return outcome
+    def _look_at(self, cloud: int) -> Look:
+        colors = self.task.colors
+        if not colors:
+            return self.look
+        return replace(self.look, values={**self.look.values, "color": colors[cloud % len(colors)]})
+
+    def _source_of(self, output: Path, cloud: int) -> dict[str, Any]:
+        if not self._source:  # once a file, for its digest takes time
+            self._source.update(source_of(self.task.scan, output, columns=self.columns))
+        return {**self._source, "cloud": cloud}
 
 
-def _render_clouds(
-    task: Task, outcome: Outcome, render: Callable[[Scan, int, Path], None], overwrite: bool,
-    planned: frozenset[Path], columns: tuple[str, ...] | None,
-) -> None:
-    """Fill in `outcome` while drawing each cloud of the file; a cloud that cannot be drawn leaves the others."""
-    scans = read_each(task.scan, columns)
+def _count(scans: list[Scan | ScanError], outcome: Outcome) -> None:
+    """Fills in what was read."""
     good = [scan for scan in scans if isinstance(scan, Scan)]
     outcome.points = sum(len(scan.points) for scan in good)
     outcome.dropped, outcome.repeated = (sum(getattr(scan, name) for scan in good) for name in ("dropped", "repeated"))
     outcome.total = sum(scan.total or 0 for scan in good)
     outcome.note = "; ".join(dict.fromkeys(scan.note for scan in good if scan.note))
-    if len(scans) > 1:
-        outcome.outputs = _batch_outputs(task, len(scans), planned)
-    faults = []
-    for cloud, (scan, output) in enumerate(zip(scans, outcome.outputs, strict=True)):
-        if not overwrite and output.exists():
-            continue
-        if isinstance(scan, ScanError):
-            faults.append(told_fault(scan, task.scan))
-            continue
-        try:
-            render(scan, cloud, output)
-            outcome.status = "ok"
-        except Exception as error:  # as above
-            where = f"cloud {scan.label}: " if scan.label else ""
-            faults.append(where + told_fault(error, task.scan))
-    if faults:
-        outcome.status = "failed"
-        outcome.error = faults[0] + (f" (and {len(faults) - 1} more clouds failed)" if len(faults) > 1 else "")
 
 
 def _batch_outputs(task: Task, count: int, planned: frozenset[Path]) -> list[Path]:

@@ -5,7 +5,12 @@ from __future__ import annotations
 import errno
 import importlib
 import os
+import signal
 import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 import click
@@ -77,7 +82,8 @@ class LazyGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
+            with _interrupted_once():
+                return super().invoke(ctx)
         except KeyboardInterrupt:
             click.echo("Interrupted.", err=True)
             ctx.exit(INTERRUPTED)
@@ -88,6 +94,32 @@ class LazyGroup(click.Group):
             if debugging() or broken_pipe:
                 raise
             raise Failure(_told(error)) from None
+
+
+@contextmanager
+def _interrupted_once() -> Iterator[None]:
+    """Lets the first Ctrl-C end the work in good order, and the next one at once, whatever is on its way by then.
+
+    A file that is being written is then not there, as after a kill.
+    """
+    usual = signal.getsignal(signal.SIGINT)
+    if usual is not signal.default_int_handler or threading.current_thread() is not threading.main_thread():
+        yield  # interrupts are ignored, as those of background jobs are, or somebody else's
+        return
+
+    def first(number: int, frame: FrameType | None) -> None:
+        signal.signal(signal.SIGINT, lambda number, frame: os._exit(INTERRUPTED))
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, first)
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise  # the process ends now: the next one stays deadly
+    except BaseException:
+        signal.signal(signal.SIGINT, usual)
+        raise
+    signal.signal(signal.SIGINT, usual)
 
 
 def debugging() -> bool:

@@ -15,9 +15,12 @@ FEWEST_STEPPED, STEPS, WIDE = 1000, 60, 0.1
 """Of a cloud an axis of which was rounded: its points, the steps at most of that axis along its widest side, and the
 width of that axis as a share of that side."""
 FEW_POINTS, FEW_HINT = 100, "so few points tell no surface: some hundreds are needed for a shape to show"
-SMALL_HINT = "nearly all of its points lie in a small part of the frame: the others may be strays, to be removed first"
-MOST, SMALL = 0.97, 0.2
-"""Share of the points that is nearly all, and the radius about their middle, in the frame's, that is small."""
+SMALL_HINT = "most of its points lie in a small part of the frame: the others may be strays, to be removed first"
+MOST, SMALL = 0.85, 0.2
+"""Share of the points that is most, and the radius about their middle, in the frame's, that is small."""
+TINY_HINT = "it is tiny in this camera's frame, which may be of data in other units"
+TINY = 0.03
+"""Radius of a whole cloud, in the frame's, that hardly shows."""
 COARSE = 1000
 """Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
 
@@ -42,6 +45,12 @@ def hint_for_placed(cloud: np.ndarray) -> str:
     sample = thinned(cloud)
     away = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
     return SMALL_HINT if np.quantile(away, MOST) < SMALL else ""
+
+
+def hint_for_settled(cloud: np.ndarray) -> str:
+    """What to say where a camera that was settled before shows next to nothing of placed points (N, 3)."""
+    low, high = extent(cloud)
+    return TINY_HINT if (high - low).max() < 2 * TINY else ""
 
 
 def rounding(points: np.ndarray) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.hints import hint_for, hint_for_placed, rounding
+from pipeline.hints import hint_for, hint_for_placed, hint_for_settled, rounding
 from storage.clouds import FEWEST_POINTS, Scan
 from z2p_core.camera import DEFAULT_ELEVATION, turn
 from z2p_core.dropouts import dropouts
@@ -31,6 +31,8 @@ from z2p_core.viewpoint import Viewpoint, frame
 SETTLED = "as settled"
 """Stands for up where a camera was settled before."""
 ANY_UNIT = (METRES, MILLIMETRES)
+HARDLY = 0.5
+"""Degrees that do not count as beyond a range."""
 OUTSIDE = 1.2
 """Distance from the middle, in radii, from where on a point may lie outside a square picture."""
 
@@ -98,7 +100,7 @@ class Stance:
             f"{self.added} put into small gaps of it" if self.added else "",
             self.told_rounded if self.rounded else "",
             f"made smooth over {self.smooth:.2g} of its radius" if self.smooth else "",
-            self.hint if self.up != SETTLED else "",
+            self.hint,
         )
         return "; ".join(filter(None, parts))
 
@@ -145,8 +147,8 @@ def place(
     viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
     cloud, smooth = _smoothed(viewpoint.place(points), shown, placing)
     hint = hint_for(points, up, by_itself=(placing.up, placing.view) == ("auto", "auto"), whole=not placing.cut_top)
-    if not (hint or placing.keep_outliers):
-        hint = hint_for_placed(cloud)
+    if not placing.keep_outliers:
+        hint = "; ".join(filter(None, (hint_for_placed(cloud), hint)))
     stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
                     rounding(points), smooth, shown.added)  # fmt: skip
     return Placed(cloud, stance, viewpoint)
@@ -223,7 +225,7 @@ def _as_settled(
         raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
     cloud, smooth = _smoothed(cloud, shown, placing)
     stance = Stance(SETTLED, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
-                    outside, shown.background, rounded=rounding(shown.points), smooth=smooth, added=shown.added)
+                    outside, shown.background, hint_for_settled(cloud), rounding(shown.points), smooth, shown.added)
     return Placed(cloud, stance, viewpoint)
 
 
@@ -241,8 +243,8 @@ def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[fl
     if wished is None or free is None:
         return None, ""
     low, high = free
-    if low <= wished <= high:
-        return wished, ""
+    if low - HARDLY <= wished <= high + HARDLY:
+        return min(max(wished, low), high), ""
     return min(max(wished, low), high), f" ({round(wished)} degrees, beyond the weights' {low:g} to {high:g})"
 
 

@@ -46,8 +46,7 @@ def render_references(
             render_scenes(mesh_path, list(missing.items()), work, settings, log)
         for entry, scene in pairs:
             store.produce(entry, partial(_move, work, stem(scene)))
-        if missing:
-            shutil.rmtree(work)
+        shutil.rmtree(work, ignore_errors=True)  # also what a run has left that was killed right before
     return [store.folder(entry) / PICTURE for entry in entries]
 
 

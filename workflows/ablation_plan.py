@@ -15,7 +15,7 @@ from storage.layout import Entry
 from workflows.plan import Plan, Step, assemble, check_config, make_plan
 from workflows.task_log import say
 from z2p_core.ablation_config import AblationsConfig, Variant, parse_ablations, with_meshes
-from z2p_core.config import ConfigError
+from z2p_core.config import ConfigError, config_text
 from z2p_core.registry import PluginError
 
 DEFAULT_CONFIG = Path(__file__).parents[1] / "configs" / "ablations.toml"
@@ -82,9 +82,7 @@ def load_ablation_plan(source: str) -> AblationPlan:
     """
     where = json.loads(source)["ablations"]
     path = Path(where["config"])
-    if not path.is_file():
-        raise ConfigError(f"--config: expected a TOML file, got {str(path)!r}, which is no file")
-    config = parse_ablations(path.read_text(encoding="utf-8"), str(path))
+    config = parse_ablations(config_text(path), str(path))
     return make_ablation_plan(with_meshes(config, where["meshes"], where["evaluate_meshes"]), where["command"])
 
 

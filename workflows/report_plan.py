@@ -20,7 +20,7 @@ from storage.layout import Entry
 from storage.stage_code import OF_WEIGHTS, PLACING
 from workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
 from z2p_core import registry
-from z2p_core.config import ConfigError, parse_config, to_dict
+from z2p_core.config import ConfigError, config_text, parse_config, to_dict
 from z2p_core.report_config import SWEEP_NAMES, ReportConfig, Sweep, checked, parse_report
 
 SHAPING_VALUES = ("views", "points", "resolution", "samples", "denoise", "seed")
@@ -66,9 +66,10 @@ def report_source(config: str, meshes: str, scans: str, weights: str, sweeps: st
 
 def is_report(config: str) -> bool:
     """Whether a file holds the settings of a report, and cannot be read as those of a pipeline."""
-    if not Path(config).is_file():
+    try:
+        text = config_text(Path(config))
+    except ConfigError:  # told when it is read as a pipeline's
         return False
-    text = Path(config).read_text(encoding="utf-8")
     try:
         parse_config(text)
     except ConfigError:
@@ -91,9 +92,7 @@ def load_report_plan(source: str) -> ReportPlan:
     config = ReportConfig()
     if where["config"]:
         path = Path(where["config"])
-        if not path.is_file():
-            raise ConfigError(f"--config: expected a TOML file, got {str(path)!r}, which is no file")
-        config = parse_report(path.read_text(encoding="utf-8"), str(path))
+        config = parse_report(config_text(path), str(path))
     given: dict[str, Any] = {key: where[key] for key in ("meshes", "scans") if where[key]}
     if where["weights"]:
         given["weights"] = tuple(_names(where["weights"]))

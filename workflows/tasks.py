@@ -22,7 +22,7 @@ from workflows.mesh_warnings import mesh_warnings
 from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
 from workflows.stopping import ended_by_interrupt
 from workflows.task_log import last_lines, logged, say
-from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
+from z2p_core.config import ConfigError, PipelineConfig, config_text, from_dict, parse_config, to_dict
 from z2p_core.native.sources import outdated
 
 LOG = "task.log"
@@ -210,9 +210,7 @@ def load_plan(source: str) -> Plan:
     config = PipelineConfig()
     if where["config"]:
         path = Path(where["config"])
-        if not path.is_file():
-            raise ConfigError(f"--config: expected a TOML file, got {str(path)!r}, which is no file")
-        config = parse_config(path.read_text(encoding="utf-8"), str(path))
+        config = parse_config(config_text(path), str(path))
     given = {key: where[key] for key in ("meshes", "evaluate_meshes") if where[key]}
     plan = make_plan(from_dict(PipelineConfig, to_dict(config) | given))
     for warning in plan.warnings:

@@ -21,6 +21,8 @@ MAPS_SPREAD = 0.05
 """How far x/z may vary within the columns of a point map, and y/z within its rows, of what they do across."""
 FEWEST_EACH = 8
 """Points that a column or row which has any must have on average, or chance might line them up."""
+MAPS_BULGE = 0.1
+"""How far a point map's rows and columns may be from flat, of what the whole is."""
 
 
 @dataclass(frozen=True)
@@ -75,16 +77,35 @@ def plain(array: np.ndarray) -> np.ndarray:
 def _is_point_map(array: np.ndarray) -> bool:
     """Whether numbers (H, W, 3 or more) are what a pinhole camera saw in its pixels, row by row, rather than H clouds.
 
-    Then the column tells x/z and the row y/z, as it does in no batch: its clouds' points would have to share them.
+    Then the column tells x/z and the row y/z, as it does in no batch: its clouds' points would have to share them. In
+    other axes than the camera's, each row and each column lies in a plane, while the whole does not.
     """
     if min(array.shape[:2]) < SMALLEST_MAP:
         return False
     rows, columns = (np.linspace(0, side - 1, min(side, MOST_LOOKED_AT)).astype(int) for side in array.shape[:2])
-    x, y, z = np.moveaxis(array[rows[:, None], columns, :3].astype(np.float64), -1, 0)
+    points = array[rows[:, None], columns, :3].astype(np.float64)
+    x, y, z = np.moveaxis(points, -1, 0)
     with np.errstate(all="ignore"):  # missing points are 0 0 0 or no numbers
         across, down = x / z, y / z
     seen = np.isfinite(across) & np.isfinite(down)
-    return _told_by_column(across, seen) and _told_by_column(down.T, seen.T)
+    if _told_by_column(across, seen) and _told_by_column(down.T, seen.T):
+        return True
+    whole = _bulges(points.reshape(1, -1, 3), seen.reshape(1, -1))
+    return all(np.median(_bulges(*lines)) < MAPS_BULGE * whole.max(initial=0)
+               for lines in ((points, seen), (points.swapaxes(0, 1), seen.T)))  # fmt: skip
+
+
+def _bulges(points: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """How far points (L, M, 3), those `seen`, stand out of each line's best plane: (K,), of lines with many."""
+    counts = seen.sum(1)
+    used = counts >= FEWEST_EACH
+    if not used.any():
+        return np.array([np.inf])
+    counts, weights = counts[used, None], seen[used, :, None]
+    points = np.where(weights, points[used], 0.0)
+    points -= points.sum(1, keepdims=True) / counts[:, None] * weights
+    spread = np.einsum("lma,lmb->lab", points, points) / counts[:, None]
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 0], 0))
 
 
 def _told_by_column(values: np.ndarray, seen: np.ndarray) -> bool:
@@ -133,6 +154,8 @@ def _converted(points: Any) -> np.ndarray:
         return np.asarray(points.point.positions.cpu().numpy())
     if _is_scene(points):
         return _vertices(points)
+    if hasattr(points, "columns") and hasattr(points, "to_numpy"):  # pandas and polars
+        return _of_table(points)
     if not isinstance(points, np.ndarray):
         for attribute in ATTRIBUTES:
             if hasattr(points, attribute):
@@ -140,6 +163,14 @@ def _converted(points: Any) -> np.ndarray:
     if isinstance(points, np.ma.MaskedArray):
         return np.asarray(np.ma.filled(points.astype(np.float64), np.nan))
     return np.asarray(points)
+
+
+def _of_table(table: Any) -> np.ndarray:
+    """Columns x, y and z of a data frame, or all of them where it has no such."""
+    names = {str(name).strip().lower(): name for name in table.columns}
+    if names.keys() >= set("xyz"):
+        return np.stack([np.asarray(table[names[axis]], dtype=np.float64) for axis in "xyz"], axis=-1)
+    return np.asarray(table.to_numpy())
 
 
 def _is_scene(points: Any) -> bool:

@@ -21,6 +21,8 @@ NEIGHBOURS, FEWEST = 48, 12
 """Points that a patch is fitted to, spread over it, and without how many it is left alone."""
 WINDOW, TOLERANCE = 0.44, 0.17
 """In radii of a patch: how near its points count most, and how far off its plane."""
+AGAIN = 0x297A2D39
+"""Salt by which points are chosen among those that were chosen before."""
 TWICE = 2
 """How often a patch is fitted, each time from the normal before, so that it keeps to its side of a crease."""
 FARTHEST = 2.5
@@ -43,7 +45,7 @@ def smoothed(cloud: np.ndarray, radius: float) -> np.ndarray:
     count = int(min(held, len(points), NEIGHBOURS))
     if count < FEWEST:
         return points
-    grid = native.Grid(thinned(points, max(round(len(points) * count / held), NEIGHBOURS)))
+    grid = native.Grid(thinned(points, max(round(len(points) * count / held), NEIGHBOURS), AGAIN))
     places = np.concatenate([grid.points, points])
     found = grid.around(places, count)
     normals, _ = native.planes(places, found)

@@ -206,13 +206,16 @@ def moved(points: np.ndarray, patches: np.ndarray, spacing: np.ndarray, noise: f
     return result
 
 
-def thinned(cloud: np.ndarray, most: int) -> np.ndarray:
-    """At most about `most` points of a cloud (N, 3) float32, chosen by their coordinates whatever their order."""
+def thinned(cloud: np.ndarray, most: int, salt: int = 0) -> np.ndarray:
+    """At most about `most` points of a cloud (N, 3) float32, chosen by their coordinates whatever their order.
+
+    What is left of a cloud can be thinned again by another `salt` only: by the same one they would be chosen anew.
+    """
     if len(cloud) <= most:
         return cloud
     bits = np.ascontiguousarray(cloud, dtype=np.float32).view(np.uint32)
     mixed = bits[:, 0] * np.uint32(0x9E3779B1) ^ bits[:, 1] * np.uint32(0x85EBCA77) ^ bits[:, 2] * np.uint32(0xC2B2AE3D)
-    mixed = (mixed ^ mixed >> np.uint32(15)) * np.uint32(0x2C1B3C6D)
+    mixed = (mixed ^ mixed >> np.uint32(15) ^ np.uint32(salt)) * np.uint32(0x2C1B3C6D)
     kept: np.ndarray = cloud[mixed < np.uint32(min(most / len(cloud), 1.0) * 0xFFFFFFFF)]
     if 0 < len(kept) <= 1.5 * most:
         return kept

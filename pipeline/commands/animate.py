@@ -13,6 +13,7 @@ from pipeline.cli import debugging
 from pipeline.commands.control_options import SETTINGS, InferenceCommand
 from pipeline.commands.inputs import found_scans
 from pipeline.commands.picture_options import check_view, columns_from, look_from, picture_options, writable
+from pipeline.commands.telling import named, told_read
 from pipeline.commands.values import FiniteRange, Target, is_folder
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
@@ -71,17 +72,17 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     motion = Motion(options["motion"], options["frames"], options["steady"])
     failed = False
     for task in _plan(ctx, scans, inputs, output, options):
-        started = time.perf_counter()
+        started, name = time.perf_counter(), named(task.scan)
         if task.output.exists() and not options["overwrite"]:
-            told = f"skipped: {shown(task.scan)}: {shown(task.output)} is there already; --overwrite makes it again"
+            told = f"skipped: {name}: {shown(task.output)} is there already; --overwrite makes it again"
         else:
             try:
-                _animate(task, renderer, look, motion, options, columns)
-                told = (f"rendered: {shown(task.scan)} -> {shown(task.output)} ({motion.frames} frames, "
-                        f"{time.perf_counter() - started:.1f} s)")
+                how = _animate(task, renderer, look, motion, options, columns)
+                told = (f"rendered: {name} -> {shown(task.output)} ({motion.frames} frames, "
+                        f"{time.perf_counter() - started:.1f} s; {how})")
             except Exception as error:  # whatever a file brings up, the other files go on
                 failed = True
-                click.echo(f"failed: {shown(task.scan)}: {told_fault(error, task.scan)}", err=True)
+                click.echo(f"failed: {name}: {told_fault(error, task.scan)}", err=True)
                 continue
         if not options["quiet"]:
             click.echo(told, err=True)
@@ -91,8 +92,8 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
 def _animate(
     task: Task, renderer: Renderer, look: Look, motion: Motion, options: dict[str, Any],
     columns: tuple[str, ...] | None,
-) -> None:
-    """Write the loop of the file's only cloud."""
+) -> str:
+    """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
     import sys
     from dataclasses import asdict
 
@@ -112,9 +113,13 @@ def _animate(
     frames = moving_frames(renderer, clouds[0], suffix, look, motion)
     silent = options["quiet"] or not sys.stderr.isatty()
     drawn = list(tqdm(frames, total=motion.frames, unit="frame", disable=silent, file=sys.stderr, leave=False))
-    made_by = record(draw(renderer, clouds[0], suffix, look), look, source_of(task.scan, task.output, 0, columns))
+    drawing = draw(renderer, clouds[0], suffix, look)
+    made_by = record(drawing, look, source_of(task.scan, task.output, 0, columns))
     made_by["motion"] = {**asdict(motion), "fps": options["fps"]}
     write_animation(drawn, task.output, options["fps"], look.background, made_by)
+    cloud = clouds[0]
+    read = told_read(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)
+    return "; ".join(filter(None, (read, cloud.note, drawing.stance.told, drawing.choice)))
 
 
 def _plan(

@@ -57,6 +57,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
 @click.option("--input", "scan", type=click.Path(path_type=Path), metavar="SCAN",
               help="The scan, if it has moved since.")
 @click.option("--weights", metavar="W", help="Other weights: a shipped name or a .safetensors file.")
+@click.option("--engine", metavar="NAME", help="Another engine for the network; see z2p plugins.")
 @click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG", help="Turn the object on by so much.")
 @click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
               help="Another camera: JSON of --save-camera, or another picture.")
@@ -115,7 +116,7 @@ def _drawn_again(
     if options["weights"] is None and name not in shipped():
         raise Failure(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
                       "--weights")
-    renderer = renderer_for(name, values)
+    renderer = renderer_for(name, values, engine=_engine(record, options["engine"]))
     look = _look(record, renderer, name, values, options)
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
@@ -131,6 +132,23 @@ def _drawn_again(
         # why it stands as it stands is known from the first time
         made_by["stance"] = {**record["stance"], "smooth": drawing.stance.smooth}
     return drawing.picture, look, made_by
+
+
+def _engine(record: Mapping[str, Any], asked: str | None) -> str | None:
+    """Name of the engine that is asked for, or that drew the picture, if it is here; None for the usual one."""
+    from pipeline.engines import check_engine
+    from z2p_core.registry import PluginError
+
+    name: str | None = record.get("engine")  # once it was not told
+    if asked is not None or name is None:
+        return asked
+    try:
+        check_engine(name)
+    except PluginError:
+        click.echo(f"note: the engine {name!r} that drew the picture is not installed; pixels may differ a little",
+                   err=True)
+        return None
+    return name
 
 
 def _look(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -72,7 +72,7 @@ def run_inference(ctx: click.Context, inputs: tuple[str, ...], output: Path, **o
 def _run(
     ctx: click.Context, inputs: tuple[str, ...], output: Path, values: dict[str, Value], options: dict[str, Any]
 ) -> int:
-    """How many files failed."""
+    """How many files failed, and how many of the pages and sheets beside them."""
     columns = columns_from(options)
     if options["palette_name"] and "color" in values:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
@@ -95,10 +95,10 @@ def _run(
     bar = progress(len(tasks), options["quiet"])
     outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs, columns, bar.drawn)
     counts, done = _render(outcomes, bar, renderer, look, options)
-    _write_extras(done, output, look, options)
+    lost = _write_extras(done, output, look, options)
     if not options["quiet"]:
         click.echo(f"{counts['ok']} rendered, {counts['skipped']} skipped, {counts['failed']} failed", err=True)
-    return counts["failed"]
+    return counts["failed"] + lost
 
 
 def _render(
@@ -191,24 +191,40 @@ def _same_frame(
     return look
 
 
-def _write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> None:
-    """The camera, the contact sheets and the gallery, those that were asked for."""
-    told = []
+def _write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> int:
+    """Writes the camera, the contact sheets and the gallery, those that were asked for; how many could not be."""
     pictures = [path for outcome in done for path in outcome.outputs if path.is_file()]
     folder = output if output.is_dir() else output.parent
+    extras: dict[str, Callable[[], list[Path]]] = {}
     if options["save_camera"] is not None:
-        told += _save_camera(done, look, options)
+        extras["the camera"] = lambda: _save_camera(done, look, options)
     if options["sheet"] is not None and pictures:
-        from pipeline.contact_sheet import write_contact_sheets
-
-        told += write_contact_sheets(pictures, folder, *options["sheet"])
+        extras["the contact sheets"] = lambda: _write_sheets(pictures, folder, options["sheet"])
     if options["gallery"] and pictures:
-        from pipeline.gallery import write_gallery
-
-        told.append(write_gallery(pictures, folder / "gallery.html"))
-    if not options["quiet"]:
-        for path in told:
+        extras["the gallery"] = lambda: _write_gallery(pictures, folder)
+    failed = 0
+    for name, write in extras.items():
+        try:
+            written = write()
+        except OSError as error:  # the disk is full, say; the pictures are there
+            failed += 1
+            click.echo(f"failed: {name}: {error.strerror or error}", err=True)
+            continue
+        for path in () if options["quiet"] else written:
             click.echo(f"wrote {path}", err=True)
+    return failed
+
+
+def _write_sheets(pictures: list[Path], folder: Path, grid: tuple[int, int]) -> list[Path]:
+    from pipeline.contact_sheet import write_contact_sheets
+
+    return write_contact_sheets(pictures, folder, *grid)
+
+
+def _write_gallery(pictures: list[Path], folder: Path) -> list[Path]:
+    from pipeline.gallery import write_gallery
+
+    return [write_gallery(pictures, folder / "gallery.html")]
 
 
 def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> list[Path]:

@@ -72,31 +72,42 @@ def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> It
 
 def _told(outcome: Outcome) -> str:
     from storage.clouds import shown
-    from storage.incoming import is_spooled
 
-    name = "standard input" if is_spooled(outcome.scan) else shown(outcome.scan)
-    pictures = shown(outcome.outputs[0])
+    name, pictures = named(outcome.scan), shown(outcome.outputs[0])
     if len(outcome.outputs) > 1:
         pictures += f" to {shown(Path(outcome.outputs[-1].name))}"
     if outcome.status == "failed":
         return f"failed: {name}: {outcome.error}"
     if outcome.status == "skipped":
-        return f"skipped: {name}: {pictures} is there already; --overwrite renders it again"
-    dropped = f", {outcome.dropped} not finite dropped" if outcome.dropped else ""
-    dropped += f", {outcome.repeated} repeated dropped" if outcome.repeated else ""
+        other = f", {outcome.kept}" if outcome.kept else ""
+        return f"skipped: {name}: {pictures} is there already{other}; --overwrite renders it again"
+    read = told_read(outcome.points, outcome.total, outcome.dropped, outcome.repeated)
     note = f"; {outcome.note}" if outcome.note else ""
-    spread = f" that stand for {outcome.total}" if outcome.total else ""
     stances = list(dict.fromkeys(
         "; ".join(filter(None, (stance.told, choice)))
         for stance, choice in zip(outcome.stances, outcome.choices, strict=True)
     ))  # fmt: skip
     others = "; its other clouds otherwise" if len(stances) > 1 else ""
-    return (f"rendered: {name} -> {pictures} ({outcome.points} points{spread}{dropped}, {outcome.seconds:.2f} s{note}; "
-            f"{stances[0]}{others})")
+    return f"rendered: {name} -> {pictures} ({read}, {outcome.seconds:.2f} s{note}; {stances[0]}{others})"
+
+
+def named(scan: Path) -> str:
+    """What a line calls a scan."""
+    from storage.clouds import shown
+    from storage.incoming import is_spooled
+
+    return "standard input" if is_spooled(scan) else shown(scan)
+
+
+def told_read(points: int, total: int, dropped: int, repeated: int) -> str:
+    """How many points were read, of how many that they stand for, and how many rows were left out."""
+    told = f"{points} points" + (f" that stand for {total}" if total else "")
+    told += f", {dropped} not finite dropped" if dropped else ""
+    return told + (f", {repeated} repeated dropped" if repeated else "")
 
 
 def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
-    """One file's JSON line; `output` is the first of `outputs`, the only one for most files.
+    """One file's JSON line; `output` is where the first of `outputs` belongs, the only one for most files.
 
     `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn,
     `weights` the names of what drew it.
@@ -109,7 +120,7 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
     return {
         "input": "-" if is_spooled(outcome.scan) else str(outcome.scan),
         "output": str(outcome.outputs[0]),
-        "outputs": [str(path) for path in outcome.outputs],
+        "outputs": [str(path) for path in outcome.outputs if path.is_file()],
         "status": outcome.status,
         "points": outcome.points,
         "dropped": outcome.dropped,

@@ -31,14 +31,14 @@ class Apart:
         """
         with self._lock:
             self._start()
-            self._pipe.send(arguments)
             name = self._function.__name__
-            if not self._pipe.poll(within):
-                self._end()
-                raise ScanError(f"{name} did not end within {within:g} s and was stopped; give a smaller cloud")
             try:
+                self._pipe.send(arguments)
+                if not self._pipe.poll(within):
+                    self._end()
+                    raise ScanError(f"{name} did not end within {within:g} s and was stopped; give a smaller cloud")
                 result, error = self._pipe.recv()
-            except EOFError:
+            except (EOFError, OSError):
                 code = self._end()
                 raise ScanError(f"{name} died (exit status {code}); give another cloud") from None
         if error:
@@ -60,6 +60,7 @@ class Apart:
         self._process.join()
         code: int | None = self._process.exitcode
         self._process = None
+        self._pipe.close()
         return code
 
 

@@ -22,7 +22,7 @@ class Color(Control):
     )
 
     def parse(self, text: str) -> Value:
-        """sRGB triple from a CSS colour name, ``#rgb``, ``#rrggbb`` or ``r,g,b`` in [0, 1].
+        """sRGB triple from an opaque CSS colour name, ``#rgb``, ``#rrggbb`` or ``r,g,b`` in [0, 1].
 
         Raises:
             SettingError: the text is none of these.
@@ -32,11 +32,13 @@ class Color(Control):
         from PIL import ImageColor  # late: a plugin listing needs no pillow
 
         try:
-            red, green, blue = ImageColor.getrgb(text)[:3]
+            red, green, blue, *alpha = ImageColor.getrgb(text)
         except ValueError:
             raise SettingError(
                 f"--color: expected a CSS colour name, #hex, or r,g,b with each 0 to 1, got {text!r}"
             ) from None
+        if alpha not in ([], [255]):
+            raise SettingError(f"--color: expected an opaque colour, as surfaces are, got {text!r}")
         return (red / 255, green / 255, blue / 255)
 
     def apply(self, value: Value, scene: SceneDescription) -> None:

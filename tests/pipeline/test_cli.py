@@ -3,6 +3,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -232,3 +233,41 @@ def test_help_is_in_sections_and_a_figures_own_settings_are_its_defaults(z2p: Ca
     assert places[3] < told.rindex("--color") < told.rindex("--light") < places[4]
     assert "[default: 3.6,-40,50]" in " ".join(told.split())
     assert "3.6,-40,50]" not in " ".join(z2p("rerender", "--help").output.split())
+
+
+PATIENT = """
+import threading, time
+from pipeline import cli
+import click
+
+@click.command()
+def slow():
+    threading.Thread(target=time.sleep, args=(30,)).start()
+    print("begun", flush=True)
+    time.sleep(30)
+
+cli.COMMANDS["slow"] = ("__main__:slow", "")
+cli.main(["slow"])
+"""
+
+
+def test_a_second_interrupt_ends_what_the_first_one_waits_for() -> None:
+    process = subprocess.Popen([sys.executable, "-c", PATIENT], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               text=True)  # fmt: skip
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    process.send_signal(signal.SIGINT)
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(1)  # a thread is still at work
+    process.send_signal(signal.SIGINT)
+    told = process.communicate(timeout=10)[1]
+    assert process.returncode == 130 and "Traceback" not in told and "Interrupted." in told
+
+
+@pytest.mark.parametrize("words", [("pipeline", "--dry-run"), ("status",), ("ablate", "--dry-run")])
+def test_a_config_that_is_not_utf8_is_told_in_one_line(tmp_path: Path, words: tuple[str, ...]) -> None:
+    config = tmp_path / "latin.toml"
+    config.write_bytes('name = "a" # Größe\n'.encode("latin-1"))
+    told = subprocess.run([sys.executable, "-m", "pipeline.cli", *words, "--config", str(config)], check=False,
+                          capture_output=True, text=True, cwd=tmp_path)  # fmt: skip
+    assert told.returncode not in (0, 1) and "Traceback" not in told.stdout + told.stderr
+    assert "is not UTF-8" in told.stdout + told.stderr

@@ -13,7 +13,7 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
-from storage.pictures import read_record
+from storage.pictures import read_record, write_picture
 
 
 @pytest.fixture
@@ -169,3 +169,23 @@ def test_a_picture_of_python_finds_its_scan_from_wherever_it_was_saved(
     result = rerender(tmp_path.with_name("moved") / "elsewhere" / saved)
     assert result.exit_code == 0, result.output
     assert str(tmp_path) not in picture._repr_png_().decode("latin1")
+
+
+def test_the_engine_that_drew_it_draws_it_again(z2p: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "one.png"
+    drawn = z2p("run-inference", scans / "one.npy", "-o", figure, "--engine", "openvino", "--resolution", 64)
+    assert drawn.exit_code == 0, drawn.output
+    assert read_record(figure)["engine"] == "openvino"
+    assert z2p("rerender", figure).exit_code == 0
+    assert (tmp_path / "one_2.png").read_bytes() == figure.read_bytes()
+    assert z2p("rerender", figure, "-o", tmp_path / "other.png", "--engine", "torch").exit_code == 0
+    assert read_record(tmp_path / "other.png")["engine"] == "torch"
+
+
+def test_an_engine_that_is_gone_is_told(
+    rerender: Callable[..., Result], figure: Path, tmp_path: Path
+) -> None:
+    record = read_record(figure) | {"engine": "abacus"}
+    write_picture(pixels(figure), figure, None, record)
+    result = rerender(figure, "-o", tmp_path / "again.png")
+    assert result.exit_code == 0 and "the engine 'abacus' that drew the picture is not installed" in result.stderr

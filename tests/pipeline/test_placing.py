@@ -193,3 +193,22 @@ def test_a_cloud_that_float32_has_rounded_far_from_the_origin_is_told(cloud: np.
         stance = place(scan(points), "", Placing()).stance
         assert stance.rounded == step
         assert ("rounded to steps of 0.5" in stance.told) == (step > 0)
+
+
+def test_a_clump_far_away_is_told_however_many_points_it_has() -> None:
+    rng = np.random.default_rng(0)
+    thing = rng.normal(size=(3000, 3))
+    thing /= np.linalg.norm(thing, axis=1, keepdims=True)
+    for count in (40, 300):
+        clump = rng.normal(size=(count, 3)) / 10 + (60.0, 0.0, 0.0)
+        stance = place(Scan(np.concatenate([thing, clump]), 0, ""), ".xyz", Placing()).stance
+        assert "strays" in stance.told or stance.outliers == count
+    assert "strays" not in place(Scan(thing, 0, ""), ".xyz", Placing()).stance.told
+
+
+def test_a_camera_for_other_units_that_shows_next_to_nothing_is_told() -> None:
+    thing = np.random.default_rng(0).normal(size=(500, 3))
+    placed = place(Scan(thing * 1000, 0, ""), ".xyz", Placing())
+    tiny = place(Scan(thing, 0, ""), ".xyz", Placing(viewpoint=placed.viewpoint))
+    assert "tiny in this camera's frame" in tiny.stance.told
+    assert "tiny" not in place(Scan(thing * 1000, 0, ""), ".xyz", Placing(viewpoint=placed.viewpoint)).stance.told

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import errno
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -142,3 +144,18 @@ def test_prose_in_a_folder_is_passed_over_and_said(render: Callable[..., Result]
     assert (tmp_path / "out" / "list.png").exists()
     named = render(scans / "README.txt")
     assert named.exit_code == 1 and "failed: " in named.stderr
+
+
+def test_a_full_disk_at_the_end_is_one_line_and_the_pictures_are_there(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*words: object, **more: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr("pipeline.gallery.write_gallery", full)
+    monkeypatch.setattr("pipeline.contact_sheet.write_contact_sheets", full)
+    result = render(scans, "--gallery", "--sheet", "2x1")
+    assert result.exit_code == 1 and len(list((tmp_path / "out").glob("*.png"))) == 2
+    for name in ("the contact sheets", "the gallery"):
+        assert f"failed: {name}: No space left on device" in result.stderr
+    assert "2 rendered, 0 skipped, 0 failed" in result.stderr

@@ -109,11 +109,19 @@ def holed(points: np.ndarray, missing: float) -> np.ndarray:
     return np.where(seen[..., None], points, missing)
 
 
+def elsewhere(points: np.ndarray, noise: float = 0.0) -> np.ndarray:
+    """The map in axes of the world's rather than the camera's, as networks give it that find several views' maps."""
+    turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
+    return points @ turn + (1.0, -2.0, 3.0) + noise * np.random.default_rng(2).normal(size=points.shape)
+
+
 @pytest.mark.parametrize(
     "given",
     [point_map(), -point_map(), point_map(900, 1300), holed(point_map(), np.nan), holed(point_map(), 0.0),
      (point_map() * 1000).astype(np.int16), torch.from_numpy(point_map()), point_map().astype(np.float16),
-     np.concatenate([point_map(), np.ones((60, 80, 3))], -1), point_map(16, 2000), np.asfortranarray(point_map())],
+     np.concatenate([point_map(), np.ones((60, 80, 3))], -1), point_map(16, 2000), np.asfortranarray(point_map()),
+     elsewhere(point_map()), elsewhere(point_map(), 0.005), elsewhere(holed(point_map(), np.nan)),
+     elsewhere(point_map()).swapaxes(0, 1)],
     ids=lambda given: f"{tuple(given.shape)} {given.dtype}",
 )  # fmt: skip
 def test_a_depth_cameras_point_map_is_one_cloud(given: np.ndarray) -> None:
@@ -143,10 +151,32 @@ RNG = np.random.default_rng(3)
     [RNG.normal(size=(64, 500, 3)), RNG.uniform(size=(16, 16, 3)), RNG.normal((0, 0, 50), size=(32, 100, 3)),
      np.stack([CLOUD] * 32), frames(), frames()[:, :, [2, 0, 1]], frames() * [1, 1, 0], frames()[:, ::-1] * 1e-3,
      np.sort(RNG.uniform(size=(32, 200, 3)), axis=1), sheets(), point_map()[:15], np.zeros((20, 50, 3)),
-     np.full((20, 50, 3), np.nan), np.where(RNG.uniform(size=(64, 64, 1)) < 0.01, RNG.normal(size=(64, 64, 3)), 0),
+     elsewhere(frames()), elsewhere(sheets()), frames() * [1, 1, 1e-3], np.full((20, 50, 3), np.nan),
+     np.where(RNG.uniform(size=(64, 64, 1)) < 0.01, RNG.normal(size=(64, 64, 3)), 0),
      np.stack([point_map(20, 30).reshape(-1, 3) * scale for scale in np.linspace(1, 2, 20)])],
     ids=lambda batch: str(batch.shape),
 )  # fmt: skip
 def test_a_batch_is_never_taken_for_a_point_map(batch: np.ndarray) -> None:
     found = point_arrays(batch)
     assert found.batched and len(found.clouds) == len(batch)
+
+
+class Table:
+    """What data frames have in common, of columns by name."""
+
+    def __init__(self, columns: dict[object, np.ndarray]) -> None:
+        self._columns, self.columns = columns, list(columns)
+
+    def __getitem__(self, name: object) -> np.ndarray:
+        return self._columns[name]
+
+    def to_numpy(self) -> np.ndarray:
+        return np.column_stack(list(self._columns.values()))
+
+
+def test_a_data_frames_columns_go_by_their_names() -> None:
+    x, y, z = CLOUD.T
+    noise = np.zeros(len(CLOUD))
+    for table in ({"z": z, "y": y, "x": x}, {"r": noise, "g": noise, "b": noise, " X": x, "Y": y, "Z": z},
+                  {0: x, 1: y, 2: z}):  # fmt: skip
+        assert np.array_equal(point_arrays(Table(table)).clouds[0], CLOUD)

@@ -23,10 +23,10 @@ class Grid:
     """
 
     def __init__(self, cloud: np.ndarray) -> None:
+        self._handle = np.zeros(1, np.uint64)  # first: what refuses the cloud leaves a grid to be deleted
         if not np.isfinite(cloud).all():
             raise ValueError("expected a cloud of finite points, got some that are not")
         self.points = np.empty((len(cloud), 3), np.float32)
-        self._handle = np.zeros(1, np.uint64)
         call("z2p_grid", floats(cloud), len(cloud), self.points, self._handle)
 
     def __del__(self) -> None:

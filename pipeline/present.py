@@ -1,0 +1,57 @@
+"""Pictures that are there already: whether they show the cloud that is asked for, and whether as it is asked for."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.drawing import Look
+from storage.clouds import shown
+from storage.pictures import PictureError, read_record
+
+
+def told_if_kept(picture: Path, source: Mapping[str, Any], look: Look) -> str | None:
+    """What to say of a picture that stays as it is, in words or nothing; None where its scan has changed since.
+
+    `source` is what a new picture's record would say of its cloud. A picture without a record is another program's,
+    and stays.
+
+    Raises:
+        PictureError: it shows another cloud.
+    """
+    try:
+        record = read_record(picture)
+    except PictureError:
+        return ""
+    drawn = record.get("input", {})
+    if all(drawn.get(name) == source[name] for name in ("sha256", "cloud")):
+        others = _others(record, source, look)
+        return f"with another {' and another '.join(others)}" if others else ""
+    if source["path"] is not None and drawn.get("path") == source["path"]:
+        return None
+    path = drawn.get("path")
+    other = "of standard input" if path is None else shown(Path(os.path.normpath(picture.parent / path)))
+    raise PictureError(f"{shown(picture)} is there already and shows another cloud, {other}: choose another --output, "
+                       "or --overwrite")  # fmt: skip
+
+
+def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look) -> list[str]:
+    """What of the given settings a picture was drawn with otherwise."""
+    controls = record.get("controls", {})
+    others = [name for name, value in look.values.items() if controls.get(name) != list(value)]
+    viewpoint, drawn = look.placing.viewpoint, record.get("camera", {})
+    if viewpoint is not None:
+        asked = viewpoint.to_json()
+        if any(drawn.get(name) != asked[name] for name in ("centre", "radius")):
+            others.append("camera")
+    background = "transparent" if look.background is None else list(look.background)
+    asked_for = {"resolution": [look.width, look.height], "background": background, "supersample": look.supersample,
+                 "fit": "tight" if look.tight else "frame"}  # fmt: skip
+    others += [name for name, value in asked_for.items() if record.get(name) != value]
+    if look.window is not None and record.get("window") != list(look.window):
+        others.append("crop")
+    if record.get("input", {}).get("columns") != source.get("columns"):
+        others.append("choice of columns")
+    return others

@@ -1,0 +1,129 @@
+"""Pictures that are there already: kept where they show the cloud, drawn anew where it changed, never taken for it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import Result
+from PIL import Image
+
+from pipeline.batch import Look, Outcome, Task, render_files
+from pipeline.infer import Renderer
+from pipeline.placing import Placing
+from storage.pictures import read_record
+from z2p_core.viewpoint import Viewpoint
+
+LOOK = Look(width=32, height=32)
+
+
+@pytest.fixture(scope="module")
+def renderer(tiny_weights: Path) -> Renderer:
+    return Renderer(tiny_weights)
+
+
+@pytest.fixture
+def scan(tmp_path: Path, cloud: np.ndarray) -> Path:
+    (tmp_path / "x").mkdir()
+    np.save(tmp_path / "x" / "a.npy", cloud)
+    return tmp_path / "x" / "a.npy"
+
+
+def drawn(renderer: Renderer, scan: Path, output: Path, look: Look = LOOK, **more: object) -> Outcome:
+    [outcome] = render_files([Task(scan, output, **more)], renderer, look)  # type: ignore[arg-type]
+    return outcome
+
+
+def test_a_picture_of_the_same_cloud_stays(renderer: Renderer, scan: Path, tmp_path: Path) -> None:
+    output = tmp_path / "a.png"
+    assert drawn(renderer, scan, output).status == "ok"
+    before = output.read_bytes()
+    again = drawn(renderer, scan, output)
+    assert (again.status, again.kept) == ("skipped", "") and output.read_bytes() == before
+    moved = shutil.copy(scan, tmp_path / "elsewhere.npy")
+    assert drawn(renderer, Path(moved), output).status == "skipped", "its content tells it"
+
+
+def test_a_picture_of_a_cloud_that_changed_is_drawn_anew(
+    renderer: Renderer, scan: Path, tmp_path: Path, cloud: np.ndarray
+) -> None:
+    drawn(renderer, scan, tmp_path / "a.png")
+    np.save(scan, cloud * (1.0, 2.0, 0.5))
+    fresh = drawn(renderer, scan, tmp_path / "fresh.png")
+    assert drawn(renderer, scan, tmp_path / "a.png").status == "ok" == fresh.status
+    assert np.array_equal(Image.open(tmp_path / "a.png"), Image.open(tmp_path / "fresh.png"))
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".tif"])
+def test_a_picture_of_another_cloud_is_neither_taken_for_it_nor_lost(
+    renderer: Renderer, scan: Path, tmp_path: Path, cloud: np.ndarray, suffix: str
+) -> None:
+    output, other = tmp_path / f"a{suffix}", tmp_path / "y" / "a.npy"
+    drawn(renderer, scan, output)
+    before = output.read_bytes()
+    other.parent.mkdir()
+    np.save(other, cloud * (1.0, 2.0, 0.5))
+    outcome = drawn(renderer, other, output)
+    assert outcome.status == "failed" and outcome.error is not None
+    assert f"shows another cloud, {scan}" in outcome.error and "--overwrite" in outcome.error
+    assert output.read_bytes() == before
+
+
+def test_the_clouds_of_a_file_are_told_apart(
+    renderer: Renderer, tmp_path: Path, cloud: np.ndarray
+) -> None:
+    np.save(tmp_path / "a.npy", np.stack([cloud, cloud[:, ::-1]]))
+    drawn(renderer, tmp_path / "a.npy", tmp_path / "a.png")
+    shutil.copy(tmp_path / "a_000.png", tmp_path / "a_001.png")
+    assert drawn(renderer, tmp_path / "a.npy", tmp_path / "a.png").status == "ok"
+    assert read_record(tmp_path / "a_001.png")["input"]["cloud"] == 1
+
+
+@pytest.mark.parametrize(
+    ("look", "told"),
+    [
+        (replace(LOOK, values={"color": (0.1, 0.2, 0.3)}), "with another color"),
+        (replace(LOOK, width=48), "with another resolution"),
+        (replace(LOOK, background=(1.0, 1.0, 1.0), tight=True), "with another background and another fit"),
+        (replace(LOOK, placing=Placing(viewpoint=Viewpoint((0.0, 0.0, 0.0), 9.0, tuple(map(tuple, np.eye(3))), 20.0))),
+         "with another camera"),
+    ],
+)  # fmt: skip
+def test_what_it_shows_otherwise_than_asked_is_said(
+    renderer: Renderer, scan: Path, tmp_path: Path, look: Look, told: str
+) -> None:
+    output = tmp_path / "a.png"
+    drawn(renderer, scan, output)
+    before = output.read_bytes()
+    outcome = drawn(renderer, scan, output, look)
+    assert (outcome.status, outcome.kept) == ("skipped", told) and output.read_bytes() == before
+    output.unlink()
+    drawn(renderer, scan, output, look)
+    assert drawn(renderer, scan, output, look).kept == "", "once it is drawn so there is nothing to say"
+
+
+def test_a_folder_that_grew_says_which_pictures_have_another_camera_and_colour(
+    render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
+) -> None:
+    folder = tmp_path / "series"
+    folder.mkdir()
+    np.save(folder / "b.npy", cloud)
+    words = (folder, "--same-frame", "--palette", "okabe-ito", "--json")
+    assert render(*words).exit_code == 0
+    np.save(folder / "a.npy", 3 * cloud + 1)
+    result = render(*words)
+    assert [json.loads(line)["status"] for line in result.stdout.splitlines()] == ["ok", "skipped"]
+    assert "is there already, with another color and another camera; --overwrite" in result.stderr
+
+
+def test_json_lists_the_pictures_that_are_there(
+    render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
+) -> None:
+    np.save(tmp_path / "a.npy", np.stack([cloud, np.full_like(cloud, np.nan)]))
+    line = json.loads(render(tmp_path / "a.npy", "--json").stdout)
+    assert line["status"] == "failed" and [Path(name).name for name in line["outputs"]] == ["a_000.png"]
