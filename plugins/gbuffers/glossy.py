@@ -48,9 +48,6 @@ class Glossy(Surfels):
     version = "10"
     refines = "surfels"
 
-    def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
-        """Leaves the picture as it is: reflections of the discs are not as near to the truth as the network's."""
-
 
 @dataclass(frozen=True)
 class Sent:

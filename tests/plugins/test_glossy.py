@@ -16,12 +16,6 @@ LIGHT = (3.6, -40.0, 50.0)
 COLOR = slice(6, 9)
 
 
-def test_the_networks_picture_stays_as_it_is():
-    picture = np.full((4, 96, 96), 0.5, np.float32)
-    Glossy().reconcile(picture, np.ones((10, 96, 96), np.float32), 40_000)
-    assert (picture == 0.5).all()
-
-
 def ball(count: int, seed: int = 0) -> np.ndarray:
     points = np.random.default_rng(seed).normal(size=(count, 3))
     return (0.6 * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
