@@ -15,7 +15,7 @@ from typing import Any
 
 from storage.differences import CODE_FIELDS, differences
 from storage.fingerprints import STAGE_VERSIONS, fingerprint
-from storage.layout import Entry, Store, check
+from storage.layout import Entry, Store, StoreError, check
 from storage.manifests import read_manifest
 from storage.unfinished import read_note, write_note
 
@@ -70,7 +70,7 @@ def adopt(store: Store, candidate: Candidate, because: str) -> None:
     """Publish the candidate's files as its entry's result.
 
     Raises:
-        StoreError: one of them is damaged.
+        StoreError: one of them is damaged, or somebody has gone on with unfinished work meanwhile.
         ValueError: no reason is given.
     """
     if not because.strip():
@@ -83,7 +83,10 @@ def adopt(store: Store, candidate: Candidate, because: str) -> None:
     }
     entry = replace(candidate.entry, provenance={**candidate.entry.provenance, "adopted": adopted})
     if candidate.unfinished:
-        with store.lock(entry):
+        with store.lock(entry), store.lock_named(entry.stage, candidate.folder.name):
+            if not candidate.folder.exists() or store.work_folder(entry).exists():
+                raise StoreError(f"{candidate.folder}: meanwhile the work on it has gone on, or that on {entry.name} "
+                                 "has begun anew; adopt again what is left")
             write_note(candidate.folder, entry.name, entry.fields, adopted)
             candidate.folder.rename(store.work_folder(entry))
     elif candidate.files is None:
@@ -102,6 +105,9 @@ def _unfinished(store: Store, stage: str, asked: Mapping[str, Entry], meanings: 
         if note is None or same is None or store.is_held(stage, folder.name):
             continue
         candidate = _candidate(folder, {**note, "fingerprint": fingerprint(note["fields"])}, same)
+        if note["adopted"] and fingerprint(note["fields"])[:32] != folder.name:  # cut off between note and rename
+            told = note["adopted"]
+            candidate = Candidate(same, folder, told["from"], tuple(told["differences"]))
         if candidate and not store.complete(candidate.entry) and not store.work_folder(candidate.entry).exists():
             yield replace(candidate, unfinished=True)
 

@@ -22,7 +22,7 @@ import shutil
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -207,7 +207,10 @@ class Store:
 
     def lock_file(self, entry: Entry) -> Path:
         """The file whose lock is held while the entry is written."""
-        return self.root / ".locks" / f"{entry.stage}-{entry.fingerprint[:32]}"
+        return self._lock_file(entry.stage, entry.fingerprint[:32])
+
+    def _lock_file(self, stage: str, name: str) -> Path:
+        return self.root / ".locks" / f"{stage}-{name}"
 
     def log(self, entry: Entry) -> Path:
         """Where the one who writes the entry may tell about it."""
@@ -217,7 +220,8 @@ class Store:
         folder = self.work_folder(entry)
         folder.mkdir(parents=True, exist_ok=True)
         (folder / MANIFEST).unlink(missing_ok=True)  # there when a run was killed between manifest and rename
-        if read_note(folder) is None:
+        note = read_note(folder)
+        if note is None or fingerprint(note["fields"]) != entry.fingerprint:  # or of an adoption that was cut off
             write_note(folder, entry.name, entry.fields)
         return folder
 
@@ -228,7 +232,7 @@ class Store:
 
     def is_held(self, stage: str, name: str) -> bool:
         """Whether the result in the folder `name` of a stage is being written by someone."""
-        path = self.root / ".locks" / f"{stage}-{name}"
+        path = self._lock_file(stage, name)
         if not path.exists():
             return False
         with path.open() as file:
@@ -242,10 +246,14 @@ class Store:
         """Work folders of a stage, in which something is or was being made."""
         return sorted((self.root / ".work" / stage).glob("*"))
 
-    @contextmanager
-    def lock(self, entry: Entry) -> Iterator[None]:
+    def lock(self, entry: Entry) -> AbstractContextManager[None]:
         """Holds the entry's lock; the kernel lets go of it when the process dies, however it dies."""
-        path = self.lock_file(entry)
+        return self.lock_named(entry.stage, entry.fingerprint[:32])
+
+    @contextmanager
+    def lock_named(self, stage: str, name: str) -> Iterator[None]:
+        """Holds the lock of the result in the folder `name` of a stage."""
+        path = self._lock_file(stage, name)
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("w") as file:
             fcntl.flock(file, fcntl.LOCK_EX)

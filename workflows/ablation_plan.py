@@ -10,12 +10,13 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from storage.configs import config_text
 from storage.fingerprints import stage_fields
 from storage.layout import Entry
 from workflows.plan import Plan, Step, assemble, check_config, make_plan
 from workflows.task_log import say
 from z2p_core.ablation_config import AblationsConfig, Variant, parse_ablations, with_meshes
-from z2p_core.config import ConfigError, config_text
+from z2p_core.config import ConfigError
 from z2p_core.registry import PluginError
 
 DEFAULT_CONFIG = Path(__file__).parents[1] / "configs" / "ablations.toml"

@@ -86,6 +86,8 @@ def status(workspace: Path, in_json: bool, only_stale: bool, **where: Any) -> No
 def verify(workspace: Path) -> None:
     """Compare every result with its digests; a damaged one is put aside and made again by the next run.
 
+    One that a running pipeline is at work on is left to it.
+
     Exit status 1 when a result was damaged.
     """
     checked, damaged = 0, 0
@@ -93,7 +95,7 @@ def verify(workspace: Path) -> None:
         for folder in (folder for stage in store.stages() for folder in store.folders(stage)):
             checked += 1
             found = faults(folder, every_digest=True)
-            if found and folder.exists():
+            if found and folder.exists() and not store.is_held(folder.parent.name, folder.name):
                 damaged += 1
                 click.echo(f"DAMAGED {found[0]}\n        put aside in {store.quarantine(folder)}")
     click.echo(f"{checked} results read, {damaged} damaged")

@@ -15,12 +15,13 @@ from pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fiel
 from pipeline.paper.sweeps import CONTROLS, OWN_SHAPES
 from storage.checkpoints import WeightsError, resolve, shipped
 from storage.clouds import find_scans, reader_of
+from storage.configs import config_text
 from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from storage.layout import Entry
 from storage.stage_code import OF_WEIGHTS, PLACING
 from workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
 from z2p_core import registry
-from z2p_core.config import ConfigError, config_text, parse_config, to_dict
+from z2p_core.config import ConfigError, parse_config, to_dict
 from z2p_core.report_config import SWEEP_NAMES, ReportConfig, Sweep, checked, parse_report
 
 SHAPING_VALUES = ("views", "points", "resolution", "samples", "denoise", "seed")

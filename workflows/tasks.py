@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 
 import luigi
 
+from storage.configs import config_text
 from storage.fingerprints import changed_plugins, file_digest
 from storage.layout import Store
 from storage.stage_code import changed_parts
@@ -22,7 +23,7 @@ from workflows.mesh_warnings import mesh_warnings
 from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
 from workflows.stopping import ended_by_interrupt
 from workflows.task_log import last_lines, logged, say
-from z2p_core.config import ConfigError, PipelineConfig, config_text, from_dict, parse_config, to_dict
+from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
 from z2p_core.native.sources import outdated
 
 LOG = "task.log"

@@ -7,7 +7,6 @@ import tomllib
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from z2p_core.noise import KINDS
@@ -185,20 +184,6 @@ class PipelineConfig:
     shard: ShardConfig = field(default_factory=ShardConfig)
     train: TrainConfig = field(default_factory=TrainConfig)
     evaluate: EvaluateConfig = field(default_factory=EvaluateConfig)
-
-
-def config_text(path: Path) -> str:
-    """The text of a TOML file.
-
-    Raises:
-        ConfigError: there is no such file, or it is not in UTF-8, as TOML is.
-    """
-    if not path.is_file():
-        raise ConfigError(f"--config: expected a TOML file, got {str(path)!r}, which is no file")
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: not valid TOML: byte {error.start} is not UTF-8; save it in UTF-8") from None
 
 
 def parse_config(text: str, source: str = "config") -> PipelineConfig:

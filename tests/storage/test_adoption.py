@@ -138,6 +138,39 @@ def test_unfinished_work_is_taken_over_and_told_in_the_end(store):
     assert store.manifest(new)["provenance"]["adopted"]["from"] == old.fingerprint
 
 
+def test_an_adoption_that_is_cut_off_is_offered_again_and_tells_nothing_false(store, monkeypatch):
+    old, new = chain("old")[-1], chain("new")[-1]
+    make(store, chain("old")[:-1])
+    with pytest.raises(KeyboardInterrupt):
+        store.produce(old, stop_halfway, resumable=True)
+    take_over(store, chain("new")[:-1])
+    (candidate,) = candidates(store, chain("new"), ("train",))
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr("pathlib.Path.rename", stop_renaming)
+        adopt(store, candidate, "the same")
+    (again,) = candidates(store, chain("new"), ("train",))
+    assert (again.old_fingerprint, again.differences) == (candidate.old_fingerprint, candidate.differences)
+    store.produce(old, lambda folder: (folder / "weights").write_text("old"), resumable=True)
+    assert "adopted" not in store.manifest(old)["provenance"], "it was the old code that finished it"
+    assert not store.complete(new)
+
+
+def stop_renaming(*words):
+    raise KeyboardInterrupt
+
+
+def test_work_that_went_on_meanwhile_is_not_adopted(store):
+    old = chain("old")[-1]
+    make(store, chain("old")[:-1])
+    with pytest.raises(KeyboardInterrupt):
+        store.produce(old, stop_halfway, resumable=True)
+    take_over(store, chain("new")[:-1])
+    (candidate,) = candidates(store, chain("new"), ("train",))
+    store.produce(old, lambda folder: (folder / "weights").write_text("whole"), resumable=True)
+    with pytest.raises(StoreError, match="has gone on"):
+        adopt(store, candidate, "the same")
+
+
 def test_work_that_somebody_goes_on_with_or_has_begun_anew_is_left_alone(store):
     old, new = chain("old")[-1], chain("new")[-1]
     make(store, chain("old")[:-1])

@@ -1,5 +1,6 @@
 """The compiled kernels against plain geometry: spheres, planes and lamps whose answers are known."""
 
+import gc
 import math
 import shutil
 import subprocess
@@ -246,3 +247,10 @@ def test_a_picture_is_reconciled_with_colours_only_amid_what_both_show():
     np.testing.assert_array_equal(picture[3], before[3])
     rim = (coverage <= 0.9) | (before[3] <= 0.95)
     assert 0.2 < rim.mean() < 0.9 and (picture[:, rim] == before[:, rim]).all()
+
+
+def test_a_grid_refuses_what_is_no_number_and_nothing_else_is_raised(recwarn: pytest.WarningsRecorder) -> None:
+    with pytest.raises(ValueError, match="finite points"):
+        native.Grid(np.full((3, 3), np.nan, np.float32))
+    gc.collect()
+    assert not [one for one in recwarn if issubclass(one.category, pytest.PytestUnraisableExceptionWarning)]

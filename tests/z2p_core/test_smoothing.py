@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from made_clouds import box, sphere
 
-from z2p_core.smoothing import NOISY, WIDEST, patch_radius, smoothed
+from z2p_core.smoothing import AGAIN, NOISY, WIDEST, patch_radius, smoothed
+from z2p_core.tangents import thinned
 
 
 def hammered(count: int, size: float = 0.01) -> np.ndarray:
@@ -73,3 +74,9 @@ def test_a_radius_is_asked_for_by_noisy_clouds_alone() -> None:
     assert 0 < patch_radius(noisy) <= WIDEST
     few = (sphere(20_000) * (1 + 0.0005 * rng.normal(size=(20_000, 1)))).astype(np.float32)
     assert patch_radius(few) == 0 and NOISY > 0
+
+
+def test_what_was_thinned_is_thinned_again_by_another_salt() -> None:
+    some = thinned(np.random.default_rng(0).normal(size=(90_000, 3)).astype(np.float32), 40_000)
+    for most in (27_000, 20_000, 1_000):
+        assert len(thinned(some, most, AGAIN)) == pytest.approx(most, rel=0.1)

@@ -1,6 +1,5 @@
 """Tangent planes of spheres, sheets, creases and noise, whose answers are known."""
 
-import gc
 import math
 
 import numpy as np
@@ -298,16 +297,3 @@ def test_a_slab_holds_half_of_the_points_and_leaves_out_the_rest():
     widths, steep = native.slabs(points, np.zeros(1, np.int32), rows, 9)
     assert 0.005 < widths[0] < 0.06
     assert steep[0] == pytest.approx(7 / 16)
-
-
-def test_what_was_thinned_is_thinned_again_by_another_salt() -> None:
-    some = thinned(np.random.default_rng(0).normal(size=(90_000, 3)).astype(np.float32), 40_000)
-    for most in (27_000, 20_000, 1_000):
-        assert len(thinned(some, most, 0x297A2D39)) == pytest.approx(most, rel=0.1)
-
-
-def test_a_grid_refuses_what_is_no_number_and_nothing_else_is_raised(recwarn: pytest.WarningsRecorder) -> None:
-    with pytest.raises(ValueError, match="finite points"):
-        native.Grid(np.full((3, 3), np.nan, np.float32))
-    gc.collect()
-    assert not [one for one in recwarn if issubclass(one.category, pytest.PytestUnraisableExceptionWarning)]

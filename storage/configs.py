@@ -1,0 +1,21 @@
+"""The files that settings come from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from z2p_core.config import ConfigError
+
+
+def config_text(path: Path) -> str:
+    """The text of a TOML file.
+
+    Raises:
+        ConfigError: there is no such file, or it is not in UTF-8, as TOML is.
+    """
+    if not path.is_file():
+        raise ConfigError(f"--config: expected a TOML file, got {str(path)!r}, which is no file")
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: not valid TOML: byte {error.start} is not UTF-8; save it in UTF-8") from None
