@@ -21,9 +21,9 @@ _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_c
 _MESHES = ("storage.meshes", "z2p_core.ply_header")
 _PICTURES = ("pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.geometry", "z2p_core.images", *_MESHES)
 _KERNEL_FILES = (
-    "axes.h", "cells.c", "centres.c", "clips.c", "clips.h", "colour.c", "disc.h", "fast.h", "floor.h", "gather.c",
-    "gloss.c", "grid.c", "grid.h", "hits.c", "holes.c", "jets.c", "light.c", "mirror.c", "planes.c", "project.c",
-    "refine.c", "refine_weights.h", "shade.c", "shadow.c", "showing.c", "sight.h", "slabs.c", "splat.c",
+    "axes.h", "cells.c", "centres.c", "clips.c", "clips.h", "colour.c", "compiling.py", "disc.h", "fast.h", "floor.h",
+    "gather.c", "gloss.c", "grid.c", "grid.h", "hits.c", "holes.c", "jets.c", "light.c", "mirror.c", "planes.c",
+    "project.c", "refine.c", "refine_weights.h", "shade.c", "shadow.c", "showing.c", "sight.h", "slabs.c", "splat.c",
 )
 _KERNELS = (
     "z2p_core.native", *(f"z2p_core.native.{name}" for name in ("calls", "lighting", "pictures", "surfaces")),

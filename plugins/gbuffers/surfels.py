@@ -67,7 +67,8 @@ have in it for each pixel less, and at most."""
 ALIKE = 8 / 255
 """How far the network's colour and a disc's differ by chance, at most: by more where the network mends something."""
 STRIPS = 6
-"""Strips of a picture, which the cores take in turn. One core draws the same, for they tell which discs are hidden."""
+"""Strips of a picture, which the cores take in turn. One core draws the same ones: which discs are hidden is told
+within each strip, so with others a few discs near their borders would show, or not."""
 
 
 class Surfels(GBuffer):

@@ -175,11 +175,12 @@ def test_everything_that_is_listed_is_there():
         assert all(len(digest) == 64 for digest in stage_fields(stage)["code"].values())
 
 
-def test_code_in_other_languages_is_listed_as_well():
+def test_code_in_other_languages_and_what_compiles_it_is_listed_as_well():
     kinds = ("c", "cpp", "h", "cu", "pyx")
     sources = [path for room in ROOMS for kind in kinds for path in (ROOT / room).rglob(f"*.{kind}")]
     listed_files = {part for parts in SHAPING.values() for part in parts if "/" in part}
-    assert {path.relative_to(ROOT).as_posix() for path in sources} == listed_files
+    built_with = ROOT / "z2p_core" / "native" / "compiling.py"  # the compiler's flags, which no module imports
+    assert {path.relative_to(ROOT).as_posix() for path in [*sources, built_with]} == listed_files
     assert part_digest("workflows/luigi.cfg") == file_digest(ROOT / "workflows" / "luigi.cfg")
 
 

@@ -1,23 +1,23 @@
-"""Which C files the kernels were compiled from: noted beside them, since code and kernels may come apart."""
+"""Which C files the kernels were compiled from, and how: noted beside them, since code and kernels may come apart."""
 
 from __future__ import annotations
 
 import hashlib
 from pathlib import Path
 
-NOTE = "kernels.sha256"
+NOTE, COMPILING = "kernels.sha256", "compiling.py"
 
 
 def digest(folder: Path = Path(__file__).parent) -> str:
-    """sha256 (64 hex digits) of the names and bytes of the C files in a folder."""
+    """sha256 (64 hex digits) of the names and bytes of the C files in a folder, and of what compiles them."""
     found = hashlib.sha256()
-    for path in sorted(path for path in folder.iterdir() if path.suffix in (".c", ".h")):
+    for path in sorted(path for path in folder.iterdir() if path.suffix in (".c", ".h") or path.name == COMPILING):
         content = path.read_bytes()
         found.update(f"{path.name} {len(content)}\n".encode() + content)
     return found.hexdigest()
 
 
 def outdated(folder: Path = Path(__file__).parent) -> bool:
-    """Whether the kernels in a folder are noted to come from other C files than those beside them."""
+    """Whether the kernels in a folder are noted to come from others than what lies beside them."""
     note = folder / NOTE
     return note.is_file() and note.read_text(encoding="utf-8").strip() != digest(folder)

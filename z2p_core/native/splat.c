@@ -50,7 +50,8 @@ INLINE void keep_nearest(const Row *row, int ends, float *nearest) {
     }
 }
 
-/* Whether a disc's middle lies far behind what is seen there. */
+/* Whether a disc's middle lies far behind what is seen there, as far as this strip of the picture knows. What is hidden so
+ * is left out with its rim, which might show: that keeps gaps in what lies before it open. */
 INLINE int hidden(const Disc *disc, const float *front, int stride, const Box *box) {
     float x = disc->x, y = disc->y;
     if (!(x >= (float)box->left && x < (float)box->right && y >= (float)box->top && y < (float)box->bottom)) return 0;
