@@ -209,7 +209,7 @@ def moved(points: np.ndarray, patches: np.ndarray, spacing: np.ndarray, noise: f
 def thinned(cloud: np.ndarray, most: int, salt: int = 0) -> np.ndarray:
     """At most about `most` points of a cloud (N, 3) float32, chosen by their coordinates whatever their order.
 
-    What is left of a cloud can be thinned again by another `salt` only: by the same one they would be chosen anew.
+    What is left of a cloud can be thinned again by another `salt` only: by the same one too many of them would stay.
     """
     if len(cloud) <= most:
         return cloud
