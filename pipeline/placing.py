@@ -24,7 +24,7 @@ from z2p_core.framing import (
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.smoothing import patch_radius, smoothed
-from z2p_core.strays import clip_outliers
+from z2p_core.strays import clip_below, clip_outliers
 from z2p_core.turning import along, turned
 from z2p_core.viewpoint import Viewpoint, frame
 
@@ -177,6 +177,8 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
     points = scan.points[kept] if not kept.all() else scan.points
     up = _upright(points, scan.sensor, suffix, placing)
     background, put_in = 0, points[:0]
+    if up.sensor is None and not placing.keep_outliers:
+        points = _standing(points, up)
     if up.sensor is not None:
         put_in = points[:0] if placing.smooth == 0 else dropouts(points, up.sensor)
         if not placing.keep_outliers:
@@ -208,6 +210,12 @@ def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
         points = points[before]
         points = points[clip_outliers(points)]
     return points, background
+
+
+def _standing(points: np.ndarray, up: Up) -> np.ndarray:
+    """The points (M, 3) without strays below, which would lift the rest off the floor."""
+    kept = clip_below(points, along(points, up.rotation[2]))
+    return points if kept.all() else points[kept]
 
 
 def _as_settled(

@@ -42,6 +42,9 @@ CAMERA_CONE = 60.0
 """Degrees from its axis within which a depth camera sees; a laser scanner sees all around."""
 IMPLIED_CONE, IMPLIED_DEPTHS = 50.0, (0.1, 15.0)
 """Cone in degrees and depths in metres of a cloud that may be a depth camera's although its file does not say so."""
+NARROW_CONE, DOUBLE, DOUBLE_NARROW = 25.0, 0.1, 0.015
+"""Within the narrow cone, in degrees, hardly anything lies by chance, so a mere relief, a face say, may be a depth
+camera's; and the least shares of directions from the side with two depths, of any such cloud and of one so narrow."""
 FEWEST_FOR_LAYERS = 500
 AZIMUTHS = 24
 THREE_QUARTER = 22.5
@@ -103,13 +106,15 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
     nearest, farthest = IMPLIED_DEPTHS
     if not any(nearest * unit <= depth.min() and depth.max() <= farthest * unit for unit in units):
         return None
-    if (np.hypot(points[:, 0], points[:, 1]) > math.tan(math.radians(IMPLIED_CONE)) * depth).any():
+    off_axis = math.degrees(math.atan(float((np.hypot(points[:, 0], points[:, 1]) / depth).max())))
+    if off_axis > IMPLIED_CONE:
         return None
     x, y, z = thinned(points).T
     depth = sign * z
     from_origin = _layered(x / depth, y / depth, depth, float(np.median(depth)))
     from_side = max(_layered(y, z, x, 1.0), _layered(x, z, y, 1.0))
-    if from_origin > 0.05 or from_side < max(0.1, 3 * from_origin):
+    least = DOUBLE_NARROW if off_axis <= NARROW_CONE else DOUBLE
+    if from_origin > 0.05 or from_side < max(least, 3 * from_origin):
         return None
     return Sensor(np.zeros(3), np.diag([1.0, sign, sign]))
 

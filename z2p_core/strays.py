@@ -20,7 +20,10 @@ widest side, each with one point, to find the nearest."""
 LEAST_SPAN = 1e-300
 """Of a cloud whose places in a grid are still numbers."""
 LEAST_GAIN = 0.1
-"""Clipping must shrink the bounding sphere's radius by this share at least; otherwise the strays do no harm."""
+"""Clipping must shrink the bounding sphere's radius by this share at least, or the height where strays lie below;
+otherwise they do no harm."""
+SMALL_BELOW = 0.001
+"""Share of all points, of strays that lie below a thing in all."""
 
 
 def thinned(points: np.ndarray) -> np.ndarray:
@@ -44,6 +47,29 @@ def clip_outliers(points: np.ndarray) -> np.ndarray:
         if not strays.any():
             break
         kept[rows[strays]] = False
+    return kept
+
+
+def clip_below(points: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Mask (N,) bool of finite points (N, 3) and their heights (N,): False for strays that would lift the thing up.
+
+    The floor touches the lowest point, so a few wrong ones below, as lidar has, leave the rest to hover above it.
+    They go when they are small clusters, of under 0.1 % of the points in all, and the height shrinks by over 10 %.
+    """
+    kept = np.ones(len(points), dtype=bool)
+    most = int(SMALL_BELOW * len(points))
+    if most == 0:
+        return kept
+    lowest = np.argpartition(height, most)[: most + 1]
+    lowest = lowest[np.argsort(height[lowest], kind="stable")]
+    rise = height[lowest] - height[lowest[0]]
+    if rise[-1] < LEAST_GAIN * np.ptp(height):
+        return kept
+    cluster = _clusters(points)
+    small = (np.bincount(cluster) <= most)[cluster[lowest]]
+    count = len(lowest) if small.all() else int(small.argmin())  # all that lie below the first that is no stray
+    if count <= most and rise[count] >= LEAST_GAIN * np.ptp(height):
+        kept[lowest[:count]] = False
     return kept
 
 

@@ -15,13 +15,15 @@ from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Re
 _LONGEST_HEADER = 1 << 16
 _WORST_LZF_RATIO = 100
 """LZF writes 264 bytes from 3 at the very best: a larger ratio is a lie."""
+_PAGE = 4096
+"""Older versions of the Point Cloud Library fill binary files up to whole pages of memory, with zeros."""
 
 
 class Pcd(Reader):
     """Point Cloud Library files (pypcd4); fields other than x, y, z are left out."""
 
     name = "pcd"
-    version = "3"
+    version = "4"
     packages = ("pypcd4",)
     suffixes = (".pcd",)
 
@@ -157,6 +159,8 @@ def _check_size(header: _Header, body: bytes) -> int:
         case "ascii":
             fits = len(body) >= header.points * header.columns * 2 - 1
         case "binary":  # a field that the header has lost is a byte a point at least
+            if full < len(body) < full + _PAGE and not any(body[full:]):
+                return 0
             return stray_bytes(promise, full, len(body), min(header.points - 1, MOST_STRAY))
         case "binary_compressed" | "binaryscompressed":
             packed, unpacked = struct.unpack("<II", body[:8]) if len(body) >= 8 else (0, 0)

@@ -71,6 +71,15 @@ def test_a_depth_picture_in_millimetres_is_found_where_that_may_be() -> None:
     assert implied_sensor(sphere(5000) * 300 + [0, 0, 1000], (METRES, MILLIMETRES)) is None
 
 
+def test_a_relief_in_a_narrow_cone_is_a_depth_picture() -> None:
+    """A cheek, say, seen askew, which hides next to nothing of itself: little over an eighth of a ball."""
+    ball = sphere(40_000)
+    patch = ball[(ball[:, 2] < -0.25) & (ball[:, :2] > -0.3).all(1)][:1400]
+    relief = patch * [0.15, 0.15, 0.12] + [0, 0, 0.8]
+    assert implied_sensor(relief) is not None
+    assert implied_sensor(relief * [3.5, 3.5, 1]) is None  # as wide as it is far: other things are, too
+
+
 def terrain() -> np.ndarray:
     x, y = np.random.default_rng(3).uniform(-50, 50, (2, 20000))
     return np.column_stack([x, y, 400 + 8 * np.sin(x / 9) * np.cos(y / 7)])

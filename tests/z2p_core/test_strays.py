@@ -7,7 +7,7 @@ import pytest
 from made_clouds import box, chair, lamppost, moved, sphere
 
 from z2p_core.geometry import bounding_sphere
-from z2p_core.strays import clip_outliers
+from z2p_core.strays import clip_below, clip_outliers
 
 CLEAN = {
     "sphere": sphere(5000), "sparse sphere": sphere(500), "few": sphere(40), "chair": chair(1500),
@@ -56,3 +56,28 @@ def test_the_clipped_sphere_is_that_of_the_object() -> None:
     thing = chair(2000)
     points = np.vstack([thing, [[30.0, 0, 0]]])
     assert bounding_sphere(points[clip_outliers(points)]) == bounding_sphere(thing)
+
+
+@pytest.mark.parametrize("depth", [0.6, 3.0])
+def test_a_few_points_below_do_not_lift_a_thing_off_its_floor(depth: float) -> None:
+    thing = box(5000, 2, 2, 0.4)
+    below = moved(sphere(3) * 0.05, 0.5, 0, thing[:, 2].min() - depth)
+    for axis in (2, 0):
+        points = np.roll(np.vstack([thing, below]), axis - 2, axis=1)
+        kept = clip_below(points, points[:, axis])
+        assert kept[: len(thing)].all() and not kept[len(thing) :].any()
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_a_clean_object_stands_as_it_is(name: str) -> None:
+    for height in CLEAN[name].T:
+        assert clip_below(CLEAN[name], height).all()
+        assert clip_below(CLEAN[name], -height).all()
+
+
+def test_a_thin_foot_and_many_points_below_are_no_strays() -> None:
+    foot = np.column_stack([np.zeros((5, 2)), np.linspace(-1.5, -1.05, 5)])
+    top = np.vstack([sphere(6000), foot])
+    assert clip_below(top, top[:, 2]).all()
+    many = np.vstack([sphere(6000), moved(sphere(20) * 0.05, 0, 0, -3)])
+    assert clip_below(many, many[:, 2]).all()
