@@ -12,6 +12,7 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.tangents import Tangents
+from z2p_core.turning import products
 
 OVERLAP = 1.45
 """Radius of a disc in those of its Voronoi cell, which alone would close the surface."""
@@ -24,6 +25,8 @@ HOLE, TORN, BORDER = 1.9, 3.5, 0.7
 two, and scans look better with small holes closed. And the radius of a border's disc, which closes nothing."""
 NARROWEST, WIDEST = 0.5, 2.5
 """Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
+ABOUT = 0.6
+"""Of a Voronoi cell's reach, how far the places about a disc's middle lie from it."""
 AROUND, APART = 32, 0.75
 """Points near a hole's middle that tell whether it is one, and the spacings within which two middles count as one."""
 
@@ -44,6 +47,19 @@ def discs(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
     radii[torn] = BORDER * near[torn]
     small = (solid > HOLE * near[rim]) & (solid < TORN * near[rim])
     return closed(found, radii, rim[small], solid[small], ends[small], typical)
+
+
+def spread_out(found: Tangents, radii: np.ndarray) -> np.ndarray:
+    """Points (5 M, 3) float32 that tell where discs of radii (M,) lie better than their middles alone.
+
+    The middles, and four places about each in its plane.
+    """
+    normals = found.normals
+    aside = np.eye(3, dtype=np.float32)[np.abs(normals).argmin(axis=1)]
+    first = np.cross(normals, aside)
+    first *= (ABOUT / OVERLAP * radii / np.sqrt(products(first, first)))[:, None].astype(np.float32)
+    second, middles = np.cross(normals, first), found.points
+    return np.concatenate([middles, middles + first, middles - first, middles + second, middles - second])
 
 
 def closed(

@@ -53,7 +53,7 @@ def sky_axes(count: int) -> np.ndarray:
     return _spiral((np.arange(count) + 0.5) / count)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=2)
 def floor_sky(count: int) -> np.ndarray:
     """Directions (count, 3) of the sky, each of which gives a floor as much light."""
     return _spiral(np.sqrt((np.arange(count) + 0.5) / count))

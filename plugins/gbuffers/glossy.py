@@ -45,7 +45,7 @@ class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "10"
+    version = "11"
     refines = "surfels"
 
 
@@ -65,9 +65,9 @@ class Reflections(Lighting):
     """Light on a cloud's points, and what of it they reflect."""
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float, sets: int
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
     ) -> None:
-        super().__init__(points, normals, spacing, scene, height, sets)
+        super().__init__(points, normals, spacing, scene, height)
         places, axes, powers = light_lamps(scene.light, LAMPS)
         self.lamps, self.square = (places, axes[0], float(powers[0])), light_square(scene.light)
         self.roughness = _number(scene, "Roughness", 1.0)

@@ -19,10 +19,11 @@ from z2p_core.camera import Camera
 from z2p_core.discs import discs
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer
-from z2p_core.lamps import floor_sky, lamp_sets, light_lamps, light_square, sky_axes
+from z2p_core.lamps import floor_sky, light_lamps, light_square, sky_axes
 from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
-from z2p_core.tangents import MOST_POINTS, tangents, thinned
+from z2p_core.shades import FLOOR_HALF, floor_shades, narrowed_share
+from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
 from z2p_core.threads import beside, over_rows, rows_beside
 from z2p_core.turning import products, turned
 
@@ -35,28 +36,24 @@ SURE, FULL = 15.0, 2.7
 where they lie all around; about a third of it is the surface's border."""
 NEAR, FAR = 2.6, 4.6
 """Depths of the unit sphere's near and far end."""
-LAMPS, FLOOR_LAMPS = 16, 64
-"""Points that stand for the area light, square numbers: over points, and over the floor, where its penumbra shows."""
+LAMPS = 16
+"""Points that stand for the area light over the cloud's points, a square number."""
 QUARTERS = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / math.sqrt(12)
 """Places on a square, in its sides from its middle, whose mean is that over all of it for light that changes slowly
 (Gauss's quadrature)."""
 SMALL, MIDDLING = 600, 900
 """Sides of pictures, in pixels, up to which such lamps stand over the floor once, and twice; over larger ones four
 times, for the steps that they leave in a penumbra grow with the picture."""
-SKY_DIRECTIONS, FLOOR_SKY, MIRRORED = 24, 64, 64
-"""Directions that stand for the sky, likewise; and those in which the floor mirrors."""
-FLOOR_HALF, FLOOR_CELL, FLOOR_MOST, GLOW_CELLS = 4.5, 0.0125, 720, 128
-"""Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side; and cells
+SKY_DIRECTIONS, BELOW, MIRRORED, GLOW_CELLS = 24, 32, 64, 128
+"""Directions that stand for the sky, and those in which the floor sees the cloud and in which it mirrors; and its cells
 a side for the light that comes back from the cloud."""
 FLOOR_ALBEDO, FLOOR_ROUGHNESS, FLOOR_INDEX = 0.8, 0.5, 1.5
 """Blender's own for a surface without a material, which is a Principled BSDF."""
-BOUNCES, MOST_KEPT = 2, 0.9
-"""How often light is followed from point to point and over the floor, and what later bounces keep of it at most."""
-BALL, SOFT = 0.7, 5
-"""Radius in spacings of the balls that points are where their shadow is drawn out; and cells to every side over which
-the sky's shadow is averaged, which so few directions leave in steps."""
-GREY, SKY = 0.5, 50.0
-"""Albedo of the grey picture, below white under the nearest light; and distance at which a lamp is a direction."""
+BOUNCES, MOST_KEPT, SECOND = 2, 0.9, 0.5
+"""How often light is followed from point to point and over the floor, what later bounces keep of it at most, and the
+share of the second one that the floor has: with it shadows are as dark as in renders of 512 samples."""
+GREY = 0.5
+"""Albedo of the grey picture, below white under the nearest light."""
 HOLE_RIM = 4
 """Points at the rim of a hole whose mean colour it gets."""
 APART = 3.6
@@ -66,6 +63,8 @@ SPARSE_APART, TRUST, MOST_TRUST = 5.0, 0.15, 0.6
 have in it for each pixel less, and at most."""
 ALIKE = 8 / 255
 """How far the network's colour and a disc's differ by chance, at most: by more where the network mends something."""
+SHADOW_TRUST, SHADOW_ALIKE = 0.5, 0.06
+"""Share that the floor's shadow as it is cast here has in the picture's, where they differ by no more."""
 STRIPS = 6
 """Strips of a picture, which the cores take in turn. One core draws the same ones: which discs are hidden is told
 within each strip, so with others a few discs near their borders would show, or not."""
@@ -81,7 +80,7 @@ class Surfels(GBuffer):
     """
 
     name = "surfels"
-    version = "9"
+    version = "10"
     channels = 10
     lighting: ClassVar[type[Lighting]]
 
@@ -99,8 +98,9 @@ class Surfels(GBuffer):
         points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
         typical = max(float(np.median(spacing)), 1e-3)
         spread = max(typical, SPARSE * float(np.quantile(spacing, 0.9)))
-        lighting = self.lighting(points, normals, spread, scene, floor, lamp_sets_for(camera))
+        lighting = self.lighting(points, normals, spread, scene, floor)
         found, radii = discs(found, typical)
+        lighting.shade_floor(found, radii, lamp_sets_for(camera))
         normals = faced(found.points, found.normals, camera.position)
         rotation = camera.rotation.astype(np.float32)
         facing = turned(normals, rotation)
@@ -130,19 +130,20 @@ class Surfels(GBuffer):
         trust = min(TRUST * (SPARSE_APART - apart), MOST_TRUST)
         if trust > 0:
             native.reconcile(picture, features[0], features[6:9], trust, ALIKE)
+        native.reconcile_shadow(picture[3], features[0], features[-1], SHADOW_TRUST, SHADOW_ALIKE)
 
 
 class Lighting:
     """Light on the points (N, 3) of a cloud of that spacing, whose normals (N, 3) face the viewer, and on its floor.
 
-    Over the floor, which lies at that height, so many `sets` of lamps (1, 2 or 4) stand for the light. A second core
-    looks around from the points, from the beginning; `follow` helps it and goes on.
+    The floor lies at that height. A second core looks around from the points, from the beginning; `follow` helps it and
+    goes on.
     """
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float, sets: int
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
     ) -> None:
-        self.points, self.normals = points, normals
+        self.points, self.normals, self.spacing, self.light_at = points, normals, spacing, scene.light
         self.color = np.array(base_color(scene), dtype=np.float32)
         self.radius = radius = math.sqrt(products(points, points).max()) + spacing
         square = light_square(scene.light)
@@ -151,9 +152,6 @@ class Lighting:
         self.floor = native.Floor(
             height, FLOOR_HALF, quarters, lamps[1][0], LIGHT_RADIANCE * LIGHT_SIDE**2, AMBIENT, FLOOR_ALBEDO
         )
-        side = min(FLOOR_MOST, int(2 * FLOOR_HALF / max(spacing / 1.5, FLOOR_CELL)))
-        floor = (height, FLOOR_HALF, side)
-
         axes = sky_axes(SKY_DIRECTIONS)
         self.seen = np.empty((2 * len(axes), len(points)), np.int32)
 
@@ -162,19 +160,17 @@ class Lighting:
             self.seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
 
         self.look_around = rows_beside(look_around, len(axes), parts=8)
-        shades = [native.floor_shade(points, places, *floor, BALL * spacing, square=square)
-                  for places in lamp_sets(scene.light, FLOOR_LAMPS, sets)]  # fmt: skip
-        self.shades = (
-            sum(shades[1:], shades[0]) / np.float32(sets),
-            native.floor_shade(points, SKY * floor_sky(FLOOR_SKY), *floor, soft=SOFT),
-        )
         self.direct = native.illuminate(points, normals, *lamps, spacing, radius) / math.pi
+
+    def shade_floor(self, found: Tangents, radii: np.ndarray, sets: int) -> None:
+        """Casts the shadows of discs with those radii (M,) on the floor, by so many sets of lamps (1, 2 or 4)."""
+        self.shades = floor_shades(self.points, found, radii, self.spacing, self.light_at, self.floor.height, sets)
 
     def follow(self) -> None:
         """Follows the light from the sky and the lit floor to the points, and on from there."""
         cloud = (self.points, self.normals, sky_axes(SKY_DIRECTIONS))
         self.look_around()
-        below = beside(native.floor_hits, *cloud[:2], floor_sky(FLOOR_SKY)[::2], self.floor, GLOW_CELLS)
+        below = beside(native.floor_hits, *cloud[:2], floor_sky(2 * BELOW)[::2], self.floor, GLOW_CELLS)
         self.bounces = [native.gather_open(*cloud, self.seen, self.direct, self.floor, *self.shades)]
         self.below = below.result()
         self.glows = []
@@ -187,12 +183,14 @@ class Lighting:
         """Draws into `out` (H, W) the alpha of the floor's shadow."""
         height, side = self.floor.height, len(self.shades[0]) // 2
         eyes = mirrored_eyes(camera.position, height)
-        mirrored = native.floor_shade(self.points, eyes, height, FLOOR_HALF, side)
+        narrowed = narrowed_share(self.spacing, side)
+        mirrored = native.floor_shade(self.points, eyes, height, FLOOR_HALF, side, narrowed)
         native.floor_shadow(*self.shades, mirrored, self.radiance(), self.floor, camera, out)
 
     def radiance(self) -> np.ndarray:
         """Mean radiance (G, G) of the cloud as the floor's cells see it, over the three colours as well."""
-        glow = np.sum([(self.color**times).mean() * glow for times, glow in enumerate(self.glows, 1)], axis=0)
+        first, second = self.glows
+        glow = self.color.mean() * first + SECOND * (self.color**2).mean() * second
         white = np.ones((2, len(self.normals)), np.float32)
         covered = native.floor_glow(white, self.below, GLOW_CELLS)
         mean: np.ndarray = around(glow) / np.maximum(around(covered), 1e-6)

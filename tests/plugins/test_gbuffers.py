@@ -47,10 +47,11 @@ def test_one_core_draws_what_two_draw(side):
         np.testing.assert_array_equal(Surfels().draw(cloud, camera, SCENE), shared)
 
 
-def reconciled(count, off):
-    """Features of a sphere of so many points, and how a picture of them moves that is off in colour by so much."""
+def reconciled(count, off, shadow=0.0):
+    """Features of a sphere of so many points, and how a picture moves that is so much off them in colour and shadow."""
     features = Surfels().draw(sphere_of(count), CAMERA, SCENE)
-    picture = np.concatenate([features[RED : BLUE + 1] + np.float32(off), features[COVERAGE : COVERAGE + 1]])
+    alpha = np.where(features[COVERAGE] > 0, features[COVERAGE], features[-1] + np.float32(shadow))
+    picture = np.concatenate([features[RED : BLUE + 1] + np.float32(off), alpha[None]])
     before = picture.copy()
     Surfels().reconcile(picture, features, count)
     return features, picture - before
@@ -74,6 +75,15 @@ def test_denser_points_are_trusted_more_and_sparse_ones_not_at_all():
 def test_a_picture_moves_little_where_it_says_otherwise():
     near, far = (np.abs(reconciled(40_000, off)[1]).max() for off in (surfels.ALIKE, 0.3))
     assert far == pytest.approx(near, rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [200, 4000])
+def test_the_floors_shadow_moves_halfway_to_what_was_cast_where_it_is_about_that(count):
+    features, moved = reconciled(count, 0.0, shadow=0.02)
+    off = features[COVERAGE] == 0
+    np.testing.assert_allclose(moved[3, off], -surfels.SHADOW_TRUST * 0.02, atol=1e-6)
+    assert not moved[3, features[COVERAGE] > 0.1].any() and not moved[:3, off].any()
+    assert not reconciled(count, 0.0, shadow=2.1 * surfels.SHADOW_ALIKE)[1][3, off].any()
 
 
 def test_light_from_a_side_lights_that_side_and_throws_the_shadow_to_the_other():

@@ -249,6 +249,18 @@ def test_a_picture_is_reconciled_with_colours_only_amid_what_both_show():
     assert 0.2 < rim.mean() < 0.9 and (picture[:, rim] == before[:, rim]).all()
 
 
+def test_a_shadow_is_reconciled_only_beside_what_shows():
+    rng = np.random.default_rng(0)
+    alpha, shadow, coverage = rng.random((3, 40, 50), np.float32)
+    coverage[:, :25] = 0
+    before = alpha.copy()
+    native.reconcile_shadow(alpha, coverage, shadow, 0.5, 0.2)
+    off = shadow - before
+    beside = np.clip(1 - 10 * coverage, 0, 1) * np.clip(2 - np.abs(off) / 0.2, 0, 1)
+    np.testing.assert_allclose(alpha, before + 0.5 * beside * off, atol=1e-5)
+    assert (alpha[coverage > 0.1] == before[coverage > 0.1]).all() and (alpha != before).mean() > 0.2
+
+
 def test_a_grid_refuses_what_is_no_number_and_nothing_else_is_raised(recwarn: pytest.WarningsRecorder) -> None:
     with pytest.raises(ValueError, match="finite points"):
         native.Grid(np.full((3, 3), np.nan, np.float32))

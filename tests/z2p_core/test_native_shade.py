@@ -80,15 +80,15 @@ def test_a_penumbra_has_no_steps():
     assert steps[1].std() < 0.4 * steps[0].std()
 
 
-@pytest.mark.parametrize(("number", "wider"), [(0, 1.0), (2, 0.0)])
-def test_a_quarter_of_the_lamps_have_shadows_a_cell_narrower(number: int, wider: float):
+@pytest.mark.parametrize(("narrowed", "number", "wider"), [(0.0, 0, 1), (0.25, 0, 0), (0.25, 1, 1), (1.0, 1, 0)])
+def test_a_share_of_the_lamps_has_shadows_a_cell_narrower(narrowed: float, number: int, wider: int):
     """Of a dense sheet, on the mean over where it lies on the cells: those are as wide as it, others a cell wider."""
     side, half = 120, 2.0
     lamps = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), np.float32([0, 0, -0.3]))
     widths, middles = [], []
     for shift in np.linspace(0, 2 * half / side, 10, endpoint=False, dtype=np.float32):
         sheet = square_of(40_000, 0.5, 0.0) + np.float32([shift, 0, 0])
-        row = native.floor_shade(sheet, lamps, -0.5, half, side)[side // 2] * 64
+        row = native.floor_shade(sheet, lamps, -0.5, half, side, narrowed)[side // 2] * 64
         widths.append(row.sum())
         middles.append((np.flatnonzero(row).mean() + 0.5) * 2 * half / side - half - shift)
     assert np.mean(widths) == pytest.approx(side / (2 * half) + wider, abs=0.2)
@@ -106,3 +106,29 @@ def test_a_soft_shade_is_the_mean_over_the_cells_around():
 def test_points_above_a_lamp_and_far_off_cast_no_shade():
     points = np.float32([[0, 0, 2.5], [0, 0, 2.0], [1.9, 0, 1.9]])
     assert not native.floor_shade(points, np.float32([[0, 0, 2.0]]), -1.0, 2.0, 64).any()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.8, 1.0])
+def test_narrowed_lamps_are_as_many_as_asked_and_spread_over_the_light(share: float):
+    """A lamp alone casts a shadow that shows whether it is one; in each quarter of the light as many are."""
+    side, sheet = 60, square_of(4_000, 0.5, 0.0)
+    dark, wide = np.float32([0, 0, -0.3]), []
+    for number in range(64):
+        lamps = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), dark)
+        wide.append(native.floor_shade(sheet, lamps, -0.5, 2.0, side, share).sum())
+    narrow = (np.float32(wide) < max(wide) - 1e-3).reshape(8, 8) if 0 < share < 1 else np.full((8, 8), share == 1)
+    assert narrow.sum() == round(64 * share)
+    for quarter in (narrow[:4, :4], narrow[:4, 4:], narrow[4:, :4], narrow[4:, 4:]):
+        assert abs(quarter.mean() - share) <= 1 / 16
+
+
+@pytest.mark.parametrize(("side", "wide"), [(40, 100), (90, 40), (50, 50)])
+def test_a_shade_in_other_cells_is_the_same_shade(side: int, wide: int):
+    def slope(cells: int) -> np.ndarray:
+        x, y = np.meshgrid(*[(np.arange(cells, dtype=np.float32) + 0.5) / cells] * 2)
+        return 0.2 + 0.5 * x + 0.1 * y
+
+    edge = -(-wide // side)  # cells beyond the outermost middles
+    found = native.in_other_cells(slope(side), wide)[edge:-edge, edge:-edge]
+    np.testing.assert_allclose(found, slope(wide)[edge:-edge, edge:-edge], atol=1e-5)
+    assert (native.in_other_cells(np.full((side, side), 0.3, np.float32), wide) == np.float32(0.3)).all()

@@ -16,10 +16,12 @@ from z2p_core.native.lighting import gather_open as gather_open
 from z2p_core.native.lighting import gloss as gloss
 from z2p_core.native.lighting import illuminate as illuminate
 from z2p_core.native.lighting import image as image
+from z2p_core.native.lighting import in_other_cells as in_other_cells
 from z2p_core.native.lighting import mirror_hits as mirror_hits
 from z2p_core.native.pictures import intensity as intensity
 from z2p_core.native.pictures import nearest_depth as nearest_depth
 from z2p_core.native.pictures import reconcile as reconcile
+from z2p_core.native.pictures import reconcile_shadow as reconcile_shadow
 from z2p_core.native.pictures import showing as showing
 from z2p_core.native.pictures import straight_bytes as straight_bytes
 from z2p_core.native.pictures import surfels as surfels

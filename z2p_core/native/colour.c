@@ -28,6 +28,17 @@ FAST int z2p_reconcile(float *planes, const float *coverage, const float *colors
     return 1;
 }
 
+/* Moves alpha (pixels), from `first` to `last` - 1, by the share `trust` towards what was given; only off what the
+ * coverage shows, and less the more they differ, from `most` on and not at all from twice as much. */
+FAST int z2p_reconcile_shadow(float *alpha, const float *coverage, const float *given, int64_t first, int64_t last,
+                              float trust, float most) {
+    for (int64_t i = first; i < last; i++) {
+        float off = given[i] - alpha[i], far = off < 0 ? -off : off;
+        alpha[i] += trust * unit(1 - 10 * coverage[i]) * unit(2 - far / most) * off;
+    }
+    return 1;
+}
+
 /* rgba (pixels, 4), from `first` to `last` - 1: straight colour and alpha in bytes, of planes (4, pixels) of colour
  * times alpha and alpha; colour is 0 where alpha is. */
 FAST int z2p_straight_bytes(const float *planes, int64_t pixels, int64_t first, int64_t last, uint8_t *rgba) {

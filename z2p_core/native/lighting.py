@@ -62,23 +62,33 @@ def illuminate(
 
 
 def floor_shade(
-    points: np.ndarray, lamps: np.ndarray, floor: float, half: float, side: int, ball: float = 0, soft: int = 0,
-    square: np.ndarray | None = None,
+    points: np.ndarray, lamps: np.ndarray, floor: float, half: float, side: int, narrowed: float = 0.25,
+    ball: float = 0, soft: int = 0, square: np.ndarray | None = None,
 ) -> np.ndarray:  # fmt: skip
     """Shade (side, side) on a square floor at that height, `half` to each side of the origin; row by row along +Y.
 
     Each cell has the share of the lamps (L, 3), L <= 64, that points (N, 3) hide from it, on average over `soft` cells
-    to every side. Lamps below the floor are eyes that look into it as into a mirror. Where a low or near lamp draws
-    their shadows out, points are balls of radius `ball`, in world units. `square` (3, 3), the middle and the two sides
+    to every side. Lamps below the floor are eyes that look into it as into a mirror. Cells that a shadow only touches
+    are in it; of the share `narrowed` of the lamps shadows are a cell narrower. Where a low or near lamp draws their
+    shadows out, points are balls of radius `ball`, in world units. `square` (3, 3), the middle and the two sides
     of a square light whose 8 x 8 parts the lamps are, weighs each part by how much it shines on the cell.
     """
     shade = np.empty((side, side), np.float32)
     call(
         "z2p_floor_shade", floats(points), len(points), floats(lamps), len(lamps),
         None if square is None else floats(square), ctypes.c_float(floor), ctypes.c_float(half), side,
-        ctypes.c_float(ball * side / (2 * half)), soft, shade,
+        ctypes.c_float(ball * side / (2 * half)), ctypes.c_float(narrowed), soft, shade,
     )  # fmt: skip
     return shade
+
+
+def in_other_cells(shade: np.ndarray, side: int) -> np.ndarray:
+    """Shade (S, S), S > 1, on the same floor in `side` cells a side: (side, side), linear between cells' centres."""
+    if len(shade) == side:
+        return shade
+    out = np.empty((side, side), np.float32)
+    call("z2p_other_cells", floats(shade), len(shade), side, out)
+    return out
 
 
 def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacing: float, radius: float) -> np.ndarray:

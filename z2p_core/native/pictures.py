@@ -100,6 +100,22 @@ def reconcile(picture: np.ndarray, coverage: np.ndarray, colors: np.ndarray, tru
     over_rows(move, height, SHORTEST, parts=2)
 
 
+def reconcile_shadow(alpha: np.ndarray, coverage: np.ndarray, shadow: np.ndarray, trust: float, most: float) -> None:
+    """Moves a picture's alpha (H, W) towards a given shadow's (H, W), in place, where coverage (H, W) shows nothing.
+
+    By the share `trust` where they differ by up to `most`, less where by more, and not at all from twice that on. All
+    are float32 and contiguous.
+    """
+    height, width = alpha.shape
+    planes = (place(alpha, (height, width)), floats(coverage), floats(shadow))
+
+    def move(top: int, bottom: int) -> None:
+        rows = (ctypes.c_int64(top * width), ctypes.c_int64(bottom * width))
+        call("z2p_reconcile_shadow", *planes, *rows, ctypes.c_float(trust), ctypes.c_float(most))
+
+    over_rows(move, height, SHORTEST, parts=2)
+
+
 def straight_bytes(picture: np.ndarray) -> np.ndarray:
     """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
     _, height, width = picture.shape

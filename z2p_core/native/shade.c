@@ -12,14 +12,23 @@
 #define CLOSED 2.0f     /* how far shadows of points are drawn out without gaps */
 #define LONGEST 64.0f   /* of those drawn out: of points beside a lamp, which no picture shows, they may cover all */
 #define EMPTY 5         /* cells at the floor's border that stay without shadow */
-#define NARROWED 0x1144114411441144 /* two lamps of each row */
 #define WIDE 2          /* cells to every side over which steps are taken out */
 #define APART 4         /* cells to every side from which slopes are taken */
 
 /* A cell that a shadow only touches is all in it, so shadows are half a cell too wide on every side; but points fall
- * short of outlines by nearly as much. So the shadows of a quarter of the lamps are narrowed: their points are put half
- * a cell on, and closing takes away a cell more than it adds, on that side. That leaves about as much shade as renders
- * have. */
+ * short of outlines, by more the farther they lie apart. So the shadows of a share of the lamps are narrowed: their
+ * points are put half a cell on, and closing takes away a cell more than it adds, on that side. */
+
+/* The lamps of an 8 x 8 square, row by row, that make up that share, as evenly spread as Bayer's ordered dither. */
+static uint64_t narrowed_lamps(float share) {
+    uint64_t lamps = 0;
+    for (int l = 0; l < MOST_LAMPS; l++) {
+        int x = l % 8, y = l / 8, rank = 0;
+        for (int b = 0; b < 3; b++) rank |= ((((x ^ y) >> b & 1) << 1) | (y >> b & 1)) << (4 - 2 * b);
+        if ((float)rank + 0.5f < share * MOST_LAMPS) lamps |= (uint64_t)1 << l;
+    }
+    return lamps;
+}
 
 /* Where a point's shadows fall: the cell of each lamp's, that of none at the end of the mask where it is not on the
  * floor; and how far its shadow is drawn out to both sides of it, in whole cells, along the way that it falls. */
@@ -89,10 +98,10 @@ FAST static void mark(const float *points, int count, const float *lamps, int la
 /* Bits of the cell itself and its four neighbours along an axis, joined or shared, of narrowed lamps with a fifth, from
  * one mask into another, over some cells. The axis has the stride of its step. */
 FAST static void window_bits(const uint64_t *restrict from, uint64_t *restrict to, size_t first, size_t last,
-                             size_t step, int shared) {
+                             size_t step, uint64_t narrowed, int shared) {
     for (size_t i = first; i < last; i++) {
         uint64_t a = from[i - 2 * step], b = from[i - step], c = from[i], d = from[i + step], e = from[i + 2 * step];
-        to[i] = shared ? a & b & c & d & e & (from[i + 3 * step] | ~NARROWED) : a | b | c | d | e;
+        to[i] = shared ? a & b & c & d & e & (from[i + 3 * step] | ~narrowed) : a | b | c | d | e;
     }
 }
 
@@ -178,16 +187,18 @@ FAST static void take_out_steps(float *shade, float *room, int side, int first, 
 /* shade (side, side): the share of the lamps that the cloud hides from each cell of the floor; where `square` is given,
  * they are the parts of such a light, and their steps are taken out of its penumbra. The floor's square reaches `half`
  * to every side of the origin at height `floor`; points are balls of that radius, in cells, where a lamp draws them
- * out, holes between them are closed over two cells, and the whole is averaged over `soft` cells to every side. */
+ * out, holes between them are closed over two cells, the shadows of the share `narrowed` of the lamps are made a cell
+ * narrower, and the whole is averaged over `soft` cells to every side. */
 int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp_count, const float *square,
-                    float floor, float half, int side, float ball, int soft, float *shade) {
+                    float floor, float half, int side, float ball, float narrowed, int soft, float *shade) {
+    uint64_t narrow = narrowed_lamps(narrowed);
     size_t cells = (size_t)side * side, first = 0, last = cells;
     uint64_t *mask = calloc(2 * cells + 1, sizeof(uint64_t)), *other = mask + cells + 1;
     int fine = mask && lamp_count <= MOST_LAMPS;
     float places[4 * MOST_LAMPS];
     for (int l = 0; fine && l < lamp_count; l++) {
         for (int a = 0; a < 3; a++) places[a * MOST_LAMPS + l] = lamps[3 * l + a];
-        places[3 * MOST_LAMPS + l] = (NARROWED >> l) & 1 ? 0.5f : 0;
+        places[3 * MOST_LAMPS + l] = (narrow >> l) & 1 ? 0.5f : 0;
     }
     if (fine) mark(points, count, places, lamp_count, floor, half, side, ball, mask);
     if (fine) {
@@ -201,8 +212,8 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp
         first = top * (size_t)side;
         last = bottom * (size_t)side;
         for (int shared = 0; shared < 2; shared++) {
-            window_bits(mask, other, first, last, 1, shared);
-            window_bits(other, mask, first, last, (size_t)side, shared);
+            window_bits(mask, other, first, last, 1, narrow, shared);
+            window_bits(other, mask, first, last, (size_t)side, narrow, shared);
         }
         if (square) weigh_parts(mask, square, floor, half, side, (int)top, (int)bottom, shade);
         else weigh(mask, first, last, 1 / (float)lamp_count, shade);
@@ -215,4 +226,24 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp
     }
     free(mask);
     return fine;
+}
+
+/* out (wide, wide): a grid (side, side) over the same square in other cells, linear between its cells' centres. */
+FAST int z2p_other_cells(const float *grid, int side, int wide, float *out) {
+    float ratio = (float)side / (float)wide, last = (float)side - 1;
+    for (int v = 0; v < wide; v++) {
+        float row = smaller(larger(((float)v + 0.5f) * ratio - 0.5f, 0), last);
+        int top = row < last ? (int)row : side - 2;
+        float below = row - (float)top;
+        const float *at = grid + (size_t)top * side;
+        for (int u = 0; u < wide; u++) {
+            float column = smaller(larger(((float)u + 0.5f) * ratio - 0.5f, 0), last);
+            int left = column < last ? (int)column : side - 2;
+            float right = column - (float)left;
+            float upper = at[left] * (1 - right) + at[left + 1] * right;
+            float lower = at[side + left] * (1 - right) + at[side + left + 1] * right;
+            out[(size_t)v * wide + u] = upper * (1 - below) + lower * below;
+        }
+    }
+    return 1;
 }

@@ -1,0 +1,65 @@
+"""The floor's shade is neither more nor less than what is truly hidden, however far apart the points lie."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from made_clouds import sphere
+
+from z2p_core.discs import discs, spread_out
+from z2p_core.lamps import floor_sky, light_lamps
+from z2p_core.shades import FLOOR_HALF, floor_shades, narrowed_share
+from z2p_core.tangents import tangents
+
+LIGHT, HEIGHT, RADIUS = (3.6, 30.0, 50.0), -0.6, 0.5
+
+
+def shades_of(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Shade of the lamp and of the sky below a ball about the origin of so many random points."""
+    found = tangents(np.float32(sphere(count) * RADIUS))
+    spacing = float(np.median(found.spacing))
+    further, radii = discs(found, spacing)
+    return floor_shades(found.points, further, radii, spacing, LIGHT, HEIGHT, 1)
+
+
+def hidden(side: int, ways: np.ndarray) -> np.ndarray:
+    """Share (side, side) of rays that meet the ball, from a floor's cells along `ways` (side, side or 1, L, 3)."""
+    x, y = np.meshgrid(*[((np.arange(side) + 0.5) / side * 2 - 1) * FLOOR_HALF] * 2)
+    places = np.stack([x, y, np.full_like(x, HEIGHT)], -1).reshape(-1, 3)
+    met = np.zeros(len(places))
+    for way in ways:
+        rays = way - places if np.linalg.norm(way) > 1.5 else np.broadcast_to(way, places.shape)
+        rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        nearest = -np.einsum("na,na->n", places, rays)
+        met += (nearest > 0) & ((places**2).sum(1) - nearest**2 < RADIUS**2)
+    return (met / len(ways)).reshape(side, side)
+
+
+@pytest.mark.parametrize("count", [500, 2_000, 6_000, 12_000, 40_000])
+def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
+    lamp, sky = shades_of(count)
+    side = len(lamp)
+    true = hidden(side, light_lamps(LIGHT, 256)[0])
+    assert lamp.sum() == pytest.approx(true.sum(), rel=0.06)
+    assert np.abs(lamp - true).sum() < 0.1 * true.sum()
+    clear = hidden(side, floor_sky(512))
+    assert sky.sum() == pytest.approx(clear.sum(), rel=0.1)
+    assert np.abs(sky - clear).sum() < 0.25 * clear.sum()
+
+
+def test_places_about_a_disc_lie_in_its_plane_on_a_cross() -> None:
+    found = tangents(np.float32(sphere(800)))
+    further, radii = discs(found, float(np.median(found.spacing)))
+    middles, *places = np.split(spread_out(further, radii), 5)
+    assert np.array_equal(middles, further.points)
+    away = np.stack(places) - middles
+    lengths = np.linalg.norm(away, axis=2)
+    np.testing.assert_allclose(lengths / radii, lengths[0, 0] / radii[0], rtol=1e-4)
+    assert np.abs(np.einsum("kna,na->kn", away, further.normals)).max() < 1e-5
+    np.testing.assert_allclose(away.sum(0), 0, atol=1e-6)
+    assert np.abs(np.einsum("na,na->n", away[0], away[2])).max() < 1e-6
+
+
+def test_the_farther_apart_points_lie_the_fewer_shadows_are_narrowed() -> None:
+    shares = [narrowed_share(spacing, 450) for spacing in (0.0, 0.01, 0.03, 1.0)]
+    assert shares[0] == 1 > shares[1] > shares[2] > shares[3] == 0

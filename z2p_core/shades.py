@@ -1,0 +1,77 @@
+"""How much of the lamp's and of the sky's light a cloud hides from the floor below it.
+
+Both are counted in cells of the floor, in which the shadows of points close up (`native/shade.c`). A cell that a shadow
+only touches is in it, and points fall short of outlines; how wide the cells are, and how many lamps' shadows are made
+narrower, leaves neither too much shade nor too little on the whole, as rays through the meshes of clouds of 1,000 to
+40,000 points tell.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from z2p_core import native
+from z2p_core.discs import spread_out
+from z2p_core.lamps import floor_sky, lamp_sets, light_square
+from z2p_core.tangents import Tangents
+
+FLOOR_HALF, FLOOR_CELL, FLOOR_MOST = 4.5, 0.0125, 720
+"""Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side."""
+APART = 1.5
+"""Spacing of points in the cells that their shadows close up in."""
+SPARSE, SPREAD_APART, SPREAD_BALL = 2.0, 2.4, 0.4
+"""Spacing in finest cells from which on points are spread out to their discs, the cells that a spacing then has, and
+the radius of the balls that these are. Denser ones gain little by it and would cost much."""
+SHORT = 0.4
+"""Share of the lamps that points fall short of outlines for, for each cell that they lie apart."""
+BALL = 0.7
+"""Radius in spacings of the balls that points are where a lamp draws their shadow out."""
+FLOOR_LAMPS, FLOOR_SKY, SKY_POINTS = 64, 128, 10_000
+"""Lamps that stand for the light, a square number; directions that stand for the sky, and the points of a larger cloud
+that are enough for them, since its shade is soft."""
+SKY, SKY_SOFT = 50.0, 3
+"""Distance at which a lamp is a direction; and cells to every side over which the sky's shadow is averaged, which so
+few directions leave in steps."""
+
+
+def floor_shades(
+    points: np.ndarray, found: Tangents, radii: np.ndarray, spacing: float, light: tuple[float, float, float],
+    height: float, sets: int,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Shares (S, S) of the lamp's and of the sky's light that points (N, 3) of that spacing hide from a floor.
+
+    Their discs are `found` with `radii` (M,). The floor lies at that `height`, and so many `sets` (1, 2 or 4) of lamps
+    stand for the light.
+    """
+    square = light_square(light)
+    if spacing >= SPARSE * FLOOR_CELL:
+        cast, side, narrowed, ball = spread_out(found, radii), _side(spacing / SPREAD_APART), 1.0, SPREAD_BALL
+    else:
+        cast, side, ball = points, _side(spacing / APART), BALL
+        narrowed = narrowed_share(spacing, side)
+    shades = [native.floor_shade(cast, places, height, FLOOR_HALF, side, narrowed, ball * spacing, square=square)
+              for places in lamp_sets(light, FLOOR_LAMPS, sets)]  # fmt: skip
+    return sum(shades[1:], shades[0]) / np.float32(sets), native.in_other_cells(_sky(points, spacing, height), side)
+
+
+def narrowed_share(spacing: float, side: int) -> float:
+    """Share of the lamps whose shadows on `side` cells a side are made narrower, for points of that spacing."""
+    return max(1 - SHORT * spacing * side / (2 * FLOOR_HALF), 0)
+
+
+def _sky(points: np.ndarray, spacing: float, height: float) -> np.ndarray:
+    """Share (Q, Q) of the sky's light that points (N, 3) hide."""
+    every = -(-len(points) // SKY_POINTS)
+    side = _side(spacing * math.sqrt(every) / APART)
+    ways = SKY * floor_sky(FLOOR_SKY)
+    halves = [native.floor_shade(points[::every], ways[half::2], height, FLOOR_HALF, side, 1.0, soft=SKY_SOFT)
+              for half in (0, 1)]  # fmt: skip
+    shade: np.ndarray = (halves[0] + halves[1]) / np.float32(2)
+    return shade
+
+
+def _side(cell: float) -> int:
+    """Cells a side, of about that width."""
+    return min(FLOOR_MOST, int(2 * FLOOR_HALF / max(cell, FLOOR_CELL)))
