@@ -52,14 +52,15 @@ def discs(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
 def spread_out(found: Tangents, radii: np.ndarray) -> np.ndarray:
     """Points (5 M, 3) float32 that tell where discs of radii (M,) lie better than their middles alone.
 
-    The middles, and four places about each in its plane.
+    Each disc's middle, and four places about it in its plane.
     """
     normals = found.normals
     aside = np.eye(3, dtype=np.float32)[np.abs(normals).argmin(axis=1)]
     first = np.cross(normals, aside)
     first *= (ABOUT / OVERLAP * radii / np.sqrt(products(first, first)))[:, None].astype(np.float32)
     second, middles = np.cross(normals, first), found.points
-    return np.concatenate([middles, middles + first, middles - first, middles + second, middles - second])
+    places = np.stack([middles, middles + first, middles - first, middles + second, middles - second], axis=1)
+    return places.reshape(-1, 3)  # a disc's stay together, as their shadows do in memory
 
 
 def closed(

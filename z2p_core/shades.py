@@ -21,7 +21,7 @@ FLOOR_HALF, FLOOR_CELL, FLOOR_MOST = 4.5, 0.0125, 720
 """Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side."""
 APART = 1.5
 """Spacing of points in the cells that their shadows close up in."""
-SPARSE, SPREAD_APART, SPREAD_BALL = 2.0, 2.4, 0.4
+SPARSE, SPREAD_APART, SPREAD_BALL = 2.0, 2.4, 0.2
 """Spacing in finest cells from which on points are spread out to their discs, the cells that a spacing then has, and
 the radius of the balls that these are. Denser ones gain little by it and would cost much."""
 SHORT = 0.4

@@ -50,7 +50,7 @@ def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
 def test_places_about_a_disc_lie_in_its_plane_on_a_cross() -> None:
     found = tangents(np.float32(sphere(800)))
     further, radii = discs(found, float(np.median(found.spacing)))
-    middles, *places = np.split(spread_out(further, radii), 5)
+    middles, *places = spread_out(further, radii).reshape(-1, 5, 3).swapaxes(0, 1)
     assert np.array_equal(middles, further.points)
     away = np.stack(places) - middles
     lengths = np.linalg.norm(away, axis=2)

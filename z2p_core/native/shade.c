@@ -230,20 +230,21 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp
 
 /* out (wide, wide): a grid (side, side) over the same square in other cells, linear between its cells' centres. */
 FAST int z2p_other_cells(const float *grid, int side, int wide, float *out) {
-    float ratio = (float)side / (float)wide, last = (float)side - 1;
-    for (int v = 0; v < wide; v++) {
+    float ratio = (float)side / (float)wide, last = (float)side - 1, *line = malloc(sizeof(float) * (size_t)side);
+    for (int v = 0; line && v < wide; v++) {
         float row = smaller(larger(((float)v + 0.5f) * ratio - 0.5f, 0), last);
         int top = row < last ? (int)row : side - 2;
         float below = row - (float)top;
-        const float *at = grid + (size_t)top * side;
+        const float *restrict at = grid + (size_t)top * side, *restrict next = at + side;
+        float *restrict to = out + (size_t)v * wide;
+        for (int x = 0; x < side; x++) line[x] = at[x] + below * (next[x] - at[x]);
         for (int u = 0; u < wide; u++) {
             float column = smaller(larger(((float)u + 0.5f) * ratio - 0.5f, 0), last);
             int left = column < last ? (int)column : side - 2;
-            float right = column - (float)left;
-            float upper = at[left] * (1 - right) + at[left + 1] * right;
-            float lower = at[side + left] * (1 - right) + at[side + left + 1] * right;
-            out[(size_t)v * wide + u] = upper * (1 - below) + lower * below;
+            to[u] = line[left] + (column - (float)left) * (line[left + 1] - line[left]);
         }
     }
-    return 1;
+    int fine = line != NULL;
+    free(line);
+    return fine;
 }
