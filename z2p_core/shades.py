@@ -31,9 +31,11 @@ BALL = 0.7
 FLOOR_LAMPS, FLOOR_SKY, SKY_POINTS = 64, 128, 10_000
 """Lamps that stand for the light, a square number; directions that stand for the sky, and the points of a larger cloud
 that are enough for them, since its shade is soft."""
-SKY, SKY_SOFT = 50.0, 3
-"""Distance at which a lamp is a direction; and cells to every side over which the sky's shadow is averaged, which so
-few directions leave in steps."""
+SOFT, SKY_SOFT = 2, 3
+"""Cells to every side over which steps are averaged that so few lamps leave in a penumbra, and directions in the sky's
+shadow."""
+SKY = 50.0
+"""Distance at which a lamp is a direction."""
 
 
 def floor_shades(
@@ -47,11 +49,12 @@ def floor_shades(
     """
     square = light_square(light)
     if spacing >= SPARSE * FLOOR_CELL:
-        cast, side, narrowed, ball = spread_out(found, radii), _side(spacing / SPREAD_APART), 1.0, SPREAD_BALL
+        cast, side = spread_out(found, radii), _side(spacing / SPREAD_APART)
+        narrowed, ball = 1.0, SPREAD_BALL
     else:
-        cast, side, ball = points, _side(spacing / APART), BALL
-        narrowed = narrowed_share(spacing, side)
-    shades = [native.floor_shade(cast, places, height, FLOOR_HALF, side, narrowed, ball * spacing, square=square)
+        cast, side = points, _side(spacing / APART)
+        narrowed, ball = narrowed_share(spacing, side), BALL
+    shades = [native.floor_shade(cast, places, height, FLOOR_HALF, side, narrowed, ball * spacing, SOFT, square)
               for places in lamp_sets(light, FLOOR_LAMPS, sets)]  # fmt: skip
     return sum(shades[1:], shades[0]) / np.float32(sets), native.in_other_cells(_sky(points, spacing, height), side)
 

@@ -63,7 +63,7 @@ SPARSE_APART, TRUST, MOST_TRUST = 5.0, 0.15, 0.6
 have in it for each pixel less, and at most."""
 ALIKE = 8 / 255
 """How far the network's colour and a disc's differ by chance, at most: by more where the network mends something."""
-SHADOW_TRUST, SHADOW_ALIKE = 0.5, 0.06
+SHADOW_TRUST, SHADOW_ALIKE = 0.25, 0.06
 """Share that the floor's shadow as it is cast here has in the picture's, where they differ by no more."""
 STRIPS = 6
 """Strips of a picture, which the cores take in turn. One core draws the same ones: which discs are hidden is told

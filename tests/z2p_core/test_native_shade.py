@@ -52,7 +52,7 @@ def test_parts_of_a_square_light_count_as_much_as_they_shine():
     square, lamps = square_light((0.9, -1.6, 1.9))
     axis = np.cross(square[2], square[1]) / np.linalg.norm(np.cross(square[2], square[1]))
     sheet = square_of(40_000, 0.5, 0.3)
-    shade = native.floor_shade(sheet, lamps, floor, half, side, square=square)
+    shade = native.floor_shade(sheet, lamps, floor, half, side, soft=2, square=square)
     x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 * half - half] * 2)
     full, lost = np.zeros((side, side)), np.zeros((side, side))
     for number, lamp in enumerate(lamps):
@@ -74,7 +74,7 @@ def test_a_penumbra_has_no_steps():
     square = np.float32([[0, 0, 2.0], [1.6, 0, 0], [0, 1.6, 0]])
     lamps = np.float32([[1.6 * x, 1.6 * y, 2.0] for y in rows for x in rows])
     sheet = square_of(60_000, 0.7, 0.0) + np.float32([0.7, 0, 0])
-    steps = [np.diff(native.floor_shade(sheet, lamps, -1.0, half, side, square=given)[side // 2, 150:250])
+    steps = [np.diff(native.floor_shade(sheet, lamps, -1.0, half, side, soft=2, square=given)[side // 2, 150:250])
              for given in (None, square)]  # fmt: skip
     assert np.median(steps[1]) > 0  # where there were steps, most cells were as dark as their neighbours
     assert steps[1].std() < 0.4 * steps[0].std()

@@ -71,7 +71,8 @@ def floor_shade(
     to every side. Lamps below the floor are eyes that look into it as into a mirror. Cells that a shadow only touches
     are in it; of the share `narrowed` of the lamps shadows are a cell narrower. Where a low or near lamp draws their
     shadows out, points are balls of radius `ball`, in world units. `square` (3, 3), the middle and the two sides
-    of a square light whose 8 x 8 parts the lamps are, weighs each part by how much it shines on the cell.
+    of a square light whose 8 x 8 parts the lamps are, weighs each part by how much it shines on the cell, and the
+    average is only taken as far as steps in its penumbra ask for it.
     """
     shade = np.empty((side, side), np.float32)
     call(

@@ -12,7 +12,6 @@
 #define CLOSED 2.0f     /* how far shadows of points are drawn out without gaps */
 #define LONGEST 64.0f   /* of those drawn out: of points beside a lamp, which no picture shows, they may cover all */
 #define EMPTY 5         /* cells at the floor's border that stay without shadow */
-#define WIDE 2          /* cells to every side over which steps are taken out */
 #define APART 4         /* cells to every side from which slopes are taken */
 
 /* A cell that a shadow only touches is all in it, so shadows are half a cell too wide on every side; but points fall
@@ -168,10 +167,10 @@ FAST static void soften(const float *shade, float *room, int side, int first, in
 
 /* Takes the steps out of the penumbrae in the rows from `first` to `last` - 1 of shade (side, side), which eight lamps
  * side by side leave there: the more cells lie from step to step at the penumbra's slope, the nearer it comes to a mean
- * over five by five. `room` is that of two such grids. */
-FAST static void take_out_steps(float *shade, float *room, int side, int first, int last) {
+ * over `wide` cells to every side. `room` is that of two such grids. */
+FAST static void take_out_steps(float *shade, float *room, int side, int first, int last, int wide) {
     float *mean = room + (size_t)side * side;
-    soften(shade, room, side, first, last, WIDE, mean);
+    soften(shade, room, side, first, last, wide, mean);
     for (int y = first + APART; y < last - APART; y++) {
         const float *here = mean + (size_t)y * side, *above = here - APART * side, *below = here + APART * side;
         float *restrict out = shade + (size_t)y * side;
@@ -179,16 +178,17 @@ FAST static void take_out_steps(float *shade, float *room, int side, int first, 
             float across = here[x + APART] - here[x - APART], along = below[x] - above[x];
             float slope = sqrtf(across * across + along * along) / (2 * APART);
             float cells = 0.125f / larger(slope, 1e-4f); /* from step to step */
-            out[x] += smaller(larger((cells - 1) / (2 * WIDE), 0), 1) * (here[x] - out[x]);
+            out[x] += smaller(larger((cells - 1) / (2 * (float)wide), 0), 1) * (here[x] - out[x]);
         }
     }
 }
 
 /* shade (side, side): the share of the lamps that the cloud hides from each cell of the floor; where `square` is given,
- * they are the parts of such a light, and their steps are taken out of its penumbra. The floor's square reaches `half`
+ * they are the parts of such a light. The floor's square reaches `half`
  * to every side of the origin at height `floor`; points are balls of that radius, in cells, where a lamp draws them
  * out, holes between them are closed over two cells, the shadows of the share `narrowed` of the lamps are made a cell
- * narrower, and the whole is averaged over `soft` cells to every side. */
+ * narrower, and the whole is averaged over `soft` cells to every side; where `square` is given, only as far as that
+ * takes steps out of its penumbra. */
 int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp_count, const float *square,
                     float floor, float half, int side, float ball, float narrowed, int soft, float *shade) {
     uint64_t narrow = narrowed_lamps(narrowed);
@@ -217,11 +217,11 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp
         }
         if (square) weigh_parts(mask, square, floor, half, side, (int)top, (int)bottom, shade);
         else weigh(mask, first, last, 1 / (float)lamp_count, shade);
-        int spare = square ? WIDE + APART : soft, above = (int)top - spare, below = (int)bottom + spare;
+        int spare = square ? soft + APART : soft, above = (int)top - spare, below = (int)bottom + spare;
         above = above > 0 ? above : 0;
         below = below < side ? below : side;
         /* the masks have done their work: room for four times as many floats */
-        if (square) take_out_steps(shade, (float *)mask, side, above, below);
+        if (square && soft) take_out_steps(shade, (float *)mask, side, above, below, soft);
         else if (soft) soften(shade, (float *)mask, side, above, below, soft, shade);
     }
     free(mask);
