@@ -178,7 +178,8 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
     up = _upright(points, scan.sensor, suffix, placing)
     background, put_in = 0, points[:0]
     if up.sensor is None and not placing.keep_outliers:
-        points = _standing(points, up)
+        kept = clip_below(points, along(points, _upward(up, placing)))
+        points = points[kept] if not kept.all() else points
     if up.sensor is not None:
         put_in = points[:0] if placing.smooth == 0 else dropouts(points, up.sensor)
         if not placing.keep_outliers:
@@ -193,8 +194,7 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
     added = len(put_in)
     points = np.concatenate([points, put_in]) if added else points
     if placing.cut_top:
-        rotation = up.rotation if placing.viewpoint is None else np.array(placing.viewpoint.rotation)
-        height = along(points, rotation[2])
+        height = along(points, _upward(up, placing))
         low = height <= height.max() - placing.cut_top / 100 * np.ptp(height)
         points, added = points[low], int(low[len(low) - added :].sum())
         if len(points) < FEWEST_POINTS:
@@ -212,10 +212,11 @@ def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
     return points, background
 
 
-def _standing(points: np.ndarray, up: Up) -> np.ndarray:
-    """The points (M, 3) without strays below, which would lift the rest off the floor."""
-    kept = clip_below(points, along(points, up.rotation[2]))
-    return points if kept.all() else points[kept]
+def _upward(up: Up, placing: Placing) -> np.ndarray:
+    """The direction (3,) in the file's axes that points up in the picture."""
+    rotation = up.rotation if placing.viewpoint is None else np.array(placing.viewpoint.rotation)
+    upward: np.ndarray = rotation[2]
+    return upward
 
 
 def _as_settled(

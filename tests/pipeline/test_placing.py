@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -117,6 +119,18 @@ def test_strays_are_left_out_and_counted_unless_kept(cloud: np.ndarray) -> None:
     kept = place(scan(strays), ".ply", Placing("+Z", "front", keep_outliers=True), 20.0, FREE)
     assert np.array_equal(kept.cloud, place_cloud(strays))
     assert "stray" not in kept.stance.told
+
+
+def test_a_few_points_far_below_are_left_out_and_the_thing_stands_on_the_floor() -> None:
+    slab = np.random.default_rng(0).uniform([-1, -1, -0.2], [1, 1, 0.2], (5000, 3))
+    points = np.vstack([slab, [[0.3, 0.2, slab[:, 2].min() - 0.9]]])
+    placed = place(scan(points), ".npy", Placing())
+    assert placed.stance.outliers == 1 and "1 stray points" in placed.stance.told
+    again = place(scan(points), ".npy", Placing(viewpoint=placed.viewpoint))
+    assert again.stance.outliers == 1 and np.ptp(again.cloud[:, 2]) == pytest.approx(np.ptp(placed.cloud[:, 2]))
+    assert place(scan(points), ".npy", Placing(keep_outliers=True)).stance.outliers == 0
+    lying = replace(placed.viewpoint, rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
+    assert place(scan(points), ".npy", Placing(viewpoint=lying)).stance.outliers == 0  # not below, in that camera
 
 
 def test_too_few_points_for_a_surface_are_told(cloud: np.ndarray) -> None:
