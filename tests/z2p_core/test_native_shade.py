@@ -74,8 +74,8 @@ def test_a_penumbra_has_no_steps():
     square = np.float32([[0, 0, 2.0], [1.6, 0, 0], [0, 1.6, 0]])
     lamps = np.float32([[1.6 * x, 1.6 * y, 2.0] for y in rows for x in rows])
     sheet = square_of(60_000, 0.7, 0.0) + np.float32([0.7, 0, 0])
-    steps = [np.diff(native.floor_shade(sheet, lamps, -1.0, half, side, soft=2, square=given)[side // 2, 150:250])
-             for given in (None, square)]  # fmt: skip
+    steps = [np.diff(native.floor_shade(sheet, lamps, -1.0, half, side, soft=soft, square=given)[side // 2, 150:250])
+             for soft, given in ((0, None), (2, square))]  # fmt: skip
     assert np.median(steps[1]) > 0  # where there were steps, most cells were as dark as their neighbours
     assert steps[1].std() < 0.4 * steps[0].std()
 
