@@ -76,5 +76,5 @@ def _sky(points: np.ndarray, spacing: float, height: float) -> np.ndarray:
 
 
 def _side(cell: float) -> int:
-    """Cells a side, of about that width."""
-    return min(FLOOR_MOST, int(2 * FLOOR_HALF / max(cell, FLOOR_CELL)))
+    """Cells a side, of about that width; two at least, between which a shade can be told."""
+    return max(min(FLOOR_MOST, int(2 * FLOOR_HALF / max(cell, FLOOR_CELL))), 2)

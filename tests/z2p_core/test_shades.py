@@ -47,6 +47,13 @@ def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
     assert np.abs(sky - clear).sum() < 0.25 * clear.sum()
 
 
+def test_points_wider_apart_than_the_floor_is_hide_nothing() -> None:
+    found = tangents(np.float32(sphere(12) * 100))
+    further, radii = discs(found, 100.0)
+    for shade in floor_shades(found.points, further, radii, 100.0, LIGHT, -100.0, 1):
+        assert shade.shape == (2, 2) and not shade.any()
+
+
 def test_places_about_a_disc_lie_in_its_plane_on_a_cross() -> None:
     found = tangents(np.float32(sphere(800)))
     further, radii = discs(found, float(np.median(found.spacing)))

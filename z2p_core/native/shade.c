@@ -183,12 +183,11 @@ FAST static void take_out_steps(float *shade, float *room, int side, int first, 
     }
 }
 
-/* shade (side, side): the share of the lamps that the cloud hides from each cell of the floor; where `square` is given,
- * they are the parts of such a light. The floor's square reaches `half`
- * to every side of the origin at height `floor`; points are balls of that radius, in cells, where a lamp draws them
- * out, holes between them are closed over two cells, the shadows of the share `narrowed` of the lamps are made a cell
- * narrower, and the whole is averaged over `soft` cells to every side; where `square` is given, only as far as that
- * takes steps out of its penumbra. */
+/* shade (side, side): the share of the lamps that the cloud hides from each cell of the floor; where `square` is
+ * given, they are the parts of such a light. The floor's square reaches `half` to every side of the origin at height
+ * `floor`; points are balls of that radius, in cells, where a lamp draws them out, holes between them are closed over
+ * two cells, the shadows of the share `narrowed` of the lamps are made a cell narrower, and the whole is averaged
+ * over `soft` cells to every side; where `square` is given, only as far as that takes steps out of its penumbra. */
 int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp_count, const float *square,
                     float floor, float half, int side, float ball, float narrowed, int soft, float *shade) {
     uint64_t narrow = narrowed_lamps(narrowed);
