@@ -9,6 +9,8 @@ narrower, leaves neither too much shade nor too little on the whole, as rays thr
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -16,6 +18,10 @@ from z2p_core import native
 from z2p_core.discs import spread_out
 from z2p_core.lamps import floor_sky, lamp_sets, light_square
 from z2p_core.tangents import Tangents
+from z2p_core.threads import all_of
+
+Shading = list[Callable[[], np.ndarray]]
+"""What work out shades each, on whichever core is idle."""
 
 FLOOR_HALF, FLOOR_CELL, FLOOR_MOST = 4.5, 0.0125, 720
 """Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side."""
@@ -54,9 +60,12 @@ def floor_shades(
     else:
         cast, side = points, _side(spacing / APART)
         narrowed, ball = narrowed_share(spacing, side), BALL
-    shades = [native.floor_shade(cast, places, height, FLOOR_HALF, side, narrowed, ball * spacing, SOFT, square)
-              for places in lamp_sets(light, FLOOR_LAMPS, sets)]  # fmt: skip
-    return sum(shades[1:], shades[0]) / np.float32(sets), native.in_other_cells(_sky(points, spacing, height), side)
+    cast_by = partial(native.floor_shade, cast, floor=height, half=FLOOR_HALF, side=side, narrowed=narrowed,
+                      ball=ball * spacing, soft=SOFT, square=square)  # fmt: skip
+    lamps: Shading = [partial(cast_by, places) for places in lamp_sets(light, FLOOR_LAMPS, sets)]
+    *shades, first, second = all_of(lamps + _sky_halves(points, spacing, height))
+    sky = native.in_other_cells((first + second) / np.float32(2), side)
+    return sum(shades[1:], shades[0]) / np.float32(sets), sky
 
 
 def narrowed_share(spacing: float, side: int) -> float:
@@ -64,15 +73,13 @@ def narrowed_share(spacing: float, side: int) -> float:
     return max(1 - SHORT * spacing * side / (2 * FLOOR_HALF), 0)
 
 
-def _sky(points: np.ndarray, spacing: float, height: float) -> np.ndarray:
-    """Share (Q, Q) of the sky's light that points (N, 3) hide."""
+def _sky_halves(points: np.ndarray, spacing: float, height: float) -> Shading:
+    """What work out the share (Q, Q) that points (N, 3) hide of the sky's light, from half the directions each."""
     every = -(-len(points) // SKY_POINTS)
     side = _side(spacing * math.sqrt(every) / APART)
-    ways = SKY * floor_sky(FLOOR_SKY)
-    halves = [native.floor_shade(points[::every], ways[half::2], height, FLOOR_HALF, side, 1.0, soft=SKY_SOFT)
-              for half in (0, 1)]  # fmt: skip
-    shade: np.ndarray = (halves[0] + halves[1]) / np.float32(2)
-    return shade
+    ways, fewer = SKY * floor_sky(FLOOR_SKY), points[::every]
+    return [partial(native.floor_shade, fewer, ways[half::2], height, FLOOR_HALF, side, 1.0, soft=SKY_SOFT)
+            for half in (0, 1)]  # fmt: skip
 
 
 def _side(cell: float) -> int:

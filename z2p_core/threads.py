@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import lru_cache, partial
 from itertools import pairwise
 from threading import Lock, Semaphore
-from typing import Any
+from typing import Any, TypeVar
+
+T = TypeVar("T")
 
 SMALLEST = 1000
 """Rows below which a second thread costs more than it saves."""
@@ -57,6 +59,18 @@ def over_rows(work: Callable[[int, int], object], count: int, smallest: int = SM
         work(0, count)
         return
     rows_beside(work, count, parts)()
+
+
+def all_of(works: Sequence[Callable[[], T]]) -> list[T]:
+    """What each of the works gives, in their order; a second core does some, from the moment on that it is idle."""
+    given: list[Any] = [None] * len(works)
+
+    def do(begin: int, end: int) -> None:
+        for i in range(begin, end):
+            given[i] = works[i]()
+
+    over_rows(do, len(works), smallest=2, parts=len(works))
+    return given
 
 
 def rows_beside(work: Callable[[int, int], object], count: int, parts: int = PARTS) -> Callable[[], None]:

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from z2p_core.threads import SMALLEST, beside, one_core_each, over_rows, rows_beside
+from z2p_core.threads import SMALLEST, all_of, beside, one_core_each, over_rows, rows_beside
 
 
 def test_work_is_done_on_another_thread_and_its_result_comes_back():
@@ -159,3 +159,20 @@ def test_with_a_picture_on_each_core_work_is_done_by_the_thread_that_asks():
     with pytest.raises(ZeroDivisionError), one_core_each():
         beside(lambda: 1 / 0).result()
     assert beside(threading.get_ident).result() != asking
+
+
+def test_all_works_give_what_they_give_in_their_order_by_both_cores():
+    met = threading.Barrier(2, timeout=10)
+
+    def work(number):
+        if number < 2:
+            met.wait()  # each waits for the other: one thread alone would never get on
+        return number, threading.get_ident()
+
+    given = all_of([lambda number=number: work(number) for number in range(5)])
+    assert [number for number, _ in given] == list(range(5)) and len({thread for _, thread in given}) == 2
+    assert all_of([]) == [] and all_of([threading.get_ident]) == [threading.get_ident()]
+    with one_core_each():
+        assert set(all_of([threading.get_ident] * 3)) == {threading.get_ident()}
+    with pytest.raises(ZeroDivisionError):
+        all_of([int, lambda: 1 // 0, int])
