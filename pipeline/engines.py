@@ -17,8 +17,12 @@ REFERENCE_ENGINE = "torch"
 """What quality is measured with, and the other engines against."""
 
 
-def start_engine(loaded: LoadedWeights, file: Path, name: str | None = None, threads: int | None = None) -> Engine:
-    """The engine called `name`, or of those installed the one of the lowest rank, running the weights of `file`.
+def start_engine(
+    loaded: LoadedWeights, file: Path, name: str | None = None, threads: int | None = None, exact: bool = False
+) -> Engine:
+    """The engine called `name`, or of those that may run unasked the one of the lowest rank, on the weights of `file`.
+
+    `exact` leaves those out that are not, unless forced.
 
     Raises:
         PluginError: no such engine, or its library is not installed.
@@ -30,7 +34,7 @@ def start_engine(loaded: LoadedWeights, file: Path, name: str | None = None, thr
     network = TrainedNetwork(
         loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8, users_shelf()
     )
-    return _chosen(name, network, file)(network, threads)
+    return _chosen(name, network, file, exact)(network, threads)
 
 
 def check_engine(name: str) -> type[Engine]:
@@ -45,7 +49,7 @@ def check_engine(name: str) -> type[Engine]:
     return engine
 
 
-def _chosen(name: str | None, network: TrainedNetwork, file: Path) -> type[Engine]:
+def _chosen(name: str | None, network: TrainedNetwork, file: Path, exact: bool) -> type[Engine]:
     if name is not None:
         engine = check_engine(name)
         if not _can_run(engine, network):
@@ -54,7 +58,7 @@ def _chosen(name: str | None, network: TrainedNetwork, file: Path) -> type[Engin
     known: list[type[Engine]] = sorted((registry.load("engines", one) for one in registry.names("engines")),
                                        key=lambda one: (one.rank, one.name))  # fmt: skip
     for engine in known:
-        if engine.exact and engine.installed() and _can_run(engine, network):
+        if (engine.exact if exact else engine.unasked()) and engine.installed() and _can_run(engine, network):
             return engine
     raise WeightsError(
         f"{file}: expected {file.with_suffix('.onnx').name} beside it, or torch; {_export(file)}, or install torch "

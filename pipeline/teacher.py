@@ -53,7 +53,7 @@ class Teacher:
         known = [[control["name"], control["version"]] for control in self._loaded.card["controls"]]
         if known != wanted:
             raise TeacherError(f"train.teacher: expected weights whose controls are {wanted}, got {known} in {weights}")
-        self._engine = start_engine(self._loaded, file, teaching_engine(), threads=1)
+        self._engine = start_engine(self._loaded, file, teaching_engine(), threads=1, exact=True)
         cells = Camera(resolution, resolution).frame_coordinates(step=self._loaded.config.unshuffle)
         self._encoding = self._loaded.encoder.encode(*cells)
 

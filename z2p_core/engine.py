@@ -47,13 +47,18 @@ class Engine(ABC):
     package: ClassVar[str]
     """The library's import name. The plugin's module must not import it: only `__init__` does."""
     rank: ClassVar[int]
-    """Where the user forces none, the installed engine of the lowest rank runs."""
+    """Where the user forces none, the installed engine of the lowest rank runs, of those that may `unasked`."""
     reads_onnx: ClassVar[bool] = True
     """Whether it needs `TrainedNetwork.onnx`; False for one that takes the torch module."""
     reads_int8: ClassVar[bool] = False
     """Whether it is `TrainedNetwork.int8` that it needs instead."""
     exact: ClassVar[bool] = True
     """Whether it keeps within 2/255 of torch; what does not says so, and `z2p evaluate --engine` judges it."""
+
+    @classmethod
+    def unasked(cls) -> bool:
+        """Whether it may run where the user forces none: exact ones may, others where they are quicker than those."""
+        return cls.exact
 
     @classmethod
     def installed(cls) -> bool:

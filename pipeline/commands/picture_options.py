@@ -25,8 +25,9 @@ OPTIONS = (
                  help="Shipped name or a .safetensors file; auto: of those shipped the ones that carry the controls "
                  "asked for, and for noisy clouds those made for noise."),
     click.option("--engine", metavar="NAME",
-                 help="What runs the network: onnxruntime, openvino, torch; default: the first that is installed. "
-                 "Quicker, less exact: onnxruntime-int8, openvino-bf16, openvino-int8."),
+                 help="What runs the network: onnxruntime, openvino, torch; quicker, less exact by a grey level or two:"
+                 " onnxruntime-int8, openvino-bf16, openvino-int8. Default: onnxruntime-int8 on processors with VNNI,"
+                 " else the first of the others that is installed."),
     click.option("--up", default="auto", type=UpAxis(),
                  help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
                  "or the way an object stands."),

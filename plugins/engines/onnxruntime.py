@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,8 @@ import numpy as np
 from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.sizes import once_each
 
+CPU_FLAGS, VNNI = Path("/proc/cpuinfo"), {"avx512_vnni", "avx_vnni"}
+"""Where Linux says what a processor knows, and the names of those instructions."""
 SIZE = ("batch", "height", "width")
 """What an export calls the sizes of its buffers."""
 
@@ -49,9 +53,26 @@ class OnnxRuntime(Engine):
 
 
 class OnnxRuntimeInt8(OnnxRuntime):
-    """The exported network whose inner convolutions are in 8 bits, twice as quick; on processors with VNNI."""
+    """The exported network whose inner convolutions are in 8 bits, a third quicker; on processors with VNNI.
+
+    There it runs unasked: shipped weights only have an 8-bit form where that is as good as exact.
+    """
 
     name = "onnxruntime-int8"
-    rank = 110
+    rank = 5
     reads_int8 = True
     exact = False
+
+    @classmethod
+    def unasked(cls) -> bool:
+        return multiplies_bytes()
+
+
+@lru_cache(maxsize=1)
+def multiplies_bytes() -> bool:
+    """Whether the processor adds up products of bytes in one step; where nothing tells, it does not."""
+    try:
+        told = CPU_FLAGS.read_text(encoding="ascii", errors="replace")
+    except OSError:  # not Linux
+        return False
+    return not VNNI.isdisjoint(told.split())

@@ -14,9 +14,12 @@ import onnx
 import pytest
 from click.testing import Result
 
+import plugins.engines.onnxruntime
+from pipeline.engines import start_engine
 from pipeline.export import export_onnx
 from pipeline.infer import Renderer, place_cloud
-from storage.checkpoints import WeightsError, load_weights, save_weights
+from pipeline.load import load_plugins
+from storage.checkpoints import WeightsError, load_weights, resolve, save_weights
 from storage.exports import onnx_path
 from z2p_core import registry
 from z2p_core.registry import PluginError
@@ -111,6 +114,26 @@ def test_no_engine_that_is_less_exact_runs_unasked(exported_weights: Path, monke
     with pytest.raises(WeightsError, match="or torch"):
         Renderer(exported_weights)
     assert Renderer(exported_weights, engine="openvino-bf16").engine == "openvino-bf16"
+
+
+@pytest.mark.parametrize(
+    ("flags", "engine"),
+    [("fpu avx2 avx512_vnni", "onnxruntime-int8"), ("fpu avx_vnni", "onnxruntime-int8"),
+     ("avx512f avx2", "onnxruntime"), (None, "onnxruntime")],
+)  # fmt: skip
+def test_eight_bits_run_unasked_where_the_processor_multiplies_bytes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: str | None, engine: str
+) -> None:
+    told = tmp_path / "cpuinfo"
+    if flags is not None:
+        told.write_text(f"model name\t: one of these\nflags\t\t: {flags}\n")
+    monkeypatch.setattr(plugins.engines.onnxruntime, "CPU_FLAGS", told)
+    plugins.engines.onnxruntime.multiplies_bytes.cache_clear()
+    file = resolve("regular")
+    loaded = load_plugins(file)
+    assert start_engine(loaded, file).name == engine
+    assert start_engine(loaded, file, exact=True).name == "onnxruntime"
+    plugins.engines.onnxruntime.multiplies_bytes.cache_clear()
 
 
 def test_an_unknown_engine_is_told_with_the_known_ones(exported_weights: Path) -> None:
