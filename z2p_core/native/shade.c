@@ -29,43 +29,62 @@ static uint64_t narrowed_lamps(float share) {
     return lamps;
 }
 
-/* Where a point's shadows fall: the cell of each lamp's, that of none at the end of the mask where it is not on the
- * floor; and how far its shadow is drawn out to both sides of it, in whole cells, along the way that it falls. */
+/* A point's way from a lamp to the floor, in which a lamp below it is an eye that looks into it as into a mirror, from
+ * which the point hides the cell between them. */
 typedef struct {
-    int cell[MOST_LAMPS], steps[MOST_LAMPS], wide[MOST_LAMPS];
+    float dx, dy, drop, stretch, x, y; /* to the point; then how much longer to the floor, and where there, in cells */
+    int inside;                        /* whether that is on the floor, off its border */
+} Way;
+
+INLINE Way way_of(const float *p, const float *restrict lamps, int l, float floor, float half, int side) {
+    float scale = (float)side / (2 * half), low = EMPTY, high = (float)(side - EMPTY);
+    float lx = lamps[l], ly = lamps[MOST_LAMPS + l], lz = lamps[2 * MOST_LAMPS + l];
+    float on = lamps[3 * MOST_LAMPS + l]; /* of a narrowed one half a cell */
+    float dx = p[0] - lx, dy = p[1] - ly, drop = lz - p[2], fall = lz - floor, stretch = fall / drop;
+    float x = (lx + dx * stretch + half) * scale + on, y = (ly + dy * stretch + half) * scale + on;
+    int beyond = (fall > 0 ? drop : -drop) > 1e-3f;
+    Way way = {dx, dy, drop, stretch, x, y, beyond & (x >= low) & (y >= low) & (x < high) & (y < high)};
+    return way;
+}
+
+/* Finds the cell that a point's shadow by each lamp falls on, the one at the end of the mask where it is not on the
+ * floor; and says whether a shadow may be drawn out: of those that are, points lie `far` times as far from the floor
+ * as their balls are then wide. Plain arithmetic, for vectors. */
+INLINE int cast(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
+                float far, int *restrict cells) {
+    int drawn_out = 0;
+    for (int l = 0; l < lamp_count; l++) {
+        Way way = way_of(p, lamps, l, floor, half, side);
+        float square = way.dx * way.dx + way.dy * way.dy + way.drop * way.drop, least = far * way.drop;
+        drawn_out |= way.inside & (square * way.stretch * way.stretch > least * least);
+        cells[l] = way.inside ? (int)way.y * side + (int)way.x : side * side;
+    }
+    return drawn_out;
+}
+
+/* How far each lamp's shadow of a point is drawn out to both sides of its place, and along which way, in cells. */
+typedef struct {
+    int steps[MOST_LAMPS], wide[MOST_LAMPS];
     float x[MOST_LAMPS], y[MOST_LAMPS], along_x[MOST_LAMPS], along_y[MOST_LAMPS];
 } Shadows;
 
-/* Finds the shadows of a point, a ball with a radius in cells. A lamp below the floor is an eye that looks into it as
- * into a mirror, from which the point hides the cell between them. Says whether the closing of holes does not reach any
- * lamp's shadow. Plain arithmetic, for vectors. */
-INLINE int cast(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
-                float ball, Shadows *restrict to) {
-    float scale = (float)side / (2 * half), low = EMPTY, high = (float)(side - EMPTY);
-    int drawn_out = 0;
+/* Finds them for a point, a ball with a radius in cells. */
+INLINE void draw_out(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
+                     float ball, Shadows *restrict to) {
     for (int l = 0; l < lamp_count; l++) {
-        float lx = lamps[l], ly = lamps[MOST_LAMPS + l], lz = lamps[2 * MOST_LAMPS + l];
-        float dx = p[0] - lx, dy = p[1] - ly, drop = lz - p[2], fall = lz - floor, stretch = fall / drop;
-        float on = lamps[3 * MOST_LAMPS + l]; /* of a narrowed one half a cell */
-        float x = (lx + dx * stretch + half) * scale + on, y = (ly + dy * stretch + half) * scale + on;
-        int near = fabsf(stretch) < LONGEST, beyond = (fall > 0 ? drop : -drop) > 1e-3f;
-        int inside = beyond & (x >= low) & (y >= low) & (x < high) & (y < high);
-        float level = dx * dx + dy * dy, far = sqrtf(level + drop * drop) * fabsf(stretch / drop);
-        float grown = near & inside & (far > CLOSED) ? ball * (far - CLOSED) / sqrtf(level + 1e-9f) : 0;
-        float along_x = grown * dx, along_y = grown * dy;
-        float wide_x = fabsf(along_x), wide_y = fabsf(along_y);
-        int steps = (int)((wide_x > wide_y ? wide_x : wide_y) + 0.5f);
-        int wide = near & inside & (stretch > CLOSED) ? (int)(ball * (stretch - CLOSED) + 0.5f) : 0;
-        to->cell[l] = inside ? (int)y * side + (int)x : side * side;
-        to->x[l] = x;
-        to->y[l] = y;
+        Way way = way_of(p, lamps, l, floor, half, side);
+        int near = way.inside & (fabsf(way.stretch) < LONGEST);
+        float level = way.dx * way.dx + way.dy * way.dy;
+        float far = sqrtf(level + way.drop * way.drop) * fabsf(way.stretch / way.drop);
+        float grown = near & (far > CLOSED) ? ball * (far - CLOSED) / sqrtf(level + 1e-9f) : 0;
+        float along_x = grown * way.dx, along_y = grown * way.dy, wide_x = fabsf(along_x), wide_y = fabsf(along_y);
+        to->steps[l] = (int)((wide_x > wide_y ? wide_x : wide_y) + 0.5f);
+        to->wide[l] = near & (way.stretch > CLOSED) ? (int)(ball * (way.stretch - CLOSED) + 0.5f) : 0;
+        to->x[l] = way.x;
+        to->y[l] = way.y;
         to->along_x[l] = along_x;
         to->along_y[l] = along_y;
-        to->steps[l] = steps;
-        to->wide[l] = wide;
-        drawn_out |= steps | wide;
     }
-    return drawn_out;
 }
 
 /* Sets a lamp's bit in the cells along the line that a shadow is drawn out to. */
@@ -85,10 +104,14 @@ INLINE void mark_line(uint64_t *mask, int side, const Shadows *shadows, int lamp
 /* Sets the lamps' bits in the cells of the mask that each point hides from them. */
 FAST static void mark(const float *points, int count, const float *lamps, int lamp_count, float floor, float half,
                       int side, float ball, uint64_t *mask) {
+    float far = (CLOSED + 0.5f / larger(ball, 1e-6f)) * 0.9999f; /* half a cell is drawn; what may be is looked at */
     Shadows shadows;
+    int cells[MOST_LAMPS];
     for (int i = 0; i < count; i++) {
-        int drawn_out = cast(points + 3 * (size_t)i, lamps, lamp_count, floor, half, side, ball, &shadows);
-        for (int l = 0; l < lamp_count; l++) mask[shadows.cell[l]] |= (uint64_t)1 << l;
+        const float *p = points + 3 * (size_t)i;
+        int drawn_out = cast(p, lamps, lamp_count, floor, half, side, far, cells);
+        for (int l = 0; l < lamp_count; l++) mask[cells[l]] |= (uint64_t)1 << l;
+        if (drawn_out) draw_out(p, lamps, lamp_count, floor, half, side, ball, &shadows);
         for (int l = 0; drawn_out && l < lamp_count; l++)
             if (shadows.steps[l] | shadows.wide[l]) mark_line(mask, side, &shadows, l);
     }
