@@ -27,6 +27,8 @@ NARROWEST, WIDEST = 0.5, 2.5
 """Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
 ABOUT = 0.6
 """Of a Voronoi cell's reach, how far the places about a disc's middle lie from it."""
+PLACES = 5
+"""That tell where a disc lies: its middle, and four about it."""
 AROUND, APART = 32, 0.75
 """Points near a hole's middle that tell whether it is one, and the spacings within which two middles count as one."""
 
@@ -50,7 +52,7 @@ def discs(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
 
 
 def spread_out(found: Tangents, radii: np.ndarray) -> np.ndarray:
-    """Points (5 M, 3) float32 that tell where discs of radii (M,) lie better than their middles alone.
+    """Points (PLACES M, 3) float32 that tell where discs of radii (M,) lie better than their middles alone.
 
     Each disc's middle, and four places about it in its plane.
     """

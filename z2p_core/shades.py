@@ -1,4 +1,4 @@
-"""How much of the lamp's and of the sky's light a cloud hides from the floor below it.
+"""What casts the shadows of a cloud, and how much of the lamp's and the sky's light it hides from the floor below it.
 
 Both are counted in cells of the floor, in which the shadows of points close up (`native/shade.c`). A cell that a shadow
 only touches is in it, and points fall short of outlines; how wide the cells are, and how many lamps' shadows are made
@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from z2p_core import native
-from z2p_core.discs import spread_out
+from z2p_core.discs import PLACES, spread_out
 from z2p_core.lamps import floor_sky, lamp_sets, light_square
 from z2p_core.tangents import Tangents
 from z2p_core.threads import all_of
@@ -30,6 +30,8 @@ APART = 1.5
 SPARSE, SPREAD_APART, SPREAD_BALL = 2.0, 2.4, 0.2
 """Spacing in finest cells from which on points are spread out to their discs, the cells that a spacing then has, and
 the radius of the balls that these are. Denser ones gain little by it and would cost much."""
+FINE, FINER = 1.5, 3.0
+"""Cells for each spacing of the maps that tell which points lie in others' shadows, of points and of discs."""
 SHORT = 0.4
 """Share of the lamps that points fall short of outlines for, for each cell that they lie apart."""
 BALL = 0.7
@@ -44,24 +46,39 @@ SKY = 50.0
 """Distance at which a lamp is a direction."""
 
 
+def casters_of(points: np.ndarray, spacing: float, found: Tangents, radii: np.ndarray) -> native.Casters:
+    """What casts the shadows of points (N, 3) of that spacing: themselves, or, where they lie far apart, their discs.
+
+    These are `found`, the points' own first, with `radii` (M,).
+    """
+    if not lie_apart(spacing):
+        return native.Casters(points, np.arange(len(points), dtype=np.int32), spacing / FINE)
+    holes = found.neighbours[len(points) :, 0]  # whose discs belong to the nearest point
+    owners = np.concatenate([np.arange(len(points), dtype=np.int32), holes])
+    return native.Casters(spread_out(found, radii), np.repeat(owners, PLACES), spacing / FINER)
+
+
+def lie_apart(spacing: float) -> bool:
+    """Whether points of that spacing are spread out to their discs."""
+    return spacing >= SPARSE * FLOOR_CELL
+
+
 def floor_shades(
-    points: np.ndarray, found: Tangents, radii: np.ndarray, spacing: float, light: tuple[float, float, float],
-    height: float, sets: int,
+    points: np.ndarray, spacing: float, casters: native.Casters, light: tuple[float, float, float], height: float,
+    sets: int,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Shares (S, S) of the lamp's and of the sky's light that points (N, 3) of that spacing hide from a floor.
 
-    Their discs are `found` with `radii` (M,). The floor lies at that `height`, and so many `sets` (1, 2 or 4) of lamps
+    The lamp's shadow is that of the casters. The floor lies at that `height`, and so many `sets` (1, 2 or 4) of lamps
     stand for the light.
     """
-    square = light_square(light)
-    if spacing >= SPARSE * FLOOR_CELL:
-        cast, side = spread_out(found, radii), _side(spacing / SPREAD_APART)
-        narrowed, ball = 1.0, SPREAD_BALL
+    if lie_apart(spacing):
+        side, narrowed, ball = _side(spacing / SPREAD_APART), 1.0, SPREAD_BALL
     else:
-        cast, side = points, _side(spacing / APART)
-        narrowed, ball = narrowed_share(spacing, side), BALL
-    cast_by = partial(native.floor_shade, cast, floor=height, half=FLOOR_HALF, side=side, narrowed=narrowed,
-                      ball=ball * spacing, soft=SOFT, square=square)  # fmt: skip
+        side, ball = _side(spacing / APART), BALL
+        narrowed = narrowed_share(spacing, side)
+    cast_by = partial(native.floor_shade, casters.places, floor=height, half=FLOOR_HALF, side=side, narrowed=narrowed,
+                      ball=ball * spacing, soft=SOFT, square=light_square(light))  # fmt: skip
     lamps: Shading = [partial(cast_by, places) for places in lamp_sets(light, FLOOR_LAMPS, sets)]
     *shades, first, second = all_of(lamps + _sky_halves(points, spacing, height))
     sky = native.in_other_cells((first + second) / np.float32(2), side)

@@ -45,7 +45,7 @@ class Glossy(Surfels):
     """The channels of `Surfels`; radiance in the surface's colour has the material's reflection in it."""
 
     name = "glossy"
-    version = "11"
+    version = "12"
     refines = "surfels"
 
 

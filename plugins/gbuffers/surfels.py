@@ -22,7 +22,7 @@ from z2p_core.interfaces import GBuffer
 from z2p_core.lamps import floor_sky, light_lamps, light_square, sky_axes
 from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
-from z2p_core.shades import FLOOR_HALF, floor_shades, narrowed_share
+from z2p_core.shades import FLOOR_HALF, casters_of, floor_shades, narrowed_share
 from z2p_core.tangents import MOST_POINTS, Tangents, tangents, thinned
 from z2p_core.threads import beside, over_rows, rows_beside
 from z2p_core.turning import products, turned
@@ -80,7 +80,7 @@ class Surfels(GBuffer):
     """
 
     name = "surfels"
-    version = "10"
+    version = "11"
     channels = 10
     lighting: ClassVar[type[Lighting]]
 
@@ -100,7 +100,7 @@ class Surfels(GBuffer):
         spread = max(typical, SPARSE * float(np.quantile(spacing, 0.9)))
         lighting = self.lighting(points, normals, spread, scene, floor)
         found, radii = discs(found, typical)
-        lighting.shade_floor(found, radii, lamp_sets_for(camera))
+        lighting.shade(found, radii, lamp_sets_for(camera))
         normals = faced(found.points, found.normals, camera.position)
         rotation = camera.rotation.astype(np.float32)
         facing = turned(normals, rotation)
@@ -160,11 +160,17 @@ class Lighting:
             self.seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
 
         self.look_around = rows_beside(look_around, len(axes), parts=8)
-        self.direct = native.illuminate(points, normals, *lamps, spacing, radius) / math.pi
 
-    def shade_floor(self, found: Tangents, radii: np.ndarray, sets: int) -> None:
-        """Casts the shadows of discs with those radii (M,) on the floor, by so many sets of lamps (1, 2 or 4)."""
-        self.shades = floor_shades(self.points, found, radii, self.spacing, self.light_at, self.floor.height, sets)
+    def shade(self, found: Tangents, radii: np.ndarray, sets: int) -> None:
+        """Casts the shadows of discs with those radii (M,) on the points and the floor.
+
+        There so many sets (1, 2 or 4) of lamps do.
+        """
+        lamps = light_lamps(self.light_at, LAMPS)
+        casters = casters_of(self.points, self.spacing, found, radii)
+        lit = native.illuminate(self.points, self.normals, casters, *lamps, self.spacing, self.radius)
+        self.direct = lit / math.pi
+        self.shades = floor_shades(self.points, self.spacing, casters, self.light_at, self.floor.height, sets)
 
     def follow(self) -> None:
         """Follows the light from the sky and the lit floor to the points, and on from there."""

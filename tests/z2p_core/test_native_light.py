@@ -13,21 +13,28 @@ from z2p_core.reflection import fresnel, hidden, mirror_directions
 UP, DOWN = np.float32([0, 0, 1]), np.float32([0, 0, -1])
 
 
+def lit(points, normals, *lamps_and_sizes, casters=None):
+    """Light on points that cast their own shadows, in cells of two thirds of their spacing."""
+    spacing = lamps_and_sizes[-2]
+    own = native.Casters(points, np.arange(len(points)), spacing / 1.5)
+    return native.illuminate(points, normals, casters or own, *lamps_and_sizes)
+
+
 def test_light_falls_with_distance_and_angle():
     points = np.float32([[0, 0, 0], [0.5, 0, -1], [3, 0, 0]])
     lamp = np.float32([[0, 0, 3]])
-    light = native.illuminate(points, np.tile(UP, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
+    light = lit(points, np.tile(UP, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
     # both cosines count: beside the lamp's axis it shines weaker, and falls slanting
     np.testing.assert_allclose(light[0], [1.0, 9 * 16 / 16.25**2, 9 / 18 * 0.5], rtol=1e-5)
     assert not light[1].any()
-    away = native.illuminate(points, np.tile(DOWN, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
+    away = lit(points, np.tile(DOWN, (3, 1)), lamp, DOWN[None], np.float32([9.0]), 0.01, 4.0)
     np.testing.assert_array_equal(away, light[::-1])  # the side that is lit is told apart
 
 
 def test_more_points_than_shadow_maps_can_number_are_refused():
     points = np.zeros((native.MOST_LIT + 1, 3), np.float32)
     with pytest.raises(ValueError, match="at most 65535 points to light, got 65536"):
-        native.illuminate(points, points, np.float32([[0, 0, 3]]), DOWN[None], np.float32([1.0]), 0.01, 1.0)
+        lit(points, points, np.float32([[0, 0, 3]]), DOWN[None], np.float32([1.0]), 0.01, 1.0)
 
 
 def test_a_sheet_hides_the_lamp_from_what_lies_below_it_and_not_itself():
@@ -36,7 +43,7 @@ def test_a_sheet_hides_the_lamp_from_what_lies_below_it_and_not_itself():
     below, beside = square_of(200, 0.1, -0.5, seed=1), square_of(200, 0.1, -0.5, seed=2) + np.float32([0.9, 0, 0])
     points = np.concatenate([sheet, below, beside])
     lamp = np.float32([[0, 0, 3.5]])
-    light = native.illuminate(
+    light = lit(
         points, np.tile(UP, (len(points), 1)), lamp, DOWN[None], np.float32([1.0]), spacing, 1.5
     )[0] > 0  # fmt: skip
     assert light[:4000].mean() == 1.0 and light[4200:].mean() == 1.0
@@ -50,7 +57,7 @@ def test_a_slanting_plane_does_not_shade_itself():
     normal = np.float32([-2, 0, 1]) / math.sqrt(5)
     spacing = 0.7 * math.sqrt(math.sqrt(5) / count)
     lamp = np.float32([[0, -1.5, 3.0]])
-    light = native.illuminate(
+    light = lit(
         points, np.tile(normal, (count, 1)), lamp, -lamp / np.linalg.norm(lamp), np.float32([1.0]), spacing, 1.3
     )[0]  # fmt: skip
     assert (light > 0).mean() > 0.99
@@ -223,7 +230,7 @@ def test_a_sheet_of_random_points_lets_no_light_through():
     sheet, below = square_of(count, 0.4, 0.5), square_of(1000, 0.2, -0.5, seed=1)
     points, up = np.concatenate([sheet, below]), np.tile(UP, (count + 1000, 1))
     spacing, lamp = 0.8 / math.sqrt(count), np.float32([[0, 0, 3.5]])
-    light = native.illuminate(points, up, lamp, DOWN[None], np.float32([1.0]), spacing, 1.5)
+    light = lit(points, up, lamp, DOWN[None], np.float32([1.0]), spacing, 1.5)
     hits = native.first_hits(points, up, AXES[:1], spacing, 1.0)
     assert not light[0, count:].any() and (hits[0, count:] >= 0).all()
     assert (light[0, :count] > 0).all() and (hits[0, :count] < 0).all()

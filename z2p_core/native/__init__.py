@@ -5,6 +5,7 @@ The C files lie beside this one; installing the package compiles them. Everythin
 
 from z2p_core.native.calls import library as library
 from z2p_core.native.lighting import MOST_LIT as MOST_LIT
+from z2p_core.native.lighting import Casters as Casters
 from z2p_core.native.lighting import Floor as Floor
 from z2p_core.native.lighting import first_hits as first_hits
 from z2p_core.native.lighting import floor_glow as floor_glow

@@ -67,7 +67,7 @@ INLINE int seen_from(int count, float sign, int place) { return sign > 0 ? count
 INLINE void find_ends(int count, float sign, Sweep *sweep) {
     for (int c = 0; c < sweep->side * sweep->side; c++) sweep->ends[c] = NOTHING;
     for (int place = count - 1; place >= 0; place--) sweep->ends[sweep->cells[seen_from(count, sign, place)]] = place;
-    close_holes(sweep->ends, sweep->side, sweep->room);
+    close_holes(sweep->ends, sweep->side, 0, sweep->room);
 }
 
 /* What comes first on each point's way. Points are met from the far end on; those that a point could see have been put

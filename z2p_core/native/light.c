@@ -28,43 +28,79 @@ static View look_from(const float *lamp) {
     return view;
 }
 
-/* Depth and cell in a lamp's map, -1 outside of it, of each point. Plain arithmetic, for vectors. */
+/* How far a point lies ahead of a lamp. */
+INLINE float along(const float *point, const float *lamp, const View *view) {
+    float way[3] = {point[0] - lamp[0], point[1] - lamp[1], point[2] - lamp[2]};
+    return dot(way, view->ahead);
+}
+
+/* What of a cloud hides its points from the lamps: places (count, 3), each of the point with that number, kept in maps
+ * with cells of that width at the cloud's middle. */
+typedef struct {
+    const float *places;
+    const int *owners;
+    int count;
+    float cell;
+} Casters;
+
+/* A lamp's map (side, side) of directions up to a slope of `half` to every side, in steps. */
+typedef struct {
+    float half, step;
+    int side;
+    int32_t *cells, *room;
+} Map;
+
+/* Depth and cell in a lamp's map, -1 outside of it, of each point, all of them so many cells on. Plain arithmetic, for
+ * vectors. */
 INLINE void place_points(const float *restrict points, int count, const float *restrict lamp, const View *view,
-                         float half, float step, int side, float *restrict depth, int *restrict cell) {
+                         const Map *map, float on, float *restrict depth, int *restrict cell) {
     const float *f = view->ahead, *r = view->across, *u = view->up;
+    float half = map->half, step = map->step;
+    int side = map->side;
     for (int i = 0; i < count; i++) {
         float dx = points[3 * i] - lamp[0], dy = points[3 * i + 1] - lamp[1], dz = points[3 * i + 2] - lamp[2];
         float ahead = dx * f[0] + dy * f[1] + dz * f[2];
         float x = (dx * r[0] + dy * r[1] + dz * r[2]) / ahead, y = (dx * u[0] + dy * u[1] + dz * u[2]) / ahead;
-        int column = (int)((x + half) / step) + MARGIN, row = (int)((y + half) / step) + MARGIN;
+        int column = (int)((x + half) / step + on) + MARGIN, row = (int)((y + half) / step + on) + MARGIN;
         int inside = (column > 0) & (row > 0) & (column < side - 1) & (row < side - 1) & (ahead > 0);
         depth[i] = ahead;
         cell[i] = inside ? row * side + column : -1;
     }
 }
 
-/* Draws the map of the cloud seen from a lamp: depth, and in the lower half of its bits the point's number; and says
- * which points nothing nearer to the lamp hides, 0 or 1. */
-INLINE void cast_shadows(const float *points, const float *normals, int count, const float *lamp, float spacing,
-                         float radius, int32_t *map, int32_t *room, float *depth, int *cell, float *open) {
+/* Draws the map of what casts shadows, as seen from a lamp: depth, and in the lower half of its bits the point's number.
+ * A cell that one of them only touches is all in it, so shadows are half a cell too wide on every side; and what casts
+ * them falls a little short of outlines. So a map is made a cell narrower than it is, or, for other lamps, not. */
+INLINE void draw_map(const Casters *casters, const float *lamp, const View *view, float nearest, float steps,
+                     int narrower, Map *map, float *depth, int *cell) {
+    place_points(casters->places, casters->count, lamp, view, map, narrower ? 0.5f : 0, depth, cell);
+    for (int i = 0; i < map->side * map->side; i++) map->cells[i] = NOTHING;
+    for (int i = 0; i < casters->count; i++) {
+        if (cell[i] < 0) continue;
+        int32_t key = (int32_t)((depth[i] - nearest) * steps) * (MOST_POINTS + 1) + casters->owners[i];
+        if (key < map->cells[cell[i]]) map->cells[cell[i]] = key;
+    }
+    close_holes(map->cells, map->side, narrower, map->room);
+}
+
+/* Says which points nothing nearer to a lamp hides, 0 or 1. */
+INLINE void cast_shadows(const float *points, const float *normals, int count, const Casters *casters,
+                         const float *lamp, int narrower, float spacing, float radius, Map *map, float *depth,
+                         int *cell, float *open) {
     View view = look_from(lamp);
     float away = sqrtf(dot(lamp, lamp)), reach = larger(away * away - radius * radius, 0.25f);
-    float half = radius / sqrtf(reach) * 1.02f, step = spacing / FINE / away;
-    int side = (int)smaller(2 * half / step + 1 + 2 * MARGIN, LARGEST_MAP);
-    step = 2 * half / (float)(side - 2 * MARGIN);
-    place_points(points, count, lamp, &view, half, step, side, depth, cell);
+    map->half = radius / sqrtf(reach) * 1.02f;
+    map->side = (int)smaller(2 * map->half * away / casters->cell + 1 + 2 * MARGIN, LARGEST_MAP);
+    map->step = 2 * map->half / (float)(map->side - 2 * MARGIN);
     float nearest = away - 1.01f * radius, steps = DEPTHS / (2.02f * radius);
-    for (int i = 0; i < side * side; i++) map[i] = NOTHING;
+    draw_map(casters, lamp, &view, nearest, steps, narrower, map, depth, cell);
+    place_points(points, count, lamp, &view, map, 0, depth, cell);
     for (int i = 0; i < count; i++) {
-        if (cell[i] < 0) continue;
-        int32_t key = (int32_t)((depth[i] - nearest) * steps) * (MOST_POINTS + 1) + i;
-        if (key < map[cell[i]]) map[cell[i]] = key;
-    }
-    close_holes(map, side, room);
-    for (int i = 0; i < count; i++) {
-        int first = cell[i] >= 0 && map[cell[i]] != NOTHING ? map[cell[i]] & MOST_POINTS : i;
+        int32_t found = cell[i] >= 0 ? map->cells[cell[i]] : NOTHING;
         const float *p = points + 3 * i, way[3] = {lamp[0] - p[0], lamp[1] - p[1], lamp[2] - p[2]};
-        open[i] = depth[i] - depth[first] < TOUCH * spacing || own_surface(points, normals, i, first, way);
+        int first = found != NOTHING ? found & MOST_POINTS : i;
+        open[i] = depth[i] - along(points + 3 * first, lamp, &view) < TOUCH * spacing ||
+                  own_surface(points, normals, i, first, way);
     }
 }
 
@@ -85,20 +121,27 @@ INLINE void add_light(const float *restrict points, const float *restrict normal
 }
 
 /* light (2, count): what the lamps give each point, on the side that its normal points to and on the other one: the sum
- * of power x cos(at the point) x cos(at the lamp) / distance^2 over the lamps that no other part of the cloud, of at
- * most MOST_POINTS, hides from it. A lamp has a place (3), a unit axis (3) along which it shines and a power. `spacing`
- * is that of the cloud, `radius` bounds it. */
-FAST int z2p_illuminate(const float *points, const float *normals, int count, const float *lamps, const float *axes,
-                   const float *powers, int lamp_count, float spacing, float radius, float *light) {
-    int32_t *map = malloc(sizeof(int32_t) * 2 * LARGEST_MAP * LARGEST_MAP), *room = map + LARGEST_MAP * LARGEST_MAP;
-    float *depth = malloc(sizeof(float) * 2 * ((size_t)count + 1)), *open = depth + count;
-    int *cell = malloc(sizeof(int) * ((size_t)count + 1));
-    int fine = map && depth && cell && count <= MOST_POINTS;
+ * of power x cos(at the point) x cos(at the lamp) / distance^2 over the lamps that none of the `casters`, places (3) of
+ * the points with these numbers, at most MOST_POINTS, hides from it. A lamp has a place (3), a unit axis (3) along which
+ * it shines and a power; they stand in a square, row by row, and every other one's shadows are narrowed. `spacing` is
+ * that of the cloud, `cell` the width of the maps' cells, `radius` bounds the cloud. */
+FAST int z2p_illuminate(const float *points, const float *normals, int count, const float *places, const int *owners,
+                        int place_count, const float *lamps, const float *axes, const float *powers, int lamp_count,
+                        float spacing, float cell, float radius, float *light) {
+    Casters casters = {places, owners, place_count, cell};
+    size_t most = (size_t)(place_count > count ? place_count : count) + 1;
+    Map map = {.cells = malloc(sizeof(int32_t) * 2 * LARGEST_MAP * LARGEST_MAP)};
+    float *depth = malloc(sizeof(float) * 2 * most), *open = depth + most;
+    int *cells = malloc(sizeof(int) * most), across = (int)sqrtf((float)lamp_count + 0.5f);
+    int fine = map.cells && depth && cells && count <= MOST_POINTS;
+    map.room = map.cells + LARGEST_MAP * LARGEST_MAP;
     for (size_t i = 0; i < 2 * (size_t)count; i++) light[i] = 0;
     for (int l = 0; fine && l < lamp_count; l++) {
-        cast_shadows(points, normals, count, lamps + 3 * l, spacing, radius, map, room, depth, cell, open);
+        int narrower = (l ^ (l / across)) & 1;
+        cast_shadows(points, normals, count, &casters, lamps + 3 * l, narrower, spacing, radius, &map, depth, cells,
+                     open);
         add_light(points, normals, count, lamps + 3 * l, axes + 3 * l, powers[l], open, light);
     }
-    free(map); free(depth); free(cell);
+    free(map.cells); free(depth); free(cells);
     return fine;
 }

@@ -17,6 +17,18 @@ MOST_LIT = 0xFFFF
 
 
 @dataclass(frozen=True)
+class Casters:
+    """What of a cloud casts its shadows: places (C, 3), of the points with those numbers (C,).
+
+    Shadows are kept in cells of about that width, in world units.
+    """
+
+    places: np.ndarray
+    owners: np.ndarray
+    cell: float
+
+
+@dataclass(frozen=True)
 class Floor:
     """The floor's square and the light on it, in world units."""
 
@@ -40,13 +52,14 @@ class Floor:
 
 
 def illuminate(
-    points: np.ndarray, normals: np.ndarray, lamps: np.ndarray, axes: np.ndarray, powers: np.ndarray,
+    points: np.ndarray, normals: np.ndarray, casters: Casters, lamps: np.ndarray, axes: np.ndarray, powers: np.ndarray,
     spacing: float, radius: float,
 ) -> np.ndarray:  # fmt: skip
     """Light (2, N) on points (N, 3) with normals: what of lamps (L, 3) that shine along unit axes (L, 3) reaches them.
 
-    A lamp of power p gives p cos cos / distance^2 where the cloud, of that spacing and within `radius` of the origin,
-    does not hide it: to the side that the normal points to, row 0, or to the other one.
+    A lamp of power p gives p cos cos / distance^2 where the casters of the cloud, of that spacing and within `radius`
+    of the origin, do not hide it: to the side that the normal points to, row 0, or to the other one. The shadows of
+    every other one of the lamps, which stand in a square, row by row, are a cell narrower.
 
     Raises:
         ValueError: more points than shadow maps can number.
@@ -55,8 +68,9 @@ def illuminate(
         raise ValueError(f"expected at most {MOST_LIT} points to light, got {len(points)}")
     light = np.empty((2, len(points)), np.float32)
     call(
-        "z2p_illuminate", floats(points), floats(normals), len(points), floats(lamps), floats(axes),
-        floats(powers), len(lamps), ctypes.c_float(spacing), ctypes.c_float(radius), light,
+        "z2p_illuminate", floats(points), floats(normals), len(points), floats(casters.places),
+        np.ascontiguousarray(casters.owners, np.int32), len(casters.places), floats(lamps), floats(axes),
+        floats(powers), len(lamps), *map(ctypes.c_float, (spacing, casters.cell, radius)), light,
     )  # fmt: skip
     return light
 

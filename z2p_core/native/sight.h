@@ -10,8 +10,8 @@
 #define FINE 1.5f   /* cells of a map for each spacing */
 #define NOTHING INT32_MAX
 #define CLEAR 3.2f  /* spacings: what is nearer along an axis may be a point's own surface */
-#define TOUCH 2.4f  /* spacings: what is so much nearer to a lamp may hide a point from it */
-#define OWN 0.7f    /* of the height that a way has gained over a plane: what lies lower is of the plane's surface */
+#define TOUCH 1.2f  /* spacings: what is so much nearer to a lamp may hide a point from it */
+#define OWN 0.5f    /* of the height that a way has gained over a plane: what lies lower is of the plane's surface */
 
 /* Whether another point, which lies on the way (3) from a point as far as a map tells, is of the surface about that
  * point: it lies nearer to the plane there than to the way. */
@@ -22,12 +22,13 @@ INLINE int own_surface(const float *points, const float *normals, int point, int
     return facing < 0 ? above > OWN * along * facing : above < OWN * along * facing;
 }
 
-/* The least, or the largest, of five numbers in a row, `step` apart, for each number from `first` to `last`. */
-INLINE void of_five(const int32_t *restrict from, int32_t *restrict to, int first, int last, int step,
+/* The least, or the largest, of the numbers from two before to `after` behind, `step` apart, for each number from
+ * `first` to `last`. */
+INLINE void of_five(const int32_t *restrict from, int32_t *restrict to, int first, int last, int step, int after,
                     int largest) {
     for (int i = first; i < last; i++) {
         int32_t found = from[i];
-        for (int k = -2; k < 3; k++) {
+        for (int k = -2; k <= after; k++) {
             int32_t other = from[i + k * step];
             found = largest ? (other > found ? other : found) : (other < found ? other : found);
         }
@@ -36,12 +37,18 @@ INLINE void of_five(const int32_t *restrict from, int32_t *restrict to, int firs
 }
 
 /* Closes the holes, up to four cells wide, of a map (side, side) that holds numbers of its nearest things, or NOTHING;
- * outlines stay where they were. `room` is as large as the map. */
-INLINE void close_holes(int32_t *map, int side, int32_t *room) {
+ * outlines stay where they were, or, where the map is made narrower, come in by a cell from behind. `room` is as large as
+ * the map. */
+INLINE void close_holes(int32_t *map, int side, int narrower, int32_t *room) {
     int cells = side * side;
-    room[0] = room[1] = room[cells - 2] = room[cells - 1] = NOTHING;
-    for (int largest = 0; largest < 2; largest++) {
-        of_five(map, room, 2, cells - 2, 1, largest);
-        of_five(room, map, 2 * side, cells - 2 * side, side, largest);
+    room[0] = room[1] = room[cells - 3] = room[cells - 2] = room[cells - 1] = NOTHING;
+    of_five(map, room, 2, cells - 2, 1, 2, 0);
+    of_five(room, map, 2 * side, cells - 2 * side, side, 2, 0);
+    if (narrower) {
+        of_five(map, room, 2, cells - 3, 1, 3, 1);
+        of_five(room, map, 2 * side, cells - 3 * side, side, 3, 1);
+    } else {
+        of_five(map, room, 2, cells - 2, 1, 2, 1);
+        of_five(room, map, 2 * side, cells - 2 * side, side, 2, 1);
     }
 }
