@@ -1,4 +1,4 @@
-"""The floor's shade is neither more nor less than what is truly hidden, however far apart the points lie."""
+"""Shade is neither more nor less than what is truly hidden, however far apart the points lie."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from made_clouds import sphere
 
+from z2p_core import native
 from z2p_core.discs import discs, spread_out
 from z2p_core.lamps import floor_sky, light_lamps
 from z2p_core.shades import FLOOR_HALF, casters_of, floor_shades, narrowed_share
@@ -72,3 +73,41 @@ def test_places_about_a_disc_lie_in_its_plane_on_a_cross() -> None:
 def test_the_farther_apart_points_lie_the_fewer_shadows_are_narrowed() -> None:
     shares = [narrowed_share(spacing, 450) for spacing in (0.0, 0.01, 0.03, 1.0)]
     assert shares[0] == 1 > shares[1] > shares[2] > shares[3] == 0
+
+
+def shade_below_a_plate(count: int, gap: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Share of the light that points (L,) below a plate of points have lost to it, and to a true plate; and of its own.
+
+    The plate reaches 0.25 to every side of the origin, so far above one that reaches 0.6.
+    """
+    rng, above = np.random.default_rng(0), count // 7
+    flat = np.concatenate([rng.uniform(-0.25, 0.25, (above, 2)), rng.uniform(-0.6, 0.6, (count - above, 2))])
+    found = tangents(np.float32(np.column_stack([flat, np.where(np.arange(count) < above, 0, -gap)])))
+    spacing = float(np.median(found.spacing))
+    further, radii = discs(found, spacing)
+    up, lamps = found.normals * np.sign(found.normals[:, 2:]), light_lamps(LIGHT, 16)
+    casters = casters_of(found.points, spacing, further, radii)
+    light = native.illuminate(found.points, up, casters, *lamps, spacing, 1.0)[0]
+    given, left = np.zeros((2, count))
+    for lamp, axis, power in zip(*lamps, strict=True):
+        way = lamp - found.points
+        far = np.linalg.norm(way, axis=1)
+        shone = power * way[:, 2] * np.abs(way @ axis) / far**4
+        through = np.abs(found.points + way * (-found.points[:, 2] / way[:, 2])[:, None])
+        given += shone
+        left += shone * ((through[:, :2] > 0.25).any(1) | (found.points[:, 2] > -gap / 2))
+    lower = found.points[:, 2] < -gap / 2
+    return 1 - (light / given)[lower], 1 - (left / given)[lower], 1 - (light / given)[~lower]
+
+
+@pytest.mark.parametrize("count", [500, 1_500, 5_000, 12_000, 40_000])
+def test_a_plate_of_points_throws_the_shadow_of_a_plate(count: int) -> None:
+    for gap in (0.1, 0.3):
+        lost, true, own = shade_below_a_plate(count, gap)
+        assert lost.sum() == pytest.approx(true.sum(), rel=0.08)
+        assert np.abs(lost - true).sum() < 0.14 * true.sum() and own.max(initial=0) < 0.5 and own.mean() < 0.02
+
+
+def test_a_shadow_begins_two_spacings_below_what_throws_it() -> None:
+    lost, true, own = shade_below_a_plate(5_000, 0.036)
+    assert lost.sum() == pytest.approx(true.sum(), rel=0.1) and own.mean() < 0.02
