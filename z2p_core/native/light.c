@@ -55,13 +55,13 @@ typedef struct {
 INLINE void place_points(const float *restrict points, int count, const float *restrict lamp, const View *view,
                          const Map *map, float on, float *restrict depth, int *restrict cell) {
     const float *f = view->ahead, *r = view->across, *u = view->up;
-    float half = map->half, step = map->step;
+    float scale = 1 / map->step, middle = map->half * scale + on;
     int side = map->side;
     for (int i = 0; i < count; i++) {
         float dx = points[3 * i] - lamp[0], dy = points[3 * i + 1] - lamp[1], dz = points[3 * i + 2] - lamp[2];
         float ahead = dx * f[0] + dy * f[1] + dz * f[2];
-        float x = (dx * r[0] + dy * r[1] + dz * r[2]) / ahead, y = (dx * u[0] + dy * u[1] + dz * u[2]) / ahead;
-        int column = (int)((x + half) / step + on) + MARGIN, row = (int)((y + half) / step + on) + MARGIN;
+        float shrunk = scale / ahead, x = dx * r[0] + dy * r[1] + dz * r[2], y = dx * u[0] + dy * u[1] + dz * u[2];
+        int column = (int)(x * shrunk + middle) + MARGIN, row = (int)(y * shrunk + middle) + MARGIN;
         int inside = (column > 0) & (row > 0) & (column < side - 1) & (row < side - 1) & (ahead > 0);
         depth[i] = ahead;
         cell[i] = inside ? row * side + column : -1;
@@ -72,13 +72,17 @@ INLINE void place_points(const float *restrict points, int count, const float *r
  * A cell that one of them only touches is all in it, so shadows are half a cell too wide on every side; and what casts
  * them falls a little short of outlines. So a map is made a cell narrower than it is, or, for other lamps, not. */
 INLINE void draw_map(const Casters *casters, const float *lamp, const View *view, float nearest, float steps,
-                     int narrower, Map *map, float *depth, int *cell) {
+                     int narrower, Map *map, float *depth, int *cell, int32_t *key) {
     place_points(casters->places, casters->count, lamp, view, map, narrower ? 0.5f : 0, depth, cell);
     for (int i = 0; i < map->side * map->side; i++) map->cells[i] = NOTHING;
+    for (int i = 0; i < casters->count; i++) { /* plain, for vectors; what is outside changes nothing in a first cell */
+        int32_t found = (int32_t)((depth[i] - nearest) * steps) * (MOST_POINTS + 1) + casters->owners[i];
+        key[i] = cell[i] < 0 ? NOTHING : found;
+        cell[i] = cell[i] < 0 ? 0 : cell[i];
+    }
     for (int i = 0; i < casters->count; i++) {
-        if (cell[i] < 0) continue;
-        int32_t key = (int32_t)((depth[i] - nearest) * steps) * (MOST_POINTS + 1) + casters->owners[i];
-        if (key < map->cells[cell[i]]) map->cells[cell[i]] = key;
+        int32_t *at = map->cells + cell[i], before = *at;
+        *at = key[i] < before ? key[i] : before;
     }
     close_holes(map->cells, map->side, narrower, map->room);
 }
@@ -86,14 +90,14 @@ INLINE void draw_map(const Casters *casters, const float *lamp, const View *view
 /* Says which points nothing nearer to a lamp hides, 0 or 1. */
 INLINE void cast_shadows(const float *points, const float *normals, int count, const Casters *casters,
                          const float *lamp, int narrower, float spacing, float radius, Map *map, float *depth,
-                         int *cell, float *open) {
+                         int *cell, int32_t *key, float *open) {
     View view = look_from(lamp);
     float away = sqrtf(dot(lamp, lamp)), reach = larger(away * away - radius * radius, 0.25f);
     map->half = radius / sqrtf(reach) * 1.02f;
     map->side = (int)smaller(2 * map->half * away / casters->cell + 1 + 2 * MARGIN, LARGEST_MAP);
     map->step = 2 * map->half / (float)(map->side - 2 * MARGIN);
     float nearest = away - 1.01f * radius, steps = DEPTHS / (2.02f * radius);
-    draw_map(casters, lamp, &view, nearest, steps, narrower, map, depth, cell);
+    draw_map(casters, lamp, &view, nearest, steps, narrower, map, depth, cell, key);
     place_points(points, count, lamp, &view, map, 0, depth, cell);
     for (int i = 0; i < count; i++) {
         int32_t found = cell[i] >= 0 ? map->cells[cell[i]] : NOTHING;
@@ -132,14 +136,14 @@ FAST int z2p_illuminate(const float *points, const float *normals, int count, co
     size_t most = (size_t)(place_count > count ? place_count : count) + 1;
     Map map = {.cells = malloc(sizeof(int32_t) * 2 * LARGEST_MAP * LARGEST_MAP)};
     float *depth = malloc(sizeof(float) * 2 * most), *open = depth + most;
-    int *cells = malloc(sizeof(int) * most), across = (int)sqrtf((float)lamp_count + 0.5f);
+    int *cells = malloc(sizeof(int) * 2 * most), across = (int)sqrtf((float)lamp_count + 0.5f);
     int fine = map.cells && depth && cells && count <= MOST_POINTS;
     map.room = map.cells + LARGEST_MAP * LARGEST_MAP;
     for (size_t i = 0; i < 2 * (size_t)count; i++) light[i] = 0;
     for (int l = 0; fine && l < lamp_count; l++) {
         int narrower = (l ^ (l / across)) & 1;
         cast_shadows(points, normals, count, &casters, lamps + 3 * l, narrower, spacing, radius, &map, depth, cells,
-                     open);
+                     cells + most, open);
         add_light(points, normals, count, lamps + 3 * l, axes + 3 * l, powers[l], open, light);
     }
     free(map.cells); free(depth); free(cells);
