@@ -76,7 +76,8 @@ INLINE void draw_map(const Casters *casters, const float *lamp, const View *view
     place_points(casters->places, casters->count, lamp, view, map, narrower ? 0.5f : 0, depth, cell);
     for (int i = 0; i < map->side * map->side; i++) map->cells[i] = NOTHING;
     for (int i = 0; i < casters->count; i++) { /* plain, for vectors; what is outside changes nothing in a first cell */
-        int32_t found = (int32_t)((depth[i] - nearest) * steps) * (MOST_POINTS + 1) + casters->owners[i];
+        float level = smaller(larger((depth[i] - nearest) * steps, 0), DEPTHS); /* a disc may reach beyond the cloud */
+        int32_t found = (int32_t)level * (MOST_POINTS + 1) + casters->owners[i];
         key[i] = cell[i] < 0 ? NOTHING : found;
         cell[i] = cell[i] < 0 ? 0 : cell[i];
     }
