@@ -53,7 +53,7 @@ def test_cell_by_cell_finds_what_trying_every_disc_finds(spread: float) -> None:
         along, slant, facing = step @ ray, normals @ ray, float(ray @ normal)
         far = np.where(np.abs(slant) < 0.15, along, np.einsum("na,na->n", step, normals) / slant)
         off, above = np.linalg.norm(step - far[:, None] * ray, axis=1), step @ normal
-        own = above > 0.7 * along * facing if facing < 0 else above < 0.7 * along * facing
+        own = above > 0.5 * along * facing if facing < 0 else above < 0.5 * along * facing
         meets = (along > 0.032) & (far > 0) & (off < reach) & ~own
         if meets.any():
             expected[row] = np.argmin(np.where(meets, far, np.inf))
