@@ -1,6 +1,6 @@
 """What casts the shadows of a cloud, and how much of the lamp's and the sky's light it hides from the floor below it.
 
-Both are counted in cells of the floor, in which the shadows of points close up (`native/shade.c`). A cell that a shadow
+The floor's shade is counted in cells, in which the shadows of points close up (`native/shade.c`). A cell that a shadow
 only touches is in it, and points fall short of outlines; how wide the cells are, and how many lamps' shadows are made
 narrower, leaves neither too much shade nor too little on the whole, as rays through the meshes of clouds of 1,000 to
 40,000 points tell.

@@ -48,8 +48,8 @@ INLINE Way way_of(const float *p, const float *restrict lamps, int l, float floo
 }
 
 /* Finds the cell that a point's shadow by each lamp falls on, the one at the end of the mask where it is not on the
- * floor; and says whether a shadow may be drawn out: of those that are, points lie `far` times as far from the floor
- * as their balls are then wide. Plain arithmetic, for vectors. */
+ * floor; and says whether any may have to be drawn out: those are more than `far` times as long as what throws them.
+ * Plain arithmetic, for vectors. */
 INLINE int cast(const float *p, const float *restrict lamps, int lamp_count, float floor, float half, int side,
                 float far, int *restrict cells) {
     int drawn_out = 0;

@@ -24,8 +24,8 @@ INLINE int own_surface(const float *points, const float *normals, int point, int
 
 /* The least, or the largest, of the numbers from two before to `after` behind, `step` apart, for each number from
  * `first` to `last`. */
-INLINE void of_five(const int32_t *restrict from, int32_t *restrict to, int first, int last, int step, int after,
-                    int largest) {
+INLINE void of_several(const int32_t *restrict from, int32_t *restrict to, int first, int last, int step, int after,
+                       int largest) {
     for (int i = first; i < last; i++) {
         int32_t found = from[i];
         for (int k = -2; k <= after; k++) {
@@ -42,13 +42,13 @@ INLINE void of_five(const int32_t *restrict from, int32_t *restrict to, int firs
 INLINE void close_holes(int32_t *map, int side, int narrower, int32_t *room) {
     int cells = side * side;
     room[0] = room[1] = room[cells - 3] = room[cells - 2] = room[cells - 1] = NOTHING;
-    of_five(map, room, 2, cells - 2, 1, 2, 0);
-    of_five(room, map, 2 * side, cells - 2 * side, side, 2, 0);
+    of_several(map, room, 2, cells - 2, 1, 2, 0);
+    of_several(room, map, 2 * side, cells - 2 * side, side, 2, 0);
     if (narrower) {
-        of_five(map, room, 2, cells - 3, 1, 3, 1);
-        of_five(room, map, 2 * side, cells - 3 * side, side, 3, 1);
+        of_several(map, room, 2, cells - 3, 1, 3, 1);
+        of_several(room, map, 2 * side, cells - 3 * side, side, 3, 1);
     } else {
-        of_five(map, room, 2, cells - 2, 1, 2, 1);
-        of_five(room, map, 2 * side, cells - 2 * side, side, 2, 1);
+        of_several(map, room, 2, cells - 2, 1, 2, 1);
+        of_several(room, map, 2 * side, cells - 2 * side, side, 2, 1);
     }
 }
