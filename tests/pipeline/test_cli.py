@@ -236,9 +236,11 @@ def test_help_is_in_sections_and_a_figures_own_settings_are_its_defaults(z2p: Ca
 
 
 PATIENT = """
-import threading, time
+import signal, threading, time
 from pipeline import cli
 import click
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # where the tests are a background job it would be ignored
 
 @click.command()
 def slow():
