@@ -19,6 +19,8 @@ SUFFIXES = (".webp", ".gif", ".mp4")
 OPAQUE = frozenset({".gif", ".mp4"})
 """Suffixes whose format has no half-transparent pixels, and so no soft shadow: white is put behind."""
 QUALITY = {"webp": 90, "crf": 18}
+SHORTEST = 16
+"""Milliseconds that a frame stays at least: viewers take 10 for a mistake, and show it for 100."""
 
 
 def write_animation(
@@ -71,8 +73,8 @@ def _webp(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | No
         exif[0x010E] = described(record)
     first, *rest = (Image.fromarray(frame) for frame in frames)
     encoded = io.BytesIO()
-    first.save(encoded, format="WEBP", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0,
-               quality=QUALITY["webp"], method=4, minimize_size=True, exif=exif)  # fmt: skip
+    first.save(encoded, format="WEBP", save_all=True, append_images=rest, loop=0, quality=QUALITY["webp"], method=4,
+               duration=_durations(len(frames), rate, 1), minimize_size=True, exif=exif)  # fmt: skip
     return encoded.getvalue()
 
 
@@ -86,9 +88,15 @@ def _gif(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | Non
     first, *rest = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
     encoded = io.BytesIO()
     comment = {} if record is None else {"comment": described(record).encode()}
-    first.save(encoded, format="GIF", save_all=True, append_images=rest, duration=round(100 / rate) * 10, loop=0,
-               optimize=False, disposal=1, **comment)  # fmt: skip
+    first.save(encoded, format="GIF", save_all=True, append_images=rest, loop=0,
+               duration=_durations(len(frames), rate, 10), optimize=False, disposal=1, **comment)  # fmt: skip
     return encoded.getvalue()
+
+
+def _durations(count: int, rate: float, step: int) -> list[int]:
+    """Milliseconds that each frame stays, in whole steps of the format, so that all together keep the rate."""
+    ends = np.rint(np.arange(count + 1) * 1000 / (rate * step)) * step
+    return [max(int(stay), -(-SHORTEST // step) * step) for stay in np.diff(ends)]
 
 
 def _mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:

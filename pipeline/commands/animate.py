@@ -32,7 +32,8 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 @click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
               help="turn: the object, once around; light: the light, from side to side and back.")
 @click.option("--frames", default=48, type=click.IntRange(2, 720), metavar="N", help="Frames of the loop.")
-@click.option("--fps", default=24.0, type=FiniteRange(1, 60), metavar="N", help="Frames a second.")
+@click.option("--fps", default=24.0, type=FiniteRange(1, 60), metavar="N",
+              help="Frames a second; a GIF has at most 50.")
 @click.option("--steady", default=1, type=click.IntRange(1, 9), metavar="N",
               help="Pictures that each frame is the mean of: little smoother, N times slower.")
 @picture_options

@@ -96,6 +96,17 @@ def test_loops_keep_frames_time_and_record(tmp_path: Path, suffix: str) -> None:
     assert read_record(path) == {"record": 1, "name": "x" * 3000}
 
 
+@pytest.mark.parametrize(("suffix", "rate", "total"), [(".webp", 24, 250), (".gif", 24, 250), (".webp", 60, 100),
+                                                       (".gif", 60, 120)])  # fmt: skip
+def test_a_loop_lasts_as_long_as_its_rate_says(tmp_path: Path, suffix: str, rate: float, total: int) -> None:
+    write_animation(FRAMES, path := tmp_path / f"a{suffix}", rate)
+    stays = []
+    for frame in ImageSequence.Iterator(Image.open(path)):
+        frame.load()
+        stays.append(frame.info["duration"])
+    assert sum(stays) == total and min(stays) >= 16 and max(stays) - min(stays) <= 10
+
+
 def test_a_webp_loop_stays_transparent_and_a_gif_gets_a_background(tmp_path: Path) -> None:
     clear = [np.full((20, 20, 4), (0, 0, 255, alpha), np.uint8) for alpha in (0, 100)]
     write_animation(clear, tmp_path / "a.webp", 10)
