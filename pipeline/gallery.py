@@ -88,7 +88,7 @@ def _settings(record: dict[str, Any]) -> list[tuple[str, str]]:
     rows += [("up", f"{stance.get('up', '')}: {stance.get('up_reason', '')}"),
              ("view", f"azimuth {stance.get('azimuth', 0):.0f}, {stance.get('view_reason', '')}")]  # fmt: skip
     if stance.get("outliers"):
-        rows.append(("left out", f"{stance['outliers']} stray points"))
+        rows.append(("left out", f"strays: {stance['outliers']}"))
     weights = record.get("weights", {})
     rows.append(("weights", f"{weights.get('name', '')} {str(weights.get('sha256', ''))[:12]}"))
     rows.append(("made by", f"z2p {record.get('version', '')}"))

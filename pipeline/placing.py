@@ -94,7 +94,7 @@ class Stance:
         chosen = f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}"
         parts = (
             settled if self.up == SETTLED else chosen,
-            f"{self.outliers} stray points left out of the frame" if self.outliers else "",
+            f"{self.told_strays} left out of the frame" if self.outliers else "",
             f"{self.background} points far behind it left out" if self.background else "",
             f"{self.outside} points beyond the camera's frame" if self.outside else "",
             f"{self.added} put into small gaps of it" if self.added else "",
@@ -103,6 +103,11 @@ class Stance:
             self.hint,
         )
         return "; ".join(filter(None, parts))
+
+    @property
+    def told_strays(self) -> str:
+        """How many were left out."""
+        return f"{self.outliers} stray point{'' if self.outliers == 1 else 's'}"
 
     @property
     def told_rounded(self) -> str:

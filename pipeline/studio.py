@@ -116,7 +116,9 @@ def look_for(renderer: Renderer, request: Request) -> Look:
     if not isinstance(request.up, str) or (request.up != "auto" and request.up not in UP_AXES):
         raise SettingError(f"expected up auto, {', '.join(UP_AXES)}, got {request.up!r}")
     wishes, view, camera = dict(request.controls), _view(request.view), _camera(request.camera)
-    if isinstance(view, tuple) and camera is None and wishes.get("elevation") is None:
+    if isinstance(view, tuple) and camera is None:
+        if (other := wishes.get("elevation")) not in (None, view[1], (view[1],)):
+            raise SettingError(f"view {view} and elevation {other} both choose the elevation; leave one out")
         wishes["elevation"] = view[1]
     placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
                       request.keep_outliers, request.cut_top, camera, smooth_from(request.smooth))
@@ -169,8 +171,7 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
             if scan.repeated:
                 notes.append(f"{scan.repeated} points that repeat others, or stand for missing ones, were dropped")
             if drawing.stance.outliers:
-                notes.append(f"{drawing.stance.outliers} stray points were left out of the frame; keep_outliers=True "
-                             "keeps them")
+                notes.append(f"{drawing.stance.told_strays} left out of the frame; keep_outliers=True keeps all")
             if drawing.stance.background:
                 notes.append(f"{drawing.stance.background} points far behind the depth camera's subject were left out; "
                              "keep_outliers=True keeps them")

@@ -235,7 +235,7 @@ def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("view", f"azimuth {stance['azimuth']:g}, {stance['view_reason']}"),
         ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
                    f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
-        ("left out", f"{stance['outliers']} stray points, {stance['background']} far behind"),
+        ("left out", f"strays: {stance['outliers']}, points far behind: {stance['background']}"),
         ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
         ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
                  f"fit {record['fit']}"),

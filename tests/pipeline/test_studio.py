@@ -51,6 +51,7 @@ def test_every_setting_changes_the_picture(cloud: np.ndarray, small: dict[str, A
      {"size": (64, 64, 64)}, {"metallic": 0.5}, {"nosuch": 1}, {"view": "side"}, {"view": (1,)}, {"up": "Z"},
      {"background": "nocolour"}, {"background": (1, 2, 3)}, {"fit": "loose"}, {"supersample": 7},
      {"azimuth": np.nan}, {"azimuth": np.inf}, {"azimuth": None}, {"view": (np.nan, 10)}, {"view": (0, np.inf)},
+     {"view": (0, 60), "elevation": 5},
      {"cut_top": np.nan}, {"cut_top": "5"}, {"smooth": 0.4}, {"smooth": "much"}, {"smooth": np.nan},
      {"camera": {"a": 1}}, {"camera": "nosuch.json"}, {"color": 3j}, {"colors": np.ones(3)},
      {"colors": np.ones((10, 3))}, {"colors": [[1, 0, 0], [1, 0]]}, {"weights": None},
@@ -136,7 +137,7 @@ def test_what_is_left_out_is_said(cloud: np.ndarray, small: dict[str, Any]) -> N
         z2p_core.render(broken, **small)
     with pytest.warns(RenderWarning, match=r"rounded to steps of 0\.5: save float64"):
         z2p_core.render((cloud + np.array([691234, 5334567, 512])).astype(np.float32), **small)
-    with pytest.warns(RenderWarning, match="1 stray points"):
+    with pytest.warns(RenderWarning, match="1 stray point left"):
         z2p_core.render(np.vstack([cloud, [[90.0, 0, 0]]]), **small)
 
 
