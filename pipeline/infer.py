@@ -19,6 +19,7 @@ from z2p_core.interfaces import Control, Engine, Value
 from z2p_core.native import straight_bytes
 from z2p_core.scene import SceneDescription
 from z2p_core.viewpoint import frame
+from z2p_core.window import window_of
 
 
 class Renderer:
@@ -46,6 +47,11 @@ class Renderer:
     @cached_property
     def _engine(self) -> Engine:
         return self._start()
+
+    @cached_property
+    def _cuts(self) -> bool:
+        """Whether the network is given no more of a picture than the window around the cloud."""
+        return self._engine.any_size and bool(self._loaded.card.get("training", {}).get("cropped"))
 
     @property
     def engine(self) -> str:
@@ -92,11 +98,26 @@ class Renderer:
         The floor lies at that height; None puts it under the lowest point. Of a sparse cloud a smaller picture is drawn
         and enlarged.
         """
-        inputs = self.inputs(cloud, values, *drawn_size(cloud, width, height), floor)
-        drawn = np.require(self._engine.run(*inputs)[0], np.float32, ["C", "W"])
-        features = inputs[0][0, self._loaded.zbuffer.channels :]
+        buffers, encoding, settings = self.inputs(cloud, values, *drawn_size(cloud, width, height), floor)
+        features = buffers[0, self._loaded.zbuffer.channels :]
+        drawn = self._drawn(buffers, features, encoding, settings)
         self._loaded.gbuffer.reconcile(drawn, features, len(cloud))
         return straight_bytes(enlarged(drawn, width, height))
+
+    def _drawn(
+        self, buffers: np.ndarray, features: np.ndarray, encoding: np.ndarray, settings: np.ndarray
+    ) -> np.ndarray:
+        """The network's picture (4, H, W) of these inputs, among which are the G-buffer's features."""
+        beside = self._loaded.gbuffer.elsewhere(features) if self._cuts else None
+        if beside is None:
+            return np.require(self._engine.run(buffers, encoding, settings)[0], np.float32, ["C", "W"])
+        shown, drawn = beside
+        cell = self._loaded.config.unshuffle
+        window = window_of(shown > 0, self._loaded.config.stride, cell)
+        blocks = [slice(side.start // cell, -(-side.stop // cell)) for side in window]
+        inside = np.ascontiguousarray(buffers[:, :, *window]), np.ascontiguousarray(encoding[:, *blocks]), settings
+        drawn[:, *window] = self._engine.run(*inside)[0]
+        return drawn
 
     def inputs(
         self,

@@ -15,6 +15,7 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
+from pipeline.cropping import cropped
 from pipeline.curve import Row, validation_metrics, write_curve, write_strips
 from pipeline.dataset import Batch
 from pipeline.export import check_exporter, export_onnx
@@ -24,6 +25,8 @@ from z2p_core.config import TrainConfig, samples_until
 from z2p_core.losses import total_loss
 
 LONGEST_GRADIENT = 1.0
+CROPS = 5
+"""Beside the seeds of `pipeline.dataset` and `pipeline.run`."""
 LAST_RATE = 0.01
 """Learning rate at the end, as a share of the highest."""
 VALIDATION_PICTURES, STRIP_PICTURES = 32, 4
@@ -104,9 +107,14 @@ def _step(run: Run, batch: Batch) -> Row:
     rate = learning_rate(run.step, run.config)
     for group in run.optimizer.param_groups:
         group["lr"] = rate
+    encoding = run.encodings[batch.buffers.shape[-1]]
+    if run.config.cropped:
+        rng = np.random.default_rng((CROPS, run.config.seed, run.step))
+        network = run.config.network
+        batch, encoding = cropped(batch, encoding, run.data.zbuffer.channels, network.stride, network.unshuffle, rng)
     autocast = torch.autocast(run.device.type, torch.bfloat16) if run.precision == "bfloat16" else nullcontext()
     with autocast:
-        prediction = run.network(batch.buffers, run.encodings[batch.buffers.shape[-1]], batch.settings)
+        prediction = run.network(batch.buffers, encoding, batch.settings)
     loss, terms = total_loss(prediction, batch.target, batch.coverage, run.config.loss)
     run.optimizer.zero_grad()
     loss.backward()

@@ -32,14 +32,15 @@ _KERNELS = (
 _NETWORK = (
     "pipeline.buffers", "pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting",
     "z2p_core.camera", "z2p_core.discs", "z2p_core.lamps", "z2p_core.principled", "z2p_core.reflection",
-    "z2p_core.scene", "z2p_core.shades", "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", *_KERNELS,
+    "z2p_core.scene", "z2p_core.shades", "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", "z2p_core.window",
+    *_KERNELS,
 )
 
 OF_WEIGHTS = (
     "pipeline.buffers", "pipeline.load", "pipeline.infer", "pipeline.enlarging", "pipeline.engines",
     "storage.checkpoints", "storage.exports", "storage.graphs", "storage.shelf", "z2p_core.discs", "z2p_core.model",
     "z2p_core.lamps", "z2p_core.principled", "z2p_core.reflection", "z2p_core.shades", "z2p_core.sizes",
-    "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", *_KERNELS,
+    "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", "z2p_core.window", *_KERNELS,
 )
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
 PLACING = (
@@ -74,8 +75,8 @@ SHAPING: dict[str, tuple[str, ...]] = {
     ),
     "train": (
         "workflows.stages:Train", "pipeline.train", "pipeline.run", "pipeline.dataset", "pipeline.augment",
-        "pipeline.teacher", "pipeline.curve", "pipeline.engines", "pipeline.export", "pipeline.halving",
-        "pipeline.haze",
+        "pipeline.teacher", "pipeline.cropping", "pipeline.curve", "pipeline.engines", "pipeline.export",
+        "pipeline.halving", "pipeline.haze",
         "pipeline.shard:shrink_pictures", "storage.exports", "storage.graphs", "storage.shards", "storage.shelf",
         "z2p_core.config:batch_size", "z2p_core.config:samples_until", "z2p_core.flip", "z2p_core.geometry",
         "z2p_core.images", "z2p_core.losses",

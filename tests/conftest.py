@@ -31,7 +31,7 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
 
     def make(
         controls: tuple[str, ...] = ("color", "light", "elevation"), fixed_elevation: float | None = None,
-        **network_shape: Any,
+        cropped: bool = False, **network_shape: Any,
     ) -> Path:
         carried = [registry.load("controls", name)() for name in controls]
         config = NetworkConfig(**{"widths": (16, 16), "mapping": 16, **network_shape})
@@ -53,7 +53,7 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
             "controls": [{"name": one.name, "version": one.version, "size": one.size} for one in carried],
             "resolution": [64],
             "fixed_elevation": fixed_elevation,
-            "training": {},
+            "training": {"cropped": cropped},
         }
         save_weights(path, network.state_dict(), card)
         return path

@@ -78,6 +78,11 @@ class NetworkConfig:
     encoder: str = "none"
     """``fourier`` tells where in the picture a pixel lies (paper section 3.3), which a G-buffer makes needless."""
 
+    @property
+    def stride(self) -> int:
+        """Pixels of the picture along a side of one at the coarsest level."""
+        return self.unshuffle * 2 ** (len(self.widths) - 1)
+
 
 @dataclass(frozen=True)
 class LossConfig:
@@ -133,6 +138,8 @@ class TrainConfig:
     """Share of the clouds that are spread evenly, as voxel filters leave them; the others are random."""
     holes: float = 0.0
     """Share of the clouds that miss some patches, as scans do; the network learns to close them."""
+    cropped: bool = False
+    """Learnt from windows around the clouds, at least as narrow as what the weights are then given of a picture."""
     mirror: bool = False
     """Half of the samples have left and right exchanged, another half each time their clouds are drawn."""
     noise: str = "none"

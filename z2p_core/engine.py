@@ -52,6 +52,8 @@ class Engine(ABC):
     """Whether it needs `TrainedNetwork.onnx`; False for one that takes the torch module."""
     reads_int8: ClassVar[bool] = False
     """Whether it is `TrainedNetwork.int8` that it needs instead."""
+    any_size: ClassVar[bool] = True
+    """Whether pictures of ever new sizes cost it no more than others."""
     exact: ClassVar[bool] = True
     """Whether it keeps within 2/255 of torch; what does not says so, and `z2p evaluate --engine` judges it."""
 

@@ -123,11 +123,8 @@ class Control(ABC):
 
     def encode(self, value: Value) -> tuple[float, ...]:
         """The `size` numbers for the settings vector; the slider's range mapped to [0, 1] unless overridden."""
-        slider = self.slider
-        return tuple(
-            (number - low) / (high - low)
-            for number, low, high in zip(value, slider.low, slider.high, strict=True)
-        )
+        ends = zip(value, self.slider.low, self.slider.high, strict=True)
+        return tuple((number - low) / (high - low) for number, low, high in ends)
 
     def mirrored(self, value: Value) -> Value:
         """Value for the same scene with left and right exchanged, as training shows it; itself unless overridden."""
@@ -186,6 +183,14 @@ class GBuffer(ABC):
         picture, and err in another way, a mean of both is nearer.
         """
 
+    def elsewhere(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """What a picture is where the cloud is not, of features (channels, H, W); None if only a network can tell.
+
+        First (H, W), above 0 where the cloud shows, or what else the network has to mend; then the picture (4, H, W),
+        as networks draw it, of all the rest.
+        """
+        return None
+
 
 class PositionalEncoder(ABC):
     """Features of a pixel's place in the full frame, joined to the network's input (paper section 3.3, Eq. 3)."""
@@ -227,9 +232,7 @@ class Sampler(ABC):
     """Distributions whose versions count, as the code does, when results are told stale: ``("open3d",)``."""
 
     @abstractmethod
-    def sample(
-        self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator
-    ) -> np.ndarray:
+    def sample(self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
         """Exactly `count` points (count, 3) float64 on the triangles faces (M, 3) int of vertices (V, 3) float64."""
 
 

@@ -126,7 +126,7 @@ class UNet(nn.Module):
     def __init__(self, config: NetworkConfig, settings: int) -> None:
         super().__init__()
         self.unshuffle = config.unshuffle
-        self.stride = config.unshuffle * 2 ** (len(config.widths) - 1)
+        self.stride = config.stride
         self.mapping = MappingNetwork(settings, config.mapping) if config.conditioning == "adain" else None
 
     def forward(self, buffers: Tensor, encoding: Tensor, settings: Tensor) -> Tensor:

@@ -24,6 +24,7 @@ class OpenVino(Engine):
     version = "1"
     package = "openvino"
     rank = 20
+    any_size = False
     precision: ClassVar[str] = "f32"
 
     def __init__(self, network: TrainedNetwork, threads: int | None = None) -> None:

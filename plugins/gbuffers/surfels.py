@@ -65,6 +65,8 @@ ALIKE = 8 / 255
 """How far the network's colour and a disc's differ by chance, at most: by more where the network mends something."""
 SHADOW_TRUST, SHADOW_ALIKE = 0.25, 0.06
 """Share that the floor's shadow as it is cast here has in the picture's, where they differ by no more."""
+SHADED = 0.15
+"""Alpha of the floor's shadow from which on the network is needed for it: fainter, it is as good as it is cast."""
 STRIPS = 6
 """Strips of a picture, which the cores take in turn. One core draws the same ones: which discs are hidden is told
 within each strip, so with others a few discs near their borders would show, or not."""
@@ -124,6 +126,11 @@ class Surfels(GBuffer):
 
         over_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
         shadow.result()
+
+    def elsewhere(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        floor = np.zeros((4, *features.shape[1:]), np.float32)
+        floor[3] = features[-1]
+        return features[0] + (features[-1] > SHADED), floor
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
         apart = math.sqrt(APART * float(features[0].sum()) / max(min(points, MOST_POINTS), 1))

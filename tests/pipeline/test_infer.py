@@ -127,6 +127,32 @@ def test_the_picture_is_the_networks_with_straight_colour(
     assert np.abs(picture[..., :3] * picture[..., 3:] - lit).max() < 1.01 / 255
 
 
+@pytest.mark.parametrize("encoder", ["none", "fourier"])
+def test_weights_that_learnt_from_windows_draw_the_cloud_and_leave_the_floor_to_the_gbuffer(
+    make_weights: Callable[..., Path], cloud: np.ndarray, encoder: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    renderer = Renderer(make_weights(cropped=True, encoder=encoder), engine="torch")
+    given = []
+    run = renderer._engine.run
+    monkeypatch.setattr(renderer._engine, "run", lambda *inputs: given.append(inputs) or run(*inputs))
+    placed = (place_cloud(cloud) * 0.4).astype(np.float32)
+    picture = renderer.render(placed, None, 256, 192)
+    (buffers, encoding, _), inputs = given[0], renderer.inputs(placed, None, 256, 192)
+    height, width = buffers.shape[2:]
+    assert height < 192 and width < 256 and height % 8 == 0 and width % 8 == 0
+    assert encoding.shape[1:] == (height // 4, width // 4)
+    whole, features = inputs[0][0], inputs[0][0, renderer._loaded.zbuffer.channels :]
+    corners = [(top, left) for top in range(0, 192, 4) for left in range(0, 256, 4)
+               if np.array_equal(whole[:, top : top + height, left : left + width], buffers[0])]  # fmt: skip
+    ((top, left),) = corners
+    outside = np.ones((192, 256), bool)
+    outside[top : top + height, left : left + width] = False
+    assert not features[0][outside].any()
+    assert np.array_equal(encoding, inputs[1][:, top // 4 : (top + height) // 4, left // 4 : (left + width) // 4])
+    assert np.abs(picture[..., 3] / 255 - features[-1])[outside].max() < 0.51 / 255
+    assert (picture[..., 3][outside] > 0).any()
+
+
 def test_weights_without_elevation_use_their_own(make_weights: Callable[..., Path], cloud: np.ndarray) -> None:
     low = Renderer(make_weights(("color",), fixed_elevation=0.0))
     high = Renderer(make_weights(("color",), fixed_elevation=60.0))

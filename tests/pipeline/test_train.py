@@ -145,6 +145,13 @@ def test_thirty_steps_learn(shards, tmp_path, network, loss, precision):
     assert np.mean(losses[-5:]) < 0.6 * np.mean(losses[:3])
 
 
+def test_windows_train_and_the_card_says_so(tmp_path):
+    shards = [sphere_shard(tmp_path / "spheres.h5", 6, 128, 0)]
+    config = replace(CONFIG, steps=2, cropped=True)
+    weights = train(shards, config, tmp_path / "run", log=silent)
+    assert load_plugins(weights).card["training"]["cropped"] is True
+
+
 def test_another_run_in_the_same_folder_is_refused(shards, undisturbed, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         train(shards, CONFIG, tmp_path, log=stopping_at("step 1: checkpoint"), precision="float32")
