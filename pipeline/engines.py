@@ -32,8 +32,9 @@ def start_engine(
     onnx = load_onnx(file, digest) or load_graph(file, digest)
     int8 = load_graph(file, digest, INT8)
     network = TrainedNetwork(
-        loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8, users_shelf()
-    )
+        loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8, users_shelf(),
+        loaded.windows,
+    )  # fmt: skip
     return _chosen(name, network, file, exact)(network, threads)
 
 

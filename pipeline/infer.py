@@ -51,7 +51,7 @@ class Renderer:
     @cached_property
     def _cuts(self) -> bool:
         """Whether the network is given no more of a picture than the window around the cloud."""
-        return self._engine.any_size and bool(self._loaded.card.get("training", {}).get("cropped"))
+        return self._engine.any_size and self._loaded.windows
 
     @property
     def engine(self) -> str:
@@ -100,15 +100,15 @@ class Renderer:
         """
         buffers, encoding, settings = self.inputs(cloud, values, *drawn_size(cloud, width, height), floor)
         features = buffers[0, self._loaded.zbuffer.channels :]
-        drawn = self._drawn(buffers, features, encoding, settings)
+        drawn = self._drawn(buffers, features, encoding, settings, len(cloud))
         self._loaded.gbuffer.reconcile(drawn, features, len(cloud))
         return straight_bytes(enlarged(drawn, width, height))
 
     def _drawn(
-        self, buffers: np.ndarray, features: np.ndarray, encoding: np.ndarray, settings: np.ndarray
+        self, buffers: np.ndarray, features: np.ndarray, encoding: np.ndarray, settings: np.ndarray, points: int
     ) -> np.ndarray:
-        """The network's picture (4, H, W) of these inputs, among which are the G-buffer's features."""
-        beside = self._loaded.gbuffer.elsewhere(features) if self._cuts else None
+        """The network's picture (4, H, W) of these inputs, the G-buffer's features of so many points among them."""
+        beside = self._loaded.gbuffer.elsewhere(features, points) if self._cuts else None
         if beside is None:
             return np.require(self._engine.run(buffers, encoding, settings)[0], np.float32, ["C", "W"])
         shown, drawn = beside

@@ -32,6 +32,11 @@ class LoadedWeights:
         return self.weights.card
 
     @property
+    def windows(self) -> bool:
+        """Whether they have learnt from windows, and so need no more of a picture than the one around the cloud."""
+        return bool(self.card.get("training", {}).get("cropped"))
+
+    @property
     def buffer_channels(self) -> int:
         """Channels that the network reads of a cloud."""
         return self.zbuffer.channels + self.gbuffer.channels

@@ -37,6 +37,8 @@ class TrainedNetwork:
     """ONNX model like the other, whose inner convolutions are in 8 bits (QDQ); None where the weights have none."""
     shelf: Shelf | None = None
     """For what the engine makes of the network; None: nowhere."""
+    windows: bool = False
+    """Whether it gets windows of pictures, of one size and another, from an engine of `any_size`."""
 
 
 class Engine(ABC):

@@ -183,11 +183,11 @@ class GBuffer(ABC):
         picture, and err in another way, a mean of both is nearer.
         """
 
-    def elsewhere(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """What a picture is where the cloud is not, of features (channels, H, W); None if only a network can tell.
+    def elsewhere(self, features: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """What a picture is where the cloud is not; None if only a network can tell.
 
-        First (H, W), above 0 where the cloud shows, or what else the network has to mend; then the picture (4, H, W),
-        as networks draw it, of all the rest.
+        Of features (channels, H, W) of so many points: first (H, W), above 0 where the cloud shows, or what else the
+        network has to mend; then the picture (4, H, W), as networks draw it, of all the rest.
         """
         return None
 

@@ -111,7 +111,7 @@ def check_gbuffer(gbuffer_class: type[GBuffer]) -> None:
             drawn = np.full_like(picture, np.nan)
             gbuffer.draw_into(drawn, cloud, camera, scene)
             same(drawn, picture, f"{name}: draw_into of {what}, whatever was there before")
-            if (beside := gbuffer.elsewhere(picture)) is not None:
+            if (beside := gbuffer.elsewhere(picture, 10_000)) is not None:
                 check_array(beside[0], (height, width), np.float32, f"{name}: where to draw {what}")
                 check_array(beside[1], (4, height, width), np.float32, f"{name}: picture elsewhere than {what}")
     for what, cloud in clouds.items():

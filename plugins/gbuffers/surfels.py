@@ -67,6 +67,8 @@ SHADOW_TRUST, SHADOW_ALIKE = 0.25, 0.06
 """Share that the floor's shadow as it is cast here has in the picture's, where they differ by no more."""
 SHADED = 0.15
 """Alpha of the floor's shadow from which on the network is needed for it: fainter, it is as good as it is cast."""
+FEWEST_SURE = 4000
+"""Points from which on that holds: the shadow of fewer has gaps, which only the network closes."""
 STRIPS = 6
 """Strips of a picture, which the cores take in turn. One core draws the same ones: which discs are hidden is told
 within each strip, so with others a few discs near their borders would show, or not."""
@@ -127,7 +129,9 @@ class Surfels(GBuffer):
         over_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
         shadow.result()
 
-    def elsewhere(self, features: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def elsewhere(self, features: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray] | None:
+        if points < FEWEST_SURE:
+            return None
         floor = np.zeros((4, *features.shape[1:]), np.float32)
         floor[3] = features[-1]
         return features[0] + (features[-1] > SHADED), floor

@@ -135,7 +135,8 @@ def test_weights_that_learnt_from_windows_draw_the_cloud_and_leave_the_floor_to_
     given = []
     run = renderer._engine.run
     monkeypatch.setattr(renderer._engine, "run", lambda *inputs: given.append(inputs) or run(*inputs))
-    placed = (place_cloud(cloud) * 0.4).astype(np.float32)
+    dense = np.repeat(cloud, 12, axis=0) + np.random.default_rng(2).normal(scale=0.02, size=(12 * len(cloud), 3))
+    placed = (place_cloud(dense) * 0.4).astype(np.float32)
     picture = renderer.render(placed, None, 256, 192)
     (buffers, encoding, _), inputs = given[0], renderer.inputs(placed, None, 256, 192)
     height, width = buffers.shape[2:]
@@ -151,6 +152,8 @@ def test_weights_that_learnt_from_windows_draw_the_cloud_and_leave_the_floor_to_
     assert np.array_equal(encoding, inputs[1][:, top // 4 : (top + height) // 4, left // 4 : (left + width) // 4])
     assert np.abs(picture[..., 3] / 255 - features[-1])[outside].max() < 0.51 / 255
     assert (picture[..., 3][outside] > 0).any()
+    renderer.render(placed[::12], None, 256, 192)
+    assert given[-1][0].shape[2:] == (192, 256)  # the shadow of so few has gaps
 
 
 def test_weights_without_elevation_use_their_own(make_weights: Callable[..., Path], cloud: np.ndarray) -> None:

@@ -222,8 +222,11 @@ def test_the_penumbra_of_a_thin_thing_falls_in_finer_steps_in_larger_pictures(mo
 
 def test_beside_the_cloud_and_its_dark_shadow_the_picture_is_what_was_cast():
     features = Surfels().draw(sphere_of(4000), CAMERA, SCENE)
-    shown, floor = Surfels().elsewhere(features)
+    beside = Surfels().elsewhere(features, 4000)
+    assert beside is not None
+    shown, floor = beside
     assert (shown[features[COVERAGE] > 0] > 0).all() and (shown[features[-1] > surfels.SHADED] > 0).all()
     left = shown == 0
     assert features[-1][left].max() > 0.02 and left.mean() > 0.3
     assert not floor[:3].any() and np.array_equal(floor[3], features[-1])
+    assert Surfels().elsewhere(features, 400) is None  # so few cast a shadow with gaps
