@@ -48,11 +48,6 @@ class Renderer:
     def _engine(self) -> Engine:
         return self._start()
 
-    @cached_property
-    def _cuts(self) -> bool:
-        """Whether the network is given no more of a picture than the window around the cloud."""
-        return self._engine.any_size and self._loaded.windows
-
     @property
     def engine(self) -> str:
         """Name of the engine that runs the network."""
@@ -108,7 +103,7 @@ class Renderer:
         self, buffers: np.ndarray, features: np.ndarray, encoding: np.ndarray, settings: np.ndarray, points: int
     ) -> np.ndarray:
         """The network's picture (4, H, W) of these inputs, the G-buffer's features of so many points among them."""
-        beside = self._loaded.gbuffer.elsewhere(features, points) if self._cuts else None
+        beside = self._loaded.gbuffer.elsewhere(features, points) if self._loaded.windows else None
         if beside is None:
             return np.require(self._engine.run(buffers, encoding, settings)[0], np.float32, ["C", "W"])
         shown, drawn = beside

@@ -38,7 +38,7 @@ class TrainedNetwork:
     shelf: Shelf | None = None
     """For what the engine makes of the network; None: nowhere."""
     windows: bool = False
-    """Whether it gets windows of pictures, of one size and another, from an engine of `any_size`."""
+    """Whether it gets windows of pictures, each of another size: an engine that prepares for a size had better not."""
 
 
 class Engine(ABC):
@@ -54,8 +54,6 @@ class Engine(ABC):
     """Whether it needs `TrainedNetwork.onnx`; False for one that takes the torch module."""
     reads_int8: ClassVar[bool] = False
     """Whether it is `TrainedNetwork.int8` that it needs instead."""
-    any_size: ClassVar[bool] = True
-    """Whether pictures of ever new sizes cost it no more than others."""
     exact: ClassVar[bool] = True
     """Whether it keeps within 2/255 of torch; what does not says so, and `z2p evaluate --engine` judges it."""
 

@@ -57,6 +57,14 @@ def test_each_size_has_its_own(network):
     assert picture(kept).shape and len(shelf) == 2
 
 
+def test_one_network_draws_windows_of_all_sizes(network):
+    shelf = Memory()
+    kept = replace(network, shelf=shelf, windows=True)
+    for side in (48, 64, 48):
+        np.testing.assert_allclose(picture(kept, side), picture(network, side), atol=1e-4)
+    assert len(shelf) == 1
+
+
 @pytest.mark.parametrize("damage", [lambda kept: b"", lambda kept: b"nonsense", lambda kept: kept[: len(kept) // 2]])
 def test_what_cannot_be_read_is_compiled_again(network, damage):
     shelf = Memory()

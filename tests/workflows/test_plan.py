@@ -98,6 +98,7 @@ EFFECTS = {
     "train.mirror": (True, AFTER_SHARDS),
     "train.noise": ("gaussian", AFTER_SHARDS),
     "train.noise_scale": (0.01, AFTER_SHARDS),
+    "train.cropped": (True, AFTER_SHARDS),
     "train.average": (0.0, AFTER_SHARDS),
     "train.validate_every": (50, AFTER_SHARDS),
     "train.validation_share": (0.1, AFTER_SHARDS),
