@@ -9,24 +9,10 @@
 
 #include "fast.h"
 
-#define ROUNDS 3
-#define WIDTH 16   /* units that read a neighbour, and numbers that a point remembers from round to round */
-#define FEATURES 6 /* numbers that are read of a neighbour */
+#include "refine_weights.h" /* static const Network LEARNT, of so many ROUNDS of so many WIDTH units */
+
 #define LANES 16   /* neighbours that are measured at a time */
 #define REACH 4.0f /* in `scale`, of the longest step to a neighbour: longer ones are told apart less and less */
-
-typedef struct {
-    float pair[FEATURES][WIDTH], bias[WIDTH], own[WIDTH][WIDTH], other[WIDTH][WIDTH]; /* what the units read */
-    float vote[4][WIDTH];                                 /* for the normal, either climb, and the height */
-    float keep[WIDTH][WIDTH], learn[WIDTH][WIDTH], forget[WIDTH]; /* what is remembered; unused in the last round */
-} Round;
-
-typedef struct {
-    float start[3][WIDTH]; /* times 1, the noise and its square */
-    Round rounds[ROUNDS];
-} Network;
-
-#include "refine_weights.h" /* static const Network LEARNT */
 
 /* One number of each unit. Spelt out, as compilers turn loops over so few the wrong way round. */
 typedef float Units __attribute__((vector_size(4 * WIDTH)));
@@ -107,6 +93,12 @@ INLINE void add_up(const Round *round, Units own, const float *told, const int *
         *all += said;
         for (int m = 0; m < MEASURES; m++) sums[m] += said * measures[m][j];
     }
+}
+
+/* How many rounds there are, and how many numbers a point remembers and tells. */
+int z2p_refine_size(int *rounds, int *width) {
+    *rounds = ROUNDS, *width = WIDTH;
+    return 1;
 }
 
 /* What all of so many points remember before the first round, by the noise in spacings, and what they tell: memory

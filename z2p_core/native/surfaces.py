@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from functools import lru_cache
 
 import numpy as np
 
@@ -11,8 +12,6 @@ from z2p_core.threads import over_rows
 
 MOST_CLIPS = 4
 """Planes that end a disc."""
-ROUNDS, WIDTH = 3, 16
-"""Of `refine.c`: rounds of messages, and numbers that a point remembers from one to the next."""
 
 
 class Grid:
@@ -111,23 +110,31 @@ def refine(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (N, 3) moved onto their patches and unit normals (N, 3), as each agrees with its neighbours found (N, K).
 
-    A small graph network (`scripts/learn_patches.py`) that passes messages three times, from points (N, 3), unit
+    A small graph network (`scripts/learn_patches.py`) that passes messages some times, from points (N, 3), unit
     normals (N, 3) of either sign and the noise in spacings. Steps are measured in scale (N,), above 0.
     """
-    count = len(points)
-    memory, told = np.empty((2, count, WIDTH), np.float32)
+    count, (rounds, width) = len(points), network_size()
+    memory, told = np.empty((2, count, width), np.float32)
     call("z2p_refine_begin", ctypes.c_float(noise), count, memory, told)
     state: tuple[np.ndarray, ...] = (floats(points), floats(normals), memory, told)
-    scale = floats(scale)
-    for which in range(ROUNDS):
+    scale, found = floats(scale), np.ascontiguousarray(found, np.int32)
+    for which in range(rounds):
         state = _next_round(which, state, found, scale)
     return state[0], state[1]
+
+
+@lru_cache(maxsize=1)
+def network_size() -> tuple[int, int]:
+    """Rounds of messages in `refine`, and how many numbers W a point remembers from one to the next."""
+    rounds, width = np.zeros((2, 1), np.intc)
+    call("z2p_refine_size", rounds, width)
+    return int(rounds[0]), int(width[0])
 
 
 def _next_round(
     which: int, state: tuple[np.ndarray, ...], found: np.ndarray, scale: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """The points, normals, memory (N, WIDTH) and what is told (N, WIDTH) after that round, from those before it."""
+    """The points, normals, memory (N, W) and what is told (N, W) after that round, from those before it."""
     after = tuple(np.empty_like(array) for array in state)
 
     def send(begin: int, end: int) -> None:
