@@ -17,6 +17,7 @@ import argparse
 import math
 from collections import deque
 from collections.abc import Iterator, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,7 @@ from tqdm import tqdm
 
 from storage.meshes import find_meshes
 from z2p_core.tangents import fitted
+from z2p_core.threads import one_core_each
 
 HEADER = Path(__file__).resolve().parent.parent / "z2p_core" / "native" / "refine_weights.h"
 ROUNDS, WIDTH = 3, 16
@@ -91,7 +93,8 @@ class Groups(IterableDataset[Patches]):
         rng = np.random.default_rng([self.seed, worker.id if worker else 0])
         while True:
             drawings = (drawn(self.shapes[rng.integers(len(self.shapes))], rng) for _ in range(GROUP * SORTED))
-            clouds = sorted((patches_of(*drawing) for drawing in drawings), key=lambda cloud: cloud.found.shape[1])
+            with one_core_each() if worker else nullcontext():
+                clouds = sorted((patches_of(*each) for each in drawings), key=lambda cloud: cloud.found.shape[1])
             for number in rng.permutation(SORTED):
                 yield together(clouds[GROUP * number : GROUP * (number + 1)])
 
