@@ -164,11 +164,14 @@ class Lighting:
             height, FLOOR_HALF, quarters, lamps[1][0], LIGHT_RADIANCE * LIGHT_SIDE**2, AMBIENT, FLOOR_ALBEDO
         )
         axes = sky_axes(SKY_DIRECTIONS)
-        self.seen = np.empty((2 * len(axes), len(points)), np.int32)
+        self.seen = seen = np.empty((2 * len(axes), len(points)), np.int32)
 
         def look_around(begin: int, end: int) -> None:
-            """What the points see of each other along some axes and against them."""
-            self.seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
+            """What the points see of each other along some axes and against them.
+
+            It holds no `self`, which holds it: in a ring, a picture's arrays would stay until Python looks for such.
+            """
+            seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
 
         self.look_around = rows_beside(look_around, len(axes), parts=8)
 
