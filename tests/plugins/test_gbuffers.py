@@ -1,11 +1,13 @@
 """The surfel G-buffer: light and shadow lie where they do in the scene; parameters move what they should."""
 
+import gc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from plugins.gbuffers import surfels
+from plugins.gbuffers.glossy import Glossy
 from plugins.gbuffers.surfels import Surfels
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import linear_from_srgb
@@ -45,6 +47,18 @@ def test_one_core_draws_what_two_draw(side):
     shared = Surfels().draw(cloud, camera, SCENE)
     with one_core_each():
         np.testing.assert_array_equal(Surfels().draw(cloud, camera, SCENE), shared)
+
+
+@pytest.mark.parametrize("kind", [Surfels, Glossy])
+def test_a_picture_leaves_nothing_for_pythons_collector(kind):
+    kind().draw(sphere_of(), CAMERA, SCENE)  # what is kept for the next picture is there now
+    gc.collect()
+    gc.disable()
+    try:
+        kind().draw(sphere_of(), CAMERA, SCENE)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
 
 
 def reconciled(count, off, shadow=0.0):
