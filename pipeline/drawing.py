@@ -23,6 +23,8 @@ Window = tuple[float, float, float, float]
 
 RECORD = 1
 """Format of the record; raised when its meaning changes."""
+PLACED = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
+"""What the record keeps of the `Placing` that was asked for."""
 FAINTEST, LONE = 8, 2
 """Alpha, of 255, from which on a pixel is part of the picture when it is trimmed, above the haze that weights may leave
 at its borders; and how many such pixels in a row or column are none, as in a corner."""
@@ -136,8 +138,7 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
-        "placing": {"up": look.placing.up, "view": look.placing.view, "keep_outliers": look.placing.keep_outliers,
-                    "cut_top": look.placing.cut_top, "smooth": look.placing.smooth},
+        "placing": {name: getattr(look.placing, name) for name in PLACED},
         "stance": asdict(drawing.stance),
         **window,
     }

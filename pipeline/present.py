@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pipeline.drawing import Look
+from pipeline.drawing import PLACED, Look
 from storage.clouds import shown
 from storage.pictures import PictureError, read_record
 
@@ -46,6 +46,10 @@ def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look) ->
         asked = viewpoint.to_json()
         if any(drawn.get(name) != asked[name] for name in ("centre", "radius")):
             others.append("camera")
+    placed = record.get("placing", {})
+    replaced = () if viewpoint is None else ("up", "view")
+    others += [name.replace("_", "-") for name in PLACED
+               if name in placed and name not in replaced and placed[name] != getattr(look.placing, name)]  # fmt: skip
     background = "transparent" if look.background is None else list(look.background)
     asked_for = {"resolution": [look.width, look.height], "background": background, "supersample": look.supersample,
                  "fit": "tight" if look.tight else "frame"}  # fmt: skip

@@ -64,6 +64,8 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=HEADER)
     parser.add_argument("--measure", type=Path, help="a folder of other meshes, to measure it on")
     asked = parser.parse_args()
+    if asked.width is not None and (asked.width < WIDTH or asked.width & (asked.width - 1)):
+        parser.error(f"--width: expected a power of two, {WIDTH} or more, as refine.c computes with; got {asked.width}")
     torch.manual_seed(asked.seed)
     if asked.begin:
         before = read_header(asked.begin)
@@ -75,7 +77,8 @@ def main() -> None:
         shapes = [shape_of(path) for folder in asked.meshes for path in find_meshes(folder).values()]
         loader = DataLoader(Groups(shapes, asked.seed), batch_size=None, num_workers=asked.workers)
         learn(network, loader, asked.steps, asked.rate, asked.groups, asked.fresh or asked.groups)
-    write_header(asked.output, network.cpu())
+        write_header(asked.output, network.cpu())
+        network = read_header(asked.output)  # as rounded as it will be used
     if asked.measure:
         for line in measured(network, [shape_of(path) for path in find_meshes(asked.measure).values()]):
             print(line)

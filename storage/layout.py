@@ -205,10 +205,6 @@ class Store:
         """Where a resumable stage collects the entry's files until they are published."""
         return self.root / ".work" / entry.stage / entry.fingerprint[:32]
 
-    def lock_file(self, entry: Entry) -> Path:
-        """The file whose lock is held while the entry is written."""
-        return self._lock_file(entry.stage, entry.fingerprint[:32])
-
     def _lock_file(self, stage: str, name: str) -> Path:
         return self.root / ".locks" / f"{stage}-{name}"
 

@@ -122,14 +122,14 @@ def test_it_learns_and_the_same_seed_learns_the_same(
     for run in ("first.h", "second.h"):
         monkeypatch.setattr(scanned_clouds, "MOST", 1200)
         monkeypatch.setattr(sys, "argv", [
-            "", str(meshes), "--steps", "12", "--rounds", "2", "--width", "8", "--output", str(tmp_path / run)
+            "", str(meshes), "--steps", "12", "--rounds", "2", "--width", "16", "--output", str(tmp_path / run)
         ])  # fmt: skip
         learn_patches.main()
         headers.append((tmp_path / run).read_bytes())
     assert headers[0] == headers[1]
     learnt = patch_network.read_header(tmp_path / "first.h")
     torch.manual_seed(1)
-    fresh, rng = patch_network.Refinement(2, 8), np.random.default_rng(5)
+    fresh, rng = patch_network.Refinement(2, 16), np.random.default_rng(5)
     vase = scanned_clouds.shape_of(meshes / "vase.ply")
     clouds = [learn_patches.patches_of(*scanned_clouds.drawn(vase, rng)) for _ in range(8)]
     with torch.no_grad():

@@ -69,8 +69,8 @@ class Slider:
                 f"slider: components, low, high and default need one entry each per component, got lengths {sizes}"
             )
         for name, low, default, high in zip(self.components, self.low, self.default, self.high, strict=True):
-            if not low <= default <= high:
-                raise ValueError(f"slider: {name} needs low <= default <= high, got {low}, {default}, {high}")
+            if not low <= default <= high or low == high:
+                raise ValueError(f"slider: {name} needs low <= default <= high and a range, got {low, default, high}")
 
 
 class Control(ABC):

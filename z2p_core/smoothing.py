@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from z2p_core import native
-from z2p_core.tangents import MOST_POINTS, scatter, thinned, typical_spacing
+from z2p_core.tangents import AGAIN, MOST_POINTS, scatter, thinned, typical_spacing
 
 NOISY = 0.2
 """Scatter of a depth camera's points, in spacings, from which on its clouds are made smooth."""
@@ -21,8 +21,6 @@ NEIGHBOURS, FEWEST = 48, 12
 """Points that a patch is fitted to, spread over it, and without how many it is left alone."""
 WINDOW, TOLERANCE = 0.44, 0.17
 """In radii of a patch: how near its points count most, and how far off its plane."""
-AGAIN = 0x297A2D39
-"""Salt by which points are chosen among those that were chosen before."""
 TWICE = 2
 """How often a patch is fitted, each time from the normal before, so that it keeps to its side of a crease."""
 FARTHEST = 2.5

@@ -19,9 +19,11 @@ from z2p_core.threads import beside
 
 FEWEST, MOST, MORE = 16, 64, 75.0
 """Neighbours of a clean cloud, of the noisiest one, and how many more for noise as large as the spacing."""
-PATENT, DROWNED, FEWEST_KEPT = 0.45, 0.83, 4_000
+PATENT, DROWNED, FEWEST_KEPT = 0.45, 0.83, 2_000
 """Noise in spacings from which on it is measured among `MOST` neighbours as well; what it is there when the surface
-drowns in it, for they do not reach beyond it; and points that are kept of such a cloud at least."""
+drowns in it, for they do not reach beyond it; and about how many points are kept of such a cloud at least."""
+AGAIN = 0x297A2D39
+"""Salt by which points are chosen among those that were chosen before; times 2, 3, ... among those in turn."""
 PROBES = 400
 """Points at which noise is measured."""
 MOST_POINTS = 40_000
@@ -81,9 +83,10 @@ class Fitted:
 
 def tangents(cloud: np.ndarray) -> Tangents:
     """The tangent planes of a cloud (N, 3), N >= 1, in an order that does not depend on the cloud's."""
-    own = fitted(cloud)
-    while len(cloud) >= 2 * FEWEST_KEPT and drowned(own):
-        cloud = thinned(cloud, len(cloud) // 2)
+    own, times = fitted(cloud), 0
+    while len(cloud) >= 3 * FEWEST_KEPT and drowned(own):
+        times += 1
+        cloud = thinned(cloud, len(cloud) // 3, times * AGAIN & 0xFFFFFFFF)
         own = fitted(cloud)
     points, normals = own.grid.points, own.normals
     if len(cloud) >= FEWEST:
@@ -94,7 +97,7 @@ def tangents(cloud: np.ndarray) -> Tangents:
 
 
 def drowned(own: Fitted) -> bool:
-    """Whether noise is so large that patches do not reach beyond it. Those of half as many points reach farther."""
+    """Whether noise is so large that patches do not reach beyond it. Those of a third of the points reach farther."""
     if own.noise < PATENT * own.typical:
         return False
     found, _ = own.grid.neighbours(probes(len(own.grid.points)), MOST)

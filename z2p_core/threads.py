@@ -27,7 +27,7 @@ def cores() -> int:
 def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
     """What the work gives, done on a second core meanwhile; or at once, where that core is still at other work."""
     core = _second_core(os.getpid())
-    if core.idle.acquire(blocking=False):
+    if not core.kept_away and core.idle.acquire(blocking=False):
         return core.thread.submit(core.run, work, *arguments)
     done: Future[Any] = Future()
     try:

@@ -178,7 +178,7 @@ class Lighting:
     def shade(self, found: Tangents, radii: np.ndarray, sets: int) -> None:
         """Casts the shadows of discs with those radii (M,) on the points and the floor.
 
-        There so many sets (1, 2 or 4) of lamps do.
+        So many `sets` (1, 2 or 4) of lamps stand for the light over the floor.
         """
         lamps = light_lamps(self.light_at, LAMPS)
         casters = casters_of(self.points, self.spacing, found, radii)

@@ -89,6 +89,10 @@ def test_the_clouds_of_a_file_are_told_apart(
     [
         (replace(LOOK, values={"color": (0.1, 0.2, 0.3)}), "with another color"),
         (replace(LOOK, width=48), "with another resolution"),
+        (replace(LOOK, placing=Placing(up="-X", view=30.0)), "with another up and another view"),
+        (replace(LOOK, placing=Placing(azimuth=20.0, keep_outliers=True)),
+         "with another azimuth and another keep-outliers"),
+        (replace(LOOK, placing=Placing(cut_top=10.0, smooth=0.1)), "with another cut-top and another smooth"),
         (replace(LOOK, background=(1.0, 1.0, 1.0), tight=True), "with another background and another fit"),
         (replace(LOOK, placing=Placing(viewpoint=Viewpoint((0.0, 0.0, 0.0), 9.0, tuple(map(tuple, np.eye(3))), 20.0))),
          "with another camera"),

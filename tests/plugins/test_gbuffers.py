@@ -92,7 +92,7 @@ def test_a_picture_moves_little_where_it_says_otherwise():
 
 
 @pytest.mark.parametrize("count", [200, 4000])
-def test_the_floors_shadow_moves_halfway_to_what_was_cast_where_it_is_about_that(count):
+def test_the_floors_shadow_moves_a_quarter_of_the_way_to_what_was_cast_where_it_is_about_that(count):
     features, moved = reconciled(count, 0.0, shadow=0.02)
     off = features[COVERAGE] == 0
     np.testing.assert_allclose(moved[3, off], -surfels.SHADOW_TRUST * 0.02, atol=1e-6)

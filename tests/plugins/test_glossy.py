@@ -36,7 +36,7 @@ def test_a_matt_scene_is_drawn_as_before() -> None:
     cloud, plain = ball(2000), SceneDescription(material={"Base Color": (0.5, 0.2, 0.1, 1.0)})
     ours, theirs = (kind().draw(cloud, CAMERA, plain) for kind in (Glossy, Surfels))
     np.testing.assert_allclose(np.delete(ours, range(6, 9), 0), np.delete(theirs, range(6, 9), 0), atol=1e-5)
-    np.testing.assert_allclose(ours[COLOR], theirs[COLOR], atol=2e-3)  # means of light, and of what is displayed of it
+    np.testing.assert_allclose(ours[COLOR], theirs[COLOR], atol=4e-3)  # means of light, and of what is displayed of it
     shining = Glossy().draw(cloud, CAMERA, scene(1.0, 0.2))
     np.testing.assert_allclose(np.delete(shining, range(6, 9), 0), np.delete(
         Surfels().draw(cloud, CAMERA, scene(1.0, 0.2)), range(6, 9), 0), atol=1e-5)  # fmt: skip

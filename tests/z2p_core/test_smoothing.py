@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_clouds import box, sphere
 
-from z2p_core.smoothing import AGAIN, NOISY, WIDEST, patch_radius, smoothed
-from z2p_core.tangents import thinned
+from z2p_core.smoothing import NOISY, WIDEST, patch_radius, smoothed
+from z2p_core.tangents import AGAIN, thinned
 
 
 def hammered(count: int, size: float = 0.01) -> np.ndarray:
