@@ -77,15 +77,6 @@ def test_of_a_cloud_that_drowns_in_noise_fewer_points_tell_the_surface_better(mo
     assert off_radius(found.points, found.normals).mean() < 0.8 * off_radius(everyone.points, everyone.normals).mean()
 
 
-@pytest.mark.parametrize("count", [6_001, 16_400, 31_999, 60_000])
-def test_of_a_cloud_that_drowns_a_third_is_kept_each_time_and_never_too_few(monkeypatch, count):
-    monkeypatch.setattr("z2p_core.tangents.drowned", lambda own: True)
-    kept = len(tangents(thinned(sphere_of(count), 40_000)).points)
-    assert 1_850 < kept < 6_000
-    times = math.log(min(count, 40_000) / kept, 3)
-    assert abs(times - round(times)) < 0.07
-
-
 def test_patches_follow_curvature_where_planes_do_not():
     cloud = sphere_of(1000)
     grid = native.Grid(cloud)
