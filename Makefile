@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 LIGHT := $(VENV)/light.stamp
 FULL := $(VENV)/full.stamp
-PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.c z2p_core/native/*.h) scripts/compiler.sh
+PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.[ch]) z2p_core/native/compiling.py scripts/compiler.sh
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 

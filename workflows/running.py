@@ -82,7 +82,7 @@ def gate(store: Store, *, shared: bool) -> Iterator[None]:
     """Held shared by a pipeline that starts and alone by a sweep, so that neither is in the middle of the other."""
     path = store.root / ".locks" / "sweep"
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a") as file:
+    with path.open("a+") as file:  # NFS 4 locks shared what is open to be read, alone what is open to be written
         fcntl.flock(file, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
         yield
 
@@ -95,12 +95,14 @@ def _note(store: Store, plan: Planned, source: str) -> dict[str, Any]:
 
 def _is_alive(path: Path) -> bool:
     try:
-        with path.open() as file:
+        with path.open("r+" if os.access(path, os.W_OK) else "r") as file:
             silent = time.time() - path.stat().st_mtime
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
+            except BlockingIOError:
                 return True
+            except OSError:  # another user's note, on NFS 4: its age alone tells
+                return silent < SILENT_SECONDS
             own = json.load(file)["host"] == os.uname().nodename
             return not own and silent < SILENT_SECONDS
     except FileNotFoundError:

@@ -1,5 +1,7 @@
 """What nobody needs is shown and then removed; what is kept, linked, written or in use stays."""
 
+import errno
+import fcntl
 import json
 import os
 import subprocess
@@ -81,6 +83,33 @@ def test_a_killed_pipelines_note_does_not_last_but_that_of_another_machine_is_be
     os.utime(elsewhere, (time.time() - 3600,) * 2)
     assert len(unneeded(store)) == len(plan.steps) and elsewhere.exists()  # looking removes nothing
     assert len(sweep(store)) == len(plan.steps) and not elsewhere.exists()
+
+
+def locked_as_on_nfs4(monkeypatch):
+    """From now on what NFS 4 asks of a file that is locked: to be open to be read if shared, to be written if alone."""
+    flock = fcntl.flock
+
+    def strict(file, how):
+        given = fcntl.fcntl(file, fcntl.F_GETFL) & os.O_ACCMODE
+        if not how & fcntl.LOCK_UN and given == (os.O_WRONLY if how & fcntl.LOCK_SH else os.O_RDONLY):
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", strict)
+
+
+def test_notes_are_told_alive_or_dead_on_nfs4_too(config, store, monkeypatch):
+    locked_as_on_nfs4(monkeypatch)
+    note = Registration(store, make_plan(config), "{}")
+    copy = note.path.with_name("copy.json")
+    copy.write_bytes(note.path.read_bytes())  # as if its pipeline had been killed
+    assert len(list(running(store))) == 1
+    note.close()
+    assert list(running(store)) == []
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # another user's, but for root
+    assert len(list(running(store))) == 1, "believed while it is fresh"
+    os.utime(copy, (0, 0))
+    assert list(running(store)) == []
 
 
 def test_a_result_that_is_being_written_by_another_process_stays(config, store):
