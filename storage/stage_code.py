@@ -140,6 +140,7 @@ NOT_SHAPING: dict[str, str] = {
     "plugins.readers.text_form": "in the digest of the reader that uses it",
     "plugins.readers.ply_lists": "in the digest of the reader that uses it",
     "plugins.readers.gltf": "in the digest of the reader that uses it",
+    "plugins.readers.late": "how the readers' libraries are imported shapes nothing",
     "plugins.readers.lengths": "in the digests of the readers that use it",
     "plugins.baselines.apart": "runs another function elsewhere, whose answer is the same",
     "storage.memory": "refuses what does not fit, and changes nothing of what does",

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from plugins.readers.late import late
 from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
 
 
@@ -46,7 +47,7 @@ class E57(Reader):
 
 def _opened(path: Path) -> Any:
     try:
-        import pye57
+        pye57 = late("pye57")
     except ImportError:
         raise ScanError('reading .e57 needs an extra; install it with: pip install "z2p[e57]"') from None
     try:

@@ -8,6 +8,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from plugins.readers.late import late
 from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
 
 _CHUNK = 1_000_000
@@ -42,7 +43,7 @@ class Las(Reader):
         _check_records(path)
         try:
             return [_read(path)]
-        except ScanError:
+        except (ScanError, ImportError):
             raise
         except Exception as error:  # laspy and lazrs raise whatever their parsing stumbles over
             raise _unreadable(error) from error
@@ -87,8 +88,7 @@ def _chunk_count(file: BinaryIO, size: int, points_at: int) -> int:
 
 
 def _read(path: Path) -> np.ndarray:
-    import laspy
-
+    laspy = late("laspy")
     single = laspy.LazBackend.Lazrs  # the parallel one believes the chunk sizes of a damaged file, and aborts on them
     with laspy.open(path, laz_backend=single) as reader:
         header = reader.header

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from plugins.readers.gltf import readable_glb
+from plugins.readers.late import late
 from plugins.readers.lengths import stray_bytes, stray_note
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 
@@ -35,7 +36,7 @@ class Meshes(Reader):
         blob = path.read_bytes()
         try:
             points, note = _stl(blob) if path.suffix.lower() == ".stl" else (_glb(blob), "")
-        except ScanError:
+        except (ScanError, ImportError):  # no fault of the file
             raise
         except Exception as error:  # the library raises whatever its parsing stumbles over
             reason = " ".join(str(error).split())[:160] or type(error).__name__
@@ -46,8 +47,6 @@ class Meshes(Reader):
 
 def _stl(blob: bytes) -> tuple[np.ndarray, str]:
     """Corners of the triangles (N, 3) float64, and a note."""
-    from trimesh.exchange.stl import load_stl
-
     note = ""
     if not (blob[:5].lower() == b"solid" and (b"vertex" in blob[:4096] or b"endsolid" in blob[:4096])):
         if len(blob) < _STL_HEAD:
@@ -57,18 +56,16 @@ def _stl(blob: bytes) -> tuple[np.ndarray, str]:
         size = _STL_TRIANGLE * count
         note = stray_note(stray_bytes(f"the STL header promises {count} triangles", size, len(blob) - _STL_HEAD))
         blob = blob[: _STL_HEAD + size]
-    vertices = load_stl(io.BytesIO(blob)).get("vertices", ())
+    vertices = late("trimesh.exchange.stl").load_stl(io.BytesIO(blob)).get("vertices", ())
     if len(vertices) == 0:
         raise ScanError("the STL file holds no triangle, so no points; export the mesh again")
     return np.asarray(vertices, dtype=np.float64).reshape(-1, 3), note
 
 
 def _glb(blob: bytes) -> np.ndarray:
-    import trimesh
-
     if blob[:4] != b"glTF":
         raise ScanError("expected a GLB file, which begins with 'glTF'; this is another format under that name")
-    scene = trimesh.load_scene(io.BytesIO(readable_glb(blob)), file_type="glb", process=False)
+    scene = late("trimesh").load_scene(io.BytesIO(readable_glb(blob)), file_type="glb", process=False)
     parts = [np.empty((0, 3))]
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]

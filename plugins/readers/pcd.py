@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from plugins.readers.late import late
 from plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
 
@@ -198,10 +199,9 @@ def _tidy_header(header: _Header) -> bytes:
 
 def _load(header: _Header, blob: bytes) -> np.ndarray:
     """Points (N, 3) float64 of a file whose size has been checked."""
+    library = late("pypcd4")
     try:
-        from pypcd4 import PointCloud
-
-        rows = np.atleast_1d(PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(blob))).pc_data)
+        rows = np.atleast_1d(library.PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(blob))).pc_data)
         points = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
     except Exception as error:  # the library raises whatever its parsing stumbles over
         reason = " ".join(str(error).split())[:160]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from plugins.readers.late import late
 from z2p_core.interfaces import MEMORY_A_CHARACTER, Reader, ScanError
 
 
@@ -50,9 +51,8 @@ def _off(blob: bytes) -> np.ndarray:
     """Points of an OFF file; trimesh checks them against the promised count."""
     if b"OFF" not in blob[:1024]:
         raise ScanError("expected an OFF file, which begins with 'OFF'; this is another format under that name")
+    load_off = late("trimesh.exchange.off").load_off
     try:
-        from trimesh.exchange.off import load_off
-
         return np.asarray(load_off(io.BytesIO(blob))["vertices"], dtype=np.float64).reshape(-1, 3)
     except Exception as error:  # the library raises whatever its parsing stumbles over
         raise ScanError(f"the OFF vertices cannot be read ({_first_line(error)}); export the file again") from error
