@@ -256,10 +256,8 @@ class _File:
         self.drawn(output)
 
     def _look_at(self, cloud: int) -> Look:
-        colors = self.task.colors
-        if not colors:
-            return self.look
-        return replace(self.look, values={**self.look.values, "color": colors[cloud % len(colors)]})
+        colors, look = self.task.colors, self.look.written_as(self.task.output.suffix.lower())
+        return replace(look, values={**look.values, "color": colors[cloud % len(colors)]}) if colors else look
 
     def _source_of(self, output: Path, cloud: int) -> dict[str, Any]:
         if not self._source:  # once a file, for its digest takes time

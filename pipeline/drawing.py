@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.infer import Renderer
 from pipeline.placing import Placing, Stance, place
 from storage.clouds import Scan
+from storage.pictures import OPAQUE, WHITE
 from z2p_core import __version__
 from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import SettingError, Value
@@ -51,6 +52,25 @@ class Look:
     """Trimmed to what is to be seen, the shadow included."""
     window: Window | None = None
     """What a trimmed picture shows of its frame, the same for a whole series; None trims it by itself."""
+    settled: bool = False
+    """The renderer draws every cloud by itself, whatever weights would suit it: they do not change within a series."""
+
+    def __post_init__(self) -> None:
+        """Refuses what is too large to draw.
+
+        Raises:
+            SettingError: it is.
+        """
+        if max(self.width, self.height) * self.supersample > LARGEST_SIDE:
+            raise SettingError(f"expected at most {LARGEST_SIDE} pixels a side to draw, got {self.width},{self.height} "
+                               f"times a supersample of {self.supersample}; make one of them smaller")
+
+    def written_as(self, suffix: str) -> Look:
+        """The look in a file of that suffix (lower-case, with its dot): white behind, where it keeps no transparency.
+
+        A background that was asked for stays.
+        """
+        return replace(self, background=WHITE) if self.background is None and suffix in OPAQUE else self
 
 
 @dataclass(frozen=True)
@@ -69,24 +89,18 @@ class Drawing:
     """Why other weights drew it than usual, in words; empty where they did not."""
 
 
-def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look, *, settled: bool = False) -> Drawing:
+def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     """The scan of a file with that suffix (lower-case, with its dot; empty for none) as the look has it.
-
-    A `settled` renderer draws it whatever weights would suit the cloud, as those of the first frame do the others.
 
     Raises:
         ScanError: the cloud has no extent, or no sensor though its view is asked for.
-        SettingError: the picture would be too large to draw.
     """
-    if max(look.width, look.height) * look.supersample > LARGEST_SIDE:
-        raise SettingError(f"expected at most {LARGEST_SIDE} pixels a side to draw, got {look.width},{look.height} "
-                           f"times {look.supersample}; make the resolution or --supersample smaller")
     elevation, free = elevation_of(renderer, look.values)
     placed = place(scan, suffix, look.placing, elevation, free)
     values = dict(look.values)
     if placed.stance.elevation is not None:
         values["elevation"] = (placed.stance.elevation,)
-    renderer, choice = (renderer, "") if settled else renderer.suited(placed.cloud)
+    renderer, choice = (renderer, "") if look.settled else renderer.suited(placed.cloud)
     factor = look.supersample
     floor = placed.viewpoint.floor
     if floor is not None:

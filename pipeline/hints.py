@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from z2p_core.foreground import is_room
@@ -53,6 +55,11 @@ def hint_for_settled(cloud: np.ndarray) -> str:
     return TINY_HINT if (high - low).max() < 2 * TINY else ""
 
 
+def in_python(hint: str) -> str:
+    """A hint with its options as keywords: ``--cut-top 40`` becomes ``cut_top=40``."""
+    return re.sub(r"--([a-z-]+) (\w+)", lambda option: f"{option[1].replace('-', '_')}={_literal(option[2])}", hint)
+
+
 def rounding(points: np.ndarray) -> float:
     """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them."""
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
@@ -61,6 +68,10 @@ def rounding(points: np.ndarray) -> float:
         if (high - low).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
             return 0.0
     return step
+
+
+def _literal(word: str) -> str:
+    return word if word.isdigit() else repr(word)
 
 
 def _stepped(points: np.ndarray) -> str:

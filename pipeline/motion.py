@@ -39,24 +39,32 @@ class Motion:
     """Pictures that each frame is the mean of, spread over its share of the way."""
 
 
-def moving_frames(renderer: Renderer, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
-    """The frames (H, W, 4) uint8, straight RGBA, of a loop: the last goes over into the first.
-
-    With `look.tight` all frames are cut alike, to what shows in any of them; they then come after the last was drawn.
+def opening(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
+    """How the cloud of a file with that suffix stands as a loop begins, and which weights draw all of it: a sketch.
 
     Raises:
         ScanError: the cloud has no extent, or no sensor though its view is asked for.
+    """
+    return draw(renderer, scan, suffix, replace(look, width=64, height=64, supersample=1, tight=False))
+
+
+def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
+    """The frames (H, W, 4) uint8, straight RGBA, of a loop: the last goes over into the first.
+
+    `first` is the scan's `opening` by the same look. With `look.tight` all frames are cut alike, to what shows in any
+    of them; they then come after the last was drawn.
+
+    Raises:
         SettingError: the light is to move, but the weights carry no such control.
     """
+    renderer = first.renderer
     if motion.kind == "light" and "light" not in renderer.controls:
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
-    first = draw(renderer, scan, suffix, replace(look, width=64, height=64, supersample=1, tight=False))
-    renderer = first.renderer  # the weights, too, are chosen once
     points = shown_points(scan, suffix, look.placing).points  # chosen and made smooth once, not for every frame
     if first.stance.smooth:
         points = first.viewpoint.taken_back(smoothed(first.viewpoint.place(points), first.stance.smooth))
     scan = replace(scan, points=points)
-    look = replace(look, placing=Placing("+Z", "front", keep_outliers=True, smooth=0.0))
+    look = replace(look, placing=Placing("+Z", "front", keep_outliers=True, smooth=0.0), settled=True)
     shots = (_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
     if not look.tight:
         yield from shots
@@ -89,7 +97,7 @@ def _frame(
         values, viewpoint = _moved(look.values, first, motion.kind, share)
         placing = replace(look.placing, viewpoint=viewpoint, azimuth=0.0)
         shown = replace(look, values=values, placing=placing, tight=False)
-        shots.append(draw(renderer, scan, suffix, shown, settled=True).picture)
+        shots.append(draw(renderer, scan, suffix, shown).picture)
     if len(shots) == 1:
         return shots[0]
     mean = np.mean([premultiplied_from_straight(unit_from_bytes(shot)) for shot in shots], axis=0)

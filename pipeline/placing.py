@@ -88,12 +88,8 @@ class Stance:
     @property
     def told(self) -> str:
         """Part of a line that says it."""
-        height = "" if self.elevation is None else f", elevation {round(self.elevation)}"
-        turned = f", turned on by {round(self.azimuth)}" if self.azimuth else ""
-        settled = f"{self.view_reason}{height}{turned}"
-        chosen = f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}"
         parts = (
-            settled if self.up == SETTLED else chosen,
+            self.told_view,
             f"{self.told_strays} left out of the frame" if self.outliers else "",
             f"{self.background} points far behind it left out" if self.background else "",
             f"{self.outside} points beyond the camera's frame" if self.outside else "",
@@ -103,6 +99,14 @@ class Stance:
             self.hint,
         )
         return "; ".join(filter(None, parts))
+
+    @property
+    def told_view(self) -> str:
+        """Up and view, with their reasons."""
+        height = "" if self.elevation is None else f", elevation {round(self.elevation)}"
+        if self.up == SETTLED:
+            return f"{self.view_reason}{height}" + (f", turned on by {round(self.azimuth)}" if self.azimuth else "")
+        return f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)}{height}: {self.view_reason}"
 
     @property
     def told_strays(self) -> str:

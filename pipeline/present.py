@@ -1,4 +1,4 @@
-"""Pictures that are there already: whether they show the cloud that is asked for, and whether as it is asked for."""
+"""Pictures and loops that are there already: whether they show the cloud that is asked for, and as it is asked for."""
 
 from __future__ import annotations
 
@@ -9,25 +9,37 @@ from typing import Any
 
 from pipeline.drawing import PLACED, Look
 from storage.clouds import shown
-from storage.pictures import PictureError, read_record
+from storage.pictures import PictureError, is_cut, is_whole, read_record
 
 
-def told_if_kept(picture: Path, source: Mapping[str, Any], look: Look) -> str | None:
-    """What to say of a picture that stays as it is, in words or nothing; None where its scan has changed since.
+def told_if_kept(
+    picture: Path, source: Mapping[str, Any], look: Look, motion: Mapping[str, Any] | None = None
+) -> str | None:
+    """What to say of a picture that stays as it is, in words or nothing; None where it is to be drawn.
 
-    `source` is what a new picture's record would say of its cloud. A picture without a record is another program's,
-    and stays.
+    That is so where its scan has changed since, or nothing is in the file. `source` and `motion` are what a new
+    picture's record would say of its cloud and, of a loop, of its frames. A picture without a record is another
+    program's, and stays; so does an MP4, whose record only its players read.
 
     Raises:
-        PictureError: it shows another cloud.
+        PictureError: it shows another cloud, or nothing that can be read.
     """
+    if picture.stat().st_size == 0:
+        return None
+    if picture.suffix.lower() == ".mp4":
+        return ""
     try:
         record = read_record(picture)
     except PictureError:
-        return ""
+        record = {}
+    if is_cut(picture) if record else not is_whole(picture):
+        raise PictureError(f"{shown(picture)} is there already, but is no picture that can be read; remove it, choose "
+                           "another --output, or --overwrite")
+    if not record:
+        return "without a record of z2p"
     drawn = record.get("input", {})
     if all(drawn.get(name) == source[name] for name in ("sha256", "cloud")):
-        others = _others(record, source, look)
+        others = _others(record, source, look) + _moved(record.get("motion"), motion)
         return f"with another {' and another '.join(others)}" if others else ""
     if source["path"] is not None and drawn.get("path") == source["path"]:
         return None
@@ -35,6 +47,13 @@ def told_if_kept(picture: Path, source: Mapping[str, Any], look: Look) -> str | 
     other = "of standard input" if path is None else shown(Path(os.path.normpath(picture.parent / path)))
     raise PictureError(f"{shown(picture)} is there already and shows another cloud, {other}: choose another --output, "
                        "or --overwrite")  # fmt: skip
+
+
+def _moved(drawn: Mapping[str, Any] | None, asked: Mapping[str, Any] | None) -> list[str]:
+    """What of a loop's motion is otherwise than asked."""
+    if drawn is None or asked is None:
+        return [] if drawn is asked else ["motion"]
+    return [{"kind": "motion"}.get(name, name) for name, value in asked.items() if drawn.get(name) != value]
 
 
 def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look) -> list[str]:

@@ -11,12 +11,12 @@ import numpy as np
 
 from pipeline.drawing import FAINTEST, Look, Window, draw, trimmed_window
 from pipeline.infer import Renderer
-from pipeline.placing import Placing, place, shown_points
-from storage.clouds import Scan, format_suffix, read_each, usable
+from pipeline.placing import Placed, Placing, place, shown_points
+from storage.clouds import Scan, format_suffix, read_each
 from storage.clouds import shown as printable
 from z2p_core.geometry import bounding_sphere, random_rotation
-from z2p_core.interfaces import ScanError, Sensor
-from z2p_core.viewpoint import Viewpoint
+from z2p_core.interfaces import ScanError
+from z2p_core.viewpoint import Viewpoint, frame
 
 DIRECTIONS = 3 * 170
 """A cloud's reach is kept as its farthest points along so many directions, whatever its size."""
@@ -37,9 +37,9 @@ class Series:
     viewpoint: Viewpoint
     told: str
     """Up and view with their reasons."""
+    first: np.ndarray
+    """The first cloud (N, 3) float32 in its own frame, by which the weights are chosen."""
     clouds: int
-    unread: int
-    """Files that could not be read; they fail again, and are told, when they are drawn."""
     specks: tuple[tuple[str, float], ...] = ()
     """Clouds so small in the frame that little of them will show: name, and size as a share of the frame's."""
 
@@ -56,15 +56,16 @@ def common_viewpoint(
     scans: Iterable[Path], placing: Placing, elevation: float, free: tuple[float, float] | None,
     columns: tuple[str, ...] | None = None,
 ) -> Series:
-    """The viewpoint that fits the clouds of all files; up, front and sensor are those of the first cloud.
+    """The viewpoint that fits the clouds of all files; up, view and weights are those that suit the first cloud.
 
-    Files are read one after the other, so no two are in memory together. `elevation` and `free` are as for `place`.
+    Beside the first cloud only one file at a time is in memory. Files that cannot be read are passed over:
+    they fail again, and are told, when their turn to be drawn comes. `elevation` and `free` are as for `place`.
 
     Raises:
-        ScanError: no file can be read, or the clouds are all in one place.
+        ScanError: no file can be read, or the first cloud has no sensor though its view is asked for.
     """
     reach: list[tuple[str, np.ndarray]] = []
-    first: tuple[Sensor | None, str] | None = None
+    first: Placed | None = None
     faults: list[str] = []
     for path in scans:
         try:
@@ -73,18 +74,17 @@ def common_viewpoint(
         except (ScanError, OSError, MemoryError) as error:  # told by name when its turn to be drawn comes
             faults.append(str(error))
             continue
-        first = first or (found[0].sensor, format_suffix(path))
+        first = first or place(found[0], format_suffix(path), placing, elevation, free)
         reach += [(f"{printable(path)}{scan.label}", _outline(one.points))
                   for scan, one in zip(found, shown, strict=True)]  # fmt: skip
     if first is None:
         raise ScanError(f"--same-frame: none of the files can be read; the first: {faults[0]}")
-    together = Scan(usable(np.vstack([points for _, points in reach])).points, 0, "", first[0])
-    placing = replace(placing, keep_outliers=True, cut_top=0.0)  # what is to go has gone from each
-    placed = place(together, first[1], placing, elevation, free)
-    shared = replace(placed.viewpoint, floor=float(placed.cloud[:, 2].min()))  # what hovers in one cloud hovers
+    together = np.vstack([points for _, points in reach])
+    shared = frame(together, np.array(first.viewpoint.rotation), first.viewpoint.elevation)
+    shared = replace(shared, floor=float(shared.place(together)[:, 2].min()))  # what hovers in one cloud hovers
     sizes = [(name, bounding_sphere(points).radius / shared.radius) for name, points in reach]
     specks = tuple((name, size) for name, size in sizes if size < SPECK)
-    return Series(shared, placed.stance.told, len(reach), len(faults), specks)
+    return Series(shared, first.stance.told_view, first.cloud, len(reach), specks)
 
 
 def common_window(

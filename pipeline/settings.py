@@ -57,13 +57,17 @@ def smooth_from(wish: Any) -> str | float:
 
 
 def background_from(wish: Any) -> Color | None:
-    """sRGB triple in [0, 1] of a CSS name, ``#hex`` or three numbers in [0, 1]; None for ``transparent`` or None.
+    """sRGB triple in [0, 1] of a CSS name, ``#hex`` or three numbers in [0, 1], as text (``0.9,0.9,1``) or as such.
+
+    None for ``transparent`` or None.
 
     Raises:
         SettingError: it is none of these.
     """
-    if wish is None or wish == "transparent":
+    if wish is None or (isinstance(wish, str) and wish == "transparent"):
         return None
+    if isinstance(wish, str) and wish.count(",") == 2 and "(" not in wish:
+        wish = wish.split(",")
     if isinstance(wish, str):
         from PIL import ImageColor  # late: help needs no pillow
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from pipeline.batch import path_beside, source_of
 from pipeline.drawing import Drawing, Look, draw, record
+from pipeline.hints import in_python
 from pipeline.infer import Renderer
 from pipeline.placing import Placing
 from pipeline.settings import background_from, settings_for, smooth_from
@@ -23,7 +24,7 @@ from pipeline.suited import AUTO, renderer_for
 from storage.cameras import read_camera
 from storage.checkpoints import resolve
 from storage.clouds import Scan, format_suffix, read_clouds, usable
-from storage.pictures import encode, write_picture
+from storage.pictures import OPAQUE, WHITE, encode, write_picture
 from z2p_core.framing import UP_AXES
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import ScanError, SettingError, Value
@@ -104,7 +105,8 @@ def _record_beside(record: Mapping[str, Any], picture: Path) -> dict[str, Any]:
     source = dict(record["input"])
     if source.get("path") is not None:
         source["path"] = path_beside(Path(source["path"]), picture)
-    return {**record, "input": source}
+    clear = record["background"] == "transparent" and picture.suffix.lower() in OPAQUE
+    return {**record, "input": source, **({"background": list(WHITE)} if clear else {})}
 
 
 def look_for(renderer: Renderer, request: Request) -> Look:
@@ -181,6 +183,8 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
                 notes.append(drawing.stance.told_rounded)
             if drawing.stance.outside:
                 notes.append(f"{drawing.stance.outside} points lie beyond the camera's frame")
+            if drawing.stance.hint:
+                notes.append(in_python(drawing.stance.hint))
             pictures.append(Picture(array, record(drawing, look, source), tuple(notes)))
     return pictures
 

@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from storage.pictures import WHITE, PictureError, described
+from storage.pictures import OPAQUE, WHITE, PictureError, described
 from storage.whole import write_whole
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 
 SUFFIXES = (".webp", ".gif", ".mp4")
-OPAQUE = frozenset({".gif", ".mp4"})
-"""Suffixes whose format has no half-transparent pixels, and so no soft shadow: white is put behind."""
 QUALITY = {"webp": 90, "crf": 18}
 SHORTEST = 16
 """Milliseconds that a frame stays at least: viewers take 10 for a mistake, and show it for 100."""
@@ -48,7 +46,8 @@ def write_animation(
         case ".webp":
             write_whole(_webp(frames, rate, record), path)
         case ".gif":
-            write_whole(_gif(frames, rate, record), path)
+            behind = bytes_from_unit(np.array(background))
+            write_whole(_gif(frames, rate, behind, record), path)
         case _:
             write_whole(_mp4(frames, rate, record), path)
 
@@ -78,14 +77,29 @@ def _webp(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | No
     return encoded.getvalue()
 
 
-def _gif(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
+def _gif(
+    frames: Sequence[np.ndarray], rate: float, behind: np.ndarray, record: dict[str, Any] | None
+) -> bytes:
+    """The last of the colours is what is `behind` (3,) uint8: a page of that colour must show no edge."""
     from PIL import Image
 
-    images = [Image.fromarray(frame) for frame in frames]
     sample = np.concatenate([frame.reshape(-1, 3)[:: max(1, len(frames))] for frame in frames])
     side = int(np.sqrt(len(sample)))
-    palette = Image.fromarray(sample[: side * side].reshape(side, side, 3)).quantize(256, Image.Quantize.MEDIANCUT)
-    first, *rest = (image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images)
+    found = Image.fromarray(sample[: side * side].reshape(side, side, 3)).quantize(255, Image.Quantize.MEDIANCUT)
+    colors = np.zeros((256, 3), dtype=np.uint8)
+    known = np.array(found.getpalette(), dtype=np.uint8).reshape(-1, 3)[:255]
+    colors[: len(known)], colors[255] = known, behind
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(colors.tobytes())
+
+    def indexed(frame: np.ndarray) -> Image.Image:
+        nearest = np.array(Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE))
+        nearest[(frame == behind).all(-1)] = 255  # pillow takes neighbouring colours together
+        image = Image.fromarray(nearest)
+        image.putpalette(colors.tobytes())
+        return image
+
+    first, *rest = map(indexed, frames)
     encoded = io.BytesIO()
     comment = {} if record is None else {"comment": described(record).encode()}
     first.save(encoded, format="GIF", save_all=True, append_images=rest, loop=0,

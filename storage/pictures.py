@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,8 @@ from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
 """Suffix -> format."""
-OPAQUE = frozenset({".jpg", ".jpeg"})
-"""Suffixes whose format has no transparency; white is put behind unless another background is asked for."""
+OPAQUE = frozenset({".jpg", ".jpeg", ".gif", ".mp4"})
+"""Suffixes whose format has no soft transparency; white is put behind unless another background is asked for."""
 KEY = "z2p"
 """Keyword of the PNG text chunk that holds the record, as JSON."""
 DESCRIPTION = 0x010E
@@ -56,8 +57,7 @@ def encode(
     Raises:
         PictureError: a suffix that stands for no format.
     """
-    if suffix not in FORMATS:
-        raise PictureError(f"expected a picture named {', '.join(FORMATS)}, got {suffix or 'no suffix'!r}")
+    check_suffix(suffix)
     if background is None and suffix in OPAQUE:
         background = WHITE
     if background is not None:
@@ -69,6 +69,16 @@ def encode(
     image, encoded = Image.fromarray(picture), io.BytesIO()
     image.save(encoded, format=FORMATS[suffix], **_options(FORMATS[suffix], record))
     return encoded.getvalue()
+
+
+def check_suffix(suffix: str) -> None:
+    """Nothing, when a suffix (lower-case, with its dot) stands for a format.
+
+    Raises:
+        PictureError: it does not.
+    """
+    if suffix not in FORMATS:
+        raise PictureError(f"expected a picture named {', '.join(FORMATS)}, got {suffix or 'no suffix'!r}")
 
 
 def read_record(path: Path) -> dict[str, Any]:
@@ -99,6 +109,32 @@ def read_record(path: Path) -> dict[str, Any]:
         raise PictureError(f"{shown(path)}: holds no record of z2p; another program wrote it, or saved it again "
                            "without its text")
     return record
+
+
+def is_whole(path: Path) -> bool:
+    """Whether a file is a picture, all of which can be read."""
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            image.load()
+    except Exception:  # pillow raises whatever a damaged file makes it stumble over
+        return False
+    return True
+
+
+def is_cut(path: Path) -> bool:
+    """Whether a picture ends before its format says, told by its last bytes; those of a TIFF tell nothing."""
+    with path.open("rb") as file:
+        head = file.read(8)
+        size = file.seek(0, os.SEEK_END)
+        file.seek(max(0, size - 12))
+        tail = file.read()
+    if head.startswith(b"RIFF"):
+        return size < 8 + int.from_bytes(head[4:8], "little")
+    ends = {b"\x89PNG": tail[4:8] == b"IEND", b"\xff\xd8\xff": tail.endswith(b"\xff\xd9"),
+            b"GIF8": tail.endswith(b";")}  # fmt: skip
+    return not next((whole for begin, whole in ends.items() if head.startswith(begin)), True)
 
 
 def described(record: dict[str, Any]) -> str:

@@ -28,6 +28,8 @@ LEAST_PLANE, LEAST_STANDING, MOST_BELOW = 0.25, 0.01, 0.03
 
 SLAB, COVERED = 0.12, 0.35
 """Floor and ceiling: slabs of this share of the height that each hold points over this share of the footprint."""
+FULL = 0.8
+"""Half way up, a room's walls and furniture stand on this share of the footprint at most."""
 ROOM_HEIGHT, ROOM_BREADTH = (1.9, 12.0), 2.5
 """A room's height, metres; and its narrower side at the least."""
 
@@ -110,7 +112,10 @@ def upright(rotation: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def is_room(points: np.ndarray) -> bool:
-    """Whether points (N, 3), +Z up, look like a room in metres: a floor and a ceiling, and a person fits between."""
+    """Whether points (N, 3), +Z up, look like a room in metres: a floor and a ceiling, and a person fits between.
+
+    A solid thing fills the middle of its height, and a ring has no floor at its centre.
+    """
     low, high = extent(points)
     if (high - low)[2] < ROOM_HEIGHT[0]:  # told at once for most things; what follows takes longer
         return False
@@ -122,4 +127,8 @@ def is_room(points: np.ndarray) -> bool:
     footprint = cell[:, 0] * 20 + cell[:, 1]
     taken = len(np.unique(footprint))
     level = (points[:, 2] - low[2]) / height
-    return all(len(np.unique(footprint[slab])) >= COVERED * taken for slab in (level < SLAB, level > 1 - SLAB))
+    floor, ceiling, middle = (len(np.unique(footprint[slab])) for slab in
+                              (level < SLAB, level > 1 - SLAB, np.abs(level - 0.5) < SLAB))  # fmt: skip
+    centre = np.median(np.unique(cell, axis=0), axis=0)
+    central = (np.abs(cell - centre) <= 1.5).all(1).any()
+    return bool(central) and min(floor, ceiling) >= COVERED * taken and middle <= FULL * taken

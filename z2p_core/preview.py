@@ -39,7 +39,8 @@ class Previewer:
         self._most = most
         self.error: str | None = None
         """Why the newest call could not draw some cloud; None when it could."""
-        with suppress(ScanError):  # a camera for other data: not the options' fault
+        with suppress(ScanError), warnings.catch_warnings():  # a camera for other data: not the options' fault
+            warnings.simplefilter("ignore", RenderWarning)
             render(TRIAL, **self._options)
         self._size = (size[0], size[1]) if isinstance(size, Sequence) else (size, size)
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import time
 import warnings
+from dataclasses import asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,53 +77,79 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     failed = False
     for task in _plan(ctx, scans, inputs, output, options):
         started, name = time.perf_counter(), named(task.scan)
-        if task.output.exists() and not options["overwrite"]:
-            told = f"skipped: {name}: {shown(task.output)} is there already; --overwrite makes it again"
-        else:
-            try:
-                how = _animate(task, renderer, look, motion, options, columns)
+        try:
+            loop = _Loop(task, look.written_as(task.output.suffix.lower()), motion, options["fps"], columns)
+            kept = None if options["overwrite"] or not task.output.exists() else loop.told_if_kept()
+            if kept is not None:
+                other = f", {kept}" if kept else ""
+                told = f"skipped: {name}: {shown(task.output)} is there already{other}; --overwrite makes it again"
+            else:
+                how = loop.write(renderer, options["quiet"])
                 told = (f"rendered: {name} -> {shown(task.output)} ({motion.frames} frames, "
                         f"{time.perf_counter() - started:.1f} s; {how})")
-            except Exception as error:  # whatever a file brings up, the other files go on
-                failed = True
-                click.echo(f"failed: {name}: {told_fault(error, task.scan)}", err=True)
-                continue
+        except Exception as error:  # whatever a file brings up, the other files go on
+            failed = True
+            click.echo(f"failed: {name}: {told_fault(error, task.scan)}", err=True)
+            continue
         if not options["quiet"]:
             click.echo(told, err=True)
     return failed
 
 
-def _animate(
-    task: Task, renderer: Renderer, look: Look, motion: Motion, options: dict[str, Any],
-    columns: tuple[str, ...] | None,
-) -> str:
-    """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
-    import sys
-    from dataclasses import asdict
+@dataclass(frozen=True)
+class _Loop:
+    """One file on its way to its loop."""
 
-    from tqdm import tqdm
+    task: Task
+    look: Look
+    motion: Motion
+    rate: float
+    """Frames a second."""
+    columns: tuple[str, ...] | None
 
-    from pipeline.batch import source_of
-    from pipeline.drawing import draw, record
-    from pipeline.motion import moving_frames
-    from storage.animations import write_animation
-    from storage.clouds import format_suffix, read_clouds
-    from z2p_core.interfaces import ScanError
+    @property
+    def moves(self) -> dict[str, Any]:
+        """The motion, for the record."""
+        return {**asdict(self.motion), "fps": self.rate}
 
-    clouds = read_clouds(task.scan, columns)
-    if len(clouds) > 1:
-        raise ScanError(f"holds {len(clouds)} clouds, a loop shows one; save it alone")
-    suffix = format_suffix(task.scan)
-    frames = moving_frames(renderer, clouds[0], suffix, look, motion)
-    silent = options["quiet"] or not sys.stderr.isatty()
-    drawn = list(tqdm(frames, total=motion.frames, unit="frame", disable=silent, file=sys.stderr, leave=False))
-    drawing = draw(renderer, clouds[0], suffix, look)
-    made_by = record(drawing, look, source_of(task.scan, task.output, 0, columns))
-    made_by["motion"] = {**asdict(motion), "fps": options["fps"]}
-    write_animation(drawn, task.output, options["fps"], look.background, made_by)
-    cloud = clouds[0]
-    read = told_read(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)
-    return "; ".join(filter(None, (read, cloud.note, drawing.stance.told, drawing.choice)))
+    @cached_property
+    def source(self) -> dict[str, Any]:
+        """The cloud, for the record."""
+        from pipeline.batch import source_of
+
+        return source_of(self.task.scan, self.task.output, 0, self.columns)
+
+    def told_if_kept(self) -> str | None:
+        """What to say of the loop that is there and stays; None where it is to be made anew.
+
+        Raises:
+            PictureError: it shows another cloud.
+        """
+        from pipeline.present import told_if_kept
+
+        return told_if_kept(self.task.output, self.source, self.look, self.moves)
+
+    def write(self, renderer: Renderer, quiet: bool) -> str:
+        """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
+        from tqdm import tqdm
+
+        from pipeline.drawing import record
+        from pipeline.motion import moving_frames, opening
+        from storage.animations import write_animation
+        from storage.clouds import format_suffix, read_clouds
+        from z2p_core.interfaces import ScanError
+
+        clouds, suffix = read_clouds(self.task.scan, self.columns), format_suffix(self.task.scan)
+        if len(clouds) > 1:
+            raise ScanError(f"holds {len(clouds)} clouds, a loop shows one; save it alone")
+        [cloud], silent = clouds, quiet or not sys.stderr.isatty()
+        first = opening(renderer, cloud, suffix, self.look)
+        frames = moving_frames(first, cloud, suffix, self.look, self.motion)
+        drawn = list(tqdm(frames, total=self.motion.frames, unit="frame", disable=silent, file=sys.stderr, leave=False))
+        made_by = {**record(first, self.look, self.source), "motion": self.moves}
+        write_animation(drawn, self.task.output, self.rate, self.look.background, made_by)
+        read = told_read(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)
+        return "; ".join(filter(None, (read, cloud.note, first.stance.told, first.choice)))
 
 
 def _plan(
@@ -128,8 +157,9 @@ def _plan(
 ) -> list[Task]:
     """The tasks, once it is sure that their loops can be written."""
     from pipeline.batch import Task, plan_outputs
-    from storage.animations import OPAQUE, SUFFIXES, check_suffix
+    from storage.animations import SUFFIXES, check_suffix
     from storage.pictures import FORMATS as PICTURES
+    from storage.pictures import OPAQUE
 
     alone = output.suffix.lower() in SUFFIXES and not is_folder(ctx, output)
     suffix = output.suffix.lower() if alone else f".{options['format_']}"

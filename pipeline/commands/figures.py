@@ -13,6 +13,7 @@ import click
 
 from pipeline.cli import Failure, debugging
 from pipeline.commands.control_options import SETTINGS, RerenderCommand
+from pipeline.commands.picture_options import writable
 from pipeline.commands.values import Background, Degrees, Resolution, Smooth, Target
 from z2p_core.interfaces import Value
 
@@ -78,8 +79,7 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
 
     The scan is looked for beside the picture, where it was, and must not have changed since.
     """
-    from storage.pictures import encode, read_record
-    from storage.whole import write_whole
+    from storage.pictures import check_suffix, read_record, write_picture
 
     record = read_record(figure)
     if "motion" in record:
@@ -90,12 +90,14 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     output = output or figure.with_stem(f"{figure.stem}_2")
     if output.exists() and not options["overwrite"]:
         raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)
+    check_suffix(output.suffix.lower())
+    writable(output.parent)
     with warnings.catch_warnings():
         if not debugging():
             warnings.simplefilter("ignore")
         picture, look, made_by = _drawn_again(record, _scan(record, figure, scan), output, ctx.meta.get(SETTINGS, {}),
                                               options)  # fmt: skip
-    write_whole(encode(picture, output.suffix.lower(), look.background, made_by), output)
+    write_picture(picture, output, look.background, made_by)
     if not options["quiet"]:
         click.echo(f"rendered: {figure} -> {output}", err=True)
 
@@ -117,7 +119,7 @@ def _drawn_again(
         raise Failure(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
                       "--weights")
     renderer = renderer_for(name, values, engine=_engine(record, options["engine"]))
-    look = _look(record, renderer, name, values, options)
+    look = _look(record, renderer, name, values, options).written_as(output.suffix.lower())
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
     clouds = read_each(scan, columns)

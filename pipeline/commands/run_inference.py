@@ -89,7 +89,7 @@ def _run(
     tasks = _plan(ctx, scans, inputs, output, options)
     _check_extras(ctx, tasks, output, options)
     if options["same_frame"]:
-        look = _same_frame(scans, renderer, look, columns, options["quiet"])
+        renderer, look = _same_frame(scans, renderer, look, columns, options["quiet"])
     elif options["save_camera"] is not None and len(scans) > 1:
         raise click.UsageError(f"--save-camera: {len(scans)} scans have a camera each; add --same-frame", ctx)
     bar = progress(len(tasks), options["quiet"])
@@ -176,24 +176,30 @@ def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: 
 
 def _same_frame(
     scans: list[Path], renderer: Renderer, look: Look, columns: tuple[str, ...] | None, quiet: bool
-) -> Look:
-    """The look with the one camera that fits all clouds, and the one crop where pictures are trimmed."""
+) -> tuple[Renderer, Look]:
+    """The weights for all, and the look with the one camera that fits all clouds, and one crop if they are trimmed."""
     from pipeline.drawing import elevation_of
     from pipeline.series import common_viewpoint, common_window
 
     if look.placing.viewpoint is None:  # a loaded camera is one for all already
         series = common_viewpoint(scans, look.placing, *elevation_of(renderer, look.values), columns)
+        renderer, choice = renderer.suited(series.first)
         if not quiet:
-            click.echo("\n".join([f"one frame for {series.clouds} clouds: {series.told}", *series.notes]), err=True)
-        look = replace(look, placing=replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0))
+            told = "; ".join(filter(None, (series.told, choice)))
+            click.echo("\n".join([f"one frame for {series.clouds} clouds: {told}", *series.notes]), err=True)
+        placing = replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0)
+        look = replace(look, placing=placing, settled=True)
     if look.tight:
         look = replace(look, window=common_window(scans, renderer, look, columns))
-    return look
+    return renderer, look
 
 
 def _write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> int:
     """Writes the camera, the contact sheets and the gallery, those that were asked for; how many could not be."""
-    pictures = [path for outcome in done for path in outcome.outputs if path.is_file()]
+    from storage.pictures import is_whole
+
+    pictures = [path for outcome in done for path in outcome.outputs
+                if path.is_file() and (outcome.status != "failed" or is_whole(path))]  # fmt: skip
     folder = output if output.is_dir() else output.parent
     extras: dict[str, Callable[[], list[Path]]] = {}
     if options["save_camera"] is not None:

@@ -14,6 +14,8 @@ SIDES = (32, 4096)
 """Smallest and largest side of a picture, pixels."""
 HIGHEST = 80
 """Elevation of a camera above the horizon that weights know at most, degrees."""
+LONGEST_NAME = 255
+"""Bytes that the name of a file or folder has at most, on nearly every file system."""
 FOLDER = "z2p.folder"
 """Key in click's context: whether the user's output ends in a slash, as only a folder's name does."""
 
@@ -38,6 +40,9 @@ class Target(click.ParamType):
                 self.fail(f"expected a file's name, got a folder's, {value!r}; add a name", param, ctx)
             if ctx is not None:
                 ctx.meta[FOLDER] = True
+        longest = max((len(os.fsencode(part)) for part in Path(value).parts), default=0)
+        if longest > LONGEST_NAME:
+            self.fail(f"expected names of at most {LONGEST_NAME} bytes, got one of {longest}", param, ctx)
         return Path(value)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,10 +14,10 @@ from PIL import Image, ImageSequence
 
 from pipeline.drawing import Look, draw
 from pipeline.infer import Renderer
-from pipeline.motion import Motion, flicker, moving_frames
+from pipeline.motion import Motion, flicker, moving_frames, opening
 from pipeline.placing import Placing
 from storage.animations import write_animation
-from storage.clouds import usable
+from storage.clouds import Scan, usable
 from storage.pictures import PictureError, read_record
 from z2p_core.interfaces import SettingError
 
@@ -29,9 +29,13 @@ def renderer(tiny_weights: Path) -> Renderer:
     return Renderer(tiny_weights)
 
 
+def loop(renderer: Renderer, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
+    return moving_frames(opening(renderer, scan, suffix, look), scan, suffix, look, motion)
+
+
 def test_a_turn_is_the_still_picture_turned_on(renderer: Renderer, cloud: np.ndarray) -> None:
     look = replace(LOOK, placing=Placing("+Y", view=10.0))
-    frames = list(moving_frames(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
+    frames = list(loop(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
     for number, frame in enumerate(frames):
         still = replace(look, placing=Placing("+Y", view=10.0, azimuth=90.0 * number))
         assert np.abs(frame.astype(int) - draw(renderer, usable(cloud), ".ply", still).picture).max() <= 2
@@ -39,14 +43,14 @@ def test_a_turn_is_the_still_picture_turned_on(renderer: Renderer, cloud: np.nda
 
 def test_a_smoothed_turn_begins_with_the_still_picture(renderer: Renderer, cloud: np.ndarray) -> None:
     look = replace(LOOK, placing=Placing("+Z", view=10.0, smooth=0.3))
-    first = next(moving_frames(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
+    first = next(loop(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
     looks = (look, replace(look, placing=Placing("+Z", view=10.0, smooth=0.0)))
     still, plain = (draw(renderer, usable(cloud), ".ply", one).picture for one in looks)
     assert np.abs(first.astype(int) - still).mean() < 0.3 * np.abs(first.astype(int) - plain).mean()
 
 
 def test_a_light_sweep_goes_right_left_and_back(renderer: Renderer, cloud: np.ndarray) -> None:
-    frames = list(moving_frames(renderer, usable(cloud), "", LOOK, Motion("light", frames=4, steady=1)))
+    frames = list(loop(renderer, usable(cloud), "", LOOK, Motion("light", frames=4, steady=1)))
     assert np.array_equal(frames[0], frames[2])  # the middle, on the way there and back
     assert not np.array_equal(frames[1], frames[3])
     assert not np.array_equal(frames[0], frames[1])
@@ -54,12 +58,12 @@ def test_a_light_sweep_goes_right_left_and_back(renderer: Renderer, cloud: np.nd
 
 def test_no_light_to_move(make_weights: Callable[..., Path], cloud: np.ndarray) -> None:
     with pytest.raises(SettingError, match="'light'"):
-        list(moving_frames(Renderer(make_weights(("color",))), usable(cloud), "", LOOK, Motion("light", 4, 1)))
+        list(loop(Renderer(make_weights(("color",))), usable(cloud), "", LOOK, Motion("light", 4, 1)))
 
 
 def test_a_steady_frame_is_the_mean_of_its_neighbours_on_the_way(renderer: Renderer, cloud: np.ndarray) -> None:
-    fine = list(moving_frames(renderer, usable(cloud), "", LOOK, Motion(frames=12, steady=1)))
-    steady = list(moving_frames(renderer, usable(cloud), "", LOOK, Motion(frames=4, steady=3)))
+    fine = list(loop(renderer, usable(cloud), "", LOOK, Motion(frames=12, steady=1)))
+    steady = list(loop(renderer, usable(cloud), "", LOOK, Motion(frames=4, steady=3)))
     around = np.stack([fine[-1], fine[0], fine[1]]).astype(float)
     alpha = around[..., 3:] / 255
     assert np.abs(steady[0][..., 3] - around[..., 3].mean(0)).max() <= 1
@@ -113,6 +117,12 @@ def test_a_webp_loop_stays_transparent_and_a_gif_gets_a_background(tmp_path: Pat
     assert np.asarray(Image.open(tmp_path / "a.webp").convert("RGBA"))[..., 3].max() == 0
     write_animation(clear, tmp_path / "a.gif", 10, (1.0, 0.0, 0.0))
     assert Image.open(tmp_path / "a.gif").convert("RGB").getpixel((3, 3)) == (255, 0, 0)
+    busy = np.random.default_rng(0).integers(0, 256, (4, 64, 64, 4)).astype(np.uint8)
+    busy[:, :20] = 0
+    for behind in ((1.0, 1.0, 1.0), (0.9, 0.302, 0.2)):
+        write_animation(busy, tmp_path / "b.gif", 10, behind)
+        for frame in ImageSequence.Iterator(Image.open(tmp_path / "b.gif")):
+            assert frame.convert("RGB").getpixel((3, 3)) == tuple(round(255 * channel) for channel in behind)
     with pytest.raises(PictureError, match=r"\.webp, \.gif, \.mp4"):
         write_animation(clear, tmp_path / "a.avi", 10)
 

@@ -43,7 +43,7 @@ def test_supersampling_is_the_large_picture_averaged_in_linear_light(renderer: R
     assert small.shape == (32, 40, 4)
     assert np.abs(small - 255 * shrink(unit_from_bytes(large), 3)).max() <= 0.51
     with pytest.raises(SettingError, match="at most 8192"):
-        draw(renderer, scan, "", Look(width=4096, supersample=4))
+        Look(width=4096, supersample=4)
 
 
 def test_the_record_draws_the_same_picture_again(renderer: Renderer, cloud: np.ndarray) -> None:

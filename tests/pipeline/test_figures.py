@@ -189,3 +189,27 @@ def test_an_engine_that_is_gone_is_told(
     write_picture(pixels(figure), figure, None, record)
     result = rerender(figure, "-o", tmp_path / "again.png")
     assert result.exit_code == 0 and "the engine 'abacus' that drew the picture is not installed" in result.stderr
+
+
+def test_what_formats_put_behind_stays_behind(
+    render: Callable[..., Result], rerender: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    figure = tmp_path / "a.jpg"
+    assert render(scans / "one.npy", output=figure).exit_code == 0
+    assert read_record(figure)["background"] == [1.0, 1.0, 1.0]
+    assert rerender(figure, "-o", tmp_path / "a.png").exit_code == 0
+    assert Image.open(tmp_path / "a.png").mode == "RGB"
+    assert render(scans / "one.npy", output=tmp_path / "b.png").exit_code == 0
+    for name, background in (("b.jpg", [1.0, 1.0, 1.0]), ("c.png", "transparent")):
+        assert rerender(tmp_path / "b.png", "-o", tmp_path / name).exit_code == 0
+        assert read_record(tmp_path / name)["background"] == background
+
+
+@pytest.mark.parametrize(("output", "told"), [("a.bmp", "expected a picture named"), ("/proc/x/a.png", "cannot write")])
+def test_where_nothing_can_be_written_is_told_before_it_is_drawn(
+    rerender: Callable[..., Result], figure: Path, tmp_path: Path, output: str, told: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("pipeline.drawing.draw", None)  # not called
+    result = rerender(figure, "-o", tmp_path / output)
+    assert result.exit_code == 2 and told in result.stderr

@@ -130,3 +130,54 @@ def test_json_lists_the_pictures_that_are_there(
     np.save(tmp_path / "a.npy", np.stack([cloud, np.full_like(cloud, np.nan)]))
     line = json.loads(render(tmp_path / "a.npy", "--json").stdout)
     assert line["status"] == "failed" and [Path(name).name for name in line["outputs"]] == ["a_000.png"]
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp"])
+def test_what_is_no_picture_is_neither_taken_for_one_nor_lost(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, suffix: str
+) -> None:
+    first, second = (tmp_path / "out" / f"{name}{suffix}" for name in ("one", "two"))
+    words = (scans, "--format", {".jpg": "jpeg"}.get(suffix, suffix[1:]))
+    assert render(*words).exit_code == 0
+    whole, cut = first.read_bytes(), second.read_bytes()[:-40]
+    first.write_bytes(b"")
+    second.write_bytes(cut)
+    result = render(*words, "--gallery", "--sheet", "2x1")
+    assert result.exit_code == 1 and first.read_bytes() == whole and second.read_bytes() == cut
+    assert f"{second} is there already, but is no picture that can be read" in result.stderr
+    assert (tmp_path / "out" / "gallery.html").read_text().count("<figure ") == 1  # of what can be read
+
+
+def test_a_picture_of_another_program_stays_and_is_told(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    mine = tmp_path / "out" / "one.png"
+    mine.parent.mkdir()
+    Image.new("RGB", (9, 9), "red").save(mine)
+    before = mine.read_bytes()
+    result = render(scans)
+    assert result.exit_code == 0 and mine.read_bytes() == before
+    assert f"{mine} is there already, without a record of z2p; --overwrite" in result.stderr
+
+
+def test_a_loop_that_is_there_is_told_like_a_picture(
+    z2p: Callable[..., Result], tiny_weights: Path, scans: Path, tmp_path: Path, cloud: np.ndarray
+) -> None:
+    def animate(*words: object) -> Result:
+        return z2p("animate", scans / "one.npy", "-o", loop, "--weights", tiny_weights, "--resolution", 32, *words)
+
+    for suffix in (".webp", ".gif"):
+        loop = tmp_path / f"a{suffix}"
+        np.save(scans / "one.npy", cloud)
+        assert animate("--frames", 3).exit_code == 0
+        before = loop.read_bytes()
+        assert f"{loop} is there already; " in animate("--frames", 3).stderr
+        other = animate("--frames", 4, "--motion", "light", "--color", "red")
+        assert "with another color and another motion and another frames; --overwrite" in other.stderr
+        assert z2p("run-inference", scans / "two.xyz", "-o", tmp_path / "still.webp", "--weights", tiny_weights,
+                   "--resolution", 32, "--overwrite").exit_code == 0  # fmt: skip
+        wrong = z2p("animate", scans / "one.npy", "-o", tmp_path / "still.webp", "--weights", tiny_weights)
+        assert wrong.exit_code == 1 and "shows another cloud" in wrong.stderr
+        assert loop.read_bytes() == before
+        np.save(scans / "one.npy", cloud * (1.0, 2.0, 0.5))
+        assert animate("--frames", 3).exit_code == 0 and loop.read_bytes() != before

@@ -140,6 +140,8 @@ def test_resolution(render: Callable[..., Result], scans: Path, tmp_path: Path, 
     ("words", "told"),
     [
         (("--resolution", "31"), "32 to 4096"),
+        (("--resolution", "4096", "--supersample", "4"), "at most 8192"),
+        (("--output", "a" * 300 + ".png"), "at most 255 bytes, got one of 304"),
         (("--resolution", "99999999999"), "32 to 4096"),
         (("--resolution", "64,"), "32 to 4096"),
         (("--background", "nocolour"), "CSS colour name"),

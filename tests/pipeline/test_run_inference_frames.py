@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from click.testing import Result
 
+from storage.pictures import read_record
+
 
 def test_clouds_that_vanish_in_the_common_frame_are_named(
     render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
@@ -46,3 +48,26 @@ def test_a_series_outlasts_what_the_disk_does_to_one_file(
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["one.png", "two.png"]
     alone = render(scans / "three.npy.gz", "--same-frame")
     assert alone.exit_code == 2 and "No space left" in alone.stderr
+
+
+def test_up_view_and_weights_of_a_series_are_those_of_its_first_cloud(
+    render: Callable[..., Result], tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(0)
+    ball = rng.normal(size=(4000, 3))
+    ball *= 0.3 / np.linalg.norm(ball, axis=1, keepdims=True)
+    np.save(tmp_path / "a.npy", ball)
+    np.save(tmp_path / "b.npy", ball * 0.9 + rng.normal(0, 0.02, ball.shape))  # noisy
+    for first, other in ("ab", "ba"):
+        words = [tmp_path / f"{name}.npy" for name in (first, other)]
+        alone = render(words[0], weights="auto", output=tmp_path / "alone")
+        series = render(*words, "--same-frame", weights="auto", output=tmp_path / first)
+        assert alone.exit_code == series.exit_code == 0, series.output
+        records = [read_record(tmp_path / first / f"{name}.png") for name in "ab"]
+        own = read_record(tmp_path / "alone" / f"{first}.png")
+        for record in records:
+            assert record["camera"]["rotation"] == own["camera"]["rotation"]
+            assert record["weights"] == own["weights"]
+        told = series.stderr.splitlines()[0]
+        assert f"up {own['stance']['up']}: {own['stance']['up_reason']}" in told
+        assert ("weights denoise" in told) == (own["weights"]["name"] == "denoise") == (first == "b")

@@ -40,6 +40,7 @@ def test_every_setting_changes_the_picture(cloud: np.ndarray, small: dict[str, A
         {}, {"color": "red"}, {"color": (0.2, 0.9, 0.1)}, {"light": (3.6, 60, 50)}, {"light": "3.6,80,50"},
         {"elevation": 60}, {"view": (45.0, 20.0)}, {"view": (45.0, 50.0)}, {"view": "front"}, {"azimuth": 70},
         {"up": "+Y"}, {"supersample": 2}, {"background": "white"}, {"smooth": 0.3},
+        {"background": np.array([0.5, 0.5, 0.5])}, {"background": "0.9,0.9,1"},
     ]  # fmt: skip
     made = [z2p_core.render(cloud, **small, **more).array.tobytes() for more in settings]
     assert len(set(made)) == len(settings)
@@ -137,6 +138,11 @@ def test_what_is_left_out_is_said(cloud: np.ndarray, small: dict[str, Any]) -> N
         z2p_core.render(broken, **small)
     with pytest.warns(RenderWarning, match=r"rounded to steps of 0\.5: save float64"):
         z2p_core.render((cloud + np.array([691234, 5334567, 512])).astype(np.float32), **small)
+    with pytest.warns(RenderWarning, match="so few points tell no surface"):
+        z2p_core.render(cloud[:50], **small)
+    floors = [np.column_stack([cloud[:, :2] * 4, np.full(len(cloud), height)]) for height in (0.0, 2.4)]
+    with pytest.warns(RenderWarning, match="room: cut_top=40 elevation=55 shows its inside"):
+        z2p_core.render(np.vstack(floors), **small)
     with pytest.warns(RenderWarning, match="1 stray point left"):
         z2p_core.render(np.vstack([cloud, [[90.0, 0, 0]]]), **small)
 
@@ -169,7 +175,8 @@ def test_saved_pictures_carry_their_record(
         assert np.abs(read.astype(int) - picture.on("white").array[..., :3]).mean() < 4
     else:
         assert np.array_equal(read, picture.array)
-    assert read_record(path) == picture.record
+    behind = {"background": [1.0, 1.0, 1.0]} if suffix == ".jpg" else {}
+    assert read_record(path) == {**picture.record, **behind}
     with pytest.raises(ValueError, match=r"\.png"):
         picture.save(tmp_path / "a.bmp")
     with pytest.raises(SettingError, match=r"expected a path .*, got BytesIO"):

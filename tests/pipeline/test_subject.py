@@ -99,6 +99,23 @@ def test_the_line_and_the_record_tell_and_the_figure_is_drawn_again_the_same(
     assert (tmp_path / "out" / "scene_2.png").read_bytes() == figure.read_bytes()
 
 
+def test_a_series_that_begins_with_a_depth_camera_looks_from_it(
+    render: Callable[..., Result], scene: Path, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(0)
+    np.save(tmp_path / "apart.npy", rng.normal(size=(3000, 3)) * 0.1 + (0.0, 0.0, -2.0))  # behind the camera
+    result = render(scene, tmp_path / "apart.npy", "--same-frame")
+    assert result.exit_code == 0, result.output
+    told = result.stderr.splitlines()[0]
+    assert told.startswith("one frame for 2 clouds: up the table's normal: ") and told.endswith(": from the sensor")
+    [scan] = read_clouds(scene)
+    alone = place(scan, ".pcd", Placing(), 20.0, (0.0, 80.0)).viewpoint
+    for name in ("scene", "apart"):
+        camera = read_record(tmp_path / "out" / f"{name}.png")["camera"]
+        assert camera["rotation"] == [list(row) for row in alone.rotation]
+        assert camera["elevation"] == pytest.approx(alone.elevation)
+
+
 def test_a_room_gets_a_hint(render: Callable[..., Result], tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     x, y, z = rng.uniform(-2.5, 2.5, 4000), rng.uniform(-2, 2, 4000), rng.uniform(0, 2.6, 4000)

@@ -106,3 +106,11 @@ def test_rooms_are_told_from_things() -> None:
     assert not is_room(room(9.0, 3.0, 3.0))  # a tower
     assert not is_room(room(2.6, 5.0, 4.0) * 1000)  # millimetres: not known to be a room
     assert not is_room(ball(3000, 2.0, 0.0, 0.0, 2.0))
+    assert not is_room(RNG.uniform(0, 3, (20_000, 3)))  # solid
+    around, across = RNG.uniform(0, 2 * np.pi, (2, 20_000))
+    ring = np.column_stack([(3 + 1.3 * np.cos(across)) * np.cos(around), (3 + 1.3 * np.cos(across)) * np.sin(around),
+                            1.3 * np.sin(across)])  # fmt: skip
+    assert not is_room(ring)
+    furnished = np.vstack([room(2.6, 5.0, 4.0), RNG.uniform((-2, -1.8, 0), (0, 0, 1.8), (9000, 3))])
+    corner = (furnished[:, 0] > 0) & (furnished[:, 1] > 0)
+    assert is_room(furnished) and is_room(furnished[~corner])  # of the shape of an L
