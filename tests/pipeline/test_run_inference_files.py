@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 from click.testing import Result
 
 
@@ -89,15 +90,16 @@ def test_outputs_there_before_are_skipped_unless_overwritten(
     render: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "one.png").write_bytes(b"mine")
+    Image.new("RGB", (4, 4)).save(tmp_path / "out" / "one.png")
+    mine = (tmp_path / "out" / "one.png").read_bytes()
     result = render(scans, "--json")
     assert result.exit_code == 0
     assert [line["status"] for line in lines(result)] == ["skipped", "ok"]
     assert "--overwrite" in result.stderr
-    assert (tmp_path / "out" / "one.png").read_bytes() == b"mine"
+    assert (tmp_path / "out" / "one.png").read_bytes() == mine
     result = render(scans, "--json", "--overwrite")
     assert [line["status"] for line in lines(result)] == ["ok", "ok"]
-    assert (tmp_path / "out" / "one.png").read_bytes() != b"mine"
+    assert (tmp_path / "out" / "one.png").read_bytes() != mine
 
 
 def test_an_output_that_cannot_be_written(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
