@@ -76,7 +76,8 @@ def background_from(wish: Any) -> Color | None:
         except ValueError:
             alpha = [0]
         if alpha not in ([], [255]):
-            raise SettingError(f"expected transparent, a CSS colour name or an opaque #hex, got {wish!r}")
+            raise SettingError("expected transparent, a CSS colour name, an opaque #hex or r,g,b with each 0 to 1, "
+                               f"got {wish!r}")
         return red / 255, green / 255, blue / 255
     try:
         numbers = [float(number) for number in wish]

@@ -64,7 +64,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
               help="Another camera: JSON of --save-camera, or another picture.")
 @click.option("--smooth", type=Smooth(), help="Make the surface smooth over patches of that radius; 0: leave it.")
 @click.option("--resolution", type=Resolution(), help="Another size in pixels.")
-@click.option("--background", type=Background(), help="transparent, or a CSS colour name or #hex.")
+@click.option("--background", type=Background(), help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1.")
 @click.option("--supersample", type=click.IntRange(1, 4), metavar="N", help="Draw N times as large and average down.")
 @click.option("--fit", type=click.Choice(["frame", "tight"]), help="tight trims the picture to what is to be seen.")
 @click.option("--overwrite", is_flag=True, help="Replace OUT where it is there already.")

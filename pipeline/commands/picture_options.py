@@ -47,7 +47,7 @@ OPTIONS = (
                  "only for a depth camera's noisy clouds; 0: as it was measured, gaps too."),
     click.option("--resolution", default="512", type=Resolution(), help="Size in pixels."),
     click.option("--background", default="transparent", type=Background(),
-                 help="transparent, or a CSS colour name or #hex."),
+                 help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1."),
     click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="N",
                  help="Draw N times as large and average down: smoother edges."),
     click.option("--fit", default="frame", type=click.Choice(["frame", "tight"]),
