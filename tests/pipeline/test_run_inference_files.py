@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 from click.testing import Result
+from PIL import Image
 
 
 def pictures(folder: Path) -> list[str]:
