@@ -47,13 +47,13 @@ def lamp_sets(light: tuple[float, float, float], count: int, sets: int) -> tuple
     return tuple(lamps + step for step in steps)
 
 
-@lru_cache(maxsize=1)
+@lru_cache(maxsize=4)
 def sky_axes(count: int) -> np.ndarray:
     """Directions (count, 3) spread evenly over the upper half of the sky."""
     return _spiral((np.arange(count) + 0.5) / count)
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=4)
 def floor_sky(count: int) -> np.ndarray:
     """Directions (count, 3) of the sky, each of which gives a floor as much light."""
     return _spiral(np.sqrt((np.arange(count) + 0.5) / count))

@@ -46,12 +46,14 @@ SKY = 50.0
 """Distance at which a lamp is a direction."""
 
 
-def casters_of(points: np.ndarray, spacing: float, found: Tangents, radii: np.ndarray) -> native.Casters:
-    """What casts the shadows of points (N, 3) of that spacing: themselves, or, where they lie far apart, their discs.
+def casters_of(
+    points: np.ndarray, spacing: float, found: Tangents, radii: np.ndarray, apart: bool
+) -> native.Casters:
+    """What casts the shadows of points (N, 3) of that spacing: themselves, or, where they lie `apart`, their discs.
 
     These are `found`, the points' own first, with `radii` (M,).
     """
-    if not lie_apart(spacing):
+    if not apart:
         return native.Casters(points, np.arange(len(points), dtype=np.int32), spacing / FINE)
     holes = found.neighbours[len(points) :, 0]  # whose discs belong to the nearest point
     owners = np.concatenate([np.arange(len(points), dtype=np.int32), holes])
@@ -59,20 +61,20 @@ def casters_of(points: np.ndarray, spacing: float, found: Tangents, radii: np.nd
 
 
 def lie_apart(spacing: float) -> bool:
-    """Whether points of that spacing are spread out to their discs."""
+    """Whether points of that spacing lie so far apart that they are better spread out to their discs."""
     return spacing >= SPARSE * FLOOR_CELL
 
 
 def floor_shades(
     points: np.ndarray, spacing: float, casters: native.Casters, light: tuple[float, float, float], height: float,
-    sets: int,
+    sets: int, apart: bool, sky_count: int = FLOOR_SKY,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Shares (S, S) of the lamp's and of the sky's light that points (N, 3) of that spacing hide from a floor.
 
-    The lamp's shadow is that of the casters. The floor lies at that `height`, and so many `sets` (1, 2 or 4) of lamps
-    stand for the light.
+    The lamp's shadow is that of the casters, points or, where these lie `apart`, discs. The floor lies at that
+    `height`; so many `sets` (1, 2 or 4) of lamps stand for the light, and `sky_count` directions for the sky.
     """
-    if lie_apart(spacing):
+    if apart:
         side, narrowed, ball = _side(spacing / SPREAD_APART), 1.0, SPREAD_BALL
     else:
         side, ball = _side(spacing / APART), BALL
@@ -80,7 +82,7 @@ def floor_shades(
     cast_by = partial(native.floor_shade, casters.places, floor=height, half=FLOOR_HALF, side=side, narrowed=narrowed,
                       ball=ball * spacing, soft=SOFT, square=light_square(light))  # fmt: skip
     lamps: Shading = [partial(cast_by, places) for places in lamp_sets(light, FLOOR_LAMPS, sets)]
-    *shades, first, second = all_of(lamps + _sky_halves(points, spacing, height))
+    *shades, first, second = all_of(lamps + _sky_halves(points, spacing, height, sky_count))
     sky = native.in_other_cells((first + second) / np.float32(2), side)
     return sum(shades[1:], shades[0]) / np.float32(sets), sky
 
@@ -90,11 +92,11 @@ def narrowed_share(spacing: float, side: int) -> float:
     return max(1 - SHORT * spacing * side / (2 * FLOOR_HALF), 0)
 
 
-def _sky_halves(points: np.ndarray, spacing: float, height: float) -> Shading:
-    """What work out the share (Q, Q) that points (N, 3) hide of the sky's light, from half the directions each."""
+def _sky_halves(points: np.ndarray, spacing: float, height: float, count: int) -> Shading:
+    """What work out the share (Q, Q) that points (N, 3) hide of the sky's light, from half of so many directions."""
     every = -(-len(points) // SKY_POINTS)
     side = _side(spacing * math.sqrt(every) / APART)
-    ways, fewer = SKY * floor_sky(FLOOR_SKY), points[::every]
+    ways, fewer = SKY * floor_sky(count), points[::every]
     return [partial(native.floor_shade, fewer, ways[half::2], height, FLOOR_HALF, side, 1.0, soft=SKY_SOFT)
             for half in (0, 1)]  # fmt: skip
 

@@ -81,17 +81,20 @@ class Fitted:
     noise: float
 
 
-def tangents(cloud: np.ndarray) -> Tangents:
-    """The tangent planes of a cloud (N, 3), N >= 1, in an order that does not depend on the cloud's."""
+def tangents(cloud: np.ndarray, agreed: bool = True) -> Tangents:
+    """The tangent planes of a cloud (N, 3), N >= 1, in an order that does not depend on the cloud's.
+
+    Unless `agreed`, each point keeps to its own patch, and stays where it is.
+    """
     own, times = fitted(cloud), 0
     while len(cloud) >= 3 * FEWEST_KEPT and drowned(own):
         times += 1
         cloud = thinned(cloud, len(cloud) // 3, times * AGAIN & 0xFFFFFFFF)
         own = fitted(cloud)
     points, normals = own.grid.points, own.normals
-    if len(cloud) >= FEWEST:
-        agreed, normals = native.refine(points, normals, own.neighbours, own.scale, own.noise / own.typical)
-        points = moved(points, agreed, own.spacing, own.noise)
+    if agreed and len(cloud) >= FEWEST:
+        patches, normals = native.refine(points, normals, own.neighbours, own.scale, own.noise / own.typical)
+        points = moved(points, patches, own.spacing, own.noise)
     around = own.spacing[own.neighbours[:, FEWEST // 2]]
     return Tangents(points, own.spacing, normals, own.noise, around, own.neighbours, own.grid)
 

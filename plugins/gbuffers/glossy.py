@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plugins.gbuffers.surfels import FAR, GREY, NEAR, Lighting, Surfels
+from plugins.gbuffers.lighting import GREY, Detail, Lighting
+from plugins.gbuffers.surfels import FAR, NEAR, Surfels
 from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
@@ -65,9 +66,10 @@ class Reflections(Lighting):
     """Light on a cloud's points, and what of it they reflect."""
 
     def __init__(
-        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float
-    ) -> None:
-        super().__init__(points, normals, spacing, scene, height)
+        self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float,
+        detail: Detail,
+    ) -> None:  # fmt: skip
+        super().__init__(points, normals, spacing, scene, height, detail)
         places, axes, powers = light_lamps(scene.light, LAMPS)
         self.lamps, self.square = (places, axes[0], float(powers[0])), light_square(scene.light)
         self.roughness = _number(scene, "Roughness", 1.0)

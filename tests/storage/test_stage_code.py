@@ -90,7 +90,13 @@ def plugins(stage: str) -> list[type]:
 
 
 def plugin_modules(stage: str) -> set[str]:
-    return {plugin.__module__ for plugin in plugins(stage)}
+    """Those of the stage's plugins, and what they import of their own folder: all of it is in the plugins' digests."""
+    found, waiting = set(), {plugin.__module__ for plugin in plugins(stage)}
+    while waiting:
+        found.add(module := waiting.pop())
+        folder = module.rpartition(".")[0]
+        waiting |= {other for other, _ in in_project(needs(module)) if other.rpartition(".")[0] == folder} - found
+    return found
 
 
 def packages(part: str) -> set[str]:

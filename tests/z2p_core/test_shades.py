@@ -9,7 +9,7 @@ from made_clouds import sphere
 from z2p_core import native
 from z2p_core.discs import discs, spread_out
 from z2p_core.lamps import floor_sky, light_lamps
-from z2p_core.shades import FLOOR_HALF, casters_of, floor_shades, narrowed_share
+from z2p_core.shades import FLOOR_HALF, casters_of, floor_shades, lie_apart, narrowed_share
 from z2p_core.tangents import tangents
 
 LIGHT, HEIGHT, RADIUS = (3.6, 30.0, 50.0), -0.6, 0.5
@@ -20,8 +20,9 @@ def shades_of(count: int) -> tuple[np.ndarray, np.ndarray]:
     found = tangents(np.float32(sphere(count) * RADIUS))
     spacing = float(np.median(found.spacing))
     further, radii = discs(found, spacing)
-    casters = casters_of(found.points, spacing, further, radii)
-    return floor_shades(found.points, spacing, casters, LIGHT, HEIGHT, 1)
+    apart = lie_apart(spacing)
+    casters = casters_of(found.points, spacing, further, radii, apart)
+    return floor_shades(found.points, spacing, casters, LIGHT, HEIGHT, 1, apart)
 
 
 def hidden(side: int, ways: np.ndarray) -> np.ndarray:
@@ -52,8 +53,8 @@ def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
 def test_points_wider_apart_than_the_floor_is_hide_nothing() -> None:
     found = tangents(np.float32(sphere(12) * 100))
     further, radii = discs(found, 100.0)
-    casters = casters_of(found.points, 100.0, further, radii)
-    for shade in floor_shades(found.points, 100.0, casters, LIGHT, -100.0, 1):
+    casters = casters_of(found.points, 100.0, further, radii, True)
+    for shade in floor_shades(found.points, 100.0, casters, LIGHT, -100.0, 1, True):
         assert shade.shape == (2, 2) and not shade.any()
 
 
@@ -86,7 +87,7 @@ def shade_below_a_plate(count: int, gap: float) -> tuple[np.ndarray, np.ndarray,
     spacing = float(np.median(found.spacing))
     further, radii = discs(found, spacing)
     up, lamps = found.normals * np.sign(found.normals[:, 2:]), light_lamps(LIGHT, 16)
-    casters = casters_of(found.points, spacing, further, radii)
+    casters = casters_of(found.points, spacing, further, radii, lie_apart(spacing))
     light = native.illuminate(found.points, up, casters, *lamps, spacing, 1.0)[0]
     given, left = np.zeros((2, count))
     for lamp, axis, power in zip(*lamps, strict=True):

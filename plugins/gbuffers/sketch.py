@@ -1,0 +1,15 @@
+"""The rough rendering in half the time: light from fewer directions, and shadows of points instead of discs."""
+
+from __future__ import annotations
+
+from plugins.gbuffers.lighting import Detail
+from plugins.gbuffers.surfels import Surfels
+
+
+class Sketch(Surfels):
+    """The channels of `Surfels`, less sure of light and, for neighbours do not agree upon them, of normals."""
+
+    name = "sketch"
+    version = "1"
+    refines = "surfels"
+    detail = Detail(sky=8, below=8, mirrored=16, floor_sky=64, discs=False, agreed=False)
