@@ -1,10 +1,10 @@
 """Makes a leaner network out of a trained one, to go on training from.
 
-    python scripts/slim_weights.py WEIGHTS OUT --widths 48,64,96,128 [--zbuffer paper] [--fine 24]
+    python scripts/slim_weights.py WEIGHTS OUT --widths 48,64,96,128 [--zbuffer paper] [--fine 24 | --coarse]
 
 It keeps the strongest channels and reads no encoding, whose mean goes into the stem. Of splats it may read the first
 channel alone, the paper's. With --fine it goes over 2x2 blocks, by layers that begin as nothing, instead of single
-pixels. So its pictures are worse at first: `train.start` is what the file is for.
+pixels; with --coarse over neither. So its pictures are worse at first: `train.start` is what the file is for.
 """
 
 from __future__ import annotations
@@ -41,18 +41,20 @@ def main() -> None:
     parser.add_argument("--widths", required=True, help="comma-separated, none above what the weights have")
     parser.add_argument("--zbuffer", help="one whose channels are the first of what the weights read")
     parser.add_argument("--fine", type=int, default=0, help="channels to go over 2x2 blocks with")
+    parser.add_argument("--coarse", action="store_true", help="not to go over the picture in single pixels")
     asked = parser.parse_args()
     loaded = load_network(asked.weights, to_train=True)
     old = from_dict(NetworkConfig, loaded.card["network"])
     new = replace(old, widths=tuple(int(width) for width in asked.widths.split(",")), encoder="none",
                   zbuffer=asked.zbuffer or old.zbuffer, fine=asked.fine,
-                  refine=0 if asked.fine else old.refine)  # fmt: skip
+                  refine=0 if asked.fine or asked.coarse else old.refine)  # fmt: skip
     zbuffer = registry.load("zbuffers", new.zbuffer)()
     known = {name: tensor.numpy() for name, tensor in loaded.network.state_dict().items()}
     tensors = slimmed(without_inputs(known, loaded, zbuffer.channels), old.widths, new.widths)
     if new.fine:
-        tensors = {name: tensor for name, tensor in in_blocks(tensors, old.unshuffle).items()
-                   if not name.startswith(PIXELS)}  # fmt: skip
+        tensors = in_blocks(tensors, old.unshuffle)
+    if not new.refine:
+        tensors = {name: tensor for name, tensor in tensors.items() if not name.startswith(PIXELS)}
     encoder = registry.load("encoders", new.encoder)
     card = {**loaded.card, "network": to_dict(new), "zbuffer": {"name": new.zbuffer, "version": zbuffer.version},
             "encoder": {"name": new.encoder, "version": encoder.version, "state": {}}}  # fmt: skip

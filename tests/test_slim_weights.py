@@ -63,16 +63,17 @@ def test_what_was_never_heard_is_not_missed(make_weights: Callable[..., Path], t
     assert load_weights(lean).card["network"]["widths"] == [11, 16, 16]
 
 
+@pytest.mark.parametrize("further", [("--fine", "8"), ("--coarse",)])
 @pytest.mark.parametrize("encoder", ["none", "fourier"])
-def test_2x2_blocks_begin_as_the_picture_without_single_pixels(
-    make_weights: Callable[..., Path], tmp_path: Path, encoder: str
+def test_what_goes_over_no_single_pixels_begins_as_the_picture_without_them(
+    make_weights: Callable[..., Path], tmp_path: Path, encoder: str, further: tuple[str, ...]
 ) -> None:
     whole, lean = tmp_path / "whole.safetensors", tmp_path / "lean.safetensors"
     weights = load_weights(make_weights(**SHAPE, encoder=encoder, zbuffer="paper"))
     quiet = {name: tensor * (not name.startswith("touch")) for name, tensor in weights.tensors.items()}
     quiet["stem.weight"][:, 176:] = 0  # what is left of the encoding is its mean
     save_weights(whole, quiet, weights.card)
-    done = slim(str(whole), str(lean), "--widths", "16,24,24", "--fine", "8")
+    done = slim(str(whole), str(lean), "--widths", "16,24,24", *further)
     assert done.returncode == 0, done.stderr
     channels = slice(0, 11)
     assert alike(drawn(lean, channels), drawn(whole, channels))
