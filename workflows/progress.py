@@ -20,9 +20,6 @@ from workflows.plan import Planned, Step
 from workflows.running import Registration
 from workflows.task_log import last_lines, say
 
-IDLE_SECONDS = 60.0
-"""A watch in which nothing runs for so long ends."""
-
 _watched: set[tuple[int, Path]] = set()
 
 
@@ -95,13 +92,8 @@ def _views(step: Step) -> int:
 
 
 def _tell(progress: Progress, registration: Registration, seconds: float) -> None:
-    idle_since = time.monotonic()
-    while len(progress.finished) < len(progress.steps):
+    while len(progress.finished) < len(progress.steps) and registration.touch():
         time.sleep(seconds)
-        registration.touch()
         line = progress.line()
-        if not progress.idle:
-            idle_since = time.monotonic()
+        if not progress.idle:  # others may be at a step that this pipeline waits for
             say(line)
-        elif time.monotonic() - idle_since > IDLE_SECONDS:
-            return

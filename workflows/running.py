@@ -15,7 +15,7 @@ import os
 import time
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
@@ -41,10 +41,12 @@ class Registration:
             keep(store, plan, source)
         atexit.register(self.close)
 
-    def touch(self) -> None:
-        """Say that the pipeline is alive."""
-        if self.path.exists():
+    def touch(self) -> bool:
+        """Say that the pipeline is alive; False when its note is gone."""
+        with suppress(FileNotFoundError):
             os.utime(self.path)
+            return True
+        return False
 
     def close(self) -> None:
         if os.getpid() == self._process:  # a forked task ends before its pipeline

@@ -14,7 +14,7 @@ from PIL import Image
 from pipeline import baselines as module
 from pipeline import evaluate as evaluation
 from pipeline import truth
-from pipeline.baselines import on_true_floor, rebuild
+from pipeline.baselines import on_true_floor, rebuild, rebuild_scenes
 from pipeline.evaluate import evaluate, place
 from pipeline.render import RenderError, RenderSettings, render_mesh, render_scenes
 from pipeline.shapes import shape
@@ -224,3 +224,28 @@ def test_real_renders_come_near_the_truth(meshes, tiny_weights, tmp_path) -> Non
     inside = np.asarray(Image.open(next((tmp_path / "truth" / "reference").rglob("*.coverage.png")))) == 255
     assert (np.asarray(Image.open(tmp_path / "out" / "pictures" / "vase_0_0_balls.png"))[inside, 3] > 0).mean() > 0.5
     assert run(meshes, tiny_weights, tmp_path, config, "balls", "bpa")["baselines"] == data["baselines"]
+
+
+@pytest.mark.parametrize("seen_from", [False, True])
+def test_what_an_interrupted_run_left_out_comes_out_as_it_would_have(rendered, tmp_path, seen_from: bool) -> None:
+    class Chancy(Baseline):
+        name, version, for_view = "chancy", "1", seen_from
+
+        def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+            return rng.normal(size=(3, 3)), TRIANGLE[1]
+
+        def reconstruct_for(self, cloud, viewer, rng):
+            return self.reconstruct(cloud, rng)
+
+    scenes = [replace(SceneDescription(), elevation=float(angle)) for angle in (10, 30, 50)]
+
+    def meshes_of(asked: list[SceneDescription], root: Path) -> dict[float, np.ndarray]:
+        rendered.clear()
+        settings = RenderSettings(resolution=(SIDE, SIDE))
+        rebuild_scenes(Chancy, np.eye(3), {}, np.random.default_rng(0), asked, settings, root)
+        return {scene.elevation: mesh.vertices for mesh, scene in rendered}
+
+    whole = meshes_of(scenes, tmp_path / "whole")
+    part = meshes_of(scenes[:1], tmp_path / "part") | meshes_of(scenes, tmp_path / "part")
+    assert part.keys() == whole.keys() and len({mesh.tobytes() for mesh in whole.values()}) == (3 if seen_from else 1)
+    assert all(np.array_equal(part[angle], mesh) for angle, mesh in whole.items())
