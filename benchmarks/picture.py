@@ -27,8 +27,9 @@ from measure import Figure, clocks, measure, table
 from subjects import cloud_of, random_weights
 
 from pipeline.infer import Renderer
+from pipeline.load import load_plugins
 from pipeline.placing import Placing, place
-from storage.checkpoints import WeightsError
+from storage.checkpoints import WeightsError, resolve
 from storage.clouds import read_clouds
 from storage.pictures import encode
 from z2p_core import registry
@@ -56,7 +57,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="z2p-benchmark-") as folder:
         weights = random_weights(Path(folder)) if options.weights == "random" else Path(options.weights)
         load = os.getloadavg()[0]
-        figures = [*_zbuffers(options), *_networks(options, weights), *_cuda(weights)]
+        figures = [*_zbuffers(options, weights), *_networks(options, weights), *_cuda(weights)]
         figures += [*_baseline(figures), *_whole(options, weights, Path(folder))]
         curves, memory = _curves(options, weights), _peak(options, weights, Path(folder))
     machine = _machine(options, load, memory)
@@ -85,10 +86,10 @@ def _options() -> Any:
     return options
 
 
-def _zbuffers(options: Any) -> list[Figure]:
+def _zbuffers(options: Any, weights: Path) -> list[Figure]:
     from rivals import double_loop, torch_scatter
 
-    camera, zbuffer = Camera(512, 512), registry.load("zbuffers", "splats")()
+    camera, (zbuffer, gbuffer) = Camera(512, 512), _buffers(weights)
     figures = [measure(LOOP, partial(double_loop, cloud_of(FEW), camera), warm=False, repeats=3)]
     for count, limit in ZBUFFER_LIMITS.items():
         if count > options.points:
@@ -99,10 +100,16 @@ def _zbuffers(options: Any) -> list[Figure]:
         floor = measure("read", partial(np.max, cloud.view(np.uint32).reshape(-1))).median
         figures.append(measure(f"z-buffer, {told} points", partial(zbuffer.draw, cloud, camera), limit,
                                LOOP if count == FEW else scatter, floor))  # fmt: skip
-    gbuffer, scene = registry.load("gbuffers", "surfels")(), SceneDescription()
+    scene = SceneDescription()
     figures += [measure(f"G-buffer, {_told(count)} points", partial(gbuffer.draw, cloud_of(count), camera, scene))
                 for count in (FEW, 100_000)]  # fmt: skip
     return figures
+
+
+def _buffers(weights: Path) -> tuple[Any, Any]:
+    """The z-buffer and the G-buffer that the weights know."""
+    loaded = load_plugins(resolve(weights))
+    return loaded.zbuffer, loaded.gbuffer
 
 
 def _networks(options: Any, weights: Path) -> list[Figure]:
@@ -193,8 +200,7 @@ def _process(command: list[str]) -> None:
 
 def _curves(options: Any, weights: Path) -> dict[str, Any]:
     """Milliseconds against points and against the side, also drawn."""
-    camera, zbuffer = Camera(512, 512), registry.load("zbuffers", "splats")()
-    gbuffer, scene = registry.load("gbuffers", "surfels")(), SceneDescription()
+    camera, scene, (zbuffer, gbuffer) = Camera(512, 512), SceneDescription(), _buffers(weights)
     counts = [10**power for power in range(3, 9) if 10**power <= options.points]
     points: dict[str, list[float]] = {"z-buffer": [], "G-buffer": [], "reading 12 bytes a point": []}
     for count in counts:

@@ -272,7 +272,8 @@ def _scan(raw: RawCloud, label: str) -> Scan:
     dropped = int(len(cloud) - finite.sum())
     points = cloud[finite] if dropped else cloud
     if len(points) == 0:
-        raise ScanError(f"{where}none of the {len(cloud)} points is finite; the scan holds no measurement")
+        raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
+                        f"{LARGEST:.1e}; the scan holds no measurement")
     if len(points) < FEWEST_POINTS:
         raise ScanError(f"{where}expected at least {FEWEST_POINTS} finite points, got {len(points)} of {len(cloud)}")
     if not (points != points[0]).any():

@@ -65,7 +65,7 @@ def test_batch_gives_labelled_scans_and_suffix_case_does_not_matter(tmp_path: Pa
     ("array", "match"),
     [
         (np.empty((0, 3)), "is empty"),
-        (np.full((9, 3), np.nan), "none of the 9 points is finite"),
+        (np.full((9, 3), np.nan), "none of the 9 points is a place"),
         (np.vstack([points(2), np.full((4, 3), np.inf)]), "at least 3 finite points, got 2 of 6"),
         (points(1), "got 1 of 1"),
         (np.full((7, 3), 5e6), "all 7 points are at one place"),

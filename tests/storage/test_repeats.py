@@ -92,5 +92,5 @@ def test_numbers_beyond_all_coordinates_are_none(points: np.ndarray) -> None:
     points[40:50] = -1.7e308
     scan = usable(points)
     assert (len(scan.points), scan.dropped) == (1950, 50)
-    with pytest.raises(ScanError, match="none of the 2000 points is finite"):
+    with pytest.raises(ScanError, match="none of the 2000 points is a place"):
         usable(np.full((2000, 3), 1e300))
