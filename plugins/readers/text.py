@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from itertools import chain, islice
@@ -10,8 +11,8 @@ from typing import TextIO
 
 import numpy as np
 
-from plugins.readers.text_form import BadLineError, Form, Head, form_of, head_of, some_names
-from z2p_core.column_names import text_encoding
+from plugins.readers.text_form import NAMED, BadLineError, Form, Head, form_of, head_of, some_names
+from z2p_core.column_names import is_row, text_encoding
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 
 _HEAD = 1 << 16
@@ -20,6 +21,8 @@ _LINES = 200_000
 """Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
 _FIRST_LINES = 5000
 """Lines from which the form of the rows is told."""
+_DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
+"""Names of columns that hold degrees."""
 _FEWEST_NUMBERED = 10
 """Rows from which a column of 0, 1, 2 ... is no chance."""
 
@@ -108,10 +111,21 @@ def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray
     try:
         return form.points(lines)
     except BadLineError as error:
+        if path.suffix.lower() in NAMED and before + error.index == 0 and not is_row(line := lines[0]):
+            raise ScanError(f"line {_line_number(path, 0)}: expected points, or names of columns with x, y and z once "
+                            f"each, got {line.strip()[:60]!r}; name all columns, as in --columns x,y,z,label"
+                            f"{_told_degrees(line)}") from error
         hint = "" if form.named else "; where columns hold words, name all of them, as in --columns x,y,z,label"
         raise ScanError(f"expected the same count of numbers on every line, but in line "
                         f"{_line_number(path, before + error.index)} {error}; put '#' before lines that are no points"
                         f"{hint}") from error
+
+
+def _told_degrees(title: str) -> str:
+    """What to say of a line that names latitude and longitude."""
+    if not _DEGREES & set(re.split(r"[^a-z]+", title.lower())):
+        return ""
+    return "; degrees are no lengths: project them to metres first, to UTM for one"
 
 
 def _content(path: Path) -> Iterator[list[str]]:

@@ -46,7 +46,7 @@ def test_tables_with_a_line_of_names(tmp_path: Path, head: str) -> None:
         assert np.array_equal(read(path)[0], table[:, 1:4])
     (tmp_path / "decimal.csv").write_text("x;y;z\n1,5;2,25;-3\n0;0;1e1\n")
     assert np.array_equal(read(tmp_path / "decimal.csv")[0], [[1.5, 2.25, -3], [0, 0, 10]])
-    refused(tmp_path / "a.csv", "a,b,c\n1,2,3\n", "same count of numbers")
+    refused(tmp_path / "a.csv", "a,b,c\n1,2,3\n", "names of columns with x, y and z once each, got 'a,b,c'")
     refused(tmp_path / "a.csv", "x,y,z\n1,2,3,4\n", "names 3 columns")
     refused(tmp_path / "a.xyz", "x,y,z\n1,2,3\n", "same count of numbers")
 
@@ -162,7 +162,8 @@ def test_names_that_are_not_recognised_are_refused_until_the_user_names_them(tmp
     path, rows = tmp_path / "a.csv", "1,2,3\n4,5,6\n"
     for head in ("lon,lat,height", "Rechtswert,Hochwert,H", "Point 1,Point 2,Point 3", "easting,northing,alt,height"):
         refusal_of_head = refusal(path, f"{head}\n{rows}")
-        assert repr(head.split(",")[0]) in refusal_of_head and "line 1 " in refusal_of_head
+        assert repr(head) in refusal_of_head and "line 1: expected" in refusal_of_head
+        assert ("UTM" in refusal_of_head) == ("lon" in head)
         assert "--columns x,y,z" in refusal_of_head
         assert np.array_equal(given(path, f"{head}\n{rows}", "z,y,x"), [[3, 2, 1], [6, 5, 4]])
         assert np.array_equal(given(tmp_path / "a.xyz", f"{head}\n{rows}", "x,y,z"), [[1, 2, 3], [4, 5, 6]])
