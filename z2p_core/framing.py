@@ -15,7 +15,7 @@ from z2p_core import native
 from z2p_core.camera import DEFAULT_ELEVATION
 from z2p_core.interfaces import Sensor
 from z2p_core.standing import topples
-from z2p_core.strays import thinned
+from z2p_core.strays import every_nth
 from z2p_core.turning import extent, turned
 
 UP_AXES = {
@@ -109,7 +109,7 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
     off_axis = math.degrees(math.atan(float((np.hypot(points[:, 0], points[:, 1]) / depth).max())))
     if off_axis > IMPLIED_CONE:
         return None
-    x, y, z = thinned(points).T
+    x, y, z = every_nth(points).T
     depth = sign * z
     from_origin = _layered(x / depth, y / depth, depth, float(np.median(depth)))
     from_side = max(_layered(y, z, x, 1.0), _layered(x, z, y, 1.0))
@@ -138,7 +138,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
     """
     low, high = extent(points)
-    points = thinned(points - (low + high) / 2)
+    points = every_nth(points - (low + high) / 2)
     reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
     shown = _showing(points / reach, elevation)
     nearest_first = sorted(range(AZIMUTHS), key=lambda step: (min(step, AZIMUTHS - step), step))
@@ -154,7 +154,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
 
 def _is_camera(points: np.ndarray, sensor: Sensor) -> bool:
     """True when nearly all points lie in the cone before the sensor."""
-    seen = turned(thinned(points) - sensor.position, sensor.rotation.T)
+    seen = turned(every_nth(points) - sensor.position, sensor.rotation.T)
     inside = np.hypot(seen[:, 0], seen[:, 1]) <= math.tan(math.radians(CAMERA_CONE)) * seen[:, 2]
     return bool(inside.mean() > 0.98)
 

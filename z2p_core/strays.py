@@ -26,7 +26,7 @@ SMALL_BELOW = 0.001
 """Share of all points, of strays that lie below a thing in all."""
 
 
-def thinned(points: np.ndarray) -> np.ndarray:
+def every_nth(points: np.ndarray) -> np.ndarray:
     """Every so many of points (N, 3), `MOST_LOOKED_AT` at most."""
     return points[:: -(-len(points) // MOST_LOOKED_AT)]
 
@@ -92,8 +92,8 @@ def _strays(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
     taken = np.zeros(len(sizes), dtype=bool)
     taken[farthest[np.cumsum(sizes[farthest]) <= budget]] = True
     strays = taken[cluster]
-    rest = bounding_sphere(thinned(points[~strays]))
-    whole = bounding_sphere(np.vstack([thinned(points[~strays]), points[strays]])) if strays.any() else rest
+    rest = bounding_sphere(every_nth(points[~strays]))
+    whole = bounding_sphere(np.vstack([every_nth(points[~strays]), points[strays]])) if strays.any() else rest
     if rest.radius > (1 - LEAST_GAIN) * whole.radius:
         return none
     outside = np.sqrt(((points - rest.centre) ** 2).sum(1)) > 1.02 * rest.radius

@@ -2,7 +2,6 @@
  * floor. */
 
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,7 +2,6 @@
  * Quantities using Polynomial Fitting of Osculating Jets, 2005). */
 
 #include <math.h>
-#include <stdint.h>
 
 #include "axes.h"
 #include "fast.h"

@@ -131,7 +131,7 @@ def mirror_hits(
     hits, asked = np.empty(len(asked), np.int32), np.ascontiguousarray(asked, np.int32)
     cloud = (floats(points), floats(normals), len(points), asked)
     rest = (floats(rays), ctypes.c_float(reach), ctypes.c_float(spacing), ctypes.c_float(radius), hits)
-    over_rows(lambda begin, end: call("z2p_mirror_hits", *cloud, begin, end, *rest), len(asked))
+    over_rows(lambda begin, end: call("z2p_mirror_hits", *cloud, begin, end, *rest), len(asked), parts=2)
     return hits
 
 

@@ -1,7 +1,6 @@
 /* What single rays from the points of a cloud meet first, its points being discs. */
 
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 
 #include "fast.h"

@@ -1,7 +1,6 @@
 /* Which way a bare cloud faces: planes through the neighbours of its points. */
 
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 
 #include "fast.h"

@@ -127,6 +127,17 @@ FAST static void window_bits(const uint64_t *restrict from, uint64_t *restrict t
     }
 }
 
+/* Closes the shadows in a mask's rows from `top` to `bottom` - 1 over two cells, and makes those of narrowed lamps a cell
+ * narrower: what of them is widened is then taken away again. `other` is as large as the mask. The outermost four rows
+ * of the floor are empty. */
+static void close_shadows(uint64_t *mask, uint64_t *other, int side, size_t top, size_t bottom, uint64_t narrowed) {
+    size_t first = top * (size_t)side, last = bottom * (size_t)side;
+    for (int shared = 0; shared < 2; shared++) {
+        window_bits(mask, other, first, last, 1, narrowed, shared);
+        window_bits(other, mask, first, last, (size_t)side, narrowed, shared);
+    }
+}
+
 /* Share of all lamps whose bits are set, from one cell to another. */
 FAST static void weigh(const uint64_t *mask, size_t first, size_t last, float share, float *shade) {
     for (size_t i = first; i < last; i++) shade[i] = (float)__builtin_popcountll(mask[i]) * share;
@@ -229,16 +240,11 @@ int z2p_floor_shade(const float *points, int count, const float *lamps, int lamp
         while (first < cells && !mask[first]) first++;
         while (last > first && !mask[last - 1]) last--;
     }
-    if (fine && last > first) { /* rows that closing reaches; the outermost four stay empty */
-        size_t top = first / (size_t)side - 2, bottom = (last - 1) / (size_t)side + 3;
-        first = top * (size_t)side;
-        last = bottom * (size_t)side;
-        for (int shared = 0; shared < 2; shared++) {
-            window_bits(mask, other, first, last, 1, narrow, shared);
-            window_bits(other, mask, first, last, (size_t)side, narrow, shared);
-        }
+    if (fine && last > first) {
+        size_t top = first / (size_t)side - 2, bottom = (last - 1) / (size_t)side + 3; /* rows that closing reaches */
+        close_shadows(mask, other, side, top, bottom, narrow);
         if (square) weigh_parts(mask, square, floor, half, side, (int)top, (int)bottom, shade);
-        else weigh(mask, first, last, 1 / (float)lamp_count, shade);
+        else weigh(mask, top * (size_t)side, bottom * (size_t)side, 1 / (float)lamp_count, shade);
         int spare = square ? soft + APART : soft, above = (int)top - spare, below = (int)bottom + spare;
         above = above > 0 ? above : 0;
         below = below < side ? below : side;
