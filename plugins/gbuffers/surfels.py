@@ -36,6 +36,8 @@ NEAR, FAR = 2.6, 4.6
 SMALL, MIDDLING = 600, 900
 """Sides of pictures, in pixels, up to which such lamps stand over the floor once, and twice; over larger ones four
 times, for the steps that they leave in a penumbra grow with the picture."""
+STRAIGHT = 1e-5
+"""Width of a cloud, in its length, up to which it is a line, whose patches could face any way across it."""
 HOLE_RIM = 4
 """Points at the rim of a hole whose mean colour it gets."""
 APART = 3.6
@@ -139,10 +141,21 @@ def with_holes(colors: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
     return np.concatenate([colors, colors[rim].mean(axis=1)])
 
 
+def line_through(points: np.ndarray) -> np.ndarray | None:
+    """The direction (3,) float32 of the line that all points (N, 3) lie on, 0 for one point; None if there is none."""
+    if len(points) < 2:
+        return np.zeros(3, np.float32)
+    apart = (points - points[0]).astype(np.float64)
+    squares, axes = np.linalg.eigh(apart.T @ apart)
+    return axes[:, 2].astype(np.float32) if squares[1] <= STRAIGHT**2 * squares[2] else None
+
+
 def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:
-    """Normals (N, 3) of points (N, 3), each turned towards the viewer (3,); of one or two points, its direction."""
-    if len(points) < 3:
+    """Normals (N, 3) of points (N, 3), each turned towards the viewer (3,); on a line, as far as they can turn."""
+    line = line_through(points)
+    if line is not None:
         towards = viewer.astype(np.float32) - points
+        towards -= (towards @ line)[:, None] * line
         return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-6)
     away = products(points - viewer.astype(np.float32), normals) > 0
     return normals * np.where(away, np.float32(-1), np.float32(1))[:, None]

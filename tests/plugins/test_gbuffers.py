@@ -200,6 +200,14 @@ def test_two_points_face_the_camera():
     assert picture[COVERAGE].max() > 0.9 and np.isfinite(picture).all()
 
 
+@pytest.mark.parametrize("along", [(0, 0, 1), (1, 0, 0), (0.5, 0.5, 0.7)])
+def test_a_line_is_seen_from_everywhere(along):
+    line = np.linspace(-0.6, 0.6, 300)[:, None] * np.float32(along)
+    picture = Surfels().draw(line, CAMERA, SCENE)
+    ends, _ = CAMERA.project(line[[0, -1]])
+    assert picture[COVERAGE].sum() > 0.5 * np.linalg.norm(ends[1] - ends[0])
+
+
 def test_large_clouds_are_thinned_evenly_whatever_their_order():
     cloud = sphere_of(100_000)
     kept = thinned(cloud, 20_000)
