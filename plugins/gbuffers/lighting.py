@@ -15,7 +15,7 @@ from z2p_core.reflection import mirror_directions
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.shades import FLOOR_HALF, FLOOR_SKY, casters_of, floor_shades, lie_apart, narrowed_share
 from z2p_core.tangents import Tangents
-from z2p_core.threads import beside, rows_beside
+from z2p_core.threads import rows_beside
 from z2p_core.turning import products
 
 LAMPS = 16
@@ -55,8 +55,8 @@ class Detail:
 class Lighting:
     """Light on the points (N, 3) of a cloud of that spacing, whose normals (N, 3) face the viewer, and on its floor.
 
-    The floor lies at that height. A second core looks around from the points, from the beginning; `follow` helps it and
-    goes on.
+    The floor lies at that height. A second core looks around from the points, and from the floor, from the beginning;
+    `follow` helps it and goes on.
     """
 
     def __init__(
@@ -84,6 +84,14 @@ class Lighting:
             seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
 
         self.look_around = rows_beside(look_around, len(axes), parts=8)
+        from_below, floor = floor_sky(2 * detail.below)[::2], self.floor
+        self.below = below = np.empty((len(from_below), 2, len(points)), np.int32)
+
+        def look_up(begin: int, end: int) -> None:
+            """What the floor sees of the points along some directions, in the meantime as well."""
+            below[begin:end] = native.floor_hits(points, normals, from_below[begin:end], floor, GLOW_CELLS)
+
+        self.look_up = rows_beside(look_up, len(from_below), parts=4)
 
     def shade(self, found: Tangents, radii: np.ndarray, sets: int) -> None:
         """Casts the shadows of discs with those radii (M,) on the points and the floor.
@@ -103,9 +111,8 @@ class Lighting:
         """Follows the light from the sky and the lit floor to the points, and on from there."""
         cloud = (self.points, self.normals, sky_axes(self.detail.sky))
         self.look_around()
-        below = beside(native.floor_hits, *cloud[:2], floor_sky(2 * self.detail.below)[::2], self.floor, GLOW_CELLS)
+        self.look_up()
         self.bounces = [native.gather_open(*cloud, self.seen, self.direct, self.floor, *self.shades)]
-        self.below = below.result()
         self.glows = []
         for _ in range(BOUNCES):
             light = self.bounces[-1]
