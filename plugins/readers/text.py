@@ -11,8 +11,8 @@ from typing import TextIO
 
 import numpy as np
 
-from plugins.readers.text_form import NAMED, BadLineError, Form, Head, form_of, head_of, some_names
-from z2p_core.column_names import is_row, text_encoding
+from plugins.readers.text_form import TABLES, BadLineError, Form, Head, form_of, head_of, some_names
+from z2p_core.column_names import column_names, is_row, text_encoding
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 
 _HEAD = 1 << 16
@@ -31,7 +31,7 @@ class Text(Reader):
     """Plain text, a point a line, numbers parted by blanks, commas or semicolons; ``#`` begins a comment."""
 
     name = "text"
-    version = "4"
+    version = "5"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
 
     def memory(self, path: Path) -> int:
@@ -48,8 +48,8 @@ class Text(Reader):
 
         Where nobody names the columns and the first of four or more counts the rows, it is no x: the next three are.
 
-        A line before the rows may hold their count, as in every .pts. .txt, .asc and .csv may have further columns, and
-        begin with a line of names, among them x, y and z; the columns beside those three may then hold words.
+        A line before the rows may hold their count, as in every .pts. There may be a line of names, among them x, y and
+        z; the columns beside those three may then hold words. .txt, .asc and .csv may have further columns without.
 
         Raises:
             ScanError: other columns than the suffix stands for or the user named, something not a number, or a wrong
@@ -111,7 +111,7 @@ def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray
     try:
         return form.points(lines)
     except BadLineError as error:
-        if path.suffix.lower() in NAMED and before + error.index == 0 and not is_row(line := lines[0]):
+        if path.suffix.lower() in TABLES and before + error.index == 0 and not is_row(line := lines[0]):
             raise ScanError(f"line {_line_number(path, 0)}: expected points, or names of columns with x, y and z once "
                             f"each, got {line.strip()[:60]!r}; name all columns, as in --columns x,y,z,label"
                             f"{_told_degrees(line)}") from error
@@ -131,15 +131,29 @@ def _told_degrees(title: str) -> str:
 def _content(path: Path) -> Iterator[list[str]]:
     """Lines that hold something, without what ``#`` begins; some first ones, then many at a time."""
     with _opened(path) as file:
-        count = _FIRST_LINES
-        while lines := list(islice(file, count)):
-            count = _LINES
+        lines = _with_names(list(islice(file, _FIRST_LINES)))
+        while lines:
             if "#" in "".join(lines):
                 lines = [line.split("#", 1)[0] for line in lines]
             if "" in lines or any(map(str.isspace, lines)):
                 lines = [line for line in lines if line and not line.isspace()]
             if lines:
                 yield lines
+            lines = list(islice(file, _LINES))
+
+
+def _with_names(first: list[str]) -> list[str]:
+    """The first lines of a file, in which one that names columns behind ``#``, as numpy writes it, begins with ``//``.
+
+    So it is kept for `head_of`, which takes it for a comment that may mean something else.
+    """
+    for index, line in enumerate(first):
+        if line.startswith("#"):
+            if column_names(names := line.lstrip("#")):
+                first[index] = "//" + names
+        elif line.strip():
+            break
+    return first
 
 
 def _opened(path: Path) -> TextIO:
@@ -154,5 +168,6 @@ def _line_number(path: Path, index: int) -> int:
     The file is read again for it, which costs only those that are refused; to remember it would cost all.
     """
     with _opened(path) as file:
-        numbers = (number for number, line in enumerate(file, start=1) if line.split("#", 1)[0].strip())
+        lines = chain(_with_names(list(islice(file, _FIRST_LINES))), file)
+        numbers = (number for number, line in enumerate(lines, start=1) if line.split("#", 1)[0].strip())
         return next(islice(numbers, index, None))

@@ -20,8 +20,8 @@ _COLUMNS = {
 }
 _SIX_IN_XYZ = ("; six columns may hold normals or colours: say which with --columns x,y,z,nx,ny,nz or "
                "--columns x,y,z,r,g,b")  # fmt: skip
-NAMED = (".txt", ".asc", ".csv")
-"""Suffixes of tables, whose first line may name the columns."""
+TABLES = (".txt", ".asc", ".csv")
+"""Suffixes that say nothing about the columns."""
 _SAMPLE = 1000
 """Rows from which the form is told."""
 _ELEMENT = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
@@ -62,7 +62,7 @@ def head_of(lines: list[str], suffix: str, named: bool) -> Head:
     """
     head = Head()
     while head.lines < len(lines) and is_comment(lines[head.lines]):
-        if suffix in NAMED and (names := column_names(lines[head.lines])):
+        if names := column_names(lines[head.lines]):
             head.names, head.title, head.optional = names, lines[head.lines], True
         head.lines += 1
     _take_count(lines, suffix, head)
@@ -72,7 +72,7 @@ def head_of(lines: list[str], suffix: str, named: bool) -> Head:
     if rest and rest[0].split()[0].lower() == "ncols":
         raise ScanError("this is an ESRI grid (ncols, nrows ...), heights without places; turn it into points first, "
                         "as in: gdal_translate -of XYZ grid.asc points.xyz")
-    names = column_names(rest[0]) if rest and suffix in NAMED else []
+    names = column_names(rest[0]) if rest else []
     if names or (rest and named and not is_row(rest[0])):
         head.names, head.title, head.optional = names, rest[0], False
         head.lines += 1
@@ -211,7 +211,7 @@ def form_of(rows: list[str], head: Head, suffix: str, columns: Sequence[str] | N
     if names is None:
         _check_columns(suffix, width - ended)
         width -= ended
-        return replace(form, width=width, ended=ended, may_be_numbered=suffix in NAMED and width > 3)
+        return replace(form, width=width, ended=ended, may_be_numbered=suffix in TABLES and width > 3)
     places = tuple(names.index(axis) for axis in "xyz")
     return replace(form, width=len(names), ended=len(names) < width, places=places, named=True)
 

@@ -48,14 +48,25 @@ def test_tables_with_a_line_of_names(tmp_path: Path, head: str) -> None:
     assert np.array_equal(read(tmp_path / "decimal.csv")[0], [[1.5, 2.25, -3], [0, 0, 10]])
     refused(tmp_path / "a.csv", "a,b,c\n1,2,3\n", "names of columns with x, y and z once each, got 'a,b,c'")
     refused(tmp_path / "a.csv", "x,y,z\n1,2,3,4\n", "names 3 columns")
-    refused(tmp_path / "a.xyz", "x,y,z\n1,2,3\n", "same count of numbers")
+
+
+@pytest.mark.parametrize("suffix", [".xyz", ".xyzn", ".xyzrgb", ".pts", ".csv"])
+@pytest.mark.parametrize(
+    "head", ["z nx ny x y nz\n", "# z nx ny x y nz\n", "# by hand\n\n## Z nx ny x y nz\n2\n# x y z a b c\n",
+             "//Z nx ny X Y nz\n2\n", "2\nz a b x y word\n"]
+)  # fmt: skip
+def test_names_of_columns_count_whatever_the_suffix_stands_for(tmp_path: Path, suffix: str, head: str) -> None:
+    last = ("oak", "old") if "word" in head else ("6", "9")
+    assert np.array_equal(given(tmp_path / f"a{suffix}", f"{head}3 4 5 1 2 {last[0]}\n6 7 8 4 5 {last[1]}\n"),
+                          [[1, 2, 3], [4, 5, 6]])  # fmt: skip
 
 
 def test_text_refusals(tmp_path: Path) -> None:
     refused(tmp_path / "a.xyz", "1 2 3 4 5 6\n", "--columns x,y,z,nx,ny,nz or --columns x,y,z,r,g,b")
     refused(tmp_path / "a.xyz", "1 2\n", "3 columns .x y z., got 2")
     refused(tmp_path / "a.xyz", "1 2 3 4\n", "got 4")
-    refused(tmp_path / "a.xyz", "x y z\n1 2 3\n", "same count of numbers")
+    refused(tmp_path / "a.xyz", "a b c\n1 2 3\n", "same count of numbers")
+    refused(tmp_path / "a.xyz", "x y z\n1 2 3 4 5 6\n", "names 3 columns")
     refused(tmp_path / "a.xyz", "1 2 3\n1 2\n", "columns changed from 3 to 2")
     refused(tmp_path / "a.xyzn", "1 2 3\n", "6 columns .x y z nx ny nz., got 3")
     refused(tmp_path / "a.xyzrgb", "1 2 3\n", "x y z r g b")
