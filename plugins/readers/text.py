@@ -12,11 +12,10 @@ from typing import TextIO
 import numpy as np
 
 from plugins.readers.text_form import TABLES, BadLineError, Form, Head, form_of, head_of, some_names
+from plugins.readers.text_lines import memory_of_lines
 from z2p_core.column_names import column_names, is_row, text_encoding
-from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
+from z2p_core.interfaces import RawCloud, Reader, ScanError
 
-_HEAD = 1 << 16
-"""Bytes from which the length of a line is told."""
 _LINES = 200_000
 """Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
 _FIRST_LINES = 5000
@@ -36,12 +35,7 @@ class Text(Reader):
 
     def memory(self, path: Path) -> int:
         """As many points as the first lines let expect; the text itself is read in parts."""
-        with path.open("rb") as file:
-            head = file.read(_HEAD)
-        lines = head.count(b"\n")
-        if lines < 2:  # one endless line would be in memory as a whole
-            return super().memory(path)
-        return path.stat().st_size * lines // len(head) * MEMORY_A_POINT
+        return memory_of_lines(path)
 
     def read(self, path: Path) -> list[np.ndarray | RawCloud]:
         """The first three columns, or those called x, y, z, one cloud (N, 3) float64; an empty cell is NaN.

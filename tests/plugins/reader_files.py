@@ -12,7 +12,7 @@ from z2p_core import registry
 from z2p_core.interfaces import ScanError
 
 SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".obj", ".off", ".npy", ".npz",
-            ".las", ".laz", ".stl", ".glb", ".e57"]  # fmt: skip
+            ".las", ".laz", ".stl", ".glb", ".e57", ".ptx", ".bin"]  # fmt: skip
 PLY_TYPES = {"float": "f4", "double": "f8"}
 
 
@@ -52,6 +52,16 @@ def las(path: Path, points: np.ndarray, offsets: tuple[float, ...] = (0.0, 0.0, 
     content = laspy.LasData(header)
     content.x, content.y, content.z = points.T
     content.write(path)
+
+
+def ptx(*scans: np.ndarray, matrix: np.ndarray | None = None) -> str:
+    """A file of scans, each a line of cells, of which the last measured nothing."""
+    rows = [" ".join(map(repr, row)) for row in (np.eye(4) if matrix is None else matrix).tolist()]
+    text = ""
+    for points in scans:
+        cells = [" ".join(map(repr, [*row, 0.5, 10, 20, 30])) for row in [*points.tolist(), [0, 0, 0]]]
+        text += "\n".join([f"{len(cells)}", "1", "4 5 6", "1 0 0", "0 1 0", "0 0 1", *rows, *cells]) + "\n"
+    return text
 
 
 def e57(path: Path, *scans: np.ndarray) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 from pypcd4 import Encoding, PointCloud
-from reader_files import SUFFIXES, cloud, e57, las, ply, read, refused
+from reader_files import SUFFIXES, cloud, e57, las, ply, ptx, read, refused
 
 from storage.clouds import read_clouds
 from z2p_core import registry
@@ -176,6 +176,8 @@ def samples(folder: Path) -> dict[str, bytes]:
     files[".glb"] = trimesh.PointCloud(points).export(file_type="glb")
     e57(folder / "a.e57", points)
     files[".e57"] = (folder / "a.e57").read_bytes()
+    files[".ptx"] = ptx(points).encode()
+    files[".bin"] = np.column_stack([points, np.full(40, 0.5)]).astype("<f4").tobytes()
     files[".ply"] = ply(points, "binary_little_endian")
     files |= {suffix: text.encode() for suffix, text in {
         ".xyz": rows, ".txt": rows, ".asc": rows, ".csv": rows,

@@ -1,0 +1,99 @@
+"""Points of a PTX file, in which Leica's and others' laser scanners export whole scans, a cell of their grid a line."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import islice
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from plugins.readers.text_lines import memory_of_lines
+from z2p_core.interfaces import Reader, ScanError
+
+_HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
+"""Numbers on each line before a scan: columns and rows of its grid, the scanner's place and axes, and a matrix."""
+_LINES = 200_000
+"""Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
+
+
+class Ptx(Reader):
+    """Text: scans one after the other, each with a header and columns x rows lines of x y z intensity (r g b)."""
+
+    name = "ptx"
+    version = "1"
+    suffixes = (".ptx",)
+
+    def memory(self, path: Path) -> int:
+        """As many points as the first lines let expect; the text itself is read in parts."""
+        return memory_of_lines(path)
+
+    def read(self, path: Path) -> list[np.ndarray]:
+        """All scans of the file in its common axes, one cloud (N, 3) float64; cells that measured nothing are left out.
+
+        Raises:
+            ScanError: a header of another form, a scan that is cut short, or something not a number.
+        """
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            return [np.concatenate([np.empty((0, 3)), *_scans(file)])]
+
+
+def _scans(file: TextIO) -> Iterator[np.ndarray]:
+    """Points (N, 3) of the parts of each scan, where its matrix puts them."""
+    line = 0
+    while header := _header(file, line):
+        line += len(_HEADER)
+        cells = int(header[0][0]) * int(header[1][0])
+        matrix = np.array(header[6:])
+        for start in range(0, cells, _LINES):
+            expected = min(_LINES, cells - start)
+            rows = list(islice(file, expected))
+            points = _points(rows, line)
+            line += len(rows)
+            if len(points) < expected:
+                raise ScanError(f"a scan of {header[0][0]:g} x {header[1][0]:g} cells ends in line {line}, after "
+                                f"{start + len(points)}; the file is cut short: export it again")
+            measured = points[points.any(1)]
+            yield measured @ matrix[:3, :3] + matrix[3, :3]  # points are rows: what moves them is the last row
+
+
+def _header(file: TextIO, before: int) -> list[list[float]]:
+    """The numbers of a scan's first lines; none at the end of the file.
+
+    Raises:
+        ScanError: they are others.
+    """
+    lines = list(islice(file, len(_HEADER)))
+    if not any(map(str.strip, lines)):
+        return []
+    try:
+        numbers = [[float(word) for word in line.split()] for line in lines]
+        right = tuple(map(len, numbers)) == _HEADER and all(row[0].is_integer() and row[0] >= 0 for row in numbers[:2])
+    except ValueError:
+        right = False
+    if not right:
+        raise ScanError(f"line {before + 1}: expected the header of a scan in ten lines (columns, rows, place, three "
+                        f"axes, four rows of a matrix), got {lines[0].strip()[:40]!r}; export the file again, or "
+                        "rename it to .txt if it holds rows of x y z")
+    return numbers
+
+
+def _points(rows: list[str], before: int) -> np.ndarray:
+    """x, y and z (N, 3) of the rows that follow so many lines of the file.
+
+    Raises:
+        ScanError: one of them has other columns.
+    """
+    try:
+        if not any(map(str.strip, rows)):
+            return np.empty((0, 3))
+        return np.loadtxt(rows, np.float64, comments=None, usecols=(0, 1, 2), ndmin=2)
+    except ValueError as error:
+        for number, row in enumerate(rows, start=before + 1):
+            try:
+                np.loadtxt([row], np.float64, comments=None, usecols=(0, 1, 2))
+            except ValueError:
+                raise ScanError(f"line {number}: expected x y z intensity, got {row.strip()[:40]!r}; "
+                                "export the file again") from error
+        raise ScanError(f"lines from {before + 1} on: {error}; export the file again") from error

@@ -1,0 +1,20 @@
+"""How much memory a text of points needs, told by its first lines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from z2p_core.interfaces import MEMORY_A_BYTE, MEMORY_A_POINT
+
+_HEAD = 1 << 16
+"""Bytes from which the length of a line is told."""
+
+
+def memory_of_lines(path: Path) -> int:
+    """Bytes that a text with a point a line takes at the most, of which only some lines are in memory at once."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    lines = head.count(b"\n")
+    if lines < 2:  # one endless line would be in memory as a whole
+        return MEMORY_A_BYTE * path.stat().st_size
+    return path.stat().st_size * lines // len(head) * MEMORY_A_POINT

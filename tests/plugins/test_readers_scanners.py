@@ -1,0 +1,80 @@
+"""What scanners and cars' lidars write: PTX, and rows of float32 without a header."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from reader_files import cloud, ptx, read, refused
+
+from plugins.readers.ptx import Ptx
+from plugins.readers.sweeps import Sweeps
+from z2p_core.interfaces import ScanError
+
+TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [1000, 2000, 3000, 1]])
+"""A quarter turn about +Z, then a shift, of points that are rows."""
+
+
+@pytest.mark.parametrize("lines", [7, 200_000])
+def test_ptx_joins_its_scans_where_their_matrices_put_them(
+    tmp_path: Path, lines: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("plugins.readers.ptx._LINES", lines)
+    first, second = cloud(30), cloud(21)
+    path = tmp_path / "a.ptx"
+    path.write_text(ptx(first) + ptx(second, matrix=TURNED) + "\n")
+    (points,) = read(path)
+    x, y, z = second.T
+    assert np.array_equal(points[:30], first)
+    np.testing.assert_allclose(points[30:], np.column_stack([1000 - y, 2000 + x, 3000 + z]))
+    path.write_bytes(b"\xef\xbb\xbf" + ptx(first).replace("\n", "\r\n").encode())
+    assert np.array_equal(read(path)[0], first)
+    path.write_text("0\n5\n" + ptx(first).split("\n", 2)[2].rsplit("\n", 32)[0])  # a scan without a column
+    assert len(read(path)[0]) == 0
+
+
+def test_ptx_refusals(tmp_path: Path) -> None:
+    path, text = tmp_path / "a.ptx", ptx(cloud(30))
+    rows = text.splitlines()
+    refused(path, "\n".join(rows[:-3]), "31 x 1 cells ends in line 38, after 28; the file is cut short")
+    refused(path, "\n".join(rows[10:]), "line 1: expected the header of a scan .* rename it to .txt")
+    refused(path, text + "\n".join(rows[:7]), "line 42: expected the header")
+    refused(path, text.replace(rows[15], "1 2 none 0.5"), "line 16: expected x y z intensity, got '1 2 none 0.5'")
+    refused(path, text.replace(rows[15], "1 2"), "line 16: expected x y z intensity, got '1 2'")
+    refused(path, text.replace("31\n1\n", "-31\n-1\n"), "line 1: expected the header of a scan")
+
+
+def test_ptx_needs_the_memory_of_its_points_not_of_its_text(tmp_path: Path) -> None:
+    path = tmp_path / "a.ptx"
+    path.write_text(ptx(cloud(5000)))
+    assert 4900 * 170 < Ptx().memory(path) < 5300 * 170
+
+
+@pytest.mark.parametrize(("name", "width"), [("000.bin", 4), ("a.pcd.bin", 5), ("a.PCD.BIN", 5), ("short.bin", 5)])
+def test_sweeps_are_told_by_name_and_size(tmp_path: Path, name: str, width: int) -> None:
+    points = 80 * cloud(61 if "short" in name else 80, "f4")
+    table = np.column_stack([points, np.full((len(points), width - 3), 17.0)])
+    (tmp_path / name).write_bytes(table.astype("<f4").tobytes())
+    assert np.array_equal(read(tmp_path / name)[0], points)
+
+
+def test_columns_of_a_sweep_that_are_named_count(tmp_path: Path) -> None:
+    path, table = tmp_path / "a.bin", 1e5 * cloud(40).astype("<f4")
+    path.write_bytes(np.column_stack([table, table]).tobytes())
+    reader = Sweeps()
+    reader.columns = ("a", "b", "z", "y", "c", "x")
+    assert np.array_equal(reader.read(path)[0], table[:, [2, 0, 2]])
+    reader.columns = ("x", "y", "z", "a", "b", "c", "d")
+    with pytest.raises(ScanError, match="28 bytes each, got 960 bytes; name the columns"):
+        reader.read(path)
+
+
+def test_what_no_lidar_measures_is_no_sweep(tmp_path: Path) -> None:
+    path, table = tmp_path / "a.bin", np.column_stack([cloud(40), np.full(40, 0.5)]).astype("<f4")
+    for row, column, value in ((3, 0, np.nan), (4, 2, 1e9), (5, 3, -1), (6, 1, 1e-42)):
+        bad = table.copy()
+        bad[row, column] = value
+        refused(path, bad.tobytes(), "no lidar measures; .* --columns x,y,z,intensity,ring")
+    refused(path, np.arange(1000, dtype="<i4").tobytes(), "no lidar measures")
+    refused(path, table.tobytes() + b"abc", "16 bytes each, got 643 bytes")
