@@ -20,7 +20,7 @@ Command = Callable[..., Any]
 OPTIONS = (
     click.option("--recursive", "-r", is_flag=True, help="Look into sub folders, and mirror them in OUT."),
     click.option("--columns", metavar="NAMES",
-                 help="What the columns of text files, or of a .bin, hold, as in x,y,z,r,g,b; of them x, y and z are read."),
+                 help="What the columns of text files and .bin hold, as in x,y,z,r,g,b; of them x, y and z are read."),
     click.option("--weights", default="auto", metavar="W",
                  help="Shipped name or a .safetensors file; auto: of those shipped the ones that carry the controls "
                  "asked for, and for noisy clouds those made for noise."),
