@@ -57,6 +57,16 @@ def write_pcd(path: Path) -> None:
     write_lines(path, f"{fields}WIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n")
 
 
+def write_ptx(path: Path) -> None:
+    lines = f"{len(CLOUD)}\n1\n" + "0 0 0\n1 0 0\n0 1 0\n0 0 1\n" + "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+    rows = "".join(f"{x} {y} {z} 0.5\n" for x, y, z in CLOUD + 1)  # a cell at the scanner itself measured nothing
+    path.write_text(lines.replace("0 0 0 1\n", "-1 -1 -1 1\n") + rows)
+
+
+def write_sweep(path: Path) -> None:
+    np.column_stack([CLOUD, np.full(len(CLOUD), 0.5)]).astype("<f4").tofile(path)
+
+
 def write_las(path: Path) -> None:
     header = laspy.LasHeader(point_format=0, version="1.2")
     header.scales = np.full(3, 1e-3)
@@ -84,6 +94,8 @@ EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
     "numpy": (".npy", lambda path: np.save(path, CLOUD), b"\x93NUMPY and then nothing of the kind"),
     "las": (".las", write_las, b"LASF" + bytes(60)),
     "e57": (".e57", write_e57, b"ASTM-E57" + bytes(60)),
+    "ptx": (".ptx", write_ptx, b"five columns\nand one row\n"),
+    "sweeps": (".bin", write_sweep, bytes(range(1, 18))),
     "meshes": (".stl", write_stl, bytes(80) + b"\xff\xff\xff\x7f" + bytes(50)),
 }
 """Reader -> suffix, what writes an example, and the bytes of a file it must refuse."""
