@@ -110,7 +110,7 @@ def rebuild_scenes(
             own = np.random.default_rng([drawn, int(fingerprint({"viewer": viewer})[:16], 16)])
             told = _made(rival, cloud, own, jobs, folder, settings, log)
             for stem, _ in jobs:
-                write_whole(json.dumps(told).encode(), folder / f"{stem}.json")
+                write_whole(json.dumps(told).encode(), folder / f"{stem}.json", lasting=True)
     return [_kept(folder, stem, settings) for stem in stems]
 
 
@@ -194,7 +194,7 @@ def _painted(painter: Painter, cloud: np.ndarray, scene: SceneDescription, setti
 
 
 def _save(picture: np.ndarray, path: Path) -> None:
-    with whole(path) as temporary:
+    with whole(path, lasting=True) as temporary:
         Image.fromarray(picture).save(temporary, format="PNG")
 
 

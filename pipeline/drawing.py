@@ -24,7 +24,7 @@ Window = tuple[float, float, float, float]
 
 RECORD = 1
 """Format of the record; raised when its meaning changes."""
-PLACED = ("up", "view", "keep_outliers", "cut_top", "smooth")
+PLACED = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
 """What the record keeps of the `Placing` that was asked for; the camera tells the rest."""
 FAINTEST, LONE = 8, 2
 """Alpha, of 255, from which on a pixel is part of the picture when it is trimmed, above the haze that weights may leave

@@ -62,8 +62,9 @@ def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look) ->
     others = [name for name, value in look.values.items() if controls.get(name) != list(value)]
     viewpoint, drawn = look.placing.viewpoint, record.get("camera", {})
     if viewpoint is not None:
-        asked = viewpoint.to_json()
-        if any(drawn.get(name) != asked[name] for name in ("centre", "radius")):
+        asked, turned = viewpoint.to_json(), look.placing.azimuth or record.get("placing", {}).get("azimuth")
+        told = ("centre", "radius") if turned else ("centre", "radius", "rotation")
+        if any(drawn.get(name) != asked[name] for name in told):
             others.append("camera")
     placed = record.get("placing", {})
     replaced = () if viewpoint is None else ("up", "view")

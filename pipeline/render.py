@@ -182,7 +182,7 @@ def _develop(exr: Path, out: Path, stem: str) -> None:
     _save_png(bytes_from_unit(coverage), out / f"{stem}.coverage.png")
     passes = _passes(channels, coverage)
     if passes:
-        with whole(out / f"{stem}.passes.npz") as temporary, temporary.open("wb") as file:
+        with whole(out / f"{stem}.passes.npz", lasting=True) as temporary, temporary.open("wb") as file:
             np.savez_compressed(file, **passes)  # type: ignore[arg-type]
     straight = straight_from_premultiplied(np.clip(channels["Combined"], 0, None))
     straight[..., :3] = srgb_from_linear(straight[..., :3])
@@ -204,5 +204,5 @@ def _passes(channels: dict[str, np.ndarray], coverage: np.ndarray) -> dict[str, 
 
 
 def _save_png(picture: np.ndarray, path: Path) -> None:
-    with whole(path) as temporary:
+    with whole(path, lasting=True) as temporary:
         Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)

@@ -15,7 +15,8 @@ from torch import Tensor, nn
 from pipeline.curve import Row
 from pipeline.dataset import CloudPictures
 from pipeline.load import load_network
-from storage.checkpoints import load_checkpoint
+from storage.checkpoints import load_checkpoint, resolve
+from storage.fingerprints import file_digest
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.config import NetworkConfig, TrainConfig, from_dict, to_dict
@@ -185,7 +186,10 @@ def faster_precision(device: torch.device) -> str:
 def _identity(run: Run) -> dict[str, Any]:
     """What a checkpoint and a run must share to be one run."""
     shards = [[shard.attributes["mesh"], len(shard)] for shard in run.data.shards]
-    return {"config": _semantic(run.config), "shards": shards, "resolution": run.data.resolution, **_plugins(run)}
+    config = _semantic(run.config)
+    for name in ("start", "teacher"):  # the same file may lie elsewhere by now
+        config[name] = config[name] and file_digest(resolve(config[name]))
+    return {"config": config, "shards": shards, "resolution": run.data.resolution, **_plugins(run)}
 
 
 def _semantic(config: TrainConfig) -> dict[str, Any]:

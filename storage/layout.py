@@ -236,6 +236,7 @@ class Store:
                 fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
             except OSError:
                 return True
+            fcntl.flock(file, fcntl.LOCK_UN)  # closing is not enough: a process forked just now has the lock as well
         return False
 
     def unfinished(self, stage: str) -> list[Path]:

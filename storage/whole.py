@@ -10,11 +10,12 @@ from pathlib import Path
 
 
 @contextmanager
-def whole(path: Path) -> Iterator[Path]:
+def whole(path: Path, *, lasting: bool = False) -> Iterator[Path]:
     """Where to write what `path` is to hold: it gets that name when the block ends, and goes when the block fails.
 
     Folders on the way are made. Until the end whatever was there before stays, and a process that is killed leaves a
-    hidden file ``.z2p-*.part`` at most.
+    hidden file ``.z2p-*.part`` at most. `lasting` brings the content to the disk before it gets its name, so that a
+    machine that goes down tears no file either; it costs some milliseconds a file.
 
     Raises:
         OSError: a folder cannot be made or written to.
@@ -23,6 +24,9 @@ def whole(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".z2p-{uuid.uuid4().hex[:16]}.part")  # short: the name itself may be as long as can be
     try:
         yield temporary
+        if lasting:
+            with temporary.open("rb") as file:
+                os.fsync(file.fileno())
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
@@ -31,15 +35,11 @@ def whole(path: Path) -> Iterator[Path]:
 def write_whole(content: bytes, path: Path, *, lasting: bool = False) -> Path:
     """The path, once a file of that content is there.
 
-    `lasting` brings it to the disk before it gets its name, so that a machine that goes down tears no file either;
-    it costs some milliseconds a file.
+    `lasting` is that of `whole`.
 
     Raises:
         OSError: the file cannot be written; what was there before is left as it was.
     """
-    with whole(path) as temporary, temporary.open("wb") as file:
-        file.write(content)
-        if lasting:
-            file.flush()
-            os.fsync(file.fileno())
+    with whole(path, lasting=lasting) as temporary:
+        temporary.write_bytes(content)
     return path

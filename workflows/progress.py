@@ -94,6 +94,9 @@ def _views(step: Step) -> int:
 def _tell(progress: Progress, registration: Registration, seconds: float) -> None:
     while len(progress.finished) < len(progress.steps) and registration.touch():
         time.sleep(seconds)
-        line = progress.line()
+        try:
+            line = progress.line()
+        except OSError as error:  # a folder that another process renames, or a disk that is away: the note stays alive
+            line = f"progress cannot be told ({error})"
         if not progress.idle:  # others may be at a step that this pipeline waits for
             say(line)

@@ -43,10 +43,11 @@ class Registration:
 
     def touch(self) -> bool:
         """Say that the pipeline is alive; False when its note is gone."""
-        with suppress(FileNotFoundError):
+        with suppress(OSError):  # of a disk that is away for a moment
+            if not self.path.exists():
+                return False
             os.utime(self.path)
-            return True
-        return False
+        return True
 
     def close(self) -> None:
         if os.getpid() == self._process:  # a forked task ends before its pipeline
@@ -107,9 +108,9 @@ def _is_alive(path: Path) -> bool:
                 return silent < SILENT_SECONDS
             own = json.load(file)["host"] == os.uname().nodename
             return not own and silent < SILENT_SECONDS
-    except FileNotFoundError:
+    except (FileNotFoundError, ValueError, KeyError):  # gone, or torn as its machine went down
         return False
 
 
 def _write(path: Path, note: dict[str, Any]) -> Path:
-    return write_whole((json.dumps(note, indent=1) + "\n").encode(), path)
+    return write_whole((json.dumps(note, indent=1) + "\n").encode(), path, lasting=True)

@@ -65,7 +65,7 @@ def draw_cases(
     drawn: list[Drawn | None] = [None] * len(cases)
     groups: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
-        groups.setdefault(_digest(case.cloud), []).append(index)
+        groups.setdefault(cloud_digest(case.cloud), []).append(index)
     rival = load_baselines([method.source])[method.source]
     for digest, indices in groups.items():
         scenes = [on_true_floor(cases[index].scene, cases[index].truth.vertices) for index in indices]
@@ -105,7 +105,8 @@ def _loaded(file: Path, digest: str) -> Renderer:
     return renderer
 
 
-def _digest(cloud: np.ndarray) -> str:
+def cloud_digest(cloud: np.ndarray) -> str:
+    """What tells a cloud (N, 3) from others, in float32."""
     return hashlib.sha256(np.ascontiguousarray(cloud, np.float32).tobytes()).hexdigest()
 
 

@@ -12,7 +12,7 @@ from PIL import Image
 
 from pipeline.baselines import load_baselines, rebuild_scenes
 from pipeline.paper.measure import ROWS, points_picture
-from pipeline.paper.methods import WEIGHTS, Method, load_renderer
+from pipeline.paper.methods import WEIGHTS, Method, cloud_digest, load_renderer
 from pipeline.paper.references import render_settings
 from pipeline.paper.sweeps import CONTROLS, MADE_LOOK, Case
 from pipeline.placing import Placing, place
@@ -77,7 +77,7 @@ def _picture(
         values = {name: value for name, value in case.values.items() if name in renderer.controls}
         return unit_from_bytes(renderer.render(case.cloud, values, side, side, case.scene.floor)), ""
     rival = load_baselines([method.source])[method.source]
-    fields = {"scan": file_digest(path), "points": len(case.cloud), "seed": config.seed}
+    fields = {"sha256": cloud_digest(case.cloud)}  # not the file's: how it is placed may change
     rng = np.random.default_rng([config.seed, 5])
     made = rebuild_scenes(rival, case.cloud, fields, rng, [case.scene], render_settings(config), root, log)[0]
     return made.picture, made.error

@@ -41,6 +41,10 @@ class Apart:
             except (EOFError, OSError):
                 code = self._end()
                 raise ScanError(f"{name} died (exit status {code}); give another cloud") from None
+            except BaseException:  # an interrupt: the answer that is still to come is not the next call's
+                if self._process is not None:
+                    self._end()
+                raise
         if error:
             raise ScanError(f"{name}: {error}")
         return result

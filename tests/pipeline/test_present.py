@@ -17,7 +17,7 @@ from pipeline.batch import Look, Outcome, Task, render_files
 from pipeline.infer import Renderer
 from pipeline.placing import Placing
 from storage.pictures import read_record
-from z2p_core.viewpoint import Viewpoint
+from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
 
 LOOK = Look(width=32, height=32)
 
@@ -91,6 +91,7 @@ def test_the_clouds_of_a_file_are_told_apart(
         (replace(LOOK, width=48), "with another resolution"),
         (replace(LOOK, placing=Placing(up="-X", view=30.0)), "with another up and another view"),
         (replace(LOOK, placing=Placing(keep_outliers=True)), "with another keep-outliers"),
+        (replace(LOOK, placing=Placing(azimuth=90.0)), "with another azimuth"),
         (replace(LOOK, placing=Placing(cut_top=10.0, smooth=0.1)), "with another cut-top and another smooth"),
         (replace(LOOK, background=(1.0, 1.0, 1.0), tight=True), "with another background and another fit"),
         (replace(LOOK, placing=Placing(viewpoint=Viewpoint((0.0, 0.0, 0.0), 9.0, tuple(map(tuple, np.eye(3))), 20.0))),
@@ -108,6 +109,18 @@ def test_what_it_shows_otherwise_than_asked_is_said(
     output.unlink()
     drawn(renderer, scan, output, look)
     assert drawn(renderer, scan, output, look).kept == "", "once it is drawn so there is nothing to say"
+
+
+def test_the_same_place_seen_from_another_side_is_another_camera(
+    renderer: Renderer, scan: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "a.png"
+    drawn(renderer, scan, output)
+    same = viewpoint_from_json(read_record(output)["camera"])
+    turned = replace(same, rotation=tuple(same.rotation[row] for row in (1, 2, 0)))
+    told = {side: drawn(renderer, scan, output, replace(LOOK, placing=Placing(viewpoint=side))).kept
+            for side in (same, turned)}  # fmt: skip
+    assert told == {same: "", turned: "with another camera"}
 
 
 def test_a_folder_that_grew_says_which_pictures_have_another_camera_and_colour(

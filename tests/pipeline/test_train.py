@@ -1,6 +1,7 @@
 """Training: it learns, it resumes to the bit, and its weights load and draw."""
 
 import csv
+import shutil
 from dataclasses import replace
 from itertools import pairwise
 
@@ -160,6 +161,18 @@ def test_another_run_in_the_same_folder_is_refused(shards, undisturbed, tmp_path
             train(shards, other, tmp_path, log=silent)
     with pytest.raises(TrainError, match="another config or other shards"):
         train(shards[:1], CONFIG, tmp_path, log=silent)
+
+
+def test_a_run_goes_on_where_the_weights_that_it_started_from_have_moved(shards, undisturbed, tmp_path):
+    (tmp_path / "a").mkdir()
+    first = replace(CONFIG, start=str(tmp_path / "a" / "start.safetensors"))
+    shutil.copy(undisturbed / "weights.safetensors", first.start)
+    with pytest.raises(KeyboardInterrupt):
+        train(shards, first, tmp_path / "run", log=stopping_at("step 3: checkpoint"), precision="float32")
+    (tmp_path / "a").rename(tmp_path / "b")
+    moved, lines = replace(CONFIG, start=str(tmp_path / "b" / "start.safetensors")), []
+    train(shards, moved, tmp_path / "run", log=lines.append)
+    assert any(line.startswith("going on from step") for line in lines)
 
 
 def test_a_loss_that_is_not_finite_stops_the_run(shards, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 
@@ -15,6 +16,8 @@ from z2p_core.interfaces import ScanError
 def work(what: str) -> tuple[str, int]:
     if what == "hang":
         time.sleep(1000)
+    if what == "slow":
+        time.sleep(1)
     if what == "die":
         os._exit(7)
     if what == "fail":
@@ -47,6 +50,24 @@ def test_a_death_and_an_error_are_told() -> None:
     with pytest.raises(ScanError, match="work: no such thing"):
         call("fail", within=60)
     assert call("a", within=60)[0] == "a"
+
+
+def test_an_interrupt_leaves_no_answer_for_the_next_call() -> None:
+    call = Apart(work)
+    call("a", within=60)
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with pytest.raises(KeyboardInterrupt):
+            call("slow", within=60)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    time.sleep(1)
+    assert call("b", within=60)[0] == "b"
 
 
 def test_threads_take_turns() -> None:
