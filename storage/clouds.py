@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.incoming import is_prose, unpacked
+from storage.incoming import is_no_sweep, is_prose, unpacked
 from storage.memory import free_memory
 from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, shown, write_cloud, write_mesh
 from storage.repeats import distinct
@@ -159,7 +159,7 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
     suffixes = readable_suffixes()
     paths = []
     for candidate in candidates:
-        if is_prose(candidate, named):
+        if is_prose(candidate, named) or is_no_sweep(candidate, named):
             passed_over(candidate)
         elif format_suffix(candidate) in suffixes:
             paths.append(candidate)

@@ -12,8 +12,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+import numpy as np
+
 from z2p_core.column_names import column_names, is_comment, is_count, is_missing, is_number, is_row, text_encoding
 from z2p_core.interfaces import ScanError
+from z2p_core.lidar_rows import could_be_measured, usual_columns
 
 STDIN_STEM = "stdin"
 MAGIC = (
@@ -28,6 +31,8 @@ _STL_HEAD, _STL_TRIANGLE, _MOST_STRAY = 84, 50, 16
 PREFIX = "z2p-stdin-"
 """Of the temporary folder that keeps standard input."""
 _STEP = 1 << 20
+_SWEEP_ROWS = 1000
+"""Rows at the head of a .bin file that tell whether it is a sweep."""
 
 
 def spool(stream: BinaryIO, folder: Path) -> Path:
@@ -103,6 +108,28 @@ def is_prose(path: Path, named: bool = False) -> bool:
     words = re.split(r"[;,\s]+", rows[0].strip(";,")) if rows else []
     numbers = sum(is_number(word) or is_missing(word) for word in words)
     return numbers < 3 or (numbers < len(words) and not named)
+
+
+def is_no_sweep(path: Path, named: bool = False) -> bool:
+    """Whether a .bin file is other than a car's lidar sweep: weights of a network, a buffer of a glTF file.
+
+    Where the user has `named` its columns, it is what they say.
+    """
+    if named or path.suffix.lower() != ".bin" or not path.is_file():
+        return False
+    try:
+        return not _looks_like_sweep(path)
+    except OSError:
+        return False  # the reader says what is wrong
+
+
+def _looks_like_sweep(path: Path) -> bool:
+    """Whether a file has whole rows, of which the first could be a lidar's."""
+    size = path.stat().st_size
+    width = len(usual_columns(path, size))
+    if size == 0 or size % (4 * width):
+        return False
+    return could_be_measured(np.fromfile(path, "<f4", count=_SWEEP_ROWS * width).reshape(-1, width))
 
 
 def _told_lines(head: bytes) -> list[str]:

@@ -28,7 +28,7 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, 
         raise click.UsageError("- stands for standard input, which can be read only once", ctx)
     def say(path: Path) -> None:
         if not options["quiet"]:
-            told = "text without points; name its columns (--columns) or the file itself to have it read"
+            told = "no points in sight; name its columns (--columns) or the file itself to have it read"
             click.echo(f"passed over: {shown(path)}: {told}", err=True)
 
     scans = find_scans([text for text in inputs if text != STDIN], options["recursive"], say, named)

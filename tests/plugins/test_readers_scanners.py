@@ -10,6 +10,7 @@ from reader_files import cloud, ptx, read, refused
 
 from plugins.readers.ptx import Ptx
 from plugins.readers.sweeps import Sweeps
+from storage.clouds import find_scans
 from z2p_core.interfaces import ScanError
 
 TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [1000, 2000, 3000, 1]])
@@ -78,3 +79,16 @@ def test_what_no_lidar_measures_is_no_sweep(tmp_path: Path) -> None:
         refused(path, bad.tobytes(), "no lidar measures; .* --columns x,y,z,intensity,ring")
     refused(path, np.arange(1000, dtype="<i4").tobytes(), "no lidar measures")
     refused(path, table.tobytes() + b"abc", "16 bytes each, got 643 bytes")
+
+
+def test_a_folder_passes_over_a_bin_that_is_no_sweep(tmp_path: Path) -> None:
+    sweep = np.column_stack([cloud(40), np.full(40, 0.5)]).astype("<f4")
+    (tmp_path / "000.bin").write_bytes(sweep.tobytes())
+    (tmp_path / "weights.bin").write_bytes(np.random.default_rng(0).bytes(640))
+    (tmp_path / "odd.bin").write_bytes(b"abc")
+    (tmp_path / "empty.bin").write_bytes(b"")
+    told: list[str] = []
+    found = find_scans([str(tmp_path)], False, lambda path: told.append(path.name))
+    assert [path.name for path in found] == ["000.bin"] and sorted(told) == ["empty.bin", "odd.bin", "weights.bin"]
+    assert len(find_scans([str(tmp_path)], False, named=True)) == 4
+    assert len(find_scans([str(tmp_path / "odd.bin")], False)) == 1
