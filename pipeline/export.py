@@ -13,6 +13,7 @@ from pipeline.halving import halved_constants
 from pipeline.load import LoadedWeights, load_plugins
 from storage.checkpoints import WeightsError, resolve
 from storage.exports import save_onnx
+from z2p_core.telemetry import forbid_telemetry
 
 OPSET = 17
 TRACED = (2, 72, 104)
@@ -68,6 +69,7 @@ def _traced(loaded: LoadedWeights) -> bytes:
 
 def _folded(model: bytes) -> bytes:
     """The model with all constants folded, which saves every later start the work."""
+    forbid_telemetry()
     import onnxruntime
 
     with tempfile.TemporaryDirectory(prefix="z2p-export-") as folder:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.halving import add_constant, constant_of, halved_constants, replace_nodes, widened
+from z2p_core.telemetry import forbid_telemetry
 
 Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Buffers, encoding and settings as `z2p_core.interfaces.Engine.run` takes them."""
@@ -79,6 +80,7 @@ def quantised(onnx: bytes, calibration: Iterable[Inputs]) -> bytes:
     Weights stay the very float16 numbers of the weights file, and are rounded when an engine loads the model: so a
     graph file of it is small.
     """
+    forbid_telemetry()
     from onnx import load_from_string
     from onnxruntime.quantization import CalibrationMethod, QuantFormat, QuantType, quantize_static
 

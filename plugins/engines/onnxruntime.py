@@ -10,6 +10,7 @@ import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.sizes import once_each
+from z2p_core.telemetry import forbid_telemetry
 
 CPU_FLAGS, VNNI = Path("/proc/cpuinfo"), {"avx512_vnni", "avx_vnni"}
 """Where Linux says what a processor knows, and the names of those instructions."""
@@ -26,6 +27,7 @@ class OnnxRuntime(Engine):
     rank = 10
 
     def __init__(self, network: TrainedNetwork, threads: int | None = None) -> None:
+        forbid_telemetry()
         import onnxruntime
 
         model = network.int8 if self.reads_int8 else network.onnx

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -219,6 +220,16 @@ def test_the_command_never_imports_torch(exported_weights: Path, scans: Path, tm
     done = subprocess.run([sys.executable, "-c", code, *map(str, words)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert len(list((tmp_path / "out").glob("*.png"))) == 2
+
+
+def test_no_library_leaves_or_sends_anything_of_its_own(exported_weights: Path, scans: Path, tmp_path: Path) -> None:
+    home, words = tmp_path / "home", ["run-inference", str(scans), "-o", str(tmp_path / "out"), "--resolution", "64"]
+    home.mkdir()
+    env = {name: text for name, text in os.environ.items() if not name.startswith(("ORT_", "XDG_"))}
+    for command in (["pipeline.cli", *words, "--engine", "onnxruntime"], ["pipeline.export", str(exported_weights)]):
+        done = subprocess.run([sys.executable, "-m", *command], env={**env, "HOME": str(home)}, capture_output=True)
+        assert done.returncode == 0, done.stderr
+    assert not list(home.rglob("*"))
 
 
 def test_python_never_imports_torch_either(exported_weights: Path) -> None:
