@@ -159,34 +159,50 @@ def _angle(what: str, degrees: Any) -> float:
 
 def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: Request) -> list[Picture]:
     asked = frozenset(name for name, wish in request.controls.items() if wish is not None)
+    if request.colors:
+        asked |= {"color"}
     changed = 0 if str(request.weights) == AUTO else resolve(request.weights).stat().st_mtime_ns
     with _unnoticed():
         renderer = _renderer(request.weights, asked if str(request.weights) == AUTO else frozenset(), changed)
-        look = look_for(renderer, request)
         pictures = []
-        for scan, source in zip(scans, sources, strict=True):
+        for scan, source, own in zip(scans, sources, _requests(request, len(scans)), strict=True):
+            look = look_for(renderer, own)
             drawing = _drawn(renderer, scan, suffix, look)
             array = drawing.picture if look.background is None else _opaque(drawing.picture, look.background)
-            notes = [f"{scan.dropped} points that are not finite were dropped"] if scan.dropped else []
-            if scan.note:
-                notes.append(scan.note)
-            if scan.repeated:
-                notes.append(f"{scan.repeated} points that repeat others, or stand for missing ones, were dropped")
-            if drawing.stance.outliers:
-                notes.append(f"{drawing.stance.told_strays} left out of the frame; keep_outliers=True keeps all")
-            if drawing.stance.background:
-                notes.append(f"{drawing.stance.background} points far behind the depth camera's subject were left out; "
-                             "keep_outliers=True keeps them")
-            if drawing.stance.smooth and look.placing.smooth == "auto":
-                notes.append("the depth camera's noisy cloud was made smooth; smooth=0 leaves it as it is")
-            if drawing.stance.rounded:
-                notes.append(drawing.stance.told_rounded)
-            if drawing.stance.outside:
-                notes.append(f"{drawing.stance.outside} points lie beyond the camera's frame")
-            if drawing.stance.hint:
-                notes.append(in_python(drawing.stance.hint))
-            pictures.append(Picture(array, record(drawing, look, source), tuple(notes)))
+            pictures.append(Picture(array, record(drawing, look, source), tuple(_notes(scan, drawing, look))))
     return pictures
+
+
+def _requests(request: Request, clouds: int) -> list[Request]:
+    """What is asked of each cloud."""
+    if not request.colors:
+        return [request] * clouds
+    colors = list(request.colors) * (clouds if len(request.colors) == 1 else 1)
+    return [replace(request, controls={**request.controls, "color": color}) for color in colors]
+
+
+def _notes(scan: Scan, drawing: Drawing, look: Look) -> Iterator[str]:
+    """What a user should know of how the picture came about."""
+    stance = drawing.stance
+    if scan.dropped:
+        yield f"{scan.dropped} points that are not finite were dropped"
+    if scan.note:
+        yield scan.note
+    if scan.repeated:
+        yield f"{scan.repeated} points that repeat others, or stand for missing ones, were dropped"
+    if stance.outliers:
+        yield f"{stance.told_strays} left out of the frame; keep_outliers=True keeps all"
+    if stance.background:
+        yield (f"{stance.background} points far behind the depth camera's subject were left out; "
+               "keep_outliers=True keeps them")
+    if stance.smooth and look.placing.smooth == "auto":
+        yield "the depth camera's noisy cloud was made smooth; smooth=0 leaves it as it is"
+    if stance.rounded:
+        yield stance.told_rounded
+    if stance.outside:
+        yield f"{stance.outside} points lie beyond the camera's frame"
+    if stance.hint:
+        yield in_python(stance.hint)
 
 
 def _drawn(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:

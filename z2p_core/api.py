@@ -6,6 +6,7 @@ import difflib
 import inspect
 import warnings
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,8 @@ from z2p_core.viewpoint import Viewpoint
 
 SIDES = (32, 4096)
 """Smallest and largest side of a picture, pixels."""
+_MOST_TOLD = 4
+"""Mean colours that a warning names."""
 
 
 OTHER_NAMES = {"resolution": "size", "width": "size", "height": "size", "colour": "color"}
@@ -57,10 +60,11 @@ def render(
     """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
 
     Args:
-        points: array or tensor (N, 3), or (N, 6 or more) of which x, y, z count, or a batch (B, N, 3); a cloud of
+        points: array or tensor (N, 3 or more), of which x, y, z count, or a batch (B, N, 3 or more); a cloud of
             open3d, trimesh, pyvista or laspy; a list of these; or the path of a file. Any unit, any offset.
-        colors: per-point colours (N, 3). The weights know none: their mean becomes the colour of the whole object,
-            with a warning, unless `color` is given. Floats in [0, 1], or integers to 255 (to 1 if none is larger).
+        colors: per-point colours (N, 3), for a batch (B, N, 3) or a list of (N, 3). The weights know none: a cloud's
+            mean becomes the colour of the whole object, with a warning, unless `color` is given. Floats in [0, 1], or
+            integers to 255 (to 1 if none is larger).
         up: the data's axis that points up, ``+Z``, ``-Y``, ...; ``auto`` looks for a depth camera's own, then takes
             the convention of the file's format. None: ``auto`` for a file, as `z2p run-inference` does, else ``+Z``.
         view: ``auto`` (a three-quarter side that shows most), ``front``, ``sensor``, or (azimuth, elevation), degrees.
@@ -89,26 +93,22 @@ def render(
     """
     _check_names(controls)
     wishes = {"color": color, "light": light, "elevation": elevation, "metallic": metallic, "roughness": roughness}
-    notes = []
-    table = None if colors is None else _color_table(colors)
-    if table is not None:
-        wishes["color"], note = _instead_of(table, color)
-        notes.append(note)
+    table, notes = None if colors is None else _color_table(colors), []
     if up is None:
         up = "auto" if isinstance(points, str | Path) else "+Z"
-    request = Request(up, view, azimuth, camera, {**wishes, **controls}, _size(size), background, _factor(supersample),
-                      _tight(fit), keep_outliers, _percent(cut_top), smooth, _weights(weights))
+    request = Request(up, view, azimuth, camera, {**wishes, **controls}, pixel_size(size), background,
+                      _factor(supersample), _tight(fit), keep_outliers, _percent(cut_top), smooth, _weights(weights))
     if isinstance(points, str | Path):
+        request, told = _colored(request, table, [])
         pictures, batched = studio().draw_file(Path(points), request), False
     else:
         given = point_arrays(points)
-        if table is not None:
-            _check_count(table, given.clouds)
+        request, told = _colored(request, table, given.clouds)
         if given.unused_columns:
-            notes.append(f"the {given.unused_columns} columns behind x, y, z were left out: no normals or per-point "
+            notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): no normals or per-point "
                          "colours are drawn")
         pictures, batched = studio().draw(given.clouds, request), given.batched
-    for note in dict.fromkeys([*notes, *(note for picture in pictures for note in picture.notes)]):
+    for note in dict.fromkeys([*told, *notes, *(note for picture in pictures for note in picture.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)
     if not pictures:
         raise ScanError("expected clouds, got an empty batch")
@@ -133,54 +133,70 @@ def _check_names(controls: Collection[str]) -> None:
         raise SettingError(f"unknown argument {unknown[0]!r}{meant}; expected {expected}")
 
 
-def _instead_of(table: np.ndarray, color: Any) -> tuple[Any, str]:
-    """The one colour that is drawn in place of per-point ones (N, 3), and what to say about it."""
-    mean = _mean_color(table)
-    if color is not None:
-        return color, "these weights draw no per-point colours: the whole object has the colour given"
-    shown = "#" + "".join(f"{round(255 * channel):02x}" for channel in mean)
-    return mean, ("these weights draw no per-point colours: the whole object has their mean, "
-                  f"{shown}; choose another with color=")
+def _colored(request: Request, table: np.ndarray | None, clouds: Sequence[np.ndarray]) -> tuple[Request, list[str]]:
+    """The request with one colour a cloud in place of per-point ones (N, 3), and what to say about it."""
+    if table is None:
+        return request, []
+    means = _mean_colors(table, clouds)
+    unknown = "these weights draw no per-point colours: the whole object has "
+    if request.controls["color"] is not None:
+        return request, [f"{unknown}the colour given"]
+    told = list(dict.fromkeys("#" + "".join(f"{round(255 * channel):02x}" for channel in mean) for mean in means))
+    named = ", ".join(told[:_MOST_TOLD]) + (", ..." if len(told) > _MOST_TOLD else "")
+    return replace(request, colors=means), [f"{unknown}their mean, {named}; choose another with color="]
 
 
 def _color_table(colors: Any) -> np.ndarray:
-    """Colours (N, 3) of per-point colours (..., 3 or 4), in whichever numbers they came."""
+    """Colours (N, 3) as floats of per-point colours (..., 3 or 4), in whichever numbers they came.
+
+    Integers count to 255, but mean what floats do where none is above 1.
+    """
     try:
-        table = np.asarray(colors.detach().cpu().numpy() if hasattr(colors, "detach") else colors)
+        parts = [_plain(part) for part in colors] if isinstance(colors, Sequence) else []
+        many = bool(parts) and all(part.ndim == 2 for part in parts)
+        table = np.concatenate(parts) if many else _plain(colors)
     except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
         reason = " ".join(str(error).split())
         raise SettingError(f"expected colors (N, 3) as numbers, got {type(colors).__name__} ({reason})") from error
     if table.size == 0 or table.ndim < 2 or table.shape[-1] not in (3, 4) or table.dtype.kind not in "fiu":
         raise SettingError(f"expected colors (N, 3) as numbers, got {table.shape} {table.dtype}")
-    return table[..., :3].reshape(-1, 3)
+    bytes_ = table.dtype.kind in "iu" and table.max() > 1
+    return table[..., :3].reshape(-1, 3) / (255.0 if bytes_ else 1.0)
 
 
-def _check_count(table: np.ndarray, clouds: Sequence[np.ndarray]) -> None:
-    """
+def _plain(colors: Any) -> np.ndarray:
+    return np.asarray(colors.detach().cpu().numpy() if hasattr(colors, "detach") else colors)
+
+
+def _mean_colors(table: np.ndarray, clouds: Sequence[np.ndarray]) -> tuple[tuple[float, ...], ...]:
+    """Mean sRGB of each cloud's points, of colours (N, 3) of all their points; or one, of colours that all share.
+
     Raises:
-        SettingError: there is a colour neither for each point of all clouds nor for each one of every cloud.
+        SettingError: there is a colour neither for each point of all clouds nor for each one of every cloud, or a mean
+            lies outside [0, 1].
     """
     points = sum(map(len, clouds))
-    if len(table) != points and any(len(cloud) != len(table) for cloud in clouds):
+    if len(table) == points:
+        parts = np.split(table, np.cumsum([len(cloud) for cloud in clouds])[:-1])
+    elif any(len(cloud) != len(table) for cloud in clouds):
         raise SettingError(f"expected a color for each of the {points} points, got {len(table)}; leave colors out, or "
                            "give one color=")
+    else:
+        parts = [table]
+    means = [part.mean(0, dtype=np.float64) if len(part) else np.zeros(3) for part in parts]  # none: refused later on
+    for mean in means:
+        if not ((mean >= 0) & (mean <= 1)).all():
+            raise SettingError(f"expected colors as floats from 0 to 1 or integers to 255, got a mean of "
+                               f"{mean.tolist()}")
+    return tuple(tuple(mean.tolist()) for mean in means)
 
 
-def _mean_color(table: np.ndarray) -> tuple[float, float, float]:
-    """Mean sRGB in [0, 1] of colours (N, 3): floats in [0, 1] or integers to 255, which to 1 only mean what floats do.
+def pixel_size(size: Any) -> tuple[int, int]:
+    """Width and height in pixels, of one number or two.
 
     Raises:
-        SettingError: it lies outside.
+        SettingError: no numbers, or not from 32 to 4096.
     """
-    mean = table.mean(0, dtype=np.float64)
-    red, green, blue = (mean / 255 if table.dtype.kind in "iu" and table.max() > 1 else mean).tolist()
-    if not all(0 <= channel <= 1 for channel in (red, green, blue)):
-        raise SettingError(f"expected colors as floats from 0 to 1 or integers to 255, got a mean of {mean.tolist()}")
-    return red, green, blue
-
-
-def _size(size: Any) -> tuple[int, int]:
-    """Width and height in pixels."""
     try:
         width, height = (int(side) for side in (size if hasattr(size, "__len__") else (size, size)))
     except (TypeError, ValueError):

@@ -36,7 +36,7 @@ class PointArrays:
 
 
 def point_arrays(points: Any) -> PointArrays:
-    """The clouds in an array or tensor (N, 3), (N, 6 or more) or (B, N, 3 or more), a cloud object, or a list of these.
+    """The clouds in an array or tensor (N, 3 or more) or (B, N, 3 or more), a cloud object, or a list of these.
 
     A depth camera's point map (H, W, 3 or more) is one cloud.
 
@@ -49,9 +49,9 @@ def point_arrays(points: Any) -> PointArrays:
     array = plain(_array(points))
     shape = array.shape
     flat = array.ndim in (2, 3) and shape[-2] == 3 != shape[-1]
-    if array.ndim not in (2, 3) or flat or (shape[-1] != 3 and not 6 <= shape[-1] <= MOST_COLUMNS):
+    if array.ndim not in (2, 3) or flat or not 3 <= shape[-1] <= MOST_COLUMNS:
         hint = "; transpose it, e.g. points.swapaxes(-1, -2)" if flat else ""
-        raise ScanError(f"expected points (N, 3), (N, 6 or more) or a batch (B, N, 3), got {shape}{hint}")
+        raise ScanError(f"expected points (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
     if array.dtype.kind not in "fiu":
         raise ScanError(f"expected points as numbers, got dtype {array.dtype}")
     batch = as_batch(array)

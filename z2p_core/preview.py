@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api import RenderWarning, render
+from z2p_core.api import RenderWarning, pixel_size, render
 from z2p_core.interfaces import ScanError
 from z2p_core.picture import sheet
 from z2p_core.studio import studio
@@ -42,7 +42,7 @@ class Previewer:
         with suppress(ScanError), warnings.catch_warnings():  # a camera for other data: not the options' fault
             warnings.simplefilter("ignore", RenderWarning)
             render(TRIAL, **self._options)
-        self._size = (size[0], size[1]) if isinstance(size, Sequence) else (size, size)
+        self._size = pixel_size(size)
 
     def __call__(self, points: Any) -> np.ndarray:
         """Picture (3, H, W) uint8 of a cloud (N, 3), or a sheet of a batch (B, N, 3) or of a list of clouds."""

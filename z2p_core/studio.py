@@ -35,6 +35,8 @@ class Request:
     cut_top: float = 0.0
     smooth: Any = "auto"
     weights: str | Path = "auto"
+    colors: Sequence[Sequence[float]] = ()
+    """sRGB in [0, 1] of each cloud, or one for all of them, in place of the control's."""
 
 
 class Studio(Protocol):

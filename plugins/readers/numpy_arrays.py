@@ -20,15 +20,18 @@ _KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord")
 """Names under which programs keep points in an npz; the first that holds some counts."""
 _NO_POINTS = ("normal", "color", "colour", "rgb", "feat")
 """Parts of the names of arrays that stand beside points."""
+_AXES = {"x", "y", "z"}
+_AMBIGUOUS = (4, 5)
+"""Columns of arrays that need such a name to be taken: four may be a colour, or a rotation."""
 _FEWEST_ROWS = 5
 """Of an array that is taken without such a name: what has fewer may be a camera's matrix."""
 
 
 class NumpyArrays(Reader):
-    """Numpy arrays (N, 3), (N, 6 or more: the first three count), batches of these, and depth cameras' point maps."""
+    """Numpy arrays (N, 3 or more: the first three count), batches of these, and depth cameras' point maps."""
 
     name = "numpy"
-    version = "2"
+    version = "3"
     suffixes = (".npy", ".npz")
 
     def memory(self, path: Path) -> int:
@@ -43,7 +46,8 @@ class NumpyArrays(Reader):
         return super().memory(path)
 
     def read(self, path: Path) -> list[np.ndarray | RawCloud]:
-        """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` ... or the only one.
+        """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` ..., or `x`, `y` and
+        `z`, or the only one.
 
         What a pinhole camera saw, a point a pixel (H, W, 3), is one cloud.
 
@@ -73,6 +77,8 @@ def _from_zip(path: Path) -> np.ndarray:
     """The array that holds the points."""
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+        if members.keys() >= _AXES and not members.keys() & set(_KEYS):
+            return _side_by_side(archive, members, path.stat().st_size)
         chosen = _chosen(archive, members, path.stat().st_size)
         if chosen is None:
             raise ScanError(f"expected an array named 'points' or 'xyz', or one array of floats (N, 3) alone, got "
@@ -81,6 +87,19 @@ def _from_zip(path: Path) -> np.ndarray:
         _weigh(chosen, info, path.stat().st_size)
         with archive.open(info) as file:
             return _array(file, info.file_size)
+
+
+def _side_by_side(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> np.ndarray:
+    """Points (N, 3) of arrays x, y and z, of any shape but the same."""
+    columns = []
+    for axis in sorted(_AXES):
+        _weigh(axis, members[axis], size)
+        with archive.open(members[axis]) as file:
+            columns.append(_array(file, members[axis].file_size))
+    if len({column.shape for column in columns}) > 1:
+        shapes = ", ".join(str(column.shape) for column in columns)
+        raise ScanError(f"expected arrays x, y and z of one shape, got {shapes}; save the points as points=...")
+    return np.stack(columns, axis=-1).reshape(-1, 3)
 
 
 def _chosen(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:
@@ -108,7 +127,7 @@ def _shape_of_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bo
             _check_shape(shape)
         except ValueError:  # no array of numbers, or another shape
             return False
-    return not floats or (dtype.kind == "f" and shape[-2] >= _FEWEST_ROWS)
+    return not floats or (dtype.kind == "f" and shape[-2] >= _FEWEST_ROWS and shape[-1] not in _AMBIGUOUS)
 
 
 def _weigh(name: str, info: zipfile.ZipInfo, size: int) -> None:
@@ -176,10 +195,9 @@ def _clouds(array: np.ndarray) -> list[np.ndarray | RawCloud]:
 
 
 def _check_shape(shape: tuple[int, ...]) -> None:
-    if len(shape) not in (2, 3) or (shape[-1] != 3 and not 6 <= shape[-1] <= _MOST_COLUMNS) or _lies_flat(shape):
+    if len(shape) not in (2, 3) or not 3 <= shape[-1] <= _MOST_COLUMNS or _lies_flat(shape):
         hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _lies_flat(shape) else ""
-        hint = "; keep the first three columns, array[..., :3]" if shape[-1:] in ((4,), (5,)) else hint
-        raise ScanError(f"expected (N, 3), (N, 6 or more) or a batch (B, N, 3), got {shape}{hint}")
+        raise ScanError(f"expected (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
 
 
 def _lies_flat(shape: tuple[int, ...]) -> bool:

@@ -46,6 +46,13 @@ def test_every_setting_changes_the_picture(cloud: np.ndarray, small: dict[str, A
     assert len(set(made)) == len(settings)
 
 
+@pytest.mark.filterwarnings("ignore:preview")
+@pytest.mark.parametrize("size", [np.array([64, 40]), [64.0, 40.0], np.array([64, 40], np.float32)])
+def test_a_previewer_takes_what_sizes_render_takes(small: dict[str, Any], size: Any) -> None:
+    show = z2p_core.Previewer(weights=small["weights"], size=size)
+    assert show(np.full((50, 3), np.nan)).shape == show(np.random.default_rng(0).random((300, 3))).shape == (3, 40, 64)
+
+
 @pytest.mark.parametrize(
     "wrong",
     [{"color": "nocolour"}, {"color": (2, 0, 0)}, {"color": "red", "light": (1, 2)}, {"elevation": 99}, {"size": 8},
@@ -130,7 +137,7 @@ def test_what_is_left_out_is_said(cloud: np.ndarray, small: dict[str, Any]) -> N
     with pytest.warns(RenderWarning, match="has the colour given"):
         green = z2p_core.render(cloud, np.ones(cloud.shape), color="lime", **small)
     assert green.record["controls"]["color"] == [0, 1, 0]
-    with pytest.warns(RenderWarning, match="3 columns behind x, y, z"):
+    with pytest.warns(RenderWarning, match=r"columns behind x, y, z were left out \(3\)"):
         z2p_core.render(np.hstack([cloud, cloud]), **small)
     broken = cloud.copy()
     broken[:7] = np.nan

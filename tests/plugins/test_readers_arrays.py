@@ -24,7 +24,7 @@ from z2p_core.point_arrays import point_arrays
 @pytest.mark.parametrize("dtype", ["<f2", "<f4", ">f8", "<i4"])
 def test_numpy_round_trip_is_exact(tmp_path: Path, dtype: str) -> None:
     table = (np.random.default_rng(3).normal(size=(30, 6)) * 100).astype(dtype)
-    for columns in (3, 6):
+    for columns in (3, 4, 6):
         for array in (table[:, :columns], np.asfortranarray(table[:, :columns])):
             np.save(tmp_path / "a.npy", array)
             np.savez(tmp_path / "a.npz", array)
@@ -87,12 +87,24 @@ def test_numpy_batches_give_a_cloud_each(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("shape", "match"), [((3, 100), "transpose"), ((2, 3, 100), "transpose"), ((9,), "expected"),
-                                               ((9, 4), "first three columns"), ((9, 2), "expected"), ((), "expected"),
+                                               ((9, 129), "expected"), ((9, 2), "expected"), ((), "expected"),
                                                ((64, 480), "expected"), ((2, 2, 2, 3), "expected")])  # fmt: skip
 def test_numpy_shapes_that_are_no_cloud(tmp_path: Path, shape: tuple[int, ...], match: str) -> None:
     np.save(tmp_path / "a.npy", np.zeros(shape))
     with pytest.raises(ScanError, match=match):
         read(tmp_path / "a.npy")
+
+
+def test_an_npz_of_coordinates_apart(tmp_path: Path) -> None:
+    path, table = tmp_path / "a.npz", np.random.default_rng(4).normal(size=(20, 4))
+    np.savez(path, x=table[:, 0], y=table[:, 1].astype(np.float32), z=table[:, 2], intensity=table[:, 3])
+    np.testing.assert_allclose(read(path)[0], table[:, :3], rtol=1e-6)
+    np.savez(path, x=np.ones((4, 5)), y=np.ones((4, 5)), z=np.arange(20).reshape(4, 5))  # a grid
+    assert read(path)[0].shape == (20, 3)
+    np.savez(path, x=table[:, 0], y=table[1:, 1], z=table[:, 2])
+    refused(path, path.read_bytes(), r"x, y and z of one shape, got \(20,\), \(19,\), \(20,\)")
+    np.savez(path, rotations=np.ones((9, 4)), names=np.arange(9))  # four columns under no name of points
+    refused(path, path.read_bytes(), "one array of floats")
 
 
 def npy_header(shape: tuple[int, ...], descr: str = "<f8") -> bytes:

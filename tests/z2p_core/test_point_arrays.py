@@ -19,6 +19,7 @@ HOLDERS = {
     "float64": CLOUD.astype(np.float64),
     "list": CLOUD.tolist(),
     "six columns": np.hstack([CLOUD, CLOUD]),
+    "four columns": np.hstack([CLOUD, CLOUD[:, :1]]),
     "tensor": torch.from_numpy(CLOUD),
     "tensor with a gradient": torch.from_numpy(CLOUD).requires_grad_(),
     "trimesh cloud": trimesh.PointCloud(CLOUD),
@@ -34,7 +35,7 @@ def test_every_holder_gives_its_points(name: str) -> None:
     [cloud] = given.clouds
     assert cloud.dtype == np.float64
     np.testing.assert_allclose(cloud, CLOUD)
-    assert given.unused_columns == (3 if name == "six columns" else 0)
+    assert given.unused_columns == {"four columns": 1, "six columns": 3}.get(name, 0)
 
 
 def test_open3d_clouds_go_in_as_they_are() -> None:
@@ -80,7 +81,7 @@ def test_the_callers_array_is_left_alone() -> None:
     ("thing", "told"),
     [
         (np.zeros((3, 100)), "transpose"), (np.zeros(9), "expected points"), (np.zeros((9, 2)), "expected points"),
-        (np.zeros((9, 4)), "expected points"), (np.zeros((2, 2, 9, 3)), "expected points"), (None, "expected points"),
+        (np.zeros((9, 129)), "expected points"), (np.zeros((2, 2, 9, 3)), "expected points"), (None, "expected points"),
         ([[1, 2, 3], [1, 2]], "expected points as an array"), (np.array([["a", "b", "c"]]), "numbers"),
         (np.zeros((4, 3), dtype=complex), "numbers"), (object(), "expected points"), ("cloud", "expected points"),
         (None, "got NoneType$"), ({"points": CLOUD}, "got dict$"), ((row for row in CLOUD), "got generator$"),
