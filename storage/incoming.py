@@ -14,14 +14,23 @@ from typing import BinaryIO
 
 import numpy as np
 
-from z2p_core.column_names import column_names, is_comment, is_count, is_missing, is_number, is_row, text_encoding
+from z2p_core.column_names import (
+    column_names,
+    is_comment,
+    is_count,
+    is_missing,
+    is_number,
+    is_row,
+    text_encoding,
+    without_comment,
+)
 from z2p_core.interfaces import ScanError
 from z2p_core.lidar_rows import could_be_measured, usual_columns
 
 STDIN_STEM = "stdin"
 MAGIC = (
     (b"ply", ".ply"), (b"# .PCD", ".pcd"), (b"VERSION", ".pcd"), (b"\x93NUMPY", ".npy"), (b"PK\x03\x04", ".npz"),
-    (b"LASF", ".las"), (b"ASTM-E57", ".e57"), (b"glTF", ".glb"), (b"solid", ".stl"),
+    (b"LASF", ".las"), (b"ASTM-E57", ".e57"), (b"glTF", ".glb"),
 )  # fmt: skip
 """First bytes -> suffix."""
 _OFF = re.compile(r"(ST)?C?N?OFF(?![A-Za-z])")
@@ -76,6 +85,8 @@ def suffix_of(head: bytes, size: int) -> str:
     for magic, suffix in MAGIC:
         if head.startswith(magic):
             return suffix
+    if head.lstrip()[:5].lower() == b"solid":
+        return ".stl"
     if len(head) >= _STL_HEAD:  # a binary STL says no more of itself than how many triangles make its length
         triangles = int.from_bytes(head[_STL_HEAD - 4 : _STL_HEAD], "little")
         if 0 <= size - _STL_HEAD - _STL_TRIANGLE * triangles <= _MOST_STRAY:
@@ -135,7 +146,7 @@ def _looks_like_sweep(path: Path) -> bool:
 def _told_lines(head: bytes) -> list[str]:
     """Lines of a text's first bytes that hold something, without what ``#`` begins."""
     text = head.decode(text_encoding(head), errors="replace")
-    return [line for line in (line.split("#")[0].strip() for line in text.splitlines()) if line]
+    return [line for line in (without_comment(line).strip() for line in text.splitlines()) if line]
 
 
 def _first_row(lines: list[str]) -> int:

@@ -39,6 +39,14 @@ def column_names(line: str) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(names for names in ways if all(names.count(axis) == 1 for axis in "xyz")))
 
 
+def without_comment(line: str) -> str:
+    """The line without what ``#`` begins, unless only with it it names columns, as ``Point #,x,y,z``."""
+    told = line.split("#", 1)[0]
+    if told != line and told.strip() and not column_names(told) and column_names(line):
+        return line.replace("#", " ")
+    return told
+
+
 def is_comment(line: str) -> bool:
     """Whether a first line begins as comments do, and is no row of a table whose first cell is empty (``;1;2;3``).
 

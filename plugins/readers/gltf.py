@@ -1,5 +1,5 @@
-"""What trimesh does not know of today's binary glTF: packed meshes are refused, normalized positions converted, and a
-file without a scene, which the format allows, gets one."""
+"""What trimesh does not know of today's binary glTF: packed meshes are refused, normalized positions converted, lines
+and fans taken for points, and a file without a scene, which the format allows, gets one."""
 
 from __future__ import annotations
 
@@ -21,6 +21,8 @@ _WHOLE = {5120: ("i1", 127), 5121: ("u1", 255), 5122: ("<i2", 32767), 5123: ("<u
 """Component type -> its numpy type, and the whole number that stands for 1 where an accessor is normalized."""
 _FLOAT = 5126
 _JSON, _BINARY = b"JSON", b"BIN\0"
+_POINTS, _READ = 0, (0, 4, 5)
+"""The mode of points, and those that trimesh reads: points, triangles and strips of them."""
 
 
 def readable_glb(blob: bytes) -> bytes:
@@ -40,10 +42,17 @@ def readable_glb(blob: bytes) -> bytes:
                             f"file again without {packing} compression")
     parts = [part for mesh in tree.get("meshes", ()) for part in mesh["primitives"]]
     used = {part.get("attributes", {}).get("POSITION") for part in parts}
+    if any(index is not None and "sparse" in tree["accessors"][index] for index in used):
+        raise ScanError("its positions are kept sparse, as differences, which cannot be read here; export the file "
+                        "again without sparse accessors")
     whole = [index for index in used if index is not None and _is_whole(tree["accessors"][index])]
     bare = bool(parts) and not tree.get("scenes")
-    if not whole and not bare:
+    unread = [part for part in parts if part.get("mode", 4) not in _READ]
+    if not whole and not bare and not unread:
         return blob
+    for part in unread:  # only its vertices count
+        part["mode"] = _POINTS
+        part.pop("indices", None)
     if bare:
         _add_scene(tree)
     binary = bytearray(blob[20 + length + 8 :])

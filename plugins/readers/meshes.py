@@ -21,7 +21,7 @@ class Meshes(Reader):
     """STL and binary glTF (trimesh); only the vertices count, so a mesh of few large triangles makes a thin cloud."""
 
     name = "meshes"
-    version = "2"
+    version = "3"
     packages = ("trimesh",)
     suffixes = (".stl", ".glb")
 
@@ -48,18 +48,39 @@ class Meshes(Reader):
 def _stl(blob: bytes) -> tuple[np.ndarray, str]:
     """Corners of the triangles (N, 3) float64, and a note."""
     note = ""
-    if not (blob[:5].lower() == b"solid" and (b"vertex" in blob[:4096] or b"endsolid" in blob[:4096])):
+    if _is_text(blob):
+        loaded = late("trimesh.exchange.stl").load_stl_ascii(io.BytesIO(_whole_text(blob)))
+    else:
         if len(blob) < _STL_HEAD:
             raise ScanError(f"a binary STL file begins with {_STL_HEAD} bytes of header, got {len(blob)} in all; it is "
                             "cut short, or another format: export it again")
         (count,) = struct.unpack_from("<I", blob, _STL_HEAD - 4)
         size = _STL_TRIANGLE * count
         note = stray_note(stray_bytes(f"the STL header promises {count} triangles", size, len(blob) - _STL_HEAD))
-        blob = blob[: _STL_HEAD + size]
-    vertices = late("trimesh.exchange.stl").load_stl(io.BytesIO(blob)).get("vertices", ())
-    if len(vertices) == 0:
+        loaded = late("trimesh.exchange.stl").load_stl_binary(io.BytesIO(blob[: _STL_HEAD + size]))
+    solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
+    parts = [np.asarray(solid["vertices"], dtype=np.float64).reshape(-1, 3) for solid in solids]
+    if not parts:
         raise ScanError("the STL file holds no triangle, so no points; export the mesh again")
-    return np.asarray(vertices, dtype=np.float64).reshape(-1, 3), note
+    return np.concatenate(parts), note
+
+
+def _is_text(blob: bytes) -> bool:
+    """Whether it is an STL file in text; the header of a binary one may begin alike."""
+    head = blob[:4096].lower()
+    return head.lstrip().startswith(b"solid") and (b"vertex" in head or b"endsolid" in head)
+
+
+def _whole_text(blob: bytes) -> bytes:
+    """The text of an STL file.
+
+    Raises:
+        ScanError: its last solid has no end; the library would pass over it.
+    """
+    lower = blob.lower()
+    if lower.rfind(b"vertex") > lower.rfind(b"endsolid"):
+        raise ScanError("the STL file is cut short: its last solid has no 'endsolid'; export it again")
+    return blob
 
 
 def _glb(blob: bytes) -> np.ndarray:

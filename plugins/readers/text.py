@@ -13,7 +13,7 @@ import numpy as np
 
 from plugins.readers.text_form import TABLES, BadLineError, Form, Head, form_of, head_of, some_names
 from plugins.readers.text_lines import memory_of_lines
-from z2p_core.column_names import column_names, is_row, text_encoding
+from z2p_core.column_names import column_names, is_row, text_encoding, without_comment
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 
 _LINES = 200_000
@@ -30,7 +30,7 @@ class Text(Reader):
     """Plain text, a point a line, numbers parted by blanks, commas or semicolons; ``#`` begins a comment."""
 
     name = "text"
-    version = "5"
+    version = "6"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
 
     def memory(self, path: Path) -> int:
@@ -72,7 +72,7 @@ class Text(Reader):
         try:
             return form_of(rows, head, path.suffix.lower(), self.columns)
         except ScanError as error:
-            raise ScanError(f"line {_line_number(path, head.lines)}: {error}") from error
+            raise ScanError(f"line {_line_number(path, head.lines)}: {error}{_told_cut(path, head.lines)}") from error
 
 
 def _counts(column: np.ndarray) -> bool:
@@ -110,9 +110,9 @@ def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray
                             f"each, got {line.strip()[:60]!r}; name all columns, as in --columns x,y,z,label"
                             f"{_told_degrees(line)}") from error
         hint = "" if form.named else "; where columns hold words, name all of them, as in --columns x,y,z,label"
-        raise ScanError(f"expected the same count of numbers on every line, but in line "
-                        f"{_line_number(path, before + error.index)} {error}; put '#' before lines that are no points"
-                        f"{hint}") from error
+        index = before + error.index
+        raise ScanError(f"expected the same count of numbers on every line, but in line {_line_number(path, index)} "
+                        f"{error}; put '#' before lines that are no points{hint}{_told_cut(path, index)}") from error
 
 
 def _told_degrees(title: str) -> str:
@@ -146,6 +146,7 @@ def _with_names(first: list[str]) -> list[str]:
             if column_names(names := line.lstrip("#")):
                 first[index] = "//" + names
         elif line.strip():
+            first[index] = without_comment(line)
             break
     return first
 
@@ -161,7 +162,19 @@ def _line_number(path: Path, index: int) -> int:
 
     The file is read again for it, which costs only those that are refused; to remember it would cost all.
     """
+    return _line(path, index)[0]
+
+
+def _told_cut(path: Path, index: int) -> str:
+    """What to say of a line that goes on behind ``#``, as a colour would."""
+    if "#" not in _line(path, index)[1]:
+        return ""
+    return "; on that line '#' begins a comment, so the rest of it was not read: take the sign out where it is none"
+
+
+def _line(path: Path, index: int) -> tuple[int, str]:
+    """Number and text of the line that has `index` others with content before it."""
     with _opened(path) as file:
         lines = chain(_with_names(list(islice(file, _FIRST_LINES))), file)
-        numbers = (number for number, line in enumerate(lines, start=1) if line.split("#", 1)[0].strip())
-        return next(islice(numbers, index, None))
+        told = ((number, line) for number, line in enumerate(lines, start=1) if line.split("#", 1)[0].strip())
+        return next(islice(told, index, None))

@@ -142,7 +142,7 @@ def test_six_columns_are_refused_until_they_are_named(
     np.save(tmp_path / "plain.npy", np.loadtxt(tmp_path / "six.xyz")[:, 1:4])
     refused = render(tmp_path / "six.xyz")
     assert refused.exit_code == 1 and "--columns x,y,z,r,g,b" in refused.stderr
-    assert render(tmp_path / "six.xyz", "--columns", "time,X,Y,Z,a,b").exit_code == 0
+    assert render(tmp_path / "six.xyz", "--columns", "time, X, Y, Z, a, b").exit_code == 0
     assert render(tmp_path / "plain.npy").exit_code == 0
     assert np.array_equal(pixels(tmp_path / "out" / "six.png"), pixels(tmp_path / "out" / "plain.png"))
     assert read_record(tmp_path / "out" / "six.png")["input"]["columns"] == ["time", "x", "y", "z", "a", "b"]

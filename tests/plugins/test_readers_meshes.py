@@ -12,6 +12,7 @@ import pytest
 from reader_files import cloud, read, refused
 
 from plugins.readers.meshes import Meshes
+from storage.incoming import suffix_of
 
 
 def glb(tree: dict[str, Any], binary: bytes = b"") -> bytes:
@@ -66,6 +67,18 @@ def test_glb_positions_in_whole_numbers_stand_for_parts_of_one_where_the_file_sa
     refused(path, glb(tree, binary)[:-200], "cannot be read")
 
 
+@pytest.mark.parametrize("mode", range(7))
+def test_glb_of_points_lines_and_triangles_in_any_mode_shows_its_vertices(tmp_path: Path, mode: int) -> None:
+    rows = cloud(6, "<f4")
+    accessors = [{"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3"}]
+    tree = {"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": mode}]}], "accessors": accessors,
+            "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 72}]}  # fmt: skip
+    (tmp_path / "a.glb").write_bytes(glb(tree, rows.tobytes()))
+    np.testing.assert_allclose(read(tmp_path / "a.glb")[0], rows, atol=1e-6)
+    accessors[0]["sparse"] = {"count": 1}
+    refused(tmp_path / "a.glb", glb(tree, rows.tobytes()), "kept sparse.* again without sparse accessors")
+
+
 def test_glb_without_a_scene_shows_all_its_nodes_or_meshes(tmp_path: Path) -> None:
     rows = cloud(5, "<f4")
     accessor = {"bufferView": 0, "componentType": 5126, "count": 5, "type": "VEC3"}
@@ -89,6 +102,19 @@ def test_stl_of_another_length_than_promised(tmp_path: Path) -> None:
     refused(path, blob[:-1], "promises 4 triangles, which takes 200 bytes, but 199 follow it; the file is cut short")
     refused(path, blob + bytes(17), "17 bytes longer, so its header is wrong")
     refused(path, blob[:83], "84 bytes of header, got 83")
+
+
+FACET = "facet normal 0 0 1\nouter loop\nvertex {0} 0 0\nvertex {0} 1 0\nvertex {0} 0 1\nendloop\nendfacet\n"
+
+
+def test_stl_in_text_of_several_solids_in_capitals_and_after_empty_lines(tmp_path: Path) -> None:
+    first, second = (f"solid {name}\n{FACET.format(x)}endsolid {name}\n" for name, x in (("a", 0), ("b", 5)))
+    both = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 1], [5, 0, 0], [5, 1, 0], [5, 0, 1]])
+    for text in (first + second, (first + second).upper(), "\n\n" + first + second):
+        (tmp_path / "a.stl").write_text(text)
+        assert np.array_equal(read(tmp_path / "a.stl")[0], both)
+        assert suffix_of(text.encode(), len(text)) == ".stl"
+    refused(tmp_path / "a.stl", (first + second)[:-30], "cut short: its last solid has no 'endsolid'")
 
 
 def test_stl_without_triangles_says_so(tmp_path: Path) -> None:

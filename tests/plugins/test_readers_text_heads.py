@@ -9,6 +9,7 @@ import pytest
 from reader_files import cloud, read, refused
 
 from storage.clouds import find_scans, read_clouds
+from z2p_core.interfaces import ScanError
 
 ROWS = "1,2,3\n4,5,6\n7,8,10\n"
 POINTS = [[1, 2, 3], [4, 5, 6], [7, 8, 10]]
@@ -96,3 +97,16 @@ def test_other_columns_are_told_with_their_line(tmp_path: Path) -> None:
     refused(tmp_path / "a.xyz", "# made\n\n1 2 3 4\n", "^line 3: a .xyz file has 3 columns .* --columns x,y,z,c4$")
     refused(tmp_path / "a.txt", "Project: fox; in 2024\n1;2;3\n", "^line 1: expected x y z .*put '#' before lines")
     assert len(given(tmp_path / "a.txt", "\n".join(" ".join(map(str, row)) for row in cloud(9).tolist()))) == 9
+
+
+def test_a_sign_within_a_line_that_is_no_comment(tmp_path: Path) -> None:
+    path, numbered = tmp_path / "a.csv", "".join(f"{n},{row}\n" for n, row in enumerate(ROWS.split()))
+    assert np.array_equal(given(path, f"Point #,x,y,z\n{numbered}"), POINTS)
+    assert find_scans([str(tmp_path)], False) == [path]
+    assert np.array_equal(given(path, f"x,y,z # in metres\n{ROWS}"), POINTS)
+    colored = "".join(f"{row} #ff00aa\n" for row in ROWS.replace(",", " ").splitlines())
+    refused(tmp_path / "a.txt", f"x y z color\n{colored}", "^line 2: .*on that line '#' begins a comment")
+    refused(path, f"{ROWS}1,2 #ff00aa\n", "line 4 .*on that line '#' begins a comment")
+    with pytest.raises(ScanError) as error:
+        given(path, f"{ROWS}1,2\n")
+    assert "'#' begins" not in str(error.value)
