@@ -81,6 +81,7 @@ class LazyGroup(click.Group):
             formatter.write_dl([(name, help_text) for name, (_, help_text) in COMMANDS.items()])
 
     def invoke(self, ctx: click.Context) -> Any:
+        _open_closed_streams()
         try:
             with _interrupted_once():
                 return super().invoke(ctx)
@@ -94,6 +95,16 @@ class LazyGroup(click.Group):
             if debugging() or broken_pipe:
                 raise
             raise Failure(_told(error)) from None
+
+
+def _open_closed_streams() -> None:
+    """Lets streams that a shell closed (``2>&-``) lead nowhere.
+
+    Else the next file that is opened would take the number of one, and whatever a library writes there.
+    """
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):  # numbers are given from the lowest on
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, mode))  # noqa: SIM115, PTH123 - until the process ends
 
 
 @contextmanager

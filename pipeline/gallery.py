@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -89,9 +89,21 @@ def _settings(record: dict[str, Any]) -> list[tuple[str, str]]:
              ("view", f"azimuth {stance.get('azimuth', 0):.0f}, {stance.get('view_reason', '')}")]  # fmt: skip
     if stance.get("outliers"):
         rows.append(("left out", f"strays: {stance['outliers']}"))
+    rows += placed_rows(record)
     weights = record.get("weights", {})
     rows.append(("weights", f"{weights.get('name', '')} {str(weights.get('sha256', ''))[:12]}"))
     rows.append(("made by", f"z2p {record.get('version', '')}"))
+    return rows
+
+
+def placed_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What was asked of the cloud beyond the usual, in words; empty when nothing was."""
+    placing = record.get("placing", {})
+    rows = []
+    if placing.get("cut_top"):
+        rows.append(("cut off", f"{placing['cut_top']:g} % of the height, from above"))
+    if placing.get("keep_outliers"):
+        rows.append(("kept", "strays, and what lies far behind"))
     return rows
 
 

@@ -90,6 +90,8 @@ def verify(workspace: Path) -> None:
 
     Exit status 1 when a result was damaged.
     """
+    if not workspace.is_dir():
+        raise click.UsageError(f"--workspace {workspace}: expected a folder that z2p pipeline wrote, got none")
     checked, damaged = 0, 0
     for store in (Store(workspace.absolute()), Store(workspace.absolute() / TRUTH)):
         for folder in (folder for stage in store.stages() for folder in store.folders(stage)):

@@ -16,7 +16,7 @@ from pipeline.cli import debugging
 from pipeline.commands.control_options import SETTINGS, InferenceCommand
 from pipeline.commands.inputs import found_scans
 from pipeline.commands.picture_options import check_view, columns_from, look_from, picture_options, writable
-from pipeline.commands.telling import named, told_read
+from pipeline.commands.telling import named, tell_opaque, told_read
 from pipeline.commands.values import FiniteRange, Target, is_folder
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
@@ -159,7 +159,6 @@ def _plan(
     from pipeline.batch import Task, plan_outputs
     from storage.animations import SUFFIXES, check_suffix
     from storage.pictures import FORMATS as PICTURES
-    from storage.pictures import OPAQUE
 
     alone = output.suffix.lower() in SUFFIXES and not is_folder(ctx, output)
     suffix = output.suffix.lower() if alone else f".{options['format_']}"
@@ -170,9 +169,8 @@ def _plan(
                                "pictures are made by z2p run-inference", ctx)  # fmt: skip
     check_suffix(suffix)
     writable(output.parent if alone else output)
-    if suffix in OPAQUE and options["background"] == "transparent" and not options["quiet"]:
-        click.echo(f"{suffix[1:].upper()} has no soft transparency: the background is white; choose another with "
-                   "--background", err=True)  # fmt: skip
+    if options["background"] == "transparent" and not options["quiet"]:
+        tell_opaque(suffix)
     if alone:
         return [Task(scans[0], output, single=True)]
     return plan_outputs(scans, [Path(text) for text in inputs if Path(text).is_dir()], output, options["recursive"],

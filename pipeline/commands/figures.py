@@ -14,6 +14,7 @@ import click
 from pipeline.cli import Failure, debugging
 from pipeline.commands.control_options import SETTINGS, RerenderCommand
 from pipeline.commands.picture_options import writable
+from pipeline.commands.telling import tell_opaque
 from pipeline.commands.values import Background, Degrees, Resolution, Smooth, Target
 from z2p_core.interfaces import Value
 
@@ -92,6 +93,8 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
         raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)
     check_suffix(output.suffix.lower())
     writable(output.parent)
+    if options["background"] is None and record["background"] == "transparent" and not options["quiet"]:
+        tell_opaque(output.suffix.lower())
     with warnings.catch_warnings():
         if not debugging():
             warnings.simplefilter("ignore")
@@ -130,9 +133,11 @@ def _drawn_again(
         raise cloud
     drawing = draw(renderer, cloud, format_suffix(scan), look)
     made_by = record_of(drawing, look, source_of(scan, output, source["cloud"], columns))
-    if options["load_camera"] is None and not options["azimuth"]:
-        # why it stands as it stands is known from the first time
-        made_by["stance"] = {**record["stance"], "smooth": drawing.stance.smooth}
+    if options["load_camera"] is None:
+        if not options["azimuth"]:  # why it stands as it stands is known from the first time
+            made_by["stance"] = {**record["stance"], "smooth": drawing.stance.smooth}
+        if "azimuth" in record["placing"]:  # once it was not told
+            made_by["placing"]["azimuth"] = record["placing"]["azimuth"] + options["azimuth"]
     return drawing.picture, look, made_by
 
 
@@ -171,6 +176,9 @@ def _look(
     if "elevation" in given:
         camera = replace(camera, elevation=given["elevation"][0])
     before = {key: value for key, value in record["controls"].items() if key in renderer.controls}
+    dropped = sorted(set(record["controls"]) - set(before))
+    if dropped and not options["quiet"]:
+        click.echo(f"note: the weights {name!r} have no {' or '.join(dropped)}; the picture's is left out", err=True)
     values = settings_for(renderer, {**before, **given})
     if options["load_camera"] is not None and "elevation" not in given:
         values.pop("elevation", None)  # the loaded camera has its own
@@ -227,6 +235,8 @@ def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
 
 def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What people want to know of a record, in words."""
+    from pipeline.gallery import placed_rows
+
     source, stance, weights = record["input"], record["stance"], record["weights"]
     rows = [("scan", f"{source.get('name') or 'an array in Python'}  sha256 {source['sha256'][:16]}")]
     if source["cloud"]:
@@ -238,6 +248,7 @@ def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
                    f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
         ("left out", f"strays: {stance['outliers']}, points far behind: {stance['background']}"),
+        *placed_rows(record),
         ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
         ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
                  f"fit {record['fit']}"),

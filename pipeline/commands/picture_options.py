@@ -25,9 +25,9 @@ OPTIONS = (
                  help="Shipped name or a .safetensors file; auto: of those shipped the ones that carry the controls "
                  "asked for, and for noisy clouds those made for noise."),
     click.option("--engine", metavar="NAME",
-                 help="What runs the network: onnxruntime, openvino, torch; quicker, less exact by a grey level or two:"
-                 " onnxruntime-int8, openvino-bf16, openvino-int8. Default: onnxruntime-int8 on processors with VNNI,"
-                 " else the first of the others that is installed."),
+                 help="What runs the network: onnxruntime, openvino, torch; quicker, less exact by a grey level or two "
+                 "on average: onnxruntime-int8, openvino-bf16, openvino-int8. Default: onnxruntime-int8 on processors "
+                 "with VNNI, else the first of the others that is installed."),
     click.option("--up", default="auto", type=UpAxis(),
                  help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
                  "or the way an object stands."),
@@ -107,7 +107,8 @@ def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:
     """
     if options["columns"] is None:
         return None
-    names = tuple(name.strip().lower() for name in options["columns"].replace(" ", ",").split(","))
+    separator = "," if "," in options["columns"] else None
+    names = tuple(name.strip().lower() for name in options["columns"].split(separator))
     if any(names.count(axis) != 1 for axis in "xyz"):
         raise click.UsageError(f"--columns: expected a name for each column with x, y and z once each, as in "
                                f"x,y,z,r,g,b; got {options['columns']!r}")

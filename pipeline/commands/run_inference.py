@@ -15,7 +15,7 @@ from pipeline.cli import debugging
 from pipeline.commands.control_options import SETTINGS, InferenceCommand
 from pipeline.commands.inputs import found_scans
 from pipeline.commands.picture_options import check_view, columns_from, look_from, picture_options, writable
-from pipeline.commands.telling import Progress, json_line, progress, reported, settings_of
+from pipeline.commands.telling import Progress, json_line, progress, reported, settings_of, tell_opaque
 from pipeline.commands.values import Grid, Target, is_folder
 from z2p_core.interfaces import Value
 from z2p_core.palettes import PALETTES, palette
@@ -120,7 +120,7 @@ def _plan(
 ) -> list[Task]:
     """The tasks, once it is sure that their pictures can be written."""
     from pipeline.batch import Task, plan_outputs
-    from storage.pictures import FORMATS, OPAQUE
+    from storage.pictures import FORMATS
 
     alone = output.suffix.lower() in FORMATS and not is_folder(ctx, output)
     if output.suffix.lower() in NOT_WRITTEN and not is_folder(ctx, output):
@@ -134,8 +134,8 @@ def _plan(
     if alone and given and FORMATS[suffix] != FORMATS[SUFFIXES[options["format_"]]]:
         raise click.UsageError(f"--format {options['format_']} does not fit --output {output}; leave it out", ctx)
     writable(output.parent if alone else output)
-    if suffix in OPAQUE and options["background"] == "transparent" and not options["quiet"]:
-        click.echo("JPEG has no transparency: the background is white; choose another with --background", err=True)
+    if options["background"] == "transparent" and not options["quiet"]:
+        tell_opaque(suffix)
     if alone:
         tasks = [Task(scans[0], output, single=True)]
     else:

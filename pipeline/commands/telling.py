@@ -70,6 +70,16 @@ def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> It
             yield outcome
 
 
+def tell_opaque(suffix: str) -> None:
+    """Says of a transparent picture that a file of that suffix puts white behind it, if so."""
+    from storage.pictures import OPAQUE
+
+    if suffix in OPAQUE:
+        kind = suffix[1:].upper().replace("JPG", "JPEG")
+        click.echo(f"{kind} has no soft transparency: the background is white; choose another with --background",
+                   err=True)
+
+
 def _told(outcome: Outcome) -> str:
     from storage.clouds import shown
 

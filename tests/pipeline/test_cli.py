@@ -274,3 +274,12 @@ def test_a_config_that_is_not_utf8_is_told_in_one_line(tmp_path: Path, words: tu
                           capture_output=True, text=True, cwd=tmp_path)  # fmt: skip
     assert told.returncode not in (0, 1) and "Traceback" not in told.stdout + told.stderr
     assert "is not UTF-8" in told.stdout + told.stderr
+
+
+def test_streams_that_the_shell_closed_lead_nowhere(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
+    words = f"run-inference --weights {tiny_weights} --resolution 64 {scans / 'one.npy'}"
+    for number, closed in enumerate(("", "2>&-", "<&- >&- 2>&-")):
+        line = f"{sys.executable} -m pipeline.cli {words} -o {tmp_path / str(number)} {closed}"
+        assert subprocess.run(line, shell=True, capture_output=True).returncode == 0
+    pictures = [(tmp_path / str(number) / "one.png").read_bytes() for number in range(3)]
+    assert pictures[0] == pictures[1] == pictures[2]

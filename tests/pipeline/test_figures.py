@@ -143,6 +143,30 @@ def test_what_cannot_be_drawn_again_says_why(
     assert rerender(tmp_path / "bad.png").exit_code == 2
 
 
+def test_what_the_new_weights_lack_and_what_a_format_hides_is_told(
+    render: Callable[..., Result], rerender: Callable[..., Result], make_weights: Callable[..., Path], scans: Path,
+    tmp_path: Path,
+) -> None:
+    shiny = make_weights(controls=("color", "light", "elevation", "metallic"))
+    assert render(scans / "one.npy", "--weights", shiny, "--metallic", 1).exit_code == 0
+    told = rerender(tmp_path / "out" / "one.png", "-o", tmp_path / "dull.jpg")
+    assert told.exit_code == 0 and "the weights" in told.stderr and "have no metallic" in told.stderr
+    assert "JPEG has no soft transparency" in told.stderr
+    for words in (("-o", tmp_path / "a.png"), ("-o", tmp_path / "a.jpg", "--background", "white", "--quiet")):
+        assert "transparency" not in rerender(tmp_path / "out" / "one.png", *words).stderr
+
+
+def test_info_tells_what_was_cut_off_and_kept(
+    render: Callable[..., Result], z2p: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    assert render(scans / "one.npy", "--cut-top", 20, "--keep-outliers", "--gallery").exit_code == 0
+    words = " ".join(z2p("info", tmp_path / "out" / "one.png").stdout.split())
+    assert "cut off 20 % of the height" in words and "kept strays" in words
+    assert "20 % of the height" in (tmp_path / "out" / "gallery.html").read_text()
+    assert render(scans / "one.npy", "--overwrite").exit_code == 0
+    assert "cut off" not in z2p("info", tmp_path / "out" / "one.png").stdout
+
+
 def test_one_cloud_of_a_batch_file(
     render: Callable[..., Result], rerender: Callable[..., Result], cloud: np.ndarray, tmp_path: Path
 ) -> None:

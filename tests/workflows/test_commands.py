@@ -92,6 +92,7 @@ def test_verify_puts_damage_aside_and_says_so(world, plan):
     store = Store(world.workspace)
     fill(store, plan)
     assert run("verify").exit_code == 0
+    assert "got none" in (nowhere := run("verify", "--workspace", "nosuch")).output and nowhere.exit_code == 2
     path = store.folder(plan.steps["train"].entry) / "result.bin"
     stamp = path.stat()
     path.write_text("TRAIN")
