@@ -266,3 +266,18 @@ def test_a_grid_refuses_what_is_no_number_and_nothing_else_is_raised(recwarn: py
         native.Grid(np.full((3, 3), np.nan, np.float32))
     gc.collect()
     assert not [one for one in recwarn if issubclass(one.category, pytest.PytestUnraisableExceptionWarning)]
+
+
+@pytest.mark.parametrize("most", [1, 12, 64])
+def test_neighbours_are_the_nearest_however_uneven_the_points(most: int) -> None:
+    rng = np.random.default_rng(5)
+    far = np.exp(rng.uniform(-7, 0, (4000, 1)))  # as around a scanner
+    cloud = (far * rng.normal(size=(4000, 3))).astype(np.float32)
+    grid = native.Grid(cloud)
+    assert np.array_equal(grid.points, native.Grid(cloud[::-1]).points)
+    asked, places = np.arange(4000, dtype=np.int32), rng.normal(size=(50, 3)).astype(np.float32)
+    for rows, found in ((grid.points, grid.neighbours(asked, most)[0]), (places, grid.around(places, most))):
+        away = ((rows[:, None].astype(float) - grid.points) ** 2).sum(2)
+        nearest = np.sort(np.partition(away, most, axis=1)[:, :most], axis=1)
+        np.testing.assert_allclose(np.take_along_axis(away, found, 1), nearest, rtol=1e-4)
+        assert all(len(set(row)) == most for row in found.tolist())

@@ -59,6 +59,7 @@ int z2p_grid(const float *points, int count, float *sorted, Grid **handle) {
 int z2p_grid_free(Grid *grid) {
     if (grid) {
         free(grid->start);
+        free(grid->splits);
         free(grid->x);
     }
     free(grid);
