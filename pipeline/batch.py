@@ -21,7 +21,7 @@ from pipeline.placing import Stance
 from pipeline.present import told_if_kept
 from storage.clouds import Scan, format_suffix, read_each, shown
 from storage.fingerprints import file_digest
-from storage.incoming import is_spooled
+from storage.incoming import content_size, is_spooled
 from storage.pictures import PictureError, write_picture
 from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.threads import cores, one_core_each
@@ -33,7 +33,7 @@ __all__ = ["Look", "Outcome", "Task", "path_beside", "plan_outputs", "render_fil
 SWITCH_INTERVAL = 0.0003
 """Seconds that Python lets a thread go on while another waits: 0.005, as usual, are long beside kernels of 0.0002."""
 HEAVY = 100_000_000
-"""Bytes of a file from which on it is read and drawn while no other such file is."""
+"""Bytes of a file's content from which on it is read and drawn while no other such file is."""
 
 
 @dataclass(frozen=True)
@@ -110,8 +110,8 @@ def render_files(
 ) -> Iterator[Outcome]:
     """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only.
 
-    Files above `HEAVY` bytes wait for one another, so that no two of them are in memory. `columns` names those of text
-    files; `drawn` is told of every picture, for a file may hold thousands of clouds.
+    Files of more than `HEAVY` bytes wait for one another, so that no two of them are in memory. `columns` names those
+    of text files; `drawn` is told of every picture, for a file may hold thousands of clouds.
     """
     planned = frozenset(task.output for task in tasks)
     heavy = Lock()
@@ -169,7 +169,7 @@ def told_fault(error: Exception, scan: Path) -> str:
 
 def _is_heavy(scan: Path) -> bool:
     try:
-        return scan.stat().st_size > HEAVY
+        return content_size(scan) > HEAVY
     except OSError:  # told when it is read
         return False
 

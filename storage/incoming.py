@@ -40,6 +40,8 @@ _STL_HEAD, _STL_TRIANGLE, _MOST_STRAY = 84, 50, 16
 PREFIX = "z2p-stdin-"
 """Of the temporary folder that keeps standard input."""
 _STEP = 1 << 20
+_PACKED, _PACKED_TIMES = (".laz", ".npz", ".e57"), 8
+"""Suffixes of files that may be packed, and how many times as large they may be then."""
 _SWEEP_ROWS = 1000
 """Rows at the head of a .bin file that tell whether it is a sweep."""
 
@@ -66,6 +68,18 @@ def spool(stream: BinaryIO, folder: Path) -> Path:
         shutil.copyfileobj(stream, file, _STEP)
     suffix = suffix_of(start, _unpacked_size(path) if zipped else path.stat().st_size)
     return path.rename(folder / f"{STDIN_STEM}{suffix}{'.gz' if zipped else ''}")
+
+
+def content_size(path: Path) -> int:
+    """Bytes of what a scan holds, about: a packed one tells it, or is taken for one packed well.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    size = path.stat().st_size
+    if path.suffix.lower() == ".gz":
+        return max(size, _unpacked_size(path))
+    return size * (_PACKED_TIMES if path.suffix.lower() in _PACKED else 1)
 
 
 def _unpacked_size(path: Path) -> int:

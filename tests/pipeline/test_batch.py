@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import gzip
 import sys
 import threading
 from pathlib import Path
@@ -123,8 +124,13 @@ def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
     monkeypatch.setattr(batch, "HEAVY", 5_000)
     for name, count in {"light1": 50, "light2": 60, "heavy1": 900, "heavy2": 901, "heavy3": 902}.items():
         np.save(tmp_path / f"{name}.npy", np.random.default_rng(count).normal(size=(count, 3)))
-    tasks = plan_outputs(sorted(tmp_path.glob("*.npy"), reverse=True), [], tmp_path, False)
-    assert [one.status for one in render_files(tasks, renderer, LOOK, jobs=3)] == ["ok"] * 5
+    packed = tmp_path / "heavy4.npy.gz"  # it is what it unpacks to that counts
+    np.save(tmp_path / "even.npy", np.stack(np.meshgrid(*[np.arange(9.0)] * 3), -1).reshape(-1, 3))
+    packed.write_bytes(gzip.compress((tmp_path / "even.npy").read_bytes()))
+    (tmp_path / "even.npy").unlink()
+    assert packed.stat().st_size < 5_000
+    tasks = plan_outputs(sorted(tmp_path.glob("*.npy*"), reverse=True), [], tmp_path, False)
+    assert [one.status for one in render_files(tasks, renderer, LOOK, jobs=3)] == ["ok"] * 6
     assert all(sum(name.startswith("heavy") for name in names) < 2 for names in together)
 
 
