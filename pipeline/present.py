@@ -13,12 +13,13 @@ from storage.pictures import PictureError, is_cut, is_whole, read_record
 
 
 def told_if_kept(
-    picture: Path, source: Mapping[str, Any], look: Look, motion: Mapping[str, Any] | None = None
+    picture: Path, source: Mapping[str, Any], look: Look, weights: str | None, motion: Mapping[str, Any] | None = None
 ) -> str | None:
     """What to say of a picture that stays as it is, in words or nothing; None where it is to be drawn.
 
     That is so where its scan has changed since, or nothing is in the file. `source` and `motion` are what a new
-    picture's record would say of its cloud and, of a loop, of its frames. A picture without a record is another
+    picture's record would say of its cloud and, of a loop, of its frames; `weights` is the sha256 of those that would
+    draw it, None where the cloud chooses. A picture without a record is another
     program's, and stays; so does an MP4, whose record only its players read.
 
     Raises:
@@ -40,6 +41,8 @@ def told_if_kept(
     drawn = record.get("input", {})
     if all(drawn.get(name) == source[name] for name in ("sha256", "cloud")):
         others = _others(record, source, look) + _moved(record.get("motion"), motion)
+        if weights is not None and record.get("weights", {}).get("sha256") != weights:
+            others.append("choice of weights")
         return f"with another {' and another '.join(others)}" if others else ""
     if source["path"] is not None and drawn.get("path") == source["path"]:
         return None

@@ -33,6 +33,10 @@ class SuitedRenderer(Renderer):
         super().__init__(USUAL, threads, engine, lazy=True)
         self._options, self._lock = (threads, engine), Lock()
 
+    @property
+    def sole_weights(self) -> str | None:
+        return None
+
     def suited(self, cloud: np.ndarray) -> tuple[Renderer, str]:
         """The renderer for a placed cloud (N, 3) float32, and why it is not the usual one, or nothing."""
         noise = scatter(cloud)

@@ -79,7 +79,7 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
         started, name = time.perf_counter(), named(task.scan)
         try:
             loop = _Loop(task, look.written_as(task.output.suffix.lower()), motion, options["fps"], columns)
-            kept = None if options["overwrite"] or not task.output.exists() else loop.told_if_kept()
+            kept = None if options["overwrite"] or not task.output.exists() else loop.told_if_kept(renderer)
             if kept is not None:
                 other = f", {kept}" if kept else ""
                 told = f"skipped: {name}: {shown(task.output)} is there already{other}; --overwrite makes it again"
@@ -119,7 +119,7 @@ class _Loop:
 
         return source_of(self.task.scan, self.task.output, 0, self.columns)
 
-    def told_if_kept(self) -> str | None:
+    def told_if_kept(self, renderer: Renderer) -> str | None:
         """What to say of the loop that is there and stays; None where it is to be made anew.
 
         Raises:
@@ -127,7 +127,7 @@ class _Loop:
         """
         from pipeline.present import told_if_kept
 
-        return told_if_kept(self.task.output, self.source, self.look, self.moves)
+        return told_if_kept(self.task.output, self.source, self.look, renderer.sole_weights, self.moves)
 
     def write(self, renderer: Renderer, quiet: bool) -> str:
         """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""

@@ -16,6 +16,7 @@ from PIL import Image
 from pipeline.batch import Look, Outcome, Task, render_files
 from pipeline.infer import Renderer
 from pipeline.placing import Placing
+from pipeline.suited import SuitedRenderer
 from storage.pictures import read_record
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
 
@@ -159,6 +160,15 @@ def test_what_is_no_picture_is_neither_taken_for_one_nor_lost(
     assert result.exit_code == 1 and first.read_bytes() == whole and second.read_bytes() == cut
     assert f"{second} is there already, but is no picture that can be read" in result.stderr
     assert (tmp_path / "out" / "gallery.html").read_text().count("<figure ") == 1  # of what can be read
+
+
+def test_other_weights_are_told_where_the_cloud_does_not_choose_them(
+    renderer: Renderer, make_weights: Callable[..., Path], scan: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "a.png"
+    assert drawn(renderer, scan, output).status == "ok"
+    assert drawn(Renderer(make_weights(cropped=True)), scan, output).kept == "with another choice of weights"
+    assert drawn(SuitedRenderer(), scan, output).kept == ""
 
 
 def test_a_picture_of_another_program_stays_and_is_told(
