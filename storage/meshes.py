@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -70,8 +71,8 @@ def find_meshes(folder: Path) -> dict[str, Path]:
     paths = sorted(path for path in visible if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
     if not paths:
         raise ScanError(f"folder {shown(folder)} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
-    stems = [path.stem for path in paths]
-    return {path.stem if stems.count(path.stem) == 1 else path.name: path for path in paths}
+    taken = Counter(path.stem for path in paths) + Counter(path.name for path in paths)  # a.ply is a stem in a.ply.ply
+    return {path.stem if taken[path.stem] == 1 else path.name: path for path in paths}
 
 
 def calls_for_smooth(vertices: np.ndarray, faces: np.ndarray) -> bool:

@@ -75,11 +75,11 @@ def test_wrong_requests_are_clear_errors(tetrahedron: Path, tmp_path: Path) -> N
 
 
 def test_meshes_are_found_sorted_and_named_apart(tmp_path: Path) -> None:
-    for name in ("b.ply", "a.OFF", "b.obj", "notes.txt", "c.stl", "._c.stl", ".hidden.ply"):
+    for name in ("b.ply", "a.OFF", "b.obj", "notes.txt", "c.stl", "._c.stl", ".hidden.ply", "b.ply.ply"):
         (tmp_path / name).touch()
     (tmp_path / "folder.ply").mkdir()
     found = find_meshes(tmp_path)
-    assert list(found) == ["a", "b.obj", "b.ply", "c"]
+    assert list(found) == ["a", "b.obj", "b.ply", "b.ply.ply", "c"]
     assert found["a"] == tmp_path / "a.OFF"
 
 
