@@ -19,9 +19,10 @@ from pipeline.drawing import Drawing, Look, draw, record
 from pipeline.infer import Renderer
 from pipeline.placing import Stance
 from pipeline.present import told_if_kept
-from storage.clouds import Scan, format_suffix, read_each, shown
+from storage.clouds import Scan, format_suffix, read_each
 from storage.fingerprints import file_digest
 from storage.incoming import content_size, is_spooled
+from storage.names import printable
 from storage.pictures import PictureError, write_picture
 from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.threads import cores, one_core_each
@@ -159,10 +160,10 @@ def told_fault(error: Exception, scan: Path) -> str:
     if os.environ.get("Z2P_DEBUG") == "1":
         traceback.print_exception(error)
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.strerror}: {shown(Path(error.filename))}" if error.filename else error.strerror
+        return f"{error.strerror}: {printable(Path(error.filename))}" if error.filename else error.strerror
     if isinstance(error, MemoryError):
         return "not enough memory for this cloud; close other programs or thin it out"
-    text = " ".join(str(error).split()).removeprefix(f"{shown(scan)}: ")
+    text = " ".join(str(error).split()).removeprefix(f"{printable(scan)}: ")
     text = text if text.isprintable() else ascii(text)[1:-1]
     return text if isinstance(error, ScanError | SettingError | PictureError) else f"{type(error).__name__}: {text}"
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.evaluate import place
+from pipeline.evaluate import in_scene
 from pipeline.infer import Renderer
 from pipeline.shapes import SUZANNE, TRAINING_SHAPES, shape
 from pipeline.streamline import Inputs
@@ -34,4 +34,4 @@ def calibration_inputs(renderer: Renderer, count: int, rng: np.random.Generator)
         points = round(np.exp(rng.uniform(*np.log(POINTS))))
         cloud = bounding_sphere(vertices).normalise(uniform_points(vertices, faces, points, rng))
         noisy = add_noise(cloud, "gaussian", rng.uniform(0, NOISE) if rng.random() < NOISY else 0.0, rng)
-        yield renderer.inputs(place(noisy, view.scene), view.values, SIDE, SIDE)
+        yield renderer.inputs(in_scene(noisy, view.scene), view.values, SIDE, SIDE)

@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from pipeline.sheets import MARK, check_places, drop_later, sheet_path
-from storage.meshes import shown
+from storage.names import printable
 from storage.png import png
 from storage.whole import write_whole
 
@@ -60,7 +60,7 @@ def _page(pictures: Sequence[Path], columns: int, cell: int) -> np.ndarray:
             small = picture.convert("RGBA")
         small.thumbnail((cell, cell), Image.Resampling.LANCZOS)
         page.paste(small, (left + (cell - small.width) // 2, top + (cell - small.height) // 2), small)
-        name = shown(Path(path.stem))
+        name = printable(Path(path.stem))
         while len(name) > 4 and pen.textlength(name, font) > cell:
             name = f"{name[:-4]}..."
         pen.text((left + cell // 2, top + cell + LABEL // 2), name, INK, font, anchor="mm")

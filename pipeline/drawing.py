@@ -19,7 +19,7 @@ from z2p_core.interfaces import SettingError, Value
 from z2p_core.viewpoint import Viewpoint
 
 Color = tuple[float, float, float]
-Window = tuple[float, float, float, float]
+Crop = tuple[float, float, float, float]
 """Left, top, right and bottom of a part of the frame, from 0 to 1."""
 
 RECORD = 1
@@ -50,7 +50,7 @@ class Look:
     """Drawn this many times as large, then averaged down in linear light."""
     tight: bool = False
     """Trimmed to what is to be seen, the shadow included."""
-    window: Window | None = None
+    crop: Crop | None = None
     """What a trimmed picture shows of its frame, the same for a whole series; None trims it by itself."""
     settled: bool = False
     """The renderer draws every cloud by itself, whatever weights would suit it: they do not change within a series."""
@@ -109,24 +109,24 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     if factor > 1:
         picture = bytes_from_unit(shrink(unit_from_bytes(picture), factor))
     if look.tight:
-        picture = trimmed(picture) if look.window is None else cut(picture, look.window)
+        picture = trimmed(picture) if look.crop is None else cut(picture, look.crop)
     return Drawing(picture, placed.stance, placed.viewpoint, renderer.settings(values), renderer, choice)
 
 
 def trimmed(picture: np.ndarray) -> np.ndarray:
     """The part (H', W', 4) of a straight RGBA picture (H, W, 4) uint8 that shows something, with a narrow margin."""
-    rows, columns = trimmed_window(picture[..., 3])
+    rows, columns = content_box(picture[..., 3])
     return picture[rows, columns]
 
 
-def cut(picture: np.ndarray, window: Window) -> np.ndarray:
-    """The part (H', W', 4) of a picture (H, W, 4) that a window shows: equal sizes are cut to equal sizes."""
-    (height, width), (left, top, right, bottom) = picture.shape[:2], window
+def cut(picture: np.ndarray, crop: Crop) -> np.ndarray:
+    """The part (H', W', 4) of a picture (H, W, 4) that a crop shows: equal sizes are cut to equal sizes."""
+    (height, width), (left, top, right, bottom) = picture.shape[:2], crop
     rows = slice(math.floor(top * height), math.ceil(bottom * height))
     return picture[rows, math.floor(left * width) : math.ceil(right * width)]
 
 
-def trimmed_window(alpha: np.ndarray) -> tuple[slice, slice]:
+def content_box(alpha: np.ndarray) -> tuple[slice, slice]:
     """Rows and columns of alpha (H, W) uint8 that show something, with a narrow margin; all of them if nothing does."""
     visible = alpha >= FAINTEST
     rows, columns = (np.flatnonzero(visible.sum(axis) > LONE) for axis in (1, 0))
@@ -139,7 +139,7 @@ def trimmed_window(alpha: np.ndarray) -> tuple[slice, slice]:
 
 def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:
     """All that made a picture, JSON-able; `source` tells of the cloud: name, path, sha256, place in its file."""
-    window = {} if look.window is None else {"window": list(look.window)}
+    window = {} if look.crop is None else {"window": list(look.crop)}
     return {
         "record": RECORD,
         "version": __version__,

@@ -193,7 +193,7 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def place(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
+def in_scene(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
     """Normalised cloud (N, 3) turned and lifted as the scene's mesh is, (N, 3) float32."""
     turned = cloud.astype(np.float64) @ np.array(scene.rotation).T
     turned[:, 2] += scene.lift
@@ -221,7 +221,7 @@ def _trials(
 
 
 def _run_weights(renderer: Renderer, trial: Trial) -> Result:
-    placed = place(trial.cloud, trial.view.scene)
+    placed = in_scene(trial.cloud, trial.view.scene)
     floor = on_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
     factor = trial.config.supersample
     side = trial.config.resolution * factor
@@ -261,7 +261,7 @@ def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
     scene = trial.view.scene
     label = (f"{trial.subject.name} {trial.index}", *_label(results[OURS][0]))
     ours, *others = (picture for _, picture in results.values())
-    return sheet_row(label, place(trial.cloud, scene), scene.elevation, ours, trial.truth, others)
+    return sheet_row(label, in_scene(trial.cloud, scene), scene.elevation, ours, trial.truth, others)
 
 
 def _figures(picture: np.ndarray, trial: Trial) -> dict[str, Any]:

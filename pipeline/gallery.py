@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 from PIL import Image
 
-from storage.meshes import shown
+from storage.names import printable
 from storage.pictures import PictureError, read_record
 from storage.whole import write_whole
 from z2p_core import __version__
@@ -52,7 +52,7 @@ def check_place(path: Path) -> None:
         PictureError: a file of that name is something else.
     """
     if path.exists() and GENERATOR not in path.read_bytes()[:MOST_HEAD]:
-        raise PictureError(f"{shown(path)} is there already, and no gallery of z2p: rename it, or choose another "
+        raise PictureError(f"{printable(path)} is there already, and no gallery of z2p: rename it, or choose another "
                            "folder")
 
 
@@ -123,4 +123,4 @@ def _embedded(picture: Path, side: int) -> str:
 
 def _text(name: str) -> str:
     """A file's name as printable text."""
-    return shown(Path(name))
+    return printable(Path(name))

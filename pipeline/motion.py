@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.drawing import Drawing, Look, draw, trimmed_window
+from pipeline.drawing import Drawing, Look, content_box, draw
 from pipeline.infer import Renderer
 from pipeline.placing import Placing, shown_points
 from storage.clouds import Scan
@@ -70,7 +70,7 @@ def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: M
         yield from shots
         return
     drawn = list(shots)
-    rows, columns = trimmed_window(np.max([frame[..., 3] for frame in drawn], axis=0))
+    rows, columns = content_box(np.max([frame[..., 3] for frame in drawn], axis=0))
     yield from (frame[rows, columns] for frame in drawn)
 
 

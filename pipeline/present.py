@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.drawing import PLACED, Look
-from storage.clouds import shown
+from storage.names import printable
 from storage.pictures import PictureError, is_cut, is_whole, read_record
 
 
@@ -34,8 +34,8 @@ def told_if_kept(
     except PictureError:
         record = {}
     if is_cut(picture) if record else not is_whole(picture):
-        raise PictureError(f"{shown(picture)} is there already, but is no picture that can be read; remove it, choose "
-                           "another --output, or --overwrite")
+        raise PictureError(f"{printable(picture)} is there already, but is no picture that can be read; remove it, "
+                           "choose another --output, or --overwrite")
     if not record:
         return "without a record of z2p"
     drawn = record.get("input", {})
@@ -47,9 +47,9 @@ def told_if_kept(
     if source["path"] is not None and drawn.get("path") == source["path"]:
         return None
     path = drawn.get("path")
-    other = "of standard input" if path is None else shown(Path(os.path.normpath(picture.parent / path)))
-    raise PictureError(f"{shown(picture)} is there already and shows another cloud, {other}: choose another --output, "
-                       "or --overwrite")  # fmt: skip
+    other = "of standard input" if path is None else printable(Path(os.path.normpath(picture.parent / path)))
+    raise PictureError(f"{printable(picture)} is there already and shows another cloud, {other}: choose another "
+                       "--output, or --overwrite")  # fmt: skip
 
 
 def _moved(drawn: Mapping[str, Any] | None, asked: Mapping[str, Any] | None) -> list[str]:
@@ -77,7 +77,7 @@ def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look) ->
     asked_for = {"resolution": [look.width, look.height], "background": background, "supersample": look.supersample,
                  "fit": "tight" if look.tight else "frame"}  # fmt: skip
     others += [name for name, value in asked_for.items() if record.get(name) != value]
-    if look.window is not None and record.get("window") != list(look.window):
+    if look.crop is not None and record.get("window") != list(look.crop):
         others.append("crop")
     if record.get("input", {}).get("columns") != source.get("columns"):
         others.append("choice of columns")

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.drawing import FAINTEST, Look, Window, draw, trimmed_window
+from pipeline.drawing import FAINTEST, Crop, Look, content_box, draw
 from pipeline.infer import Renderer
 from pipeline.placing import Placed, Placing, place, shown_points
 from storage.clouds import Scan, format_suffix, read_each
-from storage.clouds import shown as printable
+from storage.names import printable
 from z2p_core.geometry import bounding_sphere, random_rotation
 from z2p_core.interfaces import ScanError
 from z2p_core.viewpoint import Viewpoint, frame
@@ -87,9 +87,9 @@ def common_viewpoint(
     return Series(shared, first.stance.told_view, first.cloud, len(reach), specks)
 
 
-def common_window(
+def common_crop(
     scans: Iterable[Path], renderer: Renderer, look: Look, columns: tuple[str, ...] | None = None
-) -> Window | None:
+) -> Crop | None:
     """The part of the frame that shows something of any cloud of the files; None where nothing is to be seen.
 
     It is found in small pictures, drawn first and thrown away. Clouds that cannot be drawn are passed over: they fail
@@ -106,7 +106,7 @@ def common_window(
                     np.maximum(alpha, draw(renderer, scan, format_suffix(path), draft).picture[..., 3], out=alpha)
     if not (alpha >= FAINTEST).any():
         return None
-    rows, across = trimmed_window(alpha)
+    rows, across = content_box(alpha)
     return (across.start / width, rows.start / height, min(across.stop / width, 1.0), min(rows.stop / height, 1.0))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
-from storage.meshes import shown
+from storage.names import printable
 from z2p_core import registry
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import bytes_from_unit, composite
@@ -97,7 +97,7 @@ def check_places(folder: Path, count: int = 1) -> None:
     for number in range(1, count + 1):
         path = sheet_path(folder, number)
         if path.exists() and not is_sheet(path):
-            raise SettingError(f"{shown(path)} is there already, and no contact sheet of this z2p: rename it, or "
+            raise SettingError(f"{printable(path)} is there already, and no contact sheet of this z2p: rename it, or "
                                "choose another folder")
 
 

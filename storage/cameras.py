@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from storage.meshes import shown
+from storage.names import printable
 from storage.pictures import FORMATS, PictureError, read_record
 from storage.whole import write_whole
 from z2p_core.interfaces import SettingError
@@ -25,9 +25,9 @@ def check_camera_place(path: Path, taken: Iterable[Path] = ()) -> None:
     Raises:
         SettingError: a folder, a picture's name, one of `taken`, or a file that is no camera.
     """
-    told = f"--save-camera {shown(path)}: expected the name of a JSON file"
+    told = f"--save-camera {printable(path)}: expected the name of a JSON file"
     if path.is_dir():
-        raise SettingError(f"{told}, got a folder; add a name, as {shown(path / 'camera.json')}")
+        raise SettingError(f"{told}, got a folder; add a name, as {printable(path / 'camera.json')}")
     if path.suffix.lower() in (*FORMATS, ".gif"):
         raise SettingError(f"{told}, got a picture's; each picture holds its camera anyway, see --load-camera")
     if any(_same(path, other) for other in taken):
@@ -52,11 +52,12 @@ def read_camera(path: Path) -> Viewpoint:
         data = read_record(path)["camera"] if picture else json.loads(path.read_text("utf-8"))
         return viewpoint_from_json(data)
     except OSError as error:
-        raise SettingError(f"camera {shown(path)}: {error.strerror or error}; write one with --save-camera") from error
+        reason = error.strerror or error
+        raise SettingError(f"camera {printable(path)}: {reason}; write one with --save-camera") from error
     except (KeyError, PictureError, SettingError) as error:
-        raise SettingError(f"camera {shown(path)}: {str(error).removeprefix(f'{shown(path)}: ')}") from error
+        raise SettingError(f"camera {printable(path)}: {str(error).removeprefix(f'{printable(path)}: ')}") from error
     except ValueError as error:  # neither UTF-8 nor JSON
-        raise SettingError(f"camera {shown(path)}: not JSON ({error}); write one with --save-camera") from error
+        raise SettingError(f"camera {printable(path)}: not JSON ({error}); write one with --save-camera") from error
 
 
 def _same(path: Path, other: Path) -> bool:

@@ -13,13 +13,14 @@ import numpy as np
 
 from storage.incoming import is_no_sweep, is_prose, unpacked
 from storage.memory import free_memory
-from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, shown, write_cloud, write_mesh
+from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, write_cloud, write_mesh
+from storage.names import printable
 from storage.repeats import distinct
 from z2p_core import registry
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
 
 __all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "read_clouds", "read_each",
-           "read_mesh", "readable_suffixes", "shown", "usable", "write_cloud", "write_mesh"]  # fmt: skip
+           "read_mesh", "readable_suffixes", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 FEWEST_POINTS = 3
 LARGEST = float(np.finfo(np.float32).max)
@@ -82,7 +83,7 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
         labels = [f"[{index}]" for index in range(len(clouds))] if len(clouds) > 1 else [""]
         return [_scan_or_fault(cloud, label, path) for cloud, label in zip(clouds, labels, strict=True)]
     except ScanError as error:
-        raise ScanError(f"{shown(path)}: {error}") from error
+        raise ScanError(f"{printable(path)}: {error}") from error
 
 
 def usable(points: np.ndarray, label: str = "") -> Scan:
@@ -139,7 +140,7 @@ def find_scans(
             raise
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
-            raise ScanError(f"{shown(Path(text))}: cannot be searched ({reason})") from error
+            raise ScanError(f"{printable(Path(text))}: cannot be searched ({reason})") from error
         for path in paths:
             found.setdefault(os.path.abspath(path), path)  # noqa: PTH100 - Path.resolve would join links to one file
     return list(found.values())
@@ -149,13 +150,13 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
     """The files behind one input."""
     path = Path(text)
     if path.is_dir():
-        name, candidates = f"folder {shown(path)}", _walk(path) if recursive else _children(path)
+        name, candidates = f"folder {printable(path)}", _walk(path) if recursive else _children(path)
     elif path.exists() or path.is_symlink():
         return [path]
     elif any(sign in text for sign in "*?["):
         name, candidates = f"pattern {text!r}", _glob(path)
     else:
-        raise ScanError(f"{shown(path)}: no such file or folder; check the path")
+        raise ScanError(f"{printable(path)}: no such file or folder; check the path")
     suffixes = readable_suffixes()
     paths = []
     for candidate in candidates:
@@ -259,7 +260,7 @@ def _scan_or_fault(raw: RawCloud, label: str, path: Path) -> Scan | ScanError:
     try:
         return _scan(raw, label)
     except ScanError as error:
-        return ScanError(f"{shown(path)}: {error}")
+        return ScanError(f"{printable(path)}: {error}")
 
 
 def _scan(raw: RawCloud, label: str) -> Scan:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from storage.names import printable
 from z2p_core.interfaces import ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 
@@ -44,16 +45,16 @@ def read_mesh(path: Path) -> Mesh:
     """
     suffix = path.suffix.lower()
     if suffix not in MESH_SUFFIXES:
-        raise ScanError(f"{shown(path)}: unknown mesh format {suffix!r}; readable: {', '.join(MESH_SUFFIXES)}")
+        raise ScanError(f"{printable(path)}: unknown mesh format {suffix!r}; readable: {', '.join(MESH_SUFFIXES)}")
     try:
         check_openable(path)
         vertices, faces = _load(path, suffix)
         faces = _checked(vertices, faces)
     except ScanError as error:
-        raise ScanError(f"{shown(path)}: {error}") from error
+        raise ScanError(f"{printable(path)}: {error}") from error
     except Exception as error:  # trimesh raises whatever its parsing stumbles over
         reason = " ".join(str(error).split())[:160] or type(error).__name__
-        raise ScanError(f"{shown(path)}: not a readable {suffix} mesh ({reason}); export it again") from error
+        raise ScanError(f"{printable(path)}: not a readable {suffix} mesh ({reason}); export it again") from error
     if suffix in (".stl", ".obj", ".glb"):
         vertices, faces = _welded(vertices, faces)
     return Mesh(vertices, faces, calls_for_smooth(vertices, faces))
@@ -66,11 +67,11 @@ def find_meshes(folder: Path) -> dict[str, Path]:
         ScanError: no such folder, or no mesh in it.
     """
     if not folder.is_dir():
-        raise ScanError(f"expected a folder of meshes, got {shown(folder)}, which is no folder; check the path")
+        raise ScanError(f"expected a folder of meshes, got {printable(folder)}, which is no folder; check the path")
     visible = [path for path in folder.iterdir() if not path.name.startswith(".")]  # as ._cow.obj, which macOS leaves
     paths = sorted(path for path in visible if path.suffix.lower() in MESH_SUFFIXES and path.is_file())
     if not paths:
-        raise ScanError(f"folder {shown(folder)} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
+        raise ScanError(f"folder {printable(folder)} holds no mesh; readable: {', '.join(MESH_SUFFIXES)}")
     taken = Counter(path.stem for path in paths) + Counter(path.name for path in paths)  # a.ply is a stem in a.ply.ply
     return {path.stem if taken[path.stem] == 1 else path.name: path for path in paths}
 
@@ -108,12 +109,6 @@ def write_cloud(path: Path, points: np.ndarray) -> None:
     """Binary PLY of points (N, 3), float32 when they come as float32 and else float64; same array, same bytes."""
     rows, head = _vertex_block(np.asarray(points))
     path.write_bytes(f"{head}end_header\n".encode() + rows.tobytes())
-
-
-def shown(path: Path) -> str:
-    """The path as one printable line: names with a newline or undecodable bytes are quoted and escaped."""
-    text = str(path)
-    return text if text.isprintable() else ascii(text)
 
 
 def check_openable(path: Path) -> None:

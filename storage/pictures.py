@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from storage.meshes import shown
+from storage.names import printable
 from storage.png import png
 from storage.whole import write_whole
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
@@ -98,15 +98,15 @@ def read_record(path: Path) -> dict[str, Any]:
                 text = image.tag_v2.get(DESCRIPTION)
     except OSError as error:  # pillow's own error for what is no picture is one of these
         reason = error.strerror or "not a picture that can be read"
-        raise PictureError(f"{shown(path)}: {reason}; expected a picture written by z2p") from error
+        raise PictureError(f"{printable(path)}: {reason}; expected a picture written by z2p") from error
     except Exception as error:  # pillow raises whatever a damaged file makes it stumble over
-        raise PictureError(f"{shown(path)}: cannot be read ({type(error).__name__}: {error})") from error
+        raise PictureError(f"{printable(path)}: cannot be read ({type(error).__name__}: {error})") from error
     try:
         record = json.loads(str(text).removeprefix(f"{KEY}: "))
     except ValueError:
         record = None
     if not isinstance(record, dict) or "record" not in record:
-        raise PictureError(f"{shown(path)}: holds no record of z2p; another program wrote it, or saved it again "
+        raise PictureError(f"{printable(path)}: holds no record of z2p; another program wrote it, or saved it again "
                            "without its text")
     return record
 

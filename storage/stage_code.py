@@ -53,7 +53,7 @@ PLACING = (
 """Those of them that placing a scan runs as well, whichever method then draws it."""
 _CASES = (
     *(f"pipeline.paper.{name}" for name in ("sweeps", "clouds", "made", "references", "methods")), "pipeline.baselines",
-    *(f"pipeline.evaluate:{name}" for name in ("draw_views", "place", "UPRIGHT")), "pipeline.infer",
+    *(f"pipeline.evaluate:{name}" for name in ("draw_views", "in_scene", "UPRIGHT")), "pipeline.infer",
     "pipeline.enlarging", "pipeline.engines", "pipeline.sample:draw_cloud", "pipeline.truth", "pipeline.views",
     "pipeline.shapes",
     "storage.exports", "storage.graphs", "storage.shelf", "z2p_core.sizes",
@@ -97,7 +97,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "scans": (
         "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
         "pipeline.placing", "pipeline.hints", "storage.clouds", "storage.repeats", "storage.incoming",
-        "z2p_core.column_names", "z2p_core.dropouts", "z2p_core.framing", "z2p_core.foreground",
+        "z2p_core.column_names", "z2p_core.dropouts", "z2p_core.framing", "z2p_core.foreground", "z2p_core.lidar_rows",
         "z2p_core.point_arrays", "z2p_core.smoothing", "z2p_core.spread", "z2p_core.standing", "z2p_core.strays",
         "z2p_core.viewpoint", *_CASES,
     ),
@@ -145,6 +145,8 @@ NOT_SHAPING: dict[str, str] = {
     "plugins.baselines.apart": "runs another function elsewhere, whose answer is the same",
     "storage.memory": "refuses what does not fit, and changes nothing of what does",
     "storage.whole": "writes the bytes that it is given",
+    "storage.names": "tells people of files",
+    "z2p_core.telemetry": "keeps libraries from telling others of their use",
     "z2p_core.viewpoint": "turns users' clouds; the pipeline's views are drawn",
     "z2p_core.framing": "frames users' clouds; the pipeline's are framed by their mesh",
 }

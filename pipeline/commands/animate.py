@@ -69,7 +69,7 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     from pipeline.batch import told_fault
     from pipeline.motion import Motion
     from pipeline.suited import renderer_for
-    from storage.clouds import shown
+    from storage.names import printable
 
     renderer = renderer_for(options["weights"], values, engine=options["engine"])
     look = look_from(renderer, values, options)
@@ -82,10 +82,10 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
             kept = None if options["overwrite"] or not task.output.exists() else loop.told_if_kept(renderer)
             if kept is not None:
                 other = f", {kept}" if kept else ""
-                told = f"skipped: {name}: {shown(task.output)} is there already{other}; --overwrite makes it again"
+                told = f"skipped: {name}: {printable(task.output)} is there already{other}; --overwrite makes it again"
             else:
                 how = loop.write(renderer, options["quiet"])
-                told = (f"rendered: {name} -> {shown(task.output)} ({motion.frames} frames, "
+                told = (f"rendered: {name} -> {printable(task.output)} ({motion.frames} frames, "
                         f"{time.perf_counter() - started:.1f} s; {how})")
         except Exception as error:  # whatever a file brings up, the other files go on
             failed = True

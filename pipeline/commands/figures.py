@@ -19,7 +19,7 @@ from pipeline.commands.values import Background, Degrees, Resolution, Smooth, Ta
 from z2p_core.interfaces import Value
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
-    from pipeline.drawing import Look, Window
+    from pipeline.drawing import Crop, Look
     from pipeline.infer import Renderer
 
 
@@ -33,7 +33,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
     z2p info fig.png
     z2p info fig.png --json
     """
-    from storage.meshes import shown
+    from storage.names import printable
     from storage.pictures import PictureError, read_record
 
     failed = False
@@ -47,7 +47,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
         if as_json:
             click.echo(json.dumps({"figure": str(figure), **record}))
         else:
-            click.echo("\n".join([shown(figure), *(f"  {key:<11} {text}" for key, text in _rows(record))]))
+            click.echo("\n".join([printable(figure), *(f"  {key:<11} {text}" for key, text in _rows(record))]))
     if failed:
         click.get_current_context().exit(1)
 
@@ -190,10 +190,10 @@ def _look(
     width, height = options["resolution"] or record["resolution"]
     supersample, fit = (options[name] or record[name] for name in ("supersample", "fit"))
     return Look(values, placing, width, height, background_from(background), supersample, fit == "tight",
-                _window(record, given, options))  # fmt: skip
+                _crop(record, given, options))  # fmt: skip
 
 
-def _window(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Window | None:
+def _crop(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Crop | None:
     """The crop of the picture's series, which lasts while nothing moves in it: neither object nor shadow nor frame."""
     (width, height), (old_width, old_height) = options["resolution"] or record["resolution"], record["resolution"]
     moved = options["azimuth"] or options["load_camera"] is not None or {"elevation", "light"} & set(given)

@@ -21,15 +21,16 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, 
         ScanError: an input is a URL or matches nothing, or standard input is empty.
         click.UsageError: standard input is named twice.
     """
-    from storage.clouds import find_scans, shown
+    from storage.clouds import find_scans
     from storage.incoming import PREFIX, spool
+    from storage.names import printable
 
     if inputs.count(STDIN) > 1:
         raise click.UsageError("- stands for standard input, which can be read only once", ctx)
     def say(path: Path) -> None:
         if not options["quiet"]:
             told = "no points in sight; name its columns (--columns) or the file itself to have it read"
-            click.echo(f"passed over: {shown(path)}: {told}", err=True)
+            click.echo(f"passed over: {printable(path)}: {told}", err=True)
 
     scans = find_scans([text for text in inputs if text != STDIN], options["recursive"], say, named)
     if STDIN in inputs:

@@ -179,7 +179,7 @@ def _same_frame(
 ) -> tuple[Renderer, Look]:
     """The weights for all, and the look with the one camera that fits all clouds, and one crop if they are trimmed."""
     from pipeline.drawing import elevation_of
-    from pipeline.series import common_viewpoint, common_window
+    from pipeline.series import common_crop, common_viewpoint
 
     if look.placing.viewpoint is None:  # a loaded camera is one for all already
         series = common_viewpoint(scans, look.placing, *elevation_of(renderer, look.values), columns)
@@ -190,7 +190,7 @@ def _same_frame(
         placing = replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0)
         look = replace(look, placing=placing, settled=True)
     if look.tight:
-        look = replace(look, window=common_window(scans, renderer, look, columns))
+        look = replace(look, crop=common_crop(scans, renderer, look, columns))
     return renderer, look
 
 

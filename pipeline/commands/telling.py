@@ -81,11 +81,11 @@ def tell_opaque(suffix: str) -> None:
 
 
 def _told(outcome: Outcome) -> str:
-    from storage.clouds import shown
+    from storage.names import printable
 
-    name, pictures = named(outcome.scan), shown(outcome.outputs[0])
+    name, pictures = named(outcome.scan), printable(outcome.outputs[0])
     if len(outcome.outputs) > 1:
-        pictures += f" to {shown(Path(outcome.outputs[-1].name))}"
+        pictures += f" to {printable(Path(outcome.outputs[-1].name))}"
     if outcome.status == "failed":
         return f"failed: {name}: {outcome.error}"
     if outcome.status == "skipped":
@@ -103,10 +103,10 @@ def _told(outcome: Outcome) -> str:
 
 def named(scan: Path) -> str:
     """What a line calls a scan."""
-    from storage.clouds import shown
     from storage.incoming import is_spooled
+    from storage.names import printable
 
-    return "standard input" if is_spooled(scan) else shown(scan)
+    return "standard input" if is_spooled(scan) else printable(scan)
 
 
 def told_read(points: int, total: int, dropped: int, repeated: int) -> str:

@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.baselines import load_baselines, on_true_floor, rebuild_scenes
 from pipeline.engines import REFERENCE_ENGINE
-from pipeline.evaluate import place
+from pipeline.evaluate import in_scene
 from pipeline.infer import Renderer
 from pipeline.load import load_plugins
 from pipeline.paper.references import render_settings
@@ -84,7 +84,7 @@ def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarra
     lacking = [name for name in case.needs if name not in renderer.controls]
     if lacking:
         return Drawn(None, error=f"these weights do not carry {' and '.join(lacking)}")
-    placed = place(case.cloud if cloud is None else cloud, case.scene)
+    placed = in_scene(case.cloud if cloud is None else cloud, case.scene)
     floor = on_true_floor(case.scene, case.truth.vertices).floor
     values = {name: value for name, value in case.values.items() if name in renderer.controls}
     started = time.perf_counter()

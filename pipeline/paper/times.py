@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.baselines import load_baselines
 from pipeline.engines import start_engine
-from pipeline.evaluate import place
+from pipeline.evaluate import in_scene
 from pipeline.load import LoadedWeights, load_plugins
 from pipeline.paper.methods import BASELINE, WEIGHTS, Method
 from pipeline.paper.sweeps import CONTROLS, MADE_LOOK, UNIT, Subject
@@ -55,7 +55,7 @@ def measure_times(
     }  # fmt: skip
     for method in methods:
         if method.kind == WEIGHTS:
-            told["weights"][method.name] = _of_weights(method, place(cloud, scene), scene, config.time_repeats)
+            told["weights"][method.name] = _of_weights(method, in_scene(cloud, scene), scene, config.time_repeats)
         elif method.kind == BASELINE:
             told["baselines"][method.name] = _of_baseline(method, cloud, scene, config)
         log(f"times: {method.name} done")
@@ -104,7 +104,7 @@ def _batch(
 def _of_baseline(method: Method, cloud: np.ndarray, scene: SceneDescription, config: ReportConfig) -> dict[str, Any]:
     """Seconds of normals, the rest of the reconstruction and Blender; of a painter, of its own steps."""
     plugin = load_baselines([method.source])[method.source]
-    placed = place(cloud, scene)
+    placed = in_scene(cloud, scene)
     runs = []
     for _ in range(config.time_repeats + 1):  # the first imports libraries, and does not count
         maker, started = plugin(), time.perf_counter()

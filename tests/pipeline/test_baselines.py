@@ -15,7 +15,7 @@ from pipeline import baselines as module
 from pipeline import evaluate as evaluation
 from pipeline import truth
 from pipeline.baselines import on_true_floor, rebuild, rebuild_scenes
-from pipeline.evaluate import evaluate, place
+from pipeline.evaluate import evaluate, in_scene
 from pipeline.render import RenderError, RenderSettings, render_mesh, render_scenes
 from pipeline.shapes import shape
 from storage.clouds import write_mesh
@@ -96,7 +96,7 @@ def test_baselines_get_our_clouds_on_the_true_floor(rendered, meshes, tiny_weigh
         centres = mesh.vertices.reshape(len(cloud), -1, 3).mean(axis=1)
         assert centres == pytest.approx(cloud, abs=1e-6) and mesh.smooth
         assert replace(scene, floor=None) == ours and ours.floor is None
-        lowest = place(cloud, ours)[:, 2].min()
+        lowest = in_scene(cloud, ours)[:, 2].min()
         assert lowest - 0.2 < scene.floor <= lowest + 1e-6
 
 

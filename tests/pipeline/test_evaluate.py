@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from pipeline import render, truth
-from pipeline.evaluate import draw_views, evaluate, place, summarise
+from pipeline.evaluate import draw_views, evaluate, in_scene, summarise
 from pipeline.export import export_onnx
 from pipeline.infer import Renderer
 from pipeline.render import RenderSettings
@@ -207,7 +207,8 @@ def test_weights_without_elevation_are_measured_at_their_own(make_weights: Calla
 
 def test_cloud_turns_and_rises_with_the_mesh() -> None:
     quarter = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))  # about +Z: +X goes to +Y
-    placed = place(np.array([[1, 0, 0], [0, 0, -1]], dtype=np.float32), SceneDescription(rotation=quarter, lift=0.25))
+    cloud = np.array([[1, 0, 0], [0, 0, -1]], dtype=np.float32)
+    placed = in_scene(cloud, SceneDescription(rotation=quarter, lift=0.25))
     assert placed.dtype == np.float32
     assert placed == pytest.approx(np.array([[0, 1, 0.25], [0, 0, -0.75]]))
 
@@ -283,7 +284,7 @@ def test_clouds_lie_where_blender_draws_the_mesh(tmp_path: Path, tiny_weights: P
     mesh = read_mesh(path)
     sphere = bounding_sphere(mesh.vertices)
     cloud = draw_cloud(mesh, sphere, "uniform", 50_000, "none", 0.0, np.random.default_rng(0))
-    pixels = np.floor(Camera(64, 64, 35.0).project(place(cloud, view.scene))[0]).astype(int)
+    pixels = np.floor(Camera(64, 64, 35.0).project(in_scene(cloud, view.scene))[0]).astype(int)
     splats = np.zeros((64, 64), dtype=bool)
     splats[pixels[:, 1], pixels[:, 0]] = True
     assert (splats & coverage).sum() / (splats | coverage).sum() > 0.85
