@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from pipeline.sheets import MARK, check_places, drop_later, sheet_path
+from pipeline.sheet_files import MARK, check_places, drop_later, sheet_path
 from storage.names import printable
 from storage.png import png
 from storage.whole import write_whole

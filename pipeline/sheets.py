@@ -10,11 +10,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
-from storage.names import printable
+from pipeline.dots import dots
+from pipeline.sheet_files import MARK, check_places, drop_later, sheet_path
 from z2p_core import registry
-from z2p_core.camera import DISTANCE, Camera
+from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite
-from z2p_core.interfaces import SettingError, ZBuffer
+from z2p_core.interfaces import ZBuffer
 
 COLUMNS = ("cloud", "z-buffer (Eq. 1)", "picture", "ground truth")
 """Titles; those of other pictures to compare with come before the ground truth."""
@@ -22,8 +23,6 @@ ROWS_A_SHEET = 12
 CELL, GAP, LABEL, TITLE = 192, 6, 150, 24
 """Sides of a cell, the gap between cells, the label column and the title line, in pixels."""
 INK = (40, 40, 40)
-MARK = "z2p-sheet"
-"""Keyword of the text inside that tells a sheet from all other pictures, which are nobody's to replace."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def sheet_row(
     zbuffer: ZBuffer = registry.load("zbuffers", "paper")()
     drawn = np.clip(zbuffer.draw(cloud, Camera(width, height, elevation))[0], 0, 1)
     pictures = (
-        _dots(cloud, Camera(CELL, CELL, elevation)),
+        dots(cloud, Camera(CELL, CELL, elevation)),
         np.repeat(drawn[..., None], 3, axis=2),
         *(composite(picture, (1.0, 1.0, 1.0)) for picture in (prediction, *others, truth)),
     )
@@ -81,41 +80,6 @@ def write_sheets(rows: Sequence[SheetRow], out: Path, others: Sequence[str] = ()
 def sheets_of(rows: int) -> int:
     """How many sheets so many rows take."""
     return -(-rows // ROWS_A_SHEET)
-
-
-def sheet_path(folder: Path, number: int) -> Path:
-    """Where the sheet of a number, from 1 on, lies."""
-    return folder / ("sheet.png" if number == 1 else f"sheet_{number}.png")
-
-
-def check_places(folder: Path, count: int = 1) -> None:
-    """Makes sure that so many sheets in a folder replace nothing but sheets.
-
-    Raises:
-        SettingError: a file of that name is something else.
-    """
-    for number in range(1, count + 1):
-        path = sheet_path(folder, number)
-        if path.exists() and not is_sheet(path):
-            raise SettingError(f"{printable(path)} is there already, and no contact sheet of this z2p: rename it, or "
-                               "choose another folder")
-
-
-def drop_later(folder: Path, count: int) -> None:
-    """Removes the sheets of a longer run into the same folder, those behind so many; other files stay."""
-    for number in range(count + 1, 1000):
-        if not is_sheet(left := sheet_path(folder, number)):
-            break
-        left.unlink()
-
-
-def is_sheet(path: Path) -> bool:
-    """Whether a file is a contact sheet that z2p wrote."""
-    try:
-        with Image.open(path) as page:
-            return MARK in page.info
-    except (OSError, SyntaxError, ValueError):  # no picture at all
-        return False
 
 
 def _draw_sheet(rows: Sequence[SheetRow], titles: Sequence[str]) -> Image.Image:
@@ -149,15 +113,3 @@ def _cell(picture: np.ndarray) -> np.ndarray:
         return picture
     how = Image.Resampling.NEAREST if picture.shape[0] < CELL else Image.Resampling.BOX
     return np.asarray(Image.fromarray(picture).resize((CELL, CELL), how))
-
-
-def _dots(cloud: np.ndarray, camera: Camera) -> np.ndarray:
-    """Picture (H, W, 3) float64 with a one-pixel dot a point, near ones darker."""
-    picture = np.ones((camera.height, camera.width, 3))
-    pixels, depth = camera.project(cloud.astype(np.float64))
-    order = np.argsort(-depth, kind="stable")  # near dots last, over far ones
-    column, row = np.floor(pixels[order]).astype(int).T
-    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height) & (depth[order] > 0)
-    shade = np.clip(0.1 + 0.35 * (depth[order] - (DISTANCE - 1)), 0.0, 0.8)
-    picture[row[inside], column[inside]] = shade[inside, None]
-    return picture

@@ -87,22 +87,23 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluate", "pipeline.baselines:on_true_floor", "pipeline.infer",
         "pipeline.enlarging", "pipeline.engines", "storage.exports", "storage.graphs", "storage.shelf",
-        "pipeline.sample:draw_cloud", "pipeline.sheets", "pipeline.truth", "pipeline.views", "z2p_core.framing:UP_AXES",
+        "pipeline.dots", "pipeline.sample:draw_cloud", "pipeline.sheet_files", "pipeline.sheets", "pipeline.truth",
+        "pipeline.views", "z2p_core.framing:UP_AXES",
         "z2p_core.metrics", "z2p_core.noise", "z2p_core.sizes", "z2p_core.surface", *_PICTURES, *_NETWORK, *_CONTROLS,
     ),
     "reference": ("pipeline.truth", "z2p_core.scene", *_PICTURES),
     "measure": (
-        "workflows.report_stages:Measure", "pipeline.paper.measure", "z2p_core.metrics", *_CASES,
+        "workflows.report_stages:Measure", "pipeline.dots", "pipeline.paper.measure", "z2p_core.metrics", *_CASES,
     ),
     "scans": (
         "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
-        "pipeline.placing", "pipeline.hints", "storage.clouds", "storage.repeats", "storage.incoming",
+        "pipeline.dots", "pipeline.placing", "pipeline.hints", "storage.clouds", "storage.repeats", "storage.incoming",
         "z2p_core.column_names", "z2p_core.dropouts", "z2p_core.framing", "z2p_core.foreground", "z2p_core.lidar_rows",
         "z2p_core.point_arrays", "z2p_core.smoothing", "z2p_core.spread", "z2p_core.standing", "z2p_core.strays",
         "z2p_core.viewpoint", *_CASES,
     ),
     "times": ("workflows.report_stages:Times", "pipeline.paper.times", *_CASES),
-    "trust": ("workflows.report_stages:Trust", "pipeline.paper.trust", "pipeline.paper.measure",
+    "trust": ("workflows.report_stages:Trust", "pipeline.dots", "pipeline.paper.trust", "pipeline.paper.measure",
               "z2p_core.metrics", *_CASES),
     "report": (
         "workflows.report_stages:Report",

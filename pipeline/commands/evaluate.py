@@ -57,7 +57,8 @@ def evaluate(
     Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
     """
     from pipeline.baselines import load_baselines
-    from pipeline.sheets import check_places, sheets_of
+    from pipeline.sheet_files import check_places
+    from pipeline.sheets import sheets_of
     from storage.checkpoints import resolve
     from storage.meshes import find_meshes
     from z2p_core import registry

@@ -152,7 +152,7 @@ def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: 
 
     folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
     if options["sheet"] is not None:
-        from pipeline.sheets import check_places
+        from pipeline.sheet_files import check_places
 
         columns, rows = options["sheet"]
         count = -(-len(tasks) // (columns * rows))

@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from pipeline.dots import dots
+from pipeline.evaluate import in_scene
 from pipeline.paper.methods import TRUTH, Drawn, Method, draw_cases
 from pipeline.paper.references import references
 from pipeline.paper.sweeps import Case, Subject, sweep_cases
-from z2p_core.camera import DISTANCE, Camera
+from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite
 from z2p_core.metrics import picture_metrics
 from z2p_core.report_config import ReportConfig
@@ -100,15 +102,7 @@ def gain(ours: np.ndarray, theirs: np.ndarray) -> float:
 def points_picture(case: Case, side: int) -> np.ndarray:
     """Picture (H, W, 4) float64 on white with a dot a point, near ones darker."""
     camera = Camera(side, side, case.scene.elevation)
-    placed = case.cloud.astype(np.float64) @ np.array(case.scene.rotation).T + (0, 0, case.scene.lift)
-    pixels, depth = camera.project(placed)
-    order = np.argsort(-depth, kind="stable")  # near dots last, over far ones
-    column, row = np.floor(pixels[order]).astype(int).T
-    inside = (column >= 0) & (column < side) & (row >= 0) & (row < side)
-    shade = np.clip(0.1 + 0.35 * (depth[order] - (DISTANCE - 1)), 0.0, 0.8)
-    picture = np.ones((side, side, 4))
-    picture[row[inside], column[inside], :3] = shade[inside, None]
-    return picture
+    return np.dstack([dots(in_scene(case.cloud, case.scene), camera), np.ones((side, side))])
 
 
 def _kept(cases: Sequence[Case], index: int, drawn: Sequence[Drawn], truths: Truths) -> dict[str, float]:

@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 from collections.abc import Iterator
+from functools import cache
 from importlib import metadata
 
 import pytest
@@ -77,11 +78,12 @@ def needs(part: str) -> Iterator[tuple[str, str]]:
             yield origin, name
 
 
-def in_project(found: Iterator[tuple[str, str]]) -> set[tuple[str, str]]:
-    """Only the project's own, with ``from package import module`` told as that module."""
-    kept = {(module, name) for module, name in found if module.split(".")[0] in ROOMS}
+@cache
+def needed(part: str) -> frozenset[tuple[str, str]]:
+    """What a part needs of the project's own, with ``from package import module`` told as that module."""
+    kept = {(module, name) for module, name in needs(part) if module.split(".")[0] in ROOMS}
     inner = {(m, n): (f"{m}.{n}", "") for m, n in kept if n and source_of(f"{m}.{n}").is_file()}
-    return {inner.get(one, one) for one in kept}
+    return frozenset(inner.get(one, one) for one in kept)
 
 
 def plugins(stage: str) -> list[type]:
@@ -95,7 +97,7 @@ def plugin_modules(stage: str) -> set[str]:
     while waiting:
         found.add(module := waiting.pop())
         folder = module.rpartition(".")[0]
-        waiting |= {other for other, _ in in_project(needs(module)) if other.rpartition(".")[0] == folder} - found
+        waiting |= {other for other, _ in needed(module) if other.rpartition(".")[0] == folder} - found
     return found
 
 
@@ -109,7 +111,7 @@ def test_everything_that_a_stage_imports_is_listed_or_excused(stage):
     for part in ENTRY[stage]:
         assert listed(stage, *part.split(":")), f"{stage} runs {part}, which its fingerprint does not hold"
     for part in [*SHAPING[stage], *plugin_modules(stage)]:
-        for module, name in in_project(needs(part)) - {(one, "") for one in ("plugins",)}:
+        for module, name in needed(part) - {(one, "") for one in ("plugins",)}:
             if module in plugin_modules(stage) or module == "z2p_core":
                 continue
             assert listed(stage, module, name) or excused(stage, module, name), (
@@ -126,7 +128,7 @@ def test_nothing_is_listed_that_no_code_of_the_stage_reaches(stage):
         for step in ({part} & plugin_modules(stage)) | ({part, module} & set(SHAPING[stage])):
             if step not in reached:
                 reached.add(step)
-                waiting += [f"{origin}:{name}" if name else origin for origin, name in in_project(needs(step))]
+                waiting += [f"{origin}:{name}" if name else origin for origin, name in needed(step)]
     beside = {part for part in SHAPING[stage] if "/" in part and part.rpartition("/")[0].replace("/", ".") in reached}
     assert set(SHAPING[stage]) <= reached | beside  # what is compiled belongs to the module beside it
 
@@ -147,7 +149,7 @@ def test_what_placing_a_scan_runs_is_no_part_of_weights_alone():
         part = waiting.pop()
         reached.add(part)
         if part != "z2p_core.native":  # its names come from modules that placing does not all call
-            waiting |= {module for module, _ in in_project(needs(part))} - reached
+            waiting |= {module for module, _ in needed(part)} - reached
     assert reached & set(OF_WEIGHTS) <= set(PLACING) <= set(OF_WEIGHTS) & set(SHAPING["scans"])
     kernels = {name: set(re.findall(r"native\.(\w+)", (ROOT / "z2p_core" / f"{name}.py").read_text()))
                for name in ("framing", "smoothing")}  # fmt: skip
@@ -172,7 +174,7 @@ def test_a_package_may_come_by_another_name(monkeypatch):
 def test_every_excuse_is_needed_and_every_stage_is_told():
     assert set(SHAPING) == set(PACKAGES) == set(STAGE_VERSIONS) == set(ENTRY)
     used = {one for stage in SHAPING for part in [*SHAPING[stage], *plugin_modules(stage)] for m, n in
-            in_project(needs(part)) for one in (m, f"{stage}/{m}:{n}")}  # fmt: skip
+            needed(part) for one in (m, f"{stage}/{m}:{n}")}  # fmt: skip
     assert set(NOT_SHAPING) <= used
 
 
