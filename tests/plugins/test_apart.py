@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import threading
 import time
 
@@ -52,21 +51,19 @@ def test_a_death_and_an_error_are_told() -> None:
     assert call("a", within=60)[0] == "a"
 
 
-def test_an_interrupt_leaves_no_answer_for_the_next_call() -> None:
+def test_an_interrupt_leaves_no_answer_for_the_next_call(monkeypatch: pytest.MonkeyPatch) -> None:
     call = Apart(work)
-    call("a", within=60)
+    _, process = call("a", within=60)
 
-    def interrupt(*_: object) -> None:
+    def interrupted(within: float) -> bool:
         raise KeyboardInterrupt
 
-    before = signal.signal(signal.SIGALRM, interrupt)
-    try:
-        signal.setitimer(signal.ITIMER_REAL, 0.3)
+    with monkeypatch.context() as meanwhile:
+        meanwhile.setattr(type(call._pipe), "poll", lambda pipe, within: interrupted(within))
         with pytest.raises(KeyboardInterrupt):
             call("slow", within=60)
-    finally:
-        signal.signal(signal.SIGALRM, before)
-    time.sleep(1)
+    with pytest.raises(ProcessLookupError):
+        os.kill(process, 0)
     assert call("b", within=60)[0] == "b"
 
 
