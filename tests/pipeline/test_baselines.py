@@ -86,9 +86,8 @@ def test_each_baseline_has_rows_means_pictures_and_a_column(rendered, meshes, ti
 
 
 def test_baselines_get_our_clouds_on_the_true_floor(rendered, meshes, tiny_weights, tmp_path, monkeypatch) -> None:
-    given = []
-    plain = evaluation.in_scene
-    monkeypatch.setattr(evaluation, "in_scene", lambda cloud, scene: given.append((cloud, scene)) or plain(cloud, scene))
+    given, plain = [], evaluation.in_scene
+    monkeypatch.setattr(evaluation, "in_scene", lambda *pair: given.append(pair) or plain(*pair))
     run(meshes, tiny_weights, tmp_path, CONFIG, "balls")
     balls = [(mesh, scene) for mesh, scene in rendered if mesh is not None]
     assert len(balls) == 2

@@ -17,6 +17,7 @@ from pipeline.infer import Renderer
 from pipeline.streamline import INPUTS, Inputs, quantised, streamlined
 from storage.checkpoints import load_weights, save_weights
 from storage.graphs import INT8, graph_path, load_graph, save_graph
+from z2p_core.engine_contract import ROUGH
 
 FORMS: dict[str, dict[str, Any]] = {
     "unshuffle": {"widths": (16, 16, 24), "mapping": 24},
