@@ -242,8 +242,8 @@ class _File:
         """
         if self.overwrite or not output.exists():
             return False
-        told = told_if_kept(output, self._source_of(output, cloud), self._look_at(cloud),
-                             self.renderer.sole_weights)
+        source, look = self._source_of(output, cloud), self._look_at(cloud)
+        told = told_if_kept(output, source, look, self.renderer.sole_weights)
         self.outcome.kept = told or self.outcome.kept
         return told is not None
 

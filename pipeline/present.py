@@ -19,8 +19,8 @@ def told_if_kept(
 
     That is so where its scan has changed since, or nothing is in the file. `source` and `motion` are what a new
     picture's record would say of its cloud and, of a loop, of its frames; `weights` is the sha256 of those that would
-    draw it, None where the cloud chooses. A picture without a record is another
-    program's, and stays; so does an MP4, whose record only its players read.
+    draw it, None where the cloud chooses. A picture without a record is another program's, and stays; so does an MP4,
+    whose record only its players read.
 
     Raises:
         PictureError: it shows another cloud, or nothing that can be read.

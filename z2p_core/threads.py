@@ -1,13 +1,13 @@
 """The cores at hand, and a second one for the kernels, which hold no lock.
 
-Beside the thread that asks, a process has one more, the *second core*; that is what `idle` of `_Core` tells. Work gets
-there in three ways:
+Beside the threads that ask, a process has one more, the *second core*, which does one piece of work at a time; `idle`
+of `_Core` is held by whoever has it. Work gets there in two ways:
 
-- `beside` gives it one piece of work to the end, or does it at once where the core is not idle;
-- `over_rows`, `rows_beside` and `all_of` cut work into parts. Both take the next part that is left, the second core
-  from the moment on that it is idle; whoever asked comes back when all are done, and so never waits for a core that
-  others keep;
-- within `one_core_each` nothing goes there: several pictures are drawn at a time, one on each core.
+- `beside` hands it one piece of work whole, or does that at once where the core is not idle;
+- `over_rows`, `rows_beside` and `all_of` cut work into parts. Whoever asked and the second core each take the next part
+  that is left, the second core from the moment on that it is idle. So nobody waits for a core that others keep.
+
+Within `one_core_each` no work goes there: several pictures are drawn at a time, one on each core.
 """
 
 from __future__ import annotations
