@@ -14,40 +14,45 @@
 #define LANES 16   /* neighbours that are measured at a time */
 #define REACH 4.0f /* in `scale`, of the longest step to a neighbour: longer ones are told apart less and less */
 
-/* One number of each unit. Spelt out, as compilers turn loops over so few the wrong way round. */
-typedef float Units __attribute__((vector_size(4 * WIDTH)));
-typedef int Masks __attribute__((vector_size(4 * WIDTH)));
-typedef float Half __attribute__((vector_size(2 * WIDTH)));
-typedef float Quarter __attribute__((vector_size(WIDTH)));
+#define PART 8              /* units that are reckoned with at a time: as many as wide registers hold */
+#define PARTS (WIDTH / PART)
+
+/* One number of each unit of a part. Spelt out, as compilers turn loops over so few the wrong way round; and of no more
+ * than a register holds, for what is longer they keep in memory, four times as slow. */
+typedef float Part __attribute__((vector_size(4 * PART)));
+typedef int Masks __attribute__((vector_size(4 * PART)));
 
 /* What votes are made of, measured of a neighbour: its normal, turned as the point's own; the step to it times how far
  * that rises along either normal; and the rise itself. What the units say is summed over the neighbours times each. */
 enum { TURN, CLIMB = 3, THEIR_CLIMB = 6, RISE = 9, MEASURES };
 
-INLINE Units units(const float *numbers) {
-    Units all;
-    memcpy(&all, numbers, sizeof all);
-    return all;
+/* The numbers of that part of the units. */
+INLINE Part part_of(const float *numbers, int part) {
+    Part some;
+    memcpy(&some, numbers + PART * part, sizeof some);
+    return some;
 }
 
-INLINE Units positive(Units all) { return (Units)((all > 0) & (Masks)all); }
+INLINE Part positive(Part some) { return (Part)((some > 0) & (Masks)some); }
 
-/* Numbers times their rows of weights, in four sums, so that fewer additions wait for the one before. */
-INLINE Units product(Units numbers, const float (*weights)[WIDTH]) {
-    Units sums[4] = {{0}};
-    for (int i = 0; i < WIDTH; i++) sums[i % 4] += numbers[i] * units(weights[i]);
-    return (sums[0] + sums[1]) + (sums[2] + sums[3]);
+/* Adds to `sums` numbers times their rows of weights: the odd ones apart, so that fewer additions wait for the one
+ * before. */
+INLINE void add_product(const float *numbers, const float (*weights)[WIDTH], Part *sums) {
+    Part odd[PARTS];
+    for (int u = 0; u < PARTS; u++) odd[u] = (Part){0};
+    for (int i = 0; i < WIDTH; i += 2)
+        for (int u = 0; u < PARTS; u++) {
+            sums[u] += numbers[i] * part_of(weights[i], u);
+            odd[u] += numbers[i + 1] * part_of(weights[i + 1], u);
+        }
+    for (int u = 0; u < PARTS; u++) sums[u] += odd[u];
 }
 
-/* Sum of all units, by halves, so that no addition waits for the one before. */
-INLINE float total(Units all) {
-    Half halves[2];
-    memcpy(halves, &all, sizeof halves);
-    halves[0] += halves[1];
-    Quarter quarters[2];
-    memcpy(quarters, halves, sizeof quarters);
-    Quarter sums = quarters[0] + quarters[1];
-    return (sums[0] + sums[2]) + (sums[1] + sums[3]);
+/* The sum of votes times sums over all units, by halves, so that no addition waits for the one before. */
+INLINE float poll(const float *votes, const Part *sums) {
+    Part all = {0};
+    for (int u = 0; u < PARTS; u++) all += part_of(votes, u) * sums[u];
+    return ((all[0] + all[4]) + (all[1] + all[5])) + ((all[2] + all[6]) + (all[3] + all[7]));
 }
 
 /* Measures of the first `count` neighbours in `row`, and what the units read of them: lengths and angles. */
@@ -81,17 +86,31 @@ INLINE void measure(const float *points, const float *normals, const float *p, c
     }
 }
 
-/* Adds up what the units say of the first `count` neighbours in `row`, as it is and times each measure. */
-INLINE void add_up(const Round *round, Units own, const float *told, const int *row, int count,
-                   float (*measures)[LANES], float (*features)[LANES], Units *all, Units *sums) {
-    Units pair[FEATURES];
-    for (int f = 0; f < FEATURES; f++) pair[f] = units(round->pair[f]);
-    for (int j = 0; j < count; j++) {
-        Units said = own + units(told + (size_t)row[j] * WIDTH);
-        for (int f = 0; f < FEATURES; f++) said += features[f][j] * pair[f];
-        said = positive(said);
-        *all += said;
-        for (int m = 0; m < MEASURES; m++) sums[m] += said * measures[m][j];
+/* What the units say of the first `count` neighbours in `row`, for whom they have heard so much of the point itself. */
+INLINE void say(const Round *round, const Part *heard, const float *told, const int *row, int count,
+                float (*features)[LANES], Part (*said)[PARTS]) {
+    for (int u = 0; u < PARTS; u++) {
+        Part own = heard[u], pair[FEATURES];
+        for (int f = 0; f < FEATURES; f++) pair[f] = part_of(round->pair[f], u);
+        for (int j = 0; j < count; j++) {
+            Part sum = own + part_of(told + (size_t)row[j] * WIDTH, u);
+            for (int f = 0; f < FEATURES; f++) sum += features[f][j] * pair[f];
+            said[j][u] = positive(sum);
+        }
+    }
+}
+
+/* Adds that up over the neighbours, as it is and times each measure. */
+INLINE void add_up(Part (*said)[PARTS], int count, float (*measures)[LANES], Part *all, Part (*sums)[PARTS]) {
+    for (int u = 0; u < PARTS; u++) {
+        Part whole = all[u], times[MEASURES];
+        for (int m = 0; m < MEASURES; m++) times[m] = sums[m][u];
+        for (int j = 0; j < count; j++) {
+            whole += said[j][u];
+            for (int m = 0; m < MEASURES; m++) times[m] += said[j][u] * measures[m][j];
+        }
+        all[u] = whole;
+        for (int m = 0; m < MEASURES; m++) sums[m][u] = times[m];
     }
 }
 
@@ -105,13 +124,29 @@ int z2p_refine_size(int *rounds, int *width) {
  * (count, WIDTH) and told (count, WIDTH). */
 FAST int z2p_refine_begin(float noise, int count, float *memory, float *told) {
     const float(*start)[WIDTH] = LEARNT.start;
-    Units first = positive(units(start[0]) + noise * (units(start[1]) + noise * units(start[2])));
-    Units says = product(first, LEARNT.rounds[0].other);
+    float first[WIDTH];
+    Part says[PARTS] = {{0}};
+    for (int i = 0; i < WIDTH; i++) first[i] = larger(start[0][i] + noise * (start[1][i] + noise * start[2][i]), 0);
+    add_product(first, LEARNT.rounds[0].other, says);
     for (int i = 0; i < count; i++) {
-        memcpy(memory + (size_t)i * WIDTH, &first, sizeof first);
-        memcpy(told + (size_t)i * WIDTH, &says, sizeof says);
+        memcpy(memory + (size_t)i * WIDTH, first, sizeof first);
+        memcpy(told + (size_t)i * WIDTH, says, sizeof says);
     }
     return 1;
+}
+
+/* What a point remembers and tells (WIDTH, each) after a round, by what it remembers now (WIDTH) and what was said. */
+INLINE void remember(const Round *round, const float *own, const Part *said, float *memory, float *told) {
+    Part after[PARTS], says[PARTS];
+    float heard[WIDTH];
+    memcpy(heard, said, sizeof heard);
+    for (int u = 0; u < PARTS; u++) after[u] = part_of(round->forget, u), says[u] = (Part){0};
+    add_product(own, round->keep, after);
+    add_product(heard, round->learn, after);
+    for (int u = 0; u < PARTS; u++) after[u] = positive(after[u]);
+    memcpy(memory, after, sizeof after);
+    add_product(memory, round[1].other, says);
+    memcpy(told, says, sizeof says);
 }
 
 /* One round, for rows from `begin` to `end`: points (count, 3) on their patches, their unit normals (count, 3), of
@@ -121,34 +156,36 @@ FAST int z2p_refine(int which, const float *points, const float *normals, const 
                     const int *found, const float *scale, int begin, int end, int most, float *points_after,
                     float *normals_after, float *memory_after, float *told_after) {
     const Round *round = LEARNT.rounds + which;
+    float share = 1 / (float)most;
     for (int i = begin; i < end; i++) {
-        const float *p = points + 3 * (size_t)i, *n = normals + 3 * (size_t)i;
+        const float *p = points + 3 * (size_t)i, *n = normals + 3 * (size_t)i, *own = memory + (size_t)i * WIDTH;
         const int *row = found + (size_t)i * most;
-        float share = 1 / (float)most, turned[3];
-        Units own = units(memory + (size_t)i * WIDTH), said = {0}, sums[MEASURES] = {{0}};
-        Units heard = units(round->bias) + product(own, round->own);
+        Part heard[PARTS], all[PARTS], sums[MEASURES][PARTS];
+        for (int u = 0; u < PARTS; u++) {
+            heard[u] = part_of(round->bias, u), all[u] = (Part){0};
+            for (int m = 0; m < MEASURES; m++) sums[m][u] = (Part){0};
+        }
+        add_product(own, round->own, heard);
         for (int first = 0; first < most; first += LANES) {
             float measures[MEASURES][LANES], features[FEATURES][LANES];
+            Part said[LANES][PARTS];
             int count = most - first < LANES ? most - first : LANES;
             measure(points, normals, p, n, row + first, count, 1 / scale[i], measures, features);
-            add_up(round, heard, told, row + first, count, measures, features, &said, sums);
+            say(round, heard, told, row + first, count, features, said);
+            add_up(said, count, measures, all, sums);
         }
-        Units vote[4];
-        for (int v = 0; v < 4; v++) vote[v] = share * units(round->vote[v]);
+        float turned[3], lift = share * scale[i] * poll(round->vote[3], sums[RISE]);
         for (int a = 0; a < 3; a++)
-            turned[a] = n[a] + total(vote[0] * sums[TURN + a] + vote[1] * sums[CLIMB + a]
-                                     + vote[2] * sums[THEIR_CLIMB + a]);
-        float length = sqrtf(dot(turned, turned)), lift = scale[i] * total(vote[3] * sums[RISE]);
+            turned[a] = n[a] + share * (poll(round->vote[0], sums[TURN + a]) + poll(round->vote[1], sums[CLIMB + a])
+                                        + poll(round->vote[2], sums[THEIR_CLIMB + a]));
+        float length = sqrtf(dot(turned, turned));
         for (int a = 0; a < 3; a++) {
             points_after[3 * (size_t)i + a] = p[a] + lift * n[a];
             normals_after[3 * (size_t)i + a] = length > 1e-6f ? turned[a] / length : n[a];
         }
         if (which + 1 == ROUNDS) continue; /* nobody listens any more */
-        Units learnt = product(said * share, round->learn);
-        Units after = positive(units(round->forget) + product(own, round->keep) + learnt);
-        Units says = product(after, round[1].other);
-        memcpy(memory_after + (size_t)i * WIDTH, &after, sizeof after);
-        memcpy(told_after + (size_t)i * WIDTH, &says, sizeof says);
+        for (int u = 0; u < PARTS; u++) all[u] *= share;
+        remember(round, own, all, memory_after + (size_t)i * WIDTH, told_after + (size_t)i * WIDTH);
     }
     return 1;
 }
