@@ -121,7 +121,7 @@ def _networks(options: Any, weights: Path) -> list[Figure]:
     for side in (256, 512):
         for name in reversed(_engines(weights, options.threads)):  # torch comes first, as the others' baseline
             renderer = Renderer(weights, options.threads, name)
-            run = partial(renderer._engine.run, *renderer.inputs(cloud_of(FEW), None, side, side))
+            run = partial(renderer._engine.draw, *renderer.inputs(cloud_of(FEW), None, side, side))
             figures.append(measure(f"network, {name}, {side}", run, baseline=f"network, torch, {side}"))
     return figures
 

@@ -12,6 +12,7 @@ from storage.graphs import INT8, graph_path, load_graph
 from storage.shelf import users_shelf
 from z2p_core import registry
 from z2p_core.interfaces import Engine, TrainedNetwork
+from z2p_core.touch import Touch
 
 REFERENCE_ENGINE = "torch"
 """What quality is measured with, and the other engines against."""
@@ -29,13 +30,17 @@ def start_engine(
         WeightsError: no engine can run these weights: the export beside them is missing, damaged or of others.
     """
     digest = loaded.weights.digest
-    onnx = load_onnx(file, digest) or load_graph(file, digest)
-    int8 = load_graph(file, digest, INT8)
+    whole = load_onnx(file, digest)
+    onnx, int8 = whole or load_graph(file, digest), load_graph(file, digest, INT8)
     network = TrainedNetwork(
         loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8, users_shelf(),
         loaded.windows,
     )  # fmt: skip
-    return _chosen(name, network, file, exact)(network, threads)
+    chosen = _chosen(name, network, file, exact)
+    engine = chosen(network, threads)
+    if chosen.reads_onnx and (chosen.reads_int8 or whole is None):  # graph files leave out the last of a network
+        engine.last = Touch.of(loaded.weights.tensors, loaded.config)
+    return engine
 
 
 def check_engine(name: str) -> type[Engine]:

@@ -113,13 +113,13 @@ class Renderer:
         """The network's picture (4, H, W) of these inputs, the G-buffer's features of so many points among them."""
         beside = self._loaded.gbuffer.elsewhere(features, points) if self._loaded.windows else None
         if beside is None:
-            return np.require(self._engine.run(buffers, encoding, settings)[0], np.float32, ["C", "W"])
+            return np.require(self._engine.draw(buffers, encoding, settings)[0], np.float32, ["C", "W"])
         shown, drawn = beside
         cell = self._loaded.config.unshuffle
         window = window_of(shown > 0, self._loaded.config.stride, cell)
         blocks = [slice(side.start // cell, -(-side.stop // cell)) for side in window]
         inside = self._copied(buffers[:, :, *window]), np.ascontiguousarray(encoding[:, *blocks]), settings
-        drawn[:, *window] = self._engine.run(*inside)[0]
+        drawn[:, *window] = self._engine.draw(*inside)[0]
         return drawn
 
     def _copied(self, window: np.ndarray) -> np.ndarray:

@@ -1,4 +1,7 @@
-"""Quicker forms of an exported network: the same one with less copying, and one that computes in 8 bits."""
+"""Quicker forms of an exported network: the same one with less copying, and one that computes in 8 bits.
+
+Both end before the network's last convolutions, which `z2p_core.touch` does quicker than engines.
+"""
 
 from __future__ import annotations
 
@@ -17,14 +20,12 @@ Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Buffers, encoding and settings as `z2p_core.interfaces.Engine.run` takes them."""
 
 INPUTS = ("buffers", "encoding", "settings")
-WHOLE = ("/stem", "/head", "/sharpen", "/look", "/touch")
+CELLS = "cells"
+"""What the output is called of a network that ends before its last convolutions."""
+WHOLE = ("/stem", "/head", "/sharpen")
 """Convolutions that stay in float32: they read and write the picture, where 8 bits show (SSIM 0.862 for 0.909)."""
 STEM_PARTS = ("features", "traced")
 """What the stem's output is split into."""
-PICTURE = 4
-"""Channels of a picture, which come before the buffers."""
-BLOCK = 2
-"""Side of the blocks of pixels that a picture's last convolution writes; larger ones read too much around them."""
 PERCENTILE = 99.999
 """Of an activation's values, how many the 8 bits reach."""
 
@@ -47,9 +48,10 @@ def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
     """The network with less copying: the same sums in another order.
 
     `channels` is how many the buffers have, `cell` the side of a pixel block. Blocks are read by strided convolutions,
-    rather than folded into channels before one, which engines do on one core. Instead of convolutions whose input is
-    joined or whose output is split there are two. And what has few channels to write is written in blocks of pixels.
-    A network without a stem stays as it is.
+    rather than folded into channels before one, which engines do on one core. Instead of a convolution whose input is
+    joined or whose output is split there are two. A network that goes over single pixels at the end gives its picture
+    in cells, for that to be done by `z2p_core.touch`, and is given buffers that need no padding. One without a stem
+    stays as it is.
     """
     from onnx import checker, load_from_string
 
@@ -61,10 +63,7 @@ def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
     folded, padded, encoding = _sources(graph, stem)
     drawn = _strided_stem(graph, stem, padded, encoding, channels, cell)
     if look is not None:
-        _split_input(graph, look)
-    touch = _convolution(graph, "touch.weight")
-    if touch is not None:
-        _in_blocks(graph, touch)
+        _end_with_cells(graph, look, padded)
     for node in graph.node:
         if node.op_type == "Shape" and node.input[0] == folded:
             node.input[0] = drawn  # as high and as wide
@@ -137,41 +136,22 @@ def _strided_stem(graph: Any, stem: Any, padded: str, encoding: str | None, chan
     return drawn
 
 
-def _split_input(graph: Any, convolution: Any) -> None:
-    """Puts a convolution for the picture and one for the buffers in the place of one of both, joined."""
-    name = convolution.input[1].removesuffix(".weight")
-    joined = next(node for node in graph.node if convolution.input[0] in node.output)
-    kernel, halved = constant_of(graph, convolution.input[1])
-    bias, _ = constant_of(graph, convolution.input[2])
-    picture, buffers = np.split(kernel, [PICTURE], axis=1)
-    seen, beside = joined.input
-    border = kernel.shape[-1] // 2
-    parts = {f"{name}.picture": Part(seen, picture, bias, border=border),
-             f"{name}.buffers": Part(beside, buffers, border=border)}  # fmt: skip
-    graph.node.remove(convolution)
-    _add_convolutions(graph, parts, convolution.output[0], halved)
+def _end_with_cells(graph: Any, look: Any, padded: str) -> None:
+    """Ends the graph with the cells of pixels that make the picture at which that convolution looks.
 
-
-def _in_blocks(graph: Any, convolution: Any) -> None:
-    """Puts a convolution that writes blocks of `BLOCK` pixels a side in the place of one with 3x3 weights.
-
-    Engines compute sixteen channels at a time: four of each of four pixels, where there were but four.
+    Buffers are read as they are given, where they were padded before.
     """
-    from onnx import helper
+    from onnx import TensorProto, helper
 
-    name = convolution.input[1].removesuffix(".weight")
-    kernel, halved = constant_of(graph, convolution.input[1])
-    bias, _ = constant_of(graph, convolution.input[2])
-    (written, read), reach = kernel.shape[:2], kernel.shape[-1]
-    wide = np.zeros((written, BLOCK, BLOCK, read, reach + BLOCK - 1, reach + BLOCK - 1), np.float32)
-    for row, column in np.ndindex(BLOCK, BLOCK):
-        wide[:, row, column, :, row : row + reach, column : column + reach] = kernel
-    blocks = Part(convolution.input[0], wide.reshape(-1, read, *wide.shape[-2:]), np.repeat(bias, BLOCK**2), BLOCK,
-                  border=reach // 2)  # fmt: skip
-    graph.node.remove(convolution)
-    drawn = _add_convolutions(graph, {f"{name}.blocks": blocks}, f"{name}.blocks.drawn", halved)
-    graph.node.append(helper.make_node("DepthToSpace", [drawn], [convolution.output[0]], f"/{name}/DepthToSpace",
-                                       blocksize=BLOCK, mode="CRD"))  # fmt: skip
+    makers = {output: node for node in graph.node for output in node.output}
+    picture = makers[look.input[0]].input[0]
+    for node in graph.node:
+        for place, name in enumerate(node.input):
+            node.input[place] = INPUTS[0] if name == padded else name
+    del graph.output[:]
+    sizes = ["batch", "channels", "rows", "columns"]
+    graph.output.append(helper.make_tensor_value_info(CELLS, TensorProto.FLOAT, sizes))
+    graph.node.append(helper.make_node("Identity", [makers[picture].input[0]], [CELLS], "/cells"))
 
 
 def _add_convolutions(graph: Any, parts: dict[str, Part], output: str, halved: bool) -> str:

@@ -61,5 +61,5 @@ class Teacher:
         """Picture (side, side, 4) float32 of a placed cloud (N, 3) with settings (S,): colour times alpha, alpha."""
         camera = Camera(self.resolution, self.resolution, scene.elevation)
         buffers = draw_buffers(cloud, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
-        drawn = straight_bytes(self._engine.run(buffers[None], self._encoding, settings[None])[0])
+        drawn = straight_bytes(self._engine.draw(buffers[None], self._encoding, settings[None])[0])
         return premultiplied_from_straight(shrink(unit_from_bytes(drawn), self.resolution // side))

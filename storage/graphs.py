@@ -17,7 +17,8 @@ from safetensors import safe_open
 from storage.checkpoints import WeightsError
 from storage.whole import write_whole
 
-FORMAT = 1
+FORMAT = 2
+"""Raised when the models change in what they read or give: those of format 1 had the last convolutions as well."""
 INT8 = "int8"
 """Form of the network that computes in 8 bits; its graph file is another."""
 _MAGIC = b"z2p graph\n"

@@ -22,9 +22,9 @@ _MESHES = ("storage.meshes", "z2p_core.ply_header")
 _PICTURES = ("pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.geometry", "z2p_core.images", *_MESHES)
 _KERNEL_FILES = (
     "axes.h", "cells.c", "centres.c", "clips.c", "clips.h", "colour.c", "compiling.py", "disc.h", "fast.h", "floor.h",
-    "gather.c", "gloss.c", "grid.c", "grid.h", "hits.c", "holes.c", "jets.c", "light.c", "mirror.c", "planes.c",
-    "project.c", "refine.c", "refine_network.h", "refine_weights.h", "shade.c", "shadow.c", "showing.c", "sight.h",
-    "slabs.c", "splat.c",
+    "gather.c", "gloss.c", "grid.c", "grid.h", "hits.c", "holes.c", "jets.c", "lanes.h", "light.c", "mirror.c",
+    "planes.c", "project.c", "refine.c", "refine_network.h", "refine_weights.h", "shade.c", "shadow.c", "showing.c",
+    "sight.h", "slabs.c", "splat.c", "touch.c",
 )
 _KERNELS = (
     "z2p_core.native", *(f"z2p_core.native.{name}" for name in ("calls", "lighting", "pictures", "surfaces")),
@@ -33,15 +33,16 @@ _KERNELS = (
 _NETWORK = (
     "pipeline.buffers", "pipeline.load", "storage.checkpoints", "z2p_core.model", "z2p_core.splatting",
     "z2p_core.camera", "z2p_core.discs", "z2p_core.lamps", "z2p_core.principled", "z2p_core.reflection",
-    "z2p_core.scene", "z2p_core.shades", "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", "z2p_core.window",
-    *_KERNELS,
+    "z2p_core.scene", "z2p_core.shades", "z2p_core.tangents", "z2p_core.threads", "z2p_core.touch", "z2p_core.turning",
+    "z2p_core.window", *_KERNELS,
 )
 
 OF_WEIGHTS = (
     "pipeline.buffers", "pipeline.load", "pipeline.infer", "pipeline.enlarging", "pipeline.engines",
     "storage.checkpoints", "storage.exports", "storage.graphs", "storage.shelf", "z2p_core.discs", "z2p_core.model",
     "z2p_core.lamps", "z2p_core.principled", "z2p_core.reflection", "z2p_core.shades", "z2p_core.sizes",
-    "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads", "z2p_core.turning", "z2p_core.window", *_KERNELS,
+    "z2p_core.splatting", "z2p_core.tangents", "z2p_core.threads", "z2p_core.touch", "z2p_core.turning",
+    "z2p_core.window", *_KERNELS,
 )
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
 PLACING = (

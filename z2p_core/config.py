@@ -11,6 +11,9 @@ from typing import Any
 
 from z2p_core.noise import KINDS
 
+FINE_BLOCK = 2
+"""Side of the pixel blocks in which the fast network goes over its picture."""
+
 
 class ConfigError(ValueError):
     """A configuration that cannot be used; the message names the key, what was expected and what came."""

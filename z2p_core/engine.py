@@ -21,6 +21,16 @@ class Shelf(Protocol):
         """Keeps it, if that can be done."""
 
 
+class LastSteps(Protocol):
+    """What is left to do after a model that ends before its network does; `z2p_core.touch` for shipped ones."""
+
+    def padded(self, buffers: np.ndarray) -> np.ndarray:
+        """Buffers (B, C, H, W) with the zeros around them that the model reads."""
+
+    def finish(self, cells: np.ndarray, buffers: np.ndarray) -> np.ndarray:
+        """Pictures (B, 4, H, W) in [0, 1] from what the model gave of buffers (B, C, H, W)."""
+
+
 @dataclass(frozen=True)
 class TrainedNetwork:
     """A trained network in the forms that engines take; see `z2p_core.model.build_network` for what it computes."""
@@ -57,6 +67,9 @@ class Engine(ABC):
     exact: ClassVar[bool] = True
     """Whether it keeps within 2/255 of torch; what does not says so, and `z2p evaluate --engine` judges it."""
 
+    last: LastSteps | None = None
+    """What `draw` does after `run`, where the model leaves out the last of its network."""
+
     @classmethod
     def unasked(cls) -> bool:
         """Whether it may run where the user forces none: exact ones may, others where they are quicker than those."""
@@ -73,9 +86,17 @@ class Engine(ABC):
 
     @abstractmethod
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
-        """Pictures (B, 4, H, W) float32 in [0, 1], colour times alpha and alpha.
+        """What the model gives, most often pictures (B, 4, H, W) float32 in [0, 1], colour times alpha and alpha.
 
         Of buffers (B, C, H, W), the encoding (E, h, w) of the pixel blocks' centres (sides rounded up) and settings
         (B, S) in [0, 1], all float32; H, W >= 32. Where `exact`, within 2/255 of the torch network at the 99.9th
         percentile.
         """
+
+    def draw(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
+        """The whole network's pictures (B, 4, H, W), of the same inputs as `run`."""
+        if self.last is None:
+            return self.run(buffers, encoding, settings)
+        height, width = buffers.shape[2:]
+        padded = self.last.padded(buffers)
+        return self.last.finish(self.run(padded, encoding, settings), padded)[:, :, :height, :width]

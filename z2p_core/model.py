@@ -14,13 +14,11 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from z2p_core.config import NetworkConfig
+from z2p_core.config import FINE_BLOCK, NetworkConfig
 
 NORMALISE_FROM = 16
 """Stride at which the fast network turns to AdaIN. Finer levels are modulated without normalising: instance statistics
 there depend on how much of the picture the object covers, and would tie its shading to that."""
-FINE_BLOCK = 2
-"""Side of the pixel blocks in which the fast network goes over its picture."""
 EPSILON = 1e-5
 
 

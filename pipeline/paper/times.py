@@ -96,7 +96,7 @@ def _batch(
     steps["project"] = _median(lambda: [camera.project(cloud) for _ in range(batch)], repeats)
     steps["zbuffer"] = _median(draw_z, repeats)
     steps["gbuffer"] = _median(draw_g, repeats) if loaded.gbuffer.channels else 0.0
-    steps["forward"] = _median(lambda: engine.run(buffers, encoding, settings), repeats)
+    steps["forward"] = _median(lambda: engine.draw(buffers, encoding, settings), repeats)
     each = (steps["zbuffer"] + steps["gbuffer"] + steps["forward"]) / batch
     return {"batch": batch, **{name: round(taken, 6) for name, taken in steps.items()}, "each": round(each, 6)}
 

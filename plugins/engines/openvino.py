@@ -52,7 +52,7 @@ class OpenVino(Engine):
         given = {"buffers": buffers, "encoding": encoding, "settings": settings}
         inputs = {name: given[name] for name in self._reads}
         found = self._request(inputs).infer(inputs, share_inputs=True, share_outputs=True)  # 18 MB that are not copied
-        picture: np.ndarray = found["picture"].copy()  # its memory is the request's
+        picture: np.ndarray = found[0].copy()  # its memory is the request's
         return picture
 
     def _request(self, inputs: dict[str, np.ndarray]) -> Any:

@@ -19,13 +19,17 @@ from z2p_core.native.lighting import illuminate as illuminate
 from z2p_core.native.lighting import image as image
 from z2p_core.native.lighting import in_other_cells as in_other_cells
 from z2p_core.native.lighting import mirror_hits as mirror_hits
+from z2p_core.native.pictures import GROUP as GROUP
+from z2p_core.native.pictures import Convolution as Convolution
 from z2p_core.native.pictures import intensity as intensity
 from z2p_core.native.pictures import nearest_depth as nearest_depth
+from z2p_core.native.pictures import packed as packed
 from z2p_core.native.pictures import reconcile as reconcile
 from z2p_core.native.pictures import reconcile_shadow as reconcile_shadow
 from z2p_core.native.pictures import showing as showing
 from z2p_core.native.pictures import straight_bytes as straight_bytes
 from z2p_core.native.pictures import surfels as surfels
+from z2p_core.native.pictures import touched as touched
 from z2p_core.native.pictures import window_minimum as window_minimum
 from z2p_core.native.surfaces import Grid as Grid
 from z2p_core.native.surfaces import cells as cells

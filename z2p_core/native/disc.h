@@ -4,18 +4,13 @@
 
 #include <math.h>
 #include <stdint.h>
-#include <string.h>
 
 #include "clips.h"
 #include "fast.h"
+#include "lanes.h"
 
 #define NEAREST_PLANE 0.1f
 #define EDGE 0.02f /* cosine of the angle to the ray from which on a disc shows nothing but its edge */
-#define LANES 8 /* samples of a row are met so many at a time, beyond the disc's rim too */
-
-typedef float Lanes __attribute__((vector_size(4 * LANES)));
-typedef int32_t Masks __attribute__((vector_size(4 * LANES)));
-
 /* A disc as it is drawn, in samples from its middle: an ellipse xx x^2 + 2 xy x y + yy y^2 < 1, whose depth changes
  * evenly, as do the heights over the planes that end it. Perspective within a disc is left out, the local
  * affine approximation of Zwicker et al., "Surface Splatting", 2001. */
@@ -99,16 +94,8 @@ INLINE int cut_row(const Disc *disc, int y, const View *view, Row *row) {
     return row->left <= row->right;
 }
 
-INLINE Lanes lanes(const float *numbers) {
-    Lanes all;
-    memcpy(&all, numbers, sizeof all);
-    return all;
-}
-
-INLINE Lanes where(Masks mask, Lanes numbers) { return (Lanes)(mask & (Masks)numbers); }
-
 /* Which of LANES samples, `x` from its middle, a disc is met at; and how far inside, at what depth, and whether over a
- * plane that ends it. */
+ * plane that ends it. So many are met at a time, beyond the disc's rim too. */
 INLINE Masks meet(const Row *row, int ends, Lanes x, Lanes *depth, Lanes *inside, Masks *over) {
     *inside = row->inside + x * (row->slope + x * row->curve);
     *depth = row->depth + x * row->across;

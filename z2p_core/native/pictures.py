@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +13,17 @@ from z2p_core.threads import over_rows
 
 SHORTEST = 400
 """Rows of a picture below which one core converts them."""
+FEWEST = 64
+"""Rows below which one core goes over them with convolutions."""
+GROUP = 4
+"""Channels that those kernels write at a time."""
+
+
+class Convolution(NamedTuple):
+    """A 3x3 convolution for `touched`: weights (O / 4, I, 9, 4) and bias (O / 4, 4), float32."""
+
+    weights: np.ndarray
+    bias: np.ndarray
 
 
 def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
@@ -127,3 +139,32 @@ def straight_bytes(picture: np.ndarray) -> np.ndarray:
 
     over_rows(convert, height, SHORTEST, parts=2)
     return out
+
+
+def packed(weights: np.ndarray, bias: np.ndarray) -> Convolution:
+    """A 3x3 convolution of weights (O, I, 3, 3) and bias (O,), as kernels take it."""
+    groups = weights.reshape(-1, GROUP, weights.shape[1], weights.shape[2] * weights.shape[3])
+    return Convolution(floats(groups.transpose(0, 2, 3, 1)), floats(bias.reshape(-1, GROUP)))
+
+
+def touched(
+    cells: np.ndarray, buffers: np.ndarray, cell: int, look: Convolution, touch: Convolution, out: np.ndarray
+) -> None:
+    """Draws into `out` (4, H, W) a picture, and what two convolutions see in it and in buffers (C, H, W) add to it.
+
+    The picture comes in cells (4 cell^2, H / cell, W / cell), as torch's `pixel_unshuffle` folds it. `look` reads it
+    before the buffers, `touch` what is positive of that. Beyond the borders all is 0; the sum is clipped to [0, 1].
+    """
+    channels, height, width = buffers.shape
+    fits = (cells.shape, len(look.weights[0]), len(touch.weights[0])) == (
+        (GROUP * cell**2, height / cell, width / cell), GROUP + channels, look.bias.size
+    )  # fmt: skip
+    if not fits or touch.bias.size != GROUP:
+        raise ValueError(
+            f"expected cells of {cell} pixels a side, buffers and convolutions that fit each other, got {cells.shape}, "
+            f"{buffers.shape}, {look.weights.shape} and {touch.weights.shape}"
+        )
+    drawn = (floats(cells), floats(buffers), channels, height, width, cell)
+    layers = (look.weights, look.bias, len(look.weights), touch.weights, touch.bias)
+    picture = place(out, (GROUP, height, width))
+    over_rows(lambda top, bottom: call("z2p_touch", *drawn, *layers, top, bottom, picture), height, FEWEST)

@@ -8,38 +8,28 @@
 #include <string.h>
 
 #include "fast.h"
+#include "lanes.h"
 
 #include "refine_weights.h" /* static const Network LEARNT, of so many ROUNDS of so many WIDTH units */
 
-#define LANES 16   /* neighbours that are measured at a time */
+#define MET 16     /* neighbours that are measured at a time */
 #define REACH 4.0f /* in `scale`, of the longest step to a neighbour: longer ones are told apart less and less */
 
-#define PART 8              /* units that are reckoned with at a time: as many as wide registers hold */
-#define PARTS (WIDTH / PART)
-
-/* One number of each unit of a part. Spelt out, as compilers turn loops over so few the wrong way round; and of no more
- * than a register holds, for what is longer they keep in memory, four times as slow. */
-typedef float Part __attribute__((vector_size(4 * PART)));
-typedef int Masks __attribute__((vector_size(4 * PART)));
+/* Units are reckoned with by LANES, spelt out, as compilers turn loops over so few the wrong way round. */
+#define PARTS (WIDTH / LANES)
 
 /* What votes are made of, measured of a neighbour: its normal, turned as the point's own; the step to it times how far
  * that rises along either normal; and the rise itself. What the units say is summed over the neighbours times each. */
 enum { TURN, CLIMB = 3, THEIR_CLIMB = 6, RISE = 9, MEASURES };
 
 /* The numbers of that part of the units. */
-INLINE Part part_of(const float *numbers, int part) {
-    Part some;
-    memcpy(&some, numbers + PART * part, sizeof some);
-    return some;
-}
-
-INLINE Part positive(Part some) { return (Part)((some > 0) & (Masks)some); }
+INLINE Lanes part_of(const float *numbers, int part) { return lanes(numbers + LANES * part); }
 
 /* Adds to `sums` numbers times their rows of weights: the odd ones apart, so that fewer additions wait for the one
  * before. */
-INLINE void add_product(const float *numbers, const float (*weights)[WIDTH], Part *sums) {
-    Part odd[PARTS];
-    for (int u = 0; u < PARTS; u++) odd[u] = (Part){0};
+INLINE void add_product(const float *numbers, const float (*weights)[WIDTH], Lanes *sums) {
+    Lanes odd[PARTS];
+    for (int u = 0; u < PARTS; u++) odd[u] = (Lanes){0};
     for (int i = 0; i < WIDTH; i += 2)
         for (int u = 0; u < PARTS; u++) {
             sums[u] += numbers[i] * part_of(weights[i], u);
@@ -49,23 +39,23 @@ INLINE void add_product(const float *numbers, const float (*weights)[WIDTH], Par
 }
 
 /* The sum of votes times sums over all units, by halves, so that no addition waits for the one before. */
-INLINE float poll(const float *votes, const Part *sums) {
-    Part all = {0};
+INLINE float poll(const float *votes, const Lanes *sums) {
+    Lanes all = {0};
     for (int u = 0; u < PARTS; u++) all += part_of(votes, u) * sums[u];
     return ((all[0] + all[4]) + (all[1] + all[5])) + ((all[2] + all[6]) + (all[3] + all[7]));
 }
 
 /* Measures of the first `count` neighbours in `row`, and what the units read of them: lengths and angles. */
 INLINE void measure(const float *points, const float *normals, const float *p, const float *n, const int *row,
-                    int count, float unit, float (*measures)[LANES], float (*features)[LANES]) {
-    for (int j = 0; j < LANES; j++) {
+                    int count, float unit, float (*measures)[MET], float (*features)[MET]) {
+    for (int j = 0; j < MET; j++) {
         size_t other = 3 * (size_t)row[j < count ? j : count - 1];
         for (int a = 0; a < 3; a++) {
             measures[CLIMB + a][j] = (points[other + a] - p[a]) * unit;
             measures[TURN + a][j] = normals[other + a];
         }
     }
-    for (int j = 0; j < LANES; j++) {
+    for (int j = 0; j < MET; j++) {
         float x = measures[CLIMB][j], y = measures[CLIMB + 1][j], z = measures[CLIMB + 2][j];
         float shorter = 1 / sqrtf(1 + (x * x + y * y + z * z) * (1 / (REACH * REACH)));
         float u = measures[TURN][j], v = measures[TURN + 1][j], w = measures[TURN + 2][j];
@@ -87,13 +77,13 @@ INLINE void measure(const float *points, const float *normals, const float *p, c
 }
 
 /* What the units say of the first `count` neighbours in `row`, for whom they have heard so much of the point itself. */
-INLINE void say(const Round *round, const Part *heard, const float *told, const int *row, int count,
-                float (*features)[LANES], Part (*said)[PARTS]) {
+INLINE void say(const Round *round, const Lanes *heard, const float *told, const int *row, int count,
+                float (*features)[MET], Lanes (*said)[PARTS]) {
     for (int u = 0; u < PARTS; u++) {
-        Part own = heard[u], pair[FEATURES];
+        Lanes own = heard[u], pair[FEATURES];
         for (int f = 0; f < FEATURES; f++) pair[f] = part_of(round->pair[f], u);
         for (int j = 0; j < count; j++) {
-            Part sum = own + part_of(told + (size_t)row[j] * WIDTH, u);
+            Lanes sum = own + part_of(told + (size_t)row[j] * WIDTH, u);
             for (int f = 0; f < FEATURES; f++) sum += features[f][j] * pair[f];
             said[j][u] = positive(sum);
         }
@@ -101,9 +91,9 @@ INLINE void say(const Round *round, const Part *heard, const float *told, const 
 }
 
 /* Adds that up over the neighbours, as it is and times each measure. */
-INLINE void add_up(Part (*said)[PARTS], int count, float (*measures)[LANES], Part *all, Part (*sums)[PARTS]) {
+INLINE void add_up(Lanes (*said)[PARTS], int count, float (*measures)[MET], Lanes *all, Lanes (*sums)[PARTS]) {
     for (int u = 0; u < PARTS; u++) {
-        Part whole = all[u], times[MEASURES];
+        Lanes whole = all[u], times[MEASURES];
         for (int m = 0; m < MEASURES; m++) times[m] = sums[m][u];
         for (int j = 0; j < count; j++) {
             whole += said[j][u];
@@ -125,7 +115,7 @@ int z2p_refine_size(int *rounds, int *width) {
 FAST int z2p_refine_begin(float noise, int count, float *memory, float *told) {
     const float(*start)[WIDTH] = LEARNT.start;
     float first[WIDTH];
-    Part says[PARTS] = {{0}};
+    Lanes says[PARTS] = {{0}};
     for (int i = 0; i < WIDTH; i++) first[i] = larger(start[0][i] + noise * (start[1][i] + noise * start[2][i]), 0);
     add_product(first, LEARNT.rounds[0].other, says);
     for (int i = 0; i < count; i++) {
@@ -136,11 +126,11 @@ FAST int z2p_refine_begin(float noise, int count, float *memory, float *told) {
 }
 
 /* What a point remembers and tells (WIDTH, each) after a round, by what it remembers now (WIDTH) and what was said. */
-INLINE void remember(const Round *round, const float *own, const Part *said, float *memory, float *told) {
-    Part after[PARTS], says[PARTS];
+INLINE void remember(const Round *round, const float *own, const Lanes *said, float *memory, float *told) {
+    Lanes after[PARTS], says[PARTS];
     float heard[WIDTH];
     memcpy(heard, said, sizeof heard);
-    for (int u = 0; u < PARTS; u++) after[u] = part_of(round->forget, u), says[u] = (Part){0};
+    for (int u = 0; u < PARTS; u++) after[u] = part_of(round->forget, u), says[u] = (Lanes){0};
     add_product(own, round->keep, after);
     add_product(heard, round->learn, after);
     for (int u = 0; u < PARTS; u++) after[u] = positive(after[u]);
@@ -160,16 +150,16 @@ FAST int z2p_refine(int which, const float *points, const float *normals, const 
     for (int i = begin; i < end; i++) {
         const float *p = points + 3 * (size_t)i, *n = normals + 3 * (size_t)i, *own = memory + (size_t)i * WIDTH;
         const int *row = found + (size_t)i * most;
-        Part heard[PARTS], all[PARTS], sums[MEASURES][PARTS];
+        Lanes heard[PARTS], all[PARTS], sums[MEASURES][PARTS];
         for (int u = 0; u < PARTS; u++) {
-            heard[u] = part_of(round->bias, u), all[u] = (Part){0};
-            for (int m = 0; m < MEASURES; m++) sums[m][u] = (Part){0};
+            heard[u] = part_of(round->bias, u), all[u] = (Lanes){0};
+            for (int m = 0; m < MEASURES; m++) sums[m][u] = (Lanes){0};
         }
         add_product(own, round->own, heard);
-        for (int first = 0; first < most; first += LANES) {
-            float measures[MEASURES][LANES], features[FEATURES][LANES];
-            Part said[LANES][PARTS];
-            int count = most - first < LANES ? most - first : LANES;
+        for (int first = 0; first < most; first += MET) {
+            float measures[MEASURES][MET], features[FEATURES][MET];
+            Lanes said[MET][PARTS];
+            int count = most - first < MET ? most - first : MET;
             measure(points, normals, p, n, row + first, count, 1 / scale[i], measures, features);
             say(round, heard, told, row + first, count, features, said);
             add_up(said, count, measures, all, sums);

@@ -1,0 +1,23 @@
+/* Several numbers that are reckoned with at a time: as many as wide registers hold. */
+
+#pragma once
+
+#include <stdint.h>
+#include <string.h>
+
+#include "fast.h"
+
+#define LANES 8
+
+typedef float Lanes __attribute__((vector_size(4 * LANES)));
+typedef int32_t Masks __attribute__((vector_size(4 * LANES)));
+
+INLINE Lanes lanes(const float *numbers) {
+    Lanes all;
+    memcpy(&all, numbers, sizeof all);
+    return all;
+}
+
+INLINE Lanes where(Masks mask, Lanes numbers) { return (Lanes)(mask & (Masks)numbers); }
+
+INLINE Lanes positive(Lanes numbers) { return where(numbers > 0, numbers); }
