@@ -27,7 +27,7 @@ OPTIONS = (
     click.option("--engine", metavar="NAME",
                  help="What runs the network: onnxruntime, openvino, torch; quicker, less exact by a grey level or two "
                  "on average: onnxruntime-int8, openvino-bf16, openvino-int8. Default: onnxruntime-int8 on processors "
-                 "with VNNI, else the first of the others that is installed."),
+                 "with AVX2, else the first of the others that is installed."),
     click.option("--up", default="auto", type=UpAxis(),
                  help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
                  "or the way an object stands."),

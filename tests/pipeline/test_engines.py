@@ -119,8 +119,8 @@ def test_no_engine_that_is_less_exact_runs_unasked(exported_weights: Path, monke
 
 @pytest.mark.parametrize(
     ("flags", "engine"),
-    [("fpu avx2 avx512_vnni", "onnxruntime-int8"), ("fpu avx_vnni", "onnxruntime-int8"),
-     ("avx512f avx2", "onnxruntime"), (None, "onnxruntime")],
+    [("fpu avx2 avx512_vnni", "onnxruntime-int8"), ("fma avx2 bmi1", "onnxruntime-int8"),
+     ("sse4_2 avx avx2x", "onnxruntime"), (None, "onnxruntime")],
 )  # fmt: skip
 def test_eight_bits_run_unasked_where_the_processor_multiplies_bytes(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: str | None, engine: str
