@@ -39,8 +39,9 @@ class TrainedNetwork:
     encoder_channels: int
     settings: int
     onnx: bytes | None
-    """ONNX model with inputs ``buffers``, ``encoding`` and ``settings`` and output ``picture``, of any batch, height
-    and width; None where no export lies beside the weights."""
+    """ONNX model with inputs ``buffers``, ``encoding`` and ``settings`` and one output, of any batch, height and width:
+    ``picture``, or ``cells`` of one that ends before its network does (`LastSteps`). None where no export lies beside
+    the weights."""
     module: Callable[[], Any]
     """Gives the torch module in evaluation mode, float32, on the CPU; imports torch, so only what needs it calls it."""
     int8: bytes | None = None
