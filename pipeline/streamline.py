@@ -34,14 +34,13 @@ PERCENTILE = 99.999
 class Part:
     """A convolution of several whose sum is wanted.
 
-    What it reads, its kernel (O, I, k, k), bias (O,), stride, and how many zeros surround what it reads.
+    What it reads, its kernel (O, I, k, k), bias (O,) and stride.
     """
 
     source: str
     kernel: np.ndarray
     bias: np.ndarray | None = None
     stride: int = 1
-    border: int = 0
 
 
 def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
@@ -165,7 +164,7 @@ def _add_convolutions(graph: Any, parts: dict[str, Part], output: str, halved: b
         if part.bias is not None:
             graph.node.extend(add_constant(graph, f"{name}.bias", part.bias, halved=False))
             inputs.append(f"{name}.bias")
-        shape = {"kernel_shape": part.kernel.shape[2:], "strides": [part.stride] * 2, "pads": [part.border] * 4}
+        shape = {"kernel_shape": part.kernel.shape[2:], "strides": [part.stride] * 2}
         graph.node.append(helper.make_node("Conv", inputs, [writes], f"/{name}/Conv", **shape))
     if len(parts) > 1:
         graph.node.append(helper.make_node("Sum", drawn, [output], f"/{next(iter(parts))}/Sum"))

@@ -11,6 +11,7 @@
 
 #define NEAREST_PLANE 0.1f
 #define EDGE 0.02f /* cosine of the angle to the ray from which on a disc shows nothing but its edge */
+
 /* A disc as it is drawn, in samples from its middle: an ellipse xx x^2 + 2 xy x y + yy y^2 < 1, whose depth changes
  * evenly, as do the heights over the planes that end it. Perspective within a disc is left out, the local
  * affine approximation of Zwicker et al., "Surface Splatting", 2001. */
