@@ -10,6 +10,8 @@
 #if defined(__x86_64__) && defined(__GLIBC__) && \
     ((defined(__clang__) && __clang_major__ >= 18) || (!defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 12))
 #define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
+/* WIDEST marks one that is compiled for the widest registers alone, and must not be called where there are none. */
+#define WIDEST __attribute__((target("arch=x86-64-v4")))
 #else
 #define FAST
 #endif

@@ -8,7 +8,9 @@
 
 #include "fast.h"
 
+#ifndef LANES
 #define LANES 8
+#endif
 
 typedef float Lanes __attribute__((vector_size(4 * LANES)));
 typedef int32_t Masks __attribute__((vector_size(4 * LANES)));
