@@ -144,6 +144,11 @@ OUTPUTS: dict[str, tuple[Change, set[str]]] = {
 """What happens to an output -> the steps that must run; the same bytes are there afterwards."""
 
 
+def one_of_each(rows: dict[str, tuple[Change, set[str]]]) -> list[str]:
+    """The first of the rows for each set of steps that must run."""
+    return list({tuple(sorted(expected)): name for name, (_, expected) in reversed(rows.items())}.values())[::-1]
+
+
 def check(world: World, expected: set[str]) -> None:
     """The prediction and what runs are as expected; a second run runs nothing."""
     before = listing(world.workspace)
