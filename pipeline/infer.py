@@ -19,6 +19,7 @@ from z2p_core.framing import UP_AXES
 from z2p_core.interfaces import Control, Engine, Value
 from z2p_core.native import straight_bytes
 from z2p_core.scene import SceneDescription
+from z2p_core.threads import over_rows
 from z2p_core.viewpoint import frame
 from z2p_core.window import window_of
 
@@ -128,7 +129,12 @@ class Renderer:
         if kept.size < window.size:
             kept = self._kept.room = np.empty(window.size, np.float32)
         copy = kept.ravel()[: window.size].reshape(window.shape)
-        copy[...] = window
+        copied, left = copy[0], window[0]
+
+        def fill(begin: int, end: int) -> None:
+            copied[begin:end] = left[begin:end]
+
+        over_rows(fill, len(left), smallest=2, parts=2)  # of channels
         return copy
 
     def inputs(
