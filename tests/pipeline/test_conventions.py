@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -59,7 +60,7 @@ def test_blender_and_projection_agree_within_a_tenth_of_a_pixel(tmp_path: Path, 
         (f"e{elevation}", SceneDescription(elevation=elevation, rotation=tuple(map(tuple, rotation.tolist()))))
         for elevation in (20.0, 65.0)
     ]
-    render_scenes(mesh, scenes, tmp_path, RenderSettings(resolution, samples=64, denoise="off", threads=2))
+    render_scenes(mesh, scenes, tmp_path, replace(QUIET, resolution=resolution))
     scale = 1 / 1.03  # the outer balls' far sides touch the bounding sphere
     centres = np.array(list(BALLS)) * scale @ rotation.T
     for stem, scene in scenes:

@@ -67,9 +67,10 @@ def other_mesh(config: PipelineConfig, path: Any) -> Callable[..., Plan]:
     return plan
 
 
-def wrong_rows(config: PipelineConfig, meshes: Any) -> Iterator[str]:
+def wrong_rows(config: PipelineConfig, meshes: Any, first: str = "") -> Iterator[str]:
+    """Names of the rows that are not right, from those on whose name has `first` in it."""
     before = make_plan(config)
-    for name, change, expected in rows(config, meshes):
+    for name, change, expected in sorted(rows(config, meshes), key=lambda row: first not in row[0]):
         with pytest.MonkeyPatch.context() as patch:
             if stale(before, change(patch)) != expected:
                 yield name
@@ -115,6 +116,6 @@ def test_each_field_left_out_makes_a_row_wrong(config, meshes, monkeypatch):
             defective = lambda fields, path=path: fingerprint(without(dict(fields), path))  # noqa: E731
             patch.setattr(storage.layout, "fingerprint", defective)
             patch.setattr(workflows.plan, "fingerprint", defective)
-            if next(wrong_rows(config, meshes), None):
+            if next(wrong_rows(config, meshes, path[-1]), None):
                 caught.add(path)
     assert found - redundant - caught == set()
