@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from z2p_core.config import NetworkConfig
-from z2p_core.native import pictures
 from z2p_core.touch import Touch
 
 torch = pytest.importorskip("torch")
@@ -54,18 +53,6 @@ def test_every_row_is_the_same_whoever_draws_it() -> None:
     drawn = touch.finish(cells, buffers)
     upper = touch.finish(cells[:, :, :15], buffers[:, :, :60])  # few enough for one core
     assert np.array_equal(upper[:, :, :58], drawn[:, :, :58]) and not np.array_equal(upper[:, :, 59], drawn[:, :, 59])
-
-
-@pytest.mark.skipif(not pictures._is_wide(), reason="this processor has no registers of sixteen numbers")
-def test_registers_of_any_width_make_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
-    rng = np.random.default_rng(1)
-    touch = Touch.of(tensors(16, rng), NetworkConfig())
-    cells = rng.random((1, 64, 40, 50), dtype=np.float32)
-    buffers = rng.random((1, CHANNELS, 160, 200), dtype=np.float32)
-    assert touch is not None
-    by_sixteen = touch.finish(cells, buffers)
-    monkeypatch.setattr(pictures, "_is_wide", lambda: False)
-    assert np.array_equal(touch.finish(cells, buffers), by_sixteen)
 
 
 @pytest.mark.parametrize(("width", "height", "wide", "high"), [(64, 32, 64, 32), (65, 31, 96, 32), (1, 33, 32, 64)])

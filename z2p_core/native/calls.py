@@ -43,6 +43,18 @@ def call(name: str, *arguments: Any) -> None:
         raise MemoryError(f"{name}: not enough memory")
 
 
+def widest(name: str) -> str:
+    """Of a kernel that is compiled for registers of sixteen numbers as well: the one that this processor is for."""
+    return f"{name}_wide" if _is_wide() else name
+
+
+@lru_cache(maxsize=1)
+def _is_wide() -> bool:
+    wide = np.zeros(1, np.int32)
+    call("z2p_is_wide", wide)
+    return bool(wide[0])
+
+
 def _begin(array: Any) -> Any:
     """Where an array begins in memory; numpy itself takes four times as long to say, for some hundred a picture."""
     try:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import ctypes
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from z2p_core.camera import Camera
-from z2p_core.native.calls import call, floats, place
+from z2p_core.native.calls import call, floats, place, widest
 from z2p_core.threads import over_rows
 
 SHORTEST = 400
@@ -168,13 +167,5 @@ def touched(
     drawn = (floats(cells), floats(buffers), channels, height, width, cell)
     layers = (look.weights, look.bias, len(look.weights), touch.weights, touch.bias)
     picture = place(out, (GROUP, height, width))
-    kernel = "z2p_touch_wide" if _is_wide() else "z2p_touch"
+    kernel = widest("z2p_touch")
     over_rows(lambda top, bottom: call(kernel, *drawn, *layers, top, bottom, picture), height, FEWEST)
-
-
-@lru_cache(maxsize=1)
-def _is_wide() -> bool:
-    """Whether the processor has registers of sixteen numbers."""
-    wide = np.zeros(1, np.int32)
-    call("z2p_is_wide", wide)
-    return bool(wide[0])

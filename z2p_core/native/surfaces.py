@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from z2p_core.native.calls import call, floats
+from z2p_core.native.calls import call, floats, widest
 from z2p_core.threads import over_rows
 
 MOST_CLIPS = 4
@@ -137,8 +137,10 @@ def _next_round(
     """The points, normals, memory (N, W) and what is told (N, W) after that round, from those before it."""
     after = tuple(np.empty_like(array) for array in state)
 
+    kernel = widest("z2p_refine")
+
     def send(begin: int, end: int) -> None:
-        call("z2p_refine", which, *state, found, scale, begin, end, found.shape[1], *after)
+        call(kernel, which, *state, found, scale, begin, end, found.shape[1], *after)
 
     over_rows(send, len(found))
     return after
