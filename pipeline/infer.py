@@ -124,17 +124,16 @@ class Renderer:
         return drawn
 
     def _copied(self, window: np.ndarray) -> np.ndarray:
-        """The window of any shape without gaps, where this thread's last one was: new memory costs a twentieth more."""
+        """The window (B, C, h, w) without gaps, where this thread's last one was: new memory costs a twentieth more."""
         kept: np.ndarray = getattr(self._kept, "room", window[:0])
         if kept.size < window.size:
             kept = self._kept.room = np.empty(window.size, np.float32)
         copy = kept.ravel()[: window.size].reshape(window.shape)
-        copied, left = copy[0], window[0]
 
         def fill(begin: int, end: int) -> None:
-            copied[begin:end] = left[begin:end]
+            copy[:, begin:end] = window[:, begin:end]
 
-        over_rows(fill, len(left), smallest=2, parts=2)  # of channels
+        over_rows(fill, window.shape[1], smallest=2, parts=2)  # half of the channels on each core
         return copy
 
     def inputs(

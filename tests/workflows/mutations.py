@@ -155,8 +155,7 @@ def check(world: World, expected: set[str]) -> None:
     assert world.predicted() == expected
     assert listing(world.workspace) == before, "looking wrote something"
     assert world.make() == sorted(expected)  # each once
-    if expected:
-        assert world.make() == []
+    assert world.make() == []
 
 
 def change_and_go_back(world: World, name: str, spare: Path) -> None:
@@ -183,6 +182,7 @@ def change_and_go_back(world: World, name: str, spare: Path) -> None:
         if world.workspace != workspace:
             world.workspace.rename(workspace)
             world.workspace = workspace
+    assert world.predicted() == set()
     assert world.make() == []
 
 

@@ -67,10 +67,10 @@ def other_mesh(config: PipelineConfig, path: Any) -> Callable[..., Plan]:
     return plan
 
 
-def wrong_rows(config: PipelineConfig, meshes: Any, first: str = "") -> Iterator[str]:
-    """Names of the rows that are not right, from those on whose name has `first` in it."""
+def wrong_rows(config: PipelineConfig, meshes: Any, likely: str = "") -> Iterator[str]:
+    """Names of the rows that are not right; those with `likely` in their names come first."""
     before = make_plan(config)
-    for name, change, expected in sorted(rows(config, meshes), key=lambda row: first not in row[0]):
+    for name, change, expected in sorted(rows(config, meshes), key=lambda row: likely not in row[0]):
         with pytest.MonkeyPatch.context() as patch:
             if stale(before, change(patch)) != expected:
                 yield name

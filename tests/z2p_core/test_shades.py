@@ -41,7 +41,7 @@ def hidden(side: int, step: int, ways: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("count", [500, 2_000, 6_000, 12_000, 40_000])
 def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
     lamp, sky = shades_of(count)
-    side, step = len(lamp), 1 + len(lamp) // 256  # what is true of every third cell is true of all
+    side, step = len(lamp), 1 + len(lamp) // 256  # some of the cells, evenly spread, stand for all
     lamp, sky = lamp[::step, ::step], sky[::step, ::step]
     true = hidden(side, step, light_lamps(LIGHT, 256)[0])
     assert lamp.sum() == pytest.approx(true.sum(), rel=0.06)

@@ -1,5 +1,5 @@
 /* Several numbers that are reckoned with at a time: as many as wide registers hold. What is longer than a register,
- * compilers keep in memory, several times as slow. */
+ * compilers keep in memory, several times as slow. wide.c compiles kernels once more, with twice as many. */
 
 #pragma once
 

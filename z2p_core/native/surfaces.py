@@ -136,7 +136,6 @@ def _next_round(
 ) -> tuple[np.ndarray, ...]:
     """The points, normals, memory (N, W) and what is told (N, W) after that round, from those before it."""
     after = tuple(np.empty_like(array) for array in state)
-
     kernel = widest("z2p_refine")
 
     def send(begin: int, end: int) -> None:

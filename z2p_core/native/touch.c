@@ -1,6 +1,6 @@
 /* The last two convolutions of the fast network, on single pixels: `UnshuffleUNet.refine` of z2p_core/model.py. Engines
  * do them layer by layer, with few channels of many pixels that fall out of the cache; here both go down a tile of
- * columns side by side, three rows at a time. wide.c compiles this file once more, for wider registers. */
+ * columns side by side, three rows at a time. */
 
 #include <stddef.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
-/* Kernels that reckon with several numbers at a time, once more: by sixteen, for processors whose registers hold as
- * many, where they take between half and three quarters of the time. The same numbers come out. */
+/* Kernels that reckon by LANES, once more: with sixteen, for processors whose registers hold as many, where they take
+ * two thirds to three quarters of the time. The same numbers come out. What they export has another name here. */
 
 #include "fast.h"
 
