@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from subjects import cloud_of
 
-from pipeline.infer import Renderer
-from storage.pictures import encode
 from z2p_core.noise import add_noise
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.storage.pictures import encode
 
 PAGE = resource.getpagesize()
 MEMORY_LIMIT, LARGE_LIMIT, GROWTH_LIMIT = 600.0, 1000.0, 5.0
@@ -83,7 +83,7 @@ def huge_cloud(options: Any) -> dict[str, Any]:
         _write_ply(path, count)
         told = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True)"
         told += "; print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3)"
-        command = [sys.executable, "-m", "pipeline.cli", "run-inference", "--weights", str(options.weights), "-q"]
+        command = [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference", "--weights", str(options.weights), "-q"]
         command += [str(path), "-o", str(path.with_suffix(".png"))]
         began = time.perf_counter()
         done = subprocess.run([sys.executable, "-c", told, *command], check=True, capture_output=True, text=True)

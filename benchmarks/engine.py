@@ -13,10 +13,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from storage.layout import Store
-from workflows.full_pipeline import RESULTS
-from workflows.plan import Step
-from workflows.tasks import load_plan, source_of, task_of
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.full_pipeline import RESULTS
+from z2p_renderer.workflows.plan import Step
+from z2p_renderer.workflows.tasks import load_plan, source_of, task_of
 
 MESHES, VIEWS, CHUNK = 112, 70, 10
 """With a sample, a shard and seven chunks of renders a mesh: 1,010 tasks."""

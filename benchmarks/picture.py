@@ -26,15 +26,15 @@ from curves import draw_curve
 from measure import Figure, clocks, measure, table
 from subjects import cloud_of, random_weights
 
-from pipeline.infer import Renderer
-from pipeline.load import load_plugins
-from pipeline.placing import Placing, place
-from storage.checkpoints import WeightsError, resolve
-from storage.clouds import read_clouds
-from storage.pictures import encode
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.pipeline.placing import Placing, place
+from z2p_renderer.storage.checkpoints import WeightsError, resolve
+from z2p_renderer.storage.clouds import read_clouds
+from z2p_renderer.storage.pictures import encode
 
 FEW = 5_000
 ZBUFFER_LIMITS = {5_000: 2.0, 1_000_000: 6.0, 10_000_000: 40.0}
@@ -229,7 +229,7 @@ def _peak(options: Any, weights: Path, folder: Path) -> float | None:
 
 
 def _command(weights: Path) -> list[str]:
-    return [sys.executable, "-m", "pipeline.cli", "run-inference", "--weights", str(weights), "-q", "--overwrite"]
+    return [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference", "--weights", str(weights), "-q", "--overwrite"]
 
 
 def _machine(options: Any, load: float, memory: float | None) -> dict[str, Any]:

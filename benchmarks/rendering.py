@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from subjects import own_mesh
 
-from pipeline import render
-from pipeline.render import RenderSettings, render_scenes
-from pipeline.views import draw_view, load_controls
+from z2p_renderer.pipeline import render
+from z2p_renderer.pipeline.render import RenderSettings, render_scenes
+from z2p_renderer.pipeline.views import draw_view, load_controls
 
 CONTROLS = ("color", "light", "elevation")
 SMALL = (32, 32)

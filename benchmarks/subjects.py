@@ -22,8 +22,8 @@ def cloud_of(count: int) -> np.ndarray:
 
 def own_mesh(folder: Path) -> Path:
     """A mesh of z2p's own, written into the folder."""
-    from pipeline.shapes import shape
-    from storage.meshes import write_mesh
+    from z2p_renderer.pipeline.shapes import shape
+    from z2p_renderer.storage.meshes import write_mesh
 
     path = folder / "torus_knot.ply"
     write_mesh(path, *shape("torus_knot"))
@@ -34,10 +34,10 @@ def random_weights(folder: Path) -> Path:
     """Weights of the shipped network's shape with random numbers: they take the same time as trained ones."""
     import torch
 
-    from pipeline.export import export_onnx
-    from pipeline.load import load_plugins
-    from storage.checkpoints import save_weights
     from z2p_core.model import build_network
+    from z2p_renderer.pipeline.export import export_onnx
+    from z2p_renderer.pipeline.load import load_plugins
+    from z2p_renderer.storage.checkpoints import save_weights
 
     shipped = load_plugins(SHIPPED)
     with torch.random.fork_rng(devices=[]):

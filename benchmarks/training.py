@@ -19,9 +19,9 @@ from typing import Any
 
 import torch
 
-from pipeline.run import Run, start_run
-from pipeline.train import _step
 from z2p_core.config import parse_config
+from z2p_renderer.pipeline.run import Run, start_run
+from z2p_renderer.pipeline.train import _step
 
 MOST_FUNCTIONS = 12
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.infer import place_cloud
-from pipeline.suited import renderer_for
-from storage.clouds import read_clouds
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import Value
+from z2p_renderer.pipeline.infer import place_cloud
+from z2p_renderer.pipeline.suited import renderer_for
+from z2p_renderer.storage.clouds import read_clouds
 
 SIDE = 320
 WHITE = (1.0, 1.0, 1.0)

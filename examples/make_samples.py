@@ -88,7 +88,7 @@ def suzanne() -> Mesh:
     """Blender's monkey, smoothed by two rounds of subdivision."""
     import trimesh
 
-    from pipeline.render import export_suzanne
+    from z2p_renderer.pipeline.render import export_suzanne
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "suzanne.npz"

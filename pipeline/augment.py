@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from storage.shards import Record
 from z2p_core.config import TrainConfig
 from z2p_core.geometry import random_rotation
 from z2p_core.noise import add_noise
+from z2p_renderer.storage.shards import Record
 
 CHOICE = 8
 """Points of the pool for each point of an even cloud, to take the one nearest to its cell's centre."""

@@ -17,17 +17,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from pipeline.render import RenderError, RenderSettings, read_render, render_mesh
-from storage.code import part_digest
-from storage.fingerprints import fingerprint, plugin_fields, stage_fields
-from storage.layout import Entry, Store
-from storage.meshes import Mesh
-from storage.whole import whole, write_whole
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit
 from z2p_core.interfaces import ScanError
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.render import RenderError, RenderSettings, read_render, render_mesh
+from z2p_renderer.storage.code import part_digest
+from z2p_renderer.storage.fingerprints import fingerprint, plugin_fields, stage_fields
+from z2p_renderer.storage.layout import Entry, Store
+from z2p_renderer.storage.meshes import Mesh
+from z2p_renderer.storage.whole import whole, write_whole
 
 if TYPE_CHECKING:
     from z2p_core.interfaces import Painter
@@ -117,7 +117,7 @@ def rebuild_scenes(
 def _fields(rival: Rival, settings: RenderSettings) -> dict[str, Any]:
     """What shapes a rival's pictures of any cloud and scene: the renderer, the plugin, and what stands between them."""
     fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": settings.shaping()}
-    fields["code"] = {**fields["code"], "pipeline.baselines": part_digest("pipeline.baselines")}
+    fields["code"] = {**fields["code"], "z2p_renderer.pipeline.baselines": part_digest("z2p_renderer.pipeline.baselines")}
     return fields
 
 

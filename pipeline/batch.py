@@ -15,18 +15,18 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from pipeline.drawing import Drawing, Look, draw, record
-from pipeline.infer import Renderer
-from pipeline.placing import Stance
-from pipeline.present import told_if_kept
-from storage.clouds import Scan, format_suffix, read_each
-from storage.fingerprints import file_digest
-from storage.incoming import content_size, is_spooled
-from storage.names import printable
-from storage.pictures import PictureError, write_picture
 from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.threads import cores, one_core_each
 from z2p_core.viewpoint import Viewpoint
+from z2p_renderer.pipeline.drawing import Drawing, Look, draw, record
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.placing import Stance
+from z2p_renderer.pipeline.present import told_if_kept
+from z2p_renderer.storage.clouds import Scan, format_suffix, read_each
+from z2p_renderer.storage.fingerprints import file_digest
+from z2p_renderer.storage.incoming import content_size, is_spooled
+from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.pictures import PictureError, write_picture
 
 __all__ = ["Look", "Outcome", "Task", "path_beside", "plan_outputs", "render_files", "source_of", "told_fault",
            "write_picture"]  # fmt: skip

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pipeline.evaluate import in_scene
-from pipeline.infer import Renderer
-from pipeline.shapes import SUZANNE, TRAINING_SHAPES, shape
-from pipeline.streamline import Inputs
-from pipeline.views import draw_view
 from z2p_core.geometry import bounding_sphere
 from z2p_core.noise import add_noise
 from z2p_core.surface import uniform_points
+from z2p_renderer.pipeline.evaluate import in_scene
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.shapes import SUZANNE, TRAINING_SHAPES, shape
+from z2p_renderer.pipeline.streamline import Inputs
+from z2p_renderer.pipeline.views import draw_view
 
 POINTS = 1_000, 20_000
 """Smallest and largest cloud."""

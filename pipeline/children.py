@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import os
 
-from storage.code import ROOT
+from z2p_renderer.storage.code import CORE
 
 
 def child_environment() -> dict[str, str]:
-    """Environment in which ``python -m`` runs this installation's packages, and nothing of the working folder.
-
-    Names such as `storage` are common: a folder or a file of the user's must not stand in for ours.
-    """
+    """Environment in which ``python -m`` runs this installation's packages, and nothing of the working folder."""
     earlier = os.environ.get("PYTHONPATH")
-    paths = os.pathsep.join([str(ROOT.resolve()), *([earlier] if earlier else [])])
+    paths = os.pathsep.join([str(CORE.parent.resolve()), *([earlier] if earlier else [])])
     return {**os.environ, "PYTHONSAFEPATH": "1", "PYTHONPATH": paths}

@@ -20,23 +20,23 @@ from z2p_core import __version__
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would spin; see z2p_core/turning.py
 
 COMMANDS = {
-    "run-inference": ("pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
-    "animate": ("pipeline.commands.animate:animate", "Make turntables and light sweeps of point clouds."),
-    "rerender": ("pipeline.commands.figures:rerender", "Draw a picture again with something changed."),
-    "info": ("pipeline.commands.figures:info", "Show what made a picture."),
-    "evaluate": ("pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
-    "report-paper": ("pipeline.commands.report_paper:report_paper", "Make the paper's evaluation, as one page."),
-    "pipeline": ("pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
-    "ablate": ("pipeline.commands.ablate:ablate", "Train variants of a config and compare them."),
-    "status": ("pipeline.commands.workspace:status", "Say which stages are fresh, stale or missing, and why."),
-    "verify": ("pipeline.commands.workspace:verify", "Compare every stored result with its digests."),
-    "gc": ("pipeline.commands.workspace:gc", "Remove results that no kept configuration needs."),
-    "adopt": ("pipeline.commands.workspace:adopt", "Vouch for results that older code made."),
-    "scheduler": ("pipeline.commands.workspace:scheduler", "Share the work among pipelines on several machines."),
-    "plugins": ("pipeline.commands.listings:plugins", "List the installed plugins."),
-    "formats": ("pipeline.commands.listings:formats", "List the readable file formats."),
-    "report": ("pipeline.commands.report:report", "Print what a bug report needs."),
-    "completion": ("pipeline.commands.report:completion", "Print the script for Tab completion in a shell."),
+    "run-inference": ("z2p_renderer.pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
+    "animate": ("z2p_renderer.pipeline.commands.animate:animate", "Make turntables and light sweeps of point clouds."),
+    "rerender": ("z2p_renderer.pipeline.commands.figures:rerender", "Draw a picture again with something changed."),
+    "info": ("z2p_renderer.pipeline.commands.figures:info", "Show what made a picture."),
+    "evaluate": ("z2p_renderer.pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
+    "report-paper": ("z2p_renderer.pipeline.commands.report_paper:report_paper", "Make the paper's evaluation, as one page."),
+    "pipeline": ("z2p_renderer.pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
+    "ablate": ("z2p_renderer.pipeline.commands.ablate:ablate", "Train variants of a config and compare them."),
+    "status": ("z2p_renderer.pipeline.commands.workspace:status", "Say which stages are fresh, stale or missing, and why."),
+    "verify": ("z2p_renderer.pipeline.commands.workspace:verify", "Compare every stored result with its digests."),
+    "gc": ("z2p_renderer.pipeline.commands.workspace:gc", "Remove results that no kept configuration needs."),
+    "adopt": ("z2p_renderer.pipeline.commands.workspace:adopt", "Vouch for results that older code made."),
+    "scheduler": ("z2p_renderer.pipeline.commands.workspace:scheduler", "Share the work among pipelines on several machines."),
+    "plugins": ("z2p_renderer.pipeline.commands.listings:plugins", "List the installed plugins."),
+    "formats": ("z2p_renderer.pipeline.commands.listings:formats", "List the readable file formats."),
+    "report": ("z2p_renderer.pipeline.commands.report:report", "Print what a bug report needs."),
+    "completion": ("z2p_renderer.pipeline.commands.report:completion", "Print the script for Tab completion in a shell."),
 }
 """Subcommand -> (module:attribute, short help); the help is here so that `z2p --help` imports none of them."""
 
@@ -45,10 +45,10 @@ USERS_ERRORS = (
     "z2p_core.config:ConfigError",
     "z2p_core.interfaces:ScanError",
     "z2p_core.interfaces:SettingError",
-    "storage.checkpoints:WeightsError",
-    "storage.pictures:PictureError",
-    "storage.layout:StoreError",
-    "pipeline.render:RenderError",
+    "z2p_renderer.storage.checkpoints:WeightsError",
+    "z2p_renderer.storage.pictures:PictureError",
+    "z2p_renderer.storage.layout:StoreError",
+    "z2p_renderer.pipeline.render:RenderError",
 )
 """Errors that a user can mend: told in one line with exit status 2. By name, so that nothing is imported for them."""
 

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from pipeline.sheet_files import MARK, check_places, drop_later, sheet_path
-from storage.names import printable
-from storage.png import png
-from storage.whole import write_whole
+from z2p_renderer.pipeline.sheet_files import MARK, check_places, drop_later, sheet_path
+from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.png import png
+from z2p_renderer.storage.whole import write_whole
 
 CELL, LABEL, GAP = 320, 26, 8
 """Largest side of a picture on the sheet, height of its name, and the space between, pixels."""

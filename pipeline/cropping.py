@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from pipeline.dataset import Batch
 from z2p_core.window import MARGIN, extent, length_of
+from z2p_renderer.pipeline.dataset import Batch
 
 MARGINS = (MARGIN // 2, 2 * MARGIN)
 """Pixels around the clouds of a batch at least and below: not always the same, so that no border is learnt by heart."""

@@ -12,9 +12,9 @@ import torch
 from PIL import Image
 from torch import Tensor
 
-from storage.whole import whole, write_whole
 from z2p_core.images import bytes_from_unit
 from z2p_core.losses import grey_on_white, rgb_on_white, ssim
+from z2p_renderer.storage.whole import whole, write_whole
 
 Row = dict[str, float]
 

@@ -15,18 +15,18 @@ from typing import Any
 import numpy as np
 import torch
 
-from pipeline.augment import draw_cloud, mirrored
-from pipeline.buffers import draw_buffers
-from pipeline.haze import without_haze
-from pipeline.shard import shrink_pictures
-from pipeline.teacher import Teacher
-from storage.shards import Record, Shard
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig, batch_size, training_fault
 from z2p_core.images import bytes_from_unit
 from z2p_core.interfaces import GBuffer, ZBuffer
 from z2p_core.scene import SceneDescription
 from z2p_core.turning import along, turned
+from z2p_renderer.pipeline.augment import draw_cloud, mirrored
+from z2p_renderer.pipeline.buffers import draw_buffers
+from z2p_renderer.pipeline.haze import without_haze
+from z2p_renderer.pipeline.shard import shrink_pictures
+from z2p_renderer.pipeline.teacher import Teacher
+from z2p_renderer.storage.shards import Record, Shard
 
 CACHE_BYTES = 2 * 1024**3
 """Decoded renders kept in memory; what does not fit is decoded again each time."""

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.infer import Renderer
-from pipeline.placing import Placing, Stance, place
-from storage.clouds import Scan
-from storage.pictures import OPAQUE, WHITE
 from z2p_core import __version__
 from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import SettingError, Value
 from z2p_core.viewpoint import Viewpoint
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.placing import Placing, Stance, place
+from z2p_renderer.storage.clouds import Scan
+from z2p_renderer.storage.pictures import OPAQUE, WHITE
 
 Color = tuple[float, float, float]
 Crop = tuple[float, float, float, float]

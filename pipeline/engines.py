@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NoReturn
 
-from pipeline.load import LoadedWeights
-from storage.checkpoints import WeightsError
-from storage.exports import load_onnx
-from storage.graphs import INT8, graph_path, load_graph
-from storage.shelf import users_shelf
 from z2p_core import registry
 from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.touch import Touch
+from z2p_renderer.pipeline.load import LoadedWeights
+from z2p_renderer.storage.checkpoints import WeightsError
+from z2p_renderer.storage.exports import load_onnx
+from z2p_renderer.storage.graphs import INT8, graph_path, load_graph
+from z2p_renderer.storage.shelf import users_shelf
 
 REFERENCE_ENGINE = "torch"
 """What quality is measured with, and the other engines against."""
@@ -68,7 +68,7 @@ def _chosen(name: str | None, network: TrainedNetwork, file: Path, exact: bool) 
             return engine
     raise WeightsError(
         f"{file}: expected {file.with_suffix('.onnx').name} beside it, or torch; {_export(file)}, or install torch "
-        'here: pip install "z2p[torch]"'
+        'here: pip install "z2p-renderer[torch]"'
     )
 
 
@@ -87,8 +87,8 @@ def _refuse(engine: type[Engine], file: Path) -> NoReturn:
 
 def _source(engine: type[Engine]) -> str:
     """What pip is to install for an engine: an extra of z2p for its own."""
-    return f'"z2p[{engine.package}]"' if engine.__module__.startswith("plugins.") else engine.package
+    return f'"z2p-renderer[{engine.package}]"' if engine.__module__.startswith("z2p_renderer.plugins.") else engine.package
 
 
 def _export(file: Path) -> str:
-    return f"where torch and onnx are installed, python -m pipeline.export {file} writes it"
+    return f"where torch and onnx are installed, python -m z2p_renderer.pipeline.export {file} writes it"

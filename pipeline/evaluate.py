@@ -14,18 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from PIL import Image
 
-from pipeline.baselines import load_baselines, on_true_floor, rebuild
-from pipeline.engines import REFERENCE_ENGINE
-from pipeline.infer import Renderer
-from pipeline.render import RenderSettings, read_render
-from pipeline.sample import draw_cloud
-from pipeline.sheets import SheetRow, sheet_row, write_sheets
-from pipeline.truth import render_references
-from pipeline.views import View, describe, draw_view, view_rng
-from storage.checkpoints import resolve
-from storage.fingerprints import file_digest, plugin_fields, stage_fields
-from storage.meshes import Mesh, read_mesh
-from storage.whole import write_whole
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig, to_dict
 from z2p_core.geometry import Sphere, bounding_sphere
@@ -33,6 +21,18 @@ from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.metrics import NAMES, picture_metrics
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.baselines import load_baselines, on_true_floor, rebuild
+from z2p_renderer.pipeline.engines import REFERENCE_ENGINE
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.render import RenderSettings, read_render
+from z2p_renderer.pipeline.sample import draw_cloud
+from z2p_renderer.pipeline.sheets import SheetRow, sheet_row, write_sheets
+from z2p_renderer.pipeline.truth import render_references
+from z2p_renderer.pipeline.views import View, describe, draw_view, view_rng
+from z2p_renderer.storage.checkpoints import resolve
+from z2p_renderer.storage.fingerprints import file_digest, plugin_fields, stage_fields
+from z2p_renderer.storage.meshes import Mesh, read_mesh
+from z2p_renderer.storage.whole import write_whole
 
 if TYPE_CHECKING:
     from z2p_core.interfaces import Baseline

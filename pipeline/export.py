@@ -1,4 +1,4 @@
-"""From weights to the ONNX file beside them, for engines without torch: python -m pipeline.export WEIGHTS..."""
+"""From weights to the ONNX file beside them, for engines without torch: python -m z2p_renderer.pipeline.export WEIGHTS..."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import tempfile
 import warnings
 from pathlib import Path
 
-from pipeline.halving import halved_constants
-from pipeline.load import LoadedWeights, load_plugins
-from storage.checkpoints import WeightsError, resolve
-from storage.exports import save_onnx
 from z2p_core.telemetry import forbid_telemetry
+from z2p_renderer.pipeline.halving import halved_constants
+from z2p_renderer.pipeline.load import LoadedWeights, load_plugins
+from z2p_renderer.storage.checkpoints import WeightsError, resolve
+from z2p_renderer.storage.exports import save_onnx
 
 OPSET = 17
 TRACED = (2, 72, 104)
@@ -41,7 +41,7 @@ def check_exporter() -> None:
     """
     missing = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
     if missing:
-        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed: pip install "z2p[pipeline]"')
+        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed: pip install "z2p-renderer[pipeline]"')
 
 
 def _traced(loaded: LoadedWeights) -> bytes:

@@ -12,10 +12,10 @@ from urllib.parse import quote
 
 from PIL import Image
 
-from storage.names import printable
-from storage.pictures import PictureError, read_record
-from storage.whole import write_whole
 from z2p_core import __version__
+from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.pictures import PictureError, read_record
+from z2p_renderer.storage.whole import write_whole
 
 SIDES = ((200, 512), (1000, 320), (4000, 224))
 """Up to so many pictures are shown with sides of so many pixels; a page of thousands must still open."""

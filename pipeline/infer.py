@@ -8,12 +8,6 @@ from threading import local
 
 import numpy as np
 
-from pipeline.buffers import draw_buffers
-from pipeline.engines import start_engine
-from pipeline.enlarging import drawn_size, enlarged
-from pipeline.load import load_plugins
-from storage.checkpoints import resolve
-from storage.fingerprints import file_digest
 from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
 from z2p_core.framing import UP_AXES
 from z2p_core.interfaces import Control, Engine, Value
@@ -22,6 +16,12 @@ from z2p_core.scene import SceneDescription
 from z2p_core.threads import over_rows
 from z2p_core.viewpoint import frame
 from z2p_core.window import window_of
+from z2p_renderer.pipeline.buffers import draw_buffers
+from z2p_renderer.pipeline.engines import start_engine
+from z2p_renderer.pipeline.enlarging import drawn_size, enlarged
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.storage.checkpoints import resolve
+from z2p_renderer.storage.fingerprints import file_digest
 
 
 class Renderer:
@@ -63,12 +63,12 @@ class Renderer:
 
     @property
     def sole_weights(self) -> str | None:
-        """sha256 of the weights that draw every cloud; None where clouds choose, as in `pipeline.suited`."""
+        """sha256 of the weights that draw every cloud; None where clouds choose, as in `z2p_renderer.pipeline.suited`."""
         digest: str = self.weights["sha256"]
         return digest
 
     def suited(self, cloud: np.ndarray) -> tuple[Renderer, str]:
-        """The renderer for a placed cloud (N, 3) float32, this one, and why it is another; see `pipeline.suited`."""
+        """The renderer for a placed cloud (N, 3) float32, this one, and why it is another; see `z2p_renderer.pipeline.suited`."""
         return self, ""
 
     @property

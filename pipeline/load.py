@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from storage.checkpoints import Weights, WeightsError, check, load_weights, resolve
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, from_dict
 from z2p_core.interfaces import Control, GBuffer, PositionalEncoder, ZBuffer
+from z2p_renderer.storage.checkpoints import Weights, WeightsError, check, load_weights, resolve
 
 if TYPE_CHECKING:
     from torch import nn

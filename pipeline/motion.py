@@ -8,10 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.drawing import Drawing, Look, content_box, draw
-from pipeline.infer import Renderer
-from pipeline.placing import Placing, shown_points
-from storage.clouds import Scan
 from z2p_core.camera import turn
 from z2p_core.images import (
     bytes_from_unit,
@@ -23,6 +19,10 @@ from z2p_core.images import (
 from z2p_core.interfaces import SettingError, Value
 from z2p_core.smoothing import smoothed
 from z2p_core.viewpoint import Viewpoint
+from z2p_renderer.pipeline.drawing import Drawing, Look, content_box, draw
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.placing import Placing, shown_points
+from z2p_renderer.storage.clouds import Scan
 
 LIGHT_SWING = 80.0
 """Degrees to either side that the light goes."""

@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.hints import hint_for, hint_for_placed, hint_for_settled, rounding
-from storage.clouds import FEWEST_POINTS, Scan
 from z2p_core.camera import DEFAULT_ELEVATION, turn
 from z2p_core.dropouts import dropouts
 from z2p_core.foreground import depths, subject, support, upright
@@ -27,6 +25,8 @@ from z2p_core.smoothing import patch_radius, smoothed
 from z2p_core.strays import clip_below, clip_outliers
 from z2p_core.turning import along, turned
 from z2p_core.viewpoint import Viewpoint, frame
+from z2p_renderer.pipeline.hints import hint_for, hint_for_placed, hint_for_settled, rounding
+from z2p_renderer.storage.clouds import FEWEST_POINTS, Scan
 
 SETTLED = "as settled"
 """Stands for up where a camera was settled before."""
@@ -184,7 +184,7 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
     """
     kept = np.ones(len(scan.points), dtype=bool) if placing.keep_outliers else clip_outliers(scan.points)
     points = scan.points[kept] if not kept.all() else scan.points
-    up = _upright(points, scan.sensor, suffix, placing)
+    up = _upright(points, scan, suffix, placing)
     background, put_in = 0, points[:0]
     if up.sensor is None and not placing.keep_outliers:
         kept = clip_below(points, along(points, _upward(up, placing)))
@@ -266,8 +266,11 @@ def _allowed(wished: float | None, free: tuple[float, float] | None) -> tuple[fl
     return min(max(wished, low), high), f" ({round(wished)} degrees, beyond the weights' {low:g} to {high:g})"
 
 
-def _upright(points: np.ndarray, sensor: Sensor | None, suffix: str, placing: Placing) -> Up:
+def _upright(points: np.ndarray, scan: Scan, suffix: str, placing: Placing) -> Up:
     """How the cloud is set upright, with the sensor that it may be seen from."""
+    sensor = scan.sensor
+    if placing.up == "auto" and scan.up and scan.up_certain:
+        return Up(np.array(UP_AXES[scan.up], dtype=np.float64), scan.up, scan.up_reason, sensor)
     if placing.up == "auto":
         up = choose_up(points, sensor, suffix, ANY_UNIT if placing.view == "sensor" else (METRES,))
         wanted = up.sensor or sensor if placing.view == "sensor" else up.sensor

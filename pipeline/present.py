@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from pipeline.drawing import PLACED, Look
-from storage.names import printable
-from storage.pictures import PictureError, is_cut, is_whole, read_record
+from z2p_renderer.pipeline.drawing import PLACED, Look
+from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.pictures import PictureError, is_cut, is_whole, read_record
 
 
 def told_if_kept(

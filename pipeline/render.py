@@ -1,6 +1,6 @@
 """Cycles renders of a mesh: one Blender child process a call, resumable picture by picture.
 
-bpy is GPL and may crash on a bad mesh: it lives in `pipeline.blender`, started here as a process of its own.
+bpy is GPL and may crash on a bad mesh: it lives in `z2p_renderer.pipeline.blender`, started here as a process of its own.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from pipeline.children import child_environment
-from storage.meshes import Mesh, read_mesh
-from storage.whole import whole
 from z2p_core.geometry import bounding_sphere
 from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied, unit_from_bytes
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.children import child_environment
+from z2p_renderer.storage.meshes import Mesh, read_mesh
+from z2p_renderer.storage.whole import whole
 
 PASSES = ("depth", "normal", "shadow")
 FAR = 1000.0
@@ -153,7 +153,7 @@ def export_suzanne(path: Path) -> None:
 
 def _run_blender(job: Path, name: str) -> Iterator[str]:
     """Yield the stem of each picture as soon as it is whole."""
-    command = [sys.executable, "-m", "pipeline.blender", str(job)]
+    command = [sys.executable, "-m", "z2p_renderer.pipeline.blender", str(job)]
     last: deque[str] = deque(maxlen=12)
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=child_environment()

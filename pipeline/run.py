@@ -12,21 +12,21 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from pipeline.curve import Row
-from pipeline.dataset import CloudPictures
-from pipeline.load import load_network
-from storage.checkpoints import load_checkpoint, resolve
-from storage.fingerprints import file_digest
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.config import NetworkConfig, TrainConfig, from_dict, to_dict
 from z2p_core.interfaces import PositionalEncoder
 from z2p_core.model import build_network
+from z2p_renderer.pipeline.curve import Row
+from z2p_renderer.pipeline.dataset import CloudPictures
+from z2p_renderer.pipeline.load import load_network
+from z2p_renderer.storage.checkpoints import load_checkpoint, resolve
+from z2p_renderer.storage.fingerprints import file_digest
 
 BETAS = (0.9, 0.99)
 WEIGHT_DECAY = 0.01
 ENCODER_SEED = 4
-"""Beside the seeds of `pipeline.dataset`."""
+"""Beside the seeds of `z2p_renderer.pipeline.dataset`."""
 SETTINGS_LAYER = "mapping.layers.0.weight"
 """The only tensor (M, S) whose shape depends on the controls."""
 
@@ -126,7 +126,7 @@ def _grown(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str
 
 
 def weights_card(run: Run) -> dict[str, Any]:
-    """The card that goes with the weights; see `storage.checkpoints.Weights`."""
+    """The card that goes with the weights; see `z2p_renderer.storage.checkpoints.Weights`."""
     training = {**_semantic(run.config), "renders": len(run.data.training), "meshes": len(run.data.shards)}
     for name in ("start", "teacher"):  # a path would tell of the machine, and mean nothing on others
         training[name] = Path(training[name]).stem

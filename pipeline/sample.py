@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.fingerprints import file_digest
-from storage.meshes import Mesh, read_mesh
 from z2p_core import registry
 from z2p_core.config import SampleConfig
 from z2p_core.geometry import Sphere, bounding_sphere
 from z2p_core.interfaces import Sampler, ScanError
 from z2p_core.noise import add_noise
+from z2p_renderer.storage.fingerprints import file_digest
+from z2p_renderer.storage.meshes import Mesh, read_mesh
 
 
 def sample_pool(mesh_path: Path, config: SampleConfig, seed: int, out: Path) -> Path:

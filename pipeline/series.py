@@ -9,14 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.drawing import FAINTEST, Crop, Look, content_box, draw
-from pipeline.infer import Renderer
-from pipeline.placing import Placed, Placing, place, shown_points
-from storage.clouds import Scan, format_suffix, read_each
-from storage.names import printable
 from z2p_core.geometry import bounding_sphere, random_rotation
 from z2p_core.interfaces import ScanError
 from z2p_core.viewpoint import Viewpoint, frame
+from z2p_renderer.pipeline.drawing import FAINTEST, Crop, Look, content_box, draw
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.placing import Placed, Placing, place, shown_points
+from z2p_renderer.storage.clouds import Scan, format_suffix, read_each
+from z2p_renderer.storage.names import printable
 
 DIRECTIONS = 3 * 170
 """A cloud's reach is kept as its farthest points along so many directions, whatever its size."""

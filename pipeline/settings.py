@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from z2p_core.interfaces import Control, SettingError, Value
 
 if TYPE_CHECKING:  # reading a colour needs no torch
-    from pipeline.infer import Renderer
+    from z2p_renderer.pipeline.infer import Renderer
 
 Color = tuple[float, float, float]
 WIDEST_SMOOTH = 0.3
@@ -90,7 +90,7 @@ def background_from(wish: Any) -> Color | None:
 
 def _carriers(control: str) -> str:
     """Which shipped weights carry a control, in words."""
-    from storage.checkpoints import load_weights, shipped
+    from z2p_renderer.storage.checkpoints import load_weights, shipped
 
     found = [name for name, path in shipped().items()
              if control in [one["name"] for one in load_weights(path).card["controls"]]]  # fmt: skip

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.render import export_suzanne
-from storage.meshes import write_mesh
+from z2p_renderer.pipeline.render import export_suzanne
+from z2p_renderer.storage.meshes import write_mesh
 
 SUZANNE = "suzanne"
 TRAINING_SHAPES = ("torus_knot", "rounded_block", "wavy_sheet", "seashell", "gear", "vase", SUZANNE)

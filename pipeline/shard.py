@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from storage.shards import Record, write_shard
 from z2p_core.config import ConfigError, ShardConfig
 from z2p_core.images import area_average, bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import Control
 from z2p_core.scene import SceneDescription
+from z2p_renderer.storage.shards import Record, write_shard
 
 
 def make_shard(

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from storage.names import printable
 from z2p_core.interfaces import SettingError
+from z2p_renderer.storage.names import printable
 
 MARK = "z2p-sheet"
 """Keyword of the text inside that tells a sheet from all other pictures, which are nobody's to replace."""

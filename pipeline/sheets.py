@@ -10,12 +10,12 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 from PIL.PngImagePlugin import PngInfo
 
-from pipeline.dots import dots
-from pipeline.sheet_files import MARK, check_places, drop_later, sheet_path
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite
 from z2p_core.interfaces import ZBuffer
+from z2p_renderer.pipeline.dots import dots
+from z2p_renderer.pipeline.sheet_files import MARK, check_places, drop_later, sheet_path
 
 COLUMNS = ("cloud", "z-buffer (Eq. 1)", "picture", "ground truth")
 """Titles; those of other pictures to compare with come before the ground truth."""

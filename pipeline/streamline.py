@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.halving import add_constant, constant_of, halved_constants, replace_nodes, widened
 from z2p_core.telemetry import forbid_telemetry
+from z2p_renderer.pipeline.halving import add_constant, constant_of, halved_constants, replace_nodes, widened
 
 Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Buffers, encoding and settings as `z2p_core.interfaces.Engine.run` takes them."""

@@ -14,23 +14,23 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.batch import path_beside, source_of
-from pipeline.drawing import Drawing, Look, draw, record
-from pipeline.hints import in_python
-from pipeline.infer import Renderer
-from pipeline.placing import Placing
-from pipeline.settings import background_from, settings_for, smooth_from
-from pipeline.suited import AUTO, renderer_for
-from storage.cameras import read_camera
-from storage.checkpoints import resolve
-from storage.clouds import Scan, format_suffix, read_clouds, usable
-from storage.pictures import OPAQUE, WHITE, encode, write_picture
 from z2p_core.framing import UP_AXES
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.picture import Picture
 from z2p_core.studio import Request
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
+from z2p_renderer.pipeline.batch import path_beside, source_of
+from z2p_renderer.pipeline.drawing import Drawing, Look, draw, record
+from z2p_renderer.pipeline.hints import in_python
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.placing import Placing
+from z2p_renderer.pipeline.settings import background_from, settings_for, smooth_from
+from z2p_renderer.pipeline.suited import AUTO, renderer_for
+from z2p_renderer.storage.cameras import read_camera
+from z2p_renderer.storage.checkpoints import resolve
+from z2p_renderer.storage.clouds import Scan, format_suffix, read_clouds, usable
+from z2p_renderer.storage.pictures import OPAQUE, WHITE, encode, write_picture
 
 VIEWS = ("auto", "front", "sensor")
 NOTICE, NOTICE_INK = (228, 228, 228, 255), (90, 90, 90, 255)

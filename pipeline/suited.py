@@ -9,11 +9,11 @@ from threading import Lock
 
 import numpy as np
 
-from pipeline.engines import check_engine
-from pipeline.infer import Renderer
-from storage.checkpoints import shipped
 from z2p_core.interfaces import SettingError
 from z2p_core.tangents import scatter
+from z2p_renderer.pipeline.engines import check_engine
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.storage.checkpoints import shipped
 
 AUTO = "auto"
 USUAL, NOISY = "regular", "denoise"

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.buffers import draw_buffers
-from pipeline.engines import start_engine
-from pipeline.load import load_plugins
-from storage.checkpoints import resolve
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.images import premultiplied_from_straight, shrink, unit_from_bytes
 from z2p_core.interfaces import Engine
 from z2p_core.native import straight_bytes
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.buffers import draw_buffers
+from z2p_renderer.pipeline.engines import start_engine
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.storage.checkpoints import resolve
 
 QUICK_ENGINE = "openvino-bf16"
 """Twice as quick as an exact one, and what it rounds is far less than what a teacher errs."""

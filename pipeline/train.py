@@ -15,18 +15,18 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
-from pipeline.cropping import cropped
-from pipeline.curve import Row, validation_metrics, write_curve, write_strips
-from pipeline.dataset import Batch
-from pipeline.export import check_exporter, export_onnx
-from pipeline.run import Run, TrainError, resume, snapshot, start_run, weights_card
-from storage.checkpoints import save_checkpoint, save_weights
 from z2p_core.config import TrainConfig, samples_until
 from z2p_core.losses import total_loss
+from z2p_renderer.pipeline.cropping import cropped
+from z2p_renderer.pipeline.curve import Row, validation_metrics, write_curve, write_strips
+from z2p_renderer.pipeline.dataset import Batch
+from z2p_renderer.pipeline.export import check_exporter, export_onnx
+from z2p_renderer.pipeline.run import Run, TrainError, resume, snapshot, start_run, weights_card
+from z2p_renderer.storage.checkpoints import save_checkpoint, save_weights
 
 LONGEST_GRADIENT = 1.0
 CROPS = 5
-"""Beside the seeds of `pipeline.dataset` and `pipeline.run`."""
+"""Beside the seeds of `z2p_renderer.pipeline.dataset` and `z2p_renderer.pipeline.run`."""
 LAST_RATE = 0.01
 """Learning rate at the end, as a share of the highest."""
 VALIDATION_PICTURES, STRIP_PICTURES = 32, 4

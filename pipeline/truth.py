@@ -8,10 +8,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from pipeline.render import RenderSettings, render_scenes
-from storage.fingerprints import fingerprint, stage_fields
-from storage.layout import Entry, Store
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.render import RenderSettings, render_scenes
+from z2p_renderer.storage.fingerprints import fingerprint, stage_fields
+from z2p_renderer.storage.layout import Entry, Store
 
 PICTURE, COVERAGE = "picture.png", "picture.coverage.png"
 

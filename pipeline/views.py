@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.render import RenderSettings, render_scenes
 from z2p_core import registry
 from z2p_core.camera import turn
 from z2p_core.config import RenderConfig
 from z2p_core.geometry import random_rotation
 from z2p_core.interfaces import Control, Value
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.render import RenderSettings, render_scenes
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from mesh_parts import TURN, Part, bar, block, box, curve, joined, lathe, moved, patch, tube, turned_smooth
 
-from storage.meshes import write_mesh
+from z2p_renderer.storage.meshes import write_mesh
 
 Rng = np.random.Generator
 

@@ -28,9 +28,9 @@ from torch import nn
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 from tqdm import tqdm
 
-from storage.meshes import find_meshes
 from z2p_core.tangents import fitted
 from z2p_core.threads import one_core_each
+from z2p_renderer.storage.meshes import find_meshes
 
 HEADER = Path(__file__).resolve().parent.parent / "z2p_core" / "native" / "refine_weights.h"
 ROUNDS, WIDTH = 3, 16

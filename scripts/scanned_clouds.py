@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.meshes import read_mesh
 from z2p_core.geometry import bounding_sphere
+from z2p_renderer.storage.meshes import read_mesh
 
 FEWEST, MOST = 800, 7000
 """Points of a cloud."""

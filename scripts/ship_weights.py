@@ -18,17 +18,17 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.calibration import calibration_inputs
-from pipeline.evaluate import evaluate
-from pipeline.export import export_onnx
-from pipeline.infer import Renderer
-from pipeline.load import load_plugins
-from pipeline.streamline import quantised, streamlined
-from storage.checkpoints import SHIPPED, load_weights, save_weights
-from storage.fingerprints import file_digest
-from storage.graphs import INT8, graph_path, save_graph
-from storage.meshes import find_meshes
 from z2p_core.config import EvaluateConfig, from_dict
+from z2p_renderer.pipeline.calibration import calibration_inputs
+from z2p_renderer.pipeline.evaluate import evaluate
+from z2p_renderer.pipeline.export import export_onnx
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.pipeline.streamline import quantised, streamlined
+from z2p_renderer.storage.checkpoints import SHIPPED, load_weights, save_weights
+from z2p_renderer.storage.fingerprints import file_digest
+from z2p_renderer.storage.graphs import INT8, graph_path, save_graph
+from z2p_renderer.storage.meshes import find_meshes
 
 LARGEST = 40e6
 """Bytes of all shipped sets together."""

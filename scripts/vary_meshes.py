@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.meshes import find_meshes, read_mesh, write_mesh
 from z2p_core.geometry import bounding_sphere
+from z2p_renderer.storage.meshes import find_meshes, read_mesh, write_mesh
 
 STRETCH = 0.35
 """Standard deviation of the logarithm of each axis's scale."""

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from storage.differences import CODE_FIELDS, differences
-from storage.fingerprints import STAGE_VERSIONS, fingerprint
-from storage.layout import Entry, Store, StoreError, check
-from storage.manifests import read_manifest
-from storage.unfinished import read_note, write_note
+from z2p_renderer.storage.differences import CODE_FIELDS, differences
+from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, fingerprint
+from z2p_renderer.storage.layout import Entry, Store, StoreError, check
+from z2p_renderer.storage.manifests import read_manifest
+from z2p_renderer.storage.unfinished import read_note, write_note
 
 RANGE = ("first", "last")
 """Fields of a render that say which views it holds; results made of renders name them by the other fields."""

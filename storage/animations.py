@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from storage.pictures import OPAQUE, WHITE, PictureError, described
-from storage.whole import write_whole
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
+from z2p_renderer.storage.pictures import OPAQUE, WHITE, PictureError, described
+from z2p_renderer.storage.whole import write_whole
 
 SUFFIXES = (".webp", ".gif", ".mp4")
 QUALITY = {"webp": 90, "crf": 18}
@@ -136,6 +136,6 @@ def _ffmpeg() -> str:
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
     except ImportError:
-        raise PictureError('MP4 needs an extra; install it with: pip install "z2p[video]", or name a .webp') from None
+        raise PictureError('MP4 needs an extra; install it with: pip install "z2p-renderer[video]", or name a .webp') from None
     program: str = get_ffmpeg_exe()
     return program

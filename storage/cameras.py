@@ -7,11 +7,11 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from storage.names import printable
-from storage.pictures import FORMATS, PictureError, read_record
-from storage.whole import write_whole
 from z2p_core.interfaces import SettingError
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
+from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.pictures import FORMATS, PictureError, read_record
+from z2p_renderer.storage.whole import write_whole
 
 MOST_BYTES = 1 << 16
 """A camera file has fewer; what is larger is not read to find out."""

@@ -14,7 +14,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from storage.whole import whole
+from z2p_renderer.storage.whole import whole
 
 FORMAT = 1
 SHIPPED = Path(__file__).parent / "weights"

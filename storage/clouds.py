@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.incoming import is_no_sweep, is_prose, unpacked
-from storage.memory import free_memory
-from storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, write_cloud, write_mesh
-from storage.names import printable
-from storage.repeats import distinct
 from z2p_core import registry
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
+from z2p_renderer.storage.incoming import is_no_sweep, is_prose, unpacked
+from z2p_renderer.storage.memory import free_memory
+from z2p_renderer.storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, write_cloud, write_mesh
+from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.repeats import distinct
 
 __all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "read_clouds", "read_each",
            "read_mesh", "readable_suffixes", "usable", "write_cloud", "write_mesh"]  # fmt: skip
@@ -45,6 +45,10 @@ class Scan:
     repeated: int = 0
     note: str = ""
     """What the reader took for granted or left out, in words."""
+    up: str = ""
+    """The file's axis that points up, where the file tells; see `RawCloud`."""
+    up_reason: str = ""
+    up_certain: bool = True
 
 
 def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
@@ -280,4 +284,5 @@ def _scan(raw: RawCloud, label: str) -> Scan:
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     once = distinct(points)
-    return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once), raw.note)
+    return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once), raw.note, raw.up, raw.up_reason,
+                raw.up_certain)

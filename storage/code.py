@@ -7,8 +7,12 @@ import hashlib
 from functools import lru_cache
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
-"""Where the project's top-level packages lie side by side, in a checkout as in an installation."""
+import z2p_core
+
+OURS = "z2p_renderer"
+FOLDERS = Path(__file__).parents[1]
+"""Where `pipeline`, `storage` and the others lie side by side: a checkout, or the installed package `OURS`."""
+CORE = Path(z2p_core.__file__).parent
 
 
 @lru_cache(maxsize=256)
@@ -25,14 +29,19 @@ def present_digest(name: str) -> str:
         ValueError: the module has no such definition.
     """
     if "/" in name:
-        return hashlib.sha256((ROOT / name).read_bytes()).hexdigest()
+        return hashlib.sha256((CORE.parent / name).read_bytes()).hexdigest()
     module, _, definition = name.partition(":")
     return code_digest(source_of(module).read_text(encoding="utf-8"), definition)
 
 
-def source_of(module: str, root: Path = ROOT) -> Path:
-    """File that holds a module or a package below a folder, the project's without another, or would."""
-    path = root / module.replace(".", "/")
+def source_of(module: str, root: Path = FOLDERS) -> Path:
+    """File that holds, or would hold, a module or a package of z2p, or a stranger's below the folder `root`.
+
+    z2p's own may be named with `OURS` or, as in a checkout, without it.
+    """
+    package, _, below = module.partition(".")
+    home, below = {OURS: (FOLDERS, below), CORE.name: (CORE, below)}.get(package, (root, module))
+    path = home / below.replace(".", "/")
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
 

@@ -9,11 +9,11 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from storage.checkpoints import WeightsError
-from storage.whole import write_whole
+from z2p_renderer.storage.checkpoints import WeightsError
+from z2p_renderer.storage.whole import write_whole
 
 FORMAT = "1"
-"""Raised when what `pipeline.export` writes changes its inputs or outputs."""
+"""Raised when what `z2p_renderer.pipeline.export` writes changes its inputs or outputs."""
 _METADATA, _KEY, _VALUE = 14, 1, 2
 """Fields of ONNX's ModelProto (metadata_props) and StringStringEntryProto."""
 _NAME = b"z2p"
@@ -43,7 +43,7 @@ def load_onnx(weights: Path, digest: str) -> bytes | None:
     model, seal = content[:-size], content[-size:]
     if seal == _seal(digest, model):
         return content
-    again = f"remove it, or write it again: python -m pipeline.export {weights}"
+    again = f"remove it, or write it again: python -m z2p_renderer.pipeline.export {weights}"
     if seal[:-129] != _seal(digest, b"")[:-129]:
         raise WeightsError(f"{path}: damaged, or not an ONNX file of this z2p; {again}")
     if seal[-128:-64] != digest.encode():

@@ -14,9 +14,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from storage.code import code_digest, imported_modules, source_of
-from storage.stage_code import installed_version, stage_code, stage_packages
 from z2p_core import registry
+from z2p_renderer.storage.code import code_digest, imported_modules, source_of
+from z2p_renderer.storage.stage_code import installed_version, stage_code, stage_packages
 
 SCHEMA = 2
 """Raised when the meaning of the fields themselves changes; every result becomes stale."""
@@ -120,7 +120,7 @@ def _package_digests(module: str, path: Path) -> list[str]:
     """Digest of a module's code, then those of the modules that it imports, directly or not, from its own package."""
     package, *below = module.split(".")
     packaged = path.name == INIT
-    root = path.parents[len(below) + packaged]
+    root = path.parents[min(len(below) + packaged, len(path.parents) - 1)]
     digests: dict[str, str] = {}
     waiting = {module: path}
     while waiting:

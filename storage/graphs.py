@@ -14,8 +14,8 @@ from typing import Any
 
 from safetensors import safe_open
 
-from storage.checkpoints import WeightsError
-from storage.whole import write_whole
+from z2p_renderer.storage.checkpoints import WeightsError
+from z2p_renderer.storage.whole import write_whole
 
 FORMAT = 2
 """Raised when the models change in what they read or give: those of format 1 had the last convolutions as well."""
@@ -55,7 +55,7 @@ def load_graph(weights: Path, digest: str, form: str = "") -> bytes | None:
     path = next((path for path in places if path.is_file()), None)
     if path is None:
         return None
-    again = f"remove it, or write the whole export: python -m pipeline.export {weights}"
+    again = f"remove it, or write the whole export: python -m z2p_renderer.pipeline.export {weights}"
     header, rest = _read(path, again)
     if header["weights"] != digest:
         raise WeightsError(

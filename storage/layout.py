@@ -28,9 +28,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from storage.fingerprints import STAGE_VERSIONS, fingerprint
-from storage.manifests import MANIFEST, faults, read_manifest, seal, sync
-from storage.unfinished import NOTE, read_note, write_note
+from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, fingerprint
+from z2p_renderer.storage.manifests import MANIFEST, faults, read_manifest, seal, sync
+from z2p_renderer.storage.unfinished import NOTE, read_note, write_note
 
 _RESULT = re.compile(r"[0-9a-f]{32}")
 """Name of a result's folder: the fingerprint's first half."""

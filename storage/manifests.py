@@ -12,11 +12,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from storage.fingerprints import file_digest, fingerprint
+from z2p_renderer.storage.fingerprints import file_digest, fingerprint
 
 MANIFEST = "manifest.json"
 
-_PACKAGES = ("z2p", "numpy", "torch", "bpy", "open3d-cpu", "open3d", "h5py", "trimesh", "kornia", "luigi")
+_PACKAGES = ("z2p-renderer", "numpy", "torch", "bpy", "open3d-cpu", "open3d", "h5py", "trimesh", "kornia", "luigi")
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from storage.names import printable
-from storage.png import png
-from storage.whole import write_whole
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
+from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.png import png
+from z2p_renderer.storage.whole import write_whole
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
 """Suffix -> format."""

@@ -17,8 +17,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from storage.whole import whole
 from z2p_core.scene import SceneDescription
+from z2p_renderer.storage.whole import whole
 
 SCHEMA = 3
 SCENE_BYTES = 1024

@@ -15,7 +15,7 @@ from contextlib import suppress
 from functools import lru_cache
 from importlib import metadata
 
-from storage.code import part_digest, present_digest
+from z2p_renderer.storage.code import part_digest, present_digest
 
 _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.scene")
 _MESHES = ("storage.meshes", "z2p_core.ply_header")

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from storage.whole import write_whole
+from z2p_renderer.storage.whole import write_whole
 
 NOTE = ".entry.json"
 """Hidden; it goes with other leftovers once the result is published."""

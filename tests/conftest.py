@@ -24,10 +24,10 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
     """Function that writes random weights for the given controls and network, and returns their file."""
     import torch
 
-    from storage.checkpoints import save_weights
     from z2p_core import registry
     from z2p_core.config import NetworkConfig, to_dict
     from z2p_core.model import build_network
+    from z2p_renderer.storage.checkpoints import save_weights
 
     def make(
         controls: tuple[str, ...] = ("color", "light", "elevation"), fixed_elevation: float | None = None,

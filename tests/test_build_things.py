@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from storage.meshes import read_mesh
+from z2p_renderer.storage.meshes import read_mesh
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 import build_things

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from storage.checkpoints import load_weights
-from storage.clouds import write_mesh
+from z2p_renderer.storage.checkpoints import load_weights
+from z2p_renderer.storage.clouds import write_mesh
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "examples" / "plugins" / "z2p-coat"
@@ -59,7 +59,7 @@ denoise = "off"
 PAIR = """
 from pathlib import Path
 
-from pipeline.render import RenderSettings, render_scenes
+from z2p_renderer.pipeline.render import RenderSettings, render_scenes
 from z2p_core import registry
 from z2p_core.scene import SceneDescription
 
@@ -145,7 +145,7 @@ def test_the_pipeline_and_inference_take_the_control(stranger: Stranger) -> None
     assert [control["name"] for control in card["controls"]] == ["color", "light", "elevation", "coat"]
     assert sum(control["size"] for control in card["controls"]) == 8
 
-    infer = ("-m", "pipeline.cli", "run-inference", "scan.npy", "--weights", str(weights), "--resolution", "64")
+    infer = ("-m", "z2p_renderer.pipeline.cli", "run-inference", "scan.npy", "--weights", str(weights), "--resolution", "64")
     drawn = stranger.run(*infer, "--output", "pictures", "--coat", "0.8")
     assert drawn.returncode == 0, drawn.stderr
     assert len(list((stranger.folder / "pictures").glob("*.png"))) == 1
@@ -170,7 +170,7 @@ def test_the_coat_shows_in_the_renders(stranger: Stranger) -> None:
 
 @pytest.mark.slow
 def test_it_is_listed_with_its_origin_and_passes_its_own_tests(stranger: Stranger) -> None:
-    listed = stranger.run("-m", "pipeline.cli", "plugins")
+    listed = stranger.run("-m", "z2p_renderer.pipeline.cli", "plugins")
     assert listed.returncode == 0 and re.search(r"coat.*z2p-coat 0\.1\.0", listed.stdout)
     tested = stranger.run("-m", "pytest", "-q", "-p", "no:cacheprovider", str(stranger.folder / "z2p-coat"))
     assert tested.returncode == 0 and "2 passed" in tested.stdout, tested.stdout

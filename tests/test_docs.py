@@ -44,9 +44,9 @@ def inline_commands(page: Path) -> list[str]:
 
 def parameters(command: str) -> list[Parameter]:
     """Of the subcommand that a line calls."""
-    from pipeline.cli import main
-    from pipeline.commands.workspace import HandedOn
-    from workflows.commands import main as workspace_commands
+    from z2p_renderer.pipeline.cli import main
+    from z2p_renderer.pipeline.commands.workspace import HandedOn
+    from z2p_renderer.workflows.commands import main as workspace_commands
 
     assert isinstance(main, Group)
     name = command.split()[1]
@@ -142,7 +142,7 @@ def test_the_plugins_of_the_page_keep_their_contracts(tmp_path: Path) -> None:
     use = """
 from pathlib import Path
 import numpy as np
-from storage.clouds import read_clouds
+from z2p_renderer.storage.clouds import read_clouds
 from z2p_core import registry
 from z2p_core.config import parse_config
 zbuffer = parse_config(Path("mine.toml").read_text()).train.network.zbuffer
@@ -168,8 +168,8 @@ def test_the_sweeps_that_are_named_are_all() -> None:
 
 
 def test_what_is_said_of_going_on_from_shipped_weights_can_be_planned() -> None:
-    from workflows.plan import make_plan
     from z2p_core.config import PipelineConfig, from_dict
+    from z2p_renderer.workflows.plan import make_plan
 
     config = tomllib.loads((ROOT / "configs" / "regular.toml").read_text())
     (changes,) = (tomllib.loads(block) for block in blocks(ROOT / "docs" / "training.md", "toml") if "start" in block)

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.shapes import shape
-from storage.meshes import write_mesh
 from z2p_core import native
+from z2p_renderer.pipeline.shapes import shape
+from z2p_renderer.storage.meshes import write_mesh
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 import learn_patches

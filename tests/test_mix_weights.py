@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from storage.checkpoints import load_weights, resolve, save_weights
+from z2p_renderer.storage.checkpoints import load_weights, resolve, save_weights
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 import mix_weights

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from storage.clouds import read_clouds
+from z2p_renderer.storage.clouds import read_clouds
 
 ROOT = Path(__file__).parents[1]
 SAMPLES = ("amphora.ply", "chair.ply", "knot.xyz", "suzanne.ply")

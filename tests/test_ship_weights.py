@@ -11,10 +11,10 @@ from types import ModuleType
 
 import pytest
 
-from pipeline.infer import Renderer
-from storage.checkpoints import load_weights, save_weights
 from z2p_core.config import EvaluateConfig, to_dict
 from z2p_core.metrics import NAMES
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.storage.checkpoints import load_weights, save_weights
 
 ROOT = Path(__file__).parents[1]
 TRAINING = {"steps": 5, "batch": 2, "renders": 3, "meshes": 1, "start": ""}

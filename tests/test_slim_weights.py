@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.load import load_network
-from storage.checkpoints import load_weights, save_weights
+from z2p_renderer.pipeline.load import load_network
+from z2p_renderer.storage.checkpoints import load_weights, save_weights
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "slim_weights.py"
 SHAPE = {"widths": (16, 24, 24), "mapping": 16, "fine": 0, "refine": 8}

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.shapes import shape
-from storage.meshes import read_mesh, write_mesh
+from z2p_renderer.pipeline.shapes import shape
+from z2p_renderer.storage.meshes import read_mesh, write_mesh
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 import vary_meshes

@@ -15,7 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads 
 import luigi.configuration
 import luigi.interface
 
-from workflows.plan import USERS_ERRORS
+from z2p_renderer.workflows.plan import USERS_ERRORS
 
 _ours: dict[tuple[str, str], str] = {}
 """What we have set so far: a user's own configuration goes before it, a later file of ours after it."""
@@ -41,7 +41,7 @@ class _Quiet(logging.Filter):
         if logging.getLogger(record.name).getEffectiveLevel() <= logging.DEBUG:
             return True
         message = record.getMessage()
-        # these are told in one line by `workflows.tasks` and `workflows.goal`: where they arose is no news
+        # these are told in one line by `z2p_renderer.workflows.tasks` and `z2p_renderer.workflows.goal`: where they arose is no news
         told_by_us = message.startswith("Will not run") and "error in deps()" in message
         told_by_us |= record.exc_info is not None and isinstance(record.exc_info[1], USERS_ERRORS)
         return "Execution Summary" in message or (record.levelno >= logging.WARNING and not told_by_us)
@@ -51,9 +51,9 @@ apply_settings("luigi.cfg")
 luigi.interface.core.ignore_unconsumed |= {"rpc_retry_attempts", "rpc_retry_wait"}  # read elsewhere; no need to warn
 logging.getLogger("luigi-interface").addFilter(_Quiet())
 
-from workflows import ablation_stages, report_stages, stages  # noqa: E402  after the settings, which luigi reads as it goes
-from workflows.ablations import Ablations  # noqa: E402
-from workflows.full_pipeline import FullPipeline  # noqa: E402
-from workflows.paper_report import PaperReport  # noqa: E402
+from z2p_renderer.workflows import ablation_stages, report_stages, stages  # noqa: E402  after the settings, which luigi reads as it goes
+from z2p_renderer.workflows.ablations import Ablations  # noqa: E402
+from z2p_renderer.workflows.full_pipeline import FullPipeline  # noqa: E402
+from z2p_renderer.workflows.paper_report import PaperReport  # noqa: E402
 
 __all__ = ["Ablations", "FullPipeline", "PaperReport", "ablation_stages", "report_stages", "stages"]

@@ -1,5 +1,5 @@
-"""``python -m workflows COMMAND``: see `workflows.commands`."""
+"""``python -m z2p_renderer.workflows COMMAND``: see `z2p_renderer.workflows.commands`."""
 
-from workflows.commands import run
+from z2p_renderer.workflows.commands import run
 
 run()

@@ -10,14 +10,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from storage.configs import config_text
-from storage.fingerprints import stage_fields
-from storage.layout import Entry
-from workflows.plan import Plan, Step, assemble, check_config, make_plan
-from workflows.task_log import say
 from z2p_core.ablation_config import AblationsConfig, Variant, parse_ablations, with_meshes
 from z2p_core.config import ConfigError
 from z2p_core.registry import PluginError
+from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.fingerprints import stage_fields
+from z2p_renderer.storage.layout import Entry
+from z2p_renderer.workflows.plan import Plan, Step, assemble, check_config, make_plan
+from z2p_renderer.workflows.task_log import say
 
 DEFAULT_CONFIG = Path(__file__).parents[1] / "configs" / "ablations.toml"
 COMPARE = "compare"
@@ -41,7 +41,7 @@ class AblationPlan:
 
 def ablation_source(config: str, meshes: str, evaluate_meshes: str) -> str:
     """Where config and meshes come from, as JSON with absolute paths: all that another process needs."""
-    from workflows.tasks import absolute
+    from z2p_renderer.workflows.tasks import absolute
 
     words = {"config": config, "meshes": meshes, "evaluate-meshes": evaluate_meshes}
     where = {key.replace("-", "_"): absolute(word) for key, word in words.items()}
@@ -59,7 +59,7 @@ def is_ablations(config: str) -> bool:
 
 
 def variant_source(source: str, variant: str) -> str:
-    """The source of one variant's plan, for `workflows.tasks.load_plan`."""
+    """The source of one variant's plan, for `z2p_renderer.workflows.tasks.load_plan`."""
     return json.dumps({**json.loads(source), "variant": variant})
 
 

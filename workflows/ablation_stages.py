@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from workflows.ablation_plan import load_ablation_plan, variant_source
-from workflows.tasks import StageTask, task_of
+from z2p_renderer.workflows.ablation_plan import load_ablation_plan, variant_source
+from z2p_renderer.workflows.tasks import StageTask, task_of
 
 
 class Compare(StageTask):
@@ -19,7 +19,7 @@ class Compare(StageTask):
                 for name in self.step.upstream]  # fmt: skip
 
     def make(self, out: Path) -> None:
-        from pipeline.ablation.page import write_ablations
+        from z2p_renderer.pipeline.ablation.page import write_ablations
 
         plan = load_ablation_plan(self.source)
         folders = {name: (self._folder("train", name), self._folder("evaluate", name)) for name in plan.plans}

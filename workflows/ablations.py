@@ -4,8 +4,14 @@ from __future__ import annotations
 
 import luigi
 
-from workflows.ablation_plan import COMPARE, AblationPlan, ablation_source, load_ablation_plan, variant_source
-from workflows.goal import Goal
+from z2p_renderer.workflows.ablation_plan import (
+    COMPARE,
+    AblationPlan,
+    ablation_source,
+    load_ablation_plan,
+    variant_source,
+)
+from z2p_renderer.workflows.goal import Goal
 
 RESULTS = ("ablations.md", "ablations.csv", "ablations.json", "curves.png")
 

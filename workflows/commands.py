@@ -1,6 +1,6 @@
 """`z2p status`, `verify`, `gc`, `adopt` and `scheduler`: a workspace looked at and kept in order, and shared.
 
-`z2p` starts these as ``python -m workflows COMMAND``, as it starts luigi: nothing but this package imports luigi.
+`z2p` starts these as ``python -m z2p_renderer.workflows COMMAND``, as it starts luigi: nothing but this package imports luigi.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from typing import Any
 import click
 import luigi.cmdline
 
-from storage.adoption import adopt as take_over
-from storage.adoption import candidates
-from storage.fingerprints import STAGE_VERSIONS
-from storage.layout import Store, StoreError
-from storage.manifests import faults
-from workflows import apply_settings
-from workflows.ablation_plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
-from workflows.plan import USERS_ERRORS, Plan
-from workflows.report_plan import ReportPlan, is_report, load_report_plan, report_source
-from workflows.running import keep, kept
-from workflows.status import as_json, states, table
-from workflows.sweep import Unneeded, sweep, unneeded
-from workflows.tasks import load_plan, source_of
-from workflows.truth import truth_candidates
 from z2p_core.ablation_config import BASE
+from z2p_renderer.storage.adoption import adopt as take_over
+from z2p_renderer.storage.adoption import candidates
+from z2p_renderer.storage.fingerprints import STAGE_VERSIONS
+from z2p_renderer.storage.layout import Store, StoreError
+from z2p_renderer.storage.manifests import faults
+from z2p_renderer.workflows import apply_settings
+from z2p_renderer.workflows.ablation_plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
+from z2p_renderer.workflows.plan import USERS_ERRORS, Plan
+from z2p_renderer.workflows.report_plan import ReportPlan, is_report, load_report_plan, report_source
+from z2p_renderer.workflows.running import keep, kept
+from z2p_renderer.workflows.status import as_json, states, table
+from z2p_renderer.workflows.sweep import Unneeded, sweep, unneeded
+from z2p_renderer.workflows.tasks import load_plan, source_of
+from z2p_renderer.workflows.truth import truth_candidates
 
 TRUTH = "truth"
 """Folder of a workspace that is a store of its own, for ground truth."""

@@ -6,10 +6,10 @@ import logging
 
 import luigi
 
-from storage.layout import Store
-from workflows.plan import Planned
-from workflows.status import states, table, to_run
-from workflows.task_log import say
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.plan import Planned
+from z2p_renderer.workflows.status import states, table, to_run
+from z2p_renderer.workflows.task_log import say
 
 _explained: set[luigi.Task] = set()
 

@@ -9,14 +9,14 @@ from typing import ClassVar
 
 import luigi
 
-from storage.layout import Store
-from workflows.explaining import explain
-from workflows.links import link, linked
-from workflows.plan import USERS_ERRORS, Planned
-from workflows.progress import watch
-from workflows.stopping import stop_tidily
-from workflows.task_log import say
-from workflows.tasks import StageTask, absolute, task_of
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.explaining import explain
+from z2p_renderer.workflows.links import link, linked
+from z2p_renderer.workflows.plan import USERS_ERRORS, Planned
+from z2p_renderer.workflows.progress import watch
+from z2p_renderer.workflows.stopping import stop_tidily
+from z2p_renderer.workflows.task_log import say
+from z2p_renderer.workflows.tasks import StageTask, absolute, task_of
 
 
 class Goal(luigi.Task):

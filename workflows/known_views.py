@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from storage.adoption import RANGE
-from storage.fingerprints import file_digest, fingerprint
-from storage.layout import Entry, Store
+from z2p_renderer.storage.adoption import RANGE
+from z2p_renderer.storage.fingerprints import file_digest, fingerprint
+from z2p_renderer.storage.layout import Entry, Store
 
 
 def copy_known_views(store: Store, entry: Entry, views: Iterable[int], out: Path) -> None:

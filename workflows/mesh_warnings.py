@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.meshes import read_mesh
+from z2p_renderer.storage.meshes import read_mesh
 
 
 def mesh_warnings(path: Path) -> list[str]:

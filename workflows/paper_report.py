@@ -7,9 +7,9 @@ from importlib import import_module
 
 import luigi
 
-from workflows.goal import Goal
-from workflows.report_plan import ReportPlan, load_report_plan, report_source
-from workflows.task_log import say
+from z2p_renderer.workflows.goal import Goal
+from z2p_renderer.workflows.report_plan import ReportPlan, load_report_plan, report_source
+from z2p_renderer.workflows.task_log import say
 
 RESULTS = ("report.html", "report.json", "report.csv")
 
@@ -36,7 +36,7 @@ class PaperReport(Goal):
 
     def prepare(self) -> None:
         """Import what every measuring task needs."""
-        for name in ("torch", "kornia.metrics", "flip_evaluator", "open3d", "pipeline.paper.measure"):
+        for name in ("torch", "kornia.metrics", "flip_evaluator", "open3d", "z2p_renderer.pipeline.paper.measure"):
             with suppress(ImportError):  # the task that needs it says so
                 import_module(name)
 

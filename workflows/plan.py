@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from pipeline.engines import REFERENCE_ENGINE
-from storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
-from storage.layout import Entry
-from storage.meshes import find_meshes
-from workflows.prior_weights import PRIOR, prior_fields, prior_files
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict, training_fault
 from z2p_core.interfaces import ScanError
+from z2p_renderer.pipeline.engines import REFERENCE_ENGINE
+from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
+from z2p_renderer.storage.layout import Entry
+from z2p_renderer.storage.meshes import find_meshes
+from z2p_renderer.workflows.prior_weights import PRIOR, prior_fields, prior_files
 
 USERS_ERRORS = (ConfigError, ScanError, registry.PluginError)
 """Errors that a user can mend, with messages that say how."""
@@ -156,7 +156,7 @@ def _mesh_chain(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
 
 
 def shapes_fields() -> dict[str, Any]:
-    from pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
+    from z2p_renderer.pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
 
     return stage_fields("shapes") | {"shapes": sorted([*TRAINING_SHAPES, *VALIDATION_SHAPES])}
 
@@ -217,7 +217,7 @@ def _shapes_of(meshes: Iterable[MeshInput]) -> tuple[str, ...]:
 
 def _meshes(where: str, *, kept_aside: bool) -> list[MeshInput]:
     if where == "builtin":
-        from pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
+        from z2p_renderer.pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
 
         return [builtin_mesh(name) for name in (VALIDATION_SHAPES if kept_aside else TRAINING_SHAPES)]
     return meshes_in(Path(where))
@@ -269,7 +269,7 @@ def check_config(config: PipelineConfig) -> None:
         )
     if not config.render.controls or len(set(config.render.controls)) != len(config.render.controls):
         raise ConfigError(f"render.controls: expected one or more different names, got {list(config.render.controls)}")
-    from pipeline.views import render_settings
+    from z2p_renderer.pipeline.views import render_settings
 
     try:
         render_settings(config.render)

@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.load import load_plugins
-from pipeline.teacher import teaching_engine
-from storage.checkpoints import Weights, WeightsError, load_weights, resolve
-from storage.fingerprints import file_digest, plugin_fields
-from storage.stage_code import installed_version
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, TrainConfig
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.pipeline.teacher import teaching_engine
+from z2p_renderer.storage.checkpoints import Weights, WeightsError, load_weights, resolve
+from z2p_renderer.storage.fingerprints import file_digest, plugin_fields
+from z2p_renderer.storage.stage_code import installed_version
 
 PRIOR = ("start", "teacher")
 """Keys of `train` that name weights."""

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import luigi.configuration
 
-from storage.layout import Store
-from workflows.plan import Planned, Step
-from workflows.running import Registration
-from workflows.task_log import last_lines, say
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.plan import Planned, Step
+from z2p_renderer.workflows.running import Registration
+from z2p_renderer.workflows.task_log import last_lines, say
 
 _watched: set[tuple[int, Path]] = set()
 

@@ -10,19 +10,19 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from pipeline.load import load_plugins
-from pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
-from pipeline.paper.sweeps import CONTROLS, OWN_SHAPES
-from storage.checkpoints import WeightsError, resolve, shipped
-from storage.clouds import find_scans, reader_of
-from storage.configs import config_text
-from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
-from storage.layout import Entry
-from storage.stage_code import OF_WEIGHTS, PLACING
-from workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
 from z2p_core import registry
 from z2p_core.config import ConfigError, parse_config, to_dict
 from z2p_core.report_config import SWEEP_NAMES, ReportConfig, Sweep, checked, parse_report
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
+from z2p_renderer.pipeline.paper.sweeps import CONTROLS, OWN_SHAPES
+from z2p_renderer.storage.checkpoints import WeightsError, resolve, shipped
+from z2p_renderer.storage.clouds import find_scans, reader_of
+from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
+from z2p_renderer.storage.layout import Entry
+from z2p_renderer.storage.stage_code import OF_WEIGHTS, PLACING
+from z2p_renderer.workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
 
 SHAPING_VALUES = ("views", "points", "resolution", "samples", "denoise", "seed")
 """Settings that every measured row depends on."""
@@ -56,7 +56,7 @@ def report_source(config: str, meshes: str, scans: str, weights: str, sweeps: st
 
     `weights` and `sweeps` are comma-separated names; weights may be files.
     """
-    from workflows.tasks import absolute
+    from z2p_renderer.workflows.tasks import absolute
 
     files = ",".join(absolute(one) if Path(one).is_file() else one for one in _names(weights))
     words = {"config": config, "meshes": meshes, "scans": scans, "weights": weights, "sweeps": sweeps}
@@ -232,7 +232,7 @@ def _values(config: ReportConfig) -> dict[str, Any]:
 
 
 def _builtin_meshes() -> list[MeshInput]:
-    from pipeline.shapes import VALIDATION_SHAPES
+    from z2p_renderer.pipeline.shapes import VALIDATION_SHAPES
 
     return [builtin_mesh(name) for name in VALIDATION_SHAPES]
 

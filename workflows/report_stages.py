@@ -1,11 +1,11 @@
-"""The luigi tasks of the report on the paper's evaluation, each of which calls one function of `pipeline.paper`."""
+"""The luigi tasks of the report on the paper's evaluation, each of which calls one function of `z2p_renderer.pipeline.paper`."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from workflows.report_task import ReportTask
-from workflows.task_log import say
+from z2p_renderer.workflows.report_task import ReportTask
+from z2p_renderer.workflows.task_log import say
 
 
 class Measure(ReportTask):
@@ -14,8 +14,8 @@ class Measure(ReportTask):
     stage = "measure"
 
     def make(self, out: Path) -> None:
-        from pipeline.paper.measure import measure
-        from pipeline.paper.sweeps import read_subject
+        from z2p_renderer.pipeline.paper.measure import measure
+        from z2p_renderer.pipeline.paper.sweeps import read_subject
 
         part, config = self.part, self.report.config
         if part.method is None:
@@ -30,7 +30,7 @@ class Scans(ReportTask):
     stage = "scans"
 
     def make(self, out: Path) -> None:
-        from pipeline.paper.scans import show_scans
+        from z2p_renderer.pipeline.paper.scans import show_scans
 
         if self.part.method is None:
             raise ValueError(f"{self.part.name} has no method")
@@ -44,8 +44,8 @@ class Trust(ReportTask):
     stage = "trust"
 
     def make(self, out: Path) -> None:
-        from pipeline.paper.sweeps import read_subject
-        from pipeline.paper.trust import measure_trust
+        from z2p_renderer.pipeline.paper.sweeps import read_subject
+        from z2p_renderer.pipeline.paper.trust import measure_trust
 
         part = self.part
         if part.method is None or part.mesh is None:
@@ -60,8 +60,8 @@ class Times(ReportTask):
     stage = "times"
 
     def make(self, out: Path) -> None:
-        from pipeline.paper.sweeps import read_subject
-        from pipeline.paper.times import measure_times
+        from z2p_renderer.pipeline.paper.sweeps import read_subject
+        from z2p_renderer.pipeline.paper.times import measure_times
 
         mesh = self.part.mesh
         if mesh is None:
@@ -75,7 +75,7 @@ class Report(ReportTask):
     stage = "report"
 
     def make(self, out: Path) -> None:
-        from pipeline.paper.report import write_report
+        from z2p_renderer.pipeline.paper.report import write_report
 
         folders = {name: self.store.folder(self.steps[name].entry) for name in self.step.upstream}
         write_report(folders, self.report.methods, self.report.config, self.report.command, out)

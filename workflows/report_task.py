@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.paper.methods import method_fields
-from workflows.report_plan import ReportPlan, ReportStep, load_report_plan
-from workflows.tasks import StageTask
 from z2p_core.config import ConfigError
+from z2p_renderer.pipeline.paper.methods import method_fields
+from z2p_renderer.workflows.report_plan import ReportPlan, ReportStep, load_report_plan
+from z2p_renderer.workflows.tasks import StageTask
 
 
 class ReportTask(StageTask):

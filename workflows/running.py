@@ -19,9 +19,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from storage.layout import Store
-from storage.whole import write_whole
-from workflows.plan import Planned
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.whole import write_whole
+from z2p_renderer.workflows.plan import Planned
 
 SILENT_SECONDS = 600.0
 """A pipeline of another machine counts as dead when it has been silent for so long."""

@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from storage.adoption import RANGE
-from storage.differences import differences
-from storage.fingerprints import STAGE_VERSIONS
-from storage.layout import Store
-from storage.manifests import MANIFEST
-from workflows.plan import Planned, Step
+from z2p_renderer.storage.adoption import RANGE
+from z2p_renderer.storage.differences import differences
+from z2p_renderer.storage.fingerprints import STAGE_VERSIONS
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.manifests import MANIFEST
+from z2p_renderer.workflows.plan import Planned, Step
 
 FRESH, STALE, MISSING = "fresh", "stale", "missing"
 UPSTREAM, FEW = "upstream ", 4

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 
-from workflows.task_log import say
+from z2p_renderer.workflows.task_log import say
 
 INTERRUPTED = 128 + signal.SIGINT
 """Exit status."""

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from storage.adoption import RANGE
-from storage.fingerprints import fingerprint
-from storage.layout import Store
-from workflows.running import forget_dead, gate, kept, running
+from z2p_renderer.storage.adoption import RANGE
+from z2p_renderer.storage.fingerprints import fingerprint
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.running import forget_dead, gate, kept, running
 
 TEMPORARY_SECONDS = 3600.0
 """Half-written results that nobody holds are left alone for so long."""

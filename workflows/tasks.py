@@ -15,16 +15,16 @@ from typing import Any, ClassVar
 
 import luigi
 
-from storage.configs import config_text
-from storage.fingerprints import changed_plugins, file_digest
-from storage.layout import Store
-from storage.stage_code import changed_parts
-from workflows.mesh_warnings import mesh_warnings
-from workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
-from workflows.stopping import ended_by_interrupt
-from workflows.task_log import last_lines, logged, say
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
 from z2p_core.native.sources import outdated
+from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.fingerprints import changed_plugins, file_digest
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.stage_code import changed_parts
+from z2p_renderer.workflows.mesh_warnings import mesh_warnings
+from z2p_renderer.workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
+from z2p_renderer.workflows.stopping import ended_by_interrupt
+from z2p_renderer.workflows.task_log import last_lines, logged, say
 
 LOG = "task.log"
 KERNELS = "z2p_core/native/"
@@ -155,7 +155,7 @@ class StageTask(luigi.Task):
         if mesh is None:
             raise ValueError(f"{self.step_name} has no mesh")
         if mesh.path is None:
-            from pipeline.shapes import shape_path
+            from z2p_renderer.pipeline.shapes import shape_path
 
             return Path(shape_path(self.upstream_folders("shapes")[0], mesh.name))
         _check_file(mesh.path, mesh.identity)
@@ -194,7 +194,7 @@ def absolute(path: str) -> str:
 
 @lru_cache(maxsize=8)
 def load_plan(source: str) -> Plan:
-    """Plan of a `source_of`, or of a `workflows.ablation_plan.variant_source`.
+    """Plan of a `source_of`, or of a `z2p_renderer.workflows.ablation_plan.variant_source`.
 
     It is made once a process, so that edits during a run do not mix two plans.
 
@@ -205,7 +205,9 @@ def load_plan(source: str) -> Plan:
     """
     where = json.loads(source)
     if "variant" in where:
-        from workflows.ablation_plan import load_variant_plan  # late: it builds on this module's neighbours
+        from z2p_renderer.workflows.ablation_plan import (
+            load_variant_plan,  # late: it builds on this module's neighbours
+        )
 
         return load_variant_plan(source)
     config = PipelineConfig()
@@ -220,14 +222,14 @@ def load_plan(source: str) -> Plan:
 
 
 def load_steps(source: str) -> dict[str, Step]:
-    """Steps of a `source_of`, a `workflows.report_plan.report_source` or a source of `workflows.ablation_plan`."""
+    """Steps of a `source_of`, a `z2p_renderer.workflows.report_plan.report_source` or a source of `z2p_renderer.workflows.ablation_plan`."""
     where = json.loads(source)
     if "ablations" in where and "variant" not in where:
-        from workflows.ablation_plan import load_ablation_plan
+        from z2p_renderer.workflows.ablation_plan import load_ablation_plan
 
         return dict(load_ablation_plan(source).steps)
     if "report" in where:
-        from workflows.report_plan import load_report_plan  # late: it builds on this module's neighbours
+        from z2p_renderer.workflows.report_plan import load_report_plan  # late: it builds on this module's neighbours
 
         return dict(load_report_plan(source).steps)
     return load_plan(source).steps

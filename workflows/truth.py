@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 
-from storage.adoption import Candidate, candidates
-from storage.layout import Entry, Store
-from workflows.plan import Plan
 from z2p_core.camera import DEFAULT_ELEVATION
+from z2p_renderer.storage.adoption import Candidate, candidates
+from z2p_renderer.storage.layout import Entry, Store
+from z2p_renderer.workflows.plan import Plan
 
 
 def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
@@ -27,11 +27,11 @@ def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
 
 def references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
     """Each picture that the plan's evaluation needs, and where it would lie without a manifest."""
-    from pipeline.evaluate import draw_views, render_settings, runs_of
-    from pipeline.shapes import shape_path
-    from pipeline.truth import old_picture, reference
-    from pipeline.views import load_controls
-    from storage.fingerprints import file_digest
+    from z2p_renderer.pipeline.evaluate import draw_views, render_settings, runs_of
+    from z2p_renderer.pipeline.shapes import shape_path
+    from z2p_renderer.pipeline.truth import old_picture, reference
+    from z2p_renderer.pipeline.views import load_controls
+    from z2p_renderer.storage.fingerprints import file_digest
 
     controls = load_controls(plan.config.render.controls)
     # all that drawing the views asks of the weights

@@ -256,6 +256,12 @@ class RawCloud:
     """How many points the file has, where those here only stand for them (`z2p_core.spread`)."""
     note: str = ""
     """What the reader took for granted or left out, in a few words for the file's line."""
+    up: str = ""
+    """The file's axis that points up, such as ``-Y``, where its format or contents tell; empty where they do not."""
+    up_reason: str = ""
+    """What tells it, in a few words: ``the axes of COLMAP``."""
+    up_certain: bool = True
+    """False where the axis is only usual for such files, so that the cloud's shape may overrule it."""
 
 
 MEMORY_A_POINT = 170

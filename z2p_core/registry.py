@@ -32,7 +32,7 @@ class Plugin:
     group: str
     name: str
     origin: str
-    """Distribution and its version, e.g. ``z2p 0.1.0``."""
+    """Distribution and its version, e.g. ``z2p-renderer 0.1.0``."""
     target: str
 
 

@@ -6,8 +6,8 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from pipeline.ablation.outcomes import Outcome
-from storage.whole import write_whole
+from z2p_renderer.pipeline.ablation.outcomes import Outcome
+from z2p_renderer.storage.whole import write_whole
 
 COLUMNS = 4
 BEHIND, OWN = "#b8b8b8", "#00798c"

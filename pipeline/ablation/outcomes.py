@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from storage.checkpoints import load_weights
 from z2p_core.ablation_config import BASE, AblationsConfig, Variant
 from z2p_core.config import samples_until
 from z2p_core.metrics import NAMES
+from z2p_renderer.storage.checkpoints import load_weights
 
 DECIDING = "psnr_foreground"
 """The figure by which a variant is better or worse, dB; more is better."""

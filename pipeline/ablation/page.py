@@ -10,8 +10,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from pipeline.ablation.curves import draw_curves
-from pipeline.ablation.outcomes import (
+from z2p_core import __version__
+from z2p_core.ablation_config import AblationsConfig
+from z2p_core.config import to_dict
+from z2p_core.metrics import NAMES
+from z2p_renderer.pipeline.ablation.curves import draw_curves
+from z2p_renderer.pipeline.ablation.outcomes import (
     ALIKE,
     BETTER,
     DECIDING,
@@ -22,11 +26,7 @@ from pipeline.ablation.outcomes import (
     chance_of,
     read_outcomes,
 )
-from storage.whole import write_whole
-from z2p_core import __version__
-from z2p_core.ablation_config import AblationsConfig
-from z2p_core.config import to_dict
-from z2p_core.metrics import NAMES
+from z2p_renderer.storage.whole import write_whole
 
 HEAD = ("variant", "what it changes", "object dB", "to the base", "white dB", "to the base", "SSIM", "FLIP",
         "weights", "training", "a picture")  # fmt: skip

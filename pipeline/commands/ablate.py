@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from pipeline.commands.full_pipeline import pipeline_options, run_task
+from z2p_renderer.pipeline.commands.full_pipeline import pipeline_options, run_task
 
 
 @click.command()

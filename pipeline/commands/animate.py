@@ -12,18 +12,24 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.cli import debugging
-from pipeline.commands.control_options import SETTINGS, InferenceCommand
-from pipeline.commands.inputs import found_scans
-from pipeline.commands.picture_options import check_view, columns_from, look_from, picture_options, writable
-from pipeline.commands.telling import named, tell_opaque, told_read
-from pipeline.commands.values import FiniteRange, Target, is_folder
+from z2p_renderer.pipeline.cli import debugging
+from z2p_renderer.pipeline.commands.control_options import SETTINGS, InferenceCommand
+from z2p_renderer.pipeline.commands.inputs import found_scans
+from z2p_renderer.pipeline.commands.picture_options import (
+    check_view,
+    columns_from,
+    look_from,
+    picture_options,
+    writable,
+)
+from z2p_renderer.pipeline.commands.telling import named, tell_opaque, told_read
+from z2p_renderer.pipeline.commands.values import FiniteRange, Target, is_folder
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
-    from pipeline.batch import Task
-    from pipeline.drawing import Look
-    from pipeline.infer import Renderer
-    from pipeline.motion import Motion
+    from z2p_renderer.pipeline.batch import Task
+    from z2p_renderer.pipeline.drawing import Look
+    from z2p_renderer.pipeline.infer import Renderer
+    from z2p_renderer.pipeline.motion import Motion
 
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
@@ -31,7 +37,7 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 @click.option("--output", "-o", default="pictures", type=Target(), metavar="OUT",
               help="Folder for the loops; or, for one cloud, the loop itself (.webp, .gif, .mp4).")
 @click.option("--format", "format_", default="webp", type=click.Choice(["webp", "gif", "mp4"]),
-              help="Of loops in a folder. WebP keeps the transparency; MP4 needs the extra z2p[video].")
+              help="Of loops in a folder. WebP keeps the transparency; MP4 needs the extra z2p-renderer[video].")
 @click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
               help="turn: the object, once around; light: the light, from side to side and back.")
 @click.option("--frames", default=48, type=click.IntRange(2, 720), metavar="N", help="Frames of the loop.")
@@ -66,10 +72,10 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     values = ctx.meta.get(SETTINGS, {})
     check_view(ctx, values, options)
     scans = found_scans(ctx, inputs, options, columns is not None)
-    from pipeline.batch import told_fault
-    from pipeline.motion import Motion
-    from pipeline.suited import renderer_for
-    from storage.names import printable
+    from z2p_renderer.pipeline.batch import told_fault
+    from z2p_renderer.pipeline.motion import Motion
+    from z2p_renderer.pipeline.suited import renderer_for
+    from z2p_renderer.storage.names import printable
 
     renderer = renderer_for(options["weights"], values, engine=options["engine"])
     look = look_from(renderer, values, options)
@@ -115,7 +121,7 @@ class _Loop:
     @cached_property
     def source(self) -> dict[str, Any]:
         """The cloud, for the record."""
-        from pipeline.batch import source_of
+        from z2p_renderer.pipeline.batch import source_of
 
         return source_of(self.task.scan, self.task.output, 0, self.columns)
 
@@ -125,7 +131,7 @@ class _Loop:
         Raises:
             PictureError: it shows another cloud.
         """
-        from pipeline.present import told_if_kept
+        from z2p_renderer.pipeline.present import told_if_kept
 
         return told_if_kept(self.task.output, self.source, self.look, renderer.sole_weights, self.moves)
 
@@ -133,11 +139,11 @@ class _Loop:
         """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
         from tqdm import tqdm
 
-        from pipeline.drawing import record
-        from pipeline.motion import moving_frames, opening
-        from storage.animations import write_animation
-        from storage.clouds import format_suffix, read_clouds
         from z2p_core.interfaces import ScanError
+        from z2p_renderer.pipeline.drawing import record
+        from z2p_renderer.pipeline.motion import moving_frames, opening
+        from z2p_renderer.storage.animations import write_animation
+        from z2p_renderer.storage.clouds import format_suffix, read_clouds
 
         clouds, suffix = read_clouds(self.task.scan, self.columns), format_suffix(self.task.scan)
         if len(clouds) > 1:
@@ -156,9 +162,9 @@ def _plan(
     ctx: click.Context, scans: list[Path], inputs: tuple[str, ...], output: Path, options: dict[str, Any]
 ) -> list[Task]:
     """The tasks, once it is sure that their loops can be written."""
-    from pipeline.batch import Task, plan_outputs
-    from storage.animations import SUFFIXES, check_suffix
-    from storage.pictures import FORMATS as PICTURES
+    from z2p_renderer.pipeline.batch import Task, plan_outputs
+    from z2p_renderer.storage.animations import SUFFIXES, check_suffix
+    from z2p_renderer.storage.pictures import FORMATS as PICTURES
 
     alone = output.suffix.lower() in SUFFIXES and not is_folder(ctx, output)
     suffix = output.suffix.lower() if alone else f".{options['format_']}"

@@ -9,9 +9,9 @@ from typing import Any
 
 import click
 
-from pipeline.cli import Failure
-from pipeline.commands.values import SIDES, Elevation, FiniteRange
 from z2p_core.config import EvaluateConfig
+from z2p_renderer.pipeline.cli import Failure
+from z2p_renderer.pipeline.commands.values import SIDES, Elevation, FiniteRange
 
 PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
 INSTALL = 'install the pipeline, in a clone of z2p: pip install -c constraints.txt ".[pipeline]"'
@@ -56,12 +56,12 @@ def evaluate(
 
     Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
     """
-    from pipeline.baselines import load_baselines
-    from pipeline.sheet_files import check_places
-    from pipeline.sheets import sheets_of
-    from storage.checkpoints import resolve
-    from storage.meshes import find_meshes
     from z2p_core import registry
+    from z2p_renderer.pipeline.baselines import load_baselines
+    from z2p_renderer.pipeline.sheet_files import check_places
+    from z2p_renderer.pipeline.sheets import sheets_of
+    from z2p_renderer.storage.checkpoints import resolve
+    from z2p_renderer.storage.meshes import find_meshes
 
     if options["elevation"] == "random":
         options["elevation"] = None
@@ -74,7 +74,7 @@ def evaluate(
     if missing:
         raise Failure(f"evaluation needs {', '.join(missing)}; {INSTALL}")
     try:
-        from pipeline.evaluate import evaluate as measure
+        from z2p_renderer.pipeline.evaluate import evaluate as measure
 
         measure(found, file, output, config, truth or output / "truth", _say, baseline, engine)
     except ImportError as error:

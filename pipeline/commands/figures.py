@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.cli import Failure, debugging
-from pipeline.commands.control_options import SETTINGS, RerenderCommand
-from pipeline.commands.picture_options import writable
-from pipeline.commands.telling import tell_opaque
-from pipeline.commands.values import Background, Degrees, Resolution, Smooth, Target
 from z2p_core.interfaces import Value
+from z2p_renderer.pipeline.cli import Failure, debugging
+from z2p_renderer.pipeline.commands.control_options import SETTINGS, RerenderCommand
+from z2p_renderer.pipeline.commands.picture_options import writable
+from z2p_renderer.pipeline.commands.telling import tell_opaque
+from z2p_renderer.pipeline.commands.values import Background, Degrees, Resolution, Smooth, Target
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
-    from pipeline.drawing import Crop, Look
-    from pipeline.infer import Renderer
+    from z2p_renderer.pipeline.drawing import Crop, Look
+    from z2p_renderer.pipeline.infer import Renderer
 
 
 @click.command()
@@ -33,8 +33,8 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
     z2p info fig.png
     z2p info fig.png --json
     """
-    from storage.names import printable
-    from storage.pictures import PictureError, read_record
+    from z2p_renderer.storage.names import printable
+    from z2p_renderer.storage.pictures import PictureError, read_record
 
     failed = False
     for figure in figures:
@@ -80,7 +80,7 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
 
     The scan is looked for beside the picture, where it was, and must not have changed since.
     """
-    from storage.pictures import check_suffix, read_record, write_picture
+    from z2p_renderer.storage.pictures import check_suffix, read_record, write_picture
 
     record = read_record(figure)
     if "motion" in record:
@@ -109,13 +109,13 @@ def _drawn_again(
     record: Mapping[str, Any], scan: Path, output: Path, values: dict[str, Value], options: dict[str, Any]
 ) -> tuple[Any, Look, dict[str, Any]]:
     """The new picture, the look it has and the record of it."""
-    from pipeline.batch import source_of
-    from pipeline.drawing import draw
-    from pipeline.drawing import record as record_of
-    from pipeline.suited import renderer_for
-    from storage.checkpoints import shipped
-    from storage.clouds import format_suffix, read_each
     from z2p_core.interfaces import ScanError
+    from z2p_renderer.pipeline.batch import source_of
+    from z2p_renderer.pipeline.drawing import draw
+    from z2p_renderer.pipeline.drawing import record as record_of
+    from z2p_renderer.pipeline.suited import renderer_for
+    from z2p_renderer.storage.checkpoints import shipped
+    from z2p_renderer.storage.clouds import format_suffix, read_each
 
     name = options["weights"] or record["weights"]["name"]
     if options["weights"] is None and name not in shipped():
@@ -143,8 +143,8 @@ def _drawn_again(
 
 def _engine(record: Mapping[str, Any], asked: str | None) -> str | None:
     """Name of the engine that is asked for, or that drew the picture, if it is here; None for the usual one."""
-    from pipeline.engines import check_engine
     from z2p_core.registry import PluginError
+    from z2p_renderer.pipeline.engines import check_engine
 
     name: str | None = record.get("engine")  # once it was not told
     if asked is not None or name is None:
@@ -162,11 +162,11 @@ def _look(
     record: Mapping[str, Any], renderer: Renderer, name: str, given: dict[str, Value], options: dict[str, Any]
 ) -> Look:
     """The look of the record with the changes."""
-    from pipeline.drawing import Look
-    from pipeline.placing import Placing
-    from pipeline.settings import background_from, settings_for
-    from storage.cameras import read_camera
     from z2p_core.viewpoint import viewpoint_from_json
+    from z2p_renderer.pipeline.drawing import Look
+    from z2p_renderer.pipeline.placing import Placing
+    from z2p_renderer.pipeline.settings import background_from, settings_for
+    from z2p_renderer.storage.cameras import read_camera
 
     if options["weights"] is None and renderer.weights["sha256"] != record["weights"]["sha256"]:
         click.echo(f"note: the weights {name!r} are others than those of the picture; its look may differ", err=True)
@@ -209,7 +209,7 @@ def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
     Raises:
         Failure: it is nowhere to be found, or has changed.
     """
-    from storage.fingerprints import file_digest
+    from z2p_renderer.storage.fingerprints import file_digest
 
     source = record["input"]
     if source.get("name") is None:
@@ -235,7 +235,7 @@ def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
 
 def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What people want to know of a record, in words."""
-    from pipeline.gallery import placed_rows
+    from z2p_renderer.pipeline.gallery import placed_rows
 
     source, stance, weights = record["input"], record["stance"], record["weights"]
     rows = [("scan", f"{source.get('name') or 'an array in Python'}  sha256 {source['sha256'][:16]}")]

@@ -13,8 +13,8 @@ from typing import Any
 
 import click
 
-from pipeline.children import child_environment
-from pipeline.cli import Failure
+from z2p_renderer.pipeline.children import child_environment
+from z2p_renderer.pipeline.cli import Failure
 
 PATIENT = ("--worker-keep-alive", "--worker-wait-interval", "1", "--worker-wait-jitter", "1")
 """A worker with nothing to do waits for the others, and asks the scheduler no more than once in a second or two."""

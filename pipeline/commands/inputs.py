@@ -21,9 +21,9 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, 
         ScanError: an input is a URL or matches nothing, or standard input is empty.
         click.UsageError: standard input is named twice.
     """
-    from storage.clouds import find_scans
-    from storage.incoming import PREFIX, spool
-    from storage.names import printable
+    from z2p_renderer.storage.clouds import find_scans
+    from z2p_renderer.storage.incoming import PREFIX, spool
+    from z2p_renderer.storage.names import printable
 
     if inputs.count(STDIN) > 1:
         raise click.UsageError("- stands for standard input, which can be read only once", ctx)

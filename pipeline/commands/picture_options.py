@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.commands.values import Background, Degrees, FiniteRange, Resolution, Smooth, UpAxis, View
 from z2p_core.interfaces import Value
+from z2p_renderer.pipeline.commands.values import Background, Degrees, FiniteRange, Resolution, Smooth, UpAxis, View
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
-    from pipeline.drawing import Look
-    from pipeline.infer import Renderer
+    from z2p_renderer.pipeline.drawing import Look
+    from z2p_renderer.pipeline.infer import Renderer
 
 Command = Callable[..., Any]
 
@@ -82,10 +82,10 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
     Raises:
         SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
     """
-    from pipeline.drawing import Look
-    from pipeline.placing import Placing
-    from pipeline.settings import settings_for
-    from storage.cameras import read_camera
+    from z2p_renderer.pipeline.drawing import Look
+    from z2p_renderer.pipeline.placing import Placing
+    from z2p_renderer.pipeline.settings import settings_for
+    from z2p_renderer.storage.cameras import read_camera
 
     view, file = options["view"], options["load_camera"]
     if isinstance(view, tuple):

@@ -44,7 +44,7 @@ def completion(shell: str) -> None:
     """
     from click.shell_completion import get_completion_class
 
-    from pipeline.cli import main
+    from z2p_renderer.pipeline.cli import main
 
     complete = get_completion_class(shell)
     if complete is None:
@@ -54,9 +54,9 @@ def completion(shell: str) -> None:
 
 def _facts() -> dict[str, dict[str, Any]]:
     """Sections of facts; nothing in them tells who or where the user is."""
-    from storage.checkpoints import shipped
-    from storage.fingerprints import file_digest
-    from storage.memory import free_memory
+    from z2p_renderer.storage.checkpoints import shipped
+    from z2p_renderer.storage.fingerprints import file_digest
+    from z2p_renderer.storage.memory import free_memory
 
     free = free_memory()
     machine = {
@@ -87,7 +87,7 @@ def _plugins() -> dict[str, str]:
                 broken = ""
             except registry.PluginError as error:
                 broken = f" BROKEN: {' '.join(str(error).split())}"
-            origin = "" if plugin.origin.startswith("z2p ") else f" ({plugin.origin})"
+            origin = "" if plugin.origin.startswith("z2p-renderer ") else f" ({plugin.origin})"
             names.append(f"{plugin.name}{origin}{broken}")
         told[group] = ", ".join(names)
     return told

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from pipeline.children import child_environment
-from pipeline.commands.full_pipeline import check_luigi, run_process
+from z2p_renderer.pipeline.children import child_environment
+from z2p_renderer.pipeline.commands.full_pipeline import check_luigi, run_process
 
 
 @click.command()

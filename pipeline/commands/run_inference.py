@@ -11,19 +11,25 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pipeline.cli import debugging
-from pipeline.commands.control_options import SETTINGS, InferenceCommand
-from pipeline.commands.inputs import found_scans
-from pipeline.commands.picture_options import check_view, columns_from, look_from, picture_options, writable
-from pipeline.commands.telling import Progress, json_line, progress, reported, settings_of, tell_opaque
-from pipeline.commands.values import Grid, Target, is_folder
 from z2p_core.interfaces import Value
 from z2p_core.palettes import PALETTES, palette
+from z2p_renderer.pipeline.cli import debugging
+from z2p_renderer.pipeline.commands.control_options import SETTINGS, InferenceCommand
+from z2p_renderer.pipeline.commands.inputs import found_scans
+from z2p_renderer.pipeline.commands.picture_options import (
+    check_view,
+    columns_from,
+    look_from,
+    picture_options,
+    writable,
+)
+from z2p_renderer.pipeline.commands.telling import Progress, json_line, progress, reported, settings_of, tell_opaque
+from z2p_renderer.pipeline.commands.values import Grid, Target, is_folder
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
-    from pipeline.batch import Outcome, Task
-    from pipeline.drawing import Look
-    from pipeline.infer import Renderer
+    from z2p_renderer.pipeline.batch import Outcome, Task
+    from z2p_renderer.pipeline.drawing import Look
+    from z2p_renderer.pipeline.infer import Renderer
 
 NOT_WRITTEN = (".bmp", ".gif", ".mp4", ".svg", ".pdf", ".eps", ".exr", ".avif")
 """Suffixes that nobody means as a folder's."""
@@ -78,9 +84,9 @@ def _run(
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
     check_view(ctx, values, options)
     scans = found_scans(ctx, inputs, options, columns is not None)
-    from pipeline.batch import render_files
-    from pipeline.suited import renderer_for
     from z2p_core.threads import cores
+    from z2p_renderer.pipeline.batch import render_files
+    from z2p_renderer.pipeline.suited import renderer_for
 
     jobs = min(options["jobs"] or cores(), len(scans))
     threads = None if jobs == 1 else max(1, cores() // jobs)
@@ -119,8 +125,8 @@ def _plan(
     ctx: click.Context, scans: list[Path], inputs: tuple[str, ...], output: Path, options: dict[str, Any]
 ) -> list[Task]:
     """The tasks, once it is sure that their pictures can be written."""
-    from pipeline.batch import Task, plan_outputs
-    from storage.pictures import FORMATS
+    from z2p_renderer.pipeline.batch import Task, plan_outputs
+    from z2p_renderer.storage.pictures import FORMATS
 
     alone = output.suffix.lower() in FORMATS and not is_folder(ctx, output)
     if output.suffix.lower() in NOT_WRITTEN and not is_folder(ctx, output):
@@ -148,11 +154,11 @@ def _plan(
 
 def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: dict[str, Any]) -> None:
     """Contact sheets, gallery and camera replace nobody's file: said before the first picture is drawn."""
-    from storage.pictures import FORMATS
+    from z2p_renderer.storage.pictures import FORMATS
 
     folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
     if options["sheet"] is not None:
-        from pipeline.sheet_files import check_places
+        from z2p_renderer.pipeline.sheet_files import check_places
 
         columns, rows = options["sheet"]
         count = -(-len(tasks) // (columns * rows))
@@ -163,11 +169,11 @@ def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: 
                                        "the scan", ctx)  # fmt: skip
         check_places(folder, count)
     if options["gallery"]:
-        from pipeline.gallery import check_place
+        from z2p_renderer.pipeline.gallery import check_place
 
         check_place(folder / "gallery.html")
     if options["save_camera"] is not None:
-        from storage.cameras import check_camera_place
+        from z2p_renderer.storage.cameras import check_camera_place
 
         taken = [path for task in tasks for path in (task.scan, task.output)]
         check_camera_place(options["save_camera"], [*taken, folder / "gallery.html"])
@@ -178,8 +184,8 @@ def _same_frame(
     scans: list[Path], renderer: Renderer, look: Look, columns: tuple[str, ...] | None, quiet: bool
 ) -> tuple[Renderer, Look]:
     """The weights for all, and the look with the one camera that fits all clouds, and one crop if they are trimmed."""
-    from pipeline.drawing import elevation_of
-    from pipeline.series import common_crop, common_viewpoint
+    from z2p_renderer.pipeline.drawing import elevation_of
+    from z2p_renderer.pipeline.series import common_crop, common_viewpoint
 
     if look.placing.viewpoint is None:  # a loaded camera is one for all already
         series = common_viewpoint(scans, look.placing, *elevation_of(renderer, look.values), columns)
@@ -196,7 +202,7 @@ def _same_frame(
 
 def _write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> int:
     """Writes the camera, the contact sheets and the gallery, those that were asked for; how many could not be."""
-    from storage.pictures import is_whole
+    from z2p_renderer.storage.pictures import is_whole
 
     pictures = [path for outcome in done for path in outcome.outputs
                 if path.is_file() and (outcome.status != "failed" or is_whole(path))]  # fmt: skip
@@ -222,19 +228,19 @@ def _write_extras(done: list[Outcome], output: Path, look: Look, options: dict[s
 
 
 def _write_sheets(pictures: list[Path], folder: Path, grid: tuple[int, int]) -> list[Path]:
-    from pipeline.contact_sheet import write_contact_sheets
+    from z2p_renderer.pipeline.contact_sheet import write_contact_sheets
 
     return write_contact_sheets(pictures, folder, *grid)
 
 
 def _write_gallery(pictures: list[Path], folder: Path) -> list[Path]:
-    from pipeline.gallery import write_gallery
+    from z2p_renderer.pipeline.gallery import write_gallery
 
     return [write_gallery(pictures, folder / "gallery.html")]
 
 
 def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> list[Path]:
-    from storage.cameras import read_camera, write_camera
+    from z2p_renderer.storage.cameras import read_camera, write_camera
 
     viewpoints = [viewpoint for outcome in done for viewpoint in outcome.viewpoints]
     if options["same_frame"] and look.placing.viewpoint is not None:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
-    from pipeline.batch import Outcome
-    from pipeline.drawing import Look
-    from pipeline.infer import Renderer
+    from z2p_renderer.pipeline.batch import Outcome
+    from z2p_renderer.pipeline.drawing import Look
+    from z2p_renderer.pipeline.infer import Renderer
 
 
 def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict[str, Any]:
@@ -72,7 +72,7 @@ def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> It
 
 def tell_opaque(suffix: str) -> None:
     """Says of a transparent picture that a file of that suffix puts white behind it, if so."""
-    from storage.pictures import OPAQUE
+    from z2p_renderer.storage.pictures import OPAQUE
 
     if suffix in OPAQUE:
         kind = suffix[1:].upper().replace("JPG", "JPEG")
@@ -81,7 +81,7 @@ def tell_opaque(suffix: str) -> None:
 
 
 def _told(outcome: Outcome) -> str:
-    from storage.names import printable
+    from z2p_renderer.storage.names import printable
 
     name, pictures = named(outcome.scan), printable(outcome.outputs[0])
     if len(outcome.outputs) > 1:
@@ -103,8 +103,8 @@ def _told(outcome: Outcome) -> str:
 
 def named(scan: Path) -> str:
     """What a line calls a scan."""
-    from storage.incoming import is_spooled
-    from storage.names import printable
+    from z2p_renderer.storage.incoming import is_spooled
+    from z2p_renderer.storage.names import printable
 
     return "standard input" if is_spooled(scan) else printable(scan)
 
@@ -122,7 +122,7 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
     `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn,
     `weights` the names of what drew it.
     """
-    from storage.incoming import is_spooled
+    from z2p_renderer.storage.incoming import is_spooled
 
     stances = [asdict(stance) for stance in outcome.stances]
     for stance in stances:

@@ -98,7 +98,7 @@ class View(click.ParamType):
 
 
 class Smooth(click.ParamType):
-    """``auto``, or a radius; see `pipeline.settings.smooth_from`."""
+    """``auto``, or a radius; see `z2p_renderer.pipeline.settings.smooth_from`."""
 
     name = "auto|R"
 
@@ -107,8 +107,8 @@ class Smooth(click.ParamType):
         return self.name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
-        from pipeline.settings import smooth_from
         from z2p_core.interfaces import SettingError
+        from z2p_renderer.pipeline.settings import smooth_from
 
         try:
             return smooth_from(value)
@@ -173,8 +173,8 @@ class Background(click.ParamType):
     ) -> tuple[float, float, float] | str:
         if value == "transparent" or isinstance(value, tuple):
             return value
-        from pipeline.settings import background_from
         from z2p_core.interfaces import SettingError
+        from z2p_renderer.pipeline.settings import background_from
 
         try:
             return background_from(value) or "transparent"

@@ -1,4 +1,4 @@
-"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to ``python -m workflows``, a process."""
+"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to ``python -m z2p_renderer.workflows``, a process."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import sys
 
 import click
 
-from pipeline.children import child_environment
-from pipeline.commands.full_pipeline import check_luigi, run_process
+from z2p_renderer.pipeline.children import child_environment
+from z2p_renderer.pipeline.commands.full_pipeline import check_luigi, run_process
 
 
 class HandedOn(click.Command):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from pipeline.paper.findings import Findings, mean
+from z2p_renderer.pipeline.paper.findings import Findings, mean
 
 QUOTED: dict[str, dict[str, str]] = {
     "Ray tracing": dict(raw="no", normals="-", unseen="yes", inner="-", points="-", shadows="yes", colors="-",

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from storage.meshes import Mesh
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW, turn
 from z2p_core.interfaces import ScanError
 from z2p_core.surface import uniform_points
+from z2p_renderer.storage.meshes import Mesh
 
 UNEVEN = 10.0
 """How many times as dense the densest side of a non-uniform cloud is as its thinnest."""

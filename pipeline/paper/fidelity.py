@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.paper.findings import Findings
-from pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS
-from pipeline.paper.tables import Table, values_cell
+from z2p_renderer.pipeline.paper.findings import Findings
+from z2p_renderer.pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS
+from z2p_renderer.pipeline.paper.tables import Table, values_cell
 
 OPAQUE = 250
 """Alpha, of 255, from which on a pixel shows the object alone."""

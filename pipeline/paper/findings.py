@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.paper.measure import ROWS
-from pipeline.paper.methods import BASELINE, WEIGHTS, Method
+from z2p_renderer.pipeline.paper.measure import ROWS
+from z2p_renderer.pipeline.paper.methods import BASELINE, WEIGHTS, Method
 
 FIGURES: dict[str, tuple[str, str, bool]] = {
     "psnr_foreground": ("PSNR on the object", "{:.2f} dB", True),

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.paper.findings import FIGURES, KEPT, Duel, Findings, duels, mean
-from pipeline.paper.kinds import KINDS
-from pipeline.paper.methods import BASELINE, WEIGHTS
+from z2p_renderer.pipeline.paper.findings import FIGURES, KEPT, Duel, Findings, duels, mean
+from z2p_renderer.pipeline.paper.kinds import KINDS
+from z2p_renderer.pipeline.paper.methods import BASELINE, WEIGHTS
 
 
 def lead(findings: Findings, sweeps: Sequence[str]) -> str:

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.shapes import shape
-from storage.meshes import Mesh
 from z2p_core.camera import turn
 from z2p_core.geometry import bounding_sphere
+from z2p_renderer.pipeline.shapes import shape
+from z2p_renderer.storage.meshes import Mesh
 
 TURN = 2 * np.pi
 BALL, SLOPE = 0.85, 0.5

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from pipeline.dots import dots
-from pipeline.evaluate import in_scene
-from pipeline.paper.methods import TRUTH, Drawn, Method, draw_cases
-from pipeline.paper.references import references
-from pipeline.paper.sweeps import Case, Subject, sweep_cases
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite
 from z2p_core.metrics import picture_metrics
 from z2p_core.report_config import ReportConfig
+from z2p_renderer.pipeline.dots import dots
+from z2p_renderer.pipeline.evaluate import in_scene
+from z2p_renderer.pipeline.paper.methods import TRUTH, Drawn, Method, draw_cases
+from z2p_renderer.pipeline.paper.references import references
+from z2p_renderer.pipeline.paper.sweeps import Case, Subject, sweep_cases
 
 ROWS = "rows.json"
 WHITE = (1.0, 1.0, 1.0)

@@ -12,18 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.baselines import load_baselines, on_true_floor, rebuild_scenes
-from pipeline.engines import REFERENCE_ENGINE
-from pipeline.evaluate import in_scene
-from pipeline.infer import Renderer
-from pipeline.load import load_plugins
-from pipeline.paper.references import render_settings
-from pipeline.paper.sweeps import Case
-from storage.checkpoints import resolve
-from storage.fingerprints import file_digest, plugin_fields
 from z2p_core import registry
 from z2p_core.images import unit_from_bytes
 from z2p_core.report_config import ReportConfig
+from z2p_renderer.pipeline.baselines import load_baselines, on_true_floor, rebuild_scenes
+from z2p_renderer.pipeline.engines import REFERENCE_ENGINE
+from z2p_renderer.pipeline.evaluate import in_scene
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.pipeline.paper.references import render_settings
+from z2p_renderer.pipeline.paper.sweeps import Case
+from z2p_renderer.storage.checkpoints import resolve
+from z2p_renderer.storage.fingerprints import file_digest, plugin_fields
 
 Log = Callable[[str], None]
 

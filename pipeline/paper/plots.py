@@ -10,8 +10,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from pipeline.paper.findings import FIGURES, KEPT, Findings, mean, spread
-from pipeline.paper.methods import WEIGHTS
+from z2p_renderer.pipeline.paper.findings import FIGURES, KEPT, Findings, mean, spread
+from z2p_renderer.pipeline.paper.methods import WEIGHTS
 
 SIDE = 144
 """Pixels along a picture's side in the page."""

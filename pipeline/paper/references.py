@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.paper.sweeps import Case
-from pipeline.render import RenderSettings, read_render, render_mesh
-from pipeline.truth import COVERAGE, PICTURE, render_references
-from storage.fingerprints import stage_fields
-from storage.layout import Entry, Store
-from storage.meshes import Mesh
 from z2p_core.report_config import ReportConfig
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.paper.sweeps import Case
+from z2p_renderer.pipeline.render import RenderSettings, read_render, render_mesh
+from z2p_renderer.pipeline.truth import COVERAGE, PICTURE, render_references
+from z2p_renderer.storage.fingerprints import stage_fields
+from z2p_renderer.storage.layout import Entry, Store
+from z2p_renderer.storage.meshes import Mesh
 
 Log = Callable[[str], None]
 

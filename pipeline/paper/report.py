@@ -10,14 +10,17 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.paper.abilities import ABILITIES
-from pipeline.paper.fidelity import color_errors, color_table
-from pipeline.paper.findings import FIGURES, KEPT, Findings, read_findings
-from pipeline.paper.kinds import KINDS
-from pipeline.paper.lead import lead
-from pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS, Method
-from pipeline.paper.plots import curves, thumbnail
-from pipeline.paper.tables import (
+from z2p_core import __version__
+from z2p_core.config import to_dict
+from z2p_core.report_config import SWEEP_NAMES, ReportConfig
+from z2p_renderer.pipeline.paper.abilities import ABILITIES
+from z2p_renderer.pipeline.paper.fidelity import color_errors, color_table
+from z2p_renderer.pipeline.paper.findings import FIGURES, KEPT, Findings, read_findings
+from z2p_renderer.pipeline.paper.kinds import KINDS
+from z2p_renderer.pipeline.paper.lead import lead
+from z2p_renderer.pipeline.paper.methods import BASELINE, TRUTH, WEIGHTS, Method
+from z2p_renderer.pipeline.paper.plots import curves, thumbnail
+from z2p_renderer.pipeline.paper.tables import (
     Table,
     abilities_table,
     level_table,
@@ -26,13 +29,10 @@ from pipeline.paper.tables import (
     reconstruction_times_table,
     trust_table,
 )
-from pipeline.paper.times import TIMES
-from pipeline.paper.trust import TRUST
-from storage.checkpoints import load_weights, resolve
-from storage.whole import write_whole
-from z2p_core import __version__
-from z2p_core.config import to_dict
-from z2p_core.report_config import SWEEP_NAMES, ReportConfig
+from z2p_renderer.pipeline.paper.times import TIMES
+from z2p_renderer.pipeline.paper.trust import TRUST
+from z2p_renderer.storage.checkpoints import load_weights, resolve
+from z2p_renderer.storage.whole import write_whole
 
 CSV_COLUMNS = ("sweep", "mesh", "view", "level", "x", "method", "points", "psnr_white", "psnr_foreground", "ssim",
                "flip", "alpha_l1", "shadow_l1", "shadow_kept", "contrast_kept", "seconds", "error", "result",

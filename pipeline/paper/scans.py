@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from pipeline.baselines import load_baselines, rebuild_scenes
-from pipeline.paper.measure import ROWS, points_picture
-from pipeline.paper.methods import WEIGHTS, Method, cloud_digest, load_renderer
-from pipeline.paper.references import render_settings
-from pipeline.paper.sweeps import CONTROLS, MADE_LOOK, Case
-from pipeline.placing import Placing, place
-from pipeline.views import describe, load_controls
-from storage.checkpoints import resolve
-from storage.clouds import format_suffix, read_clouds
-from storage.fingerprints import file_digest
-from storage.meshes import Mesh
 from z2p_core.images import bytes_from_unit, unit_from_bytes
 from z2p_core.report_config import ReportConfig
+from z2p_renderer.pipeline.baselines import load_baselines, rebuild_scenes
+from z2p_renderer.pipeline.paper.measure import ROWS, points_picture
+from z2p_renderer.pipeline.paper.methods import WEIGHTS, Method, cloud_digest, load_renderer
+from z2p_renderer.pipeline.paper.references import render_settings
+from z2p_renderer.pipeline.paper.sweeps import CONTROLS, MADE_LOOK, Case
+from z2p_renderer.pipeline.placing import Placing, place
+from z2p_renderer.pipeline.views import describe, load_controls
+from z2p_renderer.storage.checkpoints import resolve
+from z2p_renderer.storage.clouds import format_suffix, read_clouds
+from z2p_renderer.storage.fingerprints import file_digest
+from z2p_renderer.storage.meshes import Mesh
 
 MOST_POINTS = 20_000
 """Larger scans are thinned at random to so many: what takes minutes on a baseline would be no fair picture either."""

@@ -11,19 +11,19 @@ from typing import Any
 import numpy as np
 from PIL import ImageColor
 
-from pipeline.evaluate import draw_views
-from pipeline.paper import made
-from pipeline.paper.clouds import inner_points, non_uniform, single_view
-from pipeline.sample import draw_cloud
-from pipeline.views import View, describe, load_controls
-from storage.fingerprints import file_digest
-from storage.meshes import Mesh, read_mesh
 from z2p_core.camera import turn
 from z2p_core.config import EvaluateConfig
 from z2p_core.geometry import Sphere, bounding_sphere
 from z2p_core.interfaces import Value
 from z2p_core.report_config import ReportConfig
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.evaluate import draw_views
+from z2p_renderer.pipeline.paper import made
+from z2p_renderer.pipeline.paper.clouds import inner_points, non_uniform, single_view
+from z2p_renderer.pipeline.sample import draw_cloud
+from z2p_renderer.pipeline.views import View, describe, load_controls
+from z2p_renderer.storage.fingerprints import file_digest
+from z2p_renderer.storage.meshes import Mesh, read_mesh
 
 CONTROLS = ("color", "light", "elevation")
 """What views are drawn with: those of every training but the materials'."""

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from pipeline.paper.abilities import ABILITIES, QUOTED, Verdict, verdicts
-from pipeline.paper.findings import FIGURES, Findings, best, mean, spread
-from pipeline.paper.methods import BASELINE, WEIGHTS
+from z2p_renderer.pipeline.paper.abilities import ABILITIES, QUOTED, Verdict, verdicts
+from z2p_renderer.pipeline.paper.findings import FIGURES, Findings, best, mean, spread
+from z2p_renderer.pipeline.paper.methods import BASELINE, WEIGHTS
 
 PAPER_TABLE_2 = {
     1: (0.0, 2.60, 0.020, 2.62), 2: (0.010, 5.04, 0.040, 2.54), 3: (0.010, 7.88, 0.060, 2.65),

@@ -14,21 +14,21 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.baselines import load_baselines
-from pipeline.engines import start_engine
-from pipeline.evaluate import in_scene
-from pipeline.load import LoadedWeights, load_plugins
-from pipeline.paper.methods import BASELINE, WEIGHTS, Method
-from pipeline.paper.sweeps import CONTROLS, MADE_LOOK, UNIT, Subject
-from pipeline.render import RenderSettings, render_mesh
-from pipeline.sample import draw_cloud
-from pipeline.views import describe, load_controls
-from storage.checkpoints import resolve
-from storage.meshes import Mesh
 from z2p_core.camera import Camera, turn
 from z2p_core.interfaces import Engine, ScanError
 from z2p_core.report_config import ReportConfig
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.baselines import load_baselines
+from z2p_renderer.pipeline.engines import start_engine
+from z2p_renderer.pipeline.evaluate import in_scene
+from z2p_renderer.pipeline.load import LoadedWeights, load_plugins
+from z2p_renderer.pipeline.paper.methods import BASELINE, WEIGHTS, Method
+from z2p_renderer.pipeline.paper.sweeps import CONTROLS, MADE_LOOK, UNIT, Subject
+from z2p_renderer.pipeline.render import RenderSettings, render_mesh
+from z2p_renderer.pipeline.sample import draw_cloud
+from z2p_renderer.pipeline.views import describe, load_controls
+from z2p_renderer.storage.checkpoints import resolve
+from z2p_renderer.storage.meshes import Mesh
 
 WIDTH, HEIGHT = 500, 313
 """The paper's picture."""

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from pipeline.paper.measure import WHITE
-from pipeline.paper.methods import Method, draw_case
-from pipeline.paper.references import references
-from pipeline.paper.sweeps import Case, Subject, sweep_cases
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite
 from z2p_core.report_config import ReportConfig
+from z2p_renderer.pipeline.paper.measure import WHITE
+from z2p_renderer.pipeline.paper.methods import Method, draw_case
+from z2p_renderer.pipeline.paper.references import references
+from z2p_renderer.pipeline.paper.sweeps import Case, Subject, sweep_cases
 
 TRUST = "trust.json"
 SHARE = 0.5

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from plugins.baselines.apart import Apart
-from plugins.baselines.normals import arrays, oriented
 from z2p_core.interfaces import Baseline, ScanError
+from z2p_renderer.plugins.baselines.apart import Apart
+from z2p_renderer.plugins.baselines.normals import arrays, oriented
 
 RADII = (1.5, 2.5, 4.0)
 """Of the balls, in units of the mean distance to the nearest neighbour."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from plugins.baselines.normals import arrays
 from z2p_core.camera import Camera
 from z2p_core.interfaces import Baseline, ScanError
+from z2p_renderer.plugins.baselines.normals import arrays
 
 FLIP = 360.0
 """Radius of the sphere that the points are flipped over, in world units: a hundred times the camera's distance."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from plugins.baselines.normals import arrays, oriented
 from z2p_core.interfaces import Baseline
+from z2p_renderer.plugins.baselines.normals import arrays, oriented
 
 DEPTH = 8
 """Of the octree: 256 cells a side."""

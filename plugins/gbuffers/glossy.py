@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from plugins.gbuffers.lighting import GREY, Detail, Lighting
-from plugins.gbuffers.surfels import FAR, NEAR, Surfels
 from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
@@ -21,6 +19,8 @@ from z2p_core.lamps import light_lamps, light_square
 from z2p_core.principled import INDEX, Principled
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
 from z2p_core.turning import along, products
+from z2p_renderer.plugins.gbuffers.lighting import GREY, Detail, Lighting
+from z2p_renderer.plugins.gbuffers.surfels import FAR, NEAR, Surfels
 
 LAMPS, SMOOTHEST = 36, 0.04
 """Points that stand for the reflected light, and the least GGX alpha whose lobe shows them without gaps: smoother

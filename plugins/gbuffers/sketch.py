@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from plugins.gbuffers.lighting import Detail
-from plugins.gbuffers.surfels import Surfels
+from z2p_renderer.plugins.gbuffers.lighting import Detail
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 
 class Sketch(Surfels):

@@ -14,7 +14,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from plugins.gbuffers.lighting import Detail, Lighting
 from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.discs import discs
@@ -23,6 +22,7 @@ from z2p_core.scene import SceneDescription
 from z2p_core.tangents import MOST_POINTS, tangents, thinned
 from z2p_core.threads import beside, over_rows
 from z2p_core.turning import products, turned
+from z2p_renderer.plugins.gbuffers.lighting import Detail, Lighting
 
 SLACK = 0.7
 """How far behind the nearest disc another still counts, in radii."""

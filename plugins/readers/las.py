@@ -8,8 +8,8 @@ from typing import BinaryIO
 
 import numpy as np
 
-from plugins.readers.late import late
 from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
+from z2p_renderer.plugins.readers.late import late
 
 _CHUNK = 1_000_000
 """Points unpacked at a time: a header that lies about its count costs one chunk, not the machine's memory."""

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from plugins.readers.gltf import readable_glb
-from plugins.readers.late import late
-from plugins.readers.lengths import stray_bytes, stray_note
 from z2p_core.interfaces import RawCloud, Reader, ScanError
+from z2p_renderer.plugins.readers.gltf import readable_glb
+from z2p_renderer.plugins.readers.late import late
+from z2p_renderer.plugins.readers.lengths import stray_bytes, stray_note
 
 _STL_HEAD, _STL_TRIANGLE = 84, 50
 """Bytes of a binary STL file's header and of each triangle."""

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
-from plugins.readers.ply_lists import walked_ascii, walked_binary
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
+from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
+from z2p_renderer.plugins.readers.ply_lists import walked_ascii, walked_binary
 
 
 class Ply(Reader):

@@ -11,10 +11,10 @@ from typing import TextIO
 
 import numpy as np
 
-from plugins.readers.text_form import TABLES, BadLineError, Form, Head, form_of, head_of, some_names
-from plugins.readers.text_lines import memory_of_lines
 from z2p_core.column_names import column_names, is_row, text_encoding, without_comment
 from z2p_core.interfaces import RawCloud, Reader, ScanError
+from z2p_renderer.plugins.readers.text_form import TABLES, BadLineError, Form, Head, form_of, head_of, some_names
+from z2p_renderer.plugins.readers.text_lines import memory_of_lines
 
 _LINES = 200_000
 """Lines that are read at a time, so that the text of a large file is never in memory as a whole."""

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from plugins.readers.late import late
 from z2p_core.interfaces import MEMORY_A_CHARACTER, Reader, ScanError
+from z2p_renderer.plugins.readers.late import late
 
 
 class Vertices(Reader):

@@ -26,7 +26,7 @@ def cloud() -> np.ndarray:
 @pytest.fixture
 def z2p() -> Callable[..., Result]:
     """Function that runs `z2p` with the given words."""
-    from pipeline.cli import main
+    from z2p_renderer.pipeline.cli import main
 
     return lambda *words: CliRunner().invoke(main, [str(word) for word in words])
 

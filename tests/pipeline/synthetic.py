@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from storage.shards import Record, write_shard
 from z2p_core.camera import DISTANCE, Camera, light_position
 from z2p_core.geometry import random_rotation
 from z2p_core.images import linear_from_srgb
 from z2p_core.scene import SceneDescription
+from z2p_renderer.storage.shards import Record, write_shard
 
 CONTROLS = [
     {"name": "color", "version": "1", "size": 3},

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from pipeline.ablation.outcomes import (
+from z2p_core.ablation_config import AblationsConfig, parse_ablations
+from z2p_renderer.pipeline.ablation.outcomes import (
     ALIKE,
     BETTER,
     WORSE,
@@ -23,9 +24,8 @@ from pipeline.ablation.outcomes import (
     read_outcomes,
     seconds_of,
 )
-from pipeline.ablation.page import write_ablations
-from storage.checkpoints import load_weights
-from z2p_core.ablation_config import AblationsConfig, parse_ablations
+from z2p_renderer.pipeline.ablation.page import write_ablations
+from z2p_renderer.storage.checkpoints import load_weights
 
 CONFIG = parse_ablations("""name = "small"
 [train]

@@ -12,14 +12,14 @@ import pytest
 from click.testing import Result
 from PIL import Image, ImageSequence
 
-from pipeline.drawing import Look, draw
-from pipeline.infer import Renderer
-from pipeline.motion import Motion, flicker, moving_frames, opening
-from pipeline.placing import Placing
-from storage.animations import write_animation
-from storage.clouds import Scan, usable
-from storage.pictures import PictureError, read_record
 from z2p_core.interfaces import SettingError
+from z2p_renderer.pipeline.drawing import Look, draw
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.motion import Motion, flicker, moving_frames, opening
+from z2p_renderer.pipeline.placing import Placing
+from z2p_renderer.storage.animations import write_animation
+from z2p_renderer.storage.clouds import Scan, usable
+from z2p_renderer.storage.pictures import PictureError, read_record
 
 LOOK = Look(width=40, height=40)
 
@@ -143,7 +143,7 @@ def test_a_missing_video_extra_is_told_before_anything_is_drawn(
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     result = z2p("animate", scans, "-o", tmp_path / "out", "--format", "mp4", "--weights", tiny_weights)
-    assert result.exit_code == 2 and 'pip install "z2p[video]"' in result.stderr
+    assert result.exit_code == 2 and 'pip install "z2p-renderer[video]"' in result.stderr
     assert not (tmp_path / "out").exists()
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from synthetic import sphere_record
 
-from pipeline.augment import HOLE, MOST_HOLES, draw_cloud, evenly, mirrored, with_holes
-from plugins.controls.light import Light
 from z2p_core import native
 from z2p_core.config import TrainConfig
+from z2p_renderer.pipeline.augment import HOLE, MOST_HOLES, draw_cloud, evenly, mirrored, with_holes
+from z2p_renderer.plugins.controls.light import Light
 
 
 def sphere(count, seed=0):

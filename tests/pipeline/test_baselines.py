@@ -11,16 +11,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline import baselines as module
-from pipeline import evaluate as evaluation
-from pipeline import truth
-from pipeline.baselines import on_true_floor, rebuild, rebuild_scenes
-from pipeline.evaluate import evaluate, in_scene
-from pipeline.render import RenderError, RenderSettings, render_mesh, render_scenes
-from pipeline.shapes import shape
-from storage.clouds import write_mesh
-from storage.fingerprints import fingerprint, plugin_fields
-from storage.meshes import Mesh
 from z2p_core import registry
 from z2p_core.camera import turn
 from z2p_core.config import EvaluateConfig
@@ -28,6 +18,16 @@ from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import Baseline, ScanError
 from z2p_core.metrics import NAMES
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline import baselines as module
+from z2p_renderer.pipeline import evaluate as evaluation
+from z2p_renderer.pipeline import truth
+from z2p_renderer.pipeline.baselines import on_true_floor, rebuild, rebuild_scenes
+from z2p_renderer.pipeline.evaluate import evaluate, in_scene
+from z2p_renderer.pipeline.render import RenderError, RenderSettings, render_mesh, render_scenes
+from z2p_renderer.pipeline.shapes import shape
+from z2p_renderer.storage.clouds import write_mesh
+from z2p_renderer.storage.fingerprints import fingerprint, plugin_fields
+from z2p_renderer.storage.meshes import Mesh
 
 SIDE = 48
 CONFIG = EvaluateConfig(views=2, points=300, resolution=SIDE, samples=2, denoise="off")

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.batch import Look, Task, plan_outputs, render_files, write_picture
-from pipeline.infer import Renderer
+from z2p_renderer.pipeline.batch import Look, Task, plan_outputs, render_files, write_picture
+from z2p_renderer.pipeline.infer import Renderer
 
 LOOK = Look(width=32, height=32)
 
@@ -104,7 +104,7 @@ def test_bad_files_do_not_stop_the_others_and_threads_change_nothing(
 def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
     tmp_path: Path, renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipeline import batch
+    from z2p_renderer.pipeline import batch
 
     at_work, together = set[str](), set[frozenset[str]]()
     both_light = threading.Barrier(2, timeout=20)
@@ -135,7 +135,7 @@ def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
 
 
 def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pipeline import batch
+    from z2p_renderer.pipeline import batch
 
     alive, most, lock = [0], [0], threading.Lock()
     original = batch.read_each
@@ -210,7 +210,7 @@ def test_several_clouds_do_not_fit_into_one_named_picture(
 def test_a_batch_file_is_digested_once(
     tmp_path: Path, renderer: Renderer, cloud: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipeline import batch
+    from z2p_renderer.pipeline import batch
 
     digested = []
     monkeypatch.setattr(batch, "file_digest", lambda path: digested.append(path) or "0")

@@ -13,9 +13,9 @@ from types import SimpleNamespace
 import pytest
 from click.testing import Result
 
-from pipeline.cli import COMMANDS
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig
+from z2p_renderer.pipeline.cli import COMMANDS
 
 
 def test_help_and_version_import_nothing_heavy() -> None:
@@ -89,7 +89,7 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
         theirs = {"means": {"ssim": 0.5, "render_seconds": 2}, "spread_over_seeds": {}}
         (out / "metrics.json").write_text(json.dumps({**data, "baselines": dict.fromkeys(baselines, theirs)}))
 
-    monkeypatch.setitem(sys.modules, "pipeline.evaluate", SimpleNamespace(evaluate=measure))
+    monkeypatch.setitem(sys.modules, "z2p_renderer.pipeline.evaluate", SimpleNamespace(evaluate=measure))
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
     meshes, out = tmp_path / "meshes", tmp_path / "out"
     meshes.mkdir()
@@ -126,7 +126,7 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
 def test_pipeline_starts_luigi_with_only_what_was_given(
     z2p: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipeline.commands import full_pipeline
+    from z2p_renderer.pipeline.commands import full_pipeline
 
     started: list[tuple[list[str], dict[str, str]]] = []
 
@@ -152,7 +152,7 @@ def test_pipeline_starts_luigi_with_only_what_was_given(
 def test_a_worker_looks_again_as_long_as_others_work(
     statuses: list[int], end: int, z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipeline.commands import full_pipeline
+    from z2p_renderer.pipeline.commands import full_pipeline
 
     left = iter(statuses)
     monkeypatch.setattr(full_pipeline, "run_process", lambda command, environment: next(left))
@@ -161,7 +161,7 @@ def test_a_worker_looks_again_as_long_as_others_work(
 
 
 def test_a_child_finds_our_packages_whatever_the_working_folder_holds(tmp_path: Path) -> None:
-    from pipeline.children import child_environment
+    from z2p_renderer.pipeline.children import child_environment
 
     (tmp_path / "storage").mkdir()
     (tmp_path / "storage" / "__init__.py").write_text("raise SystemExit('the wrong storage')")
@@ -173,7 +173,7 @@ def test_a_child_finds_our_packages_whatever_the_working_folder_holds(tmp_path: 
 
 
 def test_blenders_process_runs_no_file_of_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from pipeline.render import RenderError, _run_blender
+    from z2p_renderer.pipeline.render import RenderError, _run_blender
 
     for name in ("pipeline", "numpy", "json"):
         (tmp_path / f"{name}.py").write_text("print('a file of the user')\n")
@@ -184,7 +184,7 @@ def test_blenders_process_runs_no_file_of_the_working_folder(tmp_path: Path, mon
 
 
 def test_a_process_hands_on_its_exit_status() -> None:
-    from pipeline.commands.full_pipeline import run_process
+    from z2p_renderer.pipeline.commands.full_pipeline import run_process
 
     assert run_process([sys.executable, "-c", "raise SystemExit(30)"], dict(os.environ)) == 30
     assert run_process([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], dict(os.environ)) == 137
@@ -237,7 +237,7 @@ def test_help_is_in_sections_and_a_figures_own_settings_are_its_defaults(z2p: Ca
 
 PATIENT = """
 import signal, threading, time
-from pipeline import cli
+from z2p_renderer.pipeline import cli
 import click
 
 signal.signal(signal.SIGINT, signal.default_int_handler)  # where the tests are a background job it would be ignored
@@ -270,7 +270,7 @@ def test_a_second_interrupt_ends_what_the_first_one_waits_for() -> None:
 def test_a_config_that_is_not_utf8_is_told_in_one_line(tmp_path: Path, words: tuple[str, ...]) -> None:
     config = tmp_path / "latin.toml"
     config.write_bytes('name = "a" # Größe\n'.encode("latin-1"))
-    told = subprocess.run([sys.executable, "-m", "pipeline.cli", *words, "--config", str(config)], check=False,
+    told = subprocess.run([sys.executable, "-m", "z2p_renderer.pipeline.cli", *words, "--config", str(config)], check=False,
                           capture_output=True, text=True, cwd=tmp_path)  # fmt: skip
     assert told.returncode not in (0, 1) and "Traceback" not in told.stdout + told.stderr
     assert "is not UTF-8" in told.stdout + told.stderr
@@ -279,7 +279,7 @@ def test_a_config_that_is_not_utf8_is_told_in_one_line(tmp_path: Path, words: tu
 def test_streams_that_the_shell_closed_lead_nowhere(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
     words = f"run-inference --weights {tiny_weights} --resolution 64 {scans / 'one.npy'}"
     for number, closed in enumerate(("", "2>&-", "<&- >&- 2>&-")):
-        line = f"{sys.executable} -m pipeline.cli {words} -o {tmp_path / str(number)} {closed}"
+        line = f"{sys.executable} -m z2p_renderer.pipeline.cli {words} -o {tmp_path / str(number)} {closed}"
         assert subprocess.run(line, shell=True, capture_output=True).returncode == 0
     pictures = [(tmp_path / str(number) / "one.png").read_bytes() for number in range(3)]
     assert pictures[0] == pictures[1] == pictures[2]

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.render import RenderSettings, render_scenes
-from storage.meshes import write_mesh
 from z2p_core.camera import Camera, light_position, turn
 from z2p_core.images import linear_from_srgb, unit_from_bytes
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.render import RenderSettings, render_scenes
+from z2p_renderer.storage.meshes import write_mesh
 
 pytestmark = pytest.mark.slow
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.cropping import cropped
-from pipeline.dataset import Batch
+from z2p_renderer.pipeline.cropping import cropped
+from z2p_renderer.pipeline.dataset import Batch
 
 SIDE, CELL = 128, 4
 

@@ -7,13 +7,13 @@ import pytest
 import torch
 from synthetic import CONTROLS, sphere_record, sphere_shard
 
-from pipeline.augment import draw_cloud
-from pipeline.dataset import CloudPictures, DatasetError
-from plugins.gbuffers.surfels import Surfels
-from plugins.zbuffers.paper import PaperZBuffer
-from storage.shards import ShardError, write_shard
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
+from z2p_renderer.pipeline.augment import draw_cloud
+from z2p_renderer.pipeline.dataset import CloudPictures, DatasetError
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
+from z2p_renderer.plugins.zbuffers.paper import PaperZBuffer
+from z2p_renderer.storage.shards import ShardError, write_shard
 
 CONFIG = TrainConfig(batch=4, points=(100, 400), validation_share=0.2)
 
@@ -53,8 +53,8 @@ def test_zbuffer_lies_over_the_target(shards):
 def test_a_batch_depends_on_its_number_alone(shards, reuse, monkeypatch):
     config = replace(CONFIG, reuse=reuse)
     in_order, out_of_order = pictures(shards, config), pictures(shards, config)
-    monkeypatch.setattr("pipeline.dataset.CACHE_BYTES", 0)
-    monkeypatch.setattr("pipeline.dataset.BUFFERS_BYTES", 0)
+    monkeypatch.setattr("z2p_renderer.pipeline.dataset.CACHE_BYTES", 0)
+    monkeypatch.setattr("z2p_renderer.pipeline.dataset.BUFFERS_BYTES", 0)
     no_cache = pictures(shards, config)
     batches = [in_order.batch(step) for step in range(6)]
     for step in (5, 0, 3):

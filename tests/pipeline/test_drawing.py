@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.drawing import Look, draw, record, trimmed
-from pipeline.infer import Renderer
-from pipeline.placing import Placing
-from storage.clouds import usable
 from z2p_core.images import shrink, unit_from_bytes
 from z2p_core.interfaces import SettingError
+from z2p_renderer.pipeline.drawing import Look, draw, record, trimmed
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.placing import Placing
+from z2p_renderer.storage.clouds import usable
 
 
 @pytest.fixture(scope="module")

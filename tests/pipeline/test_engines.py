@@ -15,15 +15,15 @@ import onnx
 import pytest
 from click.testing import Result
 
-import plugins.engines.onnxruntime
-from pipeline.engines import start_engine
-from pipeline.export import export_onnx
-from pipeline.infer import Renderer, place_cloud
-from pipeline.load import load_plugins
-from storage.checkpoints import WeightsError, load_weights, resolve, save_weights
-from storage.exports import onnx_path
+import z2p_renderer.plugins.engines.onnxruntime
 from z2p_core import registry
 from z2p_core.registry import PluginError
+from z2p_renderer.pipeline.engines import start_engine
+from z2p_renderer.pipeline.export import export_onnx
+from z2p_renderer.pipeline.infer import Renderer, place_cloud
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.storage.checkpoints import WeightsError, load_weights, resolve, save_weights
+from z2p_renderer.storage.exports import onnx_path
 
 KNOWN = {name: registry.load("engines", name) for name in registry.names("engines")}
 ONNX_ENGINES = [name for name, engine in KNOWN.items() if engine.reads_onnx and engine.exact]
@@ -94,7 +94,7 @@ def test_without_torch_and_export_the_message_says_how_to_get_on(
     tiny_weights: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(registry.load("engines", "torch"), "package", "no_such_package")
-    told = r"tiny.onnx beside it, or torch; .* python -m pipeline.export .*z2p\[torch\]"
+    told = r"tiny.onnx beside it, or torch; .* python -m z2p_renderer.pipeline.export .*z2p\[torch\]"
     with pytest.raises(WeightsError, match=told):
         Renderer(tiny_weights)
     with pytest.raises(WeightsError, match=r"'onnxruntime' needs tiny.onnx beside"):
@@ -128,13 +128,13 @@ def test_eight_bits_run_unasked_where_the_processor_multiplies_bytes(
     told = tmp_path / "cpuinfo"
     if flags is not None:
         told.write_text(f"model name\t: one of these\nflags\t\t: {flags}\n")
-    monkeypatch.setattr(plugins.engines.onnxruntime, "CPU_FLAGS", told)
-    plugins.engines.onnxruntime.multiplies_bytes.cache_clear()
+    monkeypatch.setattr(z2p_renderer.plugins.engines.onnxruntime, "CPU_FLAGS", told)
+    z2p_renderer.plugins.engines.onnxruntime.multiplies_bytes.cache_clear()
     file = resolve("regular")
     loaded = load_plugins(file)
     assert start_engine(loaded, file).name == engine
     assert start_engine(loaded, file, exact=True).name == "onnxruntime"
-    plugins.engines.onnxruntime.multiplies_bytes.cache_clear()
+    z2p_renderer.plugins.engines.onnxruntime.multiplies_bytes.cache_clear()
 
 
 def test_an_unknown_engine_is_told_with_the_known_ones(exported_weights: Path) -> None:
@@ -155,7 +155,7 @@ def test_an_export_of_other_weights_is_refused(copied: Path) -> None:
 RACE = """
 import sys, threading
 import numpy as np
-from pipeline.infer import Renderer
+from z2p_renderer.pipeline.infer import Renderer
 
 renderer = Renderer(sys.argv[1], threads=1, engine=sys.argv[2])
 cloud = np.random.default_rng(0).normal(size=(300, 3)).astype(np.float32) * 0.3
@@ -226,7 +226,7 @@ def test_no_library_leaves_or_sends_anything_of_its_own(exported_weights: Path, 
     home, words = tmp_path / "home", ["run-inference", str(scans), "-o", str(tmp_path / "out"), "--resolution", "64"]
     home.mkdir()
     env = {name: text for name, text in os.environ.items() if not name.startswith(("ORT_", "XDG_"))}
-    for command in (["pipeline.cli", *words, "--engine", "onnxruntime"], ["pipeline.export", str(exported_weights)]):
+    for command in (["z2p_renderer.pipeline.cli", *words, "--engine", "onnxruntime"], ["z2p_renderer.pipeline.export", str(exported_weights)]):
         done = subprocess.run([sys.executable, "-m", *command], env={**env, "HOME": str(home)}, capture_output=True)
         assert done.returncode == 0, done.stderr
     assert not list(home.rglob("*"))
@@ -280,8 +280,8 @@ def test_half_weights_make_a_small_export_and_whole_ones_an_exact_one(make_weigh
 
 
 def test_a_missing_exporter_is_told_before_a_training(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    from pipeline.train import train
     from z2p_core.config import TrainConfig
+    from z2p_renderer.pipeline.train import train
 
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "onnx" else True)
     with pytest.raises(ImportError, match=r"onnx must be installed: pip install .z2p\[pipeline\]"):

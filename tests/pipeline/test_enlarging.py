@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.enlarging import CLOSE, SMALLEST, STEPS, drawn_size, enlarged
-from pipeline.infer import Renderer
 from z2p_core.camera import DISTANCE, Camera, turn
 from z2p_core.tangents import typical_spacing
+from z2p_renderer.pipeline.enlarging import CLOSE, SMALLEST, STEPS, drawn_size, enlarged
+from z2p_renderer.pipeline.infer import Renderer
 
 
 def sphere(count: int) -> np.ndarray:

@@ -13,17 +13,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline import render, truth
-from pipeline.evaluate import draw_views, evaluate, in_scene, summarise
-from pipeline.export import export_onnx
-from pipeline.infer import Renderer
-from pipeline.render import RenderSettings
-from pipeline.sample import draw_cloud
-from pipeline.shapes import shape
-from pipeline.sheets import CELL, ROWS_A_SHEET, sheet_row, write_sheets
-from storage.checkpoints import WeightsError
-from storage.clouds import read_mesh, write_mesh
-from storage.fingerprints import file_digest
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.config import EvaluateConfig
@@ -31,6 +20,17 @@ from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.metrics import NAMES
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline import render, truth
+from z2p_renderer.pipeline.evaluate import draw_views, evaluate, in_scene, summarise
+from z2p_renderer.pipeline.export import export_onnx
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.render import RenderSettings
+from z2p_renderer.pipeline.sample import draw_cloud
+from z2p_renderer.pipeline.shapes import shape
+from z2p_renderer.pipeline.sheets import CELL, ROWS_A_SHEET, sheet_row, write_sheets
+from z2p_renderer.storage.checkpoints import WeightsError
+from z2p_renderer.storage.clouds import read_mesh, write_mesh
+from z2p_renderer.storage.fingerprints import file_digest
 
 SIDE = 48
 CONFIG = EvaluateConfig(views=2, points=300, resolution=SIDE, samples=2, denoise="off")
@@ -140,7 +140,7 @@ def test_the_engine_that_is_asked_for_runs_and_is_told(by_hand, meshes, tiny_wei
             super().__init__(*words, **named)
             started.append(self.engine)
 
-    monkeypatch.setattr("pipeline.evaluate.Renderer", Watched)
+    monkeypatch.setattr("z2p_renderer.pipeline.evaluate.Renderer", Watched)
     file = Path(shutil.copy(tiny_weights, tmp_path))
     export_onnx(file)
     data = {engine: metrics(evaluate(meshes, file, tmp_path / engine, CONFIG, tmp_path / "truth", engine=engine))

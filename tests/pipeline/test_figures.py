@@ -13,7 +13,7 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
-from storage.pictures import read_record, write_picture
+from z2p_renderer.storage.pictures import read_record, write_picture
 
 
 @pytest.fixture
@@ -234,6 +234,6 @@ def test_where_nothing_can_be_written_is_told_before_it_is_drawn(
     rerender: Callable[..., Result], figure: Path, tmp_path: Path, output: str, told: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("pipeline.drawing.draw", None)  # not called
+    monkeypatch.setattr("z2p_renderer.pipeline.drawing.draw", None)  # not called
     result = rerender(figure, "-o", tmp_path / output)
     assert result.exit_code == 2 and told in result.stderr

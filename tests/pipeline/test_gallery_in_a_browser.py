@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.gallery import write_gallery
-from storage.pictures import write_picture
+from z2p_renderer.pipeline.gallery import write_gallery
+from z2p_renderer.storage.pictures import write_picture
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(CHROMIUM is None, reason="no Chromium here")]

@@ -6,12 +6,12 @@ import pytest
 import torch
 from synthetic import sphere_shard
 
-from pipeline.dataset import CloudPictures
-from pipeline.haze import HAZES, SHADES, without_haze
-from plugins.gbuffers.surfels import Surfels
-from plugins.zbuffers.splats import SplatPyramid
-from storage.shards import Shard
 from z2p_core.config import TrainConfig
+from z2p_renderer.pipeline.dataset import CloudPictures
+from z2p_renderer.pipeline.haze import HAZES, SHADES, without_haze
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
+from z2p_renderer.plugins.zbuffers.splats import SplatPyramid
+from z2p_renderer.storage.shards import Shard
 
 HAZE = 0.0025
 

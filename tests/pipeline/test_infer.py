@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.buffers import draw_buffers
-from pipeline.infer import UP_AXES, Renderer, place_cloud
-from pipeline.load import load_network
-from storage.checkpoints import WeightsError
 from z2p_core.camera import Camera, turn
 from z2p_core.interfaces import ScanError
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.buffers import draw_buffers
+from z2p_renderer.pipeline.infer import UP_AXES, Renderer, place_cloud
+from z2p_renderer.pipeline.load import load_network
+from z2p_renderer.storage.checkpoints import WeightsError
 
 
 @pytest.fixture(scope="module")

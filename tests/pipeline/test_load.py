@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.load import load_network
-from storage.checkpoints import WeightsError, load_weights, save_weights
+from z2p_renderer.pipeline.load import load_network
+from z2p_renderer.storage.checkpoints import WeightsError, load_weights, save_weights
 
 
 def test_weights_that_know_an_earlier_gbuffer_draw_nothing_but_may_be_trained_on(

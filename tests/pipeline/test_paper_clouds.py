@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.paper.clouds import SENSOR_AZIMUTH, inner_points, non_uniform, single_view
-from pipeline.paper.made import bumpy, sheet
-from storage.meshes import Mesh
 from z2p_core.camera import turn
+from z2p_renderer.pipeline.paper.clouds import SENSOR_AZIMUTH, inner_points, non_uniform, single_view
+from z2p_renderer.pipeline.paper.made import bumpy, sheet
+from z2p_renderer.storage.meshes import Mesh
 
 BALL = Mesh(*(lambda mesh: (mesh.vertices, mesh.faces))(bumpy(0)), smooth=True)
 RADIUS = float(np.linalg.norm(BALL.vertices, axis=1).mean())

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.paper.fidelity import color_error, color_errors, color_table
-from pipeline.paper.findings import Findings
-from pipeline.paper.methods import Method
+from z2p_renderer.pipeline.paper.fidelity import color_error, color_errors, color_table
+from z2p_renderer.pipeline.paper.findings import Findings
+from z2p_renderer.pipeline.paper.methods import Method
 
 
 def picture(color: tuple[int, int, int], alpha: int = 255) -> np.ndarray:

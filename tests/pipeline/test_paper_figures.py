@@ -9,16 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.paper.abilities import verdicts
-from pipeline.paper.findings import Findings, duels, read_findings
-from pipeline.paper.lead import lead
-from pipeline.paper.measure import ROWS, contrast_kept, gain
-from pipeline.paper.methods import Method
-from pipeline.paper.report import _absent
-from pipeline.paper.tables import level_table, means_table, trust_table
-from pipeline.paper.trust import worth
-from storage.checkpoints import load_weights, save_weights
 from z2p_core.report_config import ReportConfig
+from z2p_renderer.pipeline.paper.abilities import verdicts
+from z2p_renderer.pipeline.paper.findings import Findings, duels, read_findings
+from z2p_renderer.pipeline.paper.lead import lead
+from z2p_renderer.pipeline.paper.measure import ROWS, contrast_kept, gain
+from z2p_renderer.pipeline.paper.methods import Method
+from z2p_renderer.pipeline.paper.report import _absent
+from z2p_renderer.pipeline.paper.tables import level_table, means_table, trust_table
+from z2p_renderer.pipeline.paper.trust import worth
+from z2p_renderer.storage.checkpoints import load_weights, save_weights
 
 METHODS = (Method("regular", "weights", "regular"), Method("bpa", "baseline", "bpa"))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.paper.made import BALL, PLATE, SLOPE, bumpy, plates, scene, sheet
-from storage.meshes import Mesh
+from z2p_renderer.pipeline.paper.made import BALL, PLATE, SLOPE, bumpy, plates, scene, sheet
+from z2p_renderer.storage.meshes import Mesh
 
 SHAPES = {"ball": bumpy(0), "bumps": bumpy(16), "plates": plates(0.1), "solid": plates(0.1, solid=True),
           "open sheet": sheet(0.0), "sheet": sheet(0.05), "scene": scene(4)}  # fmt: skip

@@ -9,16 +9,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.evaluate import draw_views
-from pipeline.paper.kinds import KINDS
-from pipeline.paper.measure import points_picture
-from pipeline.paper.sweeps import OWN_SHAPES, Case, Subject, read_subject, sweep_cases
-from pipeline.shapes import shape
-from pipeline.views import load_controls
-from storage.meshes import write_mesh
 from z2p_core.camera import turn
 from z2p_core.config import EvaluateConfig
 from z2p_core.report_config import SWEEP_NAMES, NameSweep, NumberSweep, ReportConfig
+from z2p_renderer.pipeline.evaluate import draw_views
+from z2p_renderer.pipeline.paper.kinds import KINDS
+from z2p_renderer.pipeline.paper.measure import points_picture
+from z2p_renderer.pipeline.paper.sweeps import OWN_SHAPES, Case, Subject, read_subject, sweep_cases
+from z2p_renderer.pipeline.shapes import shape
+from z2p_renderer.pipeline.views import load_controls
+from z2p_renderer.storage.meshes import write_mesh
 
 SMALL = ReportConfig(points=400, views=2, density=NumberSweep((100.0, 900.0)), scene=NumberSweep((1.0, 4.0)),
                      bumps=NumberSweep((4.0, 8.0)), gap=NumberSweep((0.4, 0.1)))  # fmt: skip

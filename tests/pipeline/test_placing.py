@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.infer import UP_AXES, place_cloud
-from pipeline.placing import Placed, Placing, place
-from storage.clouds import Scan
 from z2p_core.camera import Camera
 from z2p_core.geometry import random_rotation
 from z2p_core.interfaces import ScanError, Sensor
+from z2p_renderer.pipeline.infer import UP_AXES, place_cloud
+from z2p_renderer.pipeline.placing import Placed, Placing, place
+from z2p_renderer.storage.clouds import Scan
 
 FREE = (0.0, 80.0)
 

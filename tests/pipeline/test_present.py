@@ -13,12 +13,12 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
-from pipeline.batch import Look, Outcome, Task, render_files
-from pipeline.infer import Renderer
-from pipeline.placing import Placing
-from pipeline.suited import SuitedRenderer
-from storage.pictures import read_record
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
+from z2p_renderer.pipeline.batch import Look, Outcome, Task, render_files
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.placing import Placing
+from z2p_renderer.pipeline.suited import SuitedRenderer
+from z2p_renderer.storage.pictures import read_record
 
 LOOK = Look(width=32, height=32)
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline import baselines as module
-from pipeline.baselines import load_baselines, rebuild_scenes, viewer_of
-from pipeline.render import RenderSettings
 from z2p_core import registry
 from z2p_core.camera import Camera, turn
 from z2p_core.interfaces import Baseline, Painter, ScanError
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline import baselines as module
+from z2p_renderer.pipeline.baselines import load_baselines, rebuild_scenes, viewer_of
+from z2p_renderer.pipeline.render import RenderSettings
 
 SETTINGS = RenderSettings((40, 32), samples=1)
 CLOUD = np.random.default_rng(0).uniform(-0.5, 0.5, (60, 3)).astype(np.float32)

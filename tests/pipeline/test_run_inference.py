@@ -225,7 +225,7 @@ def test_a_broken_control_hurts_only_who_asks_for_it(
 def test_a_control_named_like_an_option_gets_a_name_of_its_own(
     z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    add_plugin(monkeypatch, "controls", "output", "plugins.controls.metallic:Metallic")
+    add_plugin(monkeypatch, "controls", "output", "z2p_renderer.plugins.controls.metallic:Metallic")
     assert "--control-output" in z2p("run-inference", "--help").output
 
 
@@ -242,7 +242,7 @@ def test_installed_controls_are_options_with_their_sliders_words(z2p: Callable[.
 def test_the_installed_command_in_a_process(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
     (scans / "bad.las").write_bytes(b"LASF but no more")
     done = subprocess.run(
-        [sys.executable, "-m", "pipeline.cli", "run-inference", "scans", "--output", "out", "--json",
+        [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference", "scans", "--output", "out", "--json",
          "--weights", tiny_weights, "--resolution", "64,32"],
         cwd=tmp_path, capture_output=True, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"},
     )  # fmt: skip
@@ -257,7 +257,7 @@ def test_on_a_terminal_each_file_has_its_line_too(scans: Path, tiny_weights: Pat
     """Which way was taken for up is never guessed silently, bar or no bar."""
     ours, theirs = pty.openpty()
     words = ["run-inference", scans, "-o", tmp_path / "out", "--weights", tiny_weights, "--resolution", "32"]
-    subprocess.run([sys.executable, "-m", "pipeline.cli", *words], stderr=theirs, check=True,
+    subprocess.run([sys.executable, "-m", "z2p_renderer.pipeline.cli", *words], stderr=theirs, check=True,
                    env={**os.environ, "OMP_NUM_THREADS": "1"})  # fmt: skip
     os.close(theirs)
     shown = os.read(ours, 100_000).decode()
@@ -268,7 +268,7 @@ def test_on_a_terminal_each_file_has_its_line_too(scans: Path, tiny_weights: Pat
 def test_ctrl_c_is_told_apart_from_failed_files(
     render: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pipeline import batch
+    from z2p_renderer.pipeline import batch
 
     original = batch.read_each
 

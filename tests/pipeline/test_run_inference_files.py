@@ -154,8 +154,8 @@ def test_a_full_disk_at_the_end_is_one_line_and_the_pictures_are_there(
     def full(*words: object, **more: object) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("pipeline.gallery.write_gallery", full)
-    monkeypatch.setattr("pipeline.contact_sheet.write_contact_sheets", full)
+    monkeypatch.setattr("z2p_renderer.pipeline.gallery.write_gallery", full)
+    monkeypatch.setattr("z2p_renderer.pipeline.contact_sheet.write_contact_sheets", full)
     result = render(scans, "--gallery", "--sheet", "2x1")
     assert result.exit_code == 1 and len(list((tmp_path / "out").glob("*.png"))) == 2
     for name in ("the contact sheets", "the gallery"):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from click.testing import Result
 
-from storage.pictures import read_record
+from z2p_renderer.storage.pictures import read_record
 
 
 def test_clouds_that_vanish_in_the_common_frame_are_named(
@@ -35,7 +35,7 @@ def test_clouds_that_vanish_in_the_common_frame_are_named(
 def test_a_series_outlasts_what_the_disk_does_to_one_file(
     render: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from storage import incoming
+    from z2p_renderer.storage import incoming
 
     (scans / "three.npy.gz").write_bytes(gzip.compress((scans / "one.npy").read_bytes()))
 

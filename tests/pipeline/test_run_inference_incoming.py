@@ -16,12 +16,12 @@ import pytest
 from click.testing import CliRunner, Result
 from PIL import Image
 
-from pipeline.cli import main
-from storage import clouds
-from storage.clouds import read_clouds
-from storage.incoming import spool
-from storage.pictures import read_record
 from z2p_core.interfaces import ScanError
+from z2p_renderer.pipeline.cli import main
+from z2p_renderer.storage import clouds
+from z2p_renderer.storage.clouds import read_clouds
+from z2p_renderer.storage.incoming import spool
+from z2p_renderer.storage.pictures import read_record
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -126,7 +126,7 @@ def test_standard_input(tiny_weights: Path, scans: Path, tmp_path: Path, form: s
 def test_standard_input_of_a_real_process(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
     with (scans / "one.npy").open("rb") as scan:
         done = subprocess.run(
-            [sys.executable, "-m", "pipeline.cli", "run-inference", "-", "-o", tmp_path / "a.png", "-q",
+            [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference", "-", "-o", tmp_path / "a.png", "-q",
              "--weights", tiny_weights, "--resolution", "32"],
             stdin=scan, capture_output=True, env={**os.environ, "OMP_NUM_THREADS": "1"},
         )  # fmt: skip

@@ -13,11 +13,11 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
-from pipeline.contact_sheet import write_contact_sheets
-from pipeline.drawing import FAINTEST, cut
-from storage.cameras import read_camera
-from storage.pictures import read_record
 from z2p_core.palettes import PALETTES, palette
+from z2p_renderer.pipeline.contact_sheet import write_contact_sheets
+from z2p_renderer.pipeline.drawing import FAINTEST, cut
+from z2p_renderer.storage.cameras import read_camera
+from z2p_renderer.storage.pictures import read_record
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -54,8 +54,8 @@ def test_cameras_that_cannot_be(render: Callable[..., Result], scans: Path, tmp_
 
 
 def write_camera_far(folder: Path) -> Path:
-    from storage.cameras import write_camera
     from z2p_core.viewpoint import frame
+    from z2p_renderer.storage.cameras import write_camera
 
     write_camera(frame(np.eye(3) * 1e-3, np.eye(3), 20.0), folder / "far.json")
     return folder / "far.json"

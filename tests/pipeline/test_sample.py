@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.sample import draw_cloud, sample_pool
-from storage.clouds import read_mesh, write_mesh
-from storage.meshes import find_meshes
 from z2p_core.config import SampleConfig
 from z2p_core.geometry import Sphere, bounding_sphere
 from z2p_core.interfaces import ScanError
 from z2p_core.registry import PluginError
+from z2p_renderer.pipeline.sample import draw_cloud, sample_pool
+from z2p_renderer.storage.clouds import read_mesh, write_mesh
+from z2p_renderer.storage.meshes import find_meshes
 
 CORNERS = np.array([(0, 0, 0), (4, 0, 0), (0, 4, 0), (0, 0, 4)], dtype=np.float64) + 1e7  # far off, as UTM coordinates
 FACES = np.array([(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)])

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.render import RenderSettings, read_render, render_mesh
-from storage.meshes import Mesh
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.render import RenderSettings, read_render, render_mesh
+from z2p_renderer.storage.meshes import Mesh
 
 SIDE = 64
 

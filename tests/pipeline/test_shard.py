@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from pipeline.shard import make_shard, read_view, settings_vector
-from pipeline.views import load_controls
-from storage.shards import Shard
 from z2p_core.config import ConfigError, ShardConfig
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.shard import make_shard, read_view, settings_vector
+from z2p_renderer.pipeline.views import load_controls
+from z2p_renderer.storage.shards import Shard
 
 VALUES = {"color": [0.1, 0.2, 0.3], "light": [3.0, 90.0, 50.0], "elevation": [40.0]}
 

@@ -11,14 +11,14 @@ import onnx
 import onnxruntime
 import pytest
 
-from pipeline.calibration import calibration_inputs
-from pipeline.export import export_onnx
-from pipeline.infer import Renderer
-from pipeline.streamline import INPUTS, Inputs, quantised, streamlined
-from storage.checkpoints import load_weights, save_weights
-from storage.graphs import INT8, graph_path, load_graph, save_graph
 from z2p_core.engine_contract import ROUGH
 from z2p_core.touch import Touch
+from z2p_renderer.pipeline.calibration import calibration_inputs
+from z2p_renderer.pipeline.export import export_onnx
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.streamline import INPUTS, Inputs, quantised, streamlined
+from z2p_renderer.storage.checkpoints import load_weights, save_weights
+from z2p_renderer.storage.graphs import INT8, graph_path, load_graph, save_graph
 
 FORMS: dict[str, dict[str, Any]] = {
     "unshuffle": {"widths": (16, 16, 24), "mapping": 24},

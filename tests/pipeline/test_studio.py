@@ -17,9 +17,9 @@ import torch
 from PIL import Image
 
 import z2p_core
-from storage.pictures import read_record
 from z2p_core.api import RenderWarning
 from z2p_core.interfaces import ScanError, SettingError
+from z2p_renderer.storage.pictures import read_record
 
 
 @pytest.fixture

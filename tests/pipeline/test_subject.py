@@ -11,10 +11,10 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
-from pipeline.placing import Placing, place, shown_points
-from storage.clouds import Scan, read_clouds
-from storage.pictures import read_record
 from z2p_core.interfaces import ScanError
+from z2p_renderer.pipeline.placing import Placing, place, shown_points
+from z2p_renderer.storage.clouds import Scan, read_clouds
+from z2p_renderer.storage.pictures import read_record
 
 HEAD = ("VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {width}\nHEIGHT {height}\n"
         "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {points}\nDATA ascii\n")  # fmt: skip

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline import suited
-from pipeline.infer import Renderer
-from pipeline.suited import NOISY, USUAL, SuitedRenderer, renderer_for
-from storage.checkpoints import shipped
 from z2p_core.interfaces import SettingError
+from z2p_renderer.pipeline import suited
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.pipeline.suited import NOISY, USUAL, SuitedRenderer, renderer_for
+from z2p_renderer.storage.checkpoints import shipped
 
 
 def sphere_of(count: int, noise: float = 0.0) -> np.ndarray:

@@ -7,15 +7,15 @@ import pytest
 import torch
 from synthetic import sphere_shard
 
-from pipeline.augment import mirrored
-from pipeline.dataset import CloudPictures, DatasetError
-from pipeline.load import load_network
-from pipeline.teacher import TeacherError
-from pipeline.train import train
-from plugins.gbuffers.surfels import Surfels
-from plugins.zbuffers.splats import SplatPyramid
-from storage.checkpoints import WeightsError, load_weights
 from z2p_core.config import NetworkConfig, TrainConfig
+from z2p_renderer.pipeline.augment import mirrored
+from z2p_renderer.pipeline.dataset import CloudPictures, DatasetError
+from z2p_renderer.pipeline.load import load_network
+from z2p_renderer.pipeline.teacher import TeacherError
+from z2p_renderer.pipeline.train import train
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
+from z2p_renderer.plugins.zbuffers.splats import SplatPyramid
+from z2p_renderer.storage.checkpoints import WeightsError, load_weights
 
 CONFIG = TrainConfig(
     batch=4, resolutions=(32, 64), points=(300, 300), validation_share=0.2, reuse=2, mirror=True, teacher="regular"
@@ -86,7 +86,7 @@ def test_nothing_is_taught_where_nothing_larger_can_be_drawn(shards):
 
 def test_a_batch_depends_on_its_number_alone(shards, monkeypatch):
     in_order = [batch for data in [pictures(shards)] for batch in map(data.batch, range(8))]
-    monkeypatch.setattr("pipeline.dataset.BUFFERS_BYTES", 0)
+    monkeypatch.setattr("z2p_renderer.pipeline.dataset.BUFFERS_BYTES", 0)
     data = pictures(shards)
     for step in (6, 0, 4, 2):
         torch.testing.assert_close(data.batch(step).target, in_order[step].target, atol=0, rtol=0)

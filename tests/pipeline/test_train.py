@@ -12,15 +12,15 @@ import torch
 from PIL import Image
 from synthetic import sphere_shard
 
-from pipeline.buffers import draw_buffers
-from pipeline.load import load_network, load_plugins
-from pipeline.run import TrainError
-from pipeline.train import learning_rate, train
-from storage.checkpoints import CHECKPOINT, PREVIOUS, Weights, WeightsError, load_weights, save_weights
 from z2p_core.camera import Camera
 from z2p_core.config import LossConfig, NetworkConfig, TrainConfig
 from z2p_core.registry import PluginError
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.buffers import draw_buffers
+from z2p_renderer.pipeline.load import load_network, load_plugins
+from z2p_renderer.pipeline.run import TrainError
+from z2p_renderer.pipeline.train import learning_rate, train
+from z2p_renderer.storage.checkpoints import CHECKPOINT, PREVIOUS, Weights, WeightsError, load_weights, save_weights
 
 NETWORK = NetworkConfig(widths=(16, 24, 32), mapping=32, encoder="fourier")
 CONFIG = TrainConfig(

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.render import RenderSettings
-from pipeline.views import draw_view, load_controls, view_rng
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.render import RenderSettings
+from z2p_renderer.pipeline.views import draw_view, load_controls, view_rng
 
 CONTROLS = load_controls(("color", "light", "elevation"))
 IDENTITY = "ab" * 32

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from plugins.baselines.apart import Apart
 from z2p_core.interfaces import ScanError
+from z2p_renderer.plugins.baselines.apart import Apart
 
 
 def work(what: str) -> tuple[str, int]:

@@ -13,9 +13,6 @@ import pytest
 import trimesh
 from numpy.random import default_rng
 
-from pipeline.export import export_onnx
-from pipeline.load import load_plugins
-from pipeline.streamline import quantised
 from z2p_core import registry
 from z2p_core.interfaces import Reader, TrainedNetwork
 from z2p_core.testing import (
@@ -29,6 +26,9 @@ from z2p_core.testing import (
     check_sampler,
     check_zbuffer,
 )
+from z2p_renderer.pipeline.export import export_onnx
+from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.pipeline.streamline import quantised
 
 CLOUD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.25, 2.0, -1.0], [-3.0, 0.125, 4.0], [0.5, 0.75, 1.5]])
 LYING_PLY = (
@@ -183,10 +183,10 @@ def test_reader(name: str, tmp_path: Path) -> None:
 
 
 def test_every_built_in_reader_has_an_example() -> None:
-    built_in = {plugin.name for plugin in registry.installed("readers") if plugin.origin.startswith("z2p ")}
+    built_in = {plugin.name for plugin in registry.installed("readers") if plugin.origin.startswith("z2p-renderer ")}
     assert built_in == set(EXAMPLES)
 
 
 @pytest.mark.parametrize("group", registry.GROUPS)
 def test_every_group_has_a_built_in(group: str) -> None:
-    assert any(plugin.origin.startswith("z2p ") for plugin in registry.installed(group))
+    assert any(plugin.origin.startswith("z2p-renderer ") for plugin in registry.installed(group))

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 
-from plugins.encoders.fourier import Fourier
-from plugins.encoders.none import NoEncoder
 from z2p_core.camera import Camera
+from z2p_renderer.plugins.encoders.fourier import Fourier
+from z2p_renderer.plugins.encoders.none import NoEncoder
 
 
 def test_fourier_is_eq3():

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plugins.gbuffers import surfels
-from plugins.gbuffers.glossy import Glossy
-from plugins.gbuffers.surfels import Surfels
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import linear_from_srgb
 from z2p_core.scene import SceneDescription
 from z2p_core.tangents import thinned
 from z2p_core.threads import one_core_each
+from z2p_renderer.plugins.gbuffers import surfels
+from z2p_renderer.plugins.gbuffers.glossy import Glossy
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 CAMERA = Camera(96, 96)
 COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = range(10)

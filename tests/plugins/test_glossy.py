@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plugins.gbuffers.glossy import Glossy, lobe_sharpness
-from plugins.gbuffers.surfels import Surfels
 from z2p_core.camera import Camera, light_position
 from z2p_core.images import linear_from_srgb
 from z2p_core.scene import SceneDescription
+from z2p_renderer.plugins.gbuffers.glossy import Glossy, lobe_sharpness
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 CAMERA = Camera(96, 96)
 LIGHT = (3.6, -40.0, 50.0)

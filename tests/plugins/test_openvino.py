@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.export import export_onnx
-from pipeline.load import load_plugins
 from z2p_core import registry
 from z2p_core.interfaces import TrainedNetwork
+from z2p_renderer.pipeline.export import export_onnx
+from z2p_renderer.pipeline.load import load_plugins
 
 pytest.importorskip("openvino")
 

@@ -12,9 +12,9 @@ import pytest
 from pypcd4 import Encoding, PointCloud
 from reader_files import PLY_TYPES, cloud, ply, read, refused
 
-from plugins.readers.pcd import Pcd
 from z2p_core import registry
 from z2p_core.interfaces import Sensor
+from z2p_renderer.plugins.readers.pcd import Pcd
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
@@ -54,7 +54,7 @@ def test_ply_needs_no_mesh_library_whose_import_takes_a_fifth_of_a_second(tmp_pa
     code = f"import sys; from storage.clouds import Path, read_clouds; read_clouds(Path({str(path)!r}))"
     code += "; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert "plugins.readers.ply" in done.stdout.split() and "trimesh" not in done.stdout.split()
+    assert "z2p_renderer.plugins.readers.ply" in done.stdout.split() and "trimesh" not in done.stdout.split()
 
 
 def test_ply_lines_of_uneven_length_are_refused(tmp_path: Path) -> None:

@@ -15,10 +15,10 @@ import trimesh
 from pypcd4 import Encoding, PointCloud
 from reader_files import SUFFIXES, cloud, e57, las, ply, ptx, read, refused
 
-from storage.clouds import read_clouds
 from z2p_core import registry
 from z2p_core.interfaces import ScanError
 from z2p_core.point_arrays import point_arrays
+from z2p_renderer.storage.clouds import read_clouds
 
 
 @pytest.mark.parametrize("dtype", ["<f2", "<f4", ">f8", "<i4"])

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from reader_files import cloud, read, refused
 
-from plugins.readers.meshes import Meshes
-from storage.incoming import suffix_of
+from z2p_renderer.plugins.readers.meshes import Meshes
+from z2p_renderer.storage.incoming import suffix_of
 
 
 def glb(tree: dict[str, Any], binary: bytes = b"") -> bytes:

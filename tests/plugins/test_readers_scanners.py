@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from reader_files import cloud, ptx, read, refused
 
-from plugins.readers.ptx import Ptx
-from plugins.readers.sweeps import Sweeps
-from storage.clouds import find_scans
 from z2p_core.interfaces import ScanError
+from z2p_renderer.plugins.readers.ptx import Ptx
+from z2p_renderer.plugins.readers.sweeps import Sweeps
+from z2p_renderer.storage.clouds import find_scans
 
 TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [1000, 2000, 3000, 1]])
 """A quarter turn about +Z, then a shift, of points that are rows."""
@@ -21,7 +21,7 @@ TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [1000, 2000, 300
 def test_ptx_joins_its_scans_where_their_matrices_put_them(
     tmp_path: Path, lines: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("plugins.readers.ptx._LINES", lines)
+    monkeypatch.setattr("z2p_renderer.plugins.readers.ptx._LINES", lines)
     first, second = cloud(30), cloud(21)
     path = tmp_path / "a.ptx"
     path.write_text(ptx(first) + ptx(second, matrix=TURNED) + "\n")

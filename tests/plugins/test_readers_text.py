@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from reader_files import read, refused
 
-from plugins.readers.text import Text
-from storage.clouds import read_clouds
-from storage.incoming import is_prose
 from z2p_core.interfaces import RawCloud, ScanError
+from z2p_renderer.plugins.readers.text import Text
+from z2p_renderer.storage.clouds import read_clouds
+from z2p_renderer.storage.incoming import is_prose
 
 TEXT_FORMS = [(".xyz", 3), (".xyzn", 6), (".xyzrgb", 6), (".pts", 3), (".pts", 4), (".pts", 6), (".pts", 7),
               (".txt", 3), (".txt", 5), (".txt", 9)]  # fmt: skip
@@ -220,7 +220,7 @@ def test_refusals_tell_the_line_as_an_editor_counts_it(tmp_path: Path, text: str
 def test_a_column_that_counts_the_rows_is_no_x(
     tmp_path: Path, suffix: str, first: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("plugins.readers.text._LINES", 7)
+    monkeypatch.setattr("z2p_renderer.plugins.readers.text._LINES", 7)
     points = np.random.default_rng(8).normal(size=(30, 3))
     rows = [f"{first + row} {x!r} {y!r} {z!r} 9" for row, (x, y, z) in enumerate(points.tolist())]
     path = tmp_path / f"a{suffix}"
@@ -236,7 +236,7 @@ def test_a_column_that_counts_the_rows_is_no_x(
 
 
 def test_a_line_is_counted_through_all_parts_of_a_large_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("plugins.readers.text._LINES", 7)
+    monkeypatch.setattr("z2p_renderer.plugins.readers.text._LINES", 7)
     rows = [f"{i},{i + 1},{i + 2}" + ("\n# between" if i % 5 == 0 else "") for i in range(60)]
     text = "\n".join(["// made", "x,y,z", *rows, ""])
     assert np.array_equal(given(tmp_path / "a.csv", text), np.arange(60)[:, None] + [[0, 1, 2]])

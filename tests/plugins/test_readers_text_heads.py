@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from reader_files import cloud, read, refused
 
-from storage.clouds import find_scans, read_clouds
 from z2p_core.interfaces import ScanError
+from z2p_renderer.storage.clouds import find_scans, read_clouds
 
 ROWS = "1,2,3\n4,5,6\n7,8,10\n"
 POINTS = [[1, 2, 3], [4, 5, 6], [7, 8, 10]]

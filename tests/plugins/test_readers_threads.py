@@ -12,8 +12,8 @@ READ_AT_ONCE = """
 import sys, threading
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from plugins.readers.meshes import Meshes
-from plugins.readers.vertices import Vertices
+from z2p_renderer.plugins.readers.meshes import Meshes
+from z2p_renderer.plugins.readers.vertices import Vertices
 paths = sorted(Path(sys.argv[1]).iterdir())
 begin = threading.Barrier(len(paths))
 sys.setswitchinterval(1e-5)
@@ -39,8 +39,8 @@ def test_meshes_of_several_formats_are_read_at_once_in_a_fresh_process(tmp_path:
 
 
 def test_a_library_that_is_not_there_is_no_fault_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from plugins.readers.meshes import Meshes
-    from plugins.readers.vertices import Vertices
+    from z2p_renderer.plugins.readers.meshes import Meshes
+    from z2p_renderer.plugins.readers.vertices import Vertices
 
     stl, off = tmp_path / "a.stl", tmp_path / "a.off"
     stl.write_bytes(bytes(80) + b"\x01\0\0\0" + bytes(50))

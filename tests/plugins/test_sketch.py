@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from plugins.gbuffers.sketch import Sketch
-from plugins.gbuffers.surfels import Surfels
 from z2p_core.camera import Camera
 from z2p_core.scene import SceneDescription
 from z2p_core.threads import one_core_each
+from z2p_renderer.plugins.gbuffers.sketch import Sketch
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 CAMERA = Camera(128, 128)
 SCENE = SceneDescription(material={"Base Color": (0.5, 0.25, 0.0, 1.0)})

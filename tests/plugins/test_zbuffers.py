@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from plugins.zbuffers.paper import ALPHA, BETA, PaperZBuffer
-from plugins.zbuffers.splats import SplatPyramid
 from z2p_core.camera import Camera
+from z2p_renderer.plugins.zbuffers.paper import ALPHA, BETA, PaperZBuffer
+from z2p_renderer.plugins.zbuffers.splats import SplatPyramid
 
 
 def cloud_of(count, seed=0, spread=1.0):

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from storage.adoption import adopt, candidates
-from storage.fingerprints import STAGE_VERSIONS, fingerprint
-from storage.layout import Entry, Store, StoreError
+from z2p_renderer.storage.adoption import adopt, candidates
+from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, fingerprint
+from z2p_renderer.storage.layout import Entry, Store, StoreError
 
 MESH = "a" * 64
 

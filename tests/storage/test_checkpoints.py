@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from storage import checkpoints
-from storage.checkpoints import (
+from z2p_renderer.storage import checkpoints
+from z2p_renderer.storage.checkpoints import (
     CHECKPOINT,
     PREVIOUS,
     Weights,

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from storage import clouds
-from storage.clouds import find_scans, read_clouds, read_each, readable_suffixes, write_cloud
 from z2p_core import registry
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
+from z2p_renderer.storage import clouds
+from z2p_renderer.storage.clouds import find_scans, read_clouds, read_each, readable_suffixes, write_cloud
 
 
 def points(count: int = 20) -> np.ndarray:

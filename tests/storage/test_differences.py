@@ -2,7 +2,7 @@
 
 import pytest
 
-from storage.differences import differences
+from z2p_renderer.storage.differences import differences
 
 PLUGIN = {"name": "metallic", "version": "1", "code": "a"}
 OLD = {

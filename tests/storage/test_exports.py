@@ -9,8 +9,8 @@ import onnx
 import pytest
 from onnx import TensorProto, helper
 
-from storage.checkpoints import WeightsError
-from storage.exports import load_onnx, onnx_path, save_onnx
+from z2p_renderer.storage.checkpoints import WeightsError
+from z2p_renderer.storage.exports import load_onnx, onnx_path, save_onnx
 
 DIGEST = hashlib.sha256(b"weights").hexdigest()
 

@@ -4,9 +4,9 @@ import hashlib
 
 import pytest
 
-from storage.code import code_digest
-from storage.fingerprints import file_digest, fingerprint, plugin_fields, stage_fields
 from z2p_core.registry import load, names
+from z2p_renderer.storage.code import code_digest
+from z2p_renderer.storage.fingerprints import file_digest, fingerprint, plugin_fields, stage_fields
 
 CODE = '''
 class Gloss:

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.export import export_onnx
-from pipeline.infer import Renderer
-from storage.checkpoints import WeightsError, load_weights, save_weights
-from storage.exports import onnx_path
-from storage.graphs import graph_path, load_graph, save_graph
+from z2p_renderer.pipeline.export import export_onnx
+from z2p_renderer.pipeline.infer import Renderer
+from z2p_renderer.storage.checkpoints import WeightsError, load_weights, save_weights
+from z2p_renderer.storage.exports import onnx_path
+from z2p_renderer.storage.graphs import graph_path, load_graph, save_graph
 
 
 @pytest.fixture(scope="module")

@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from storage.layout import Entry, Store, StoreError, check
-from storage.manifests import MANIFEST
-from storage.unfinished import read_note
+from z2p_renderer.storage.layout import Entry, Store, StoreError, check
+from z2p_renderer.storage.manifests import MANIFEST
+from z2p_renderer.storage.unfinished import read_note
 
 
 def entry(value=1):
@@ -210,7 +210,7 @@ def no_room(*_):
     raise OSError("No space left on device")
 
 
-@pytest.mark.parametrize("broken", ["storage.manifests.sync", "pathlib.Path.rename"])
+@pytest.mark.parametrize("broken", ["z2p_renderer.storage.manifests.sync", "pathlib.Path.rename"])
 def test_what_stops_the_publishing_costs_no_work(store, monkeypatch, broken):
     def train(folder):
         (folder / "checkpoints").mkdir(exist_ok=True)
@@ -234,12 +234,12 @@ def test_leftovers_of_a_kill_right_after_publishing_harm_no_result(store, monkey
         (folder / "checkpoints").mkdir()
         (folder / "checkpoints" / "1.pt").write_text("x")
 
-    monkeypatch.setattr("storage.layout._remove", no_room)
+    monkeypatch.setattr("z2p_renderer.storage.layout._remove", no_room)
     folder = store.produce(entry(), train, resumable=True, leftovers=("checkpoints",))
     assert (folder / "checkpoints" / "1.pt").exists() and store.complete(entry()) and store.verify(entry()) == []
 
 
-@pytest.mark.parametrize("broken", ["storage.manifests.sync", "pathlib.Path.rename"])
+@pytest.mark.parametrize("broken", ["z2p_renderer.storage.manifests.sync", "pathlib.Path.rename"])
 def test_a_result_that_cannot_be_published_leaves_nothing(store, monkeypatch, broken):
     with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
         patch.setattr(broken, no_room)

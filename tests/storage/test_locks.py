@@ -3,7 +3,7 @@
 import fcntl
 import os
 
-from storage.layout import Entry, Store
+from z2p_renderer.storage.layout import Entry, Store
 
 
 def test_a_look_at_a_lock_leaves_none_in_a_process_forked_meanwhile(tmp_path, monkeypatch):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from storage import memory
+from z2p_renderer.storage import memory
 
 
 @pytest.fixture

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from storage.cameras import read_camera, write_camera
-from storage.pictures import FORMATS, PictureError, encode, read_record, write_picture
 from z2p_core.camera import turn
 from z2p_core.interfaces import SettingError
 from z2p_core.viewpoint import frame
+from z2p_renderer.storage.cameras import read_camera, write_camera
+from z2p_renderer.storage.pictures import FORMATS, PictureError, encode, read_record, write_picture
 
 PICTURE = np.random.default_rng(0).integers(0, 256, size=(40, 50, 4)).astype(np.uint8)
 RECORD = {"record": 1, "input": {"name": 'Bär "<x>".ply'}, "deep": [[1.5, None]]}

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from storage.clouds import read_clouds, usable
-from storage.repeats import distinct
 from z2p_core.interfaces import ScanError
+from z2p_renderer.storage.clouds import read_clouds, usable
+from z2p_renderer.storage.repeats import distinct
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import h5py
 import numpy as np
 import pytest
 
-from storage.shards import Record, Shard, ShardError, write_shard
 from z2p_core.scene import SceneDescription
+from z2p_renderer.storage.shards import Record, Shard, ShardError, write_shard
 
 CONTROLS = [{"name": "color", "version": "1", "size": 3}, {"name": "elevation", "version": "1", "size": 1}]
 ATTRIBUTES = {"mesh": "blob", "controls": CONTROLS, "resolution": 16}

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from storage.shelf import MOST, Shelf, users_shelf
+from z2p_renderer.storage.shelf import MOST, Shelf, users_shelf
 
 
 def test_what_was_put_comes_back_and_only_under_its_key(tmp_path: Path) -> None:

@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.infer import Renderer, place_cloud
-from storage.checkpoints import SHIPPED, load_weights, shipped
-from storage.clouds import read_clouds
-from storage.fingerprints import file_digest
-from storage.graphs import INT8, graph_path, load_graph
 from z2p_core import registry
 from z2p_core.images import composite, unit_from_bytes
+from z2p_renderer.pipeline.infer import Renderer, place_cloud
+from z2p_renderer.storage.checkpoints import SHIPPED, load_weights, shipped
+from z2p_renderer.storage.clouds import read_clouds
+from z2p_renderer.storage.fingerprints import file_digest
+from z2p_renderer.storage.graphs import INT8, graph_path, load_graph
 
 SAMPLES = Path(__file__).parents[2] / "samples"
 

@@ -9,11 +9,11 @@ from importlib import metadata
 
 import pytest
 
-import storage.fingerprints
-from storage.code import ROOT, code_digest, defined, imports, part_digest, source_of
-from storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
-from storage.stage_code import NOT_SHAPING, OF_WEIGHTS, PACKAGES, PLACING, SHAPING, installed_version
+import z2p_renderer.storage.fingerprints
 from z2p_core import registry
+from z2p_renderer.storage.code import ROOT, code_digest, defined, imports, part_digest, source_of
+from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
+from z2p_renderer.storage.stage_code import NOT_SHAPING, OF_WEIGHTS, PACKAGES, PLACING, SHAPING, installed_version
 
 ROOMS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
 ENTRY = {
@@ -226,7 +226,7 @@ def test_a_plugins_code_is_that_of_its_whole_package(tmp_path, monkeypatch):
 def test_a_plugin_becomes_stale_with_the_packages_that_it_names(monkeypatch):
     farthest, uniform = (registry.load("samplers", name) for name in ("farthest", "uniform"))
     before = [plugin_fields(plugin) for plugin in (farthest, uniform)]
-    monkeypatch.setattr(storage.fingerprints, "installed_version", lambda package: f"{package} of tomorrow")
+    monkeypatch.setattr(z2p_renderer.storage.fingerprints, "installed_version", lambda package: f"{package} of tomorrow")
     assert plugin_fields(farthest)["code"] != before[0]["code"]
     assert plugin_fields(uniform) == before[1]
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from storage.whole import whole, write_whole
+from z2p_renderer.storage.whole import whole, write_whole
 
 
 def names(folder: Path) -> list[str]:

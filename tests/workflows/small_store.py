@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from storage.layout import Store
-from workflows.plan import Plan
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.plan import Plan
 
 
 def fill(store: Store, plan: Plan, *names: str) -> None:

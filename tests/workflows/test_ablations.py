@@ -13,14 +13,14 @@ import pytest
 from world import CONFIG as SMALL
 from world import World, made
 
-import workflows.ablation_plan
-from storage.layout import Store
-from workflows.ablation_plan import ablation_source, load_ablation_plan, variant_source
-from workflows.plan import make_plan
-from workflows.sweep import unneeded
-from workflows.tasks import load_plan
+import z2p_renderer.workflows.ablation_plan
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
 from z2p_core.registry import PluginError
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.ablation_plan import ablation_source, load_ablation_plan, variant_source
+from z2p_renderer.workflows.plan import make_plan
+from z2p_renderer.workflows.sweep import unneeded
+from z2p_renderer.workflows.tasks import load_plan
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 VARIANTS = """
@@ -42,7 +42,7 @@ class Ablated(World):
     """A small world whose pipelines are ablations."""
 
     def command(self, *more: str) -> list[str]:
-        return [sys.executable, "-m", "pipeline.cli", "ablate", *self.options, *more]
+        return [sys.executable, "-m", "z2p_renderer.pipeline.cli", "ablate", *self.options, *more]
 
 
 def world_at(root: Path, variants: str = VARIANTS) -> Ablated:
@@ -114,7 +114,7 @@ def test_a_mistake_is_one_line_before_anything_runs(tmp_path: Path) -> None:
 @pytest.fixture
 def plain(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Plans made anew."""
-    monkeypatch.setattr(workflows.ablation_plan, "say", lambda line: None)
+    monkeypatch.setattr(z2p_renderer.workflows.ablation_plan, "say", lambda line: None)
     for cached in (load_plan, load_ablation_plan):
         cached.cache_clear()
     yield

@@ -18,7 +18,7 @@ from luigi.rpc import RemoteScheduler
 from luigi.worker import worker
 from world import CONFIG, World, luigid
 
-from workflows.tasks import load_steps, source_of, task_of
+from z2p_renderer.workflows.tasks import load_steps, source_of, task_of
 
 pytestmark = pytest.mark.slow
 

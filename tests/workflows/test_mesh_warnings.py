@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from world import PYRAMID, TETRA, World, write_off
 
-from workflows.mesh_warnings import crowded_edges, mesh_warnings
+from z2p_renderer.workflows.mesh_warnings import crowded_edges, mesh_warnings
 
 FIN = ([*TETRA[0], (3, 0, 0)], [*TETRA[1], (0, 1, 4)])
 """A tetrahedron with a triangle that sticks out of one of its edges."""

@@ -15,15 +15,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import pipeline.paper.scans
-from storage import stage_code
-from storage.checkpoints import load_weights, save_weights
-from workflows.report_plan import load_report_plan, report_source
-from workflows.sweep import unneeded
-from workflows.tasks import Store, task_of
+import z2p_renderer.pipeline.paper.scans
 from z2p_core import registry
 from z2p_core.config import ConfigError
 from z2p_core.registry import PluginError
+from z2p_renderer.storage import stage_code
+from z2p_renderer.storage.checkpoints import load_weights, save_weights
+from z2p_renderer.workflows.report_plan import load_report_plan, report_source
+from z2p_renderer.workflows.sweep import unneeded
+from z2p_renderer.workflows.tasks import Store, task_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -246,7 +246,7 @@ def test_a_scan_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, 
     source = report_source("scans.toml", "", str(scan.parent), "", "")
     task = task_of(load_report_plan(source).steps["scans/splats"], source, str(tmp_path / "runs"))
     task._check_code()
-    monkeypatch.setattr(pipeline.paper.scans, "show_scans", lambda *_, **__: scan.write_text("1 2 3\n"))
+    monkeypatch.setattr(z2p_renderer.pipeline.paper.scans, "show_scans", lambda *_, **__: scan.write_text("1 2 3\n"))
     with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):
         task.make(tmp_path)  # it was read when its turn came
     with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):

@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 from editing import edited
 
-from workflows.plan import make_plan, meshes_in
 from z2p_core import registry
 from z2p_core.config import ConfigError, PipelineConfig, parse_config
 from z2p_core.interfaces import ScanError
+from z2p_renderer.workflows.plan import make_plan, meshes_in
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PIPELINES = sorted(set(CONFIGS.glob("*.toml")) - set(CONFIGS.glob("report*.toml")) - {CONFIGS / "ablations.toml"})

@@ -10,13 +10,13 @@ import pytest
 from editing import edited
 from test_plan import AFTER_SHARDS, EFFECTS, EVERYTHING, RENDERS, SAMPLES, SHARDS, stale
 
-import storage.fingerprints
-import storage.layout
-import storage.stage_code
-import workflows.plan
-from storage.fingerprints import fingerprint
-from workflows.plan import Plan, make_plan
+import z2p_renderer.storage.fingerprints
+import z2p_renderer.storage.layout
+import z2p_renderer.storage.stage_code
+import z2p_renderer.workflows.plan
 from z2p_core.config import PipelineConfig
+from z2p_renderer.storage.fingerprints import fingerprint
+from z2p_renderer.workflows.plan import Plan, make_plan
 
 BEE = {"sample/bee", "render/bee/0-10", "render/bee/10-12", "shard/bee"}
 STAGES = {
@@ -30,11 +30,11 @@ def rows(config: PipelineConfig, meshes: Any) -> Iterator[tuple[str, Callable[[p
     for path, (value, expected) in EFFECTS.items():
         yield path, lambda patch, path=path, value=value: make_plan(edited(config, path, value)), expected
     for stage, expected in STAGES.items():
-        yield f"{stage} version", set_item(config, storage.fingerprints.STAGE_VERSIONS, stage, 99), expected
-        for table in (storage.stage_code.SHAPING, storage.stage_code.PACKAGES):
-            parts = (*table[stage], "z2p_core.testing" if table is storage.stage_code.SHAPING else "luigi")
+        yield f"{stage} version", set_item(config, z2p_renderer.storage.fingerprints.STAGE_VERSIONS, stage, 99), expected
+        for table in (z2p_renderer.storage.stage_code.SHAPING, z2p_renderer.storage.stage_code.PACKAGES):
+            parts = (*table[stage], "z2p_core.testing" if table is z2p_renderer.storage.stage_code.SHAPING else "luigi")
             yield f"{stage} code", set_item(config, table, stage, parts), expected
-    yield "schema", lambda patch: (patch.setattr(storage.fingerprints, "SCHEMA", 99), make_plan(config))[1], EVERYTHING
+    yield "schema", lambda patch: (patch.setattr(z2p_renderer.storage.fingerprints, "SCHEMA", 99), make_plan(config))[1], EVERYTHING
     for key in ("version", "code"):
         yield f"a control's {key}", other_plugin(config, "color", key), RENDERS | SHARDS | AFTER_SHARDS
         yield f"a z-buffer's {key}", other_plugin(config, "splats", key), AFTER_SHARDS
@@ -47,12 +47,12 @@ def set_item(config: PipelineConfig, table: dict[str, Any], key: str, value: Any
 
 
 def other_plugin(config: PipelineConfig, name: str, key: str) -> Callable[..., Plan]:
-    fields = workflows.plan.plugin_fields
+    fields = z2p_renderer.workflows.plan.plugin_fields
 
     def changed(plugin: type[Any]) -> dict[str, str]:
         return fields(plugin) | ({key: "other"} if plugin.name == name else {})
 
-    return lambda patch: (patch.setattr(workflows.plan, "plugin_fields", changed), make_plan(config))[1]
+    return lambda patch: (patch.setattr(z2p_renderer.workflows.plan, "plugin_fields", changed), make_plan(config))[1]
 
 
 def other_mesh(config: PipelineConfig, path: Any) -> Callable[..., Plan]:
@@ -114,8 +114,8 @@ def test_each_field_left_out_makes_a_row_wrong(config, meshes, monkeypatch):
     for path in sorted(found - redundant):
         with monkeypatch.context() as patch:
             defective = lambda fields, path=path: fingerprint(without(dict(fields), path))  # noqa: E731
-            patch.setattr(storage.layout, "fingerprint", defective)
-            patch.setattr(workflows.plan, "fingerprint", defective)
+            patch.setattr(z2p_renderer.storage.layout, "fingerprint", defective)
+            patch.setattr(z2p_renderer.workflows.plan, "fingerprint", defective)
             if next(wrong_rows(config, meshes, path[-1]), None):
                 caught.add(path)
     assert found - redundant - caught == set()

@@ -12,10 +12,10 @@ import pytest
 from editing import edited
 from small_store import fill, link, listing
 
-from storage.layout import Store
-from workflows.plan import make_plan
-from workflows.running import Registration, keep, running
-from workflows.sweep import sweep, unneeded
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.plan import make_plan
+from z2p_renderer.workflows.running import Registration, keep, running
+from z2p_renderer.workflows.sweep import sweep, unneeded
 
 
 @pytest.fixture

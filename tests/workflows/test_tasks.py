@@ -7,17 +7,17 @@ from pathlib import Path
 import luigi
 import pytest
 
-import storage.stage_code
 import workflows
-import workflows.tasks
-from storage.checkpoints import resolve
-from storage.layout import Store
-from workflows.full_pipeline import RESULTS
-from workflows.known_views import copy_known_views
-from workflows.plan import make_plan
-from workflows.tasks import StageTask, load_plan, task_of
+import z2p_renderer.storage.stage_code
+import z2p_renderer.workflows.tasks
 from z2p_core import registry
 from z2p_core.config import ConfigError, parse_config
+from z2p_renderer.storage.checkpoints import resolve
+from z2p_renderer.storage.layout import Store
+from z2p_renderer.workflows.full_pipeline import RESULTS
+from z2p_renderer.workflows.known_views import copy_known_views
+from z2p_renderer.workflows.plan import make_plan
+from z2p_renderer.workflows.tasks import StageTask, load_plan, task_of
 
 TOML = "name = 'small'\nmeshes = 'meshes'\n[render]\nviews = 3\nchunk = 2\n"
 
@@ -41,7 +41,7 @@ def ran(tmp_path, monkeypatch):
         for name in [name for name, stage in RESULTS.items() if stage == task.step.entry.stage] or ["x"]:
             (out / name).write_text(task.step_name)
 
-    monkeypatch.setattr(workflows.tasks, "mesh_warnings", lambda path: [])
+    monkeypatch.setattr(z2p_renderer.workflows.tasks, "mesh_warnings", lambda path: [])
     for stage in StageTask.__subclasses__():
         monkeypatch.setattr(stage, "make", make)
     return log
@@ -107,7 +107,7 @@ def test_a_failing_step_stops_only_what_needs_it(ran, capfd):
 
 
 def test_a_result_that_a_stage_did_not_write_is_a_failure(ran, monkeypatch):
-    monkeypatch.setattr(workflows.stages.Train, "make", lambda task, out: None)
+    monkeypatch.setattr(z2p_renderer.workflows.stages.Train, "make", lambda task, out: None)
     assert not build()
 
 
@@ -121,7 +121,7 @@ def test_a_task_whose_inputs_changed_is_another_task(ran):
 def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, capfd):
     assert build() and steps_of(ran)
     shutil.rmtree(next(Path("runs/train").iterdir()))
-    monkeypatch.setattr(storage.stage_code, "present_digest", lambda part: f"other {part}")
+    monkeypatch.setattr(z2p_renderer.storage.stage_code, "present_digest", lambda part: f"other {part}")
     assert not build() and steps_of(ran) == []
     assert "FAILED train: ConfigError: train: workflows.stages:Train changed since" in capfd.readouterr().err
 
@@ -170,9 +170,9 @@ def test_kernels_that_were_compiled_from_other_files_are_refused(ran, monkeypatc
     load_plan.cache_clear()
     steps = load_plan(source).steps
     shard, train = (task_of(steps[name], source, str(tmp_path / "runs")) for name in ("shard/ape", "train"))
-    monkeypatch.setattr(workflows.tasks, "outdated", lambda: False)
+    monkeypatch.setattr(z2p_renderer.workflows.tasks, "outdated", lambda: False)
     train._check_code()
-    monkeypatch.setattr(workflows.tasks, "outdated", lambda: True)
+    monkeypatch.setattr(z2p_renderer.workflows.tasks, "outdated", lambda: True)
     shard._check_code()  # it draws nothing
     with pytest.raises(ConfigError, match=r"train: the compiled kernels are not .*install z2p again"):
         train._check_code()

@@ -18,7 +18,7 @@ from pathlib import Path
 
 PROJECT = Path(__file__).parents[2]
 FAULTS = Path(__file__).parent / "faults"
-ROOMS = ("pipeline", "plugins", "storage", "workflows", "z2p_core")
+ROOMS = ("pipeline", "plugins", "storage", "workflows", "z2p_core", "z2p_renderer")
 
 CONFIG = """name = "small"
 [sample]
@@ -92,7 +92,7 @@ class World:
     def command(self, *more: str) -> list[str]:
         if self.scheduler:
             url = f"http://{self.scheduler_address}:{self.scheduler}"
-            return [sys.executable, "-m", "pipeline.cli", "pipeline", "--scheduler", url, *self.options, *more]
+            return [sys.executable, "-m", "z2p_renderer.pipeline.cli", "pipeline", "--scheduler", url, *self.options, *more]
         luigi = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
         return [*luigi, *self.options, *more]
 

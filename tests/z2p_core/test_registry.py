@@ -58,8 +58,8 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
 def test_built_ins_are_listed_with_their_origin_and_nothing_is_imported() -> None:
     listed = {plugin.name: plugin for plugin in registry.installed("controls")}
     assert {"color", "light", "elevation", "metallic", "roughness"} <= set(listed)
-    assert listed["color"].origin.startswith("z2p ")
-    assert listed["color"].target == "plugins.controls.color:Color"
+    assert listed["color"].origin.startswith("z2p-renderer ")
+    assert listed["color"].target == "z2p_renderer.plugins.controls.color:Color"
 
 
 def test_a_strangers_plugin_is_the_equal_of_a_built_in(install: Install) -> None:

@@ -31,11 +31,11 @@ SPINNING = """
 import sys, time
 from pathlib import Path
 import numpy as np
-from pipeline.buffers import draw_buffers
-from pipeline.placing import Placing, place
-from plugins.gbuffers.surfels import Surfels
-from plugins.zbuffers.splats import SplatPyramid
-from storage.clouds import Scan
+from z2p_renderer.pipeline.buffers import draw_buffers
+from z2p_renderer.pipeline.placing import Placing, place
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
+from z2p_renderer.plugins.zbuffers.splats import SplatPyramid
+from z2p_renderer.storage.clouds import Scan
 from z2p_core.camera import Camera
 from z2p_core.scene import SceneDescription
 
@@ -64,7 +64,7 @@ def test_a_placed_and_drawn_cloud_leaves_no_thread_spinning():
     assert rest < 20 and after < 20
 
 
-@pytest.mark.parametrize("entry", ["pipeline.cli", "workflows"])
+@pytest.mark.parametrize("entry", ["z2p_renderer.pipeline.cli", "workflows"])
 @pytest.mark.parametrize("asked, expected", [(None, "1"), ("3", "3")])
 def test_commands_give_blas_one_thread_unless_the_user_says_otherwise(entry, asked, expected):
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
