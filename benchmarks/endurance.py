@@ -83,7 +83,8 @@ def huge_cloud(options: Any) -> dict[str, Any]:
         _write_ply(path, count)
         told = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True)"
         told += "; print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3)"
-        command = [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference", "--weights", str(options.weights), "-q"]
+        command = [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference"]
+        command += ["--weights", str(options.weights), "-q"]
         command += [str(path), "-o", str(path.with_suffix(".png"))]
         began = time.perf_counter()
         done = subprocess.run([sys.executable, "-c", told, *command], check=True, capture_output=True, text=True)

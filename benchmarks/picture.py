@@ -229,7 +229,8 @@ def _peak(options: Any, weights: Path, folder: Path) -> float | None:
 
 
 def _command(weights: Path) -> list[str]:
-    return [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference", "--weights", str(weights), "-q", "--overwrite"]
+    command = [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference"]
+    return [*command, "--weights", str(weights), "-q", "--overwrite"]
 
 
 def _machine(options: Any, load: float, memory: float | None) -> dict[str, Any]:

@@ -117,7 +117,7 @@ def rebuild_scenes(
 def _fields(rival: Rival, settings: RenderSettings) -> dict[str, Any]:
     """What shapes a rival's pictures of any cloud and scene: the renderer, the plugin, and what stands between them."""
     fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": settings.shaping()}
-    fields["code"] = {**fields["code"], "z2p_renderer.pipeline.baselines": part_digest("z2p_renderer.pipeline.baselines")}
+    fields["code"] = {**fields["code"], "pipeline.baselines": part_digest("pipeline.baselines")}
     return fields
 
 

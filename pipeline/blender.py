@@ -1,8 +1,8 @@
 """The Blender child process: the only file that imports bpy (GPL), so nothing else of z2p ever does.
 
-Started by `z2p_renderer.pipeline.render` as ``python -m z2p_renderer.pipeline.blender JOB``. JOB is a folder with ``job.json`` and ``mesh.npz``;
-each picture is written into it as a multi-layer OpenEXR file of scene-linear float values, and a line ``done STEM
-SECONDS`` is printed when it is whole. What a scene means is in `z2p_core.scene` and `z2p_core.camera`.
+Started by `pipeline.render` as ``python -m z2p_renderer.pipeline.blender JOB``. JOB is a folder with ``job.json`` and
+``mesh.npz``; each picture is written into it as a multi-layer OpenEXR file of scene-linear float values, and a line
+``done STEM SECONDS`` is printed when it is whole. What a scene means is in `z2p_core.scene` and `z2p_core.camera`.
 """
 
 from __future__ import annotations

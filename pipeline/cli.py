@@ -20,25 +20,25 @@ from z2p_core import __version__
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would spin; see z2p_core/turning.py
 
 COMMANDS = {
-    "run-inference": ("z2p_renderer.pipeline.commands.run_inference:run_inference", "Render point clouds to pictures."),
-    "animate": ("z2p_renderer.pipeline.commands.animate:animate", "Make turntables and light sweeps of point clouds."),
-    "rerender": ("z2p_renderer.pipeline.commands.figures:rerender", "Draw a picture again with something changed."),
-    "info": ("z2p_renderer.pipeline.commands.figures:info", "Show what made a picture."),
-    "evaluate": ("z2p_renderer.pipeline.commands.evaluate:evaluate", "Measure weights against Blender renders of meshes."),
-    "report-paper": ("z2p_renderer.pipeline.commands.report_paper:report_paper", "Make the paper's evaluation, as one page."),
-    "pipeline": ("z2p_renderer.pipeline.commands.full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
-    "ablate": ("z2p_renderer.pipeline.commands.ablate:ablate", "Train variants of a config and compare them."),
-    "status": ("z2p_renderer.pipeline.commands.workspace:status", "Say which stages are fresh, stale or missing, and why."),
-    "verify": ("z2p_renderer.pipeline.commands.workspace:verify", "Compare every stored result with its digests."),
-    "gc": ("z2p_renderer.pipeline.commands.workspace:gc", "Remove results that no kept configuration needs."),
-    "adopt": ("z2p_renderer.pipeline.commands.workspace:adopt", "Vouch for results that older code made."),
-    "scheduler": ("z2p_renderer.pipeline.commands.workspace:scheduler", "Share the work among pipelines on several machines."),
-    "plugins": ("z2p_renderer.pipeline.commands.listings:plugins", "List the installed plugins."),
-    "formats": ("z2p_renderer.pipeline.commands.listings:formats", "List the readable file formats."),
-    "report": ("z2p_renderer.pipeline.commands.report:report", "Print what a bug report needs."),
-    "completion": ("z2p_renderer.pipeline.commands.report:completion", "Print the script for Tab completion in a shell."),
+    "run-inference": ("run_inference:run_inference", "Render point clouds to pictures."),
+    "animate": ("animate:animate", "Make turntables and light sweeps of point clouds."),
+    "rerender": ("figures:rerender", "Draw a picture again with something changed."),
+    "info": ("figures:info", "Show what made a picture."),
+    "evaluate": ("evaluate:evaluate", "Measure weights against Blender renders of meshes."),
+    "report-paper": ("report_paper:report_paper", "Make the paper's evaluation, as one page."),
+    "pipeline": ("full_pipeline:full_pipeline", "Make weights: sample, render, train, evaluate."),
+    "ablate": ("ablate:ablate", "Train variants of a config and compare them."),
+    "status": ("workspace:status", "Say which stages are fresh, stale or missing, and why."),
+    "verify": ("workspace:verify", "Compare every stored result with its digests."),
+    "gc": ("workspace:gc", "Remove results that no kept configuration needs."),
+    "adopt": ("workspace:adopt", "Vouch for results that older code made."),
+    "scheduler": ("workspace:scheduler", "Share the work among pipelines on several machines."),
+    "plugins": ("listings:plugins", "List the installed plugins."),
+    "formats": ("listings:formats", "List the readable file formats."),
+    "report": ("report:report", "Print what a bug report needs."),
+    "completion": ("report:completion", "Print the script for Tab completion in a shell."),
 }
-"""Subcommand -> (module:attribute, short help); the help is here so that `z2p --help` imports none of them."""
+"""Subcommand -> (module:attribute in `pipeline.commands`, short help), so that `z2p --help` imports none of them."""
 
 USERS_ERRORS = (
     "z2p_core.registry:PluginError",
@@ -73,7 +73,7 @@ class LazyGroup(click.Group):
         if cmd_name not in COMMANDS:
             return None
         module, _, attribute = COMMANDS[cmd_name][0].partition(":")
-        command: click.Command = getattr(importlib.import_module(module), attribute)
+        command: click.Command = getattr(importlib.import_module(f"z2p_renderer.pipeline.commands.{module}"), attribute)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -87,7 +87,8 @@ def _refuse(engine: type[Engine], file: Path) -> NoReturn:
 
 def _source(engine: type[Engine]) -> str:
     """What pip is to install for an engine: an extra of z2p for its own."""
-    return f'"z2p-renderer[{engine.package}]"' if engine.__module__.startswith("z2p_renderer.plugins.") else engine.package
+    ours = engine.__module__.startswith("z2p_renderer.plugins.")
+    return f'"z2p-renderer[{engine.package}]"' if ours else engine.package
 
 
 def _export(file: Path) -> str:

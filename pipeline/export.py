@@ -1,4 +1,7 @@
-"""From weights to the ONNX file beside them, for engines without torch: python -m z2p_renderer.pipeline.export WEIGHTS..."""
+"""From weights to the ONNX file beside them, for engines without torch.
+
+``python -m z2p_renderer.pipeline.export WEIGHTS...``
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,8 @@ def check_exporter() -> None:
     """
     missing = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
     if missing:
-        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed: pip install "z2p-renderer[pipeline]"')
+        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed: '
+                          'pip install "z2p-renderer[pipeline]"')
 
 
 def _traced(loaded: LoadedWeights) -> bytes:

@@ -63,12 +63,12 @@ class Renderer:
 
     @property
     def sole_weights(self) -> str | None:
-        """sha256 of the weights that draw every cloud; None where clouds choose, as in `z2p_renderer.pipeline.suited`."""
+        """sha256 of the weights that draw every cloud; None where clouds choose, as in `pipeline.suited`."""
         digest: str = self.weights["sha256"]
         return digest
 
     def suited(self, cloud: np.ndarray) -> tuple[Renderer, str]:
-        """The renderer for a placed cloud (N, 3) float32, this one, and why it is another; see `z2p_renderer.pipeline.suited`."""
+        """The renderer for a placed cloud (N, 3) float32, this one, and why it is another; see `pipeline.suited`."""
         return self, ""
 
     @property

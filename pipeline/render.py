@@ -1,6 +1,6 @@
 """Cycles renders of a mesh: one Blender child process a call, resumable picture by picture.
 
-bpy is GPL and may crash on a bad mesh: it lives in `z2p_renderer.pipeline.blender`, started here as a process of its own.
+bpy is GPL and may crash on a bad mesh: it lives in `pipeline.blender`, started here as a process of its own.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ from z2p_renderer.storage.fingerprints import file_digest
 BETAS = (0.9, 0.99)
 WEIGHT_DECAY = 0.01
 ENCODER_SEED = 4
-"""Beside the seeds of `z2p_renderer.pipeline.dataset`."""
+"""Beside the seeds of `pipeline.dataset`."""
 SETTINGS_LAYER = "mapping.layers.0.weight"
 """The only tensor (M, S) whose shape depends on the controls."""
 

@@ -26,7 +26,7 @@ from z2p_renderer.storage.checkpoints import save_checkpoint, save_weights
 
 LONGEST_GRADIENT = 1.0
 CROPS = 5
-"""Beside the seeds of `z2p_renderer.pipeline.dataset` and `z2p_renderer.pipeline.run`."""
+"""Beside the seeds of `pipeline.dataset` and `pipeline.run`."""
 LAST_RATE = 0.01
 """Learning rate at the end, as a share of the highest."""
 VALIDATION_PICTURES, STRIP_PICTURES = 32, 4

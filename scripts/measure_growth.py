@@ -128,7 +128,8 @@ def _means(config: PipelineConfig, options: argparse.Namespace) -> dict[str, flo
     """Figures of a config's weights, trained and measured now if they are not there yet."""
     file = options.output / f"{config.name}.toml"
     file.write_text(toml(to_dict(config)) + "\n", encoding="utf-8")
-    command = [sys.executable, "-m", "z2p_renderer.pipeline.cli", "pipeline", "--config", file, "--meshes", options.meshes,
+    command = [sys.executable, "-m", "z2p_renderer.pipeline.cli", "pipeline", "--config", file,
+               "--meshes", options.meshes,
                "--evaluate-meshes", options.evaluate_meshes, "--workspace", options.workspace]  # fmt: skip
     subprocess.run([str(word) for word in command], check=True)
     told: dict[str, float] = json.loads((options.workspace / config.name / "metrics.json").read_text())["means"]

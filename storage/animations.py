@@ -136,6 +136,7 @@ def _ffmpeg() -> str:
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
     except ImportError:
-        raise PictureError('MP4 needs an extra; install it with: pip install "z2p-renderer[video]", or name a .webp') from None
+        raise PictureError('MP4 needs an extra; install it with: pip install "z2p-renderer[video]", '
+                           "or name a .webp") from None
     program: str = get_ffmpeg_exe()
     return program

@@ -13,7 +13,7 @@ from z2p_renderer.storage.checkpoints import WeightsError
 from z2p_renderer.storage.whole import write_whole
 
 FORMAT = "1"
-"""Raised when what `z2p_renderer.pipeline.export` writes changes its inputs or outputs."""
+"""Raised when what `pipeline.export` writes changes its inputs or outputs."""
 _METADATA, _KEY, _VALUE = 14, 1, 2
 """Fields of ONNX's ModelProto (metadata_props) and StringStringEntryProto."""
 _NAME = b"z2p"

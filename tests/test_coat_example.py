@@ -145,7 +145,8 @@ def test_the_pipeline_and_inference_take_the_control(stranger: Stranger) -> None
     assert [control["name"] for control in card["controls"]] == ["color", "light", "elevation", "coat"]
     assert sum(control["size"] for control in card["controls"]) == 8
 
-    infer = ("-m", "z2p_renderer.pipeline.cli", "run-inference", "scan.npy", "--weights", str(weights), "--resolution", "64")
+    infer = ("-m", "z2p_renderer.pipeline.cli", "run-inference", "scan.npy", "--weights", str(weights))
+    infer += ("--resolution", "64")
     drawn = stranger.run(*infer, "--output", "pictures", "--coat", "0.8")
     assert drawn.returncode == 0, drawn.stderr
     assert len(list((stranger.folder / "pictures").glob("*.png"))) == 1

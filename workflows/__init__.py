@@ -41,7 +41,7 @@ class _Quiet(logging.Filter):
         if logging.getLogger(record.name).getEffectiveLevel() <= logging.DEBUG:
             return True
         message = record.getMessage()
-        # these are told in one line by `z2p_renderer.workflows.tasks` and `z2p_renderer.workflows.goal`: where they arose is no news
+        # these are told in one line by `workflows.tasks` and `workflows.goal`: where they arose is no news
         told_by_us = message.startswith("Will not run") and "error in deps()" in message
         told_by_us |= record.exc_info is not None and isinstance(record.exc_info[1], USERS_ERRORS)
         return "Execution Summary" in message or (record.levelno >= logging.WARNING and not told_by_us)

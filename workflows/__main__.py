@@ -1,4 +1,4 @@
-"""``python -m z2p_renderer.workflows COMMAND``: see `z2p_renderer.workflows.commands`."""
+"""``python -m z2p_renderer.workflows COMMAND``: see `workflows.commands`."""
 
 from z2p_renderer.workflows.commands import run
 

@@ -59,7 +59,7 @@ def is_ablations(config: str) -> bool:
 
 
 def variant_source(source: str, variant: str) -> str:
-    """The source of one variant's plan, for `z2p_renderer.workflows.tasks.load_plan`."""
+    """The source of one variant's plan, for `workflows.tasks.load_plan`."""
     return json.dumps({**json.loads(source), "variant": variant})
 
 

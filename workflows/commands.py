@@ -1,6 +1,7 @@
 """`z2p status`, `verify`, `gc`, `adopt` and `scheduler`: a workspace looked at and kept in order, and shared.
 
-`z2p` starts these as ``python -m z2p_renderer.workflows COMMAND``, as it starts luigi: nothing but this package imports luigi.
+`z2p` starts these as ``python -m z2p_renderer.workflows COMMAND``, as it starts luigi: nothing but this package
+imports luigi.
 """
 
 from __future__ import annotations

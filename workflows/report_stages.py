@@ -1,4 +1,4 @@
-"""The luigi tasks of the report on the paper's evaluation, each of which calls one function of `z2p_renderer.pipeline.paper`."""
+"""The luigi tasks of the report on the paper's evaluation, each of which calls one function of `pipeline.paper`."""
 
 from __future__ import annotations
 

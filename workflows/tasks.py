@@ -194,7 +194,7 @@ def absolute(path: str) -> str:
 
 @lru_cache(maxsize=8)
 def load_plan(source: str) -> Plan:
-    """Plan of a `source_of`, or of a `z2p_renderer.workflows.ablation_plan.variant_source`.
+    """Plan of a `source_of`, or of a `workflows.ablation_plan.variant_source`.
 
     It is made once a process, so that edits during a run do not mix two plans.
 
@@ -222,7 +222,7 @@ def load_plan(source: str) -> Plan:
 
 
 def load_steps(source: str) -> dict[str, Step]:
-    """Steps of a `source_of`, a `z2p_renderer.workflows.report_plan.report_source` or a source of `z2p_renderer.workflows.ablation_plan`."""
+    """Steps of a `source_of`, a `workflows.report_plan.report_source` or a source of `workflows.ablation_plan`."""
     where = json.loads(source)
     if "ablations" in where and "variant" not in where:
         from z2p_renderer.workflows.ablation_plan import load_ablation_plan

@@ -31,7 +31,7 @@ Sweep = NumberSweep | NameSweep
 
 @dataclass(frozen=True)
 class ReportConfig:
-    """The whole report: which meshes, which methods, which sweeps. `z2p_renderer.pipeline.paper.sweeps` tells what each varies."""
+    """The whole report: which meshes, which methods, which sweeps. `pipeline.paper.sweeps` tells what each varies."""
 
     name: str = "paper-report"
     meshes: str = "builtin"

@@ -1,1 +1,1 @@
-"""Subcommands of `z2p`, one file each; `z2p_renderer.pipeline.cli` names them and imports them when they are called."""
+"""Subcommands of `z2p`, one file each; `pipeline.cli` names them and imports them when they are called."""

@@ -98,7 +98,7 @@ class View(click.ParamType):
 
 
 class Smooth(click.ParamType):
-    """``auto``, or a radius; see `z2p_renderer.pipeline.settings.smooth_from`."""
+    """``auto``, or a radius; see `pipeline.settings.smooth_from`."""
 
     name = "auto|R"
 

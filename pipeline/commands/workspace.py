@@ -1,4 +1,7 @@
-"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to ``python -m z2p_renderer.workflows``, a process."""
+"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to a process.
+
+That is ``python -m z2p_renderer.workflows``.
+"""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def test_without_torch_and_export_the_message_says_how_to_get_on(
     tiny_weights: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(registry.load("engines", "torch"), "package", "no_such_package")
-    told = r"tiny.onnx beside it, or torch; .* python -m z2p_renderer.pipeline.export .*z2p\[torch\]"
+    told = r"tiny.onnx beside it, or torch; .* python -m z2p_renderer.pipeline.export .*z2p-renderer\[torch\]"
     with pytest.raises(WeightsError, match=told):
         Renderer(tiny_weights)
     with pytest.raises(WeightsError, match=r"'onnxruntime' needs tiny.onnx beside"):
@@ -226,8 +226,9 @@ def test_no_library_leaves_or_sends_anything_of_its_own(exported_weights: Path, 
     home, words = tmp_path / "home", ["run-inference", str(scans), "-o", str(tmp_path / "out"), "--resolution", "64"]
     home.mkdir()
     env = {name: text for name, text in os.environ.items() if not name.startswith(("ORT_", "XDG_"))}
-    for command in (["z2p_renderer.pipeline.cli", *words, "--engine", "onnxruntime"], ["z2p_renderer.pipeline.export", str(exported_weights)]):
-        done = subprocess.run([sys.executable, "-m", *command], env={**env, "HOME": str(home)}, capture_output=True)
+    for command in (["cli", *words, "--engine", "onnxruntime"], ["export", str(exported_weights)]):
+        words = [sys.executable, "-m", f"z2p_renderer.pipeline.{command[0]}", *command[1:]]
+        done = subprocess.run(words, env={**env, "HOME": str(home)}, capture_output=True)
         assert done.returncode == 0, done.stderr
     assert not list(home.rglob("*"))
 
@@ -284,5 +285,5 @@ def test_a_missing_exporter_is_told_before_a_training(monkeypatch: pytest.Monkey
     from z2p_renderer.pipeline.train import train
 
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "onnx" else True)
-    with pytest.raises(ImportError, match=r"onnx must be installed: pip install .z2p\[pipeline\]"):
+    with pytest.raises(ImportError, match=r"onnx must be installed: pip install .z2p-renderer\[pipeline\]"):
         train([], TrainConfig(), tmp_path)

@@ -6,15 +6,17 @@ import sys
 from collections.abc import Iterator
 from functools import cache
 from importlib import metadata
+from pathlib import Path
 
 import pytest
 
 import z2p_renderer.storage.fingerprints
 from z2p_core import registry
-from z2p_renderer.storage.code import ROOT, code_digest, defined, imports, part_digest, source_of
+from z2p_renderer.storage.code import code_digest, defined, imports, part_digest, source_of
 from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from z2p_renderer.storage.stage_code import NOT_SHAPING, OF_WEIGHTS, PACKAGES, PLACING, SHAPING, installed_version
 
+ROOT = Path(__file__).parents[2]
 ROOMS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
 ENTRY = {
     "shapes": {"workflows.stages:Shapes", "pipeline.shapes:make_shapes", "pipeline.blender:export_suzanne"},
@@ -78,22 +80,27 @@ def needs(part: str) -> Iterator[tuple[str, str]]:
             yield origin, name
 
 
+def as_listed(module: str) -> str:
+    """A module's name as in a checkout."""
+    return module.removeprefix("z2p_renderer.")
+
+
 @cache
 def needed(part: str) -> frozenset[tuple[str, str]]:
     """What a part needs of the project's own, with ``from package import module`` told as that module."""
-    kept = {(module, name) for module, name in needs(part) if module.split(".")[0] in ROOMS}
+    kept = {(as_listed(module), name) for module, name in needs(part) if as_listed(module).split(".")[0] in ROOMS}
     inner = {(m, n): (f"{m}.{n}", "") for m, n in kept if n and source_of(f"{m}.{n}").is_file()}
     return frozenset(inner.get(one, one) for one in kept)
 
 
 def plugins(stage: str) -> list[type]:
     found = [registry.load(group, name) for group in PLUGINS.get(stage, ()) for name in registry.names(group)]
-    return [plugin for plugin in found if plugin.__module__.startswith("plugins.")]
+    return [plugin for plugin in found if plugin.__module__.startswith("z2p_renderer.plugins.")]
 
 
 def plugin_modules(stage: str) -> set[str]:
     """Those of the stage's plugins, and what they import of their own folder: all of it is in the plugins' digests."""
-    found, waiting = set(), {plugin.__module__ for plugin in plugins(stage)}
+    found, waiting = set(), {as_listed(plugin.__module__) for plugin in plugins(stage)}
     while waiting:
         found.add(module := waiting.pop())
         folder = module.rpartition(".")[0]
@@ -226,7 +233,8 @@ def test_a_plugins_code_is_that_of_its_whole_package(tmp_path, monkeypatch):
 def test_a_plugin_becomes_stale_with_the_packages_that_it_names(monkeypatch):
     farthest, uniform = (registry.load("samplers", name) for name in ("farthest", "uniform"))
     before = [plugin_fields(plugin) for plugin in (farthest, uniform)]
-    monkeypatch.setattr(z2p_renderer.storage.fingerprints, "installed_version", lambda package: f"{package} of tomorrow")
+    later = z2p_renderer.storage.fingerprints
+    monkeypatch.setattr(later, "installed_version", lambda package: f"{package} of tomorrow")
     assert plugin_fields(farthest)["code"] != before[0]["code"]
     assert plugin_fields(uniform) == before[1]
 

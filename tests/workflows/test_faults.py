@@ -97,7 +97,7 @@ def test_blender_killed_while_it_renders(world, undisturbed):
     lose(world, "render/tetra/0-2")
     pipeline = world.start()
     while pipeline.poll() is None:
-        found = subprocess.run(["pgrep", "-g", str(pipeline.pid), "-f", "z2p_renderer.pipeline.blender"], capture_output=True,
+        found = subprocess.run(["pgrep", "-g", str(pipeline.pid), "-f", "pipeline.blender"], capture_output=True,
                                text=True, check=False).stdout.split()  # fmt: skip
         if found:
             os.kill(int(found[0]), signal.SIGKILL)

@@ -12,6 +12,7 @@ import z2p_renderer.workflows.plan
 import z2p_renderer.workflows.prior_weights
 from z2p_core import registry
 from z2p_core.config import PipelineConfig
+from z2p_renderer.storage.code import source_of
 from z2p_renderer.workflows.plan import Plan, assemble, make_plan
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -153,7 +154,7 @@ def test_a_plugin_that_only_the_teacher_uses_trains_again(config, monkeypatch, k
     before, without = make_plan(taught), make_plan(bare)
     fields = z2p_renderer.workflows.prior_weights.plugin_fields
     changed = lambda plugin: fields(plugin) | ({key: "other"} if plugin.name == "surfels" else {})  # noqa: E731
-    for module in (z2p_renderer.workflows.plan, workflows.prior_weights):
+    for module in (z2p_renderer.workflows.plan, z2p_renderer.workflows.prior_weights):
         monkeypatch.setattr(module, "plugin_fields", changed)
     assert stale(before, make_plan(taught)) == AFTER_SHARDS
     assert stale(without, make_plan(bare)) == set()
@@ -224,8 +225,7 @@ def plugin_edit(tmp_path, monkeypatch, edit):
     """Make the elevation control come from an edited copy of its file."""
     import importlib.util
 
-    source = Path(registry.load("controls", "elevation").__module__.replace(".", "/") + ".py")
-    text = (Path(__file__).parents[2] / source).read_text()
+    text = source_of(registry.load("controls", "elevation").__module__).read_text()
     changed = edit(text)
     assert changed != text
     copy = tmp_path / "elevation_copy.py"

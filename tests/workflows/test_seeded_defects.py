@@ -10,11 +10,11 @@ import pytest
 from editing import edited
 from test_plan import AFTER_SHARDS, EFFECTS, EVERYTHING, RENDERS, SAMPLES, SHARDS, stale
 
-import z2p_renderer.storage.fingerprints
 import z2p_renderer.storage.layout
 import z2p_renderer.storage.stage_code
 import z2p_renderer.workflows.plan
 from z2p_core.config import PipelineConfig
+from z2p_renderer.storage import fingerprints
 from z2p_renderer.storage.fingerprints import fingerprint
 from z2p_renderer.workflows.plan import Plan, make_plan
 
@@ -30,11 +30,11 @@ def rows(config: PipelineConfig, meshes: Any) -> Iterator[tuple[str, Callable[[p
     for path, (value, expected) in EFFECTS.items():
         yield path, lambda patch, path=path, value=value: make_plan(edited(config, path, value)), expected
     for stage, expected in STAGES.items():
-        yield f"{stage} version", set_item(config, z2p_renderer.storage.fingerprints.STAGE_VERSIONS, stage, 99), expected
+        yield f"{stage} version", set_item(config, fingerprints.STAGE_VERSIONS, stage, 99), expected
         for table in (z2p_renderer.storage.stage_code.SHAPING, z2p_renderer.storage.stage_code.PACKAGES):
             parts = (*table[stage], "z2p_core.testing" if table is z2p_renderer.storage.stage_code.SHAPING else "luigi")
             yield f"{stage} code", set_item(config, table, stage, parts), expected
-    yield "schema", lambda patch: (patch.setattr(z2p_renderer.storage.fingerprints, "SCHEMA", 99), make_plan(config))[1], EVERYTHING
+    yield "schema", lambda patch: (patch.setattr(fingerprints, "SCHEMA", 99), make_plan(config))[1], EVERYTHING
     for key in ("version", "code"):
         yield f"a control's {key}", other_plugin(config, "color", key), RENDERS | SHARDS | AFTER_SHARDS
         yield f"a z-buffer's {key}", other_plugin(config, "splats", key), AFTER_SHARDS

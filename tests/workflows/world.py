@@ -92,7 +92,8 @@ class World:
     def command(self, *more: str) -> list[str]:
         if self.scheduler:
             url = f"http://{self.scheduler_address}:{self.scheduler}"
-            return [sys.executable, "-m", "z2p_renderer.pipeline.cli", "pipeline", "--scheduler", url, *self.options, *more]
+            z2p = [sys.executable, "-m", "z2p_renderer.pipeline.cli"]
+            return [*z2p, "pipeline", "--scheduler", url, *self.options, *more]
         luigi = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
         return [*luigi, *self.options, *more]
 
