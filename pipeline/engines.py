@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
+import os
 from pathlib import Path
 from typing import NoReturn
+from weakref import WeakSet
 
 from z2p_core import registry
 from z2p_core.interfaces import Engine, TrainedNetwork
@@ -16,6 +19,17 @@ from z2p_renderer.storage.shelf import users_shelf
 
 REFERENCE_ENGINE = "torch"
 """What quality is measured with, and the other engines against."""
+_started: WeakSet[Engine] = WeakSet()
+"""All engines of this process."""
+
+
+def _keep_for_good() -> None:
+    """Engines that a fork has of its parent are without their threads: to take them apart would wait for ever."""
+    for engine in _started:
+        ctypes.pythonapi.Py_IncRef(ctypes.py_object(engine))
+
+
+os.register_at_fork(after_in_child=_keep_for_good)
 
 
 def start_engine(
@@ -38,6 +52,7 @@ def start_engine(
     )  # fmt: skip
     chosen = _chosen(name, network, file, exact)
     engine = chosen(network, threads)
+    _started.add(engine)
     if chosen.reads_onnx and (chosen.reads_int8 or whole is None):  # graph files leave out the last of a network
         engine.last = Touch.of(loaded.weights.tensors, loaded.config)
     return engine

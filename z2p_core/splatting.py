@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import Camera
-from z2p_core.threads import cores
+from z2p_core.threads import cores, in_threads
 
 SHARE = 200_000
 """Points that are worth a thread of their own."""
@@ -25,9 +25,8 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndar
     threads = min(MOST_THREADS, cores(), len(cloud) // SHARE)
     if threads < 2:
         return native.nearest_depth(cloud, camera, margin)
-    with ThreadPoolExecutor(threads) as pool:
-        pictures = list(pool.map(lambda part: native.nearest_depth(part, camera, margin),
-                                 np.array_split(cloud, threads)))  # fmt: skip
+    parts = np.array_split(cloud, threads)
+    pictures = in_threads([partial(native.nearest_depth, part, camera, margin) for part in parts])
     nearest = pictures[0]
     for other in pictures[1:]:
         np.minimum(nearest, other, out=nearest)

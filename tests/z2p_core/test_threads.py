@@ -2,11 +2,13 @@
 
 import threading
 import time
+import weakref
 
 import numpy as np
 import pytest
 
-from z2p_core.threads import SMALLEST, all_of, beside, one_core_each, over_rows, rows_beside
+from z2p_core import threads
+from z2p_core.threads import SMALLEST, all_of, beside, in_threads, one_core_each, over_rows, rows_beside
 
 
 def test_work_is_done_on_another_thread_and_its_result_comes_back():
@@ -176,3 +178,44 @@ def test_all_works_give_what_they_give_in_their_order_by_both_cores():
         assert set(all_of([threading.get_ident] * 3)) == {threading.get_ident()}
     with pytest.raises(ZeroDivisionError):
         all_of([int, lambda: 1 // 0, int])
+
+
+def no_thread(*arguments):
+    raise RuntimeError("can't start new thread")
+
+
+def test_where_no_thread_can_be_started_the_one_who_asks_does_it_all(monkeypatch):
+    monkeypatch.setattr(threading.Thread, "start", no_thread)
+    threads._second_core.cache_clear()  # one that has no thread yet
+    asking = threading.get_ident()
+    assert beside(threading.get_ident).result() == asking
+    finish, seen = rows_beside(lambda *rows: seen.append(rows), 6, parts=3), []
+    finish()
+    assert seen == [(0, 2), (2, 4), (4, 6)]
+    assert all_of([threading.get_ident] * 3) == [asking] * 3
+    assert in_threads([threading.get_ident] * 3) == [asking] * 3
+    monkeypatch.undo()
+    assert beside(threading.get_ident).result() != asking, "and a thread is started as soon as one can be"
+
+
+def test_works_in_threads_give_what_they_give_in_their_order():
+    met = threading.Barrier(3, timeout=10)
+    assert in_threads([lambda number=number: (met.wait(), number)[1] for number in range(3)]) == [0, 1, 2]
+    assert in_threads([]) == []
+    for bad in range(3):
+        with pytest.raises(ZeroDivisionError):
+            in_threads([lambda number=number, bad=bad: 1 / (number - bad) for number in range(3)])
+
+
+def test_the_second_core_keeps_nothing_of_what_it_has_done():
+    class Kept:
+        pass
+
+    kept = Kept()
+    here = weakref.ref(kept)
+    beside(id, kept).result()
+    failed = beside(lambda value: 1 / 0, kept)
+    assert isinstance(failed.exception(), ZeroDivisionError)
+    del kept, failed
+    beside(int).result()  # by then the thread has let go of the work before
+    assert here() is None
