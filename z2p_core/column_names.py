@@ -5,6 +5,8 @@ from __future__ import annotations
 import codecs
 import re
 
+from z2p_core.axis_names import AxisColumns, axis_columns
+
 COMMENT_SIGNS = ("//", "%", ";")
 """A first line that begins so is a comment, as one with ``#`` is anywhere, unless it names columns or holds numbers."""
 _SEPARATOR = re.compile(r'\s*"?sep=[^\r\n]"?\s*', re.IGNORECASE)
@@ -14,12 +16,8 @@ _MISSING = {"na", "n/a", "<na>", "none", "null"}
 _UNITS = {"m", "mm", "cm", "km", "um", "µm", "nm", "ft", "in", "us-ft", "feet", "metre", "metres", "meter",
           "meters", "-"}  # fmt: skip
 _UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
-_AXES = {"easting": "x", "northing": "y", "height": "z", "elevation": "z", "alt": "z", "altitude": "z"}
-"""Other names of the axes. Degrees (lon, lat) are no lengths, so they are not among them."""
-_OF_POINTS = re.compile(
-    r"(?:points?|coord(?:inate)?s?|pos(?:ition)?s?)[:_.]?([xyz012])|([xyz])_(?:m|mm|cm|ft|coord|pos)"
-)
-"""Names of one axis of something, as ParaView (``Points:0``), ArcGIS (``POINT_X``) and others write them."""
+_EXPONENT = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+))[dD]([+-]?\d+)")
+"""A number as Fortran writes it in double precision: ``1.0D+00``."""
 
 
 def text_encoding(head: bytes) -> str:
@@ -36,7 +34,17 @@ def column_names(line: str) -> list[tuple[str, ...]]:
     an empty first name leave open how many columns are meant: ``;x;y;z`` names three or four.
     """
     ways = (_axes([cell.strip(" \t\"'").lower() for cell in cells]) for cells in _splits(line))
-    return list(dict.fromkeys(names for names in ways if all(names.count(axis) == 1 for axis in "xyz")))
+    return list(dict.fromkeys(names for names in ways if names))
+
+
+def told_degrees(line: str) -> bool:
+    """Whether a line that names columns names longitude and latitude as the places of its points."""
+    return any(columns is not None and columns.degrees for columns in _columns(line))
+
+
+def told_depth(line: str) -> bool:
+    """Whether a line that names columns names a depth, and no height, beside the places of its points."""
+    return any(columns is not None and columns.depth for columns in _columns(line))
 
 
 def without_comment(line: str) -> str:
@@ -81,11 +89,22 @@ def is_missing(text: str) -> bool:
 
 def is_number(text: str) -> bool:
     """Whether the text, perhaps quoted, is a number, with a point or a comma; ``nan`` is one too."""
+    text = text.strip("\"'")
     try:
-        float(text.strip("\"'").replace(",", "."))
+        float(text.replace(",", "."))
     except ValueError:
-        return False
+        return is_fortran(text)
     return True
+
+
+def is_fortran(text: str) -> bool:
+    """Whether the text is a number with a ``D`` for its exponent."""
+    return _EXPONENT.fullmatch(text) is not None
+
+
+def plain_exponents(line: str) -> str:
+    """The line with an ``e`` for each such ``D``."""
+    return _EXPONENT.sub(r"\1e\2", line)
 
 
 def _splits(line: str) -> list[list[str]]:
@@ -94,15 +113,16 @@ def _splits(line: str) -> list[list[str]]:
     return [*(line.split(sign) for sign in ";,\t" if sign in line), re.split(r"[;,\s]+", line.strip(";, \t"))]
 
 
+def _columns(line: str) -> list[AxisColumns | None]:
+    return [axis_columns([cell.strip(" \t\"'").lower() for cell in cells]) for cells in _splits(line)]
+
+
 def _axes(names: list[str]) -> tuple[str, ...]:
-    """The names, with x, y and z for their other names where they do not stand themselves."""
-    return tuple(axis if (axis := _axis(name)) and axis not in names else name for name in names)
-
-
-def _axis(name: str) -> str | None:
-    """The axis that a column of another name holds; None if it is none."""
-    parts = _OF_POINTS.fullmatch(name)
-    if parts is None:
-        return _AXES.get(name)
-    axis = parts[1] or parts[2]
-    return axis if axis in "xyz" else "xyz"[int(axis)]
+    """The names, with x, y and z for those of the columns that hold them; none where that is open."""
+    columns = axis_columns(names)
+    if columns is None:
+        return ()
+    others = ["" if name in ("x", "y", "z") else name for name in names]
+    for axis, place in zip("xyz", columns.places, strict=True):
+        others[place] = axis
+    return tuple(others)

@@ -3,65 +3,81 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
-from dataclasses import replace
-from itertools import chain, islice
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from itertools import chain
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 
-from z2p_core.column_names import column_names, is_row, text_encoding, without_comment
+from z2p_core.column_names import is_count, is_row
+from z2p_core.geographic import metres_of_degrees
 from z2p_core.interfaces import RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers.text_form import TABLES, BadLineError, Form, Head, form_of, head_of, some_names
+from z2p_core.side_columns import told_names, told_side
+from z2p_renderer.plugins.readers.text_content import content, line_number, told_cut
+from z2p_renderer.plugins.readers.text_doubts import check_first, counts_rows, refuse_other_tables, some_names
+from z2p_renderer.plugins.readers.text_form import SAMPLE, BadLineError, Form, form_of
+from z2p_renderer.plugins.readers.text_grid import is_raster, raster_points
+from z2p_renderer.plugins.readers.text_heads import Head, as_colmap, head_of
 from z2p_renderer.plugins.readers.text_lines import memory_of_lines
 
-_LINES = 200_000
-"""Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
-_FIRST_LINES = 5000
-"""Lines from which the form of the rows is told."""
 _DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
 """Names of columns that hold degrees."""
-_FEWEST_NUMBERED = 10
-"""Rows from which a column of 0, 1, 2 ... is no chance."""
+_MOST_CELLS, _FEWEST_ROWS = 60_000, 20
+"""Cells of the first rows that are looked at, and rows at least."""
 
 
 class Text(Reader):
     """Plain text, a point a line, numbers parted by blanks, commas or semicolons; ``#`` begins a comment."""
 
     name = "text"
-    version = "6"
+    version = "7"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
 
     def memory(self, path: Path) -> int:
         """As many points as the first lines let expect; the text itself is read in parts."""
         return memory_of_lines(path)
 
-    def read(self, path: Path) -> list[np.ndarray | RawCloud]:
+    def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """The first three columns, or those called x, y, z, one cloud (N, 3) float64; an empty cell is NaN.
 
         Where nobody names the columns and the first of four or more counts the rows, it is no x: the next three are.
 
-        A line before the rows may hold their count, as in every .pts. There may be a line of names, among them x, y and
-        z; the columns beside those three may then hold words. .txt, .asc and .csv may have further columns without.
+        A line before the rows may hold their count, as in every .pts, where several scans may follow one another. There
+        may be a line of names, among them x, y and z; the columns beside those three may then hold words. An ESRI grid
+        gives the middles of its cells.
 
         Raises:
-            ScanError: other columns than the suffix stands for or the user named, something not a number, or a wrong
-                count.
+            ScanError: fewer than three columns, others than the user named, first ones that look like anything but x,
+                y and z, a list of poses, a picture, something not a number, or a wrong count.
         """
-        blocks = _content(path)
-        first = next(blocks, [])
+        blocks = content(path)
+        first: list[str] = next(blocks, [])
+        if is_raster(first):
+            return [RawCloud(raster_points(first, blocks), note="an ESRI grid, a point a cell")]
         head = head_of(first, path.suffix.lower(), self.columns is not None)
         rows = first[head.lines :] or next(blocks, [])
-        form = self._form(path, head, rows) if rows else None
-        points = _table(path, form, head.lines, chain([rows], blocks)) if form else np.empty((0, 3))
-        if head.promised is not None and head.promised != str(len(points)):
-            raise ScanError(f"line {_line_number(path, head.promised_at)} promises {head.promised[:40]!r} points, "
-                            f"{len(points)} came; mend the number, take the line out, or export the file again")
-        if form and form.may_be_numbered and _counts(points[:, 0]):
-            numbered = replace(form, places=(1, 2, 3))
-            return [RawCloud(_again(path, numbered, head.lines), note=_told_numbers(form.width))]
-        return [points]
+        if not rows:
+            _check_counts(path, head, _Rows())
+            return [np.empty((0, 3))]
+        if _is_bare_colmap(path, head, rows) and not self.columns:
+            head = as_colmap(head)
+        form = self._form(path, head, rows)
+        if form.named:
+            found = _table(path, form, head, chain([rows], blocks))
+            _check_counts(path, head, found)
+            return [_named(found, form, Head() if self.columns else head)]
+        sample = form.table(rows[: max(min(SAMPLE, _MOST_CELLS // form.width), _FEWEST_ROWS)])
+        refuse_other_tables(sample, path.stat().st_size // (len(rows[0]) + 1))
+        found = _table(path, form, head, chain([rows], blocks))
+        _check_counts(path, head, found)
+        if form.width > 3 and counts_rows(found.points[:, 0]):
+            found = _table(path, replace(form, places=(1, 2, 3)), head, _rows_again(path, head))
+            check_first(found.points, sample[:, 1:], 2)
+            told = told_side(sample[:, 4:], 5)
+            return [RawCloud(found.points, note=_joined(_told_numbers(form.width), told, found.told))]
+        check_first(found.points, sample)
+        return [RawCloud(found.points, note=_joined(told_side(sample[:, 3:]), found.told))]
 
     def _form(self, path: Path, head: Head, rows: list[str]) -> Form:
         """How the rows, of which these are the first, are written.
@@ -70,111 +86,121 @@ class Text(Reader):
             ScanError: as `read` says.
         """
         try:
-            return form_of(rows, head, path.suffix.lower(), self.columns)
+            return form_of(rows, head, self.columns)
         except ScanError as error:
-            raise ScanError(f"line {_line_number(path, head.lines)}: {error}{_told_cut(path, head.lines)}") from error
+            raise ScanError(f"line {line_number(path, head.lines)}: {error}{told_cut(path, head.lines)}") from error
 
 
-def _counts(column: np.ndarray) -> bool:
-    """Whether a column numbers its rows, from 0 or 1 on."""
-    return len(column) >= _FEWEST_NUMBERED and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
+@dataclass
+class _Rows:
+    """Points of one scan after the other."""
+
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    counts: list[int] = field(default_factory=lambda: [0])
+    """How many points each scan has."""
+    promised: list[tuple[str, int]] = field(default_factory=list)
+    """The counts before the second scan and all later ones, and the index of the line that holds it."""
+
+    @property
+    def told(self) -> str:
+        """What to say of several scans."""
+        return f"{len(self.counts)} scans in one file" if len(self.counts) > 1 else ""
+
+
+def _named(found: _Rows, form: Form, head: Head) -> RawCloud:
+    """The points of a table whose columns have names, which say what the numbers are; those of no title, nothing."""
+    points, told = found.points, [told_names(form.names), found.told]
+    if head.depth:
+        positive = bool(np.nanmedian(points[:, 2]) > 0) if np.isfinite(points[:, 2]).any() else False
+        points = points * [1, 1, -1] if positive else points
+        told.append("depths count down, so z = -depth" if positive else "depths below 0 are taken as heights")
+    if head.degrees:
+        points, laid_out = metres_of_degrees(points)
+        told.append(laid_out)
+    if head.colmap:
+        return RawCloud(points, note=_joined(*told), up="-Y", up_reason="the usual axes of COLMAP", up_certain=False)
+    return RawCloud(points, note=_joined(*told))
+
+
+def _is_bare_colmap(path: Path, head: Head, rows: list[str]) -> bool:
+    """Whether this is COLMAP's list of points by its name, though no comment says what the columns hold."""
+    return path.stem.lower() == "points3d" and not head.names and min(len(row.split()) for row in rows[:SAMPLE]) >= 8
+
+
+def _joined(*told: str) -> str:
+    return "; ".join(filter(None, told))
 
 
 def _told_numbers(width: int) -> str:
     return f"column 1 counts the rows, so x y z are columns 2 to 4; --columns {some_names(width)} takes it as x"
 
 
-def _table(path: Path, form: Form, before: int, blocks: Iterable[list[str]]) -> np.ndarray:
-    """Points (N, 3) of blocks of rows, before which so many lines of the file have content but are none."""
-    parts = [np.empty((0, 3))]
+def _check_counts(path: Path, head: Head, found: _Rows) -> None:
+    """Raises ScanError where a scan has not as many points as the line before it says; the first may count all."""
+    if head.promised is None or (found.promised and head.promised == str(len(found.points))):
+        return
+    for (promised, at), count in zip([(head.promised, head.promised_at), *found.promised], found.counts, strict=True):
+        if promised.strip() != str(count):
+            raise ScanError(f"line {line_number(path, at)} promises {promised.strip()[:40]!r} points, {count} came; "
+                            "mend the number, take the line out, or export the file again")
+
+
+def _rows_again(path: Path, head: Head) -> Iterable[list[str]]:
+    """The blocks of rows of a file that has been read before."""
+    blocks = content(path)
+    first: list[str] = next(blocks, [])
+    return chain([first[head.lines :] or next(blocks, [])], blocks)
+
+
+def _table(path: Path, form: Form, head: Head, blocks: Iterable[list[str]]) -> _Rows:
+    """Points of blocks of rows, among which may stand the counts of more scans."""
+    parts, found, before = [np.empty((0, 3))], _Rows(), head.lines
+    several = head.promised is not None and (not form.named or path.suffix.lower() == ".pts")
     for rows in blocks:
-        parts.append(_points(form, rows, path, before))
+        try:
+            pieces = [form.points(rows)]
+            found.counts[-1] += len(rows)
+        except BadLineError as error:
+            if not several or not any(map(is_count, rows)):
+                raise _told_bad(error, form, rows, path, before) from error
+            pieces = _pieces(path, form, rows, before, found)
+        parts += pieces
         before += len(rows)
-    return np.concatenate(parts)
+    found.points = np.concatenate(parts)
+    return found
 
 
-def _again(path: Path, form: Form, skipped: int) -> np.ndarray:
-    """Points (N, 3) of the file, read once more, whose first `skipped` lines with content are no rows."""
-    blocks = _content(path)
-    first = next(blocks, [])
-    return _table(path, form, skipped, chain([first[skipped:] or next(blocks, [])], blocks))
+def _pieces(path: Path, form: Form, rows: list[str], before: int, found: _Rows) -> list[np.ndarray]:
+    """Points of the rows between lines that count those of the next scan."""
+    marks = [index for index, row in enumerate(rows) if is_count(row)]
+    parts = []
+    for start, end in zip([0, *(mark + 1 for mark in marks)], [*marks, len(rows)], strict=True):
+        if start:
+            found.promised.append((rows[start - 1], before + start - 1))
+            found.counts.append(0)
+        if start < end:
+            try:
+                parts.append(form.points(rows[start:end]))
+            except BadLineError as error:
+                raise _told_bad(error, form, rows[start:end], path, before + start) from error
+            found.counts[-1] += end - start
+    return parts
 
 
-def _points(form: Form, lines: list[str], path: Path, before: int) -> np.ndarray:
-    """Points (N, 3) of lines that have `before` others with content before them in the file."""
-    try:
-        return form.points(lines)
-    except BadLineError as error:
-        if path.suffix.lower() in TABLES and before + error.index == 0 and not is_row(line := lines[0]):
-            raise ScanError(f"line {_line_number(path, 0)}: expected points, or names of columns with x, y and z once "
-                            f"each, got {line.strip()[:60]!r}; name all columns, as in --columns x,y,z,label"
-                            f"{_told_degrees(line)}") from error
-        hint = "" if form.named else "; where columns hold words, name all of them, as in --columns x,y,z,label"
-        index = before + error.index
-        raise ScanError(f"expected the same count of numbers on every line, but in line {_line_number(path, index)} "
-                        f"{error}; put '#' before lines that are no points{hint}{_told_cut(path, index)}") from error
+def _told_bad(error: BadLineError, form: Form, lines: list[str], path: Path, before: int) -> ScanError:
+    """What is wrong with a line of those that have `before` others with content before them in the file."""
+    index = before + error.index
+    if index == 0 and not is_row(line := lines[0]):
+        return ScanError(f"line {line_number(path, 0)}: expected points, or names of columns with x, y and z once "
+                         f"each, got {line.strip()[:60]!r}; name all columns, as in --columns x,y,z,label"
+                         f"{_told_degrees(line)}")
+    hint = "" if form.named else "; where columns hold words, name all of them, as in --columns x,y,z,label"
+    return ScanError(f"expected the same count of numbers on every line, but in line {line_number(path, index)} "
+                     f"{error}; put '#' before lines that are no points{hint}{told_cut(path, index)}")
 
 
 def _told_degrees(title: str) -> str:
-    """What to say of a line that names latitude and longitude."""
+    """What to say of a line that names latitude and longitude, but no height or several."""
     if not _DEGREES & set(re.split(r"[^a-z]+", title.lower())):
         return ""
-    return "; degrees are no lengths: project them to metres first, to UTM for one"
-
-
-def _content(path: Path) -> Iterator[list[str]]:
-    """Lines that hold something, without what ``#`` begins; some first ones, then many at a time."""
-    with _opened(path) as file:
-        lines = _with_names(list(islice(file, _FIRST_LINES)))
-        while lines:
-            if "#" in "".join(lines):
-                lines = [line.split("#", 1)[0] for line in lines]
-            if "" in lines or any(map(str.isspace, lines)):
-                lines = [line for line in lines if line and not line.isspace()]
-            if lines:
-                yield lines
-            lines = list(islice(file, _LINES))
-
-
-def _with_names(first: list[str]) -> list[str]:
-    """The first lines of a file, in which one that names columns behind ``#``, as numpy writes it, begins with ``//``.
-
-    So it is kept for `head_of`, which takes it for a comment that may mean something else.
-    """
-    for index, line in enumerate(first):
-        if line.startswith("#"):
-            if column_names(names := line.lstrip("#")):
-                first[index] = "//" + names
-        elif line.strip():
-            first[index] = without_comment(line)
-            break
-    return first
-
-
-def _opened(path: Path) -> TextIO:
-    with path.open("rb") as file:
-        encoding = text_encoding(file.read(4))
-    return path.open(encoding=encoding, errors="replace")
-
-
-def _line_number(path: Path, index: int) -> int:
-    """Where an editor shows the line that has `index` others with content before it: the first line is 1.
-
-    The file is read again for it, which costs only those that are refused; to remember it would cost all.
-    """
-    return _line(path, index)[0]
-
-
-def _told_cut(path: Path, index: int) -> str:
-    """What to say of a line that goes on behind ``#``, as a colour would."""
-    if "#" not in _line(path, index)[1]:
-        return ""
-    return "; on that line '#' begins a comment, so the rest of it was not read: take the sign out where it is none"
-
-
-def _line(path: Path, index: int) -> tuple[int, str]:
-    """Number and text of the line that has `index` others with content before it."""
-    with _opened(path) as file:
-        lines = chain(_with_names(list(islice(file, _FIRST_LINES))), file)
-        told = ((number, line) for number, line in enumerate(lines, start=1) if line.split("#", 1)[0].strip())
-        return next(islice(told, index, None))
+    return "; beside longitude and latitude one column has to be called height, altitude or depth"

@@ -9,23 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from z2p_core.column_names import column_names, is_comment, is_count, is_missing, is_number, is_row, is_units
+from z2p_core.column_names import is_fortran, is_missing, is_number, plain_exponents
 from z2p_core.interfaces import ScanError
+from z2p_renderer.plugins.readers.text_heads import Head
 
-_COLUMNS = {
-    ".xyz": ((3,), "x y z"),
-    ".xyzn": ((6,), "x y z nx ny nz"),
-    ".xyzrgb": ((6,), "x y z r g b"),
-    ".pts": ((3, 4, 6, 7), "x y z [intensity] [r g b]"),
-}
-_SIX_IN_XYZ = ("; six columns may hold normals or colours: say which with --columns x,y,z,nx,ny,nz or "
-               "--columns x,y,z,r,g,b")  # fmt: skip
-TABLES = (".txt", ".asc", ".csv")
-"""Suffixes that say nothing about the columns."""
-_SAMPLE = 1000
+SAMPLE = 1000
 """Rows from which the form is told."""
-_ELEMENT = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
-"""An atom's name in a chemist's .xyz."""
 _COMMA_DECIMAL = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _POINT_DECIMAL = re.compile(r"[+-]?\d*\.\d*([eE][+-]?\d+)?")
 
@@ -36,69 +25,6 @@ class BadLineError(ValueError):
     def __init__(self, index: int, reason: str) -> None:
         super().__init__(reason)
         self.index = index
-
-
-@dataclass
-class Head:
-    """What stands before the rows: `names` are the ways to read a line of names."""
-
-    lines: int = 0
-    promised: str | None = None
-    """How many points the file says that it holds, on a line of its own."""
-    promised_at: int = 0
-    """Index of that line."""
-    names: Sequence[tuple[str, ...]] = ()
-    title: str = ""
-    """The line of names, known or not."""
-    optional: bool = False
-    """Whether the names come from a comment, which may as well mean something else."""
-
-
-def head_of(lines: list[str], suffix: str, named: bool) -> Head:
-    """What the first lines say before the rows begin; `named`: the user names the columns.
-
-    Raises:
-        ScanError: they are those of a raster.
-    """
-    head = Head()
-    while head.lines < len(lines) and is_comment(lines[head.lines]):
-        if names := column_names(lines[head.lines]):
-            head.names, head.title, head.optional = names, lines[head.lines], True
-        head.lines += 1
-    _take_count(lines, suffix, head)
-    if head.promised is not None:
-        _take_molecule(lines, head)
-    rest = lines[head.lines : head.lines + 1]
-    if rest and rest[0].split()[0].lower() == "ncols":
-        raise ScanError("this is an ESRI grid (ncols, nrows ...), heights without places; turn it into points first, "
-                        "as in: gdal_translate -of XYZ grid.asc points.xyz")
-    names = column_names(rest[0]) if rest else []
-    if names or (rest and named and not is_row(rest[0])):
-        head.names, head.title, head.optional = names, rest[0], False
-        head.lines += 1
-        _take_count(lines, suffix, head)
-    if head.title and any(map(is_units, lines[head.lines : head.lines + 1])):
-        head.lines += 1
-    return head
-
-
-def _take_count(lines: list[str], suffix: str, head: Head) -> None:
-    """Adds to the head a next line that holds a count alone, or, in a .pts, any one word."""
-    for line in lines[head.lines : head.lines + 1]:
-        alone = len(re.split(r"[;,\s]+", line.strip())) == 1
-        if head.promised is None and (is_count(line) or (suffix == ".pts" and alone)):
-            head.promised, head.promised_at = line.strip(), head.lines
-            head.lines += 1
-
-
-def _take_molecule(lines: list[str], head: Head) -> None:
-    """Adds to the head what a chemist's .xyz has behind the count: a line of remarks, and an element in each row."""
-    for index, line in enumerate(lines[head.lines : head.lines + 2]):
-        words = line.split()
-        if len(words) > 3 and _ELEMENT.fullmatch(words[0]) and all(map(is_number, words[1:4])):
-            head.names = [("element", "x", "y", "z", *[""] * (len(words) - 4))]
-            head.lines += index
-            return
 
 
 @dataclass(frozen=True)
@@ -117,8 +43,12 @@ class Form:
     places: tuple[int, ...] = (0, 1, 2)
     named: bool = False
     """Whether it is said which columns are x, y and z: then the others may hold words."""
-    may_be_numbered: bool = False
-    """Whether a number of the row may stand before x, y and z."""
+    names: tuple[str, ...] = ()
+    """Those of the columns, where somebody names them."""
+    ragged: bool = False
+    """Whether rows may hold more cells than `width`, of a list that no place is in."""
+    fortran: bool = False
+    """Whether numbers may have a ``D`` for their exponent."""
 
     def points(self, lines: list[str]) -> np.ndarray:
         """x, y and z (N, 3) float64 of the rows; an empty cell is NaN.
@@ -126,13 +56,25 @@ class Form:
         Raises:
             BadLineError: a row with other columns than the first one, or with something not a number.
         """
+        used = self.places if self.ragged else None
         try:  # by far the fastest, but it takes nothing else than numbers
-            table = np.loadtxt(self._plain(lines), np.float64, comments=None, delimiter=self.delimiter, ndmin=2)
+            table = np.loadtxt(self._plain(lines), np.float64, comments=None, delimiter=self.delimiter, usecols=used,
+                               ndmin=2)
         except ValueError:
             return self._row_by_row(lines)
+        if used:
+            return table
         if table.shape[1] != self.width:
             return self._row_by_row(lines)
         return table[:, :3].copy() if self.places == (0, 1, 2) else table[:, list(self.places)]
+
+    def table(self, lines: list[str]) -> np.ndarray:
+        """All numbers (N, width) float64 of some rows; NaN for what is none."""
+        table = np.full((len(lines), self.width), np.nan)
+        for index, line in enumerate(lines):
+            for place, cell in enumerate(self.cells(line)[: self.width]):
+                table[index, place] = self._number(cell) if self._readable(cell) else np.nan
+        return table
 
     def cells(self, line: str) -> list[str]:
         """The row's cells; a quoted one may hold the delimiter."""
@@ -149,6 +91,8 @@ class Form:
             lines = [line.rstrip().removesuffix(self.delimiter) for line in lines]
         if self.commas:
             lines = [line.replace(",", ".") for line in lines]
+        if self.fortran:
+            lines = [plain_exponents(line) for line in lines]
         return [line.replace(self.blank, " ") for line in lines] if self.blank else lines
 
     def _row_by_row(self, lines: list[str]) -> np.ndarray:
@@ -158,7 +102,7 @@ class Form:
             cells = self.cells(line)
             if len(cells) == self.width + 1 and not cells[-1].strip():
                 del cells[-1]
-            if len(cells) != self.width:
+            if len(cells) < self.width or (len(cells) > self.width and not self.ragged):
                 raise BadLineError(index, f"the number of columns changed from {self.width} to {len(cells)}")
             try:
                 numbers = {place: self._number(cells[place]) for place in places}
@@ -174,6 +118,8 @@ class Form:
 
         A comma can only be a decimal one where it parts no cells.
         """
+        if self.fortran:
+            cell = plain_exponents(cell)
         if not cell or "_" in cell or "," in cell:  # Python would take 1_000 for a number
             cell = cell.strip().replace("_", "?").replace(",", "?" if self.delimiter == "," else ".")
         try:
@@ -191,13 +137,13 @@ class Form:
         return True
 
 
-def form_of(rows: list[str], head: Head, suffix: str, columns: Sequence[str] | None) -> Form:
+def form_of(rows: list[str], head: Head, columns: Sequence[str] | None) -> Form:
     """The form of a file whose first rows these are, one at least; `columns` are those that the user names.
 
     Raises:
-        ScanError: as many columns as neither the names nor the suffix stand for.
+        ScanError: fewer columns than three, or as many as the names do not stand for.
     """
-    sample = rows[:_SAMPLE]
+    sample = rows[:SAMPLE]
     delimiter = _delimiter(sample, head.title)
     commas = delimiter == ";" or (delimiter != "," and any("," in line for line in sample))
     form = Form(delimiter, commas)
@@ -205,15 +151,36 @@ def form_of(rows: list[str], head: Head, suffix: str, columns: Sequence[str] | N
     if delimiter in (",", ";") and any(_holds_several(cell) for cells in table for cell in cells):
         form = replace(form, delimiter=None, blank=delimiter)
         table = [form.cells(line) for line in sample]
+    form = replace(form, fortran=any(is_fortran(cell.strip(" \"'")) for cells in table for cell in cells))
     width = len(table[0])
     ended = not any(len(cells) >= width and cells[width - 1].strip() for cells in table)
+    ragged = _ragged(head, table, columns)
+    if ragged is not None:
+        places = tuple(ragged.index(axis) for axis in "xyz")
+        return replace(form, width=len(ragged), places=places, named=True, names=ragged, ragged=True)
     names = _fitting(head, width, ended, columns)
     if names is None:
-        _check_columns(suffix, width - ended)
-        width -= ended
-        return replace(form, width=width, ended=ended, may_be_numbered=suffix in TABLES and width > 3)
+        _check_columns(width - ended)
+        return replace(form, width=width - ended, ended=ended)
     places = tuple(names.index(axis) for axis in "xyz")
-    return replace(form, width=len(names), ended=len(names) < width, places=places, named=True)
+    return replace(form, width=len(names), ended=len(names) < width, places=places, named=True, names=tuple(names))
+
+
+def _ragged(head: Head, table: list[list[str]], columns: Sequence[str] | None) -> tuple[str, ...] | None:
+    """Names of the columns before a list that ends each row, where rows differ in length; None where they do not.
+
+    The user's names and those of a comment hold for them; other names have to fit each row.
+    """
+    shortest, longest = min(map(len, table)), max(map(len, table))
+    if columns:
+        ways = [tuple(columns)] if shortest < longest else []
+    else:
+        ways = list(head.names) if head.optional and (head.ragged or shortest < longest) else []
+    for names in ways:
+        last = max(names.index(axis) for axis in "xyz")
+        if last < shortest and (longest > len(names) or head.ragged):
+            return names[: max(min(shortest, len(names) - 1), last + 1)]
+    return None
 
 
 def _delimiter(sample: list[str], title: str) -> str | None:
@@ -266,15 +233,8 @@ def some_names(columns: int) -> str:
     return ",".join(["x", "y", "z", *(f"c{column}" for column in range(4, columns + 1))])
 
 
-def _check_columns(suffix: str, columns: int) -> None:
-    if suffix not in _COLUMNS:  # a table
-        if columns < 3:
-            raise ScanError(f"expected x y z and perhaps more on a line, got {columns} columns; part them by blanks, "
-                            "commas or semicolons, and put '#' before lines that are no points")
-        return
-    allowed, meaning = _COLUMNS[suffix]
-    if columns not in allowed:
-        hint = f"; name each of them, as in --columns {some_names(columns)}"
-        hint = _SIX_IN_XYZ if (suffix, columns) == (".xyz", 6) else hint
-        counts = " or ".join(str(count) for count in allowed)
-        raise ScanError(f"a {suffix} file has {counts} columns ({meaning}), got {columns}{hint if columns > 3 else ''}")
+def _check_columns(columns: int) -> None:
+    if columns < 3:
+        raise ScanError(f"expected x y z and perhaps more on a line, got {columns} "
+                        f"column{'' if columns == 1 else 's'}; part them by blanks, commas or semicolons, and put '#' "
+                        "before lines that are no points")

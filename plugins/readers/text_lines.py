@@ -14,6 +14,8 @@ def memory_of_lines(path: Path) -> int:
     """Bytes that a text with a point a line takes at the most, of which only some lines are in memory at once."""
     with path.open("rb") as file:
         head = file.read(_HEAD)
+    if head.lstrip()[:5].lower() in (b"ncols", b"nrows"):  # a raster, each number of which is a point
+        return path.stat().st_size * len(head.split()) // len(head) * MEMORY_A_POINT
     lines = head.count(b"\n")
     if lines < 2:  # one endless line would be in memory as a whole
         return MEMORY_A_BYTE * path.stat().st_size

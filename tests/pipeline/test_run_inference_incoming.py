@@ -134,14 +134,14 @@ def test_standard_input_of_a_real_process(tiny_weights: Path, scans: Path, tmp_p
     assert Image.open(tmp_path / "a.png").size == (32, 32)
 
 
-def test_six_columns_are_refused_until_they_are_named(
+def test_a_time_before_the_coordinates_is_asked_about_until_it_is_named(
     render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
 ) -> None:
-    table = np.hstack([np.ones((len(cloud), 1)), cloud, np.ones((len(cloud), 2))])
+    table = np.hstack([1.6e9 + np.arange(len(cloud))[:, None] / 8, cloud, np.ones((len(cloud), 2))])
     np.savetxt(tmp_path / "six.xyz", table)
     np.save(tmp_path / "plain.npy", np.loadtxt(tmp_path / "six.xyz")[:, 1:4])
     refused = render(tmp_path / "six.xyz")
-    assert refused.exit_code == 1 and "--columns x,y,z,r,g,b" in refused.stderr
+    assert refused.exit_code == 1 and "--columns time,x,y,z,c5,c6" in refused.stderr
     assert render(tmp_path / "six.xyz", "--columns", "time, X, Y, Z, a, b").exit_code == 0
     assert render(tmp_path / "plain.npy").exit_code == 0
     assert np.array_equal(pixels(tmp_path / "out" / "six.png"), pixels(tmp_path / "out" / "plain.png"))

@@ -1,0 +1,41 @@
+"""Arrays of numbers that are pictures (depth maps, height grids) rather than points with a row each."""
+
+from __future__ import annotations
+
+import numpy as np
+
+FEWEST = 7
+"""Columns from which an array of two axes may be a picture: points have up to six by all means."""
+_WIDE, _LONG = 17, 4
+"""From so many columns on, points are expected to be more by such a factor than their columns."""
+_ALIKE, _MOST = 0.8, 0.7
+"""How alike neighbouring columns of a picture are (correlation), and the share of them that must be."""
+_ROWS = 2000
+HOW_TO = ("a depth map becomes points by its camera: z = depth, x = (column - cx) * z / fx, y = (row - cy) * z / fy; a "
+          "grid of heights by the places of its columns and rows; save those x y z")  # fmt: skip
+
+
+def is_grid(table: np.ndarray, total: int | None = None) -> bool:
+    """Whether numbers (H, W) are those of a picture: pixels are like their neighbours, as columns of points never are.
+
+    An array of many columns and few rows counts as one, too; so do small whole numbers, which pictures are kept in.
+    `total` is how many rows there are, where these are only the first.
+    """
+    rows, width = table.shape
+    if width < FEWEST:
+        return False
+    if table.dtype.kind == "u" and table.dtype.itemsize <= 2:
+        return True
+    if width >= _WIDE and max(rows, total or 0) <= _LONG * width:
+        return True
+    return rows >= FEWEST and _neighbours_agree(table[:: -(-rows // _ROWS)].astype(np.float64))
+
+
+def _neighbours_agree(table: np.ndarray) -> bool:
+    with np.errstate(all="ignore"):
+        table = np.where(np.isfinite(table), table, np.nan)
+        table = np.where(np.isnan(table), np.nanmean(table) if not np.isnan(table).all() else 0.0, table)
+        table = table - table.mean(0)
+        spread = np.sqrt((table**2).mean(0))
+        alike = (table[:, 1:] * table[:, :-1]).mean(0) / (spread[1:] * spread[:-1])
+    return bool((alike > _ALIKE).mean() >= _MOST)

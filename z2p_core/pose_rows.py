@@ -1,0 +1,53 @@
+"""Rows of numbers that are a camera's way or its matrices, as data sets keep them beside their clouds."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_NEAR = 0.01
+"""How far lengths and products may be from those of a rotation."""
+_FEWEST_OF_TURNS = 2
+"""Rows at least that a list of positions with quaternions has; one could be anything."""
+
+
+def told_poses(table: np.ndarray) -> str:
+    """What a table (N, M) of numbers is, if not points: a list of poses or a camera's matrix; empty if it is none."""
+    if table.ndim != 2 or not len(table) or not np.isfinite(table).all():
+        return ""
+    width = table.shape[1]
+    if width in (12, 16) and _turn(table.reshape(len(table), -1, 4)[:, :3]):
+        return "a list of poses, a matrix of 12 or 16 numbers a row, as KITTI keeps a camera's way"
+    if width in (13, 17) and _turn(table[:, 1:].reshape(len(table), -1, 4)[:, :3]):
+        return "a list of poses, an index and a matrix of 12 or 16 numbers a row"
+    if len(table) in (3, 4) and width == 4 and _turn(table[None, :3]) and _ends(table):
+        return "a camera's pose, one matrix"
+    if len(table) in (3, 4) and width == len(table) and _projects(table):
+        return "a camera's matrix of intrinsics"
+    if len(table) >= _FEWEST_OF_TURNS and _are_quaternions(table):
+        return "a list of poses, as TUM's: time, position and quaternion"
+    return ""
+
+
+def _turn(matrices: np.ndarray) -> bool:
+    """Whether all matrices (N, 3, 4) are a rotation and a place."""
+    turns = matrices[:, :, :3]
+    products = turns @ turns.swapaxes(1, 2)
+    return bool((np.abs(products - np.eye(3)) < _NEAR).all() and (np.linalg.det(turns) > 0).all())
+
+
+def _ends(table: np.ndarray) -> bool:
+    return len(table) == 3 or bool(np.array_equal(table[3], [0, 0, 0, 1]))
+
+
+def _projects(table: np.ndarray) -> bool:
+    """Whether a matrix (3, 3) or (4, 4) holds focal lengths and a centre, in pixels."""
+    below = np.array_equal(np.tril(table, -1), np.zeros_like(table))
+    return bool(below and table[2, 2] == 1 and table[-1, -1] == 1 and table[0, 0] > 1 and table[1, 1] > 1)
+
+
+def _are_quaternions(table: np.ndarray) -> bool:
+    """Whether four columns behind a position are unit quaternions, with a growing time before, or as the last ones."""
+    width = table.shape[1]
+    starts = [4] if width >= 8 and bool((np.diff(table[:, 0]) > 0).all()) else []
+    starts += [3] if width == 7 else []
+    return any(bool((np.abs((table[:, at : at + 4] ** 2).sum(1) - 1) < _NEAR).all()) for at in starts)
