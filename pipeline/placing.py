@@ -150,7 +150,7 @@ def place(
     points, up = shown.points, shown.up
     if placing.viewpoint is not None:
         return _as_settled(shown, placing.viewpoint, placing, elevation, free)
-    azimuth, wished, reason = _view(points, up, placing, elevation)
+    azimuth, wished, reason = _told_view(points, up, scan, placing) or _view(points, up, placing, elevation)
     wished, beyond = _allowed(wished, free)
     azimuth += placing.azimuth
     viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
@@ -270,7 +270,10 @@ def _upright(points: np.ndarray, scan: Scan, suffix: str, placing: Placing) -> U
     """How the cloud is set upright, with the sensor that it may be seen from."""
     sensor = scan.sensor
     if placing.up == "auto" and scan.up and scan.up_certain:
-        return Up(np.array(UP_AXES[scan.up], dtype=np.float64), scan.up, scan.up_reason, sensor)
+        rotation = np.array(UP_AXES[scan.up], dtype=np.float64)
+        if scan.upward is not None:
+            return Up(upright(rotation, scan.upward), f"near {scan.up}", scan.up_reason)
+        return Up(rotation, scan.up, scan.up_reason)
     if placing.up == "auto":
         up = choose_up(points, sensor, suffix, ANY_UNIT if placing.view == "sensor" else (METRES,))
         wanted = up.sensor or sensor if placing.view == "sensor" else up.sensor
@@ -278,6 +281,22 @@ def _upright(points: np.ndarray, scan: Scan, suffix: str, placing: Placing) -> U
     rotation = np.array(UP_AXES[placing.up], dtype=np.float64)
     wanted = (sensor or implied_sensor(points, ANY_UNIT)) if placing.view == "sensor" else None
     return Up(rotation, placing.up, "as asked", wanted)
+
+
+def _told_view(points: np.ndarray, up: Up, scan: Scan, placing: Placing) -> tuple[float, float | None, str] | None:
+    """The view, as `_view` gives it, that the file tells of; None where it does not, or the user asks for another.
+
+    A lidar that sees all around is in the middle of its sweep, so only where it looks ahead says something.
+    """
+    if placing.view not in ("auto", "sensor") or up.sensor is not None:
+        return None
+    if scan.seen_from is not None:
+        centre = np.array(bounding_sphere(points).centre)
+        azimuth, height = sensor_view(up.rotation @ (scan.seen_from - centre))
+        return azimuth, height, "from where one of its cameras stood"
+    if scan.sensor is not None and scan.up and scan.up_certain:
+        return sensor_view(up.rotation @ -scan.sensor.rotation[:, 2])[0], None, "ahead as its sensor looks"
+    return None
 
 
 def _view(points: np.ndarray, up: Up, placing: Placing, elevation: float) -> tuple[float, float | None, str]:

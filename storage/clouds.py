@@ -12,7 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core import registry
+from z2p_core.colmap_model import is_part, is_points
+from z2p_core.geographic import local_metres
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
+from z2p_renderer.storage.foreign import is_unread_cloud, told_by_content, told_by_suffix
 from z2p_renderer.storage.incoming import is_no_sweep, is_prose, unpacked
 from z2p_renderer.storage.memory import free_memory
 from z2p_renderer.storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, write_cloud, write_mesh
@@ -49,6 +52,8 @@ class Scan:
     """The file's axis that points up, where the file tells; see `RawCloud`."""
     up_reason: str = ""
     up_certain: bool = True
+    upward: np.ndarray | None = None
+    seen_from: np.ndarray | None = None
 
 
 def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
@@ -77,11 +82,13 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
     try:
         if stat.S_ISDIR(_mode(path)):
             raise ScanError("expected a file, got a folder; name one in it, or give the folder to z2p run-inference")
-        reader = _reader(format_suffix(path))
+        reader = _reader(path)
         reader.columns = columns
         check_openable(path)
         free = free_memory()
         with unpacked(path, None if free is None else free // MEMORY_A_BYTE) as plain:
+            if told := told_by_content(plain, plain.suffix.lower()):
+                raise ScanError(told)
             _check_memory(reader, plain, free)
             clouds = _clouds(reader, plain)
         labels = [f"[{index}]" for index in range(len(clouds))] if len(clouds) > 1 else [""]
@@ -116,7 +123,7 @@ def reader_of(path: Path) -> type[Reader]:
     Raises:
         ScanError: none does, or two do.
     """
-    return type(_reader(format_suffix(path)))
+    return type(_reader(path))
 
 
 def find_scans(
@@ -127,7 +134,8 @@ def find_scans(
     A file stands for itself. A folder stands for the readable files in it, sorted by name; with `recursive`, for those
     below it too. Anything else is a glob pattern. Hidden files and links to folders are left out of folders and globs:
     what such a link leads to is either found anyway or lies outside. So is prose: a folder's .txt or .csv that does not
-    begin with numbers or their names (which the user may have `named`); `passed_over` is told of each.
+    begin with numbers or their names (which the user may have `named`), and so are clouds in a format that stays
+    unread; `passed_over` is told of each.
 
     Raises:
         ScanError: an input is empty, is a URL or matches nothing, or a folder or pattern holds no readable file.
@@ -154,7 +162,7 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
     """The files behind one input."""
     path = Path(text)
     if path.is_dir():
-        name, candidates = f"folder {printable(path)}", _walk(path) if recursive else _children(path)
+        name, candidates = f"folder {printable(path)}", list(_walk(path)) if recursive else _children(path)
     elif path.exists() or path.is_symlink():
         return [path]
     elif any(sign in text for sign in "*?["):
@@ -164,13 +172,20 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
     suffixes = readable_suffixes()
     paths = []
     for candidate in candidates:
-        if is_prose(candidate, named) or is_no_sweep(candidate, named):
+        if is_part(candidate) and any(is_points(other) and other.parent == candidate.parent for other in candidates):
+            continue  # a model's cameras and pictures, of which the reader of its points knows
+        if format_suffix(candidate) not in suffixes:
+            if is_unread_cloud(candidate):
+                passed_over(candidate)
+        elif is_prose(candidate, named) or is_no_sweep(candidate, named):
             passed_over(candidate)
-        elif format_suffix(candidate) in suffixes:
+        else:
             paths.append(candidate)
     if not paths:
+        first = next(filter(is_unread_cloud, candidates), None)
+        unread = f"; {first.name} {told_by_suffix(first)}" if first else ""
         advice = "" if recursive or not path.is_dir() else "; --recursive looks into its folders too"
-        raise ScanError(f"{name} holds no point cloud; readable: {', '.join(suffixes)}{advice}")
+        raise ScanError(f"{name} holds no point cloud; readable: {', '.join(suffixes)}{unread}{advice}")
     return paths
 
 
@@ -222,10 +237,13 @@ def _check_memory(reader: Reader, path: Path, free: int | None) -> None:
                         "out first, a million points are plenty for a picture")
 
 
-def _reader(suffix: str) -> Reader:
+def _reader(path: Path) -> Reader:
+    suffix = format_suffix(path)
     claims, faults = _claims()
     names = claims.get(suffix, [])
     if not names:
+        if told := told_by_suffix(path) or told_by_content(path, suffix):
+            raise ScanError(told)
         broken = f" ({'; '.join(faults)})" if faults else ""
         raise ScanError(f"no reader for {suffix or 'a file without suffix'!r}; readable: "
                         f"{', '.join(sorted(claims))}{broken}")
@@ -284,5 +302,9 @@ def _scan(raw: RawCloud, label: str) -> Scan:
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     once = distinct(points)
-    return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once), raw.note, raw.up, raw.up_reason,
-                raw.up_certain)
+    repeated, note = len(points) - len(once), raw.note
+    if raw.sensor is None:
+        once, degrees = local_metres(once)
+        note = "; ".join(filter(None, (note, degrees)))
+    return Scan(once, dropped, label, raw.sensor, raw.total, repeated, note, raw.up, raw.up_reason,
+                raw.up_certain, raw.upward, raw.seen_from)

@@ -14,6 +14,7 @@ from typing import BinaryIO
 
 import numpy as np
 
+from z2p_core.colmap_model import counts_points
 from z2p_core.column_names import (
     column_names,
     is_comment,
@@ -24,8 +25,9 @@ from z2p_core.column_names import (
     text_encoding,
     without_comment,
 )
+from z2p_core.float_rows import SAMPLE, fitting_forms
 from z2p_core.interfaces import ScanError
-from z2p_core.lidar_rows import could_be_measured, usual_columns
+from z2p_core.lidar_rows import WITH_RING, could_be_measured
 
 STDIN_STEM = "stdin"
 MAGIC = (
@@ -149,12 +151,16 @@ def is_no_sweep(path: Path, named: bool = False) -> bool:
 
 
 def _looks_like_sweep(path: Path) -> bool:
-    """Whether a file has whole rows, of which the first could be a lidar's."""
+    """Whether a file begins as rows of points do, a lidar's or others, or as COLMAP's points."""
     size = path.stat().st_size
-    width = len(usual_columns(path, size))
-    if size == 0 or size % (4 * width):
-        return False
-    return could_be_measured(np.fromfile(path, "<f4", count=_SWEEP_ROWS * width).reshape(-1, width))
+    with path.open("rb") as file:
+        if counts_points(file.read(8), size):
+            return True
+    if path.name.lower().endswith(".pcd.bin"):
+        rows = np.fromfile(path, "<f4", count=_SWEEP_ROWS * len(WITH_RING))
+        whole = size and not size % (4 * len(WITH_RING))
+        return bool(whole) and could_be_measured(rows.reshape(-1, len(WITH_RING)))
+    return bool(fitting_forms(np.fromfile(path, "<f4", count=SAMPLE), size))
 
 
 def _told_lines(head: bytes) -> list[str]:

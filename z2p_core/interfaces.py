@@ -262,6 +262,10 @@ class RawCloud:
     """What tells it, in a few words: ``the axes of COLMAP``."""
     up_certain: bool = True
     """False where the axis is only usual for such files, so that the cloud's shape may overrule it."""
+    upward: np.ndarray | None = None
+    """The direction (3,) that points up, where it is none of the file's axes; `up` is the nearest one then."""
+    seen_from: np.ndarray | None = None
+    """A place (3,) from which people looked at it, where the file or what lies beside it tells of cameras."""
 
 
 MEMORY_A_POINT = 170

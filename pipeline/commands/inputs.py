@@ -22,6 +22,7 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, 
         click.UsageError: standard input is named twice.
     """
     from z2p_renderer.storage.clouds import find_scans
+    from z2p_renderer.storage.foreign import told_of
     from z2p_renderer.storage.incoming import PREFIX, spool
     from z2p_renderer.storage.names import printable
 
@@ -29,7 +30,8 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, 
         raise click.UsageError("- stands for standard input, which can be read only once", ctx)
     def say(path: Path) -> None:
         if not options["quiet"]:
-            told = "no points in sight; name its columns (--columns) or the file itself to have it read"
+            unseen = "no points in sight; name its columns (--columns) or the file itself to have it read"
+            told = told_of(path) or unseen
             click.echo(f"passed over: {printable(path)}: {told}", err=True)
 
     scans = find_scans([text for text in inputs if text != STDIN], options["recursive"], say, named)

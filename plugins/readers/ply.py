@@ -10,15 +10,17 @@ import numpy as np
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
+from z2p_renderer.plugins.readers.colours import colours_note
 from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
 from z2p_renderer.plugins.readers.ply_lists import walked_ascii, walked_binary
+from z2p_renderer.plugins.readers.splats import is_packed, is_splats, of_packed, of_splats, splat_columns
 
 
 class Ply(Reader):
-    """Polygon files; faces, edges and further properties are left out."""
+    """Polygon files, and Gaussian splats in them; faces, edges and further properties are left out."""
 
     name = "ply"
-    version = "2"
+    version = "3"
     suffixes = (".ply",)
 
     def memory(self, path: Path) -> int:
@@ -28,6 +30,8 @@ class Ply(Reader):
         try:
             header = parse_header(head)
             _check_length(header, path.stat().st_size)
+            if is_packed(header):
+                return 2 * path.stat().st_size + MOST_ROWS * MEMORY_A_POINT
             vertex = _vertex(header)
         except ScanError:
             return 0  # read says what is wrong
@@ -48,18 +52,25 @@ class Ply(Reader):
         with path.open("rb") as file:
             header = parse_header(file.read(LONGEST_HEADER))
             note = stray_note(_check_length(header, path.stat().st_size))
+            if is_packed(header):
+                file.seek(header.size)
+                return [of_packed(file.read(), header, note)]
             vertex = _vertex(header)
             if vertex.count == 0:
                 return [np.empty((0, 3))]
             file.seek(header.size)
+            splats = vertex.scalar and is_splats(vertex)
+            columns = (*_axes(vertex), *(splat_columns(vertex) if splats else ()))
+            note = note if splats else "; ".join(filter(None, [note, colours_note(_names(vertex))]))
             if header.ascii:
-                return [_load_ascii(vertex, _rows_ascii(file, header, vertex))]
+                table = _load_ascii(vertex, _rows_ascii(file, header, vertex), columns)
+                return [of_splats(table, vertex.count, note) if splats else RawCloud(table, note=note)]
             if not _found(header, vertex):
-                return [walked_binary(file.read(), header, vertex, _axes(vertex))]
+                return [RawCloud(walked_binary(file.read(), header, vertex, _axes(vertex)), note=note)]
             _seek(file, header, vertex)
-            if vertex.count > MOST_ROWS:
-                return [_spread(file, vertex, note)]
-            points = _table(vertex, file.read(vertex.least_bytes(ascii=False))).astype(np.float64)
+            if splats or vertex.count > MOST_ROWS:
+                return [_spread(file, vertex, columns, note)]
+            points = _table(vertex, file.read(vertex.least_bytes(ascii=False)), columns).astype(np.float64)
         return [RawCloud(points, note=note)]
 
 
@@ -84,7 +95,7 @@ def _vertex(header: PlyHeader) -> PlyElement:
     known = ", ".join(element.name for element in header.elements) or "none"
     if vertex is None:
         raise ScanError(f"the PLY file has no element 'vertex' (elements: {known}); export the points as vertices")
-    names = [entry.name for entry in vertex.properties if entry.length is None]
+    names = _names(vertex)
     if any(names.count(axis) != 1 for axis in _axes(vertex)) or len(set(names)) != len(names):
         raise ScanError(f"the PLY vertices need x, y and z once each, got {', '.join(names) or 'none'}; export again")
     return vertex
@@ -92,8 +103,12 @@ def _vertex(header: PlyHeader) -> PlyElement:
 
 def _axes(vertex: PlyElement) -> tuple[str, ...]:
     """Names of the coordinates: some programs write them in capitals."""
-    names = {entry.name for entry in vertex.properties if entry.length is None}
-    return tuple("XYZ") if names.isdisjoint("xyz") else tuple("xyz")
+    return tuple("XYZ") if set(_names(vertex)).isdisjoint("xyz") else tuple("xyz")
+
+
+def _names(vertex: PlyElement) -> list[str]:
+    """Names of the properties that are no lists."""
+    return [entry.name for entry in vertex.properties if entry.length is None]
 
 
 def _found(header: PlyHeader, vertex: PlyElement) -> bool:
@@ -101,14 +116,16 @@ def _found(header: PlyHeader, vertex: PlyElement) -> bool:
     return all(element.scalar for element in header.elements[: header.elements.index(vertex) + 1])
 
 
-def _spread(file: io.BufferedReader, vertex: PlyElement, note: str) -> RawCloud:
-    """Points spread over the vertex rows, read in blocks."""
+def _spread(file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...], note: str) -> RawCloud:
+    """Points spread over the vertex rows, read in blocks; of Gaussians, those that show a surface."""
 
     def read(rows: int) -> np.ndarray:
-        return _table(vertex, file.read(rows * vertex.dtype.itemsize))
+        return _table(vertex, file.read(rows * vertex.dtype.itemsize), columns)
 
-    points = spread_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MOST_ROWS)
-    return RawCloud(points, total=vertex.count, note=note)
+    table = spread_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MOST_ROWS)
+    if len(columns) > 3:
+        return of_splats(table, vertex.count, note)
+    return RawCloud(table, total=vertex.count, note=note)
 
 
 def _seek(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> None:
@@ -127,8 +144,8 @@ def _rows_ascii(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) 
     return rows
 
 
-def _load_ascii(vertex: PlyElement, lines: list[bytes]) -> np.ndarray:
-    """Points (N, 3) float64 of the vertex rows."""
+def _load_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...]) -> np.ndarray:
+    """Numbers (N, len(columns)) float64 of the vertex rows."""
     try:
         if not vertex.scalar:
             return walked_ascii(lines, vertex, _axes(vertex))
@@ -136,12 +153,12 @@ def _load_ascii(vertex: PlyElement, lines: list[bytes]) -> np.ndarray:
         names = [entry.name for entry in vertex.properties]
         if rows.shape[1] != len(names):
             raise ValueError(f"{len(names)} numbers a line expected, {rows.shape[1]} came")
-        return rows[:, [names.index(axis) for axis in _axes(vertex)]]
+        return rows[:, [names.index(column) for column in columns]]
     except ValueError as error:
         raise ScanError(f"the PLY vertices cannot be read ({error}); export the file again") from error
 
 
-def _table(vertex: PlyElement, rows: bytes) -> np.ndarray:
-    """Points (N, 3) of whole binary rows, in the type of x, y and z."""
+def _table(vertex: PlyElement, rows: bytes, columns: tuple[str, ...]) -> np.ndarray:
+    """Numbers (N, len(columns)) of whole binary rows, in a type that holds them all."""
     table = np.frombuffer(rows, vertex.dtype)
-    return np.column_stack([table[axis] for axis in _axes(vertex)])
+    return np.column_stack([table[column] for column in columns])

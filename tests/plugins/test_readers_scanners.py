@@ -65,7 +65,7 @@ def test_columns_of_a_sweep_that_are_named_count(tmp_path: Path) -> None:
     path.write_bytes(np.column_stack([table, table]).tobytes())
     reader = Sweeps()
     reader.columns = ("a", "b", "z", "y", "c", "x")
-    assert np.array_equal(reader.read(path)[0], table[:, [2, 0, 2]])
+    assert np.array_equal(reader.read(path)[0].points, table[:, [2, 0, 2]])
     reader.columns = ("x", "y", "z", "a", "b", "c", "d")
     with pytest.raises(ScanError, match="28 bytes each, got 960 bytes; name the columns"):
         reader.read(path)
@@ -78,7 +78,56 @@ def test_what_no_lidar_measures_is_no_sweep(tmp_path: Path) -> None:
         bad[row, column] = value
         refused(path, bad.tobytes(), "no lidar measures; .* --columns x,y,z,intensity,ring")
     refused(path, np.arange(1000, dtype="<i4").tobytes(), "no lidar measures")
-    refused(path, table.tobytes() + b"abc", "16 bytes each, got 643 bytes")
+    refused(path, table.tobytes() + b"abc", "its 643 bytes are no whole rows")
+
+
+def six_columns(count: int, last: np.ndarray) -> np.ndarray:
+    """Rows of a room that lies wholly at positive places, so that a wrong cut leaves numbers as lidars have them."""
+    places = np.random.default_rng(3).uniform(0, 5, (count, 3))
+    return np.column_stack([places, last]).astype("<f4")
+
+
+@pytest.mark.parametrize("kind", ["whole", "unit", "normals"])
+@pytest.mark.parametrize("count", [2000, 2001, 2005])
+def test_rows_of_six_are_never_cut_wrongly_but_asked_about(tmp_path: Path, kind: str, count: int) -> None:
+    rng = np.random.default_rng(4)
+    last = {"whole": rng.integers(0, 256, (count, 3)), "unit": rng.uniform(0, 1, (count, 3)) ** 3,
+            "normals": np.tile(np.eye(3), (count // 3 + 1, 1))[:count]}[kind]  # fmt: skip
+    path, table = tmp_path / "room.bin", six_columns(count, last)
+    path.write_bytes(table.tobytes())
+    names = "x,y,z,nx,ny,nz" if kind == "normals" else "x,y,z,r,g,b"
+    with pytest.raises(ScanError, match=rf"--columns {names} \({count} points\)"):
+        Sweeps().read(path)
+    reader = Sweeps()
+    reader.columns = names.split(",")
+    assert np.array_equal(reader.read(path)[0].points, table[:, :3])
+    assert [found.name for found in find_scans([str(tmp_path)], False)] == ["room.bin"]  # it is not passed over
+
+
+def sweep(rows: int = 4000) -> np.ndarray:
+    """x, y, z, intensity and ring of a lidar whose 32 beams take turns, in metres about it."""
+    ring = np.arange(rows) % 32
+    around = np.arange(rows) / rows * 2 * np.pi
+    reach = 20 + 15 * np.sin(3 * around)
+    height = np.tan(np.radians(-30 + 40 * ring / 31)) * reach
+    bright = np.random.default_rng(5).uniform(0, 1, rows)
+    return np.column_stack([reach * np.cos(around), reach * np.sin(around), height, bright, ring]).astype("<f4")
+
+
+@pytest.mark.parametrize("rows", [3960, 3961, 3962])
+@pytest.mark.parametrize("width", [4, 5])
+def test_sweeps_of_any_length_stand_up_and_are_seen_as_their_lidar_looks(
+    tmp_path: Path, width: int, rows: int
+) -> None:
+    table = np.ascontiguousarray(sweep(rows)[:, :width])
+    path = tmp_path / "000001.bin"
+    path.write_bytes(table.tobytes())
+    [cloud] = Sweeps().read(path)
+    assert np.array_equal(cloud.points, table[:, :3])
+    assert (cloud.up, cloud.up_certain) == ("+Z", True)
+    assert cloud.sensor is not None and not cloud.sensor.position.any()
+    assert np.array_equal(cloud.sensor.rotation @ [0, 0, 1], [1, 0, 0])  # ahead is +X
+    assert np.array_equal(cloud.sensor.rotation @ [0, 1, 0], [0, 0, -1])
 
 
 def test_a_folder_passes_over_a_bin_that_is_no_sweep(tmp_path: Path) -> None:

@@ -31,6 +31,7 @@ from z2p_core.native.pictures import straight_bytes as straight_bytes
 from z2p_core.native.pictures import surfels as surfels
 from z2p_core.native.pictures import touched as touched
 from z2p_core.native.pictures import window_minimum as window_minimum
+from z2p_core.native.rows import walk_rows as walk_rows
 from z2p_core.native.surfaces import Grid as Grid
 from z2p_core.native.surfaces import cells as cells
 from z2p_core.native.surfaces import centres as centres
