@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 STRANGERS = ("writing-a-control.md", "writing-a-plugin.md")
 """The pages about plugins that are not installed; tests/test_coat_example.py runs the first, a test below the other."""
-RUN = re.compile(r"(cat \S+ \| )?z2p (run-inference|animate|rerender|info|formats|plugins|report|completion) ")
+RUN = re.compile(r"(cat \S+ \| )?z2p (render|run-inference|animate|rerender|info|formats|plugins|report|completion) ")
 """Commands that are run; those of whole pipelines have tests of their own, and only their options are checked here."""
 
 
