@@ -27,14 +27,16 @@ def local_metres(points: np.ndarray) -> tuple[np.ndarray, str]:
     object's own origin, and with about one height at a place, as ground has and a lamppost has not. In doubt nothing is
     changed but told.
     """
-    if len(points) < _FEWEST or not _could_be(points):
+    seen = points[points.any(1)]  # 0 0 0 stands for what was not measured
+    if len(seen) < _FEWEST or not _could_be(seen):
         return points, ""
-    low, high = points.min(0), points.max(0)
+    low, high = seen.min(0), seen.max(0)
     ranges = f"({low[0]:g}..{high[0]:g}, {low[1]:g}..{high[1]:g})"
-    if (high - low)[2] < _SURELY * (high - low)[:2].max() and not _is_ground(points):
+    if (high - low)[2] < _SURELY * (high - low)[:2].max() and not _is_ground(seen):
         return points, f"if x and y {ranges} are degrees, {HOW_TO}"
-    return _laid_out(points), (f"x and y look like degrees {ranges} beside z in metres, so they are laid out in "
-                               f"metres, as longitude and latitude; {HOW_TO}")
+    told = (f"x and y look like degrees {ranges} beside z in metres, so they are laid out in metres, as longitude and "
+            f"latitude; {HOW_TO}")  # fmt: skip
+    return _laid_out(points, (low + high) / 2), told
 
 
 def metres_of_degrees(points: np.ndarray) -> tuple[np.ndarray, str]:
@@ -45,7 +47,8 @@ def metres_of_degrees(points: np.ndarray) -> tuple[np.ndarray, str]:
     finite = points[np.isfinite(points).all(1)]
     if not len(finite) or np.abs(finite[:, 0]).max() > 360 or np.abs(finite[:, 1]).max() > _FARTHEST_LATITUDE:
         return points, ""
-    return _laid_out(points), f"longitude and latitude are laid out in metres; {HOW_TO}"
+    middle = (finite.min(0) + finite.max(0)) / 2
+    return _laid_out(points, middle), f"longitude and latitude are laid out in metres; {HOW_TO}"
 
 
 def _could_be(points: np.ndarray) -> bool:
@@ -74,9 +77,7 @@ def _is_ground(points: np.ndarray) -> bool:
     return bool(taken.any() and np.median((highest - lowest)[taken]) < _FLAT * size[2])
 
 
-def _laid_out(points: np.ndarray) -> np.ndarray:
-    """Points (N, 3) of degrees about their middle, equirectangular at its latitude."""
-    finite = points[np.isfinite(points).all(1)]
-    middle = (finite.min(0) + finite.max(0)) / 2
+def _laid_out(points: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """Points (N, 3) of degrees about their middle (3,), equirectangular at its latitude."""
     scale = METRES_A_DEGREE * np.array([math.cos(math.radians(middle[1])), 1.0])
     return np.column_stack([(points[:, :2] - middle[:2]) * scale, points[:, 2]])
