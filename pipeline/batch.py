@@ -8,7 +8,6 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -45,7 +44,7 @@ class Task:
     output: Path
     """Of the only cloud; several clouds of one file become `<stem>_000.png`, `<stem>_001.png` ..."""
     single: bool = False
-    """The user named the picture itself, so the file must hold one cloud."""
+    """The user named the picture itself, so the file must hold one cloud, and other settings draw it again."""
     colors: tuple[Value, ...] = ()
     """Colours of its clouds in turn, in place of the look's; none leaves it that."""
 
@@ -124,6 +123,8 @@ def render_files(
     if jobs == 1:
         yield from map(work, tasks)
         return
+    from concurrent.futures import ThreadPoolExecutor  # late: it cannot be imported once the main thread has ended
+
     pool = ThreadPoolExecutor(jobs)
     interval = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_INTERVAL)
@@ -243,7 +244,7 @@ class _File:
         if self.overwrite or not output.exists():
             return False
         source, look = self._source_of(output, cloud), self._look_at(cloud)
-        told = told_if_kept(output, source, look, self.renderer.sole_weights)
+        told = told_if_kept(output, source, look, self.renderer, named=self.task.single)
         self.outcome.kept = told or self.outcome.kept
         return told is not None
 

@@ -20,7 +20,8 @@ from z2p_core import __version__
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would spin; see z2p_core/turning.py
 
 COMMANDS = {
-    "run-inference": ("run_inference:run_inference", "Render point clouds to pictures."),
+    "render": ("run_inference:run_inference", "Render point clouds to pictures."),
+    "run-inference": ("run_inference:run_inference", "The same as render, by its first name."),
     "animate": ("animate:animate", "Make turntables and light sweeps of point clouds."),
     "rerender": ("figures:rerender", "Draw a picture again with something changed."),
     "info": ("figures:info", "Show what made a picture."),
@@ -63,6 +64,12 @@ class Failure(click.ClickException):
     exit_code = 2
 
 
+class Refusal(click.ClickException):
+    """One line ``Error: ...`` and the exit status of what may pass: see `storage.room`."""
+
+    exit_code = 75
+
+
 class LazyGroup(click.Group):
     """Group whose subcommands are imported only when called, and whose errors are one line."""
 
@@ -76,6 +83,23 @@ class LazyGroup(click.Group):
         command: click.Command = getattr(importlib.import_module(f"z2p_renderer.pipeline.commands.{module}"), attribute)
         return command
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as error:
+            from z2p_renderer.pipeline.commands.guessing import told_early_option
+
+            raise told_early_option(error) from None
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args[0] not in COMMANDS and not ctx.resilient_parsing:
+            from z2p_renderer.pipeline.commands.guessing import told_command
+
+            raise click.UsageError(told_command(args, COMMANDS), ctx)
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Commands"):
             formatter.write_dl([(name, help_text) for name, (_, help_text) in COMMANDS.items()])
@@ -88,12 +112,20 @@ class LazyGroup(click.Group):
         except KeyboardInterrupt:
             click.echo("Interrupted.", err=True)
             ctx.exit(INTERRUPTED)
+        except click.NoSuchOption as error:
+            from z2p_renderer.pipeline.commands.guessing import told_option
+
+            raise told_option(error) from None
         except (click.ClickException, click.Abort, click.exceptions.Exit):
             raise
         except Exception as error:
             broken_pipe = isinstance(error, OSError) and error.errno == errno.EPIPE  # click ends quietly on it
             if debugging() or broken_pipe:
                 raise
+            from z2p_renderer.storage.room import refusal  # late, as all but click
+
+            if refused := refusal(error):
+                raise Refusal(refused) from None
             raise Failure(_told(error)) from None
 
 

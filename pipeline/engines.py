@@ -9,6 +9,7 @@ from typing import NoReturn
 from weakref import WeakSet
 
 from z2p_core import registry
+from z2p_core.install_advice import ENGINES, install_advice
 from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.touch import Touch
 from z2p_renderer.pipeline.load import LoadedWeights
@@ -66,7 +67,7 @@ def check_engine(name: str) -> type[Engine]:
     """
     engine: type[Engine] = registry.load("engines", name)
     if not engine.installed():
-        raise registry.PluginError(f"engine {name!r} needs {engine.package}: pip install {_source(engine)}")
+        raise registry.PluginError(f"engine {name!r} needs {engine.package}, which is not installed; {_advice(engine)}")
     return engine
 
 
@@ -83,7 +84,7 @@ def _chosen(name: str | None, network: TrainedNetwork, file: Path, exact: bool) 
             return engine
     raise WeightsError(
         f"{file}: expected {file.with_suffix('.onnx').name} beside it, or torch; {_export(file)}, or install torch "
-        'here: pip install "z2p-renderer[torch]"'
+        f"here, {install_advice('torch')}"
     )
 
 
@@ -100,10 +101,12 @@ def _refuse(engine: type[Engine], file: Path) -> NoReturn:
     raise WeightsError(f"engine {engine.name!r} needs {file.with_suffix('.onnx').name} beside {file}; {_export(file)}")
 
 
-def _source(engine: type[Engine]) -> str:
-    """What pip is to install for an engine: an extra of z2p for its own."""
+def _advice(engine: type[Engine]) -> str:
+    """How to install what an engine needs: as an extra of z2p for its own."""
     ours = engine.__module__.startswith("z2p_renderer.plugins.")
-    return f'"z2p-renderer[{engine.package}]"' if ours else engine.package
+    if not ours:
+        return f"pip install {engine.package}"
+    return install_advice(engine.package if engine.package in ENGINES else "")
 
 
 def _export(file: Path) -> str:

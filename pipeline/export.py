@@ -12,6 +12,7 @@ import tempfile
 import warnings
 from pathlib import Path
 
+from z2p_core.install_advice import install_advice
 from z2p_core.telemetry import forbid_telemetry
 from z2p_renderer.pipeline.halving import halved_constants
 from z2p_renderer.pipeline.load import LoadedWeights, load_plugins
@@ -44,8 +45,8 @@ def check_exporter() -> None:
     """
     missing = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
     if missing:
-        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed: '
-                          'pip install "z2p-renderer[pipeline]"')
+        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed; '
+                          f"{install_advice('pipeline')}")
 
 
 def _traced(loaded: LoadedWeights) -> bytes:

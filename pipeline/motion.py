@@ -17,9 +17,10 @@ from z2p_core.images import (
     unit_from_bytes,
 )
 from z2p_core.interfaces import SettingError, Value
+from z2p_core.margin import without_margin
 from z2p_core.smoothing import smoothed
 from z2p_core.viewpoint import Viewpoint
-from z2p_renderer.pipeline.drawing import Drawing, Look, content_box, draw
+from z2p_renderer.pipeline.drawing import Drawing, Look, content_box, draw, part
 from z2p_renderer.pipeline.infer import Renderer
 from z2p_renderer.pipeline.placing import Placing, shown_points
 from z2p_renderer.storage.clouds import Scan
@@ -45,7 +46,8 @@ def opening(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     Raises:
         ScanError: the cloud has no extent, or no sensor though its view is asked for.
     """
-    return draw(renderer, scan, suffix, replace(look, width=64, height=64, supersample=1, tight=False))
+    sketch = replace(look.untrimmed, width=64, height=64, supersample=1)
+    return draw(renderer, scan, suffix, sketch)
 
 
 def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
@@ -62,7 +64,8 @@ def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: M
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
     points = shown_points(scan, suffix, look.placing).points  # chosen and made smooth once, not for every frame
     if first.stance.smooth:
-        points = first.viewpoint.taken_back(smoothed(first.viewpoint.place(points), first.stance.smooth))
+        base = without_margin(first.viewpoint, look.frame_margin)  # radii are in the frame's
+        points = base.taken_back(smoothed(base.place(points), first.stance.smooth))
     scan = replace(scan, points=points)
     look = replace(look, placing=Placing("+Z", "front", keep_outliers=True, smooth=0.0), settled=True)
     shots = (_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
@@ -70,8 +73,8 @@ def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: M
         yield from shots
         return
     drawn = list(shots)
-    rows, columns = content_box(np.max([frame[..., 3] for frame in drawn], axis=0))
-    yield from (frame[rows, columns] for frame in drawn)
+    box = content_box(np.max([frame[..., 3] for frame in drawn], axis=0), look.margin)
+    yield from (part(frame, box) for frame in drawn)
 
 
 def flicker(frames: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
@@ -96,7 +99,7 @@ def _frame(
         share = (number + offset) / motion.frames
         values, viewpoint = _moved(look.values, first, motion.kind, share)
         placing = replace(look.placing, viewpoint=viewpoint, azimuth=0.0)
-        shown = replace(look, values=values, placing=placing, tight=False)
+        shown = replace(look, values=values, placing=placing, tight=False, margin=None)  # the viewpoint has it
         shots.append(draw(renderer, scan, suffix, shown).picture)
     if len(shots) == 1:
         return shots[0]

@@ -97,7 +97,7 @@ def common_crop(
     """
     share = min(1.0, DRAFT / min(look.width, look.height))
     width, height = (max(32, round(side * share)) for side in (look.width, look.height))
-    draft = replace(look, width=width, height=height, supersample=1, tight=False)
+    draft = replace(look.untrimmed, width=width, height=height, supersample=1)
     alpha = np.zeros((height, width), dtype=np.uint8)
     for path in scans:
         with suppress(Exception):  # whatever a file brings up, the others count
@@ -106,8 +106,8 @@ def common_crop(
                     np.maximum(alpha, draw(renderer, scan, format_suffix(path), draft).picture[..., 3], out=alpha)
     if not (alpha >= FAINTEST).any():
         return None
-    rows, across = content_box(alpha)
-    return (across.start / width, rows.start / height, min(across.stop / width, 1.0), min(rows.stop / height, 1.0))
+    top, bottom, left, right = content_box(alpha, look.margin)
+    return left / width, top / height, right / width, bottom / height
 
 
 def _usable_ones(path: Path, columns: tuple[str, ...] | None) -> list[Scan]:

@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from z2p_core.interfaces import Control, SettingError, Value
 
 if TYPE_CHECKING:  # reading a colour needs no torch
@@ -48,8 +50,8 @@ def smooth_from(wish: Any) -> str | float:
     if isinstance(wish, str) and wish.lower() == "auto":
         return "auto"
     try:
-        radius = float(wish)
-    except (TypeError, ValueError):
+        radius = math.nan if isinstance(wish, bool) else float(wish)
+    except (TypeError, ValueError, OverflowError):
         radius = math.nan
     if not 0 <= radius <= WIDEST_SMOOTH:
         raise SettingError(f"smooth: expected auto, or a radius from 0 to {WIDEST_SMOOTH:g}, got {wish!r}")
@@ -81,7 +83,7 @@ def background_from(wish: Any) -> Color | None:
         return red / 255, green / 255, blue / 255
     try:
         numbers = [float(number) for number in wish]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         numbers = []
     if len(numbers) != 3 or not all(0 <= number <= 1 for number in numbers):
         raise SettingError(f"expected a background of three numbers from 0 to 1, got {wish!r}")
@@ -101,7 +103,10 @@ def _value(control: Control, wish: Any) -> Value:
     if isinstance(wish, str):
         return control.parse(wish)
     try:
-        numbers = tuple(float(number) for number in (wish if hasattr(wish, "__len__") else (wish,)))
-    except (TypeError, ValueError):
-        raise SettingError(f"{control.name}: expected text or numbers, got {wish!r}") from None
+        parts = list(wish) if np.ndim(wish) else [wish]
+        numbers = () if any(isinstance(part, bool) for part in parts) else tuple(float(part) for part in parts)
+    except (TypeError, ValueError, OverflowError):
+        numbers = ()
+    if not numbers:
+        raise SettingError(f"{control.name}: expected text or numbers, got {wish!r}")
     return control.check(numbers)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +19,10 @@ import numpy as np
 from z2p_core.framing import UP_AXES
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import ScanError, SettingError, Value
+from z2p_core.margin import margin_from
 from z2p_core.picture import Picture
 from z2p_core.studio import Request
+from z2p_core.up_names import up_from
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_renderer.pipeline.batch import path_beside, source_of
 from z2p_renderer.pipeline.drawing import Drawing, Look, draw, record
@@ -115,17 +119,20 @@ def look_for(renderer: Renderer, request: Request) -> Look:
     Raises:
         SettingError: a setting that cannot be, or that the weights do not carry.
     """
-    if not isinstance(request.up, str) or (request.up != "auto" and request.up not in UP_AXES):
+    up = up_from(request.up)
+    if up is None:
         raise SettingError(f"expected up auto, {', '.join(UP_AXES)}, got {request.up!r}")
     wishes, view, camera = dict(request.controls), _view(request.view), _camera(request.camera)
     if isinstance(view, tuple) and camera is None:
         if (other := wishes.get("elevation")) not in (None, view[1], (view[1],)):
             raise SettingError(f"view {view} and elevation {other} both choose the elevation; leave one out")
         wishes["elevation"] = view[1]
-    placing = Placing(request.up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
+    if camera is not None and request.margin is not None and not request.tight:
+        raise SettingError("camera and margin both choose how large the object is; leave one out")
+    placing = Placing(up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
                       request.keep_outliers, request.cut_top, camera, smooth_from(request.smooth))
     return Look(_settings(renderer, wishes), placing, *request.size, background_from(request.background),
-                request.supersample, request.tight)  # fmt: skip
+                request.supersample, request.tight, margin=margin_from(request.margin))  # fmt: skip
 
 
 def _settings(renderer: Renderer, wishes: Mapping[str, Any]) -> dict[str, Value]:
@@ -136,21 +143,24 @@ def _settings(renderer: Renderer, wishes: Mapping[str, Any]) -> dict[str, Value]
         raise SettingError(str(error).removeprefix("--")) from None
 
 
-def _view(view: Any) -> str | tuple[float, float]:
-    """A known word, or azimuth and elevation in degrees."""
+def _view(view: Any) -> str | float | tuple[float, float]:
+    """A known word, an azimuth in degrees, or with the elevation."""
     if isinstance(view, str) and view in VIEWS:
         return view
+    if isinstance(view, Real):
+        return _angle("azimuth of view", view)
     try:
         azimuth, elevation = view
     except (TypeError, ValueError):
-        raise SettingError(f"expected view {', '.join(VIEWS)} or (azimuth, elevation), got {view!r}") from None
+        raise SettingError(f"expected view {', '.join(VIEWS)}, an azimuth or (azimuth, elevation), got "
+                           f"{view!r}") from None
     return _angle("azimuth of view", azimuth), _angle("elevation of view", elevation)
 
 
 def _angle(what: str, degrees: Any) -> float:
     try:
-        angle = float(degrees)
-    except (TypeError, ValueError):
+        angle = math.nan if isinstance(degrees, bool) else float(degrees)
+    except (TypeError, ValueError, OverflowError):
         angle = math.nan
     if not math.isfinite(angle):
         raise SettingError(f"{what}: expected degrees, a finite number, got {degrees!r}")
@@ -227,6 +237,9 @@ def _unnoticed() -> Iterator[None]:
 @lru_cache(maxsize=2)
 def _renderer(weights: str | Path, asked: frozenset[str], changed: int) -> Renderer:
     return renderer_for(weights, asked)
+
+
+os.register_at_fork(after_in_child=_renderer.cache_clear)  # its engines have no threads in a fork; see pipeline.engines
 
 
 def _camera(camera: Any) -> Viewpoint | None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
+from z2p_core.install_advice import install_advice
 from z2p_renderer.storage.pictures import OPAQUE, WHITE, PictureError, described
 from z2p_renderer.storage.whole import write_whole
 
@@ -136,7 +137,6 @@ def _ffmpeg() -> str:
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
     except ImportError:
-        raise PictureError('MP4 needs an extra; install it with: pip install "z2p-renderer[video]", '
-                           "or name a .webp") from None
+        raise PictureError(f"MP4 needs an extra, {install_advice('video')}; or name a .webp") from None
     program: str = get_ffmpeg_exe()
     return program

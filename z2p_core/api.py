@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
+import reprlib
 import warnings
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core import registry
+from z2p_core.guesses import meant
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.picture import Picture, sheet
 from z2p_core.point_arrays import point_arrays
@@ -26,8 +27,7 @@ _MOST_TOLD = 4
 """Mean colours that a warning names."""
 
 
-OTHER_NAMES = {"resolution": "size", "width": "size", "height": "size", "colour": "color"}
-"""What others call some of the arguments."""
+USUAL_SIZE = 512
 
 
 class RenderWarning(UserWarning):
@@ -39,7 +39,7 @@ def render(
     colors: Any = None,
     *,
     up: str | None = None,
-    view: str | tuple[float, float] = "auto",
+    view: str | float | tuple[float, float] = "auto",
     azimuth: float = 0.0,
     camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None,
     color: str | Sequence[float] | None = None,
@@ -47,10 +47,12 @@ def render(
     elevation: float | None = None,
     metallic: float | None = None,
     roughness: float | None = None,
-    size: int | tuple[int, int] = 512,
+    size: int | tuple[int, int] | None = None,
+    resolution: int | tuple[int, int] | None = None,
     background: str | Sequence[float] | None = None,
     supersample: int = 1,
     fit: str = "frame",
+    margin: float | str | None = None,
     keep_outliers: bool = False,
     cut_top: float = 0.0,
     smooth: str | float = "auto",
@@ -65,20 +67,23 @@ def render(
         colors: per-point colours (N, 3), for a batch (B, N, 3) or a list of (N, 3). The weights know none: a cloud's
             mean becomes the colour of the whole object, with a warning, unless `color` is given. Floats in [0, 1], or
             integers to 255 (to 1 if none is larger).
-        up: the data's axis that points up, ``+Z``, ``-Y``, ...; ``auto`` looks for a depth camera's own, then takes
-            the convention of the file's format. None: ``auto`` for a file, as `z2p run-inference` does, else ``+Z``.
-        view: ``auto`` (a three-quarter side that shows most), ``front``, ``sensor``, or (azimuth, elevation), degrees.
-        azimuth: degrees that the object is turned on by.
+        up: the data's axis that points up, ``+Z`` (or ``Z``), ``-Y``, ...; ``auto`` looks for a depth camera's own,
+            then takes the convention of the file's format. None: ``auto`` for a file, as in `z2p render`, else ``+Z``.
+        view: ``auto`` (a three-quarter side that shows most), ``front``, ``sensor``, or degrees from the front:
+            azimuth, or (azimuth, elevation).
+        azimuth: degrees that the object is turned by on top of that.
         camera: another picture or its `picture.camera`, or a file that --save-camera wrote; the object keeps its true
             size and place before it. Replaces `up` and `view`.
         color: CSS name, ``#hex`` or sRGB triple in [0, 1].
         light: distance 3 to 4.5, azimuth -90 to 90 (0 behind the camera, positive to the right), elevation 25 to 75.
         elevation: the camera's, 0 to 80 degrees above the horizon.
         metallic, roughness: 0 to 1, for weights that carry them; so with the other `controls`.
-        size: pixels, one number or (width, height), 32 to 4096.
+        size, resolution: two names for one thing, pixels: one number or (width, height), 32 to 4096; None: 512.
         background: None for transparent, or like `color`.
         supersample: draw this many times as large and average down.
         fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to what is to be seen, the shadow included).
+        margin: what is left free around the object's bounding sphere, or with ``tight`` around what is to be seen: a
+            share of the shorter side, 0 to 0.45, or percent as in ``"10%"``. None: 0.1, or 0.02 with ``tight``.
         keep_outliers: keep stray points that make the object small, and what lies far behind a depth camera's subject.
         cut_top: percent of the height to cut off from above, to look into a room.
         smooth: make the surface smooth over patches of that radius, 0 to 0.3 of the frame's; ``auto``: only a depth
@@ -96,8 +101,9 @@ def render(
     table, notes = None if colors is None else _color_table(colors), []
     if up is None:
         up = "auto" if isinstance(points, str | Path) else "+Z"
-    request = Request(up, view, azimuth, camera, {**wishes, **controls}, pixel_size(size), background,
-                      _factor(supersample), _tight(fit), keep_outliers, _percent(cut_top), smooth, _weights(weights))
+    request = Request(up, view, azimuth, camera, {**wishes, **controls}, chosen_size(size, resolution), background,
+                      _factor(supersample), _tight(fit), _switch("keep_outliers", keep_outliers), _percent(cut_top),
+                      smooth, margin, _weights(weights))  # fmt: skip
     if isinstance(points, str | Path):
         request, told = _colored(request, table, [])
         pictures, batched = studio().draw_file(Path(points), request), False
@@ -126,11 +132,10 @@ def _check_names(controls: Collection[str]) -> None:
     unknown = sorted(set(controls) - set(registry.names("controls")))
     if unknown:
         known = [name for name in inspect.signature(render).parameters if name != "controls"]
-        like = [OTHER_NAMES[name] for name in unknown[:1] if name in OTHER_NAMES]
-        like = like or difflib.get_close_matches(unknown[0], known, 1)
-        meant = f" (did you mean {like[0]}?)" if like else ""
+        like = meant(unknown[0], [name.replace("_", "-") for name in known])
+        guess = "" if like is None else f" (did you mean {like.split()[0].replace('-', '_')}?)"
         expected = f"{', '.join(known)}, or an installed control"
-        raise SettingError(f"unknown argument {unknown[0]!r}{meant}; expected {expected}")
+        raise SettingError(f"unknown argument {unknown[0]!r}{guess}; expected {expected}")
 
 
 def _colored(request: Request, table: np.ndarray | None, clouds: Sequence[np.ndarray]) -> tuple[Request, list[str]]:
@@ -191,23 +196,44 @@ def _mean_colors(table: np.ndarray, clouds: Sequence[np.ndarray]) -> tuple[tuple
     return tuple(tuple(mean.tolist()) for mean in means)
 
 
+def chosen_size(size: Any, resolution: Any, usual: int = USUAL_SIZE) -> tuple[int, int]:
+    """Width and height in pixels by whichever of the two names was used.
+
+    Raises:
+        SettingError: both were, or it is no size.
+    """
+    if size is not None and resolution is not None:
+        raise SettingError(f"size and resolution are two names for one thing, got {size!r} and {resolution!r}; leave "
+                           "one out")
+    given = resolution if size is None else size
+    return pixel_size(usual if given is None else given)
+
+
 def pixel_size(size: Any) -> tuple[int, int]:
     """Width and height in pixels, of one number or two.
 
     Raises:
-        SettingError: no numbers, or not from 32 to 4096.
+        SettingError: no whole numbers, or not from 32 to 4096.
     """
     try:
-        width, height = (int(side) for side in (size if hasattr(size, "__len__") else (size, size)))
-    except (TypeError, ValueError):
-        width = height = 0
-    if not all(SIDES[0] <= side <= SIDES[1] for side in (width, height)):
-        raise SettingError(f"expected a size of one or two numbers from {SIDES[0]} to {SIDES[1]} pixels, got {size!r}")
-    return width, height
+        sides = list(size) if np.ndim(size) else [size, size]
+        whole = [int(side) for side in sides if not isinstance(side, bool | str | bytes) and int(side) == side]
+    except (TypeError, ValueError, ArithmeticError, RuntimeError):  # no numbers, nan, infinity, a tensor of others
+        sides, whole = [], []
+    if not (len(whole) == len(sides) == 2 and all(SIDES[0] <= side <= SIDES[1] for side in whole)):
+        raise SettingError(f"expected a size of one or two whole numbers from {SIDES[0]} to {SIDES[1]} pixels, got "
+                           f"{reprlib.repr(size)}")
+    return whole[0], whole[1]
+
+
+def _switch(name: str, wish: Any) -> bool:
+    if not isinstance(wish, bool | np.bool_):
+        raise SettingError(f"expected {name} True or False, got {wish!r}")
+    return bool(wish)
 
 
 def _factor(supersample: Any) -> int:
-    if not (isinstance(supersample, Real) and supersample in (1, 2, 3, 4)):
+    if isinstance(supersample, bool) or not (isinstance(supersample, Real) and supersample in (1, 2, 3, 4)):
         raise SettingError(f"expected a supersample of 1, 2, 3 or 4, got {supersample!r}")
     return int(float(supersample))
 
@@ -226,6 +252,7 @@ def _weights(weights: Any) -> str | Path:
 
 
 def _percent(cut_top: Any) -> float:
-    if not (isinstance(cut_top, Real) and 0 <= float(cut_top) < 100):
+    number = isinstance(cut_top, Real) and not isinstance(cut_top, bool)
+    if not (number and 0 <= cut_top < 100):
         raise SettingError(f"expected cut_top from 0 to below 100 percent, got {cut_top!r}")
     return float(cut_top)

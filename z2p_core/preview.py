@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api import RenderWarning, pixel_size, render
+from z2p_core.api import RenderWarning, chosen_size, render
 from z2p_core.interfaces import ScanError
 from z2p_core.picture import sheet
 from z2p_core.studio import studio
 
+USUAL_SIZE = 256
 TRIAL = np.vstack([np.eye(3), -np.eye(3)])
 """A cloud to try the options with."""
 
@@ -26,23 +27,26 @@ class Previewer:
     """
 
     def __init__(
-        self, *, size: int | Sequence[int] = 256, most: int = 16, background: Any = "white", **options: Any
+        self, *, size: int | Sequence[int] | None = None, resolution: int | Sequence[int] | None = None, most: int = 16,
+        background: Any = "white", **options: Any,
     ) -> None:
-        """Previewer of at most the first `most` clouds of a batch; `options` are those of `z2p_core.render`.
+        """Previewer of at most the first `most` clouds of a batch, 256 pixels each without `size` or `resolution`.
+
+        `options` are those of `z2p_core.render`.
 
         The view is fixed (30 degrees to the side, 20 above) unless `view` or `camera` is given.
 
         Raises:
             ValueError: an option that cannot be; better now than after hours of training.
         """
-        self._options = {"view": (30.0, 20.0), **options, "size": size, "background": background}
+        self._size = chosen_size(size, resolution, USUAL_SIZE)
+        self._options = {"view": (30.0, 20.0), **options, "size": self._size, "background": background}
         self._most = most
         self.error: str | None = None
         """Why the newest call could not draw some cloud; None when it could."""
         with suppress(ScanError), warnings.catch_warnings():  # a camera for other data: not the options' fault
             warnings.simplefilter("ignore", RenderWarning)
             render(TRIAL, **self._options)
-        self._size = pixel_size(size)
 
     def __call__(self, points: Any) -> np.ndarray:
         """Picture (3, H, W) uint8 of a cloud (N, 3), or a sheet of a batch (B, N, 3) or of a list of clouds."""

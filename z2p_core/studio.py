@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from z2p_core.install_advice import install_advice
+
 if TYPE_CHECKING:
     from z2p_core.picture import Picture
     from z2p_core.viewpoint import Viewpoint
@@ -23,7 +25,7 @@ class Request:
     """How pictures are to look, in the user's own words and numbers; the studio checks them."""
 
     up: str = "+Z"
-    view: str | tuple[float, float] = "auto"
+    view: str | float | tuple[float, float] = "auto"
     azimuth: float = 0.0
     camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None
     controls: Mapping[str, Any] = field(default_factory=dict)
@@ -34,6 +36,7 @@ class Request:
     keep_outliers: bool = False
     cut_top: float = 0.0
     smooth: Any = "auto"
+    margin: Any = None
     weights: str | Path = "auto"
     colors: Sequence[Sequence[float]] = ()
     """sRGB in [0, 1] of each cloud, or one for all of them, in place of the control's."""
@@ -70,7 +73,7 @@ def studio() -> Studio:
     """
     found = list(entry_points(group=GROUP))
     if not found:
-        raise LookupError("z2p_core is here, but nothing that draws is installed; install the whole of z2p: "
-                          "pip install z2p")
+        raise LookupError("z2p_core is here, but nothing that draws is installed; install the whole of z2p, "
+                          f"{install_advice()}")
     drawing: Studio = found[0].load()()
     return drawing

@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 @click.option("--output", "-o", default="pictures", type=Target(), metavar="OUT",
               help="Folder for the loops; or, for one cloud, the loop itself (.webp, .gif, .mp4).")
 @click.option("--format", "format_", default="webp", type=click.Choice(["webp", "gif", "mp4"]),
-              help="Of loops in a folder. WebP keeps the transparency; MP4 needs the extra z2p-renderer[video].")
+              help="Of loops in a folder. WebP keeps the transparency; MP4 needs the extra 'video'.")
 @click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
               help="turn: the object, once around; light: the light, from side to side and back.")
 @click.option("--frames", default=48, type=click.IntRange(2, 720), metavar="N", help="Frames of the loop.")
@@ -46,7 +46,9 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 @click.option("--steady", default=1, type=click.IntRange(1, 9), metavar="N",
               help="Pictures that each frame is the mean of: little smoother, N times slower.")
 @picture_options
-@click.option("--overwrite", is_flag=True, help="Make again what is there; it is skipped otherwise.")
+@click.option("--overwrite", is_flag=True,
+              help="Make again what is there; it is skipped otherwise, but for one named loop whose settings have "
+              "changed.")
 @click.option("--quiet", "-q", is_flag=True, help="Tell of failures only.")
 @click.pass_context
 def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: Any) -> None:
@@ -133,7 +135,7 @@ class _Loop:
         """
         from z2p_renderer.pipeline.present import told_if_kept
 
-        return told_if_kept(self.task.output, self.source, self.look, renderer.sole_weights, self.moves)
+        return told_if_kept(self.task.output, self.source, self.look, renderer, self.moves, self.task.single)
 
     def write(self, renderer: Renderer, quiet: bool) -> str:
         """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""

@@ -17,7 +17,7 @@ SETTINGS = "z2p.settings"
 SECTIONS = {
     "Input": ("recursive", "columns", "scan", "weights"),
     "View": ("up", "view", "azimuth", "load_camera", "save_camera", "same_frame", "keep_outliers", "cut_top"),
-    "Picture": ("smooth", "resolution", "background", "supersample", "fit", "format_", "palette_name"),
+    "Picture": ("smooth", "resolution", "background", "supersample", "fit", "margin", "format_", "palette_name"),
     "Motion": ("motion", "frames", "fps", "steady"),
 }
 """Headings of the help and the options below them; controls come next, and the rest stands below Output."""

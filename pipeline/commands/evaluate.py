@@ -10,11 +10,12 @@ from typing import Any
 import click
 
 from z2p_core.config import EvaluateConfig
+from z2p_core.install_advice import install_advice
 from z2p_renderer.pipeline.cli import Failure
 from z2p_renderer.pipeline.commands.values import SIDES, Elevation, FiniteRange
 
 PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
-INSTALL = 'install the pipeline, in a clone of z2p: pip install -c constraints.txt ".[pipeline]"'
+INSTALL = f"install the pipeline, {install_advice('pipeline')}"
 
 
 def _split(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:

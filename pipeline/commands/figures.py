@@ -16,7 +16,7 @@ from z2p_renderer.pipeline.cli import Failure, debugging
 from z2p_renderer.pipeline.commands.control_options import SETTINGS, RerenderCommand
 from z2p_renderer.pipeline.commands.picture_options import writable
 from z2p_renderer.pipeline.commands.telling import tell_opaque
-from z2p_renderer.pipeline.commands.values import Background, Degrees, Resolution, Smooth, Target
+from z2p_renderer.pipeline.commands.values import Background, Degrees, Margin, Resolution, Smooth, Target
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.drawing import Crop, Look
@@ -60,14 +60,17 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
               help="The scan, if it has moved since.")
 @click.option("--weights", metavar="W", help="Other weights: a shipped name or a .safetensors file.")
 @click.option("--engine", metavar="NAME", help="Another engine for the network; see z2p plugins.")
-@click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG", help="Turn the object on by so much.")
+@click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
+              help="Turn the object by so much more than it is.")
 @click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
               help="Another camera: JSON of --save-camera, or another picture.")
 @click.option("--smooth", type=Smooth(), help="Make the surface smooth over patches of that radius; 0: leave it.")
-@click.option("--resolution", type=Resolution(), help="Another size in pixels.")
+@click.option("--resolution", "--size", type=Resolution(), help="Another size in pixels.")
 @click.option("--background", type=Background(), help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1.")
 @click.option("--supersample", type=click.IntRange(1, 4), metavar="N", help="Draw N times as large and average down.")
 @click.option("--fit", type=click.Choice(["frame", "tight"]), help="tight trims the picture to what is to be seen.")
+@click.option("--margin", type=Margin(), metavar="SHARE",
+              help="Left free around the object, as a share of the shorter side or in percent: 0.1 or 10%.")
 @click.option("--overwrite", is_flag=True, help="Replace OUT where it is there already.")
 @click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
 @click.pass_context
@@ -133,6 +136,8 @@ def _drawn_again(
         raise cloud
     drawing = draw(renderer, cloud, format_suffix(scan), look)
     made_by = record_of(drawing, look, source_of(scan, output, source["cloud"], columns))
+    if options["weights"] is None:
+        made_by["weights_chosen"] = record.get("weights_chosen", False)
     if options["load_camera"] is None:
         if not options["azimuth"]:  # why it stands as it stands is known from the first time
             made_by["stance"] = {**record["stance"], "smooth": drawing.stance.smooth}
@@ -162,6 +167,7 @@ def _look(
     record: Mapping[str, Any], renderer: Renderer, name: str, given: dict[str, Value], options: dict[str, Any]
 ) -> Look:
     """The look of the record with the changes."""
+    from z2p_core.margin import without_margin
     from z2p_core.viewpoint import viewpoint_from_json
     from z2p_renderer.pipeline.drawing import Look
     from z2p_renderer.pipeline.placing import Placing
@@ -170,9 +176,11 @@ def _look(
 
     if options["weights"] is None and renderer.weights["sha256"] != record["weights"]["sha256"]:
         click.echo(f"note: the weights {name!r} are others than those of the picture; its look may differ", err=True)
-    camera = viewpoint_from_json(record["camera"])
+    margin, camera = _margin(record, options), viewpoint_from_json(record["camera"])
     if options["load_camera"] is not None:
         camera = read_camera(options["load_camera"])
+    elif record.get("fit") != "tight":
+        camera = without_margin(camera, record.get("margin"))  # once it was not told: the usual one
     if "elevation" in given:
         camera = replace(camera, elevation=given["elevation"][0])
     before = {key: value for key, value in record["controls"].items() if key in renderer.controls}
@@ -190,13 +198,29 @@ def _look(
     width, height = options["resolution"] or record["resolution"]
     supersample, fit = (options[name] or record[name] for name in ("supersample", "fit"))
     return Look(values, placing, width, height, background_from(background), supersample, fit == "tight",
-                _crop(record, given, options))  # fmt: skip
+                _crop(record, given, options), margin=margin)  # fmt: skip
+
+
+def _margin(record: Mapping[str, Any], options: dict[str, Any]) -> float | None:
+    """The margin that is asked for, else the picture's where it is framed as before.
+
+    Raises:
+        click.UsageError: a loaded camera chooses how large the object is.
+    """
+    before, fit = record.get("fit"), options["fit"] or record.get("fit")
+    if options["margin"] is not None:
+        if options["load_camera"] is not None and fit == "frame":
+            raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out")
+        return float(options["margin"])
+    kept = fit == before and (fit == "tight" or options["load_camera"] is None)
+    return record.get("margin") if kept else None
 
 
 def _crop(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Crop | None:
     """The crop of the picture's series, which lasts while nothing moves in it: neither object nor shadow nor frame."""
     (width, height), (old_width, old_height) = options["resolution"] or record["resolution"], record["resolution"]
-    moved = options["azimuth"] or options["load_camera"] is not None or {"elevation", "light"} & set(given)
+    changed = options["load_camera"] is not None or options["margin"] is not None
+    moved = options["azimuth"] or changed or {"elevation", "light"} & set(given)
     if moved or width * old_height != height * old_width or options["fit"] is not None or record.get("window") is None:
         return None
     left, top, right, bottom = record["window"]
@@ -233,6 +257,11 @@ def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
                   f"--load-camera {figure}")
 
 
+def _told_margin(record: Mapping[str, Any]) -> str:
+    """The margin that was asked for, in words."""
+    return "" if record.get("margin") is None else f", margin {record['margin']:g}"
+
+
 def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What people want to know of a record, in words."""
     from z2p_renderer.pipeline.gallery import placed_rows
@@ -251,7 +280,7 @@ def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         *placed_rows(record),
         ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
         ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
-                 f"fit {record['fit']}"),
+                 f"fit {record['fit']}{_told_margin(record)}"),
         ("background", record["background"] if isinstance(record["background"], str) else
          ", ".join(f"{number:g}" for number in record["background"])),
         ("weights", f"{weights['name']}  sha256 {weights['sha256'][:16]}"),

@@ -13,6 +13,7 @@ from typing import Any
 
 import click
 
+from z2p_core.install_advice import install_advice
 from z2p_renderer.pipeline.children import child_environment
 from z2p_renderer.pipeline.cli import Failure
 
@@ -92,8 +93,7 @@ def check_luigi() -> None:
         Failure: it is not.
     """
     if importlib.util.find_spec("luigi") is None:
-        raise Failure('the pipeline needs luigi, which is not installed; install it, in a clone of z2p: '
-                      'pip install -c constraints.txt ".[pipeline]"')
+        raise Failure(f"the pipeline needs luigi, which is not installed; install it, {install_advice('pipeline')}")
 
 
 def run_process(command: list[str], environment: dict[str, str]) -> int:

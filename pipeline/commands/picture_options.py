@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from z2p_core.interfaces import Value
-from z2p_renderer.pipeline.commands.values import Background, Degrees, FiniteRange, Resolution, Smooth, UpAxis, View
+from z2p_renderer.pipeline.commands.values import (
+    Background,
+    Degrees,
+    FiniteRange,
+    Margin,
+    Resolution,
+    Smooth,
+    UpAxis,
+    View,
+)
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.drawing import Look
@@ -33,9 +42,10 @@ OPTIONS = (
                  "or the way an object stands."),
     click.option("--view", default="auto", type=View(),
                  help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
-                 "front: the data's own; sensor; or degrees as azimuth,elevation."),
+                 "front: the data's own; sensor; or degrees from the front, as azimuth or azimuth,elevation."),
     click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
-                 help="Turn the object on from there about its up axis, counter-clockwise from above."),
+                 help="Turn the object by so much more than --view does, about its up axis, counter-clockwise from "
+                 "above: relative to the chosen view, while --view AZ is absolute."),
     click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
                  help="Look as before: JSON that --save-camera wrote, or a picture of z2p; without --up and --view."),
     click.option("--keep-outliers", is_flag=True,
@@ -45,13 +55,17 @@ OPTIONS = (
     click.option("--smooth", default="auto", type=Smooth(),
                  help="Make the surface smooth over patches of that radius, 0.1 being a tenth of the frame's; auto: "
                  "only for a depth camera's noisy clouds; 0: as it was measured, gaps too."),
-    click.option("--resolution", default="512", type=Resolution(), help="Size in pixels."),
+    click.option("--resolution", "--size", default="512", type=Resolution(),
+                 help="In pixels: 512, 640,480 or 640x480."),
     click.option("--background", default="transparent", type=Background(),
                  help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1."),
     click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="N",
                  help="Draw N times as large and average down: smoother edges."),
     click.option("--fit", default="frame", type=click.Choice(["frame", "tight"]),
                  help="tight trims the picture to what is to be seen, its shadow included."),
+    click.option("--margin", type=Margin(), metavar="SHARE",
+                 help="Left free around the object, as a share of the shorter side or in percent (0.1 or 10%); with "
+                 "--fit tight around its shadow too.  [default: 0.1, tight 0.02]"),
 )  # fmt: skip
 
 
@@ -74,6 +88,8 @@ def check_view(ctx: click.Context, given: dict[str, Value], options: dict[str, A
             raise click.UsageError(f"--load-camera and --{name} both choose the view; leave one out", ctx)
     if isinstance(options["view"], tuple) and "elevation" in given:
         raise click.UsageError("--view AZ,EL and --elevation both choose the elevation; leave one out", ctx)
+    if options["load_camera"] is not None and options["margin"] is not None and options["fit"] == "frame":
+        raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out", ctx)
 
 
 def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, Any]) -> Look:
@@ -96,7 +112,7 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
     background = None if options["background"] == "transparent" else options["background"]
     width, height = options["resolution"]
     return Look(settings_for(renderer, given), placing, width, height, background, options["supersample"],
-                options["fit"] == "tight")  # fmt: skip
+                options["fit"] == "tight", margin=options["margin"])  # fmt: skip
 
 
 def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:

@@ -1,4 +1,4 @@
-"""`z2p run-inference`: point clouds to pictures, with an option for each installed control."""
+"""`z2p render`, once `z2p run-inference`: point clouds to pictures, with an option for each installed control."""
 
 from __future__ import annotations
 
@@ -50,7 +50,9 @@ SUFFIXES = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif"}
               help="Colours for a series, a cloud each in turn, safe for colour-blind readers.")
 @click.option("--sheet", type=Grid(), metavar="4x3", help="Contact sheets OUT/sheet.png of so many columns and rows.")
 @click.option("--gallery", is_flag=True, help="OUT/gallery.html, one page with all pictures and their settings.")
-@click.option("--overwrite", is_flag=True, help="Render again what is there; it is skipped otherwise.")
+@click.option("--overwrite", is_flag=True,
+              help="Render again what is there; it is skipped otherwise, but for one named picture whose settings "
+              "have changed.")
 @click.option("--json", "as_json", is_flag=True, help="One JSON line a file on stdout.")
 @click.option("--jobs", type=click.IntRange(min=1), metavar="N",
               help="Files rendered at the same time.  [default: one a core]")
@@ -60,9 +62,9 @@ def run_inference(ctx: click.Context, inputs: tuple[str, ...], output: Path, **o
     """Render point clouds to pictures: each INPUT is a file, a folder, a quoted glob, or - for standard input.
 
     \b
-    z2p run-inference scans/ --output pictures
-    z2p run-inference bunny.ply -o bunny.png --color teal --light 3.6,30,45
-    z2p run-inference "frames/*.pcd" -o frames --same-frame --sheet 4x3 --gallery
+    z2p render scans/ --output pictures
+    z2p render bunny.ply -o bunny.png --color teal --light 3.6,30,45
+    z2p render "frames/*.pcd" -o frames --same-frame --sheet 4x3 --gallery
 
     Each picture carries what made it: see `z2p info`, and change it with `z2p rerender`.
 
@@ -240,11 +242,12 @@ def _write_gallery(pictures: list[Path], folder: Path) -> list[Path]:
 
 
 def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> list[Path]:
+    from z2p_core.margin import with_margin
     from z2p_renderer.storage.cameras import read_camera, write_camera
 
     viewpoints = [viewpoint for outcome in done for viewpoint in outcome.viewpoints]
     if options["same_frame"] and look.placing.viewpoint is not None:
-        viewpoints = [look.placing.viewpoint]
+        viewpoints = [with_margin(look.placing.viewpoint, look.frame_margin)]
     if not viewpoints and done[0].status == "skipped":
         viewpoints = [read_camera(done[0].outputs[0])]
     if len(viewpoints) > 1:

@@ -34,6 +34,7 @@ def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,
         "fit": options["fit"],
+        "margin": options["margin"],
         "load_camera": None if options["load_camera"] is None else str(options["load_camera"]),
     }
 

@@ -62,19 +62,21 @@ class FiniteRange(click.FloatRange):
 
 
 class UpAxis(click.Choice):
-    """``auto``, or one of ``+Z``, ``-Z``, ``+Y``, ``-Y``, ``+X``, ``-X``, in either case."""
+    """``auto``, or one of ``+Z``, ``-Z``, ``+Y``, ``-Y``, ``+X``, ``-X``; ``Y``, ``y`` and ``y-up`` mean ``+Y``."""
 
     def __init__(self) -> None:
         super().__init__(["auto", "+Z", "-Z", "+Y", "-Y", "+X", "-X"])
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        return super().convert("auto" if value.lower() == "auto" else value.upper(), param, ctx)
+        from z2p_core.up_names import up_from
+
+        return super().convert(up_from(value) or value, param, ctx)
 
 
 class View(click.ParamType):
-    """``auto``, ``front``, ``sensor``, or azimuth and elevation in degrees from ``AZ,EL``."""
+    """``auto``, ``front``, ``sensor``, an azimuth in degrees, or with the elevation as ``AZ,EL``."""
 
-    name = "auto|front|sensor|AZ,EL"
+    name = "auto|front|sensor|AZ[,EL]"
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
         """As the words are written."""
@@ -82,19 +84,34 @@ class View(click.ParamType):
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> str | tuple[float, float]:
-        if isinstance(value, tuple):  # click may hand back what came from here
+    ) -> str | float | tuple[float, float]:
+        if isinstance(value, tuple | float):  # click may hand back what came from here
             return value
         if value.lower() in ("auto", "front", "sensor"):
             return str(value.lower())
         try:
-            azimuth, elevation = (float(part) for part in value.split(","))
+            azimuth, *elevation = (float(part) for part in value.split(","))
         except ValueError:
-            azimuth = elevation = math.nan
-        if not (math.isfinite(azimuth) and 0 <= elevation <= HIGHEST):
-            self.fail(f"expected auto, front, sensor, or AZ,EL in degrees with EL from 0 to {HIGHEST}, got {value!r}",
-                      param, ctx)  # fmt: skip
-        return azimuth, elevation
+            azimuth, elevation = math.nan, []
+        if not (math.isfinite(azimuth) and len(elevation) < 2 and all(0 <= one <= HIGHEST for one in elevation)):
+            self.fail(f"expected auto, front, sensor, or AZ or AZ,EL in degrees with EL from 0 to {HIGHEST}, got "
+                      f"{value!r}", param, ctx)  # fmt: skip
+        return (azimuth, elevation[0]) if elevation else azimuth
+
+
+class Margin(click.ParamType):
+    """A share of the picture's shorter side; see `z2p_core.margin.margin_from`."""
+
+    name = "SHARE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
+        from z2p_core.interfaces import SettingError
+        from z2p_core.margin import margin_from
+
+        try:
+            return margin_from(value)
+        except SettingError as error:
+            self.fail(str(error).removeprefix("margin: "), param, ctx)
 
 
 class Smooth(click.ParamType):

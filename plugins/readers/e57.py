@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from z2p_core.install_advice import install_advice
 from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
 from z2p_renderer.plugins.readers.late import late
 
@@ -49,7 +50,7 @@ def _opened(path: Path) -> Any:
     try:
         pye57 = late("pye57")
     except ImportError:
-        raise ScanError('reading .e57 needs an extra; install it with: pip install "z2p-renderer[e57]"') from None
+        raise ScanError(f"reading .e57 needs an extra, {install_advice('e57')}") from None
     try:
         return pye57.E57(str(path))
     except Exception as error:  # as above

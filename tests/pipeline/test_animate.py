@@ -143,7 +143,7 @@ def test_a_missing_video_extra_is_told_before_anything_is_drawn(
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     result = z2p("animate", scans, "-o", tmp_path / "out", "--format", "mp4", "--weights", tiny_weights)
-    assert result.exit_code == 2 and 'pip install "z2p-renderer[video]"' in result.stderr
+    assert result.exit_code == 2 and 'in a clone of z2p: pip install -c constraints.txt ".[video]"' in result.stderr
     assert not (tmp_path / "out").exists()
 
 

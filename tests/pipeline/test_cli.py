@@ -41,7 +41,7 @@ def test_every_subcommand_has_help(z2p: Callable[..., Result], name: str) -> Non
 
 
 def test_unknown_subcommand(z2p: Callable[..., Result]) -> None:
-    assert z2p("render").exit_code == 2
+    assert z2p("rnder").exit_code == 2
 
 
 def test_listings(z2p: Callable[..., Result]) -> None:

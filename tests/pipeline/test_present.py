@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -168,7 +169,36 @@ def test_other_weights_are_told_where_the_cloud_does_not_choose_them(
     output = tmp_path / "a.png"
     assert drawn(renderer, scan, output).status == "ok"
     assert drawn(Renderer(make_weights(cropped=True)), scan, output).kept == "with another choice of weights"
-    assert drawn(SuitedRenderer(), scan, output).kept == ""
+    assert drawn(SuitedRenderer(), scan, output).kept == "with another choice of weights", "z2p was to choose them"
+    by_choice = tmp_path / "b.png"
+    assert drawn(SuitedRenderer(), scan, by_choice).status == "ok"
+    assert drawn(SuitedRenderer(), scan, by_choice).kept == ""
+
+
+@pytest.mark.parametrize(
+    "other", [{"width": 48}, {"values": {"color": (1.0, 0.0, 0.0)}}, {"background": (1.0, 1.0, 1.0)}, {"tight": True},
+              {"margin": 0.2}, {"supersample": 2}, {"placing": Placing("+Y")}, {"placing": Placing(azimuth=30.0)}],
+    ids=str,
+)  # fmt: skip
+def test_a_named_picture_is_drawn_again_when_a_setting_changes_or_goes(
+    renderer: Renderer, scan: Path, tmp_path: Path, other: dict[str, Any]
+) -> None:
+    output, changed = tmp_path / "a.png", replace(LOOK, **other)
+    for look, status in ((LOOK, "ok"), (LOOK, "skipped"), (changed, "ok"), (changed, "skipped"), (LOOK, "ok")):
+        assert drawn(renderer, scan, output, look, single=True).status == status
+    outcome = drawn(renderer, scan, output, changed)
+    assert outcome.status == "skipped" and outcome.kept.startswith("with another "), "one of a folder stays"
+
+
+def test_a_named_picture_is_drawn_again_without_the_camera_that_it_had(
+    renderer: Renderer, scan: Path, tmp_path: Path
+) -> None:
+    output = tmp_path / "a.png"
+    drawn(renderer, scan, output)
+    camera = viewpoint_from_json(read_record(output)["camera"])
+    loaded = replace(LOOK, placing=Placing(viewpoint=replace(camera, radius=2 * camera.radius)))
+    for look, status in ((loaded, "ok"), (loaded, "skipped"), (LOOK, "ok"), (LOOK, "skipped")):
+        assert drawn(renderer, scan, output, look, single=True).status == status
 
 
 def test_a_picture_of_another_program_stays_and_is_told(
@@ -190,12 +220,13 @@ def test_a_loop_that_is_there_is_told_like_a_picture(
         return z2p("animate", scans / "one.npy", "-o", loop, "--weights", tiny_weights, "--resolution", 32, *words)
 
     for suffix in (".webp", ".gif"):
-        loop = tmp_path / f"a{suffix}"
+        loop = tmp_path / f"one{suffix}"
         np.save(scans / "one.npy", cloud)
         assert animate("--frames", 3).exit_code == 0
         before = loop.read_bytes()
         assert f"{loop} is there already; " in animate("--frames", 3).stderr
-        other = animate("--frames", 4, "--motion", "light", "--color", "red")
+        other = z2p("animate", scans / "one.npy", "-o", tmp_path, "--format", suffix[1:], "--weights", tiny_weights,
+                    "--resolution", 32, "--frames", 4, "--motion", "light", "--color", "red")  # fmt: skip
         assert "with another color and another motion and another frames; --overwrite" in other.stderr
         assert z2p("run-inference", scans / "two.xyz", "-o", tmp_path / "still.webp", "--weights", tiny_weights,
                    "--resolution", 32, "--overwrite").exit_code == 0  # fmt: skip

@@ -111,7 +111,7 @@ def test_jobs_change_nothing(render: Callable[..., Result], scans: Path, tmp_pat
 
 def test_a_control_changes_the_picture(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     for name, words in {"plain": (), "red": ("--color", "red"), "lit": ("--light", "3.6,60,50"),
-                        "high": ("--elevation", "60"), "turned": ("--azimuth", "90"), "y-up": ("--up", "+Y")}.items():
+                        "high": ("--elevation", "60"), "turned": ("--azimuth", "90"), "other-up": ("--up", "-X")}.items():
         assert render(scans / "one.npy", *words, output=tmp_path / name).exit_code == 0
     made = {path.parent.name: Image.open(path).tobytes() for path in tmp_path.glob("*/one.png")}
     assert len(made) == 6
@@ -154,7 +154,10 @@ def test_resolution(render: Callable[..., Result], scans: Path, tmp_path: Path, 
         (("--azimuth", "nan"), "--azimuth"),
         (("--up", "up"), "+Z"),
         (("--view", "side"), "AZ,EL"),
-        (("--view", "30"), "AZ,EL"),
+        (("--view", "30,20,10"), "AZ,EL"),
+        (("--view", "nan"), "AZ,EL"),
+        (("--margin", "0.5"), "percent as in 10%"),
+        (("--margin", "inf"), "percent as in 10%"),
         (("--view", "30,-1"), "AZ,EL"),
         (("--view", "30,85"), "EL from 0 to 80, got '30,85'"),
         (("--view", "30,20", "--elevation", "20"), "--view AZ,EL and --elevation both"),

@@ -56,7 +56,7 @@ def test_a_previewer_takes_what_sizes_render_takes(small: dict[str, Any], size: 
 @pytest.mark.parametrize(
     "wrong",
     [{"color": "nocolour"}, {"color": (2, 0, 0)}, {"color": "red", "light": (1, 2)}, {"elevation": 99}, {"size": 8},
-     {"size": (64, 64, 64)}, {"metallic": 0.5}, {"nosuch": 1}, {"view": "side"}, {"view": (1,)}, {"up": "Z"},
+     {"size": (64, 64, 64)}, {"metallic": 0.5}, {"nosuch": 1}, {"view": "side"}, {"view": (1,)}, {"up": "W"},
      {"background": "nocolour"}, {"background": (1, 2, 3)}, {"fit": "loose"}, {"supersample": 7},
      {"azimuth": np.nan}, {"azimuth": np.inf}, {"azimuth": None}, {"view": (np.nan, 10)}, {"view": (0, np.inf)},
      {"view": (0, 60), "elevation": 5},
@@ -79,7 +79,7 @@ def test_wrong_settings_are_value_errors_in_one_line(
     ("wrong", "told"),
     [({"color": "blurple"}, "color: expected a CSS colour"), ({"light": (9, 0, 40)}, "light: radius is 9"),
      ({"sise": 5}, r"unknown argument 'sise' \(did you mean size\?\)"),
-     ({"resolution": 64}, r"'resolution' \(did you mean size\?\)"),
+     ({"bg": "white"}, r"'bg' \(did you mean background\?\)"), ({"noise": 1}, "'noise'; expected"),
      ({"sparkle": 1}, "'sparkle'; expected points, "), ({"metallic": 1}, "do not carry the control 'metallic'")],
     ids=str,
 )  # fmt: skip

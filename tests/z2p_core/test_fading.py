@@ -1,0 +1,41 @@
+"""Shadows at a picture's edge: they end softly there, and nothing else changes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from z2p_core.fading import BAND, SOLID, faded
+
+
+@pytest.mark.parametrize("shape", [(100, 100), (60, 140), (32, 32), (33, 4096)])
+def test_a_shadow_is_gone_at_the_edge_and_as_it_was_inside(shape: tuple[int, int]) -> None:
+    picture = np.full((*shape, 4), 120, np.uint8)
+    band = round(BAND * min(shape))
+    alpha = faded(picture)[..., 3]
+    assert max(alpha[0].max(), alpha[-1].max(), alpha[:, 0].max(), alpha[:, -1].max()) == 0
+    assert (alpha[band:-band, band:-band] == 120).all() and (picture[..., 3] == 120).all(), "the given one stays"
+    steps = np.diff(alpha[shape[0] // 2, : band + 1].astype(int))
+    assert (steps >= 0).all() and steps.max() <= 2 * 120 / band + 1, "nowhere a step"
+
+
+def test_the_object_is_never_faded() -> None:
+    picture = np.zeros((50, 50, 4), np.uint8)
+    picture[10:, 20:30] = 255  # runs out of the frame
+    picture[10:, 30, 3] = 128  # its outline
+    picture[40:, 31:, 3] = 100  # its shadow
+    after = faded(picture)
+    assert np.array_equal(after[:, :31], picture[:, :31])
+    assert (after[-1, 32:, 3] == 0).all() and after[44, 40, 3] == 100 > after[47, 40, 3]
+    assert np.array_equal(after[..., :3], picture[..., :3])
+
+
+def test_a_dark_shadow_fades_too() -> None:
+    picture = np.zeros((50, 50, 4), np.uint8)
+    picture[..., 3] = SOLID - 1
+    assert faded(picture)[0].max() == 0
+
+
+def test_pictures_of_a_pixel_do_not_fail() -> None:
+    for shape in ((1, 1), (1, 40), (2, 2)):
+        assert faded(np.full((*shape, 4), 100, np.uint8)).shape == (*shape, 4)
