@@ -5,6 +5,7 @@ bpy is GPL and may crash on a bad mesh: it lives in `pipeline.blender`, started 
 
 from __future__ import annotations
 
+import io
 import json
 import subprocess
 import sys
@@ -24,7 +25,8 @@ from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_pre
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.children import child_environment
 from z2p_renderer.storage.meshes import Mesh, read_mesh
-from z2p_renderer.storage.whole import whole
+from z2p_renderer.storage.room import DiskError, full, refusal
+from z2p_renderer.storage.whole import whole, write_whole
 
 PASSES = ("depth", "normal", "shadow")
 FAR = 1000.0
@@ -78,6 +80,7 @@ def render_scenes(
     Raises:
         ScanError: the mesh cannot be read.
         RenderError: Blender failed or left out a picture.
+        DiskError: the disk is full, be it here or in Blender.
     """
     if all((out / f"{stem}.png").exists() for stem, _ in scenes):
         return  # without a look at the mesh
@@ -103,6 +106,7 @@ def render_mesh(
 
     Raises:
         RenderError: Blender failed or left out a picture.
+        DiskError: the disk is full, be it here or in Blender.
     """
     out.mkdir(parents=True, exist_ok=True)
     missing = [(stem, scene) for stem, scene in scenes if not (out / f"{stem}.png").exists()]
@@ -111,17 +115,20 @@ def render_mesh(
     with tempfile.TemporaryDirectory(prefix=".blender-", dir=out) as folder:
         job = Path(folder)
         vertices = mesh.vertices.astype(np.float32)
-        np.savez(job / "mesh.npz", vertices=vertices, faces=mesh.faces, smooth=mesh.smooth)
+        write_whole(_packed(vertices=vertices, faces=mesh.faces, smooth=mesh.smooth), job / "mesh.npz")
         described = [(stem, scene.to_json()) for stem, scene in missing]
         (job / "job.json").write_text(json.dumps({"settings": asdict(settings), "scenes": described}))
         started = time.perf_counter()
         for done, stem in enumerate(_run_blender(job, name), start=1):
-            _develop(job / f"{stem}.exr", out, stem)
+            try:
+                _develop(job / f"{stem}.exr", out, stem)
+            except (RuntimeError, LookupError, ValueError) as error:  # whatever OpenEXR makes of half a file
+                raise _failure(job, f"{name}: Blender left no whole picture of {stem} ({error})") from error
             rate = done / (time.perf_counter() - started) * 60
             log(f"{Path(name).stem}: {stem} rendered, {done} of {len(missing)}, {rate:.1f} images a minute")
     left = [stem for stem, _ in missing if not (out / f"{stem}.png").exists()]
     if left:
-        raise RenderError(f"{name}: Blender ended without rendering {left[0]} and {len(left) - 1} more")
+        raise _failure(out, f"{name}: Blender ended without rendering {left[0]} and {len(left) - 1} more")
 
 
 def read_render(path: Path, shape: tuple[int, ...]) -> np.ndarray:
@@ -167,7 +174,13 @@ def _run_blender(job: Path, name: str) -> Iterator[str]:
             blender.kill()
             raise
     if blender.returncode:
-        raise RenderError(f"{name}: Blender exited with {blender.returncode}; its last lines:\n" + "\n".join(last))
+        raise _failure(job, f"{name}: Blender exited with {blender.returncode}; its last lines:\n" + "\n".join(last))
+
+
+def _failure(folder: Path, told: str) -> RenderError | DiskError:
+    """The error for a failure of Blender, which writes into `folder`: a full disk shows in it in many ways."""
+    refused = refusal(told, folder) or full(folder)
+    return DiskError(refused) if refused else RenderError(told)
 
 
 def _develop(exr: Path, out: Path, stem: str) -> None:
@@ -182,11 +195,17 @@ def _develop(exr: Path, out: Path, stem: str) -> None:
     _save_png(bytes_from_unit(coverage), out / f"{stem}.coverage.png")
     passes = _passes(channels, coverage)
     if passes:
-        with whole(out / f"{stem}.passes.npz", lasting=True) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, **passes)  # type: ignore[arg-type]
+        write_whole(_packed(np.savez_compressed, **passes), out / f"{stem}.passes.npz", lasting=True)
     straight = straight_from_premultiplied(np.clip(channels["Combined"], 0, None))
     straight[..., :3] = srgb_from_linear(straight[..., :3])
     _save_png(bytes_from_unit(straight), out / f"{stem}.png")
+
+
+def _packed(pack: Callable[..., None] = np.savez, **arrays: Any) -> bytes:
+    """Arrays as the bytes of an npz: one that is written to a full disk would complain a second time as it goes."""
+    content = io.BytesIO()
+    pack(content, **arrays)
+    return content.getvalue()
 
 
 def _passes(channels: dict[str, np.ndarray], coverage: np.ndarray) -> dict[str, np.ndarray]:

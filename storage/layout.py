@@ -30,6 +30,7 @@ from typing import Any
 
 from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, fingerprint
 from z2p_renderer.storage.manifests import MANIFEST, faults, read_manifest, seal, sync
+from z2p_renderer.storage.room import DiskError, full
 from z2p_renderer.storage.unfinished import NOTE, read_note, write_note
 
 _RESULT = re.compile(r"[0-9a-f]{32}")
@@ -139,9 +140,12 @@ class Store:
                     if note and note["adopted"]:
                         entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})
                     self.publish(folder, entry, (NOTE, *leftovers))
-                except BaseException:
+                except BaseException as error:
+                    refused = full(folder)  # asked before it goes, which may be all that fills the disk
                     if not resumable:
                         _remove(folder)
+                    if refused and isinstance(error, Exception) and not isinstance(error, ValueError):
+                        raise DiskError(refused) from error  # however it showed; users' errors are ValueErrors
                     raise
         return self.folder(entry)
 

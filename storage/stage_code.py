@@ -2,8 +2,8 @@
 
 Digests are of syntax trees without docstrings, so comments and layout change nothing. The lists are written by hand and
 tested: a module that a stage's code imports must be in `SHAPING` or, with the reason, in `NOT_SHAPING`. A name is a
-module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code in
-another language, which counts byte by byte.
+module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code that no
+module imports; of what is not Python or C every byte counts.
 
 A change that gives the same results (a refactoring) can be vouched for with `z2p adopt`, at no cost.
 """
@@ -129,6 +129,7 @@ NOT_SHAPING: dict[str, str] = {
     "storage.layout": "puts files where they belong, whatever they hold",
     "storage.fingerprints": "names results and seeds by sha256",
     "storage.code": "tells the code that names results",
+    "z2p_core.native.sources": "tells where the kernels lie, and what they come from",
     "pipeline.children": "tells where Blender's process finds our code",
     "train/z2p_core.interfaces:Control": "shards hold the settings as encoded; only names and sizes are compared",
     "pipeline.baselines": "stands beside the weights; its pictures have fingerprints of their own",
@@ -152,6 +153,7 @@ NOT_SHAPING: dict[str, str] = {
     "plugins.baselines.apart": "runs another function elsewhere, whose answer is the same",
     "storage.memory": "refuses what does not fit, and changes nothing of what does",
     "storage.room": "tells what a disk refuses",
+    "shapes/pipeline.render:_failure": "tells why Blender failed",
     "storage.whole": "writes the bytes that it is given",
     "storage.names": "tells people of files",
     "z2p_core.install_advice": "tells people how to install what is missing",

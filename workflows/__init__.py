@@ -15,6 +15,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads 
 import luigi.configuration
 import luigi.interface
 
+from z2p_renderer.workflows.ending import conclude
 from z2p_renderer.workflows.plan import USERS_ERRORS
 
 _ours: dict[tuple[str, str], str] = {}
@@ -35,16 +36,19 @@ def apply_settings(name: str) -> None:
 
 
 class _Quiet(logging.Filter):
-    """Lets through warnings, failures and the closing summary; everything when the user asks for debug lines."""
+    """Lets through warnings and failures, and the closing summary where nothing failed; all in debug mode."""
 
     def filter(self, record: logging.LogRecord) -> bool:
+        ends = "Execution Summary" in record.getMessage()
+        failed = ends and conclude()
         if logging.getLogger(record.name).getEffectiveLevel() <= logging.DEBUG:
             return True
         message = record.getMessage()
         # these are told in one line by `workflows.tasks` and `workflows.goal`: where they arose is no news
-        told_by_us = message.startswith("Will not run") and "error in deps()" in message
-        told_by_us |= record.exc_info is not None and isinstance(record.exc_info[1], USERS_ERRORS)
-        return "Execution Summary" in message or (record.levelno >= logging.WARNING and not told_by_us)
+        told_by_us = message.startswith("Will not run") and "error in " in message
+        told_by_us |= record.exc_info is not None and isinstance(record.exc_info[1], (*USERS_ERRORS, OSError))
+        told_by_us |= record.exc_info is not None and " failed " in message  # a task, with the traceback of its log
+        return (ends and not failed) or (record.levelno >= logging.WARNING and not told_by_us)
 
 
 apply_settings("luigi.cfg")

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import traceback
 from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import luigi
 
@@ -16,7 +15,7 @@ from z2p_renderer.workflows.plan import USERS_ERRORS, Planned
 from z2p_renderer.workflows.progress import watch
 from z2p_renderer.workflows.stopping import stop_tidily
 from z2p_renderer.workflows.task_log import say
-from z2p_renderer.workflows.tasks import StageTask, absolute, task_of
+from z2p_renderer.workflows.tasks import StageTask, absolute, broken_told, task_of, tell_broken
 
 
 class Goal(luigi.Task):
@@ -63,9 +62,10 @@ class Goal(luigi.Task):
             return False  # luigi calls requires() next, whose error is told in one line
         if self.dry_run:
             return True  # so that luigi does nothing
-        if all(task.complete() for task in tasks):
-            return linked(self.results())
-        watch(self.store, self.plan, self.source)
+        with broken_told(self):
+            if all(task.complete() for task in tasks):
+                return linked(self.results())
+            watch(self.store, self.plan, self.source)
         stop_tidily()
         self.prepare()
         return False
@@ -83,6 +83,10 @@ class Goal(luigi.Task):
             folder / name: self.store.folder(plan.steps[step].entry) / name for name, step in self.shown.items()
         }
 
+    def on_failure(self, exception: BaseException) -> Any:
+        tell_broken(self, exception)
+        return super().on_failure(exception)
+
     def tell(self) -> None:
         """Say where the results are."""
         for path in self.results():
@@ -99,11 +103,3 @@ def _tell_found(task: Goal) -> None:
     if not task.dry_run:
         say("everything is up to date")
         task.tell()
-
-
-@luigi.Task.event_handler(luigi.Event.BROKEN_TASK)
-def _tell_broken(task: luigi.Task, exception: BaseException) -> None:
-    """Say why a task cannot even be planned: one line for what a user can mend, everything for the rest."""
-    if not isinstance(exception, USERS_ERRORS):
-        say("".join(traceback.format_exception(exception)))
-    say(f"FAILED {getattr(task, 'step_name', task.task_family)}: {exception}")

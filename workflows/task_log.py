@@ -37,7 +37,8 @@ def logged(path: Path) -> Iterator[None]:
     saved = [os.dup(1), os.dup(2)]
     log = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     began = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
-    os.write(log, f"--- {began}, process {os.getpid()} on {os.uname().nodename}\n".encode())
+    with suppress(OSError):  # of a full disk, which the task will tell of
+        os.write(log, f"--- {began}, process {os.getpid()} on {os.uname().nodename}\n".encode())
     os.dup2(log, 1)
     os.dup2(log, 2)
     os.close(log)

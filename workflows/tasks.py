@@ -8,7 +8,9 @@ from __future__ import annotations
 import json
 import shutil
 import time
+import traceback
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -20,7 +22,9 @@ from z2p_core.native.sources import outdated
 from z2p_renderer.storage.configs import config_text
 from z2p_renderer.storage.fingerprints import changed_plugins, file_digest
 from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.room import refusal
 from z2p_renderer.storage.stage_code import changed_parts
+from z2p_renderer.workflows.ending import fail
 from z2p_renderer.workflows.mesh_warnings import mesh_warnings
 from z2p_renderer.workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
 from z2p_renderer.workflows.stopping import ended_by_interrupt
@@ -73,7 +77,8 @@ class StageTask(luigi.Task):
         return [task_of(self.steps[name], self.source, self.workspace) for name in self.step.upstream]
 
     def complete(self) -> bool:
-        return self.store.complete(self.step.entry)
+        with broken_told(self):
+            return self.store.complete(self.step.entry)
 
     def run(self) -> None:
         if self.complete():
@@ -137,7 +142,9 @@ class StageTask(luigi.Task):
             shutil.copyfile(self.log, shown)
 
     def on_failure(self, exception: BaseException) -> Any:
-        tell_failure(self, f"{type(exception).__name__}: {exception}", isinstance(exception, USERS_ERRORS))
+        refused = refusal(exception, self.store.root)
+        reason = refused or f"{type(exception).__name__}: {exception}"
+        tell_failure(self, reason, bool(refused) or isinstance(exception, USERS_ERRORS), passing=bool(refused))
         return super().on_failure(exception)
 
     def make(self, out: Path) -> None:
@@ -235,13 +242,35 @@ def load_steps(source: str) -> dict[str, Step]:
     return load_plan(source).steps
 
 
-def tell_failure(task: StageTask, reason: str, users_error: bool = False) -> None:
-    """Say that a task failed and why; the end of its log is shown but for an error that says all by itself."""
-    say(f"FAILED {task.step_name}: {reason}")
-    lines = last_lines(task.log)
-    if lines and not users_error:
+def tell_failure(task: StageTask, reason: str, brief: bool = False, *, passing: bool = False) -> None:
+    """Say that a task failed and why, last of all; before that the end of its log, but for reasons that say it all."""
+    lines = [] if brief else last_lines(task.log)
+    if lines:
         say("\n".join(f"    {line}" for line in lines))
-    say(f"    log: {task.log}")
+    first = next((line for line in reason.splitlines() if line.strip()), reason).rstrip(" :")
+    where = "" if passing else f"; log: {task.log}"
+    fail(f"FAILED {task.step_name}: {first}{where}", passing=passing)
+
+
+@contextmanager
+def broken_told(task: luigi.Task) -> Iterator[None]:
+    """Says why a task cannot be asked whether it is complete; luigi then leaves it out."""
+    try:
+        yield
+    except Exception as error:
+        tell_broken(task, error)
+        raise
+
+
+@luigi.Task.event_handler(luigi.Event.BROKEN_TASK)
+def tell_broken(task: luigi.Task, exception: BaseException) -> None:
+    """Say why a task cannot be planned: one line for what a user can mend or what may pass, all for the rest."""
+    root = getattr(task, "workspace", None)
+    refused = refusal(exception, Path(absolute(root)) if root else None)
+    if refused is None and not isinstance(exception, (*USERS_ERRORS, OSError)):
+        say("".join(traceback.format_exception(exception)))
+    name = getattr(task, "step_name", task.task_family)
+    fail(f"FAILED {name}: {refused or exception}", passing=bool(refused))
 
 
 @luigi.Task.event_handler(luigi.Event.PROCESS_FAILURE)

@@ -178,11 +178,39 @@ def test_a_full_disk(world, undisturbed, small_disk, step):
     stage = step.split("/")[0]
     ballast = small_disk / "ballast"
     status, said = world.run(Z2P_FAULT=f"fill os.mkdir 1 /\\.(tmp|work)/{stage}", Z2P_BALLAST=str(ballast))
-    assert ballast.exists() and status == 30 and f"FAILED {step}" in said, said
-    assert "No space left" in said or "o space" in said, said
+    assert ballast.exists() and status == 75, said
+    assert f"FAILED {step}: no space left on the disk" in said and "Traceback" not in said, said
     assert step in world.predicted()
     ballast.unlink()
     finish(world, undisturbed)
+
+
+def test_a_disk_that_fills_up_inside_blender(world, undisturbed, small_disk):
+    step, ballast = "render/tetra/0-2", small_disk / "ballast"
+    lose(world, step)
+    shutil.copytree(world.workspace, small_disk / "runs", symlinks=True)
+    shutil.rmtree(world.workspace)
+    world.workspace.symlink_to(small_disk / "runs")
+    status, said = world.run(Z2P_FAULT="fill open 1 /bl_operators/", Z2P_BALLAST=str(ballast))  # as bpy is imported
+    assert ballast.exists() and status == 75 and said.rstrip().endswith("the same command goes on"), said
+    assert f"FAILED {step}: no space left on the disk" in said and "KeyError" not in said, said
+    ballast.unlink()
+    finish(world, undisturbed)
+
+
+@pytest.mark.parametrize("options, words", [("ro", "read-only"), ("nr_inodes=3", "no inodes left")])
+def test_a_disk_that_takes_nothing(tmp_path, options, words):
+    world, disk = World(tmp_path, code=False), tmp_path / "runs"
+    disk.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(disk)], check=False)
+    if mounted.returncode:
+        pytest.skip("a small filesystem cannot be mounted here")
+    try:
+        status, said = world.run()
+    finally:
+        subprocess.run(["umount", "--lazy", str(disk)], check=True)
+    lines = said.strip().splitlines()
+    assert status == 75 and len(lines) == 1 and lines[0].startswith("FAILED FullPipeline: ") and words in lines[0], said
 
 
 def test_no_scheduler_at_the_start_and_none_midway(world, undisturbed, monkeypatch):
