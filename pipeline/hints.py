@@ -8,7 +8,7 @@ import numpy as np
 
 from z2p_core.foreground import is_room
 from z2p_core.framing import MILLIMETRES, Up, implied_sensor
-from z2p_core.strays import every_nth
+from z2p_core.strays import few_of
 from z2p_core.turning import extent, turned
 
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
@@ -44,7 +44,7 @@ def hint_for(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
 
 def hint_for_placed(cloud: np.ndarray) -> str:
     """What to say where few of the placed points (N, 3) float32 make the frame wide, and the others hardly fill it."""
-    sample = every_nth(cloud)
+    sample = few_of(cloud)
     away = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
     return SMALL_HINT if np.quantile(away, MOST) < SMALL else ""
 

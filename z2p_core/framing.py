@@ -14,9 +14,9 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DEFAULT_ELEVATION
 from z2p_core.interfaces import Sensor
-from z2p_core.standing import topples
-from z2p_core.strays import every_nth
+from z2p_core.thinning import even_share
 from z2p_core.turning import extent, turned
+from z2p_core.up_axis import guess_up
 
 UP_AXES = {
     "+Z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
@@ -32,12 +32,6 @@ The camera stands at -Y, so these also choose the data's front. +Y up, (x, y, z)
 camera (OpenGL's axes). -Y up, (x, z, -y): what faces -Z does (a depth camera's axes, seen from the sensor). The
 others leave y alone, so what faces -Y does.
 """
-Y_UP_SUFFIXES = frozenset({".obj", ".glb", ".gltf"})
-"""Formats of computer graphics, where +Y is up by convention (glTF: by its standard)."""
-
-EITHER_UP_SUFFIXES = frozenset({".ply", ".off", ".stl", ".obj"})
-"""Formats of single objects, of which many break the convention; scanners' formats keep theirs."""
-
 CAMERA_CONE = 60.0
 """Degrees from its axis within which a depth camera sees; a laser scanner sees all around."""
 IMPLIED_CONE, IMPLIED_DEPTHS = 50.0, (0.1, 15.0)
@@ -46,6 +40,8 @@ NARROW_CONE, DOUBLE, DOUBLE_NARROW = 25.0, 0.1, 0.015
 """Within the narrow cone, in degrees, hardly anything lies by chance, so a mere relief, a face say, may be a depth
 camera's; and the least shares of directions from the side with two depths, of any such cloud and of one so narrow."""
 FEWEST_FOR_LAYERS = 500
+MOST_LOOKED_AT = 20_000
+"""Points of a larger cloud by which a view is chosen."""
 AZIMUTHS = 24
 THREE_QUARTER = 22.5
 """Degrees off the broadest view, so that the object's depth shows as well."""
@@ -63,18 +59,23 @@ class Up:
     reason: str
     sensor: Sensor | None = None
     """The depth camera that took the cloud, told by the file or implied by the points."""
+    other: str = ""
+    """The file's axis that may be up instead, where the cloud leaves a doubt."""
 
 
 METRES, MILLIMETRES = 1.0, 1000.0
 """Units to a metre, as depth cameras give them."""
 
 
-def choose_up(points: np.ndarray, sensor: Sensor | None, suffix: str, units: Sequence[float] = (METRES,)) -> Up:
+def choose_up(
+    points: np.ndarray, sensor: Sensor | None, suffix: str, units: Sequence[float] = (METRES,),
+    usual: tuple[str, str] = ("", ""),
+) -> Up:  # fmt: skip
     """Which way is up in finite points (N, 3) of a file with that suffix (lower-case, with its dot), and why.
 
-    A depth camera's own up, else what its format holds by convention, unless the object would topple over so and stand
-    firmly the other way: scans in .ply are +Z or +Y up. A sensor that sees all around (a laser scanner)
-    says nothing about up. Without a sensor the points may look like a depth camera's in one of the `units` to a metre.
+    A depth camera's own up, else what `guess_up` makes of the cloud's shape, of its format, and of the axis that is
+    `usual` for such files, with the reason. A sensor that sees all around (a laser scanner) says nothing about up.
+    Without a sensor the points may look like a depth camera's in one of the `units` to a metre.
     """
     reason = "as its depth camera stood"
     if sensor is not None and not _is_camera(points, sensor):
@@ -84,11 +85,8 @@ def choose_up(points: np.ndarray, sensor: Sensor | None, suffix: str, units: Seq
     if sensor is not None:
         rotation = np.array(UP_AXES["-Y"], dtype=np.float64) @ sensor.rotation.T
         return Up(rotation, _axis_name(rotation[2]), reason, sensor)
-    axis, reason = ("+Y", f"the convention of {suffix}") if suffix in Y_UP_SUFFIXES else ("+Z", "the usual axis")
-    other = "+Z" if axis == "+Y" else "+Y"
-    if suffix in EITHER_UP_SUFFIXES and topples(points, np.array(UP_AXES[axis][2]), np.array(UP_AXES[other][2])):
-        axis, reason = other, f"it stands firmly so, and would topple over with {axis} up"
-    return Up(np.array(UP_AXES[axis], dtype=np.float64), axis, reason)
+    guess = guess_up(points, suffix, *usual)
+    return Up(np.array(UP_AXES[guess.axis], dtype=np.float64), guess.axis, guess.reason, other=guess.other)
 
 
 def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Sensor | None:
@@ -101,7 +99,7 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
     """
     if len(points) < FEWEST_FOR_LAYERS:
         return None
-    sign = 1.0 if points[0, 2] > 0 else -1.0
+    sign = 1.0 if points[:, 2].max() > 0 else -1.0
     depth = sign * points[:, 2]
     nearest, farthest = IMPLIED_DEPTHS
     if not any(nearest * unit <= depth.min() and depth.max() <= farthest * unit for unit in units):
@@ -109,7 +107,7 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
     off_axis = math.degrees(math.atan(float((np.hypot(points[:, 0], points[:, 1]) / depth).max())))
     if off_axis > IMPLIED_CONE:
         return None
-    x, y, z = every_nth(points).T
+    x, y, z = even_share(points, MOST_LOOKED_AT).T
     depth = sign * z
     from_origin = _layered(x / depth, y / depth, depth, float(np.median(depth)))
     from_side = max(_layered(y, z, x, 1.0), _layered(x, z, y, 1.0))
@@ -138,7 +136,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
     """
     low, high = extent(points)
-    points = every_nth(points - (low + high) / 2)
+    points = even_share(points, MOST_LOOKED_AT) - (low + high) / 2
     reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
     shown = _showing(points / reach, elevation)
     nearest_first = sorted(range(AZIMUTHS), key=lambda step: (min(step, AZIMUTHS - step), step))
@@ -154,7 +152,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
 
 def _is_camera(points: np.ndarray, sensor: Sensor) -> bool:
     """True when nearly all points lie in the cone before the sensor."""
-    seen = turned(every_nth(points) - sensor.position, sensor.rotation.T)
+    seen = turned(even_share(points, MOST_LOOKED_AT) - sensor.position, sensor.rotation.T)
     inside = np.hypot(seen[:, 0], seen[:, 1]) <= math.tan(math.radians(CAMERA_CONE)) * seen[:, 2]
     return bool(inside.mean() > 0.98)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.geometry import bounding_sphere
+from z2p_core.thinning import even_share
 from z2p_core.turning import extent
 
 MOST_LOOKED_AT = 20_000
@@ -26,9 +27,19 @@ SMALL_BELOW = 0.001
 """Share of all points, of strays that lie below a thing in all."""
 
 
-def every_nth(points: np.ndarray) -> np.ndarray:
-    """Every so many of points (N, 3), `MOST_LOOKED_AT` at most."""
-    return points[:: -(-len(points) // MOST_LOOKED_AT)]
+UNSEEN = 0.02
+"""Share of the picture's disc that all clusters fill at most, each by its own sphere, where next to nothing shows."""
+MOST_SCATTERED = 0.25
+"""Share of the points that may lie scattered in small clusters, and still count as strays."""
+MOST, MANY_CELLS = 0.7, 150
+"""Share of the points that specks hold at least, and more cells of a coarse grid than they can take up."""
+MOST_FAR = 8
+"""Times that a cloud is looked at for what lies far away: each time the rest is a tenth as wide or less."""
+
+
+def few_of(points: np.ndarray) -> np.ndarray:
+    """`MOST_LOOKED_AT` of points (N, 3) at most, whatever their order."""
+    return even_share(points, MOST_LOOKED_AT)
 
 
 def clip_outliers(points: np.ndarray) -> np.ndarray:
@@ -48,6 +59,56 @@ def clip_outliers(points: np.ndarray) -> np.ndarray:
             break
         kept[rows[strays]] = False
     return kept
+
+
+def clip_far(points: np.ndarray) -> np.ndarray:
+    """Mask (N,) bool of finite points (N, 3): False for clusters so far from the largest one that nothing would show.
+
+    Clusters far from each other are specks in a picture of them all. The one with the most points is kept then, with
+    what lies near enough for all of it to be seen; where two have as many, the wider one is.
+    """
+    kept = np.ones(len(points), dtype=bool)
+    if len(points) < FEWEST_TO_CLIP:
+        return kept
+    for _ in range(MOST_FAR):
+        rows = np.flatnonzero(kept)
+        largest = _largest_of_specks(points[rows])
+        if largest is None:
+            break
+        kept[rows[~largest]] = False
+    return kept
+
+
+def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
+    """Mask (N,) of the largest cluster of points (N, 3), where all of them together would hardly show; else None."""
+    if _spread_out(points):
+        return None
+    cluster = _clusters(points)
+    sizes = np.bincount(cluster)
+    low, high = np.full((len(sizes), 3), np.inf), np.full((len(sizes), 3), -np.inf)
+    order = np.argsort(cluster, kind="stable")
+    starts = np.flatnonzero(np.diff(cluster[order], prepend=-1))
+    for axis in range(3):
+        low[:, axis] = np.minimum.reduceat(points[order, axis], starts)
+        high[:, axis] = np.maximum.reduceat(points[order, axis], starts)
+    radii = np.linalg.norm(high - low, axis=1) / 2
+    whole = float(np.linalg.norm(high.max(0) - low.min(0))) / 2
+    small = sizes <= SMALL_CLUSTER * len(points)
+    if sizes[small].sum() <= MOST_SCATTERED * len(points):  # strays may lie in wide chains, of which nothing shows
+        radii[small] = 0.0
+    if (radii**2).sum() >= UNSEEN * whole**2:
+        return None
+    return np.asarray(cluster == np.lexsort((low[:, 0], radii, sizes))[-1])
+
+
+def _spread_out(points: np.ndarray) -> bool:
+    """Whether most of points (N, 3) take up more of the space about them than specks in it do; told at once."""
+    low, high = extent(points)
+    step = max(float((high - low).max()), LEAST_SPAN) / 24
+    some = points[:: -(-len(points) // MOST_LOOKED_AT)]  # no order makes many cells of few
+    place = ((some - low) / step).astype(np.int64)
+    count = np.sort(np.bincount((place[:, 0] * 25 + place[:, 1]) * 25 + place[:, 2]))[::-1]
+    return bool(count[:MANY_CELLS].sum() < MOST * len(some))
 
 
 def clip_below(points: np.ndarray, height: np.ndarray) -> np.ndarray:
@@ -92,8 +153,9 @@ def _strays(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
     taken = np.zeros(len(sizes), dtype=bool)
     taken[farthest[np.cumsum(sizes[farthest]) <= budget]] = True
     strays = taken[cluster]
-    rest = bounding_sphere(every_nth(points[~strays]))
-    whole = bounding_sphere(np.vstack([every_nth(points[~strays]), points[strays]])) if strays.any() else rest
+    rest_of = few_of(points[~strays])
+    rest = bounding_sphere(rest_of)
+    whole = bounding_sphere(np.vstack([rest_of, points[strays]])) if strays.any() else rest
     if rest.radius > (1 - LEAST_GAIN) * whole.radius:
         return none
     outside = np.sqrt(((points - rest.centre) ** 2).sum(1)) > 1.02 * rest.radius
@@ -109,7 +171,7 @@ def _adjoining(points: np.ndarray, cluster: np.ndarray, taken: np.ndarray, large
     clusters = np.flatnonzero(taken)
     if len(clusters) > MOST_PARTS:
         clusters = clusters[:0]
-    body = points[large[cluster]]
+    body = even_share(points[large[cluster]], len(points))  # in an order that is not the file's
     places = np.floor((body - body.min(axis=0)) * (BODY_CELLS / max(float(np.ptp(body, axis=0).max()), LEAST_SPAN)))
     few = body[np.unique(places @ [1, BODY_CELLS + 1, (BODY_CELLS + 1) ** 2], return_index=True)[1]]
     for one in clusters:

@@ -1,0 +1,101 @@
+"""Which of a cloud's six axes points up: what is usual for its kind of file, weighed against what its shape says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from z2p_core.turning import extent
+from z2p_core.upright import marks
+from z2p_core.upright_weights import scores
+
+AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
+
+_SINGLE = {"+Z": 0.42, "+Y": 0.32, "-Y": 0.16, "-Z": 0.04, "+X": 0.03, "-X": 0.03}
+_GRAPHICS = {"+Z": 0.19, "+Y": 0.69, "-Y": 0.06, "-Z": 0.02, "+X": 0.02, "-X": 0.02}
+_SCANNED = {"+Z": 0.52, "+Y": 0.26, "-Y": 0.12, "-Z": 0.04, "+X": 0.03, "-X": 0.03}
+USUAL: Mapping[str, Mapping[str, float]] = {
+    ".ply": _SINGLE, ".off": _SCANNED, ".stl": _SCANNED, ".obj": _GRAPHICS, ".pcd": _SCANNED,
+}  # fmt: skip
+"""Suffix -> how often each axis is up in such files, as far as we know; all others are taken as `_SCANNED`."""
+SETTLED = {".glb": "+Y", ".gltf": "+Y", ".las": "+Z", ".laz": "+Z", ".e57": "+Z", ".ptx": "+Z"}
+"""Suffix -> the axis that its standard, or the practice of surveys, holds for up."""
+USUAL_BY_FILE = 0.8
+"""Share of the files with a family's marks that have the family's axis up."""
+DOUBT = 0.05
+"""Share of clouds of which the shape tells nothing, however clear it seems: they may be of a kind not learnt from."""
+FEWEST_POINTS = 100
+"""Fewer tell no shape."""
+AT_ORIGIN, GROUNDED = 0.005, 3.0
+"""A thing whose end lies at 0, but for that share of its size, is so many times as likely to stand on that end."""
+FAR, FAR_OFF = 1000.0, 10.0
+"""Coordinates so large, and so many times the cloud's size, are a map's, which has its heights along z."""
+CLEAR, POSSIBLE = 0.9, 0.15
+"""How likely an axis is that is called clear, and another one that is named at least."""
+TELLING = 1.5
+"""How many times as likely as before the shape must make the usual axis, to be said to tell it."""
+
+
+@dataclass(frozen=True)
+class Guess:
+    """The axis that is most likely up, why, and the other one that may be, if any."""
+
+    axis: str
+    reason: str
+    other: str = ""
+
+
+def guess_up(points: np.ndarray, suffix: str, usual: str = "", usual_reason: str = "") -> Guess:
+    """Which axis of finite points (N, 3) is up in a file with that suffix (lower-case, with its dot).
+
+    `usual` is the axis that is usual for files with such marks as this one has, if any, and `usual_reason` says which.
+    The order of the points does not count.
+    """
+    if not usual and suffix in SETTLED:
+        return Guess(SETTLED[suffix], f"the convention of {suffix}")
+    low, high = extent(points)
+    size = float((high - low).max())
+    if not usual and float(np.abs(low + high)[:2].max()) / 2 > max(FAR, FAR_OFF * size):
+        return Guess("+Z", "a map's coordinates")
+    prior = _prior(suffix, usual)
+    shape = np.full(6, 1 / 6)
+    if len(points) >= FEWEST_POINTS and size > 0:
+        told = scores(marks(points))
+        likely = np.exp(told - told.max())
+        shape = (1 - DOUBT) * likely / likely.sum() + DOUBT / 6
+    grounded = np.where(np.abs(np.stack([low, -high], axis=1).ravel()) < AT_ORIGIN * size, GROUNDED, 1.0)
+    chance = prior * shape * grounded
+    return _told(chance / chance.sum(), prior, usual_reason if usual else "the usual axis")
+
+
+def _prior(suffix: str, usual: str) -> np.ndarray:
+    """How likely each of `AXES` is, before the cloud is looked at (6,)."""
+    share = np.array([USUAL.get(suffix, _SCANNED)[axis] for axis in AXES])
+    if not usual:
+        return share
+    share[AXES.index(usual)] = 0.0
+    share *= (1 - USUAL_BY_FILE) / share.sum()
+    share[AXES.index(usual)] = USUAL_BY_FILE
+    return share
+
+
+def _told(chance: np.ndarray, prior: np.ndarray, usual_reason: str) -> Guess:
+    """The guess in words, of how likely each axis is, with its shape (6,) and before (6,)."""
+    first, second = (int(place) for place in np.argsort(-chance, kind="stable")[:2])
+    expected = int(prior.argmax())
+    other = AXES[second] if chance[second] >= POSSIBLE else ""
+    if first == expected and _odds(chance[first]) < TELLING * _odds(prior[first]):
+        doubt = "" if prior[first] >= USUAL_BY_FILE else ", of which its shape tells little"
+        return Guess(AXES[first], usual_reason + doubt, other)
+    sure = "clearly" if chance[first] >= CLEAR else "probably"
+    reason = f"{sure}, by its shape"
+    if first == expected and usual_reason != "the usual axis":
+        reason = f"{usual_reason}, and its shape says so"
+    return Guess(AXES[first], reason, other)
+
+
+def _odds(chance: float) -> float:
+    """How many times as likely something is as all else."""
+    return float(chance / max(1 - chance, 1e-9))
