@@ -1,8 +1,12 @@
 """Which folders become which packages: all but the core are installed under the one name ``z2p_renderer``."""
 
-from setuptools import find_packages, setup
+from pathlib import Path
+
+from setuptools import Extension, find_packages, setup
 
 FOLDERS = ("pipeline", "plugins", "storage", "workflows")
+DATA = ("z2p_renderer.pipeline.templates", "z2p_renderer.storage.weights")
+"""Folders without code, which setuptools takes for packages too and else warns of, at length."""
 
 
 def installed_packages() -> list[str]:
@@ -10,7 +14,7 @@ def installed_packages() -> list[str]:
     packages = ["z2p_core", *(f"z2p_core.{name}" for name in find_packages("z2p_core")), "z2p_renderer"]
     for folder in FOLDERS:
         packages += [f"z2p_renderer.{folder}", *(f"z2p_renderer.{folder}.{name}" for name in find_packages(folder))]
-    return packages
+    return [*packages, *DATA]
 
 
 setup(
@@ -20,4 +24,5 @@ setup(
         **{f"z2p_renderer.{folder}": folder for folder in FOLDERS},
     },
     py_modules=["workflows"],
+    ext_modules=[Extension("z2p_core.native.kernels", sorted(map(str, Path("z2p_core/native").glob("*.c"))))],
 )

@@ -29,8 +29,8 @@ ONLY_IN = {
 NOT_IN_CORE = {"h5py", "luigi", "bpy", "open3d"}
 FILE_CALLS = {"open", "read_text", "write_text", "read_bytes", "write_bytes", "mkdir", "unlink", "touch", "rename"}
 FILE_CALLS |= {"savez", "savez_compressed", "savetxt", "loadtxt", "genfromtxt", "fromfile", "tofile", "load_file"}
-BUILDING = {Path("z2p_core/native/compiling.py"), Path("z2p_core/native/sources.py")}
-"""What compiles the kernels and tells the C files that they come from, which lie beside it."""
+BUILDING = {Path("z2p_core/native", name) for name in ("compiling.py", "sources.py", "wheels.py")}
+"""What compiles the kernels, tells the C files that they come from, which lie beside it, and names wheels."""
 
 
 def sources(*rooms: str) -> list[Path]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import ctypes
-import importlib.machinery
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from z2p_core.native.sources import LIBRARY
 
 
 @lru_cache(maxsize=1)
@@ -18,10 +19,9 @@ def library() -> ctypes.CDLL:
     Raises:
         ImportError: they were not compiled; the message says how.
     """
-    for suffix in importlib.machinery.EXTENSION_SUFFIXES:
-        path = Path(__file__).parent / f"kernels{suffix}"
-        if path.exists():
-            return ctypes.CDLL(str(path))
+    path = Path(__file__).with_name(LIBRARY)
+    if path.exists():
+        return ctypes.CDLL(str(path))
     raise ImportError(
         f"z2p's compiled kernels are missing beside {__file__}; install a C compiler (Debian: apt-get install gcc "
         "libc6-dev) and z2p again (pip install .)"

@@ -147,6 +147,16 @@ INLINE void remember(const Round *round, const float *own, const Lanes *said, fl
     memcpy(told, says, sizeof says);
 }
 
+/* What a point hears of itself, and sums that nothing was added to yet. No FAST function calls what returns Lanes: for
+ * clang the two do not fit together before one is part of the other. */
+INLINE void start(const Round *round, const float *own, Lanes *heard, Lanes *all, Lanes (*sums)[PARTS]) {
+    for (int u = 0; u < PARTS; u++) {
+        heard[u] = part_of(round->bias, u), all[u] = (Lanes){0};
+        for (int m = 0; m < MEASURES; m++) sums[m][u] = (Lanes){0};
+    }
+    add_product(own, round->own, heard);
+}
+
 /* One round, for rows from `begin` to `end`: points (count, 3) on their patches, their unit normals (count, 3), of
  * either sign, memory (count, WIDTH) and what the points tell (count, WIDTH), from those before and from the neighbours
  * found (count, most), whose steps are measured in `scale` (count). */
@@ -159,11 +169,7 @@ FAST int z2p_refine(int which, const float *points, const float *normals, const 
         const float *p = points + 3 * (size_t)i, *n = normals + 3 * (size_t)i, *own = memory + (size_t)i * WIDTH;
         const int *row = found + (size_t)i * most;
         Lanes heard[PARTS], all[PARTS], sums[MEASURES][PARTS];
-        for (int u = 0; u < PARTS; u++) {
-            heard[u] = part_of(round->bias, u), all[u] = (Lanes){0};
-            for (int m = 0; m < MEASURES; m++) sums[m][u] = (Lanes){0};
-        }
-        add_product(own, round->own, heard);
+        start(round, own, heard, all, sums);
         for (int first = 0; first < most; first += MET) {
             float measures[MEASURES][MET], features[FEATURES][MET];
             Lanes said[MET][PARTS];

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from pathlib import Path
 
 NOTE, COMPILING = "kernels.sha256", "compiling.py"
+LIBRARY = "kernels.dll" if os.name == "nt" else "kernels.so"
+"""The compiled kernels: the same for every Python, so no Python is in their name."""
 
 
 def digest(folder: Path = Path(__file__).parent) -> str:
