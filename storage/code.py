@@ -1,4 +1,7 @@
-"""Digests of code: of Python as a syntax tree without docstrings, so that comments and layout change nothing."""
+"""Digests of code: of Python as a syntax tree without docstrings, so that comments and layout change nothing.
+
+`c_code` does the same for C.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 
 import z2p_core
+from z2p_renderer.storage.c_code import c_digest
 
 OURS = "z2p_renderer"
 FOLDERS = Path(__file__).parents[1]
@@ -22,14 +26,18 @@ def part_digest(name: str) -> str:
 
 
 def present_digest(name: str) -> str:
-    """Digest (64 hex digits) of a module of the project, of a ``module:definition``, or of a ``folder/file`` as it is.
+    """Digest (64 hex digits) of a module of the project, of a ``module:definition``, or of a ``folder/file``.
+
+    Of a file that is not Python or C, every byte counts.
 
     Raises:
         FileNotFoundError: no such module or file.
         ValueError: the module has no such definition.
     """
     if "/" in name:
-        return hashlib.sha256((CORE.parent / name).read_bytes()).hexdigest()
+        path = CORE.parent / name
+        tell = {".c": c_digest, ".h": c_digest, ".py": code_digest}.get(path.suffix)
+        return tell(path.read_text(encoding="utf-8")) if tell else hashlib.sha256(path.read_bytes()).hexdigest()
     module, _, definition = name.partition(":")
     return code_digest(source_of(module).read_text(encoding="utf-8"), definition)
 

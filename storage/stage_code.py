@@ -23,11 +23,11 @@ _PICTURES = ("pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core
 _KERNEL_FILES = (
     "axes.h", "cells.c", "centres.c", "clips.c", "clips.h", "colour.c", "compiling.py", "disc.h", "fast.h", "floor.h",
     "gather.c", "gloss.c", "grid.c", "grid.h", "hits.c", "holes.c", "jets.c", "lanes.h", "light.c", "mirror.c",
-    "planes.c", "project.c", "refine.c", "refine_network.h", "refine_weights.h", "shade.c", "shadow.c", "showing.c",
-    "sight.h", "slabs.c", "splat.c", "touch.c", "wide.c",
+    "planes.c", "project.c", "refine.c", "refine_network.h", "refine_weights.h", "rows.c", "shade.c", "shadow.c",
+    "showing.c", "sight.h", "slabs.c", "splat.c", "touch.c", "wide.c",
 )
 _KERNELS = (
-    "z2p_core.native", *(f"z2p_core.native.{name}" for name in ("calls", "lighting", "pictures", "surfaces")),
+    "z2p_core.native", *(f"z2p_core.native.{name}" for name in ("calls", "lighting", "pictures", "rows", "surfaces")),
     *(f"z2p_core/native/{name}" for name in _KERNEL_FILES),
 )
 _NETWORK = (

@@ -12,6 +12,7 @@ import pytest
 
 import z2p_renderer.storage.fingerprints
 from z2p_core import registry
+from z2p_renderer.storage.c_code import c_digest
 from z2p_renderer.storage.code import code_digest, defined, imports, part_digest, source_of
 from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from z2p_renderer.storage.stage_code import NOT_SHAPING, OF_WEIGHTS, PACKAGES, PLACING, SHAPING, installed_version
@@ -197,6 +198,57 @@ def test_code_in_other_languages_and_what_compiles_it_is_listed_as_well():
     built_with = ROOT / "z2p_core" / "native" / "compiling.py"  # the compiler's flags, which no module imports
     assert {path.relative_to(ROOT).as_posix() for path in [*sources, built_with]} == listed_files
     assert part_digest("workflows/luigi.cfg") == file_digest(ROOT / "workflows" / "luigi.cfg")
+
+
+C = '''#include <math.h>
+#define TWICE(x) ((x) + (x))  /* no comment */
+// what it is
+static const char *told = "/* no comment */ // 'none' \\" ", quote = '"';
+
+float half(float a, int b) { return a - -b / 2; }
+'''
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [
+        ("// what it is\n", ""),
+        ("// what it is", "/* it is\n\n   what */ // \"and\" 'more"),
+        ("/* no comment */\n//", "// 'another\n\n//"),
+        ("{ return", "{\n\t/* half */ return"),
+        ("a - -b / 2", "a-\n-b/2"),
+        ("(x) + (x))", "(x) \\\n    + (x))"),
+        ("\n", "\r\n"),
+    ],
+)
+def test_comments_and_layout_of_c_make_nothing_stale(old, new):
+    assert old in C and c_digest(C.replace(old, new)) == c_digest(C)
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [
+        ("<math.h>", "<math//.h>"),
+        ("told = \"/* no", "told = \"/*  no"),
+        ("// 'none'", "// 'nine'"),
+        ("'\"'", "'\\''"),
+        ("a - -b", "a --b"),
+        ("a - -b", "a - +b"),
+        ("b / 2", "b // 2"),
+        ("TWICE(x)", "TWICE (x)"),
+        ("+ (x))", "+\n(x))"),
+        ("int b", "intb"),
+        ("half", "Half"),
+    ],
+)
+def test_all_else_in_c_does(old, new):
+    assert old in C and c_digest(C.replace(old, new)) != c_digest(C)
+
+
+def test_each_kernels_code_counts_and_its_comments_do_not():
+    for part in {part for part in SHAPING["train"] if part.endswith((".c", ".h"))}:
+        source = (ROOT / part).read_text()
+        assert part_digest(part) == c_digest(f"/* new */\n{source}\n\n// new\n") != c_digest(f"{source}\nint new;\n")
 
 
 def test_a_definitions_digest_does_not_hang_on_its_neighbours():
