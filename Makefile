@@ -15,7 +15,8 @@ PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 .PHONY: demo test test-fast soak lint clean
 
 demo: $(LIGHT)
-	$(BIN)/z2p run-inference samples --output previews --overwrite
+	$(BIN)/z2p render samples --output previews --overwrite
+	@echo "the pictures are in previews/; one of a scan of your own: $(BIN)/z2p render SCAN.ply --output SCAN.png"
 
 test: $(FULL)
 	$(PYTEST)
