@@ -11,7 +11,6 @@ import json
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ import click
 import luigi.cmdline
 
 from z2p_core.ablation_config import BASE
+from z2p_renderer.pipeline.commands.workspace_options import command
 from z2p_renderer.storage.adoption import adopt as take_over
 from z2p_renderer.storage.adoption import candidates
 from z2p_renderer.storage.fingerprints import STAGE_VERSIONS
@@ -39,43 +39,13 @@ TRUTH = "truth"
 """Folder of a workspace that is a store of its own, for ground truth."""
 
 
-def _workspace(command: Callable[..., Any]) -> Callable[..., Any]:
-    return click.option("--workspace", default="runs", show_default=True, metavar="DIR", help="Folder of all results.",
-                        type=click.Path(file_okay=False, path_type=Path))(command)  # fmt: skip
-
-
-def _plan_options(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The options of `z2p pipeline`, `ablate` and `report-paper` that say which results are meant."""
-    command = click.option("--report", is_flag=True, help="The results of z2p report-paper; so it is with a report's "
-                           "config, and with its own options.")(command)  # fmt: skip
-    for name, metavar, text in (
-        ("--sweeps", "NAMES", "Of a report: only these sweeps."),
-        ("--weights", "NAMES", "Of a report: the weights that take part."),
-        ("--scans", "DIR", "Of a report: folder of scans to show."),
-        ("--evaluate-meshes", "DIR", "Folder of meshes kept aside for the evaluation."),
-        ("--meshes", "DIR", "Folder of meshes to train on; shapes of the project's own without it."),
-        ("--config", "TOML", "Settings of every stage; the quick ones without it."),
-    ):
-        command = click.option(name, default="", metavar=metavar, help=text)(command)
-    return _workspace(command)
-
-
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 def main() -> None:
     """Look at a workspace and keep it in order."""
 
 
-@main.command()
-@_plan_options
-@click.option("--json", "in_json", is_flag=True, help="A JSON list instead of a table.")
-@click.option("--stale", "only_stale", is_flag=True, help="Only what a run would make.")
 def status(workspace: Path, in_json: bool, only_stale: bool, **where: Any) -> None:
-    """List every step as fresh, stale or missing, with the reason. Writes nothing.
-
-    \b
-    z2p status --config my.toml --meshes meshes/
-    z2p status --config configs/report.toml --meshes kept-aside/
-    """
+    """List every step as fresh, stale or missing, with the reason."""
     found = states(_plan(_source(**where)), Store(workspace.absolute()))
     if in_json:
         click.echo(as_json([one for one in found if not only_stale or one.state != "fresh"]))
@@ -83,15 +53,8 @@ def status(workspace: Path, in_json: bool, only_stale: bool, **where: Any) -> No
         click.echo("\n".join(table(found, every=not only_stale)))
 
 
-@main.command()
-@_workspace
 def verify(workspace: Path) -> None:
-    """Compare every result with its digests; a damaged one is put aside and made again by the next run.
-
-    One that a running pipeline is at work on is left to it.
-
-    Exit status 1 when a result was damaged.
-    """
+    """Compare every result with its digests, and put damaged ones aside."""
     if not workspace.is_dir():
         raise click.UsageError(f"--workspace {workspace}: expected a folder that z2p pipeline wrote, got none")
     checked, damaged = 0, 0
@@ -106,12 +69,8 @@ def verify(workspace: Path) -> None:
     sys.exit(1 if damaged else 0)
 
 
-@main.command()
-@_workspace
-@click.option("--drop", multiple=True, metavar="NAME", help="Let go of a configuration's results as well; repeatable.")
-@click.option("--yes", is_flag=True, help="Remove what is listed.")
 def gc(workspace: Path, drop: tuple[str, ...], yes: bool) -> None:
-    """List what no kept configuration and no running pipeline needs; with --yes, remove it."""
+    """List or remove what nothing needs."""
     store = Store(workspace.absolute())
     unknown = sorted(name for name in drop if name not in kept(store) and not (store.root / name).is_dir())
     if unknown:
@@ -122,19 +81,8 @@ def gc(workspace: Path, drop: tuple[str, ...], yes: bool) -> None:
     click.echo(_told(found, yes))
 
 
-@main.command()
-@click.argument("stages", nargs=-1, metavar="STAGE...")
-@_plan_options
-@click.option("--because", default="", metavar="REASON", help="Why the results would be the same; without it, a list.")
-@click.option("--json", "in_json", is_flag=True, help="A JSON list instead of a table.")
 def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool, **where: Any) -> None:
-    """Vouch for results that older code made: take them over where nothing but code or packages changed.
-
-    STAGE is one or more of shapes, sample, render, shard, train, evaluate and reference (the ground truth of the
-    evaluation), of ablations compare as well, or of a report measure, scans, trust, times and report; without one, all
-    of them. Without --because it lists what could be taken over and changes nothing. Results whose parameters, meshes
-    or plugin versions differ are never taken over.
-    """
+    """Vouch for results that older code made."""
     unknown = [stage for stage in stages if stage not in STAGE_VERSIONS]
     if unknown:
         raise click.UsageError(f"unknown stage {unknown[0]!r}; stages: {', '.join(STAGE_VERSIONS)}")
@@ -164,16 +112,16 @@ def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool,
     click.echo(f"{len(found)} results {'taken over' if because else 'could be taken over with --because REASON'}")
 
 
-@main.command()
-@click.option("--address", default="127.0.0.1", show_default=True, metavar="IP", help="Where to listen; it has no "
-              "authentication of its own, so never on a public address.")
-@click.option("--port", default=8082, show_default=True, type=click.IntRange(1, 65535), metavar="N")
 def scheduler(address: str, port: int) -> None:
-    """Start luigi's central scheduler, which shares the work among pipelines on several machines."""
+    """Start luigi's central scheduler."""
     apply_settings("luigid.cfg")
     folder = tempfile.mkdtemp(prefix="z2p-scheduler-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)  # after luigid's own last words
     luigi.cmdline.luigid(["--address", address, "--port", str(port), "--state-path", f"{folder}/state"])
+
+
+for _work in (status, verify, gc, adopt, scheduler):
+    main.add_command(command(_work.__name__, _work))
 
 
 def _source(config: str, meshes: str, evaluate_meshes: str, report: bool, **of_report: str) -> str:

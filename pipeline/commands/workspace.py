@@ -1,38 +1,38 @@
 """`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to a process.
 
-That is ``python -m z2p_renderer.workflows``.
+That is ``python -m workflows``. Wrong words, and those that ask for help, are answered here.
 """
 
 from __future__ import annotations
 
-import subprocess
 import sys
+from typing import Any
 
 import click
 
 from z2p_renderer.pipeline.children import child_environment
 from z2p_renderer.pipeline.commands.full_pipeline import check_luigi, run_process
+from z2p_renderer.pipeline.commands.workspace_options import command
+
+_WORDS = "z2p.words"
 
 
 class HandedOn(click.Command):
-    """A command whose words are another program's to understand."""
+    """A command that keeps its words as they were typed."""
 
-    ignore_unknown_options = True
-    allow_extra_args = True
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[_WORDS] = list(args)
+        return super().parse_args(ctx, args)
 
 
 def _handed_on(name: str) -> click.Command:
-    @click.command(name, cls=HandedOn, add_help_option=False)
     @click.pass_context
-    def command(ctx: click.Context) -> None:
+    def hand_on(ctx: click.Context, /, **_: Any) -> None:
         check_luigi()
-        words = [sys.executable, "-m", "workflows", name, *ctx.args]
-        if {"-h", "--help"} & set(ctx.args):
-            click.echo(subprocess.run(words, env=child_environment(), capture_output=True, text=True).stdout, nl=False)
-        else:
-            ctx.exit(run_process(words, child_environment()))
+        words = [sys.executable, "-m", "workflows", name, *ctx.meta[_WORDS]]
+        ctx.exit(run_process(words, child_environment()))
 
-    return command
+    return command(name, hand_on, HandedOn)
 
 
 status, verify, gc, adopt, scheduler = map(_handed_on, ("status", "verify", "gc", "adopt", "scheduler"))
