@@ -1,6 +1,7 @@
 # make demo       installs z2p into .venv and renders the sample scans into previews/
 # make test       installs the pipeline too and runs every check; make test-fast leaves out Blender and whole pipelines
 # make soak       kills a whole small pipeline fifty times at random moments; every result must have the same bytes
+# make fuzz       tries odd inputs and settings for SECONDS=60, of SEED=0, on TARGETS="readers configs" or on all
 # PYTHON=...      chooses another Python 3.11; pip takes its options from its usual variables and files
 
 VENV := .venv
@@ -12,7 +13,7 @@ PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.[ch]) z2p
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo test test-fast soak lint clean
+.PHONY: demo test test-fast soak fuzz lint clean
 
 demo: $(LIGHT)
 	$(BIN)/z2p render samples --output previews --overwrite
@@ -27,6 +28,11 @@ test-fast: $(FULL)
 
 soak: $(FULL)
 	OMP_NUM_THREADS=1 $(BIN)/python tests/workflows/soak.py 50
+
+SECONDS ?= 60
+SEED ?= 0
+fuzz: $(FULL)
+	OMP_NUM_THREADS=1 $(BIN)/python tests/fuzz/run.py $(TARGETS) --seconds $(SECONDS) --seed $(SEED)
 
 lint: $(FULL)
 	$(BIN)/ruff check
