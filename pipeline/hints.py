@@ -34,6 +34,16 @@ def hint_for(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
     """
     if len(points) < FEW_POINTS:
         return FEW_HINT
+    return "; ".join(filter(None, (_other_up(up), _shape_hint(points, up, by_itself, whole))))
+
+
+def _other_up(up: Up) -> str:
+    """What to try where another axis may be up."""
+    return f"up may be {up.other}: --up {up.other} turns it so" if up.other else ""
+
+
+def _shape_hint(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
+    """What the shape of points (N, 3) suggests to try, or nothing."""
     upright_points = turned(points, up.rotation)
     if whole and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
         return ROOM_HINT
@@ -57,7 +67,8 @@ def hint_for_settled(cloud: np.ndarray) -> str:
 
 def in_python(hint: str) -> str:
     """A hint with its options as keywords: ``--cut-top 40`` becomes ``cut_top=40``."""
-    return re.sub(r"--([a-z-]+) (\w+)", lambda option: f"{option[1].replace('-', '_')}={_literal(option[2])}", hint)
+    option = re.compile(r"--([a-z-]+) ([+-]?\w+)")
+    return option.sub(lambda found: f"{found[1].replace('-', '_')}={_literal(found[2])}", hint)
 
 
 def rounding(points: np.ndarray) -> float:

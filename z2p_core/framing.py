@@ -78,7 +78,7 @@ def choose_up(
     Without a sensor the points may look like a depth camera's in one of the `units` to a metre.
     """
     reason = "as its depth camera stood"
-    if sensor is not None and not _is_camera(points, sensor):
+    if sensor is not None and not is_camera(points, sensor):
         sensor = None
     elif sensor is None:
         sensor, reason = implied_sensor(points, units), "it looks like a depth camera's view from the origin"
@@ -150,7 +150,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     return (azimuth - THREE_QUARTER if azimuth > 0 else azimuth + THREE_QUARTER), "shows most"
 
 
-def _is_camera(points: np.ndarray, sensor: Sensor) -> bool:
+def is_camera(points: np.ndarray, sensor: Sensor) -> bool:
     """True when nearly all points lie in the cone before the sensor."""
     seen = turned(even_share(points, MOST_LOOKED_AT) - sensor.position, sensor.rotation.T)
     inside = np.hypot(seen[:, 0], seen[:, 1]) <= math.tan(math.radians(CAMERA_CONE)) * seen[:, 2]
