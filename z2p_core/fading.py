@@ -8,28 +8,44 @@ BAND = 0.1
 """Share of the shorter side, along each edge, within which a shadow fades: what the usual frame leaves free."""
 SOLID = 240
 """Alpha, of 255, from which on a pixel belongs to the object; a shadow is lighter but for right below it."""
+DARK = 0.35
+"""Light of a solid pixel, in that of its brightest neighbour, below which it is such a shadow."""
 
 
 def faded(picture: np.ndarray) -> np.ndarray:
     """A straight RGBA picture (H, W, 4) uint8 whose alpha falls to 0 at its edges, the object's excepted.
 
-    The object is what is solid, and the pixels beside it, which its outline shares with the background.
+    The object is what is solid, and its share of the pixels beside that.
     """
     height, width = picture.shape[:2]
     down, across = (_ramp(side, round(BAND * min(height, width))) for side in (height, width))
-    (rows, columns), alpha = (_within(ramp) for ramp in (down, across)), picture[..., 3]
-    result = picture.copy()
+    rows, columns = _within(down), _within(across)
+    result, share = picture.copy(), None
     parts = (
         (slice(0, rows.start), slice(None)), (slice(rows.stop, None), slice(None)),
         (rows, slice(0, columns.start)), (rows, slice(columns.stop, None)),
     )  # fmt: skip
     for part in parts:  # the middle, most of it, stays as it is
-        kept = np.outer(down[part[0]], across[part[1]])
-        strip = alpha[part]
-        if strip.size and strip.max() >= SOLID:
-            kept[_beside(alpha >= SOLID)[part]] = 1.0
-        result[(*part, 3)] = strip * kept + np.float32(0.5)
+        kept, strip = np.outer(down[part[0]], across[part[1]]), picture[part]
+        if strip.size and strip[..., 3].max() >= SOLID:
+            share = _object_share(picture) if share is None else share
+            result[part] = _faded_beside(strip, kept, share[part])
+        else:
+            result[(*part, 3)] = strip[..., 3] * kept + np.float32(0.5)
     return result
+
+
+def _faded_beside(strip: np.ndarray, kept: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """A strip (H, W, 4) uint8 of which the shadow is kept so far, and the object in full, which has a share of it.
+
+    A shadow is black: where it goes, the colour that is left is brighter.
+    """
+    alpha = strip[..., 3].astype(np.float32) / 255
+    solid = np.minimum(share, alpha)
+    left = solid + (alpha - solid) * kept
+    brighter = np.divide(alpha, left, out=np.ones_like(left), where=left > 0)
+    color = np.minimum(strip[..., :3] * brighter[..., None], 255)
+    return (np.dstack([color, 255 * left]) + np.float32(0.5)).astype(np.uint8)
 
 
 def _ramp(side: int, band: int) -> np.ndarray:
@@ -46,12 +62,25 @@ def _within(ramp: np.ndarray) -> slice:
     return slice(int(whole[0]), int(whole[-1]) + 1) if len(whole) else slice(0, 0)
 
 
-def _beside(solid: np.ndarray) -> np.ndarray:
-    """The solid pixels (H, W) and those beside them."""
-    wide = solid.copy()
-    wide[1:] |= solid[:-1]
-    wide[:-1] |= solid[1:]
+def _object_share(picture: np.ndarray) -> np.ndarray:
+    """How much of each pixel (H, W) float32 is the object's: all of solid ones, of those beside what their light tells.
+
+    Such a pixel is as bright, next to the solid ones around it, as the object's share of it is large.
+    """
+    solid = picture[..., 3] >= SOLID
+    light = picture[..., :3].max(2).astype(np.float32) * picture[..., 3]
+    solid &= light >= DARK * _widened(_widened(np.where(solid, light, 0)))  # else the shadow right below it
+    around, beside = _widened(np.where(solid, light, 0)), _widened(solid)
+    share = np.divide(light, around, out=np.ones_like(light), where=around > 0)
+    return np.where(solid, 1, np.where(beside, np.minimum(share, 1), 0)).astype(np.float32)
+
+
+def _widened(values: np.ndarray) -> np.ndarray:
+    """The largest of each value (H, W) and the eight around it."""
+    wide = values.copy()
+    np.maximum(wide[1:], values[:-1], out=wide[1:])
+    np.maximum(wide[:-1], values[1:], out=wide[:-1])
     high = wide.copy()
-    high[:, 1:] |= wide[:, :-1]
-    high[:, :-1] |= wide[:, 1:]
+    np.maximum(high[:, 1:], wide[:, :-1], out=high[:, 1:])
+    np.maximum(high[:, :-1], wide[:, 1:], out=high[:, :-1])
     return high

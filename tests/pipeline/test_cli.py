@@ -3,6 +3,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -42,6 +43,54 @@ def test_every_subcommand_has_help(z2p: Callable[..., Result], name: str) -> Non
 
 def test_unknown_subcommand(z2p: Callable[..., Result]) -> None:
     assert z2p("rnder").exit_code == 2
+
+
+def test_render_is_run_inference(z2p: Callable[..., Result]) -> None:
+    assert COMMANDS["render"][0] == COMMANDS["run-inference"][0] and next(iter(COMMANDS)) == "render"
+    told = [z2p(name, "--help").output.partition("\n")[2] for name in ("render", "run-inference")]
+    assert told[0] == told[1] and "z2p render scans/" in told[0]
+
+
+def test_a_scan_in_the_place_of_a_command_hints_at_render(z2p: Callable[..., Result], tmp_path: Path) -> None:
+    scan = tmp_path / "my scan.ply"
+    scan.touch()
+    for words in ((scan, "-o", "a.png"), (tmp_path,), (tmp_path / "*.ply",)):
+        result = z2p(*words)
+        assert result.exit_code == 2 and f"z2p render {shlex.join(map(str, words))}" in result.stderr
+    assert "neither a command nor a file that is there" in z2p(tmp_path / "none.ply").stderr
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("draw", "render"), ("Render", "render"), ("run_inference", "run-inference"), ("rendr", "render"),
+     ("gif", "animate"), ("train", "pipeline"), ("help", "--help"), ("version", "--version"), ("statsu", "status")],
+)  # fmt: skip
+def test_an_unknown_command_is_guessed_by_its_meaning(z2p: Callable[..., Result], word: str, meant: str) -> None:
+    result = z2p(word)
+    assert result.exit_code == 2 and result.stderr.endswith(f"Did you mean: z2p {meant}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [(("render", "--out", "x"), "--output?"), (("render", "--output-dir=x"), "--output?"),
+     (("render", "--colour", "red"), "--color?"), (("render", "--width", 9), "--resolution?"),
+     (("render", "--transparent"), "--background transparent?"), (("render", "-j", 4), "--jobs?"),
+     (("render", "--frames", 9), "z2p animate"), (("render", "--input", "x"), "Inputs are named without an option"),
+     (("animate", "--turntable"), "--motion turn?"), (("rerender", "--input_file", "x"), "No such option"),
+     (("evaluate", "--size", 9), "--resolution?"), (("-o", "x.png", "a.ply"), "z2p render INPUT -o"),
+     (("--versoin",), "--version?")],
+    ids=str,
+)  # fmt: skip
+def test_an_unknown_option_is_guessed_by_its_meaning(
+    z2p: Callable[..., Result], words: tuple[object, ...], told: str
+) -> None:
+    result = z2p(*words[:1], "a.ply", *words[1:]) if words[0] in COMMANDS else z2p(*words)
+    assert result.exit_code == 2 and told in result.stderr and result.stderr.count("No such option") == 1
+
+
+def test_an_option_of_another_meaning_is_not_guessed(z2p: Callable[..., Result]) -> None:
+    for words in (("evaluate", "--view", 1), ("render", "a.ply", "--seeds", 1), ("render", "a.ply", "--points", 1)):
+        assert "Did you mean" not in z2p(*words).stderr
 
 
 def test_listings(z2p: Callable[..., Result]) -> None:

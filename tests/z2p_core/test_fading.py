@@ -21,13 +21,28 @@ def test_a_shadow_is_gone_at_the_edge_and_as_it_was_inside(shape: tuple[int, int
 
 def test_the_object_is_never_faded() -> None:
     picture = np.zeros((50, 50, 4), np.uint8)
-    picture[10:, 20:30] = 255  # runs out of the frame
-    picture[10:, 30, 3] = 128  # its outline
-    picture[40:, 31:, 3] = 100  # its shadow
+    picture[10:, 20:30] = (200, 100, 50, 255)  # runs out of the frame
+    picture[10:, 30] = (200, 100, 50, 128)  # its outline, half of each pixel
+    picture[40:, 32:, 3] = 100  # its shadow
     after = faded(picture)
     assert np.array_equal(after[:, :31], picture[:, :31])
     assert (after[-1, 32:, 3] == 0).all() and after[44, 40, 3] == 100 > after[47, 40, 3]
-    assert np.array_equal(after[..., :3], picture[..., :3])
+
+
+def test_the_shadow_beside_the_object_fades_and_leaves_the_outline_its_light() -> None:
+    picture = np.zeros((50, 50, 4), np.uint8)
+    picture[10:, 20:30] = (200, 100, 50, 255)
+    picture[10:, 30] = (133, 67, 33, 192)  # half object, half a shadow of alpha 128
+    picture[10:, 31:, 3] = 128
+    edge = faded(picture)[-1, 30:33].astype(int)
+    assert abs(edge[0] - (200, 100, 50, 128)).max() <= 2, "the object's half alone"
+    assert (edge[1:, 3] == 0).all()
+
+
+def test_a_black_object_is_kept_too() -> None:
+    picture = np.zeros((50, 50, 4), np.uint8)
+    picture[10:, 20:30, 3] = 255
+    assert np.array_equal(faded(picture)[:, 20:30], picture[:, 20:30])
 
 
 def test_a_dark_shadow_fades_too() -> None:
