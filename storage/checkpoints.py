@@ -14,6 +14,7 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
+from z2p_core.one_line import UsersError
 from z2p_renderer.storage.whole import whole
 
 FORMAT = 1
@@ -22,7 +23,7 @@ CARD_KEYS = ("network", "zbuffer", "gbuffer", "encoder", "controls", "resolution
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
-class WeightsError(ValueError):
+class WeightsError(UsersError):
     """Weights that cannot be used; the message says what was expected, what came, and what to do."""
 
 

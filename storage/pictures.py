@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
+from z2p_core.one_line import UsersError
 from z2p_renderer.storage.names import printable
 from z2p_renderer.storage.png import png
 from z2p_renderer.storage.whole import write_whole
@@ -26,7 +27,7 @@ DESCRIPTION = 0x010E
 WHITE = (1.0, 1.0, 1.0)
 
 
-class PictureError(ValueError):
+class PictureError(UsersError):
     """A picture file that cannot be used; the message says what was expected, what came, and what to do."""
 
 

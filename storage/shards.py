@@ -17,6 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from z2p_core.one_line import UsersError
 from z2p_core.scene import SceneDescription
 from z2p_renderer.storage.whole import whole
 
@@ -27,7 +28,7 @@ INFLATION = 1200
 """More than gzip can pack bytes (about 1,030 to 1); a file that declares more lies about its size."""
 
 
-class ShardError(ValueError):
+class ShardError(UsersError):
     """A shard that cannot be used; the message names the file, what was expected and what came."""
 
 

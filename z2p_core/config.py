@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from z2p_core.noise import KINDS
+from z2p_core.one_line import UsersError
 
 FINE_BLOCK = 2
 """Side of the pixel blocks in which the fast network goes over its picture."""
 
 
-class ConfigError(ValueError):
+class ConfigError(UsersError):
     """A configuration that cannot be used; the message names the key, what was expected and what came."""
 
 

@@ -1,0 +1,24 @@
+"""Errors that users can mend: told in one line that any terminal shows, whatever a message quotes."""
+
+from __future__ import annotations
+
+MOST = 1200
+"""Characters of a message; of a longer one the middle goes, for what is wrong stands first, and what to do last."""
+_KEPT_AT_THE_END = 300
+
+
+class UsersError(ValueError):
+    """An error whose message is one line; what it quotes of files and settings may be anything."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(one_line(str(message)))
+
+
+def one_line(text: str) -> str:
+    """The text on one line of at most `MOST` characters; those that no terminal shows are written as escapes."""
+    if not text.isprintable():
+        words = " ".join(text.splitlines())
+        text = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in words)
+    if len(text) <= MOST:
+        return text
+    return f"{text[: MOST - _KEPT_AT_THE_END - 5]} ... {text[-_KEPT_AT_THE_END:]}"
