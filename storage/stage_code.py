@@ -99,8 +99,10 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "scans": (
         "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
         "pipeline.dots", "pipeline.placing", "pipeline.hints", "storage.clouds", "storage.repeats", "storage.incoming",
+        "storage.apart", "storage.finding", "storage.foreign", "storage.quiet", "storage.readers",
         "z2p_core.axis_names", "z2p_core.column_names", "z2p_core.dropouts", "z2p_core.framing", "z2p_core.foreground",
-        "z2p_core.geographic", "z2p_core.lidar_rows", "z2p_core.point_arrays", "z2p_core.pose_rows",
+        "z2p_core.colmap_model", "z2p_core.float_rows", "z2p_core.geographic", "z2p_core.lidar_rows",
+        "z2p_core.nodata", "z2p_core.point_arrays", "z2p_core.pose_rows",
         "z2p_core.smoothing", "z2p_core.spread", "z2p_core.standing", "z2p_core.strays", "z2p_core.viewpoint", *_CASES,
     ),
     "times": ("workflows.report_stages:Times", "pipeline.paper.times", *_CASES),
@@ -124,6 +126,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
 
 NOT_SHAPING: dict[str, str] = {
     "z2p_core.config": "the values that a stage gets are in its fingerprint; what reckons with them is listed",
+    "z2p_core.one_line": "words errors",
     "z2p_core.registry": "finds plugins, whose code is in the fingerprint",
     "z2p_core.interfaces": "abstract but for Control and Slider, which are listed where they count",
     "storage.layout": "puts files where they belong, whatever they hold",
@@ -141,6 +144,7 @@ NOT_SHAPING: dict[str, str] = {
     "z2p_core.report_config": "the values that a stage gets are in its fingerprint",
     "workflows.report_task": "what the report's tasks share: where files lie, not what is in them",
     "plugins.baselines.normals": "in the digests of the plugins that use it",
+    "plugins.readers.array_clouds": "in the digests of the readers that use it",
     "plugins.readers.text_content": "in the digest of the reader that uses it",
     "plugins.readers.text_doubts": "in the digest of the reader that uses it",
     "plugins.readers.text_form": "in the digest of the reader that uses it",

@@ -34,6 +34,7 @@ from z2p_core.baseline import Baseline as Baseline
 from z2p_core.baseline import Painter as Painter
 from z2p_core.engine import Engine as Engine
 from z2p_core.engine import TrainedNetwork as TrainedNetwork
+from z2p_core.one_line import UsersError
 from z2p_core.scene import SceneDescription
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ Value = tuple[float, ...]
 """What a control is set to: one float for each component of its slider, in the slider's units."""
 
 
-class SettingError(ValueError):
+class SettingError(UsersError):
     """A setting that no control can take; the message says what was expected, what came, and how to mend it."""
 
 
@@ -294,6 +295,13 @@ class Reader(ABC):
         """
         return MEMORY_A_BYTE * path.stat().st_size
 
+    def is_fragile(self, path: Path) -> bool:
+        """Whether its library may end the whole process on such a file, if it is damaged.
+
+        Then `read` runs in a process of its own, which takes a fifth of a second more: the class must be importable.
+        """
+        return False
+
     @abstractmethod
     def read(self, path: Path) -> Sequence[RawCloud | np.ndarray]:
         """List of the clouds in the file, each (N, 3) float64 in its own units; one for most formats, B for a batch.
@@ -306,5 +314,5 @@ class Reader(ABC):
         """
 
 
-class ScanError(ValueError):
+class ScanError(UsersError):
     """A scan that cannot be used; the message says what was expected, what came, and what to do."""
