@@ -16,8 +16,8 @@ _LAS_OR_CSV = "open it in VeloView or the maker's viewer, and save the frames as
 
 CLOUDS: dict[str, tuple[str, str]] = {
     ".splat": ("holds packed Gaussian splats", _SPLATS), ".ksplat": ("holds packed Gaussian splats", _SPLATS),
-    ".spz": ("holds packed Gaussian splats (Niantic's SPZ)", _SPLATS), ".sog": ("holds packed Gaussian splats", _SPLATS),
-    ".drc": ("holds points or a mesh packed by Draco", "unpack it with Draco's own: draco_decoder -i {name} -o {stem}.ply"),
+    ".spz": ("holds packed Gaussian splats (SPZ)", _SPLATS), ".sog": ("holds packed Gaussian splats", _SPLATS),
+    ".drc": ("holds points or a mesh packed by Draco", "unpack it with: draco_decoder -i {name} -o {stem}.ply"),
     ".bag": ("is a ROS bag", "write its clouds as PCD files with: rosrun pcl_ros bag_to_pcd {name} /the/topic folder"),
     ".mcap": ("is a ROS 2 recording", "play it, and write its clouds as PCD files with: ros2 run pcl_ros "
               "pointcloud_to_pcd --ros-args -r input:=/the/topic"),
@@ -54,14 +54,14 @@ SCENES: dict[str, tuple[str, str]] = {
     **{suffix: (f"is a solid in the format {suffix[1:].upper()}", _MESH.format(program="FreeCAD"))
        for suffix in (".step", ".stp", ".iges", ".igs", ".brep", ".fcstd", ".dwg", ".dxf", ".ifc", ".3dm")},
     **{suffix: ("is an archive", _PACKED) for suffix in (".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz", ".zst")},
-    **{suffix: ("holds heights in a grid, or a picture", "turn heights into points first, as in: gdal_translate -of XYZ "
-                "{name} {stem}.xyz") for suffix in (".tif", ".tiff", ".dem", ".hgt", ".vrt")},
+    **{suffix: ("holds heights in a grid, or a picture", "turn heights into points first, as in: gdal_translate "
+                "-of XYZ {name} {stem}.xyz") for suffix in (".tif", ".tiff", ".dem", ".hgt", ".vrt")},
     **{suffix: ("is a spreadsheet", "save the sheet with the points as CSV") for suffix in (".xls", ".xlsx", ".ods")},
     ".mat": ("is a MATLAB file", "save the points as text with writematrix, or as .npy with scipy.io.loadmat and "
              "numpy.save"),
     ".parquet": ("is a table in the format Parquet", "save its columns x, y and z as CSV, with pandas for one"),
     ".feather": ("is a table in the format Feather", "save its columns x, y and z as CSV, with pandas for one"),
-    **{suffix: ("is an index of other VTK files, or a grid", "open it in ParaView, and save its points as PLY, VTP or CSV")
+    **{suffix: ("is an index of other VTK files, or a grid", "open it in ParaView, and save its points as VTP or CSV")
        for suffix in (".pvtu", ".pvtp", ".pvd", ".vtm", ".vti", ".vts", ".vtr", ".vtkhdf")},
 }  # fmt: skip
 """The same for what a folder of scans may hold beside them, so that only one who names it is told."""
@@ -79,7 +79,8 @@ _FORMATS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (
     (rb"LASF", "a LAS file", (".las", ".laz")), (rb"ASTM-E57", "an E57 file", (".e57",)),
     (rb"glTF[\x01-\x02]\0\0\0", "a GLB file", (".glb",)), (rb"\x93NUMPY", "a numpy array", (".npy",)),
     (rb"\x89HDF\r\n\x1a\n", "an HDF5 file", (".h5", ".hdf5", ".hdf", ".he5", ".nc", ".nc4", ".mat", ".vtkhdf")),
-    (rb"# vtk DataFile", "a VTK file", (".vtk",)), (rb"(<\?xml[^>]*>\s*)?<VTKFile[^>]*PolyData", "a VTP file", (".vtp",)),
+    (rb"# vtk DataFile", "a VTK file", (".vtk",)),
+    (rb"(<\?xml[^>]*>\s*)?<VTKFile[^>]*PolyData", "a VTP file", (".vtp",)),
     (rb"(<\?xml[^>]*>\s*)?<VTKFile[^>]*UnstructuredGrid", "a VTU file", (".vtu",)),
     (rb"(ST)?C?N?4?OFF[ \t]*\r?\n", "an OFF file", (".off",)),
 )  # fmt: skip
@@ -128,7 +129,7 @@ def _told_head(head: bytes, path: Path, suffix: str) -> str:
     if told := _told_no_scan(head, path, suffix):
         return told
     if suffix == ".bin" and head.startswith(_CLOUDCOMPARE):
-        return "is a CloudCompare project (CCB), which only CloudCompare reads; open it there, and save it as PLY or LAS"
+        return "is a CloudCompare project (CCB), which z2p does not read; open it there, and save it as PLY or LAS"
     for pattern, name, suffixes in _FORMATS:
         if re.match(pattern, head):
             under = f"under a name that ends in {suffix}" if suffix else "under a name without suffix"

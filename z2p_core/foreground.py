@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from z2p_core.interfaces import Sensor
+from z2p_core.thinning import even_share
 from z2p_core.turning import along, extent
 
 GAP = 1.15
@@ -56,7 +57,7 @@ def subject(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     width = DEPTHS // 40
     for first in range(1, len(count) - width + 1):
         strays = before[first + width] - before[first]
-        if before[first] >= LEAST_SUBJECT * len(points) and strays <= EMPTY * len(points):
+        if before[first] >= max(LEAST_SUBJECT * len(points), FEWEST_TRIED) and strays <= EMPTY * len(points):
             behind = before[-1] - before[first + width]
             rim = next((edge for edge in range(first, first + width) if count[edge] == 0), first)
             return step < rim if behind > EMPTY * len(points) else whole
@@ -70,7 +71,7 @@ def support(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> np.ndarray | 
     points, leans by less than 65 degrees from that, and nearly all else stands on its upper side, the camera too: the
     front of a box has all else behind it, and a wall leans too much.
     """
-    sample = points[:: -(-len(points) // MOST_TRIED)]
+    sample = even_share(points, MOST_TRIED)
     if len(sample) < FEWEST_TRIED:
         return None
     size = float(np.linalg.norm(sample.max(0) - sample.min(0)))

@@ -28,6 +28,10 @@ class E57(Reader):
         finally:
             file.close()
 
+    def is_fragile(self, path: Path) -> bool:
+        """Its library is written in C++, and believes much of what a file says."""
+        return True
+
     def read(self, path: Path) -> list[np.ndarray]:
         """All scans of the file in its common axes, one cloud (N, 3) float64; points marked invalid are left out.
 

@@ -1,46 +1,62 @@
-"""Points of LAS and LAZ files, in real-world coordinates."""
+"""Points of LAS and LAZ files, in real-world coordinates, without those that a survey has marked as noise."""
 
 from __future__ import annotations
 
-import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any
 
 import numpy as np
 
-from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
+from z2p_core.spread import MOST_ROWS
+from z2p_renderer.plugins.readers.colours import colours_note
+from z2p_renderer.plugins.readers.las_header import check_records, promised_points
 from z2p_renderer.plugins.readers.late import late
 
 _CHUNK = 1_000_000
 """Points unpacked at a time: a header that lies about its count costs one chunk, not the machine's memory."""
+_UNPACKED = 200
+"""Bytes that a point of a chunk takes at the most."""
+_NOISE = (7, 18)
+"""Classes of low and of high noise, as the standard has them."""
+_UNSEEN = (-(2**31), 2**31 - 1)
+"""Whole numbers that writers make of no number or of one too large."""
+_MARKS = 20
+"""Points at the very offset from which on they mark what was not measured."""
 
 
 class Las(Reader):
-    """Airborne and terrestrial laser scans (laspy, lazrs)."""
+    """Airborne and terrestrial laser scans, COPC too (laspy, lazrs); noise and withheld points are left out."""
 
     name = "las"
-    version = "1"
+    version = "2"
     packages = ("laspy", "lazrs")
     suffixes = (".las", ".laz")
 
     def memory(self, path: Path) -> int:
         """As many points as the header promises, which may be packed far tighter than in other formats."""
-        with path.open("rb") as file:
-            head = file.read(375).ljust(375, b"\0")
-        (legacy,), (count,) = struct.unpack_from("<I", head, 107), struct.unpack_from("<Q", head, 247)
-        if head[:4] != b"LASF" or path.stat().st_size < (legacy or count) // 100:
-            return 0  # another format, or a lie: read says so
-        return (count if head[24:26] >= b"\x01\x04" and count else legacy) * MEMORY_A_POINT
+        count = promised_points(path)
+        return min(count, MOST_ROWS) * MEMORY_A_POINT + min(count, _CHUNK) * _UNPACKED
 
-    def read(self, path: Path) -> list[np.ndarray]:
+    def is_fragile(self, path: Path) -> bool:
+        """Where points are packed: lazrs ends the process on some damaged chunks."""
+        with path.open("rb") as file:
+            head = file.read(105).ljust(105, b"\0")
+        return head[:4] == b"LASF" and bool(head[104] & 0xC0)
+
+    def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """The file's points, one cloud (N, 3) float64, scale and offset applied in float64 (UTM keeps its digits).
+
+        Of very many, some that stand for all.
 
         Raises:
             ScanError: no LAS file, or fewer points than its header promises.
         """
         if path.stat().st_size == 0:
             return [np.empty((0, 3))]
-        _check_records(path)
+        check_records(path)
         try:
             return [_read(path)]
         except (ScanError, ImportError):
@@ -53,41 +69,28 @@ class Las(Reader):
             raise _unreadable(error) from error
 
 
-def _check_records(path: Path) -> None:
-    """Raises ScanError unless the file has room for the records and the chunk table that its header promises.
+@dataclass
+class _Told:
+    """What comes of the chunks."""
 
-    laspy would look for the records for ever, and lazrs would end the whole process on a table too large for memory.
-    """
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        head = file.read(375).ljust(375, b"\0")
-        chunks = _chunk_count(file, size, *struct.unpack_from("<I", head, 96)) if head[104] & 0xC0 else 0
-    if head[:4] != b"LASF":
-        raise ScanError("expected a LAS file, which begins with 'LASF'; this is another format under that name")
-    header_size, points_at, records = struct.unpack_from("<HII", head, 94)
-    fits = header_size + 54 * records <= points_at <= size and chunks <= size
-    if head[24:26] >= b"\x01\x04":  # LAS 1.4 may have more of them behind the points
-        extended_at, extended = struct.unpack_from("<QI", head, 235)
-        fits = fits and (extended == 0 or extended_at + 60 * extended <= size)
-    if not fits:
-        raise ScanError(f"the LAS header promises more than its {size} bytes hold; the file is cut short or its header "
-                        "is wrong: export it again")
+    parts: list[np.ndarray] = field(default_factory=lambda: [np.empty((0, 3))])
+    came: int = 0
+    noise: int = 0
+    withheld: int = 0
+    unseen: int = 0
 
-
-def _chunk_count(file: BinaryIO, size: int, points_at: int) -> int:
-    """How many chunks a compressed file's table promises; 0 when the table is where only lazrs can tell."""
-    file.seek(points_at)
-    (table_at,) = struct.unpack("<q", file.read(8).ljust(8, b"\0"))
-    if table_at == -1 and size >= 8:  # written as a stream: the place of the table stands at the very end
-        file.seek(size - 8)
-        (table_at,) = struct.unpack("<q", file.read(8))
-    if not 0 < table_at <= size - 8:
-        return 0
-    file.seek(table_at)
-    return struct.unpack("<II", file.read(8))[1]
+    def note(self, names: Iterator[str]) -> str:
+        """What the file's line says."""
+        parts = (
+            f"{self.noise} points of noise (classes 7 and 18) left out" if self.noise else "",
+            f"{self.withheld} withheld points left out" if self.withheld else "",
+            f"{self.unseen} points that stand for no measurement left out" if self.unseen else "",
+            colours_note(names),
+        )
+        return "; ".join(filter(None, parts))
 
 
-def _read(path: Path) -> np.ndarray:
+def _read(path: Path) -> RawCloud:
     laspy = late("laspy")
     single = laspy.LazBackend.Lazrs  # the parallel one believes the chunk sizes of a damaged file, and aborts on them
     with laspy.open(path, laz_backend=single) as reader:
@@ -97,11 +100,40 @@ def _read(path: Path) -> np.ndarray:
         if body < 0 or (not header.are_points_compressed and count * row > body):
             raise ScanError(f"the LAS header promises {count} points of {row} bytes, {max(body, 0)} bytes follow it; "
                             "the file is cut short or its header is wrong: export it again")
-        chunks = [np.column_stack([chunk.x, chunk.y, chunk.z]) for chunk in reader.chunk_iterator(_CHUNK)]
-    points = np.concatenate([np.empty((0, 3)), *chunks])
-    if len(points) != count:
-        raise ScanError(f"the LAS header promises {count} points, {len(points)} came; export the file again")
-    return points
+        told, step = _Told(), -(-count // MOST_ROWS) if count else 1
+        rng = np.random.default_rng(0)
+        for chunk in reader.chunk_iterator(_CHUNK):
+            _take(chunk, told, step, rng)
+        names = list(header.point_format.dimension_names)
+    points = np.concatenate(told.parts)
+    if told.came != count:
+        raise ScanError(f"the LAS header promises {count} points, {told.came} came; export the file again")
+    return RawCloud(points, total=count if step > 1 else None, note=told.note(iter(names)))
+
+
+def _take(chunk: Any, told: _Told, step: int, rng: np.random.Generator) -> None:
+    """Adds a chunk's points, those that count, and one at random of every `step`."""
+    told.came += len(chunk)
+    raw = np.column_stack([chunk.X, chunk.Y, chunk.Z])
+    kept = np.ones(len(chunk), dtype=bool)
+    classes = np.asarray(chunk.classification)
+    noise = np.isin(classes, _NOISE)
+    withheld = np.asarray(chunk.withheld).astype(bool) & ~noise
+    unseen = np.isin(raw, _UNSEEN).any(1)
+    at_offset = ~raw.any(1)
+    if at_offset.sum() >= _MARKS:
+        unseen |= at_offset
+    if not (noise | withheld).all():  # a file of nothing else is looked at for its noise
+        told.noise += int(noise.sum())
+        told.withheld += int(withheld.sum())
+        kept &= ~noise & ~withheld
+    told.unseen += int((unseen & kept).sum())
+    kept &= ~unseen
+    rows = np.flatnonzero(kept)
+    if step > 1:
+        start = np.arange(0, len(rows), step)
+        rows = rows[start + (rng.random(len(start)) * np.minimum(step, len(rows) - start)).astype(np.int64)]
+    told.parts.append(np.column_stack([chunk.x, chunk.y, chunk.z])[rows])
 
 
 def _unreadable(error: BaseException) -> ScanError:

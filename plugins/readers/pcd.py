@@ -10,12 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
+from z2p_renderer.plugins.readers.colours import colours_note
 from z2p_renderer.plugins.readers.late import late
 from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
 
 _LONGEST_HEADER = 1 << 16
 _WORST_LZF_RATIO = 100
 """LZF writes 264 bytes from 3 at the very best: a larger ratio is a lie."""
+_TYPES = frozenset({"F4", "F8", *(kind + size for kind in "IU" for size in "1248")})
+"""What numbers may be, as TYPE and SIZE have it."""
 _PAGE = 4096
 """Older versions of the Point Cloud Library fill binary files up to whole pages of memory, with zeros."""
 
@@ -24,7 +27,7 @@ class Pcd(Reader):
     """Point Cloud Library files (pypcd4); fields other than x, y, z are left out."""
 
     name = "pcd"
-    version = "4"
+    version = "5"
     packages = ("pypcd4",)
     suffixes = (".pcd",)
 
@@ -57,7 +60,7 @@ class Pcd(Reader):
         if header.points == 0:
             return [np.empty((0, 3))]
         pose = _viewpoint(header)
-        note = stray_note(_check_size(header, body))
+        note = "; ".join(filter(None, (stray_note(_check_size(header, body)), header.colours)))
         points = _load(header, _tidy_ascii(header, body) if header.data == "ascii" else _tidy_header(header) + body)
         return [RawCloud(points, None if pose is None else _faced(pose, points), note=note)]
 
@@ -70,6 +73,8 @@ class _Header:
     row_bytes: int
     data: str
     size: int
+    colours: str
+    """What to say of its colours."""
 
 
 def _parse_header(blob: bytes) -> _Header:
@@ -90,23 +95,45 @@ def _parse_header(blob: bytes) -> _Header:
     missing = [key for key in ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA") if not entries.get(key)]
     if missing:
         raise ScanError(f"expected a PCD header, its lines {', '.join(missing)} are missing; export the file again")
-    names = entries["FIELDS"]
-    entries.setdefault("COUNT", ["1"] * len(names))
+    entries.setdefault("COUNT", ["1"] * len(entries["FIELDS"]))
+    given = entries["FIELDS"]
+    names = _tidy_fields(entries)
     try:
         sizes, counts = ([int(word) for word in entries[key]] for key in ("SIZE", "COUNT"))
         width, height, points = (int(entries[key][0]) for key in ("WIDTH", "HEIGHT", "POINTS"))
         row_bytes = sum(size * count for size, count in zip(sizes, counts, strict=True))
         if min(*sizes, *counts) < 1:
-            raise ValueError("a field without bytes")
+            raise ValueError("a field without bytes, or less than none")
     except ValueError as error:
         raise ScanError("the PCD header's numbers cannot be read; export the file again") from error
-    if not len(names) == len(sizes) == len(entries["TYPE"]) or min(width, height, points) < 0:
+    if not len(names) == len(sizes) == len(entries["TYPE"]) == len(counts) or min(width, height, points) < 0:
         raise ScanError("the PCD header's FIELDS, SIZE, TYPE and COUNT do not go together; export the file again")
     if any(names.count(axis) != 1 or counts[names.index(axis)] != 1 for axis in "xyz"):
-        raise ScanError(f"the PCD file needs the fields x, y and z once each, got {' '.join(names)}; export it again")
+        raise ScanError(f"the PCD file needs the fields x, y and z once each, got {' '.join(given)}; export it again")
+    for name, kind, each in zip(names, entries["TYPE"], entries["SIZE"], strict=True):
+        if kind + each not in _TYPES:
+            raise ScanError(f"the PCD field {name} has TYPE {kind} and SIZE {each}, expected F of 4 or 8 bytes, or I "
+                            "or U of 1, 2, 4 or 8; export the file again")
     if width * height != points:
         raise ScanError(f"the PCD header says WIDTH {width} x HEIGHT {height} but POINTS {points}; mend the header")
-    return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size)
+    return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size, colours_note(given))
+
+
+def _tidy_fields(entries: dict[str, list[str]]) -> list[str]:
+    """Renames the header's fields in place, so that each has a name of its own, and gives their names.
+
+    Those of COUNT 0, which take no bytes, are left out: PCL's reader does so too. The axes may be written in capitals;
+    padding is called ``_``, several times perhaps.
+    """
+    columns = ("FIELDS", "SIZE", "TYPE", "COUNT")
+    if len({len(entries[key]) for key in columns}) == 1:
+        rows = [row for row in zip(*(entries[key] for key in columns), strict=True) if row[3] != "0"]
+        entries.update({key: [row[place] for row in rows] for place, key in enumerate(columns)})
+    names = entries["FIELDS"]
+    if set(names).isdisjoint("xyz"):
+        names = [name.lower() if name in ("X", "Y", "Z") else name for name in names]
+    entries["FIELDS"] = [name if name in ("x", "y", "z") else f"field{place}" for place, name in enumerate(names)]
+    return entries["FIELDS"]
 
 
 def _viewpoint(header: _Header) -> Sensor | None:

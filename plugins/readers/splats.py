@@ -39,7 +39,7 @@ def of_splats(table: np.ndarray, total: int, note: str = "") -> RawCloud:
     """
     opacity = table[:, 3]
     seen = opacity[np.isfinite(opacity)]
-    alpha = opacity if len(seen) and 0 <= seen.min() and seen.max() <= 1 else _sigmoid(opacity)
+    alpha = opacity if len(seen) and seen.min() >= 0 and seen.max() <= 1 else _sigmoid(opacity)
     return _shown(table[:, :3], alpha, table[:, 4:], total, note)
 
 

@@ -17,8 +17,10 @@ _UP = "a car's lidar has it so"
 
 
 class Sweeps(Reader):
-    """Rows of little-endian float32: x y z intensity (KITTI), and ring (nuScenes), or what --columns names; and COLMAP's
-    points3D.bin."""
+    """Rows of little-endian float32: x y z intensity (KITTI), and ring (nuScenes), or what --columns names.
+
+    COLMAP's points3D.bin is read too.
+    """
 
     name = "sweeps"
     version = "2"

@@ -150,8 +150,8 @@ def with_reader(monkeypatch: pytest.MonkeyPatch, plugin: type[Reader] | Exceptio
             raise plugin
         return plugin
 
-    monkeypatch.setattr(clouds.registry, "names", lambda group: [*names(group), "strange"])
-    monkeypatch.setattr(clouds.registry, "load", found)
+    monkeypatch.setattr(registry, "names", lambda group: [*names(group), "strange"])
+    monkeypatch.setattr(registry, "load", found)
 
 
 def test_a_strangers_reader_fails_as_its_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

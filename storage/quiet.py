@@ -1,0 +1,62 @@
+"""What libraries say while they read a file, to nobody's use: kept from the user, in all threads that read."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+_FROM = r"(z2p_renderer\.plugins\.readers|numpy|laspy|trimesh|pypcd4|pye57|meshio|h5py)(\.|$)"
+"""Modules whose warnings are no word to the user. z2p's own RenderWarning comes from the caller's."""
+_lock, _reading = threading.Lock(), threading.local()
+_count = 0
+
+
+class _Silence(logging.Filter):
+    """Lets nothing pass that a thread logs while it reads; where the user has set up logging, it is not asked."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        return not getattr(_reading, "now", False)
+
+
+_silence = _Silence()
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Within it no warning of a library reaches the user, nor a line that it logs and nobody has asked for."""
+    _begin()
+    before, _reading.now = getattr(_reading, "now", False), True
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    finally:
+        _reading.now = before
+        _end()
+
+
+def _begin() -> None:
+    global _count
+    with _lock:
+        _count += 1
+        if _count == 1:
+            warnings.filterwarnings("ignore", module=_FROM)
+            if logging.lastResort is not None:
+                logging.lastResort.addFilter(_silence)
+
+
+def _end() -> None:
+    global _count
+    with _lock:
+        _count -= 1
+        if _count == 0:
+            ours = [entry for entry in warnings.filters if getattr(entry[3], "pattern", None) == _FROM]
+            for entry in ours:
+                warnings.filters.remove(entry)  # type: ignore[attr-defined]
+            getattr(warnings, "_filters_mutated", lambda: None)()
+            if logging.lastResort is not None:
+                logging.lastResort.removeFilter(_silence)

@@ -1,0 +1,55 @@
+"""Which reader plugin takes a file: told by its suffix."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from z2p_core import registry
+from z2p_core.interfaces import Reader, ScanError
+from z2p_renderer.storage.foreign import told_by_content, told_by_suffix
+
+
+def readable_suffixes() -> dict[str, str]:
+    """Suffix, lower-case with its dot -> name of the reader that takes it; readers that fail to load are left out."""
+    return {suffix: names[0] for suffix, names in sorted(_claims()[0].items())}
+
+
+def format_suffix(path: Path) -> str:
+    """Suffix that tells a file's format, lower-case with its dot: that before .gz, if it is gzip'd."""
+    inner = path.with_suffix("") if path.suffix.lower() == ".gz" else path
+    return inner.suffix.lower()
+
+
+def reader_for(path: Path) -> Reader:
+    """The reader that takes a file of that name.
+
+    Raises:
+        ScanError: none does, or two do.
+    """
+    suffix = format_suffix(path)
+    claims, faults = _claims()
+    names = claims.get(suffix, [])
+    if not names:
+        if told := told_by_suffix(path) or told_by_content(path, suffix):
+            raise ScanError(told)
+        broken = f" ({'; '.join(faults)})" if faults else ""
+        raise ScanError(f"no reader for {suffix or 'a file without suffix'!r}; readable: "
+                        f"{', '.join(sorted(claims))}{broken}")
+    if len(names) > 1:
+        raise ScanError(f"{suffix} is claimed by the readers {' and '.join(names)}; uninstall one of them")
+    return registry.load("readers", names[0])()
+
+
+def _claims() -> tuple[dict[str, list[str]], list[str]]:
+    """Suffix -> names of the readers that claim it, and what is wrong with the readers that fail to load."""
+    claims: dict[str, list[str]] = {}
+    faults = []
+    for name in registry.names("readers"):
+        try:
+            plugin = registry.load("readers", name)
+        except registry.PluginError as error:
+            faults.append(str(error))
+            continue
+        for suffix in plugin.suffixes:
+            claims.setdefault(suffix, []).append(name)
+    return claims, faults
