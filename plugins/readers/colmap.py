@@ -37,6 +37,8 @@ def read_points3d(path: Path) -> RawCloud:
         ScanError: the file is cut short, or longer than the points that it counts.
     """
     blob = path.read_bytes()
+    if not blob:
+        return RawCloud(np.empty((0, 3)))
     (count,) = struct.unpack("<Q", blob[:8].ljust(8, b"\0"))
     try:
         points, end = walk_rows(blob, 8, count, [*_POINT, _TRACK], [1, 2, 3])
