@@ -22,12 +22,14 @@ from z2p_core.column_names import (
     is_missing,
     is_number,
     is_row,
+    plain_exponents,
     text_encoding,
     without_comment,
 )
 from z2p_core.float_rows import SAMPLE, fitting_forms
 from z2p_core.interfaces import ScanError
 from z2p_core.lidar_rows import WITH_RING, could_be_measured
+from z2p_core.pose_rows import told_poses
 
 STDIN_STEM = "stdin"
 MAGIC = (
@@ -44,6 +46,8 @@ PREFIX = "z2p-stdin-"
 _STEP = 1 << 20
 _PACKED, _PACKED_TIMES = (".laz", ".npz", ".e57"), 8
 """Suffixes of files that may be packed, and how many times as large they may be then."""
+_HEAD = 4096
+"""Bytes at the head of a text that tell what it is."""
 _SWEEP_ROWS = 1000
 """Rows at the head of a .bin file that tell whether it is a sweep."""
 
@@ -116,13 +120,14 @@ def suffix_of(head: bytes, size: int) -> str:
 def is_prose(path: Path, named: bool = False) -> bool:
     """Whether a .txt or .csv file begins with neither three numbers nor the names x, y and z: a note, not a scan.
 
-    Where the user has `named` its columns, one line may stand before the numbers, and words beside them.
+    So do lists of poses and matrices of cameras count, which data sets keep beside their scans. Where the user has
+    `named` its columns, one line may stand before the numbers, and words beside them.
     """
     if path.suffix.lower() not in (".txt", ".csv") or not path.is_file():  # opening a pipe would wait for ever
         return False
     try:
         with path.open("rb") as file:
-            head = file.read(4096)
+            head = file.read(_HEAD)
     except OSError:
         return False  # the reader says what is wrong
     lines = _told_lines(head)
@@ -134,7 +139,17 @@ def is_prose(path: Path, named: bool = False) -> bool:
         rows = rows[1:]
     words = re.split(r"[;,\s]+", rows[0].strip(";,")) if rows else []
     numbers = sum(is_number(word) or is_missing(word) for word in words)
-    return numbers < 3 or (numbers < len(words) and not named)
+    if numbers < 3 or (numbers < len(words) and not named):
+        return True
+    return not named and _holds_poses(rows[: -1 if len(head) == _HEAD else None])
+
+
+def _holds_poses(rows: list[str]) -> bool:
+    """Whether rows, none of them cut short, are those of a camera's way or matrix."""
+    cells = [re.split(r"[;,\s]+", row.strip(";, ")) for row in rows]
+    if not cells or len({len(row) for row in cells}) > 1 or not all(is_number(cell) for row in cells for cell in row):
+        return False
+    return bool(told_poses(np.array([[float(plain_exponents(cell)) for cell in row] for row in cells])))
 
 
 def is_no_sweep(path: Path, named: bool = False) -> bool:

@@ -23,7 +23,7 @@ ONLY_IN = {
     "bpy": "pipeline/blender.py",
     "mathutils": "pipeline/blender.py",
     "luigi": "workflows/",
-    "h5py": "storage/",
+    "h5py": ("storage/", "plugins/readers/h5.py"),
 }
 """Library -> where alone it may be imported."""
 NOT_IN_CORE = {"h5py", "luigi", "bpy", "open3d"}

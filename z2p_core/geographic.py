@@ -14,7 +14,7 @@ _WIDEST, _FARTHEST_LATITUDE = 20.0, 85.0
 """Degrees that such a cloud spans at the most, and how near to a pole it may lie."""
 _LEAST_OFF = 2.0
 """Degrees that such a place has at least in one direction: an object's own origin lies in it or beside it."""
-_FEWEST, _IN_A_CELL, _SAMPLE = 30, 8, 20_000
+_FEWEST, _IN_A_CELL, _SAMPLE = 30, 4, 20_000
 _FLAT = 0.4
 """How high the points in a small cell may reach, of the whole height, in a cloud that is a piece of ground."""
 HOW_TO = "project them to metres for true shapes (pyproj, or PDAL's filters.reprojection)"

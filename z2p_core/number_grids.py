@@ -11,6 +11,8 @@ _WIDE, _LONG = 17, 4
 _ALIKE, _MOST = 0.8, 0.7
 """How alike neighbouring columns of a picture are (correlation), and the share of them that must be."""
 _ROWS = 2000
+_SMALLEST, _SIDE = 32, 64
+"""Rows and columns of a colour picture that may be told, and how many of them are looked at."""
 HOW_TO = ("a depth map becomes points by its camera: z = depth, x = (column - cx) * z / fx, y = (row - cy) * z / fy; a "
           "grid of heights by the places of its columns and rows; save those x y z")  # fmt: skip
 
@@ -29,6 +31,21 @@ def is_grid(table: np.ndarray, total: int | None = None) -> bool:
     if width >= _WIDE and max(rows, total or 0) <= _LONG * width:
         return True
     return rows >= FEWEST and _neighbours_agree(table[:: -(-rows // _ROWS)].astype(np.float64))
+
+
+def is_picture(array: np.ndarray) -> bool:
+    """Whether numbers (H, W, C) are a colour picture: bytes, or shares of 1 like those of both neighbours."""
+    if array.dtype == np.uint8:
+        return True
+    height, width = array.shape[:2]
+    if min(height, width) < _SMALLEST or array.dtype.kind != "f":
+        return False
+    some = array[:: -(-height // _SIDE)][:, : _SIDE * 4].astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        if not (np.nanmin(some) >= 0 and np.nanmax(some) <= 1):
+            return False
+    whole = array[: _SIDE * 4, : _SIDE * 4].astype(np.float64)
+    return all(_neighbours_agree(side) for side in (whole[..., 0], whole[..., 0].T, whole[..., 1].T))
 
 
 def _neighbours_agree(table: np.ndarray) -> bool:

@@ -22,14 +22,14 @@ def told_side(columns: np.ndarray, first: int = 4) -> str:
         begin, end = first + start, first + start + count - 1
         place = f"column {begin}" if count == 1 else f"columns {begin} to {end}"
         parts.append(f"{place} ({kind})" if kind else place)
-    return f"not drawn: {', '.join(parts)}"
+    return f"ignored: {', '.join(parts)}"
 
 
 def told_names(names: Sequence[str]) -> str:
     """What is left out, in words, of a file whose columns have such names, lower-case, where someone may miss it."""
     for wanted in _COLOUR_NAMES:
         if wanted <= set(names):
-            return f"not drawn: its colours ({', '.join(name for name in names if name in wanted)})"
+            return f"its colours are ignored ({', '.join(name for name in names if name in wanted)})"
     return ""
 
 

@@ -9,16 +9,22 @@ from typing import IO
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_core.point_arrays import as_batch, plain
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
+from z2p_renderer.plugins.readers.array_clouds import (
+    KEYS,
+    MOST_COLUMNS,
+    check_fields,
+    check_shape,
+    clouds_of,
+    is_points,
+    numbers,
+    side_by_side,
+)
 
 _LARGEST = 2 << 30
 _SUSPICIOUS, _WORST_RATIO = 100 << 20, 200
 """An npz member above `_LARGEST` bytes is refused, and one above `_SUSPICIOUS` that was packed over 200 times."""
-_MOST_COLUMNS = 128
-_KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord")
-"""Names under which programs keep points in an npz; the first that holds some counts."""
-_NO_POINTS = ("normal", "color", "colour", "rgb", "feat")
+_NO_POINTS = ("normal", "color", "colour", "rgb", "feat", "conf", "mask", "depth")
 """Parts of the names of arrays that stand beside points."""
 _AXES = {"x", "y", "z"}
 _AMBIGUOUS = (4, 5)
@@ -31,7 +37,7 @@ class NumpyArrays(Reader):
     """Numpy arrays (N, 3 or more: the first three count), batches of these, and depth cameras' point maps."""
 
     name = "numpy"
-    version = "3"
+    version = "4"
     suffixes = (".npy", ".npz")
 
     def memory(self, path: Path) -> int:
@@ -45,11 +51,12 @@ class NumpyArrays(Reader):
                 return 0
         return super().memory(path)
 
-    def read(self, path: Path) -> list[np.ndarray | RawCloud]:
+    def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` ..., or `x`, `y` and
         `z`, or the only one.
 
-        What a pinhole camera saw, a point a pixel (H, W, 3), is one cloud.
+        What a pinhole camera saw, a point a pixel (H, W, 3), is one cloud, seen from there; so are maps of several
+        cameras (B, H, W, 3).
 
         Of a single cloud of very many points in an npy, some that stand for all.
 
@@ -57,8 +64,9 @@ class NumpyArrays(Reader):
             ScanError: another shape, no numbers, pickled objects, or a size that the file cannot hold.
         """
         try:
+            key = ""
             if path.suffix.lower() == ".npz":
-                array = _from_zip(path)
+                array, key = _from_zip(path)
             else:
                 with path.open("rb") as file:
                     shape, fortran, dtype = _header(file, path.stat().st_size)
@@ -70,15 +78,15 @@ class NumpyArrays(Reader):
         except Exception as error:  # zipfile, zlib and numpy raise whatever their parsing stumbles over
             raise ScanError(f"expected a numpy file ({' '.join(str(error).split())[:160]}); "
                             "save it again with numpy.save or numpy.savez") from error
-        return _clouds(array)
+        return list(clouds_of(array, key))
 
 
-def _from_zip(path: Path) -> np.ndarray:
-    """The array that holds the points."""
+def _from_zip(path: Path) -> tuple[np.ndarray, str]:
+    """The array that holds the points, and its name."""
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        if members.keys() >= _AXES and not members.keys() & set(_KEYS):
-            return _side_by_side(archive, members, path.stat().st_size)
+        if members.keys() >= _AXES and not members.keys() & set(KEYS):
+            return _side_by_side(archive, members, path.stat().st_size), ""
         chosen = _chosen(archive, members, path.stat().st_size)
         if chosen is None:
             raise ScanError(f"expected an array named 'points' or 'xyz', or one array of floats (N, 3) alone, got "
@@ -86,20 +94,17 @@ def _from_zip(path: Path) -> np.ndarray:
         info = members[chosen]
         _weigh(chosen, info, path.stat().st_size)
         with archive.open(info) as file:
-            return _array(file, info.file_size)
+            return _array(file, info.file_size), chosen
 
 
 def _side_by_side(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> np.ndarray:
     """Points (N, 3) of arrays x, y and z, of any shape but the same."""
-    columns = []
-    for axis in sorted(_AXES):
+    columns = {}
+    for axis in "xyz":
         _weigh(axis, members[axis], size)
         with archive.open(members[axis]) as file:
-            columns.append(_array(file, members[axis].file_size))
-    if len({column.shape for column in columns}) > 1:
-        shapes = ", ".join(str(column.shape) for column in columns)
-        raise ScanError(f"expected arrays x, y and z of one shape, got {shapes}; save the points as points=...")
-    return np.stack(columns, axis=-1).reshape(-1, 3)
+            columns[axis] = _array(file, members[axis].file_size)
+    return side_by_side(columns)
 
 
 def _chosen(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:
@@ -107,7 +112,7 @@ def _chosen(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size:
 
     One that is called so but has another shape is named too: the message then says what is wrong with it.
     """
-    named = [key for key in _KEYS if key in members]
+    named = [key for key in KEYS if key in members]
     for key in named:
         _weigh(key, members[key], size)
         if _shape_of_points(archive, members[key]):
@@ -124,10 +129,12 @@ def _shape_of_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bo
     with archive.open(info) as file:
         try:
             shape, _, dtype = _header(file, info.file_size)
-            _check_shape(shape)
-        except ValueError:  # no array of numbers, or another shape
+        except ValueError:  # no array of numbers
             return False
-    return not floats or (dtype.kind == "f" and shape[-2] >= _FEWEST_ROWS and shape[-1] not in _AMBIGUOUS)
+    if not is_points(shape, dtype, info.filename.removesuffix(".npy")):
+        return False
+    return not floats or (dtype.kind == "f" and (len(shape) == 4 or (shape[-2] >= _FEWEST_ROWS
+                                                                     and shape[-1] not in _AMBIGUOUS)))
 
 
 def _weigh(name: str, info: zipfile.ZipInfo, size: int) -> None:
@@ -144,19 +151,25 @@ def _weigh(name: str, info: zipfile.ZipInfo, size: int) -> None:
 
 def _array(file: IO[bytes], size: int) -> np.ndarray:
     """The array in an npy stream of `size` bytes, after its header has been weighed against them."""
-    _header(file, size)
-    file.seek(0)
-    return plain(np.lib.format.read_array(file, allow_pickle=False))
+    shape, fortran, dtype = _header(file, size)
+    content = memoryview(bytearray(size - file.tell()))
+    filled = 0
+    while filled < len(content) and (step := file.readinto(content[filled:])):  # type: ignore[attr-defined]
+        filled += step
+    if filled < len(content):
+        raise ScanError(f"{len(content) - filled} bytes of the array are missing; the file is cut short: save it again")
+    array = np.frombuffer(content, dtype)
+    return numbers(array.reshape(shape[::-1]).T if fortran else array.reshape(shape))
 
 
 def _is_spread(shape: tuple[int, ...], fortran: bool, dtype: np.dtype) -> bool:
     """Whether this is one cloud, row by row, of more points than are drawn."""
-    return len(shape) == 2 and 3 <= shape[1] <= _MOST_COLUMNS and shape[0] > MOST_ROWS and not fortran
+    return len(shape) == 2 and 3 <= shape[1] <= MOST_COLUMNS and shape[0] > MOST_ROWS and not fortran
 
 
 def _spread(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawCloud:
     """Points spread over the rows that follow a header, read in blocks."""
-    _check_shape(shape)
+    check_shape(shape)
     row = shape[1] * dtype.itemsize
 
     def read(rows: int) -> np.ndarray:
@@ -176,30 +189,9 @@ def _header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype
         raise ScanError(f"npy format {version} holds no plain array; save the points with numpy.save")
     parse = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     shape, fortran, dtype = parse(file)
-    if dtype.hasobject:
-        raise ScanError("the array holds pickled objects, which are never opened; save one plain float array a file, "
-                        "or a batch (B, N, 3)")
-    if dtype.kind not in "fiu" and not plain(np.empty(0, dtype)).ndim == 2:
-        raise ScanError(f"expected an array of numbers, got dtype {dtype}; save the points as float32 or float64")
+    check_fields(dtype)
     promised = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if promised != size - file.tell():
         raise ScanError(f"the npy header promises {shape} {dtype}, {promised} bytes, but {size - file.tell()} follow; "
                         "the file is cut short: save it again")
     return shape, fortran, dtype
-
-
-def _clouds(array: np.ndarray) -> list[np.ndarray | RawCloud]:
-    """Clouds (N, 3) float64 of an array whose shape says which axis is which."""
-    _check_shape(array.shape)
-    return [np.ascontiguousarray(cloud[:, :3], dtype=np.float64) for cloud in as_batch(array)]
-
-
-def _check_shape(shape: tuple[int, ...]) -> None:
-    if len(shape) not in (2, 3) or not 3 <= shape[-1] <= _MOST_COLUMNS or _lies_flat(shape):
-        hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _lies_flat(shape) else ""
-        raise ScanError(f"expected (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
-
-
-def _lies_flat(shape: tuple[int, ...]) -> bool:
-    """Whether the coordinates seem to run along the axis before the last: (3, N) rather than (N, 3)."""
-    return len(shape) in (2, 3) and shape[-2] == 3 and shape[-1] != 3

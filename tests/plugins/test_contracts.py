@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import h5py
 import laspy
 import numpy as np
 import pytest
@@ -57,6 +58,11 @@ def write_pcd(path: Path) -> None:
     write_lines(path, f"{fields}WIDTH {count}\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS {count}\nDATA ascii\n")
 
 
+def write_h5(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["points"] = CLOUD
+
+
 def write_ptx(path: Path) -> None:
     lines = f"{len(CLOUD)}\n1\n" + "0 0 0\n1 0 0\n0 1 0\n0 0 1\n" + "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
     rows = "".join(f"{x} {y} {z} 0.5\n" for x, y, z in CLOUD + 1)  # a cell at the scanner itself measured nothing
@@ -94,6 +100,7 @@ EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
     "numpy": (".npy", lambda path: np.save(path, CLOUD), b"\x93NUMPY and then nothing of the kind"),
     "las": (".las", write_las, b"LASF" + bytes(60)),
     "e57": (".e57", write_e57, b"ASTM-E57" + bytes(60)),
+    "h5": (".h5", write_h5, b"\x89HDF\r\n\x1a\n" + bytes(60)),
     "ptx": (".ptx", write_ptx, b"five columns\nand one row\n"),
     "sweeps": (".bin", write_sweep, bytes(range(1, 18))),
     "meshes": (".stl", write_stl, bytes(80) + b"\xff\xff\xff\x7f" + bytes(50)),

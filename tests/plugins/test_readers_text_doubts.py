@@ -95,11 +95,11 @@ def test_coordinates_come_first_whatever_stands_beside_them(
 def test_the_other_columns_are_told_for_what_they_look_like(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     assert read(path, XYZ).note == ""
-    assert read(path, table(XYZ, COLOURS)).note == "not drawn: columns 4 to 6 (colours)"
-    assert read(path, table(XYZ, NORMALS)).note == "not drawn: columns 4 to 6 (normals)"
-    assert read(path, table(XYZ, COLOURS[:, 0])).note == "not drawn: column 4"
-    assert read(path, table(XYZ, XYZ[:, 0], COLOURS)).note == "not drawn: column 4, columns 5 to 7 (colours)"
-    assert read(path, table(XYZ, COLOURS), "x,y,z,r,g,b").note == "not drawn: its colours (r, g, b)"
+    assert read(path, table(XYZ, COLOURS)).note == "ignored: columns 4 to 6 (colours)"
+    assert read(path, table(XYZ, NORMALS)).note == "ignored: columns 4 to 6 (normals)"
+    assert read(path, table(XYZ, COLOURS[:, 0])).note == "ignored: column 4"
+    assert read(path, table(XYZ, XYZ[:, 0], COLOURS)).note == "ignored: column 4, columns 5 to 7 (colours)"
+    assert read(path, table(XYZ, COLOURS), "x,y,z,r,g,b").note == "its colours are ignored (r, g, b)"
 
 
 def poses(width: int) -> np.ndarray:

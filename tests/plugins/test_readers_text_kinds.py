@@ -50,7 +50,7 @@ def test_colmaps_points_are_read_by_their_names(tmp_path: Path, name: str, head:
     cloud = given(tmp_path / name, head + "".join(rows))
     assert np.array_equal(cloud.points, XYZ)
     assert (cloud.up, cloud.up_certain) == ("-Y", False) and "COLMAP" in cloud.up_reason
-    assert "colours (r, g, b)" in cloud.note
+    assert "colours are ignored (r, g, b)" in cloud.note
     assert not is_prose(tmp_path / name)
 
 
@@ -172,7 +172,8 @@ def test_degrees_beside_metres_are_told_in_the_files_line(tmp_path: Path) -> Non
     path.write_text(lines(ground(), " "))
     (scan,) = read_clouds(path)
     assert "x and y look like degrees (7..7.011, 60..60.009)" in scan.note
-    assert np.ptp(scan.points, axis=0) == pytest.approx([11 * 111.32 * 0.5, 9 * 111.32, np.ptp(ground()[:, 2])], rel=0.01)
+    sizes = [11 * 111.32 * 0.5, 9 * 111.32, np.ptp(ground()[:, 2])]
+    assert np.ptp(scan.points, axis=0) == pytest.approx(sizes, rel=0.01)
 
 
 def test_poses_in_a_folder_are_passed_over(tmp_path: Path) -> None:

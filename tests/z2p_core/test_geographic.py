@@ -37,7 +37,7 @@ def pole(radius: float, high: float, at: tuple[float, float]) -> np.ndarray:
     "points",
     [pole(0.1, 8, (7.1, 50.2)), pole(0.1, 8, (0, 0)), pole(0.05, 20, (12.3, -4.4)), pole(1, 200, (40, 60)),
      ground(1, 1, (7.1, 50.2)), ground(0.5, 5, (7.1, 50.2)), ground(100, 5000, (1000, 2000)), ground(1, 60, (0, 0)),
-     RNG.random((2000, 3)) + (7.1, 50.2, 0), ground(0.9, 60, (-0.4, 0.3)), pole(0.1, 8, (7.1, 50.2)).round(0)],
+     np.add(RNG.random((2000, 3)), (7.1, 50.2, 0)), ground(0.9, 60, (-0.4, 0.3)), pole(0.1, 8, (7.1, 50.2)).round(0)],
     ids=str,
 )  # fmt: skip
 def test_what_is_no_ground_in_degrees_stays_as_it_is(points: np.ndarray) -> None:

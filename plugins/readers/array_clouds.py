@@ -1,0 +1,159 @@
+"""Clouds of arrays whose shape and name say what they hold: points, batches of them, point maps, or anything else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from z2p_core.interfaces import RawCloud, ScanError, Sensor
+from z2p_core.number_grids import HOW_TO, is_grid, is_picture
+from z2p_core.point_arrays import as_batch, plain
+from z2p_core.point_maps import map_sensor
+from z2p_core.pose_rows import told_poses
+from z2p_core.side_columns import told_side
+
+MOST_COLUMNS = 128
+MAP_KEYS = ("pts3d", "world_points", "point_map", "pointmap", "point_maps", "points3d", "points_3d", "xyz_map",
+            "world_points_from_depth", "pts3d_in_other_view", "xyz_image")  # fmt: skip
+"""Names of point maps, as learnt depth writes them."""
+OBJECT_KEYS = ("data", "complete_pcds", "incomplete_pcds", "gt", "complete", "partial", "pcds")
+"""Names under which data sets made of ShapeNet or ModelNet keep their objects."""
+KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord", "point_cloud", "pointcloud", "pointclouds",
+        "point_clouds", "pcd", "pc", "cloud", *MAP_KEYS, *OBJECT_KEYS)  # fmt: skip
+"""Names under which programs keep points; the first that holds some counts."""
+_SENSED = {"pts3d", "point_map", "pointmap", "point_maps", "xyz_map", "xyz_image"}
+"""Those of maps in their own camera's axes."""
+_UP = {"up": "+Y", "up_reason": "the usual axes of ModelNet and ShapeNet", "up_certain": False}
+_SOME = 1000
+_SMALLEST_MAP = 8
+
+
+def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
+    """Clouds (N, 3) float64 of an array whose shape, and the name that it has, say which axis is which.
+
+    Raises:
+        ScanError: it holds no points by its shape or its numbers.
+    """
+    array = as_rows_last(array)
+    as_maps = array.ndim == 4 or (array.ndim == 3 and key in MAP_KEYS)
+    if as_maps and min(array.shape[-3:-1]) >= _SMALLEST_MAP and 3 <= array.shape[-1] <= MOST_COLUMNS:
+        maps = array if array.ndim == 4 else array[None]
+        return [_seen(points, certain=key in _SENSED or not key) for points in maps]
+    _refuse_poses(array)
+    check_shape(array.shape)
+    _refuse_pictures(array)
+    batch = as_batch(array)
+    if array.ndim == 3 and batch is not array:
+        return [_seen(array)]
+    up = _UP if key in OBJECT_KEYS else {}
+    note = told_side(batch[0][:_SOME, 3:].astype(np.float64)) if len(batch) else ""
+    return [RawCloud(_points(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
+
+
+def as_rows_last(array: np.ndarray) -> np.ndarray:
+    """The array with x, y, z along its last axis, where a point map has them before its rows and columns."""
+    if array.ndim not in (3, 4) or array.shape[-3] != 3 or array.shape[-1] == 3 or array.shape[-2] < _SMALLEST_MAP:
+        return array
+    moved = np.moveaxis(array, -3, -1)
+    return moved if array.ndim == 4 or as_batch(moved) is not moved else array
+
+
+def check_shape(shape: tuple[int, ...]) -> None:
+    """Raises ScanError for a shape that points never have."""
+    if len(shape) in (2, 3) and 3 <= shape[-1] <= MOST_COLUMNS and not _lies_flat(shape):
+        return
+    hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _lies_flat(shape) else ""
+    if len(shape) in (2, 3) and (shape[-1] > MOST_COLUMNS or (len(shape) == 3 and shape[-1] < 3)) and not hint:
+        hint = f"; is it a depth map or a grid of heights? {HOW_TO}"
+    raise ScanError(f"expected (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
+
+
+def check_fields(dtype: np.dtype) -> None:
+    """Raises ScanError for a type that holds no numbers, or records without such that are called x, y and z."""
+    if dtype.hasobject:
+        raise ScanError("the array holds pickled objects, which are never opened; save one plain float array a file, "
+                        "or a batch (B, N, 3)")
+    if dtype.names is None:
+        if dtype.kind not in "fiu":
+            raise ScanError(f"expected an array of numbers, got dtype {dtype}; save the points as float32 or float64")
+        return
+    name = _points_field(dtype)
+    axes = [dtype[field] for field in dtype.names if field.lower() in ("x", "y", "z")]
+    if name is None and (len(axes) != 3 or any(axis.kind not in "fiu" or axis.shape for axis in axes)):
+        raise ScanError(f"expected records with numbers x, y and z, got dtype {str(dtype)[:160]}; name them so, or "
+                        "save the points as float32 or float64")
+
+
+def numbers(array: np.ndarray) -> np.ndarray:
+    """The numbers (..., 3 or more) of an array, or of its records by the names of their fields."""
+    name = _points_field(array.dtype)
+    return plain(array) if name is None else array[name]
+
+
+def side_by_side(columns: dict[str, np.ndarray]) -> np.ndarray:
+    """Points (N, 3) of arrays x, y and z, of any shape but the same."""
+    shapes = [columns[axis].shape for axis in "xyz"]
+    if len(set(shapes)) > 1:
+        raise ScanError(f"expected arrays x, y and z of one shape, got {', '.join(map(str, shapes))}; save the points "
+                        "as points=...")
+    return np.stack([columns[axis] for axis in "xyz"], axis=-1).reshape(-1, 3)
+
+
+def is_points(shape: tuple[int, ...], dtype: np.dtype, key: str = "") -> bool:
+    """Whether an array of that shape and type could hold points."""
+    try:
+        check_fields(dtype)
+        if dtype.names is not None:
+            return len(shape) in (1, 2)
+        if len(shape) == 4 or (len(shape) == 3 and shape[0] == 3 and key in MAP_KEYS):
+            return 3 in (shape[-1], shape[-3])
+        check_shape(shape)
+    except ScanError:
+        return False
+    return True
+
+
+def _points_field(dtype: np.dtype) -> str | None:
+    """The field of records that holds all of x, y and z, if one is called so."""
+    fields = {name.lower(): name for name in dtype.names or ()}
+    names: Iterable[str] = (fields[key] for key in KEYS if key in fields)
+    return next((name for name in names if dtype[name].shape == (3,) and dtype[name].base.kind in "fiu"), None)
+
+
+def _seen(points: np.ndarray, certain: bool = False) -> RawCloud:
+    """The cloud of a point map (H, W, 3 or more), as its camera sees it."""
+    rows, columns = points.shape[:2]
+    sensor: Sensor | None = map_sensor(points[..., :3], certain)
+    note = f"a point map of {rows} x {columns} pixels"
+    return RawCloud(_points(points.reshape(rows * columns, -1)), sensor, note=note)
+
+
+def _points(rows: np.ndarray) -> np.ndarray:
+    with np.errstate(all="ignore"):  # long doubles beyond float64 become infinite, and are dropped as such
+        return np.ascontiguousarray(rows[:, :3], dtype=np.float64)
+
+
+def _refuse_pictures(array: np.ndarray) -> None:
+    """Raises ScanError for depth maps and pictures whose shape could be that of points."""
+    if array.ndim == 2 and is_grid(array):
+        raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; {HOW_TO}")
+    if array.ndim == 3 and is_picture(array):
+        raise ScanError(f"numbers {array.shape} look like a colour picture, not like points; save the x y z of its "
+                        "pixels instead")
+
+
+def _refuse_poses(array: np.ndarray) -> None:
+    """Raises ScanError for matrices of cameras, one or many, and lists of poses."""
+    poses = array
+    if array.ndim == 3 and array.shape[1:] in ((4, 4), (3, 4)):
+        poses = array.reshape(len(array), -1)
+    if array.ndim == 3 and array.shape[1:] == (3, 3):
+        poses = np.concatenate([array, np.zeros((len(array), 3, 1))], axis=2).reshape(len(array), -1)
+    if poses.ndim == 2 and (told := told_poses(poses[:_SOME].astype(np.float64))):
+        raise ScanError(f"numbers {array.shape} are no points but {told}; save the points as float32 or float64")
+
+
+def _lies_flat(shape: tuple[int, ...]) -> bool:
+    """Whether the coordinates seem to run along the axis before the last: (3, N) rather than (N, 3)."""
+    return len(shape) in (2, 3) and shape[-2] == 3 != shape[-1]

@@ -1,0 +1,101 @@
+"""Where the camera stood that saw a point map, a point for each of its pixels: told by the points alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.interfaces import Sensor
+
+_SIDE = 64
+"""Rows and columns of a map that are looked at."""
+_FEWEST = 60
+"""Points that tell a camera, at least."""
+_SPREAD = 0.1
+"""How far the rays of a pinhole camera may be off, of how far they spread."""
+_OFF = 0.02
+"""The same for a camera anywhere, whose pixels are reckoned from its points."""
+_AHEAD = 0.98
+_STRAIGHT = 0.995
+"""Cosine from which on a camera's picture stands upright in the camera's own axes."""
+
+
+def map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | None:
+    """The camera that saw points (H, W, 3), row by row from the top of its picture; None where they do not tell.
+
+    In the camera's own axes, OpenCV's (+Z ahead), OpenGL's (-Z ahead) or turned ones, it stands at the origin, and the
+    pixels tell which way is right and down. In other axes it is where the lines of sight meet. `certain`: it is a map
+    in the camera's axes by its name, so that one whose rays are crooked is believed as well, if all lies ahead.
+    """
+    rows, columns = (np.linspace(0, side - 1, min(side, _SIDE)).astype(int) for side in points.shape[:2])
+    across, down = np.meshgrid(columns / points.shape[1] - 0.5, rows / points.shape[0] - 0.5)
+    some = points[rows[:, None], columns].astype(np.float64).reshape(-1, 3)
+    seen = np.isfinite(some).all(1) & some.any(1)
+    some, pixels = some[seen], np.column_stack([across.ravel()[seen], down.ravel()[seen]])
+    if len(some) < _FEWEST:
+        return None
+    return _own_axes(some, pixels) or _elsewhere(some, pixels) or (_ahead(some) if certain else None)
+
+
+def _own_axes(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
+    """The camera at the origin that looks along Z, if each pixel (N, 2) has its ray."""
+    sign = _way(points)
+    if sign == 0:
+        return None
+    rays = points[:, :2] / np.abs(points[:, 2:])
+    known = np.column_stack([pixels, np.ones(len(pixels))])
+    slopes, *_ = np.linalg.lstsq(known, rays, rcond=None)
+    off = rays - known @ slopes
+    if (off**2).mean(0).max() > (_SPREAD**2) * rays.var(0).min() or not rays.var(0).all():
+        return None
+    ahead = np.array([0.0, 0.0, sign])
+    downward = np.array([*slopes[1], 0.0])
+    if np.abs(downward).max() > _STRAIGHT * np.linalg.norm(downward):  # along an axis, but for noise
+        downward = np.where(np.abs(downward) == np.abs(downward).max(), downward, 0.0)
+    return _facing(np.zeros(3), np.array([*slopes[0], 0.0]), downward, ahead)
+
+
+def _elsewhere(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
+    """The camera anywhere whose picture has points (N, 3) at their pixels (N, 2), by direct linear transformation."""
+    middle = np.median(points, axis=0)
+    scale = float(np.abs(points - middle).mean())
+    if not 0 < scale < np.inf:
+        return None
+    near = np.column_stack([(points - middle) / scale, np.ones(len(points))])
+    zero = np.zeros_like(near)
+    rows = np.vstack([np.hstack([near, zero, -pixels[:, :1] * near]), np.hstack([zero, near, -pixels[:, 1:] * near])])
+    weights, vectors = np.linalg.eigh(rows.T @ rows)
+    if not weights[1] > 10 * max(weights[0], 1e-12 * weights[-1]):  # flat: many cameras would do
+        return None
+    matrix = vectors[:, 0].reshape(3, 4)
+    seen = near @ matrix.T
+    if abs(np.linalg.det(matrix[:, :3])) < 1e-9 or not (np.abs(seen[:, 2]) > 1e-12).all():
+        return None
+    off = seen[:, :2] / seen[:, 2:] - pixels
+    if np.sqrt((off**2).mean()) > _OFF or max((seen[:, 2] > 0).mean(), (seen[:, 2] < 0).mean()) < _AHEAD:
+        return None
+    matrix *= np.sign(np.median(seen[:, 2]))
+    position = middle - scale * np.linalg.solve(matrix[:, :3], matrix[:, 3])
+    ahead = matrix[2, :3] / np.linalg.norm(matrix[2, :3])
+    right, downward = (row - (row @ ahead) * ahead for row in matrix[:2, :3])
+    return _facing(position, right, downward, ahead)
+
+
+def _ahead(points: np.ndarray) -> Sensor | None:
+    """The camera at the origin in OpenCV's or OpenGL's axes, if all lies ahead of it."""
+    sign = _way(points)
+    return Sensor(np.zeros(3), np.diag([1.0, sign, sign])) if sign else None
+
+
+def _way(points: np.ndarray) -> float:
+    """1.0 where points (N, 3) lie on the side of +Z, -1.0 on that of -Z, and 0.0 on both."""
+    return 1.0 if (points[:, 2] > 0).mean() > _AHEAD else -1.0 if (points[:, 2] < 0).mean() > _AHEAD else 0.0
+
+
+def _facing(position: np.ndarray, right: np.ndarray, downward: np.ndarray, ahead: np.ndarray) -> Sensor | None:
+    """The sensor there that looks so, upright as its picture is; in a mirrored file, left and right are exchanged."""
+    downward = downward - (downward @ ahead) * ahead
+    length = float(np.linalg.norm(downward))
+    if not length > 0 or not np.linalg.norm(right) > 0:
+        return None
+    downward = downward / length
+    return Sensor(position, np.column_stack([np.cross(downward, ahead), downward, ahead]))
