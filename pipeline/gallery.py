@@ -35,7 +35,7 @@ def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     check_place(path)
-    environment = Environment(loader=PackageLoader("pipeline"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(loader=PackageLoader("z2p_renderer.pipeline"), autoescape=True, undefined=StrictUndefined)
     side = next((side for most, side in SIDES if len(pictures) <= most), SMALLEST_SIDE)
     cards = [_card(picture, path.parent, side) for picture in pictures]
     page = environment.get_template("gallery.html").render(

@@ -215,7 +215,7 @@ def _write_page(
 ) -> None:  # fmt: skip
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    environment = Environment(loader=PackageLoader("pipeline"), autoescape=True, undefined=StrictUndefined)
+    environment = Environment(loader=PackageLoader("z2p_renderer.pipeline"), autoescape=True, undefined=StrictUndefined)
     facts = [("Command", command), ("Meshes", ", ".join(mesh for mesh in findings.meshes("base"))),
              ("Weights", ", ".join(findings.named(WEIGHTS)) or "none"),
              ("Baselines", ", ".join(findings.named(BASELINE)) or "none"),
