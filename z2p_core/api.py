@@ -113,6 +113,8 @@ def render(
         if given.unused_columns:
             notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): no normals or per-point "
                          "colours are drawn")
+        elif given.coloured and table is None:
+            notes.append("the cloud's colours were left out: no per-point colours are drawn; color= chooses one for it")
         pictures, batched = studio().draw(given.clouds, request), given.batched
     for note in dict.fromkeys([*told, *notes, *(note for picture in pictures for note in picture.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)

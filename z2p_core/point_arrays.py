@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from z2p_core.interfaces import ScanError
+from z2p_core.point_holders import NUMBERS, has_colours, held, is_holder
+from z2p_core.point_holders import of_records as plain
 
-ATTRIBUTES = ("xyz", "points", "vertices")
-"""Where other libraries keep their clouds: laspy (whose `points` are records), open3d and pyvista, trimesh."""
 MOST_COLUMNS = 128
 SMALLEST_MAP = 16
 """Rows and columns of a point map at least."""
@@ -33,6 +33,8 @@ class PointArrays:
     batched: bool
     unused_columns: int
     """Columns behind x, y, z that were left out."""
+    coloured: bool = False
+    """Whether colours were left out that an object has beside its points."""
 
 
 def point_arrays(points: Any) -> PointArrays:
@@ -45,18 +47,21 @@ def point_arrays(points: Any) -> PointArrays:
     """
     if isinstance(points, Sequence) and not isinstance(points, str) and points and _rank(points[0]) == 2:
         parts = [_member(part, index) for index, part in enumerate(points)]
-        return PointArrays([part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts))
+        return PointArrays([part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts),
+                           any(part.coloured for part in parts))  # fmt: skip
     array = plain(_array(points))
     shape = array.shape
+    if array.dtype.names:
+        raise ScanError(f"expected records with fields x, y and z, got {', '.join(array.dtype.names)}")
     flat = array.ndim in (2, 3) and shape[-2] == 3 != shape[-1]
     if array.ndim not in (2, 3) or flat or not 3 <= shape[-1] <= MOST_COLUMNS:
         hint = "; transpose it, e.g. points.swapaxes(-1, -2)" if flat else ""
         raise ScanError(f"expected points (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
-    if array.dtype.kind not in "fiu":
+    if array.dtype.kind not in NUMBERS:
         raise ScanError(f"expected points as numbers, got dtype {array.dtype}")
     batch = as_batch(array)
     clouds = [np.array(cloud[:, :3], dtype=np.float64) for cloud in batch]
-    return PointArrays(clouds, array.ndim == 3 and batch is array, shape[-1] - 3)
+    return PointArrays(clouds, array.ndim == 3 and batch is array, shape[-1] - 3, has_colours(points))
 
 
 def as_batch(array: np.ndarray) -> np.ndarray:
@@ -64,14 +69,6 @@ def as_batch(array: np.ndarray) -> np.ndarray:
     if array.ndim == 3 and not _is_point_map(array):
         return array
     return array.reshape(1, -1, array.shape[-1])
-
-
-def plain(array: np.ndarray) -> np.ndarray:
-    """Numbers (..., 3) float64 of records that have fields x, y and z; any other array as it is."""
-    fields = {name.lower(): name for name in array.dtype.names or ()}
-    if not fields.keys() >= set("xyz"):
-        return array
-    return np.stack([array[fields[axis]].astype(np.float64) for axis in "xyz"], axis=-1)
 
 
 def _is_point_map(array: np.ndarray) -> bool:
@@ -137,7 +134,7 @@ def _array(points: Any) -> np.ndarray:
     """
     expected = f"expected points as an array (N, 3), a cloud object or one path, got {_kind(points)}"
     try:
-        array = _converted(points)
+        array = held(points)
     except ScanError:
         raise
     except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
@@ -145,48 +142,6 @@ def _array(points: Any) -> np.ndarray:
     if not isinstance(points, np.ndarray) and (array.ndim == 0 or array.dtype.kind in "OUS"):
         raise ScanError(expected)
     return array
-
-
-def _converted(points: Any) -> np.ndarray:
-    if hasattr(points, "detach"):  # torch; through float64, as numpy knows no bfloat16
-        return np.asarray(points.detach().cpu().double().numpy())
-    if hasattr(points, "point") and hasattr(points.point, "positions"):  # open3d's tensor clouds
-        return np.asarray(points.point.positions.cpu().numpy())
-    if _is_scene(points):
-        return _vertices(points)
-    if hasattr(points, "columns") and hasattr(points, "to_numpy"):  # pandas and polars
-        return _of_table(points)
-    if not isinstance(points, np.ndarray):
-        for attribute in ATTRIBUTES:
-            if hasattr(points, attribute):
-                return np.asarray(getattr(points, attribute))
-    if isinstance(points, np.ma.MaskedArray):
-        return np.asarray(np.ma.filled(points.astype(np.float64), np.nan))
-    return np.asarray(points)
-
-
-def _of_table(table: Any) -> np.ndarray:
-    """Columns x, y and z of a data frame, or all of them where it has no such."""
-    names = {str(name).strip().lower(): name for name in table.columns}
-    if names.keys() >= set("xyz"):
-        return np.stack([np.asarray(table[names[axis]], dtype=np.float64) for axis in "xyz"], axis=-1)
-    return np.asarray(table.to_numpy())
-
-
-def _is_scene(points: Any) -> bool:
-    """Whether it is a scene of trimesh, whose geometry stands where its graph says."""
-    return hasattr(points, "geometry") and hasattr(getattr(points, "graph", None), "nodes_geometry")
-
-
-def _vertices(scene: Any) -> np.ndarray:
-    """All vertices (N, 3) of a scene, in the world's coordinates."""
-    parts = []
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        parts.append(np.asarray(scene.geometry[name].vertices) @ matrix[:3, :3].T + matrix[:3, 3])
-    if not parts:
-        raise ScanError(f"expected points, got a {type(scene).__name__} without geometry")
-    return np.vstack(parts)
 
 
 def _kind(points: Any) -> str:
@@ -199,4 +154,4 @@ def _rank(part: Any) -> int:
     """Axes of one member of a list: 2 for a cloud, so that the list is a batch."""
     if hasattr(part, "shape"):
         return len(part.shape)
-    return 2 if _is_scene(part) or any(hasattr(part, attribute) for attribute in (*ATTRIBUTES, "point")) else 0
+    return 2 if is_holder(part) else 0

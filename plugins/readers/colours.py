@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from z2p_core.point_holders import names_colours
+
 NOTE = "its colours are ignored"
-_NAMES = frozenset({"red", "r", "rgb", "rgba", "diffuse_red", "colorred", "color", "colors", "color_0", "packed_color"})
 
 
 def colours_note(names: Iterable[str]) -> str:
     """What to say of a file whose points have these fields beside their places; nothing if none is a colour."""
-    return NOTE if any(name.lower() in _NAMES for name in names) else ""
+    return NOTE if names_colours(names) else ""

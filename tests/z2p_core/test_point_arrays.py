@@ -5,10 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from types import SimpleNamespace
 
+import laspy
 import numpy as np
 import pytest
 import torch
 import trimesh
+from pypcd4 import PointCloud
 
 from z2p_core.interfaces import ScanError
 from z2p_core.point_arrays import point_arrays
@@ -25,6 +27,11 @@ HOLDERS = {
     "trimesh cloud": trimesh.PointCloud(CLOUD),
     "pyvista-like": SimpleNamespace(points=CLOUD),
     "laspy-like": SimpleNamespace(xyz=CLOUD),
+    "dict": {"xyz": CLOUD, "colors": CLOUD},
+    "dict of lists": {"X": CLOUD[:, 0].tolist(), "Y": CLOUD[:, 1].tolist(), "Z": CLOUD[:, 2].tolist(), "label": "ab"},
+    "dict of tensors": {"points": torch.from_numpy(CLOUD)},
+    "pypcd4": PointCloud.from_xyz_points(CLOUD),
+    "graph of torch's": SimpleNamespace(pos=torch.from_numpy(CLOUD)),
 }
 
 
@@ -38,12 +45,53 @@ def test_every_holder_gives_its_points(name: str) -> None:
     assert given.unused_columns == {"four columns": 1, "six columns": 3}.get(name, 0)
 
 
+def coloured_cloud(kind: str, coloured: bool) -> object:
+    """Such a library's cloud, with colours or without."""
+    colours = np.full((20, 3), 0.5)
+    extra = [np.full(20, 7.0, np.float32)] if coloured else []
+    names = ("x", "y", "z", *(["rgb"] if coloured else []))
+    match kind:
+        case "dict":
+            return {"points": CLOUD, **({"colors": colours} if coloured else {"normals": colours})}
+        case "trimesh":
+            return trimesh.PointCloud(CLOUD, colors=colours if coloured else None)
+        case "trimesh mesh":
+            mesh = trimesh.creation.icosphere(1)
+            if coloured:
+                mesh.visual.vertex_colors = [200, 10, 10, 255]
+            return mesh
+        case "pypcd4":
+            return PointCloud.from_points([*CLOUD.T, *extra], names, [np.float32] * len(names))
+        case "pyvista-like":
+            return SimpleNamespace(points=CLOUD, point_data={"RGB": colours} if coloured else {"quality": colours})
+        case "laspy":
+            header = laspy.LasHeader(point_format=2 if coloured else 0)
+            content = laspy.LasData(header)
+            content.x, content.y, content.z = CLOUD.T.astype(np.float64)
+            return content
+        case "records":
+            return np.zeros(20, [(name, "f4") for name in ("x", "y", "z", "red" if coloured else "label")])
+    raise ValueError(kind)
+
+
+@pytest.mark.parametrize("coloured", [True, False])
+@pytest.mark.parametrize("kind", ["dict", "trimesh", "trimesh mesh", "pypcd4", "pyvista-like", "laspy", "records"])
+def test_colours_of_an_object_are_told(kind: str, coloured: bool) -> None:
+    thing = coloured_cloud(kind, coloured)
+    assert point_arrays(thing).coloured is coloured
+    assert point_arrays([thing, thing]).coloured is coloured or kind == "records"
+
+
 def test_open3d_clouds_go_in_as_they_are() -> None:
     open3d = pytest.importorskip("open3d")
     legacy = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(CLOUD.astype(np.float64)))
     tensor = open3d.t.geometry.PointCloud(CLOUD)
     for holder in (legacy, tensor):
         np.testing.assert_allclose(point_arrays(holder).clouds[0], CLOUD)
+        assert not point_arrays(holder).coloured
+    legacy.colors = open3d.utility.Vector3dVector(np.full((20, 3), 0.5))
+    tensor.point.colors = open3d.core.Tensor(np.full((20, 3), 0.5))
+    assert point_arrays(legacy).coloured and point_arrays(tensor).coloured
 
 
 def test_a_scene_is_the_vertices_of_its_geometry_where_it_stands() -> None:
@@ -83,8 +131,14 @@ def test_the_callers_array_is_left_alone() -> None:
         (np.zeros((3, 100)), "transpose"), (np.zeros(9), "expected points"), (np.zeros((9, 2)), "expected points"),
         (np.zeros((9, 129)), "expected points"), (np.zeros((2, 2, 9, 3)), "expected points"), (None, "expected points"),
         ([[1, 2, 3], [1, 2]], "expected points as an array"), (np.array([["a", "b", "c"]]), "numbers"),
-        (np.zeros((4, 3), dtype=complex), "numbers"), (object(), "expected points"), ("cloud", "expected points"),
-        (None, "got NoneType$"), ({"points": CLOUD}, "got dict$"), ((row for row in CLOUD), "got generator$"),
+        (np.zeros((4, 3), dtype=complex), "numbers"), (torch.zeros((4, 3), dtype=torch.complex64), "complex64"),
+        (torch.zeros((4, 3), dtype=torch.bool), "bool"), (np.zeros((4, 3), dtype=bool), "numbers, got dtype bool"),
+        (np.zeros(4, dtype=[("x", "U3"), ("y", "f4"), ("z", "f4")]), "as numbers, got dtype <U3"),
+        (np.zeros(4, dtype=[("x", "f4"), ("y", "f4")]), "records with fields x, y and z, got x, y"),
+        (np.zeros((4, 3), dtype=object), "numbers, got dtype object"), (np.ma.zeros((4, 3), dtype=complex), "complex"),
+        ({"x": [1, 2], "y": ["a", "b"], "z": [3, 4]}, "numbers, got dtype"), ({}, "got nothing"),
+        ({"x": [1.0], "y": [1.0, 2.0], "z": [1.0]}, "x, y and z of one shape"), (object(), "expected points"), ("cloud", "expected points"),
+        (None, "got NoneType$"), ({"a": CLOUD}, "dict with points, .* or x, y and z, got a$"), ((row for row in CLOUD), "got generator$"),
         ([Path("a.ply"), Path("b.ply")], r"one path, got list of \w*Path$"), (("a.ply",), "got tuple of str$"),
         (5, "got int$"), ([CLOUD, None], r"cloud \[1\]: .* got NoneType$"),
         (trimesh.Scene(), "a Scene without geometry"), (torch.eye(3).to_sparse(), "got Tensor .*Sparse"),

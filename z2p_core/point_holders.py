@@ -1,0 +1,162 @@
+"""Objects of other libraries that hold points, told by their attributes alone, so that none is imported."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from z2p_core.interfaces import ScanError
+
+ATTRIBUTES = ("xyz", "points", "vertices", "pos", "positions")
+"""Where other libraries keep their clouds: laspy (whose `points` are records), open3d and pyvista, trimesh, torch's."""
+KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord")
+"""Names under which a dict has them; the first counts that it has."""
+COLOURS = frozenset({"red", "r", "rgb", "rgba", "diffuse_red", "color", "colors", "colour", "colours", "color_0",
+                     "packed_color"})  # fmt: skip
+"""Names of colours, or of the first of them."""
+NUMBERS = "fiu"
+
+
+def names_colours(names: Iterable[object]) -> bool:
+    """Whether one of the names is a colour's."""
+    return any(str(name).strip().lower() in COLOURS for name in names)
+
+
+def is_holder(thing: Any) -> bool:
+    """Whether something holds one cloud, and is no array."""
+    if hasattr(thing, "shape"):
+        return False
+    return isinstance(thing, Mapping) or is_scene(thing) or any(
+        hasattr(thing, attribute) for attribute in (*ATTRIBUTES, "point", "pc_data"))  # fmt: skip
+
+
+def has_colours(thing: Any) -> bool:
+    """Whether it has a colour for each point beside its place."""
+    if isinstance(thing, Mapping):
+        return names_colours(thing)
+    if callable(getattr(thing, "has_colors", None)):  # open3d
+        return bool(thing.has_colors())
+    for holder in ("point", "point_data"):  # open3d's tensor clouds, pyvista
+        if hasattr(thing, holder):
+            return _names_of(getattr(thing, holder))
+    if hasattr(thing, "pc_data"):  # pypcd4
+        return names_colours(thing.pc_data.dtype.names or ())
+    if is_scene(thing):
+        return any(has_colours(part) for part in thing.geometry.values())
+    visual = getattr(thing, "visual", None)  # trimesh
+    if visual is not None and not hasattr(thing, "faces"):
+        return np.size(getattr(thing, "colors", ())) > 0
+    if visual is not None:
+        return bool(getattr(visual, "defined", False)) and getattr(visual, "kind", None) is not None
+    if hasattr(thing, "columns") and hasattr(thing, "to_numpy"):
+        return names_colours(thing.columns)
+    return names_colours(getattr(getattr(thing, "dtype", None), "names", None) or ()) or hasattr(thing, "red")
+
+
+def _names_of(holder: Any) -> bool:
+    """Whether a mapping's keys, of whatever kind it is, name colours."""
+    try:
+        return any(name in holder for name in ("colors", "RGB", "RGBA", "rgb", "rgba", "color", "Colors"))
+    except TypeError:
+        return False
+
+
+def held(thing: Any) -> np.ndarray:
+    """Array of what holds points, or of what numpy can read; it may be none of points."""
+    if isinstance(thing, Mapping):
+        return _of_mapping(thing)
+    if hasattr(thing, "detach"):  # torch; through float64, as numpy knows no bfloat16
+        return _of_tensor(thing)
+    if hasattr(thing, "point") and hasattr(thing.point, "positions"):  # open3d's tensor clouds
+        return np.asarray(thing.point.positions.cpu().numpy())
+    if hasattr(thing, "pc_data"):  # pypcd4, whose `points` is a number
+        return np.asarray(thing.pc_data)
+    if is_scene(thing):
+        return _vertices(thing)
+    if hasattr(thing, "columns") and hasattr(thing, "to_numpy"):  # pandas and polars
+        return _of_table(thing)
+    if isinstance(thing, np.ma.MaskedArray) and thing.dtype.kind in NUMBERS:
+        return np.asarray(np.ma.filled(thing.astype(np.float64), np.nan))
+    if not isinstance(thing, np.ndarray):
+        for attribute in ATTRIBUTES:
+            found = getattr(thing, attribute, None)
+            if found is not None and not callable(found):
+                return _of_tensor(found) if hasattr(found, "detach") else np.asarray(found)
+    return np.asarray(thing)
+
+
+def _of_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
+    """Points under a name of points, or beside each other under x, y and z.
+
+    Raises:
+        ScanError: neither is there.
+    """
+    names = {str(name).strip().lower(): name for name in mapping}
+    for key in KEYS:
+        if key in names:
+            return held(mapping[names[key]])
+    if names.keys() >= set("xyz"):
+        columns = [np.asarray(held(mapping[names[axis]])) for axis in "xyz"]
+        if len({column.shape for column in columns}) > 1:
+            shapes = ", ".join(str(column.shape) for column in columns)
+            raise ScanError(f"expected x, y and z of one shape, got {shapes}")
+        return np.stack([_checked(column).reshape(-1).astype(np.float64) for column in columns], axis=-1)
+    known = ", ".join(str(name)[:40] for name in list(mapping)[:8]) or "nothing"
+    raise ScanError(f"expected a {type(mapping).__name__} with points, xyz, positions ... or x, y and z, got {known}")
+
+
+def _of_tensor(tensor: Any) -> np.ndarray:
+    kind = str(tensor.dtype)
+    if "complex" in kind or "bool" in kind:
+        raise ScanError(f"expected points as numbers, got dtype {kind}")
+    return np.asarray(tensor.detach().cpu().double().numpy())
+
+
+def _of_table(table: Any) -> np.ndarray:
+    """Columns x, y and z of a data frame, or all of them where it has no such."""
+    names = {str(name).strip().lower(): name for name in table.columns}
+    if names.keys() >= set("xyz"):
+        columns = [_checked(np.asarray(table[names[axis]])) for axis in "xyz"]
+        return np.stack([column.astype(np.float64) for column in columns], axis=-1)
+    return np.asarray(table.to_numpy())
+
+
+def of_records(array: np.ndarray) -> np.ndarray:
+    """Numbers (..., 3) float64 of records that have fields x, y and z; any other array as it is.
+
+    Raises:
+        ScanError: those fields hold no numbers.
+    """
+    fields = {name.lower(): name for name in array.dtype.names or ()}
+    if not fields.keys() >= set("xyz"):
+        return array
+    return np.stack([_checked(array[fields[axis]]).astype(np.float64) for axis in "xyz"], axis=-1)
+
+
+def _checked(column: np.ndarray) -> np.ndarray:
+    """The column itself.
+
+    Raises:
+        ScanError: it holds no numbers.
+    """
+    if column.dtype.kind not in NUMBERS:
+        raise ScanError(f"expected x, y and z as numbers, got dtype {column.dtype}")
+    return column
+
+
+def is_scene(thing: Any) -> bool:
+    """Whether it is a scene of trimesh, whose geometry stands where its graph says."""
+    return hasattr(thing, "geometry") and hasattr(getattr(thing, "graph", None), "nodes_geometry")
+
+
+def _vertices(scene: Any) -> np.ndarray:
+    """All vertices (N, 3) of a scene, in the world's coordinates."""
+    parts = []
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        parts.append(np.asarray(scene.geometry[name].vertices) @ matrix[:3, :3].T + matrix[:3, 3])
+    if not parts:
+        raise ScanError(f"expected points, got a {type(scene).__name__} without geometry")
+    return np.vstack(parts)
