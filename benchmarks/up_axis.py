@@ -20,10 +20,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 
+from toppling import topples
 from upright_clouds import Labelled, made, meshes
 
 from z2p_core.framing import UP_AXES
-from z2p_core.standing import topples
 from z2p_core.up_axis import guess_up
 
 TURNED = ("+Z", "+Y", "-Y", "-Z")

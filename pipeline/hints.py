@@ -9,6 +9,7 @@ import numpy as np
 from z2p_core.foreground import is_room
 from z2p_core.framing import MILLIMETRES, Up, implied_sensor
 from z2p_core.strays import few_of
+from z2p_core.thinning import even_share
 from z2p_core.turning import extent, turned
 
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
@@ -16,6 +17,8 @@ MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor look
 FEWEST_STEPPED, STEPS, WIDE = 1000, 60, 0.1
 """Of a cloud an axis of which was rounded: its points, the steps at most of that axis along its widest side, and the
 width of that axis as a share of that side."""
+GRIDDED = 0.25
+"""Values of an axis for each point, at most, in a grid; and least share of a raster's places that are taken."""
 FEW_POINTS, FEW_HINT = 100, "so few points tell no surface: some hundreds are needed for a shape to show"
 SMALL_HINT = "most of its points lie in a small part of the frame: the others may be strays, to be removed first"
 MOST, SMALL = 0.85, 0.2
@@ -35,6 +38,11 @@ def hint_for(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
     if len(points) < FEW_POINTS:
         return FEW_HINT
     return "; ".join(filter(None, (_other_up(up), _shape_hint(points, up, by_itself, whole))))
+
+
+def few_hint(count: int) -> str:
+    """What to say of so few points that each is drawn as a ball."""
+    return f"its {count} points are drawn as balls, for {FEW_HINT}"
 
 
 def _other_up(up: Up) -> str:
@@ -89,12 +97,32 @@ def _stepped(points: np.ndarray) -> str:
     """What to say of points (N, 3) of which an axis, but not all, takes few values; or nothing."""
     if len(points) < FEWEST_STEPPED:
         return ""
-    some = points[:: -(-len(points) // FEWEST_STEPPED)]  # from the whole file, whose rows may be sorted by place
+    some = even_share(points, FEWEST_STEPPED)
     different = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
     low, high = extent(points)
     width = high - low
     stepped = (width > WIDE * width.max()) & (width * STEPS > different * width.max())
     if not stepped.any() or different.max() < 5 * STEPS:  # a grid of voxels has steps along all axes
         return ""
+    if _is_grid(points, stepped):
+        return ""
     axes = " and ".join("xyz"[axis] for axis in np.flatnonzero(stepped))
     return f"few different values of {axes}, as when digits are lost in saving: if so, save more of them"
+
+
+def _is_grid(points: np.ndarray, stepped: np.ndarray) -> bool:
+    """Whether points (N, 3), some axes of which (3,) take few values, lie on a grid, as rasters and slices do.
+
+    On a raster of heights each place comes once, and many do; in a grid of all three axes every value comes often.
+    Where digits were lost, places repeat, and the other axes have as many values as points.
+    """
+    values = [np.unique(points[:, axis], return_inverse=True) for axis in range(3)]
+    counts = np.array([len(value) for value, _ in values])
+    if (counts <= GRIDDED * len(points)).all():
+        return True
+    first, *second = np.flatnonzero(stepped)
+    if len(second) != 1:
+        return False
+    place = values[first][1] * counts[second[0]] + values[second[0]][1]
+    once = len(np.unique(place)) == len(points)
+    return bool(once and len(points) >= GRIDDED * counts[first] * counts[second[0]])

@@ -13,9 +13,11 @@ from z2p_core.framing import Up
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.smoothing import patch_radius, smoothed
 from z2p_core.strays import clip_below, clip_far, clip_outliers
+from z2p_core.thinning import with_fixed_start
 from z2p_core.turning import along
 from z2p_core.viewpoint import Viewpoint, frame
-from z2p_renderer.pipeline.hints import hint_for, hint_for_placed, hint_for_settled, rounding
+from z2p_renderer.pipeline.few_points import FEWER, as_balls
+from z2p_renderer.pipeline.hints import few_hint, hint_for, hint_for_placed, hint_for_settled, rounding
 from z2p_renderer.pipeline.stance import SETTLED, Stance
 from z2p_renderer.pipeline.viewing import Placing, allowed_elevation, choose_side, set_upright
 from z2p_renderer.storage.clouds import FEWEST_POINTS, Scan
@@ -59,10 +61,11 @@ def place(
     azimuth, wished, reason = choose_side(points, up, scan, placing, elevation)
     wished, beyond = allowed_elevation(wished, free)
     azimuth += placing.azimuth
-    viewpoint = frame(points, turn(azimuth) @ up.rotation, elevation if wished is None else wished)
+    viewpoint = frame(with_fixed_start(points), turn(azimuth) @ up.rotation, elevation if wished is None else wished)
     cloud, smooth = _smoothed(viewpoint.place(points), shown, placing)
-    hint = hint_for(points, up, by_itself=(placing.up, placing.view) == ("auto", "auto"), whole=not placing.cut_top)
-    if not placing.keep_outliers:
+    by_itself = (placing.up, placing.view) == ("auto", "auto")
+    hint = few_hint(shown.few) if shown.few else hint_for(points, up, by_itself, whole=not placing.cut_top)
+    if not placing.keep_outliers and not shown.few:
         hint = "; ".join(filter(None, (hint_for_placed(cloud), hint)))
     stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
                     rounding(points), smooth, shown.added, shown.far, placing.azimuth)  # fmt: skip
@@ -81,7 +84,9 @@ class Shown:
     added: int
     """How many of the points, the last ones, were put into gaps of what a depth camera measured."""
     far: int = 0
-    """Points left out in clusters so far from the largest one that nothing would show."""
+    """Those of the outliers that lie in clusters so far from the largest one that nothing would show."""
+    few: int = 0
+    """How many they were, where they were so few that each became a ball of points."""
 
 
 def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
@@ -106,7 +111,7 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
         if normal is not None:
             up = replace(up, rotation=upright(up.rotation, normal), axis="the table's normal",
                          reason=f"{up.reason}, set upright by the plane that things stand on")
-    outliers = len(scan.points) - far - background - len(points)
+    outliers = len(scan.points) - background - len(points)
     added = len(put_in)
     points = np.concatenate([points, put_in]) if added else points
     if placing.cut_top:
@@ -115,7 +120,8 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
         points, added = points[low], int(low[len(low) - added :].sum())
         if len(points) < FEWEST_POINTS:
             raise ScanError(f"--cut-top {placing.cut_top:g} leaves {len(points)} points; cut off less")
-    return Shown(points, up, outliers, background, added, far)
+    few = len(points) if len(points) < FEWER else 0
+    return Shown(as_balls(points) if few else points, up, outliers, background, 0 if few else added, far, few)
 
 
 def _without_strays(points: np.ndarray) -> tuple[np.ndarray, int]:
@@ -132,6 +138,8 @@ def _without_strays(points: np.ndarray) -> tuple[np.ndarray, int]:
 
 def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
     """The points (M, 3) of a depth camera's subject, without strays, and how many lie far behind it."""
+    if len(points) < FEWER:  # a gap between a few points says nothing
+        return points, 0
     before = subject(points, sensor)
     background = int(len(before) - before.sum())
     if background:

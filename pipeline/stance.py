@@ -34,7 +34,7 @@ class Stance:
     added: int = 0
     """Points put into gaps of what a depth camera measured."""
     far: int = 0
-    """Points left out in clusters so far from the largest one that nothing would show."""
+    """Those of the stray points that lie in clusters so far from the largest one that nothing would show."""
     turned: float = 0.0
     """Degrees of the azimuth by which the user turned the view on."""
 
@@ -44,7 +44,7 @@ class Stance:
         parts = (
             self.told_view,
             f"{self.told_strays} left out of the frame" if self.outliers else "",
-            f"{self.told_far} (--keep-outliers keeps all)" if self.far else "",
+            "--keep-outliers keeps all" if self.far else "",
             f"{self.background} points far behind it left out" if self.background else "",
             f"{self.outside} points beyond the camera's frame" if self.outside else "",
             f"{self.added} put into small gaps of it" if self.added else "",
@@ -68,12 +68,11 @@ class Stance:
     @property
     def told_strays(self) -> str:
         """How many were left out."""
-        return f"{self.outliers} stray point{'' if self.outliers == 1 else 's'}"
-
-    @property
-    def told_far(self) -> str:
-        """How many were left out in clusters far away."""
-        return f"{self.far} points left out that lie so far from the others that nothing would show"
+        few = self.outliers == 1
+        if not self.far:
+            return f"{self.outliers} stray point{'' if few else 's'}"
+        near = "" if self.far == self.outliers else f"{self.outliers - self.far} stray points, and "
+        return f"{near}{self.far} point{'' if few else 's'} so far off that next to nothing would show,"
 
     @property
     def told_rounded(self) -> str:

@@ -212,10 +212,10 @@ def post(rng: Rng) -> list[Part]:
     """A pole without a foot, as of a street lamp or a sign, with an arm, two, a board or nothing but a knob."""
     tall, thick, arm = rng.uniform(2, 8), rng.uniform(0.02, 0.12), rng.uniform(0.3, 1.8)
     parts = bar((0, 0, 0), (0, 0, tall), thick)
-    kind = rng.integers(4)
+    kind, rise = rng.integers(4), rng.choice([0.0, rng.uniform(-0.1, 0.3)])
     for x in (-1, 1) if kind == 1 else (1,):
         if kind < 2:
-            parts += bar((0, 0, tall), (x * arm, 0, tall + rng.uniform(-0.1, 0.3)), 0.7 * thick)
+            parts += bar((0, 0, tall), (x * arm, 0, tall + rise), rng.uniform(0.05, 0.7) * thick)
         if kind == 0 and rng.random() < 0.6:
             parts += box((0.4, 0.15, 0.1), (x * arm, 0, tall + 0.1))
     if kind == 2:

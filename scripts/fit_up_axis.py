@@ -1,6 +1,6 @@
 """Fits how much each mark of a cloud's shape counts for which axis is up, and writes z2p_core/upright_weights.py.
 
-    python scripts/fit_up_axis.py MESHES [--each 120] [--hidden 12] [--seed 1]
+    python scripts/fit_up_axis.py MESHES [--each 250] [--hidden 16] [--seed 1]
 
 MESHES is a folder of meshes, of which those count whose upright `upright_clouds.STANDING` tells; made things are added.
 benchmarks/up_axis.py measures the outcome, on others.
@@ -22,6 +22,8 @@ OUT = Path(__file__).parents[1] / "z2p_core" / "upright_weights.py"
 UP = 4
 """Place of +Z among the axes."""
 ROUNDS, DECAY = 800, 0.3
+SHAPELESS = 8
+"""Kinds of things for which all clouds without an upright count."""
 STRETCH = 1.25
 """Factor by which each axis of a mesh is stretched or squeezed at most, so that few meshes are not learnt by heart."""
 TEXT = '''"""How much each mark of `z2p_core.upright` counts; written by scripts/fit_up_axis.py."""
@@ -52,14 +54,14 @@ def main() -> None:
     """Make the clouds, fit, write."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("meshes", type=Path)
-    parser.add_argument("--each", type=int, default=120, help="clouds of each kind of made things; half of each mesh")
-    parser.add_argument("--hidden", type=int, default=12)
+    parser.add_argument("--each", type=int, default=250, help="clouds of each kind of made things; half of each mesh")
+    parser.add_argument("--hidden", type=int, default=16)
     parser.add_argument("--seed", type=int, default=1)
     asked = parser.parse_args()
     standing = made(asked.seed, asked.each) + meshes(asked.meshes, asked.each // 2, asked.seed, STRETCH)
     others = shapeless(asked.seed, asked.each // 2)
     count = Counter(cloud.name for cloud in standing)
-    weight = np.array([1 / count[cloud.name] for cloud in standing] + [4 / len(others)] * len(others))
+    weight = np.array([1 / count[cloud.name] for cloud in standing] + [SHAPELESS / len(others)] * len(others))
     wanted = np.full((len(weight), 6), 1 / 6)
     wanted[: len(standing)] = np.eye(6)[UP]
     table = np.array([marks(cloud.points) for cloud in standing + others])

@@ -71,12 +71,13 @@ def shapeless(seed: int, each: int) -> list[Labelled]:
     clouds = []
     for number in range(each):
         rng = np.random.default_rng([seed, number])
-        forms = [egg((0, 0, 0), *rng.uniform(0.5, 1, 3)), egg((0, 0, 0), 1, 1, 1), box((1, 1, 1), (0, 0, 0)),
-                 box(rng.uniform(0.2, 1, 3), (0, 0, 0)), THINGS["pipes"](rng), [shape("torus_knot")]]  # fmt: skip
-        forms += [_ring(rng), [*KINDS.values()][rng.integers(len(KINDS))](rng)]
-        for parts in forms:
+        straight = [box((1, 1, 1), (0, 0, 0)), box(rng.uniform(0.2, 1, 3), (0, 0, 0)),
+                    egg((0, 0, 0), *rng.uniform(0.3, 1, 3))]  # fmt: skip
+        askew = [egg((0, 0, 0), *rng.uniform(0.5, 1, 3)), egg((0, 0, 0), 1, 1, 1), THINGS["pipes"](rng), _ring(rng),
+                 [shape("torus_knot")], [*KINDS.values()][rng.integers(len(KINDS))](rng)]  # fmt: skip
+        for index, parts in enumerate(straight + askew):
             vertices, faces = joined(parts)
-            if parts is not forms[3] and parts is not forms[2]:
+            if index >= len(straight):
                 vertices = vertices @ random_rotation(rng).T
             clouds.append(cloud_of("shapeless", vertices, faces, rng))
     return clouds

@@ -1,64 +1,11 @@
-"""Whether a thing would stand on a side: what tells +Y up from +Z up where a format leaves it open."""
+"""Where a thing's feet are, seen from above: their hull, its area, and how far inside it the thing's middle lies."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.turning import along, extent, turned
-
-SLAB = 0.03
-"""Share of the height from below within which a point touches the ground."""
-FIRM_MARGIN, FIRM_AREA = 0.08, 0.25
-SHAKY_MARGIN, SHAKY_AREA = 0.03, 0.1
-"""Firm: the centre lies well inside the feet's hull, which is large; shaky: at its edge or outside, and it is small.
-
-Margins are in roots of the footprint's area, areas in shares of it.
-"""
-LYING = 0.3
-"""A pose this low, in longest sides, is a thing lying down, which is always firm and tells nothing."""
-MOST_POINTS, FEWEST_POINTS = 8000, 500
 DIRECTIONS = 64
 """In which a hull's corners are looked for: of a disc's hull, all but 0.2 % of its area."""
-
-
-def topples(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bool:
-    """Whether a thing of points (N, 3) would topple over with the unit vector `usual` up, and stand firmly on `other`.
-
-    True only on strong evidence: most things that stand would stand on another side too.
-    """
-    points = points[:: -(-len(points) // MOST_POINTS)]
-    if len(points) < FEWEST_POINTS:
-        return False
-    span = [float(np.ptp(along(points, axis))) for axis in (usual, other)]
-    low, high = extent(points)
-    if min(span) < LYING * float((high - low).max()):
-        return False
-    margin, area = stance(points, other)
-    if margin < FIRM_MARGIN or area < FIRM_AREA:
-        return False
-    margin, area = stance(points, usual)
-    return margin < SHAKY_MARGIN and area < SHAKY_AREA
-
-
-def stance(points: np.ndarray, up: np.ndarray) -> tuple[float, float]:
-    """How far inside the hull of its feet the centre of points (N, 3) lies, and the area of that hull.
-
-    Both are relative to the footprint, the hull of all points seen along `up` (3,). A thing on a point or a line gets
-    (-1, 0).
-    """
-    height = along(points, up)
-    low = float(np.quantile(height, 0.001))  # a stray or two must not hold it up
-    across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
-    across /= np.linalg.norm(across)
-    flat = turned(points, np.stack([across, np.cross(up, across)]))
-    feet = hull(flat[height < low + SLAB * (height.max() - low)])
-    footprint = area_of(hull(flat))
-    if len(feet) < 3 or footprint <= 0:
-        return -1.0, 0.0
-    edge = np.roll(feet, -1, axis=0) - feet
-    outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(edge, axis=1, keepdims=True)
-    beyond = float(((flat.mean(0) - feet) * outward).sum(1).max())
-    return -beyond / footprint**0.5, area_of(feet) / footprint
 
 
 def hull(points: np.ndarray) -> np.ndarray:
@@ -78,3 +25,10 @@ def area_of(corners: np.ndarray) -> float:
         return 0.0
     x, y = corners.T
     return 0.5 * float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
+
+
+def margin(middle: np.ndarray, feet: np.ndarray) -> float:
+    """How far inside a polygon (M, 2), M >= 3, counter-clockwise, a place (2,) lies; below 0 where it lies outside."""
+    edge = np.roll(feet, -1, axis=0) - feet
+    outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(edge, axis=1, keepdims=True)
+    return -float(((middle - feet) * outward).sum(1).max())

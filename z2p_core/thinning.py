@@ -27,6 +27,16 @@ def even_share(points: np.ndarray, most: int) -> np.ndarray:
     return kept
 
 
+def with_fixed_start(points: np.ndarray) -> np.ndarray:
+    """Points (N, 3) with one more before them, which is one of them, and the same one in whatever order they are.
+
+    For what counts from its first point, and would round in another way from another one.
+    """
+    rows = np.flatnonzero(points[:, 0] == points[:, 0].min())
+    least = rows[np.lexsort(points[rows].T[::-1])[0]]
+    return np.concatenate([points[least : least + 1], points])
+
+
 def _mixed(points: np.ndarray) -> np.ndarray:
     """A number (N,) uint64 for each of points (N, 3), as good as random; equal points have the same."""
     keys = np.empty(len(points), np.uint64)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core import native
-from z2p_core.standing import area_of, hull
+from z2p_core.standing import area_of, hull, margin
 from z2p_core.thinning import even_share
 
 MOST_POINTS, MOST_MIRRORED = 1500, 300
@@ -117,7 +117,7 @@ def _standing(plan: Plan, share: np.ndarray, facing: np.ndarray) -> dict[str, fl
     `share` (N,) is the height from that end, 0 to 1, and `facing` (N,) how level the face is there.
     """
     feet = hull(plan.places[share < 0.04])
-    held = _margin(plan.middle, feet, math.sqrt(plan.area))
+    held = margin(plan.middle, feet) / math.sqrt(plan.area) if len(feet) > 2 else -0.3
     covered = plan.covered(share < 0.08)
     wide = area_of(hull(plan.places[share < 0.12])) / plan.area
     below, above = (_breadth(plan.places[(share >= at) & (share < at + 1 / 3)]) for at in (0.0, 2 / 3))
@@ -139,15 +139,6 @@ def _standing(plan: Plan, share: np.ndarray, facing: np.ndarray) -> dict[str, fl
         "cut below": np.count_nonzero(share < 0.01) / max(np.count_nonzero(share < 0.06), 1),
         "level slab": float(slabs.max()) / len(lowest) if len(lowest) else 0.0,
     }
-
-
-def _margin(middle: np.ndarray, feet: np.ndarray, size: float) -> float:
-    """How far inside the hull of its feet (M, 2) a thing's middle lies, in its sizes."""
-    if len(feet) < 3:
-        return -0.3
-    edge = np.roll(feet, -1, axis=0) - feet
-    outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(edge, axis=1, keepdims=True)
-    return -float(((middle - feet) * outward).sum(1).max()) / size
 
 
 def _breadth(places: np.ndarray) -> float:
