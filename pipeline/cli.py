@@ -21,7 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads 
 
 COMMANDS = {
     "render": ("run_inference:run_inference", "Render point clouds to pictures."),
-    "run-inference": ("run_inference:run_inference", "The same as render, by its first name."),
+    "run-inference": ("run_inference:run_inference", "The same as render, by its older name."),
     "animate": ("animate:animate", "Make turntables and light sweeps of point clouds."),
     "rerender": ("figures:rerender", "Draw a picture again with something changed."),
     "info": ("figures:info", "Show what made a picture."),

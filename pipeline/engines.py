@@ -83,8 +83,8 @@ def _chosen(name: str | None, network: TrainedNetwork, file: Path, exact: bool) 
         if (engine.exact if exact else engine.unasked()) and engine.installed() and _can_run(engine, network):
             return engine
     raise WeightsError(
-        f"{file}: expected {file.with_suffix('.onnx').name} beside it, or torch; {_export(file)}, or install torch "
-        f"here, {install_advice('torch')}"
+        f"{file}: expected {file.with_suffix('.onnx').name} beside it, or torch; {_export(file)}, or torch here: "
+        f"{install_advice('torch')}"
     )
 
 

@@ -137,6 +137,6 @@ def _ffmpeg() -> str:
     try:
         from imageio_ffmpeg import get_ffmpeg_exe
     except ImportError:
-        raise PictureError(f"MP4 needs an extra, {install_advice('video')}; or name a .webp") from None
+        raise PictureError(f"MP4 needs an extra; {install_advice('video')}; or name a .webp") from None
     program: str = get_ffmpeg_exe()
     return program

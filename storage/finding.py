@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 from z2p_core.colmap_model import is_part, is_points
+from z2p_core.guesses import close
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.foreign import is_unread_cloud, told_by_suffix
 from z2p_renderer.storage.incoming import is_no_sweep, is_prose
@@ -47,6 +49,21 @@ def find_scans(
     return list(found.values())
 
 
+MOST_BESIDE = 5000
+"""Names in a folder among which the one that was meant is looked for."""
+
+
+def _guess(path: Path) -> str:
+    """What to say of a path that leads nowhere: the name beside it that was meant, where that is sure."""
+    try:
+        beside = [other.name for other in islice(path.parent.iterdir(), MOST_BESIDE)]
+        numbers = re.findall(r"\d+", path.name)  # of a series no other one is meant
+        meant = close(path.name, [name for name in beside if re.findall(r"\d+", name) == numbers])
+    except OSError:  # the folder is not there either, or is closed
+        meant = None
+    return "check the path" if meant is None else f"did you mean {printable(path.with_name(meant))}?"
+
+
 def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], named: bool) -> list[Path]:
     """The files behind one input."""
     path = Path(text)
@@ -57,7 +74,7 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
     elif any(sign in text for sign in "*?["):
         name, candidates = f"pattern {text!r}", _glob(path)
     else:
-        raise ScanError(f"{printable(path)}: no such file or folder; check the path")
+        raise ScanError(f"{printable(path)}: no such file or folder; {_guess(path)}")
     suffixes = readable_suffixes()
     paths = []
     for candidate in candidates:

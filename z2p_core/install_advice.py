@@ -7,6 +7,6 @@ ENGINES = frozenset({"openvino", "torch"})
 
 
 def install_advice(extra: str = "") -> str:
-    """What to type for an extra of z2p, or for the whole of it: in a clone, for it stands on no package index."""
+    """What to type for an extra of z2p, or for the whole of it: in a clone, for z2p stands on no package index."""
     place = f".[{extra}]" if extra else "."
-    return f'in a clone of z2p: pip install -c constraints.txt "{place}"'
+    return f'to get it, in a clone of z2p: pip install -c constraints.txt "{place}"'

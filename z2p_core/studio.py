@@ -73,7 +73,7 @@ def studio() -> Studio:
     """
     found = list(entry_points(group=GROUP))
     if not found:
-        raise LookupError("z2p_core is here, but nothing that draws is installed; install the whole of z2p, "
+        raise LookupError("z2p_core is here, but nothing that draws is installed; "
                           f"{install_advice()}")
     drawing: Studio = found[0].load()()
     return drawing

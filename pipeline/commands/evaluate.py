@@ -15,7 +15,7 @@ from z2p_renderer.pipeline.cli import Failure
 from z2p_renderer.pipeline.commands.values import SIDES, Elevation, FiniteRange
 
 PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
-INSTALL = f"install the pipeline, {install_advice('pipeline')}"
+INSTALL = install_advice("pipeline")
 
 
 def _split(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:

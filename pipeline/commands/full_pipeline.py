@@ -93,7 +93,7 @@ def check_luigi() -> None:
         Failure: it is not.
     """
     if importlib.util.find_spec("luigi") is None:
-        raise Failure(f"the pipeline needs luigi, which is not installed; install it, {install_advice('pipeline')}")
+        raise Failure(f"the pipeline needs luigi, which is not installed; {install_advice('pipeline')}")
 
 
 def run_process(command: list[str], environment: dict[str, str]) -> int:

@@ -54,7 +54,7 @@ def _opened(path: Path) -> Any:
     try:
         pye57 = late("pye57")
     except ImportError:
-        raise ScanError(f"reading .e57 needs an extra, {install_advice('e57')}") from None
+        raise ScanError(f"reading .e57 needs an extra; {install_advice('e57')}") from None
     try:
         return pye57.E57(str(path))
     except Exception as error:  # as above

@@ -47,7 +47,7 @@ def _with_file(path: Path, work: Callable[[Any], Any]) -> Any:
     try:
         library = late("h5py")
     except ImportError:
-        raise ScanError(f"reading {path.suffix} needs an extra, {install_advice('h5')}") from None
+        raise ScanError(f"reading {path.suffix} needs an extra; {install_advice('h5')}") from None
     try:
         with library.File(path, "r") as file:
             return work(file)

@@ -285,5 +285,5 @@ def test_a_missing_exporter_is_told_before_a_training(monkeypatch: pytest.Monkey
     from z2p_renderer.pipeline.train import train
 
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "onnx" else True)
-    with pytest.raises(ImportError, match=r"onnx must be installed; in a clone of z2p: .*\[pipeline\]"):
+    with pytest.raises(ImportError, match=r"onnx must be installed; to get it, in a clone of z2p: .*\[pipeline\]"):
         train([], TrainConfig(), tmp_path)

@@ -258,3 +258,12 @@ def test_inputs_that_match_nothing_are_refused(tree: Path, text: str, match: str
     monkeypatch.chdir(tree / "empty")
     with pytest.raises(ScanError, match=match):
         find_scans([str(tree / "b.ply"), text.format(root=tree)], recursive=False)
+
+
+def test_a_path_that_leads_nowhere_is_guessed_where_that_is_sure(tmp_path: Path) -> None:
+    for name in ("bunny.ply", "scan_002.ply"):
+        (tmp_path / name).touch()
+    for wrong, told in (("buny.ply", r"did you mean .*bunny\.ply\?"), ("scan_001.ply", "check the path"),
+                        ("horse.ply", "check the path"), ("none/bunny.ply", "check the path")):  # fmt: skip
+        with pytest.raises(ScanError, match=told):
+            find_scans([str(tmp_path / wrong)], False)
