@@ -29,7 +29,7 @@ from z2p_core.column_names import (
 from z2p_core.float_rows import SAMPLE, fitting_forms
 from z2p_core.interfaces import ScanError
 from z2p_core.lidar_rows import WITH_RING, could_be_measured
-from z2p_core.pose_rows import told_poses
+from z2p_core.pose_rows import name_poses, told_poses
 
 STDIN_STEM = "stdin"
 MAGIC = (
@@ -132,8 +132,8 @@ def is_prose(path: Path, named: bool = False) -> bool:
         return False  # the reader says what is wrong
     lines = _told_lines(head)
     first = _first_row(lines)
-    if any(map(column_names, lines[: first + 1])):
-        return False
+    if ways := next(filter(None, map(column_names, lines[: first + 1])), None):
+        return not named and any(map(name_poses, ways))
     rows = lines[first:]
     if named and rows and not is_row(rows[0]):
         rows = rows[1:]

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 _NEAR = 0.01
 """How far lengths and products may be from those of a rotation."""
 _FEWEST_OF_TURNS = 2
 """Rows at least that a list of positions with quaternions has; one could be anything."""
+_QUATERNIONS = ("q", "q_", "quat_", "orientation_", "orientation.", "rot_q", "rotation_")
+"""What stands before w, x, y and z in the names of a quaternion's columns."""
 
 
 def told_poses(table: np.ndarray) -> str:
@@ -23,9 +27,16 @@ def told_poses(table: np.ndarray) -> str:
         return "a camera's pose, one matrix"
     if len(table) in (3, 4) and width == len(table) and _projects(table):
         return "a camera's matrix of intrinsics"
+    if table.shape == (3, 3) and _turn(np.column_stack([table, np.zeros(3)])[None]):
+        return "a camera's rotation, one matrix"
     if len(table) >= _FEWEST_OF_TURNS and _are_quaternions(table):
         return "a list of poses, as TUM's: time, position and quaternion"
     return ""
+
+
+def name_poses(names: Collection[str]) -> bool:
+    """Whether columns of such names, lower-case, hold poses: a quaternion beside each place."""
+    return any({f"{before}{axis}" for axis in "wxyz"} <= set(names) for before in _QUATERNIONS)
 
 
 def _turn(matrices: np.ndarray) -> bool:

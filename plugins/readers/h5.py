@@ -75,8 +75,8 @@ def _apart(file: Any) -> list[RawCloud | np.ndarray]:
     if len(axes) < 3:
         names = [name for name, _ in _data_sets(file)]
         raise ScanError(f"expected points under one of the names {', '.join(KEYS[:6])} or data, got "
-                        f"{', '.join(names[:12]) or 'no data sets'}{' ...' if len(names) > 12 else ''}; save the points "
-                        "as points")  # fmt: skip
+                        f"{', '.join(names[:12]) or 'no data sets'}{' ...' if len(names) > 12 else ''}; save the "
+                        "points as points")  # fmt: skip
     for found in axes.values():
         _weigh(found)
         check_fields(found.dtype)

@@ -13,8 +13,9 @@ import numpy as np
 from z2p_core.column_names import is_count, is_row
 from z2p_core.geographic import metres_of_degrees
 from z2p_core.interfaces import RawCloud, Reader, ScanError
+from z2p_core.pose_rows import name_poses
 from z2p_core.side_columns import told_names, told_side
-from z2p_renderer.plugins.readers.text_content import content, line_number, told_cut
+from z2p_renderer.plugins.readers.text_content import content, has_long_lines, line_number, told_cut
 from z2p_renderer.plugins.readers.text_doubts import check_first, counts_rows, refuse_other_tables, some_names
 from z2p_renderer.plugins.readers.text_form import SAMPLE, BadLineError, Form, form_of
 from z2p_renderer.plugins.readers.text_grid import is_raster, raster_points
@@ -23,6 +24,8 @@ from z2p_renderer.plugins.readers.text_lines import memory_of_lines
 
 _DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
 """Names of columns that hold degrees."""
+_MOST_IN_LONG_LINES = 1 << 28
+"""Bytes that a text at most takes whose rows are too long to be points."""
 _MOST_CELLS, _FEWEST_ROWS = 60_000, 20
 """Cells of the first rows that are looked at, and rows at least."""
 
@@ -35,8 +38,8 @@ class Text(Reader):
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
 
     def memory(self, path: Path) -> int:
-        """As many points as the first lines let expect; the text itself is read in parts."""
-        return memory_of_lines(path)
+        """As many points as the first lines let expect; the text is read in parts, and endless lines are refused."""
+        return min(memory_of_lines(path), _MOST_IN_LONG_LINES) if has_long_lines(path) else memory_of_lines(path)
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """The first three columns, or those called x, y, z, one cloud (N, 3) float64; an empty cell is NaN.
@@ -64,6 +67,9 @@ class Text(Reader):
             head = as_colmap(head)
         form = self._form(path, head, rows)
         if form.named:
+            if not self.columns and name_poses(form.names):
+                raise ScanError(f"the columns {','.join(form.names)[:160]} are a list of poses, no points; to draw its "
+                                "places, name each column with --columns")
             found = _table(path, form, head, chain([rows], blocks))
             _check_counts(path, head, found)
             return [_named(found, form, Head() if self.columns else head)]

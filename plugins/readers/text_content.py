@@ -14,6 +14,8 @@ _FIRST_CHARACTERS = 1 << 18
 """Characters from which the form of the rows is told."""
 _CHARACTERS = 1 << 24
 """Characters that are read at a time, so that the text of a large file is never in memory as a whole."""
+_LONG = 1 << 16
+"""Bytes of a line that is no point's by all means."""
 _LONGEST_LINE = 1 << 22
 """Characters of a line at the most; the longest real ones are rows of rasters and tracks of COLMAP."""
 
@@ -31,6 +33,13 @@ def content(path: Path) -> Iterator[list[str]]:
             lines = [line for line in lines if line and not line.isspace()]
         if lines:
             yield lines
+
+
+def has_long_lines(path: Path) -> bool:
+    """Whether the first line goes on and on, and is no raster's, whose heights may be written so."""
+    with path.open("rb") as file:
+        head = file.read(_LONG)
+    return len(head) == _LONG and b"\n" not in head and b"\r" not in head
 
 
 def line_number(path: Path, index: int) -> int:

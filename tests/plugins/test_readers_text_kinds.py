@@ -185,8 +185,13 @@ def test_poses_in_a_folder_are_passed_over(tmp_path: Path) -> None:
         np.column_stack([1.3e9 + np.arange(60), XYZ, np.tile([0, 0, 0.6, 0.8], (60, 1))]), " "))
     (tmp_path / "pose.txt").write_text(lines(np.array([*turn, 0, 0, 0, 1]).reshape(4, 4), " "))
     (tmp_path / "K.csv").write_text("525,0,320\n0,525,240\n0,0,1\n")
+    (tmp_path / "R.txt").write_text("1 0 0\n0 0 -1\n0 1 0\n")
+    (tmp_path / "named.csv").write_text("stamp,x,y,z,qx,qy,qz,qw\n1,2,3,4,0,0,0,1\n2,3,3,4,0,0,0,1\n")
     over: list[Path] = []
     assert find_scans([str(tmp_path)], False, over.append) == [scan]
-    assert {path.name for path in over} == {"kitti.txt", "tum.txt", "pose.txt", "K.csv"}
-    with pytest.raises(ScanError, match="list of poses"):
-        read_clouds(tmp_path / "tum.txt")
+    assert {path.name for path in over} == {"kitti.txt", "tum.txt", "pose.txt", "K.csv", "R.txt", "named.csv"}
+    for name in ("tum.txt", "named.csv"):
+        with pytest.raises(ScanError, match="list of poses"):
+            read_clouds(tmp_path / name)
+    places = read_clouds(tmp_path / "tum.txt", ("t", "x", "y", "z", "qx", "qy", "qz", "qw"))
+    assert np.array_equal(places[0].points, XYZ)
