@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from z2p_core import registry
-from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict, training_fault
+from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict
+from z2p_core.config_limits import check_values
 from z2p_core.interfaces import ScanError
 from z2p_renderer.pipeline.engines import REFERENCE_ENGINE
 from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
@@ -95,6 +96,9 @@ def make_plan(config: PipelineConfig) -> Plan:
     """
     check_config(config)
     training, warnings = distinct(_meshes(config.meshes, kept_aside=False))
+    if len(training) * config.render.views < 2:
+        raise ConfigError("render.views: expected two renders or more in all, to train on and to validate with, got "
+                          f"{config.render.views} of {len(training)} mesh")
     evaluation = training
     if config.evaluate_meshes or config.meshes == "builtin":
         evaluation, repeated = distinct(_meshes(config.evaluate_meshes or "builtin", kept_aside=True))
@@ -249,31 +253,13 @@ def distinct(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:
 
 
 def check_config(config: PipelineConfig) -> None:
-    """Nothing, when the config's values fit together.
+    """Nothing, when each of the config's values can be, and they fit together.
 
     Raises:
-        ConfigError: they do not.
+        ConfigError: one cannot, or they do not.
+        PluginError: a plugin is not installed.
     """
     name = config.name
-    if not name or name.startswith(".") or Path(name).name != name:
-        raise ConfigError(f"name: expected a plain folder name, got {name!r}")
     if name in {*STAGE_VERSIONS, "truth"}:
         raise ConfigError(f"name: {name!r} is the folder of a stage's results; choose another name")
-    for key, value in (("views", config.render.views), ("chunk", config.render.chunk)):
-        if value < 1:
-            raise ConfigError(f"render.{key}: expected at least 1, got {value}")
-    if config.shard.resolution < 1 or config.render.resolution % config.shard.resolution:
-        raise ConfigError(
-            f"shard.resolution: expected a divisor of render.resolution ({config.render.resolution}), "
-            f"got {config.shard.resolution}"
-        )
-    if not config.render.controls or len(set(config.render.controls)) != len(config.render.controls):
-        raise ConfigError(f"render.controls: expected one or more different names, got {list(config.render.controls)}")
-    from z2p_renderer.pipeline.views import render_settings
-
-    try:
-        render_settings(config.render)
-    except ValueError as error:
-        raise ConfigError(f"render.{error}") from error
-    if fault := training_fault(config.train, config.shard.resolution):
-        raise ConfigError(f"train.{fault}")
+    check_values(config)

@@ -19,6 +19,7 @@ import luigi
 
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
 from z2p_core.native.sources import outdated
+from z2p_core.registry import PluginError
 from z2p_renderer.storage.configs import config_text
 from z2p_renderer.storage.fingerprints import changed_plugins, file_digest
 from z2p_renderer.storage.layout import Store
@@ -26,7 +27,7 @@ from z2p_renderer.storage.room import refusal
 from z2p_renderer.storage.stage_code import changed_parts
 from z2p_renderer.workflows.ending import fail
 from z2p_renderer.workflows.mesh_warnings import mesh_warnings
-from z2p_renderer.workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, make_plan
+from z2p_renderer.workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, check_config, make_plan
 from z2p_renderer.workflows.stopping import ended_by_interrupt
 from z2p_renderer.workflows.task_log import last_lines, logged, say
 
@@ -221,11 +222,22 @@ def load_plan(source: str) -> Plan:
     if where["config"]:
         path = Path(where["config"])
         config = parse_config(config_text(path), str(path))
+        with of_file(path):
+            check_config(config)
     given = {key: where[key] for key in ("meshes", "evaluate_meshes") if where[key]}
     plan = make_plan(from_dict(PipelineConfig, to_dict(config) | given))
     for warning in plan.warnings:
         say(f"warning: {warning}")
     return plan
+
+
+@contextmanager
+def of_file(path: Path) -> Iterator[None]:
+    """Tells what is wrong with a config's values with the name of its file."""
+    try:
+        yield
+    except (ConfigError, PluginError) as error:
+        raise type(error)(f"{path}: {error}") from error
 
 
 def load_steps(source: str) -> dict[str, Step]:

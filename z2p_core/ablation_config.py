@@ -13,12 +13,11 @@ Variants change the training alone, neither its steps nor its batch: renders, sh
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from z2p_core.config import ConfigError, PipelineConfig, TrainConfig, from_dict, to_dict
+from z2p_core.config import ConfigError, PipelineConfig, TrainConfig, from_dict, to_dict, toml_tables
 
 BASE = "base"
 """Name of the base among the variants."""
@@ -63,10 +62,7 @@ def parse_ablations(text: str, source: str = "config") -> AblationsConfig:
     Raises:
         ConfigError: not TOML, no variants, an unknown key, a value of the wrong type, or a variant that cannot be one.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{source}: not valid TOML: {error}") from error
+    data = toml_tables(text, source)
     tables = data.pop("variants", {})
     if not isinstance(tables, dict) or not tables:
         raise ConfigError(f"{source}: expected one or more tables [variants.NAME]")

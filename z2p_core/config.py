@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from z2p_core.limits import told
 from z2p_core.noise import KINDS
 from z2p_core.one_line import UsersError
 
@@ -203,12 +204,20 @@ def parse_config(text: str, source: str = "config") -> PipelineConfig:
     Raises:
         ConfigError: not TOML, an unknown key, or a value of the wrong type.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{source}: not valid TOML: {error}") from error
-    config: PipelineConfig = from_dict(PipelineConfig, data, source)
+    config: PipelineConfig = from_dict(PipelineConfig, toml_tables(text, source), source)
     return config
+
+
+def toml_tables(text: str, source: str) -> dict[str, Any]:
+    """The tables of a TOML text.
+
+    Raises:
+        ConfigError: not TOML, numbers of thousands of digits, or tables nested as no config is.
+    """
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # TOML's own error is a ValueError
+        raise ConfigError(f"{source}: not valid TOML: {error}") from error
 
 
 def batch_size(side: int, batch: int, sides: Sequence[int]) -> int:
@@ -258,7 +267,7 @@ def from_dict(kind: type[Any], data: dict[str, Any], source: str = "config") -> 
     hints = typing.get_type_hints(kind)
     unknown = sorted(set(data) - set(hints))
     if unknown:
-        raise ConfigError(f"{source}: unknown key {unknown[0]!r}; known: {', '.join(hints)}")
+        raise ConfigError(f"{source}: unknown key {told(unknown[0])}; known: {', '.join(hints)}")
     return kind(**{key: _read(hints[key], value, f"{source}: {key}") for key, value in data.items()})
 
 
@@ -271,19 +280,19 @@ def _plain(value: Any) -> Any:
 def _read(hint: Any, value: Any, source: str) -> Any:
     if dataclasses.is_dataclass(hint):
         if not isinstance(value, dict):
-            raise ConfigError(f"{source}: expected a table, got {value!r}")
+            raise ConfigError(f"{source}: expected a table, got {told(value)}")
         return from_dict(typing.cast(type[Any], hint), value, source)
     arguments = typing.get_args(hint)
     if typing.get_origin(hint) is tuple:
         if not isinstance(value, list):
-            raise ConfigError(f"{source}: expected a list, got {value!r}")
+            raise ConfigError(f"{source}: expected a list, got {told(value)}")
         if Ellipsis not in arguments and len(value) != len(arguments):
-            raise ConfigError(f"{source}: expected {len(arguments)} values, got {value!r}")
+            raise ConfigError(f"{source}: expected {len(arguments)} values, got {told(value)}")
         return tuple(_read(arguments[0], item, source) for item in value)
     if type(None) in arguments:
         return None if value is None else _read(arguments[0], value, source)
-    if hint is float and type(value) is int:
+    if hint is float and type(value) is int and abs(value) < 2**1000:  # what is larger is refused below
         return float(value)
     if type(value) is not hint:
-        raise ConfigError(f"{source}: expected {hint.__name__}, got {value!r}")
+        raise ConfigError(f"{source}: expected {hint.__name__}, got {told(value)}")
     return value

@@ -15,6 +15,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from z2p_core.config import FINE_BLOCK, NetworkConfig
+from z2p_core.network_shapes import network_fault
 
 NORMALISE_FROM = 16
 """Stride at which the fast network turns to AdaIN. Finer levels are modulated without normalising: instance statistics
@@ -33,19 +34,8 @@ def build_network(config: NetworkConfig, buffer_channels: int, encoder_channels:
         ValueError: unknown kind, or a shape that its kind cannot have.
     """
     kinds: dict[str, Callable[..., UNet]] = {"unshuffle_unet": UnshuffleUNet, "adain_unet": AdainUNet}
-    if config.kind not in kinds:
-        raise ValueError(f"unknown network {config.kind!r}; known: {', '.join(kinds)}")
-    if len(config.widths) < 2 or min(*config.widths, config.mapping, config.unshuffle, config.refine + 1) < 1:
-        raise ValueError(
-            f"network: expected two or more widths, a mapping and an unshuffle above 0, refine not below, got {config}"
-        )
-    if config.kind == "adain_unet" and config.unshuffle != 1:
-        raise ValueError(f"adain_unet works at full resolution: expected unshuffle = 1, got {config.unshuffle}")
-    if config.kind == "unshuffle_unet" and config.fine and config.unshuffle % FINE_BLOCK:
-        raise ValueError(f"network: fine needs an unshuffle that {FINE_BLOCK} divides, got {config.unshuffle}")
-    known = ("adain",) if config.kind == "adain_unet" else ("adain", "input")
-    if config.conditioning not in known:
-        raise ValueError(f"{config.kind}: conditioning: expected {' or '.join(known)}, got {config.conditioning!r}")
+    if fault := network_fault(config):
+        raise ValueError(f"network: {fault}")
     if buffer_channels < 1 or encoder_channels < 0 or settings < 1:
         raise ValueError(
             f"network: expected a z-buffer channel and a setting at least, got {buffer_channels} z-buffer and "

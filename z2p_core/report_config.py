@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, fields
 from typing import Any
 
-from z2p_core.config import ConfigError, from_dict
+from z2p_core.config import ConfigError, from_dict, toml_tables
+from z2p_core.config_limits import limited
+from z2p_core.report_limits import REPORT
 
 
 @dataclass(frozen=True)
@@ -86,10 +87,7 @@ def parse_report(text: str, source: str = "config") -> ReportConfig:
     Raises:
         ConfigError: not TOML, an unknown key, a value of the wrong type, or one that cannot be.
     """
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{source}: not valid TOML: {error}") from error
+    data = toml_tables(text, source)
     return checked(from_dict(ReportConfig, data, source), source)
 
 
@@ -99,12 +97,8 @@ def checked(config: Any, source: str = "config") -> ReportConfig:
     Raises:
         ConfigError: one cannot; the message names it.
     """
-    for key in ("views", "points", "samples", "time_repeats"):
-        if getattr(config, key) < 1:
-            raise ConfigError(f"{source}: {key}: expected 1 or more, got {getattr(config, key)}")
-    if config.resolution < 32:
-        raise ConfigError(f"{source}: resolution: expected 32 or more, got {config.resolution}")
-    if config.trust_draws == 1 or config.trust_draws < 0:
+    limited(config, REPORT, f"{source}: ")
+    if config.trust_draws == 1:
         raise ConfigError(f"{source}: trust_draws: expected 0, or 2 or more, got {config.trust_draws}")
     if not config.base.levels:
         raise ConfigError(f"{source}: base: expected levels = [0], as every table starts there")

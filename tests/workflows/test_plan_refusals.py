@@ -19,16 +19,21 @@ PIPELINES = sorted(set(CONFIGS.glob("*.toml")) - set(CONFIGS.glob("report*.toml"
     "path, value, message",
     [
         ("shard.resolution", 100, "divisor of render.resolution"),
-        ("render.views", 0, "at least 1"),
-        ("render.chunk", 0, "at least 1"),
+        ("render.views", 0, "from 1 to"),
+        ("render.chunk", 0, "from 1 to"),
         ("render.controls", ("color", "color"), "different"),
         ("render.denoise", "fst", r"render\.denoise: expected one of .*, got 'fst'"),
-        ("render.passes", ("x",), r"render\.passes: expected some of .*, got 'x'"),
+        ("render.passes", ("x",), r"render\.passes\[0\]: expected one of .*, got 'x'"),
         ("train.noise", "gausian", r"train\.noise: expected one of .*, got 'gausian'"),
         ("train.points", (500, 100), r"train\.points: expected 1 <= smallest"),
         ("train.resolutions", (100,), r"train\.resolutions: expected divisors"),
-        ("train.reuse", 0, r"train\.reuse: expected 1 or more"),
-        ("train.teacher_share", 1.5, r"train\.teacher_share: expected a share"),
+        ("train.reuse", 0, r"train\.reuse: expected a whole number from 1"),
+        ("train.teacher_share", 1.5, r"train\.teacher_share: expected a number from 0 to 1"),
+        ("train.network.kind", "adain_unet", "expected unshuffle = 1, got 4"),
+        ("train.network.widths", (4096,) * 9, "at most 500,000,000 weights"),
+        ("train.loss.alpha_l1", float("nan"), r"train\.loss\.alpha_l1: expected a number"),
+        ("evaluate.views", 0, r"evaluate\.views: expected a whole number from 1"),
+        ("sample.points", 10**10, r"sample\.points: expected a whole number from 1 to"),
         ("name", "../up", "folder name"),
         ("name", "train", "another name"),
     ],
@@ -45,6 +50,14 @@ def test_an_unknown_plugin_is_refused_before_anything_runs(config, path):
     value = ("metalic",) if path == "render.controls" else "metalic"
     with pytest.raises(registry.PluginError, match="metalic"):
         make_plan(edited(config, path, value))
+
+
+def test_a_single_render_is_too_few_to_train_on(config, meshes):
+    config = edited(config, "render.views", 1)
+    assert make_plan(config), "one of each of two meshes will do"
+    (meshes / "meshes" / "bee.obj").unlink()
+    with pytest.raises(ConfigError, match=r"render\.views: expected two renders or more in all"):
+        make_plan(config)
 
 
 @pytest.mark.parametrize("field", ["start", "teacher"])

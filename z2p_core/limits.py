@@ -1,0 +1,182 @@
+"""What values may be: limits that tell what was expected, for every field of a dataclass of settings.
+
+A table names a limit for each field; `check` compares, and refuses with the key, what was expected and what came.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+MOST_TOLD = 60
+"""Characters of a value that a message shows."""
+
+
+class LimitError(ValueError):
+    """A value outside its limits; the message names the key, what was expected and what came."""
+
+    def __init__(self, message: str, limit: Limit | Fields) -> None:
+        super().__init__(message)
+        self.limit = limit
+
+
+class Limit(Protocol):
+    """What one value may be."""
+
+    @property
+    def expected(self) -> str:
+        """In words, as they follow "expected"."""
+
+    def holds(self, value: Any) -> bool:
+        """Whether a value is within the limit; never an error."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A finite number in a range."""
+
+    least: float
+    most: float
+    above: bool = False
+    """Whether the least itself is left out."""
+
+    @property
+    def expected(self) -> str:
+        start = f"above {self.least:g} and" if self.above else f"from {self.least:g}"
+        return f"a number {start} {'up to' if self.above else 'to'} {self.most:g}"
+
+    def holds(self, value: Any) -> bool:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return False
+        return self.least <= value <= self.most and math.isfinite(value) and not (self.above and value == self.least)
+
+
+@dataclass(frozen=True)
+class Count:
+    """A whole number in a range."""
+
+    least: int
+    most: int
+
+    @property
+    def expected(self) -> str:
+        return f"a whole number from {self.least:,} to {self.most:,}"
+
+    def holds(self, value: Any) -> bool:
+        return type(value) is int and self.least <= value <= self.most
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some names."""
+
+    names: tuple[str, ...]
+
+    @property
+    def expected(self) -> str:
+        return f"one of {', '.join(name or repr(name) for name in self.names)}"
+
+    def holds(self, value: Any) -> bool:
+        return isinstance(value, str) and value in self.names
+
+
+@dataclass(frozen=True)
+class Text:
+    """A line of text that a pattern fits as a whole."""
+
+    expected: str
+    pattern: str = r"[^\x00-\x1f\x7f]*"
+    most: int = 4096
+
+    def holds(self, value: Any) -> bool:
+        return isinstance(value, str) and len(value) <= self.most and re.fullmatch(self.pattern, value) is not None
+
+
+@dataclass(frozen=True)
+class Switch:
+    """True or false."""
+
+    expected: str = "true or false"
+
+    def holds(self, value: Any) -> bool:
+        return type(value) is bool
+
+
+@dataclass(frozen=True)
+class Maybe:
+    """Nothing, or what another limit holds."""
+
+    limit: Limit
+
+    @property
+    def expected(self) -> str:
+        return f"{self.limit.expected}, or none"
+
+    def holds(self, value: Any) -> bool:
+        return value is None or self.limit.holds(value)
+
+
+@dataclass(frozen=True)
+class Many:
+    """A list of so many values, each within a limit."""
+
+    limit: Limit
+    least: int = 0
+    most: int = 1000
+    distinct: bool = False
+
+    @property
+    def expected(self) -> str:
+        number = f"{self.least:,}" if self.least == self.most else f"{self.least:,} to {self.most:,}"
+        return f"a list of {number}{' different' * self.distinct} values"
+
+    def holds(self, value: Any) -> bool:
+        if not isinstance(value, list | tuple) or not self.least <= len(value) <= self.most:
+            return False
+        return not self.distinct or len(set(map(repr, value))) == len(value)
+
+
+@dataclass(frozen=True)
+class Fields:
+    """Another dataclass, with a table of its own."""
+
+    limits: Mapping[str, Limit | Fields]
+    expected: str = "a table"
+
+    def holds(self, value: Any) -> bool:
+        return dataclasses.is_dataclass(value)
+
+
+def check(settings: Any, limits: Mapping[str, Limit | Fields], prefix: str = "") -> None:
+    """Nothing, when every field of a dataclass is within its limit.
+
+    Raises:
+        LimitError: one is not; its key is told with `prefix` before it.
+    """
+    for field in dataclasses.fields(settings):
+        _check(getattr(settings, field.name), limits[field.name], prefix + field.name)
+
+
+def _check(value: Any, limit: Limit | Fields, key: str) -> None:
+    if not limit.holds(value):
+        raise LimitError(f"{key}: expected {limit.expected}, got {told(value)}", limit)
+    if isinstance(limit, Fields):
+        check(value, limit.limits, f"{key}.")
+    if isinstance(limit, Many):
+        for index, item in enumerate(value):
+            _check(item, limit.limit, f"{key}[{index}]")
+
+
+def told(value: Any) -> str:
+    """A value for a message, shortened: it may hold millions of digits."""
+    if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 200:
+        return f"a number of {int(value.bit_length() * math.log10(2)):,} digits"
+    try:
+        text = repr(list(value) if isinstance(value, tuple) else value)
+    except (ValueError, RecursionError):
+        return f"a {type(value).__name__}"
+    return text if len(text) <= MOST_TOLD else f"{text[:MOST_TOLD]}..."
