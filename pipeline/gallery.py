@@ -104,6 +104,8 @@ def placed_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         rows.append(("cut off", f"{placing['cut_top']:g} % of the height, from above"))
     if placing.get("keep_outliers"):
         rows.append(("kept", "strays, and what lies far behind"))
+    if isinstance(record.get("margin"), int | float):
+        rows.append(("margin", f"{100 * record['margin']:g} % of the shorter side"))
     return rows
 
 

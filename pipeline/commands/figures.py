@@ -167,7 +167,7 @@ def _look(
     record: Mapping[str, Any], renderer: Renderer, name: str, given: dict[str, Value], options: dict[str, Any]
 ) -> Look:
     """The look of the record with the changes."""
-    from z2p_core.margin import without_margin
+    from z2p_core.margin import margin_from, without_margin
     from z2p_core.viewpoint import viewpoint_from_json
     from z2p_renderer.pipeline.drawing import Look
     from z2p_renderer.pipeline.placing import Placing
@@ -180,7 +180,7 @@ def _look(
     if options["load_camera"] is not None:
         camera = read_camera(options["load_camera"])
     elif record.get("fit") != "tight":
-        camera = without_margin(camera, record.get("margin"))  # once it was not told: the usual one
+        camera = without_margin(camera, margin_from(record.get("margin")))  # once it was not told: the usual one
     if "elevation" in given:
         camera = replace(camera, elevation=given["elevation"][0])
     before = {key: value for key, value in record["controls"].items() if key in renderer.controls}
@@ -207,13 +207,15 @@ def _margin(record: Mapping[str, Any], options: dict[str, Any]) -> float | None:
     Raises:
         click.UsageError: a loaded camera chooses how large the object is.
     """
+    from z2p_core.margin import margin_from
+
     before, fit = record.get("fit"), options["fit"] or record.get("fit")
     if options["margin"] is not None:
         if options["load_camera"] is not None and fit == "frame":
             raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out")
         return float(options["margin"])
     kept = fit == before and (fit == "tight" or options["load_camera"] is None)
-    return record.get("margin") if kept else None
+    return margin_from(record.get("margin")) if kept else None
 
 
 def _crop(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Crop | None:
@@ -257,11 +259,6 @@ def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
                   f"--load-camera {figure}")
 
 
-def _told_margin(record: Mapping[str, Any]) -> str:
-    """The margin that was asked for, in words."""
-    return "" if record.get("margin") is None else f", margin {record['margin']:g}"
-
-
 def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What people want to know of a record, in words."""
     from z2p_renderer.pipeline.gallery import placed_rows
@@ -280,7 +277,7 @@ def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         *placed_rows(record),
         ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
         ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
-                 f"fit {record['fit']}{_told_margin(record)}"),
+                 f"fit {record['fit']}"),
         ("background", record["background"] if isinstance(record["background"], str) else
          ", ".join(f"{number:g}" for number in record["background"])),
         ("weights", f"{weights['name']}  sha256 {weights['sha256'][:16]}"),
