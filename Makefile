@@ -2,15 +2,22 @@
 # make test       installs the pipeline too and runs every check; make test-fast leaves out Blender and whole pipelines
 # make soak       kills a whole small pipeline fifty times at random moments; every result must have the same bytes
 # make fuzz       tries odd inputs and settings for SECONDS=60, of SEED=0, on TARGETS="readers configs" or on all
-# PYTHON=...      chooses another Python 3.11; pip takes its options from its usual variables and files
+# PYTHON=...      chooses a Python from 3.11 on; where .venv was made by another one, a folder such as .venv-3.13 is used
+# VENV=...        chooses the folder; pip takes its options from its usual variables and files
 
-VENV := .venv
+SERIES = $(if $(1),$(shell $(1) -c 'import sys; print("%d.%d" % sys.version_info[:2])' 2>/dev/null))
+MADE_BY := $(call SERIES,.venv/bin/python)
+NAMED := $(or $(PYTHON),$(if $(MADE_BY),.venv/bin/python) python3.11 python3.13 python3.12 python3.14 python3)
+FOUND := $(shell sh scripts/python.sh $(NAMED))
+VENV := .venv$(if $(MADE_BY),$(addprefix -,$(filter-out $(MADE_BY),$(call SERIES,$(FOUND)))))
 BIN := $(VENV)/bin
-PYTHON ?= $(shell command -v python3.11 || command -v python3)
 LIGHT := $(VENV)/light.stamp
 FULL := $(VENV)/full.stamp
-PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.[ch]) z2p_core/native/compiling.py scripts/compiler.sh
+TYPES := build/types/z2p_renderer
+PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.[ch]) z2p_core/native/compiling.py \
+           setup.py scripts/compiler.sh
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+BLENDER = $(if $(filter 3.13,$(call SERIES,$(BIN)/python)),$(PIP_INSTALL) --no-deps bpy)
 PYTEST = OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile
 
 .PHONY: demo test test-fast soak fuzz lint clean
@@ -34,18 +41,26 @@ SEED ?= 0
 fuzz: $(FULL)
 	OMP_NUM_THREADS=1 $(BIN)/python tests/fuzz/run.py $(TARGETS) --seconds $(SECONDS) --seed $(SEED)
 
-lint: $(FULL)
+lint: $(FULL) | $(TYPES)/__init__.py
 	$(BIN)/ruff check
 	$(BIN)/mypy
+
+# What mypy reads: the folders as parts of z2p_renderer, as setup.py installs them.
+$(TYPES)/__init__.py:
+	rm -rf $(TYPES)
+	mkdir -p $(TYPES)
+	cd $(TYPES) && ln -s ../../../z2p_renderer/__init__.py ../../../pipeline ../../../plugins ../../../storage \
+		../../../workflows .
 
 clean:
 	rm -rf $(VENV) previews build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
+ifeq ($(FOUND)$(filter clean,$(MAKECMDGOALS)),)
+$(error z2p needs Python 3.11 or later, and of $(NAMED) none is; name one: make PYTHON=/path/to/python3)
+endif
+
 $(BIN)/python:
-	@test -n "$(PYTHON)" || { echo "z2p needs Python 3.11, and there is no python3 here; install it" >&2; exit 1; }
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { \
-		echo "z2p needs Python 3.11, got $$($(PYTHON) --version); name one: make PYTHON=/path/to/python3.11" >&2; exit 1; }
-	$(PYTHON) -m venv $(VENV)
+	$(FOUND) -m venv --clear $(VENV) || { rm -rf $(VENV); exit 1; }
 
 $(LIGHT): $(PROJECT) | $(BIN)/python
 	sh scripts/compiler.sh
@@ -58,4 +73,5 @@ $(FULL): $(PROJECT) scripts/system_libraries.sh | $(BIN)/python
 	sh scripts/system_libraries.sh
 	@echo "installing z2p and its pipeline into $(VENV); the first time takes several minutes"
 	$(PIP_INSTALL) --editable ".[pipeline,test]"
+	$(BLENDER)
 	@touch $(LIGHT) $@

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import runpy
+import shutil
 import sys
 import sysconfig
 from pathlib import Path
@@ -21,6 +22,8 @@ class NameWheel(bdist_wheel):
 
     def run(self) -> None:
         COMPILING["find_compiler"]()  # before anything else is done and told
+        built = self.get_finalized_command("build").build_lib
+        shutil.rmtree(built, ignore_errors=True)  # all that lies there goes into the wheel, of earlier versions too
         super().run()
 
     def get_tag(self) -> tuple[str, str, str]:
