@@ -66,7 +66,7 @@ def background_from(wish: Any) -> Color | None:
     Raises:
         SettingError: it is none of these.
     """
-    if wish is None or (isinstance(wish, str) and wish == "transparent"):
+    if wish is None or (isinstance(wish, str) and wish.lower() in ("transparent", "none")):
         return None
     if isinstance(wish, str) and wish.count(",") == 2 and "(" not in wish:
         wish = wish.split(",")

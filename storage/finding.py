@@ -9,7 +9,6 @@ from itertools import islice
 from pathlib import Path
 
 from z2p_core.colmap_model import is_part, is_points
-from z2p_core.guesses import close
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.foreign import is_unread_cloud, told_by_suffix
 from z2p_renderer.storage.incoming import is_no_sweep, is_prose
@@ -51,10 +50,16 @@ def find_scans(
 
 MOST_BESIDE = 5000
 """Names in a folder among which the one that was meant is looked for."""
+PICTURES = frozenset({".png", ".webp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".mp4"})
+"""Suffixes of what z2p writes."""
 
 
 def _guess(path: Path) -> str:
     """What to say of a path that leads nowhere: the name beside it that was meant, where that is sure."""
+    if path.suffix.lower() in PICTURES:
+        return f"a picture that is to be written is named by --output {printable(path)}"
+    from z2p_core.guesses import close  # late: for this message alone
+
     try:
         beside = [other.name for other in islice(path.parent.iterdir(), MOST_BESIDE)]
         numbers = re.findall(r"\d+", path.name)  # of a series no other one is meant

@@ -23,7 +23,7 @@ from z2p_renderer.pipeline.commands.picture_options import (
     writable,
 )
 from z2p_renderer.pipeline.commands.telling import named, tell_opaque, told_read
-from z2p_renderer.pipeline.commands.values import FiniteRange, Target, is_folder
+from z2p_renderer.pipeline.commands.values import FiniteRange, Format, Target, is_folder
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.batch import Task
@@ -36,7 +36,7 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option("--output", "-o", default="pictures", type=Target(), metavar="OUT",
               help="Folder for the loops; or, for one cloud, the loop itself (.webp, .gif, .mp4).")
-@click.option("--format", "format_", default="webp", type=click.Choice(["webp", "gif", "mp4"]),
+@click.option("--format", "format_", default="webp", type=Format(["webp", "gif", "mp4"], {}),
               help="Of loops in a folder. WebP keeps the transparency; MP4 needs the extra 'video'.")
 @click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
               help="turn: the object, once around; light: the light, from side to side and back.")

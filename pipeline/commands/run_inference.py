@@ -24,7 +24,7 @@ from z2p_renderer.pipeline.commands.picture_options import (
     writable,
 )
 from z2p_renderer.pipeline.commands.telling import Progress, json_line, progress, reported, settings_of, tell_opaque
-from z2p_renderer.pipeline.commands.values import Grid, Target, is_folder
+from z2p_renderer.pipeline.commands.values import Format, Grid, Target, is_folder
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.batch import Outcome, Task
@@ -34,13 +34,15 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 NOT_WRITTEN = (".bmp", ".gif", ".mp4", ".svg", ".pdf", ".eps", ".exr", ".avif")
 """Suffixes that nobody means as a folder's."""
 SUFFIXES = {"png": ".png", "webp": ".webp", "jpeg": ".jpg", "tiff": ".tif"}
+SUFFIX_NAMES = {"jpg": "jpeg", "tif": "tiff"}
 
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
 @click.option("--output", "-o", default="pictures", type=Target(), metavar="OUT",
               help="Folder for the pictures; or, for one cloud, the picture itself (.png, .webp, .jpg, .tif).")
-@click.option("--format", "format_", default="png", type=click.Choice(list(SUFFIXES)), help="Of pictures in a folder.")
+@click.option("--format", "format_", default="png", type=Format(list(SUFFIXES), SUFFIX_NAMES),
+              help="Of pictures in a folder.")
 @picture_options
 @click.option("--same-frame", is_flag=True,
               help="One camera for all clouds, which keep their sizes and places in it; with --fit tight one crop.")
@@ -195,7 +197,7 @@ def _same_frame(
         if not quiet:
             told = "; ".join(filter(None, (series.told, choice)))
             click.echo("\n".join([f"one frame for {series.clouds} clouds: {told}", *series.notes]), err=True)
-        placing = replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0)
+        placing = replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0, grounded=series.grounded)
         look = replace(look, placing=placing, settled=True)
     if look.tight:
         look = replace(look, crop=common_crop(scans, renderer, look, columns))

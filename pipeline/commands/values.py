@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,18 @@ class View(click.ParamType):
         return (azimuth, elevation[0]) if elevation else azimuth
 
 
+class Format(click.Choice):
+    """A kind of file, by its name or its suffix, in either case."""
+
+    def __init__(self, kinds: Sequence[str], suffixes: Mapping[str, str]) -> None:
+        super().__init__(list(kinds), case_sensitive=False)
+        self._suffixes = suffixes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        name = value.lower().lstrip(".")
+        return super().convert(self._suffixes.get(name, name), param, ctx)
+
+
 class Margin(click.ParamType):
     """A share of the picture's shorter side; see `z2p_core.margin.margin_from`."""
 
@@ -188,7 +201,7 @@ class Background(click.ParamType):
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[float, float, float] | str:
-        if value == "transparent" or isinstance(value, tuple):
+        if isinstance(value, tuple):
             return value
         from z2p_core.interfaces import SettingError
         from z2p_renderer.pipeline.settings import background_from

@@ -11,11 +11,13 @@ from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from click.testing import Result
 
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig
+from z2p_core.up_names import up_from
 from z2p_renderer.pipeline.cli import COMMANDS
 
 
@@ -86,6 +88,25 @@ def test_an_unknown_option_is_guessed_by_its_meaning(
 ) -> None:
     result = z2p(*words[:1], "a.ply", *words[1:]) if words[0] in COMMANDS else z2p(*words)
     assert result.exit_code == 2 and told in result.stderr and result.stderr.count("No such option") == 1
+
+
+def test_a_format_goes_by_its_suffix_too(
+    z2p: Callable[..., Result], tiny_weights: Path, cloud: np.ndarray, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "a.npy", cloud)
+    for name, suffix in (("JPG", ".jpg"), (".tif", ".tif"), ("webp", ".webp")):
+        words = ("--format", name, "--background", "None", "--size", 32, "--weights", tiny_weights)
+        assert z2p("render", tmp_path / "a.npy", "-o", tmp_path, *words).exit_code == 0
+        assert (tmp_path / f"a{suffix}").is_file()
+    assert z2p("render", tmp_path / "a.npy", "--format", "bmp").exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "axis"), [("y", "+Y"), ("Y", "+Y"), ("-z", "-Z"), ("z-up", "+Z"), ("+Xup", "+X"), ("minus y", "-Y"),
+                        ("AUTO", "auto"), ("yz", None), ("W", None), ("--y", None), ("", None)],
+)  # fmt: skip
+def test_up_goes_by_its_usual_spellings(words: str, axis: str | None) -> None:
+    assert up_from(words) == axis
 
 
 def test_an_option_of_another_meaning_is_not_guessed(z2p: Callable[..., Result]) -> None:

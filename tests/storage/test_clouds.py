@@ -267,3 +267,9 @@ def test_a_path_that_leads_nowhere_is_guessed_where_that_is_sure(tmp_path: Path)
                         ("horse.ply", "check the path"), ("none/bunny.ply", "check the path")):  # fmt: skip
         with pytest.raises(ScanError, match=told):
             find_scans([str(tmp_path / wrong)], False)
+
+
+def test_a_picture_in_the_place_of_a_scan_is_told_how_it_is_named(tmp_path: Path) -> None:
+    (tmp_path / "bunny.ply").touch()
+    with pytest.raises(ScanError, match=r"a picture that is to be written is named by --output .*bunny\.png"):
+        find_scans([str(tmp_path / "bunny.ply"), str(tmp_path / "bunny.png")], False)
