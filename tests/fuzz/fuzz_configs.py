@@ -25,7 +25,7 @@ from z2p_renderer.workflows.ablation_plan import make_ablation_plan
 from z2p_renderer.workflows.plan import make_plan
 from z2p_renderer.workflows.report_plan import make_report_plan
 
-KINDS = ("pipeline", "pipeline", "pipeline", "report", "ablations")
+KINDS = ("pipeline",) * 5 + ("ablations", "ablations", "report")
 CONFIGS = Path(__file__).parents[2] / "configs"
 MOST_PARAMETERS = 3e9
 """Of a network; what has more is a slip."""

@@ -12,6 +12,7 @@ import numpy as np
 from changed_bytes import changed as changed_bytes
 from changed_values import changed, json_text, plain
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from z2p_core.interfaces import SettingError
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
@@ -65,9 +66,14 @@ def check(folder: Path) -> str:
 def picture_file(suffix: str, text: str) -> bytes:
     """A small picture in the format of the suffix, with a text where the record belongs."""
     pixels = np.full((8, 8, 4), 200, np.uint8)
-    if suffix == ".png":
-        return png(pixels, {KEY: text})
     image, file = Image.fromarray(pixels), io.BytesIO()
+    if suffix == ".png":
+        if text.isascii():
+            return png(pixels, {KEY: text})
+        told = PngInfo()
+        told.add_itxt(KEY, text)
+        image.save(file, "PNG", pnginfo=told)
+        return file.getvalue()
     described = f"{KEY}: {text}".encode("ascii", errors="replace").decode()[:60_000]
     exif = Image.Exif()
     exif[DESCRIPTION] = described
@@ -98,7 +104,7 @@ def _camera(path: Path) -> str:
 def _check(viewpoint: Viewpoint) -> None:
     """A viewpoint that is taken can be looked from."""
     near = np.array([viewpoint.centre]) + viewpoint.radius * np.eye(3)
-    with np.errstate(all="raise"):
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
         assert np.isfinite(viewpoint.place(near)).all(), f"points before it are no places: {viewpoint}"
     assert np.isfinite(viewpoint.elevation) and abs(viewpoint.elevation) <= 360, viewpoint
     assert viewpoint.floor is None or np.isfinite(viewpoint.floor)

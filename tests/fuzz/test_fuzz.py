@@ -16,7 +16,7 @@ from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.clouds import Scan, read_each, readable_suffixes
 
 SEED = 47
-INPUTS = {"readers": 150, "records": 60, "weights": 60, "results": 16, "configs": 24, "render": 60}
+INPUTS = {"readers": 150, "records": 60, "weights": 60, "results": 16, "configs": 24, "render": 60, "commands": 24}
 """How many inputs are tried of each target."""
 SIGNS = {
     "readers": "read",
@@ -25,6 +25,7 @@ SIGNS = {
     "results": "same",
     "configs": "planned",
     "render": "drawn",
+    "commands": " 0",
 }
 """What is said of inputs that were taken."""
 FAULTS = """

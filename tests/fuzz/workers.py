@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 
-TARGETS = ("readers", "records", "weights", "results", "configs", "render")
+TARGETS = ("readers", "records", "weights", "results", "configs", "render", "commands")
 """What can be attacked: each is a module ``fuzz_<name>`` with ``make(rng, folder)``, which writes one input into an
 empty folder, and ``check(folder)``, which tries it and gives a few words on what came of it, or raises what is wrong.
 A module's ``WARNINGS`` are kinds of warnings that its calls may give."""
