@@ -34,10 +34,10 @@ from z2p_core.pose_rows import name_poses, told_poses
 STDIN_STEM = "stdin"
 MAGIC = (
     (b"ply", ".ply"), (b"# .PCD", ".pcd"), (b"VERSION", ".pcd"), (b"\x93NUMPY", ".npy"), (b"PK\x03\x04", ".npz"),
-    (b"LASF", ".las"), (b"ASTM-E57", ".e57"), (b"glTF", ".glb"),
+    (b"LASF", ".las"), (b"ASTM-E57", ".e57"), (b"glTF", ".glb"), (b"# vtk DataFile", ".vtk"),
 )  # fmt: skip
 """First bytes -> suffix."""
-_OFF = re.compile(r"(ST)?C?N?OFF(?![A-Za-z])")
+_OFF = re.compile(r"(ST)?C?N?4?n?OFF(?![A-Za-z])")
 """How OFF files begin; the letters before tell what stands beside a vertex."""
 _STL_HEAD, _STL_TRIANGLE, _MOST_STRAY = 84, 50, 16
 """Bytes of a binary STL file's header and of each triangle, and how many may follow."""
@@ -105,6 +105,8 @@ def suffix_of(head: bytes, size: int) -> str:
     for magic, suffix in MAGIC:
         if head.startswith(magic):
             return suffix
+    if b"<VTKFile" in head[:400]:
+        return ".vtp" if b"PolyData" in head[:400] else ".vtu"
     if head.lstrip()[:5].lower() == b"solid":
         return ".stl"
     if len(head) >= _STL_HEAD:  # a binary STL says no more of itself than how many triangles make its length

@@ -37,10 +37,13 @@ def readable_glb(blob: bytes) -> bytes:
     (length,) = struct.unpack_from("<I", blob, 12)
     tree = json.loads(blob[20 : 20 + length])
     for extension in tree.get("extensionsRequired", ()):
-        if packing := _PACKINGS.get(extension):
-            raise ScanError(f"its meshes are packed by {packing} ({extension}), which cannot be read here; export the "
-                            f"file again without {packing} compression")
+        if extension in _PACKINGS:
+            raise _is_packed(extension)
     parts = [part for mesh in tree.get("meshes", ()) for part in mesh["primitives"]]
+    for extension in (name for part in parts for name in part.get("extensions", ()) if name in _PACKINGS):
+        placed = [part["attributes"]["POSITION"] for part in parts if extension in part.get("extensions", ())]
+        if any("bufferView" not in tree["accessors"][index] for index in placed):
+            raise _is_packed(extension)
     used = {part.get("attributes", {}).get("POSITION") for part in parts}
     if any(index is not None and "sparse" in tree["accessors"][index] for index in used):
         raise ScanError("its positions are kept sparse, as differences, which cannot be read here; export the file "
@@ -58,7 +61,13 @@ def readable_glb(blob: bytes) -> bytes:
     binary = bytearray(blob[20 + length + 8 :])
     for index in whole:
         _make_float(tree, tree["accessors"][index], binary)
-    return _packed(tree, bytes(binary))
+    return packed(tree, bytes(binary))
+
+
+def _is_packed(extension: str) -> ScanError:
+    packing = _PACKINGS[extension]
+    return ScanError(f"its meshes are packed by {packing} ({extension}), which cannot be read here; open it in "
+                     f"Blender, and export it as PLY, or again without {packing} compression")
 
 
 def _add_scene(tree: dict[str, Any]) -> None:
@@ -91,7 +100,7 @@ def _make_float(tree: dict[str, Any], accessor: dict[str, Any], binary: bytearra
     binary += floats
 
 
-def _packed(tree: dict[str, Any], binary: bytes) -> bytes:
+def packed(tree: dict[str, Any], binary: bytes) -> bytes:
     """A GLB of the two chunks."""
     binary += bytes(-len(binary) % 4)
     tree["buffers"][0]["byteLength"] = len(binary)

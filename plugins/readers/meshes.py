@@ -1,4 +1,4 @@
-"""Vertices of STL and GLB files, each place once."""
+"""Vertices of STL, GLB and glTF files, each place once."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.interfaces import RawCloud, Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError
+from z2p_renderer.plugins.readers.colours import NOTE
 from z2p_renderer.plugins.readers.gltf import readable_glb
+from z2p_renderer.plugins.readers.gltf_parts import as_glb, bytes_beside
 from z2p_renderer.plugins.readers.late import late
 from z2p_renderer.plugins.readers.lengths import stray_bytes, stray_note
 
@@ -18,12 +20,20 @@ _STL_HEAD, _STL_TRIANGLE = 84, 50
 
 
 class Meshes(Reader):
-    """STL and binary glTF (trimesh); only the vertices count, so a mesh of few large triangles makes a thin cloud."""
+    """STL and glTF, in one file or several (trimesh).
+
+    Only the vertices count, so a mesh of few large triangles makes a thin cloud.
+    """
 
     name = "meshes"
-    version = "3"
+    version = "4"
     packages = ("trimesh",)
-    suffixes = (".stl", ".glb")
+    suffixes = (".stl", ".glb", ".gltf")
+
+    def memory(self, path: Path) -> int:
+        """A glTF file's points may all be in files beside it."""
+        beside = bytes_beside(path) if path.suffix.lower() == ".gltf" else 0
+        return MEMORY_A_BYTE * (path.stat().st_size + beside)
 
     def read(self, path: Path) -> list[RawCloud]:
         """The file's vertices, one cloud (N, 3) float64; parts of a GLB scene stand where the scene puts them.
@@ -33,9 +43,14 @@ class Meshes(Reader):
         Raises:
             ScanError: no file of its format, one of another length than it promises, or without triangles.
         """
-        blob = path.read_bytes()
         try:
-            points, note = _stl(blob) if path.suffix.lower() == ".stl" else (_glb(blob), "")
+            match path.suffix.lower():
+                case ".stl":
+                    points, note = _stl(path.read_bytes())
+                case ".gltf":
+                    points, note = _glb(as_glb(path))
+                case _:
+                    points, note = _glb(path.read_bytes())
         except (ScanError, ImportError):  # no fault of the file
             raise
         except Exception as error:  # the library raises whatever its parsing stumbles over
@@ -83,7 +98,8 @@ def _whole_text(blob: bytes) -> bytes:
     return blob
 
 
-def _glb(blob: bytes) -> np.ndarray:
+def _glb(blob: bytes) -> tuple[np.ndarray, str]:
+    """Vertices (N, 3) float64 of a scene, and a note."""
     if blob[:4] != b"glTF":
         raise ScanError("expected a GLB file, which begins with 'glTF'; this is another format under that name")
     scene = late("trimesh").load_scene(io.BytesIO(readable_glb(blob)), file_type="glb", process=False)
@@ -92,4 +108,4 @@ def _glb(blob: bytes) -> np.ndarray:
         transform, name = scene.graph[node]
         vertices = np.asarray(scene.geometry[name].vertices, dtype=np.float64)
         parts.append(vertices @ transform[:3, :3].T + transform[:3, 3])
-    return np.concatenate(parts)
+    return np.concatenate(parts), NOTE if b'"COLOR_0"' in blob[: 20 + int.from_bytes(blob[12:16], "little")] else ""

@@ -2,28 +2,34 @@
 
 from __future__ import annotations
 
-import io
+import re
 from pathlib import Path
 
 import numpy as np
 
-from z2p_core.interfaces import MEMORY_A_CHARACTER, Reader, ScanError
-from z2p_renderer.plugins.readers.late import late
+from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
+from z2p_renderer.plugins.readers.colours import NOTE
+
+_OFF = re.compile(
+    rb"(?P<texture>ST)?(?P<colours>C)?(?P<normals>N)?(?P<homogeneous>4)?(?P<dimensions>n)?OFF(?![A-Za-z])(?P<counts>.*)"
+)
+"""How the first line begins; some writers put the counts on it too."""
+_COLOURED = (7, 8)
+"""Words of an OBJ line ``v x y z r g b``, perhaps with an opacity."""
 
 
 class Vertices(Reader):
-    """Wavefront OBJ and OFF; faces, textures and colours are left out."""
+    """Wavefront OBJ and OFF (4OFF, COFF, NOFF, STOFF too); faces, textures and colours are left out."""
 
     name = "vertices"
-    version = "1"
-    packages = ("trimesh",)
+    version = "2"
     suffixes = (".obj", ".off")
 
     def memory(self, path: Path) -> int:
         """Text is read as a whole."""
         return MEMORY_A_CHARACTER * path.stat().st_size
 
-    def read(self, path: Path) -> list[np.ndarray]:
+    def read(self, path: Path) -> list[RawCloud]:
         """The file's vertices, one cloud (N, 3) float64.
 
         Raises:
@@ -33,29 +39,45 @@ class Vertices(Reader):
         return [_obj(blob) if path.suffix.lower() == ".obj" else _off(blob)]
 
 
-def _obj(blob: bytes) -> np.ndarray:
+def _obj(blob: bytes) -> RawCloud:
     """Points of the ``v`` lines; trimesh would drop vertices without a face and double those on texture seams."""
     whole = blob.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")  # a line goes on after a backslash
-    rows = [line.split()[1:4] for line in whole.splitlines() if line.lstrip()[:2] in (b"v ", b"v\t")]
+    lines = [line.split() for line in whole.splitlines() if line.lstrip()[:2] in (b"v ", b"v\t")]
+    rows = [words[1:4] for words in lines]
     if not rows and blob.strip():
         raise ScanError("expected OBJ vertices (lines 'v x y z'), found none; this is another format under that name, "
                         "or it holds no points")
+    note = NOTE if lines and len(lines[0]) in _COLOURED else ""
     try:
-        return np.array(rows, dtype=np.float64).reshape(len(rows), 3)
+        return RawCloud(np.array(rows, dtype=np.float64).reshape(len(rows), 3), note=note)
     except ValueError as error:
         raise ScanError(f"expected three numbers on each OBJ line 'v x y z': {_first_line(error)}; "
                         "export it again") from error
 
 
-def _off(blob: bytes) -> np.ndarray:
-    """Points of an OFF file; trimesh checks them against the promised count."""
-    if b"OFF" not in blob[:1024]:
+def _off(blob: bytes) -> RawCloud:
+    """Points of an OFF file; behind each may stand normals, colours or places in a texture, as its first word tells."""
+    lines = [line for line in (line.split(b"#", 1)[0].strip() for line in blob.splitlines()) if line]
+    form = _OFF.match(lines[0]) if lines else None
+    if form is None:
         raise ScanError("expected an OFF file, which begins with 'OFF'; this is another format under that name")
-    load_off = late("trimesh.exchange.off").load_off
+    if b"BINARY" in lines[0]:
+        raise ScanError("binary OFF files are not read; export the mesh in text, or as PLY")
+    if form["dimensions"]:
+        raise ScanError("an OFF file of other than three dimensions (nOFF) shows no surface; export the mesh as OFF")
+    rest = [form["counts"], *lines[1:]] if form["counts"].strip() else lines[1:]
     try:
-        return np.asarray(load_off(io.BytesIO(blob))["vertices"], dtype=np.float64).reshape(-1, 3)
-    except Exception as error:  # the library raises whatever its parsing stumbles over
+        count, faces = (int(word) for word in rest[0].split()[:2])
+        rows = rest[1 : count + 1]
+        if min(count, faces) < 0 or len(rest) - 1 < count + faces:
+            raise ValueError(f"{count} vertices and {faces} faces promised, {len(rest) - 1} lines came")
+        width = 4 if form["homogeneous"] else 3
+        numbers = np.array([row.split()[:width] for row in rows], dtype=np.float64).reshape(count, width)
+    except (ValueError, IndexError) as error:
         raise ScanError(f"the OFF vertices cannot be read ({_first_line(error)}); export the file again") from error
+    with np.errstate(all="ignore"):  # a place at infinity is left out like any that is not finite
+        points = numbers[:, :3] / numbers[:, 3:] if width == 4 else numbers
+    return RawCloud(points, note=NOTE if form["colours"] else "")
 
 
 def _first_line(error: Exception) -> str:

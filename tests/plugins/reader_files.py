@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import json
 from pathlib import Path
 
 import laspy
@@ -12,7 +14,8 @@ from z2p_core import registry
 from z2p_core.interfaces import ScanError
 
 SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".obj", ".off", ".npy", ".npz",
-            ".las", ".laz", ".stl", ".glb", ".e57", ".ptx", ".bin"]  # fmt: skip
+            ".las", ".laz", ".stl", ".glb", ".e57", ".ptx", ".bin",
+            ".vtk", ".vtp", ".vtu", ".gltf"]  # fmt: skip
 PLY_TYPES = {"float": "f4", "double": "f8"}
 
 
@@ -62,6 +65,20 @@ def ptx(*scans: np.ndarray, matrix: np.ndarray | None = None) -> str:
         cells = [" ".join(map(repr, [*row, 0.5, 10, 20, 30])) for row in [*points.tolist(), [0, 0, 0]]]
         text += "\n".join([f"{len(cells)}", "1", "4 5 6", "1 0 0", "0 1 0", "0 0 1", *rows, *cells]) + "\n"
     return text
+
+
+def gltf(points: np.ndarray, uri: str = "") -> bytes:
+    """A glTF file of points, which keeps them in its own text, or at the place that is named."""
+    blob = points.astype("<f4").tobytes()
+    uri = uri or "data:application/octet-stream;base64," + base64.b64encode(blob).decode()
+    low, high = (end(points.astype("f4"), axis=0).tolist() for end in (np.min, np.max))
+    accessor = {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3", "min": low, "max": high}
+    part = {"attributes": {"POSITION": 0}, "mode": 0, "material": 0}
+    tree = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+            "meshes": [{"primitives": [part]}], "materials": [{}], "accessors": [accessor],
+            "bufferViews": [{"buffer": 0, "byteLength": len(blob)}], "buffers": [{"byteLength": len(blob), "uri": uri}],
+            "images": [{"uri": "nowhere.png"}]}  # fmt: skip
+    return json.dumps(tree).encode()
 
 
 def e57(path: Path, *scans: np.ndarray) -> None:

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 import trimesh
 from pypcd4 import Encoding, PointCloud
-from reader_files import SUFFIXES, cloud, e57, las, ply, ptx, read, refused
+from reader_files import SUFFIXES, cloud, e57, gltf, las, ply, ptx, read, refused
+from vtk_files import legacy, xml
 
 from z2p_core import registry
 from z2p_core.interfaces import ScanError
@@ -190,6 +191,8 @@ def samples(folder: Path) -> dict[str, bytes]:
     files[".e57"] = (folder / "a.e57").read_bytes()
     files[".ptx"] = ptx(points).encode()
     files[".bin"] = np.column_stack([points, np.full(40, 0.5)]).astype("<f4").tobytes()
+    files |= {".vtk": legacy(points, binary=True), ".vtp": xml(points, "appended", packed=True),
+              ".vtu": xml(points, "binary", kind="UnstructuredGrid"), ".gltf": gltf(points)}  # fmt: skip
     files[".ply"] = ply(points, "binary_little_endian")
     files |= {suffix: text.encode() for suffix, text in {
         ".xyz": rows, ".txt": rows, ".asc": rows, ".csv": rows,

@@ -9,9 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reader_files import cloud, read, refused
+from reader_files import cloud, gltf, read, refused
 
 from z2p_renderer.plugins.readers.meshes import Meshes
+from z2p_renderer.plugins.readers.vertices import Vertices
 from z2p_renderer.storage.incoming import suffix_of
 
 
@@ -120,3 +121,58 @@ def test_stl_in_text_of_several_solids_in_capitals_and_after_empty_lines(tmp_pat
 def test_stl_without_triangles_says_so(tmp_path: Path) -> None:
     refused(tmp_path / "a.stl", bytes(84), "holds no triangle")
     refused(tmp_path / "a.stl", "solid a\nendsolid a\n", "holds no triangle")
+
+
+def test_gltf_with_its_buffer_beside_it_or_in_it_shows_its_vertices(tmp_path: Path) -> None:
+    rows = cloud(30, "f4")
+    (tmp_path / "some scan.bin").write_bytes(rows.tobytes())
+    for uri in ("", "some%20scan.bin"):
+        (tmp_path / "a.gltf").write_bytes(gltf(rows, uri))
+        assert np.array_equal(read(tmp_path / "a.gltf")[0], rows)
+    assert Meshes().memory(tmp_path / "a.gltf") > 30 * 170
+    refused(tmp_path / "a.gltf", gltf(rows, "gone.bin"), "are in 'gone.bin', which is not beside it")
+    for uri in ("../up.bin", "https://example.org/a.bin", "/etc/hosts"):
+        refused(tmp_path / "a.gltf", gltf(rows, uri), "elsewhere than beside itself")
+    (tmp_path / "some scan.bin").write_bytes(rows.tobytes()[:-1])
+    refused(tmp_path / "a.gltf", gltf(rows, "some%20scan.bin"), "promises 360 bytes in buffer 0, 359 came")
+    refused(tmp_path / "a.gltf", b'{"points": 3}', "another kind of JSON")
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
+def test_colours_of_a_gltf_are_told(tmp_path: Path, suffix: str) -> None:
+    rows = cloud(30, "f4")
+    tree = json.loads(gltf(rows))
+    tree["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 1
+    colour = {"bufferView": 0, "componentType": 5126, "count": 30, "type": "VEC3"}
+    tree["accessors"].append(colour)
+    path = tmp_path / f"a{suffix}"
+    del tree["images"]
+    path.write_bytes(json.dumps(tree).encode() if suffix == ".gltf" else glb(
+        {**tree, "buffers": [{"byteLength": 360}]}, rows.tobytes()))  # fmt: skip
+    assert Meshes().read(path)[0].note == "its colours are ignored"
+
+
+@pytest.mark.parametrize("head", ["OFF", "4OFF", "COFF", "NOFF", "STOFF", "CN4OFF", "OFF # made by hand\n"])
+def test_off_vertices_come_first_whatever_stands_behind_them(tmp_path: Path, head: str) -> None:
+    points, weights = cloud(20), np.linspace(0.5, 2, 20)
+    table = np.column_stack([points * weights[:, None], weights]) if "4" in head else points
+    rest = " 0.25 0.5 0.75" if head[0] in "CNS" else ""
+    rows = "".join(" ".join(map(repr, row)) + rest + "\n" for row in table.tolist())
+    path = tmp_path / "a.off"
+    for counts in ("\n20 1 0\n", " 20 1 0\n"):
+        path.write_text(f"{head}{counts}{rows}3 0 1 2\n" if "#" not in head else f"{head}20 1 0\n{rows}3 0 1 2\n")
+        np.testing.assert_allclose(read(path)[0], points, rtol=1e-12)
+    refused(path, f"{head.partition(' ')[0]}\n20 1 0\n{rows}", "20 vertices and 1 faces promised, 20 lines came")
+
+
+def test_off_of_other_kinds_is_refused(tmp_path: Path) -> None:
+    refused(tmp_path / "a.off", b"OFF BINARY\n" + bytes(99), "binary OFF files are not read")
+    refused(tmp_path / "a.off", "nOFF\n4\n1 0 0\n1 2 3 4\n", "other than three dimensions")
+
+
+def test_obj_colours_and_weights_stand_behind_the_vertex(tmp_path: Path) -> None:
+    points, path = cloud(20), tmp_path / "a.obj"
+    for rest, note in ((" 1.0", ""), (" 0.5 0.25 1", "its colours are ignored"), ("", "")):
+        path.write_text("".join("v " + " ".join(map(repr, row)) + rest + "\n" for row in points.tolist()))
+        [told] = Vertices().read(path)
+        assert np.array_equal(told.points, points) and told.note == note

@@ -1,0 +1,88 @@
+"""Points of VTK's files: legacy .vtk in text or binary, and .vtp and .vtu in XML."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
+from z2p_renderer.plugins.readers.colours import NOTE, colours_note
+from z2p_renderer.plugins.readers.vtk_xml import points_of_xml
+
+_TYPES = {
+    "float": "f4", "double": "f8", "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2",
+    "int": "i4", "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "vtktypeint64": "i8", "vtktypeint32": "i4",
+}  # fmt: skip
+_POINTS = re.compile(rb"^[ \t]*POINTS[ \t]+(\d{1,15})[ \t]+(\w+)[ \t]*\r?\n", re.MULTILINE | re.IGNORECASE)
+_DATA_SET = re.compile(rb"^[ \t]*DATASET[ \t]+(\w+)", re.MULTILINE | re.IGNORECASE)
+_LONGEST_HEAD = 4096
+"""Bytes before the kind of data set is told: two lines and a word."""
+
+
+class Vtk(Reader):
+    """The Visualization Toolkit's poly data and unstructured grids; cells and values are left out."""
+
+    name = "vtk"
+    version = "1"
+    suffixes = (".vtk", ".vtp", ".vtu")
+
+    def memory(self, path: Path) -> int:
+        """Text may be all of it, and is read as a whole."""
+        return MEMORY_A_CHARACTER * path.stat().st_size
+
+    def read(self, path: Path) -> list[RawCloud]:
+        """The file's points, one cloud (N, 3) float64, those that no cell uses included.
+
+        Raises:
+            ScanError: no VTK file, one of a grid without points, or one that is cut short.
+        """
+        blob = path.read_bytes()
+        if path.suffix.lower() == ".vtk":
+            return [_legacy(blob)]
+        points, names = points_of_xml(blob)
+        return [RawCloud(points, note=colours_note(names))]
+
+
+def _legacy(blob: bytes) -> RawCloud:
+    head = blob[:_LONGEST_HEAD]
+    if not head.startswith(b"# vtk DataFile"):
+        raise ScanError("expected a VTK file, which begins with '# vtk DataFile'; this is another format under that "
+                        "name")
+    kind = _DATA_SET.search(head)
+    encoding = [line.strip().upper() for line in head.split(b"\n", 3)[2:3]]
+    if kind is None or encoding not in ([b"ASCII"], [b"BINARY"]):
+        raise ScanError("expected ASCII or BINARY in the VTK file's third line and then DATASET; export it again")
+    found = _POINTS.search(blob, kind.end())
+    if found is None:
+        raise ScanError(f"the VTK file holds a data set {kind[1].decode()} without POINTS; save it as poly data")
+    count, name = int(found[1]), found[2].decode().lower()
+    if name not in _TYPES:
+        raise ScanError(f"VTK points are float or double, got {name!r}; export the file again")
+    note = NOTE if re.search(rb"^COLOR_SCALARS ", blob[found.end() :], re.MULTILINE) else ""
+    read = _binary if encoding == [b"BINARY"] else _text
+    return RawCloud(read(blob, found.end(), count, np.dtype(">" + _TYPES[name])), note=note)
+
+
+def _binary(blob: bytes, start: int, count: int, kind: np.dtype) -> np.ndarray:
+    if 3 * count * kind.itemsize > len(blob) - start:
+        raise _short(count)
+    return np.frombuffer(blob, kind, 3 * count, start).reshape(-1, 3).astype(np.float64)
+
+
+def _text(blob: bytes, start: int, count: int, kind: np.dtype) -> np.ndarray:
+    if 6 * count - 1 > len(blob) - start:  # a digit and a blank each
+        raise _short(count)
+    words = blob[start:].split(None, 3 * count)[: 3 * count]
+    try:
+        numbers = np.array(words, dtype=np.float64)
+    except ValueError as error:
+        raise ScanError(f"the VTK points cannot be read ({str(error)[:80]}); export the file again") from error
+    if len(numbers) != 3 * count:
+        raise _short(count)
+    return numbers.reshape(-1, 3)
+
+
+def _short(count: int) -> ScanError:
+    return ScanError(f"the VTK file promises {count} points, and ends before them; it is cut short: export it again")

@@ -1,0 +1,150 @@
+"""Points of VTK's XML files, however their arrays are kept: as text, in base64, or behind the text; packed or not."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import lzma
+import re
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+
+from z2p_core.interfaces import ScanError
+
+_TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4",
+          "UInt32": "u4", "Int64": "i8", "UInt64": "u8"}  # fmt: skip
+_KINDS = ("PolyData", "UnstructuredGrid")
+_APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
+
+
+@dataclass(frozen=True)
+class _File:
+    """What all arrays of a file share."""
+
+    order: str
+    header: np.dtype
+    unpack: Callable[[bytes, int], bytes] | None
+    appended: bytes
+    in_base64: bool
+    """Whether the appended bytes are written so."""
+
+
+def points_of_xml(blob: bytes) -> tuple[np.ndarray, list[str]]:
+    """Points (N, 3) float64 of all pieces, and the names of the values that come with them.
+
+    Raises:
+        ScanError: no VTK file of points, a damaged one, or one packed in a way that is not read.
+    """
+    try:
+        tree, file = _parsed(blob)
+        pieces = [piece for piece in tree.iter("Piece") if int(piece.get("NumberOfPoints", "0"))]
+        names = [array.get("Name") or "" for piece in pieces for array in piece.iterfind("PointData/DataArray")]
+        parts = [_points(piece, file) for piece in pieces]
+    except ScanError:
+        raise
+    except (ElementTree.ParseError, ValueError, KeyError, binascii.Error, zlib.error, lzma.LZMAError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise ScanError(f"the VTK file cannot be read ({reason}); it is damaged: export it again") from error
+    return np.concatenate([np.empty((0, 3)), *parts]), names
+
+
+def _parsed(blob: bytes) -> tuple[ElementTree.Element, _File]:
+    """The text of a file, and what its arrays share."""
+    split = _APPENDED.search(blob)
+    text, appended = (blob, b"") if split is None else (blob[: split.start()] + b"</VTKFile>", blob[split.end() :])
+    if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
+        raise ScanError("a VTK file has no document type of its own; export it again")
+    tree = ElementTree.fromstring(text)
+    if tree.tag != "VTKFile" or tree.get("type") not in _KINDS:
+        raise ScanError(f"expected a VTKFile of PolyData or UnstructuredGrid, got {tree.tag[:40]} of "
+                        f"{tree.get('type', 'no type')[:40]}; save it as poly data (.vtp)")
+    order = ">" if tree.get("byte_order") == "BigEndian" else "<"
+    header = np.dtype(order + _TYPES[tree.get("header_type", "UInt32")])
+    if header.kind != "u":
+        raise ScanError(f"a VTK file's header_type is UInt32 or UInt64, got {header}; export it again")
+    in_base64 = split is not None and b"base64" in split[0]
+    return tree, _File(order, header, _unpacking(tree.get("compressor", "")), appended, in_base64)
+
+
+def _unpacking(name: str) -> Callable[[bytes, int], bytes] | None:
+    """What unpacks a block into as many bytes at the most; None where nothing is packed."""
+    match name:
+        case "":
+            return None
+        case "vtkZLibDataCompressor":
+            return lambda block, most: zlib.decompressobj().decompress(block, most)
+        case "vtkLZMADataCompressor":
+            return lambda block, most: lzma.LZMADecompressor().decompress(block, most)
+    raise ScanError(f"the VTK file is packed by {name[:40]}, which is not read here; save it again with ZLib")
+
+
+def _points(piece: ElementTree.Element, file: _File) -> np.ndarray:
+    """The points (N, 3) float64 of a piece."""
+    count = int(piece.get("NumberOfPoints", "0"))
+    array = piece.find("Points/DataArray")
+    if array is None:
+        raise ScanError(f"the VTK file promises {count} points and has no array of them; export it again")
+    if array.get("NumberOfComponents", "3") != "3":
+        raise ScanError(f"VTK points have three numbers each, got {array.get('NumberOfComponents')}; export it again")
+    kind = np.dtype(file.order + _TYPES[array.get("type", "Float32")])
+    form = array.get("format", "ascii")
+    if form == "ascii":
+        numbers = np.array((array.text or "").split(), dtype=np.float64)
+    else:
+        if form == "appended":
+            stream, in_base64 = file.appended[int(array.get("offset", "0")) :], file.in_base64
+        else:
+            stream, in_base64 = (array.text or "").strip().encode(), True
+        numbers = np.frombuffer(_content(stream, in_base64, file, 3 * count * kind.itemsize), kind).astype(np.float64)
+    if len(numbers) != 3 * count:
+        raise ScanError(f"the VTK file promises {count} points, and {len(numbers)} numbers came; export it again")
+    return numbers.reshape(-1, 3)
+
+
+def _content(stream: bytes, in_base64: bool, file: _File, expected: int) -> bytes:
+    """So many bytes of an array that a stream begins with: its length, or those of its packed blocks, stand before."""
+    word = file.header.itemsize
+    if file.unpack is None:
+        taken = _taken(stream, in_base64, word)
+        came = int(np.frombuffer(taken, file.header, 1)[0])
+        if came != expected:
+            raise ValueError(f"{expected} bytes of points expected, {came} came")
+        parted = in_base64 and b"=" in stream[: _letters(word)]  # some writers encode the length by itself
+        if parted:
+            return _taken(stream[_letters(word) :], True, expected)
+        return _taken(stream, in_base64, word + expected)[word:]
+    blocks, size, last = (int(number) for number in np.frombuffer(_taken(stream, in_base64, 3 * word), file.header, 3))
+    if blocks == 0 or (blocks - 1) * size + (last or size) != expected or blocks * word > len(stream):
+        raise ValueError(f"{expected} bytes of points expected, and {blocks} blocks of {size} came")
+    head = (3 + blocks) * word
+    packed = np.frombuffer(_taken(stream, in_base64, head), file.header, 3 + blocks)[3:].astype(np.int64)
+    body = _taken(stream[_letters(head) if in_base64 else head :], in_base64, int(packed.sum()))
+    ends = np.cumsum(packed)
+    return b"".join(file.unpack(body[end - length : end], size) for end, length in zip(ends, packed, strict=True))
+
+
+def _letters(size: int) -> int:
+    """Letters of base64 for so many bytes."""
+    return 4 * -(-size // 3)
+
+
+def _taken(stream: bytes, in_base64: bool, size: int) -> bytes:
+    """The first bytes of a stream, so many.
+
+    Raises:
+        ValueError: it has fewer.
+    """
+    taken = stream[:size]
+    if in_base64:
+        letters = stream[: _letters(size)]
+        end = letters.find(b"=")
+        if 0 <= end < len(letters) - 4:  # parted streams: no more than the first is meant
+            letters = letters[: -(-(end + 1) // 4) * 4]
+        taken = base64.b64decode(letters)[:size]
+    if len(taken) != size:
+        raise ValueError(f"an array of {size} bytes ends after {len(taken)}")
+    return taken
