@@ -11,6 +11,7 @@ from z2p_core.framing import MILLIMETRES, Up, implied_sensor
 from z2p_core.strays import few_of
 from z2p_core.thinning import even_share
 from z2p_core.turning import extent, turned
+from z2p_core.viewpoint import Viewpoint
 
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
 MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
@@ -24,8 +25,12 @@ SMALL_HINT = "most of its points lie in a small part of the frame: the others ma
 MOST, SMALL = 0.85, 0.2
 """Share of the points that is most, and the radius about their middle, in the frame's, that is small."""
 TINY_HINT = "it is tiny in this camera's frame, which may be of data in other units"
-TINY = 0.03
+TINY = 0.1
 """Radius of a whole cloud, in the frame's, that hardly shows."""
+FLOOR_ABOVE = "the camera's floor lies above its lowest points: leave floor out for each cloud to stand on its own"
+FLOOR_BELOW = "the camera's floor lies far below it: leave floor out for each cloud to stand on its own"
+SUNK, AFAR = 0.1, 4.0
+"""How far a cloud may sink into a settled floor, in its height, and hover above one, in the frame's radii."""
 COARSE = 1000
 """Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
 
@@ -67,10 +72,13 @@ def hint_for_placed(cloud: np.ndarray) -> str:
     return SMALL_HINT if np.quantile(away, MOST) < SMALL else ""
 
 
-def hint_for_settled(cloud: np.ndarray) -> str:
-    """What to say where a camera that was settled before shows next to nothing of placed points (N, 3)."""
+def hint_for_settled(cloud: np.ndarray, viewpoint: Viewpoint) -> str:
+    """What to say where a camera that was settled before shows next to nothing of placed points (N, 3), or no floor."""
     low, high = extent(cloud)
-    return TINY_HINT if (high - low).max() < 2 * TINY else ""
+    tiny = (high - low).max() < 2 * TINY
+    floor = low[2] if viewpoint.floor is None else viewpoint.floor
+    away = FLOOR_ABOVE if floor > low[2] + SUNK * (high - low)[2] else FLOOR_BELOW if floor < low[2] - AFAR else ""
+    return "; ".join(filter(None, (TINY_HINT if tiny else "", away)))
 
 
 def in_python(hint: str) -> str:
@@ -80,13 +88,26 @@ def in_python(hint: str) -> str:
 
 
 def rounding(points: np.ndarray) -> float:
-    """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them."""
+    """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them.
+
+    A grid whose own steps are wider has lost nothing, nor has a raster, each place of which comes once.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
         low, high = extent(points)
         step = float(np.spacing(np.float32(max(high.max(), -low.min()))))
         if (high - low).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
             return 0.0
-    return step
+        rounded = np.spacing(np.maximum(np.abs(low), np.abs(high)).astype(np.float32)) == step
+    steps = np.rint((points[:, rounded] - low[rounded]) / step).astype(np.int64)
+    wider = bool((np.gcd.reduce(steps) > 1).all())
+    return 0.0 if wider or _is_raster(points) else step
+
+
+def _is_raster(points: np.ndarray) -> bool:
+    """Whether points (N, 3) are heights over a grid of places, each of which comes once, and many do."""
+    (first, row), (second, column) = (np.unique(points[:, axis], return_inverse=True) for axis in (0, 1))
+    once = len(np.unique(row * len(second) + column)) == len(points)
+    return bool(once and len(points) >= GRIDDED * len(first) * len(second) and min(len(first), len(second)) > 1)
 
 
 def _literal(word: str) -> str:

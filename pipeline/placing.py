@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from z2p_core.camera import DEFAULT_ELEVATION, turn
+from z2p_core.camera import DEFAULT_ELEVATION, DISTANCE, turn
 from z2p_core.dropouts import dropouts
 from z2p_core.foreground import depths, subject, support, upright
 from z2p_core.framing import Up
@@ -26,6 +27,8 @@ __all__ = ["SETTLED", "Placed", "Placing", "Shown", "Stance", "place", "shown_po
 
 OUTSIDE = 1.2
 """Distance from the middle, in radii, from where on a point may lie outside a square picture."""
+TOO_NEAR, MOST_NEAR = 0.7, 0.02
+"""Depth before a settled camera, in its radii, that is too near for a picture; and share of points that may be so."""
 
 
 @dataclass(frozen=True)
@@ -165,14 +168,36 @@ def _as_settled(
     viewpoint = replace(viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()),
                         elevation=elevation if wished is None else wished)
     cloud = viewpoint.place(shown.points)
+    if placing.grounded and viewpoint.floor is not None:
+        drop = (float(cloud[:, 2].min()) - viewpoint.floor) * viewpoint.radius
+        x, y, z = (np.array(viewpoint.centre) + drop * rotation[2]).tolist()
+        viewpoint = replace(viewpoint, centre=(x, y, z))
+        cloud = viewpoint.place(shown.points)
     outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
     if outside == len(cloud):
         raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
+    _check_before(cloud, viewpoint)
+    hint = hint_for_settled(cloud, viewpoint)
+    if beyond:
+        hint = "; ".join(filter(None, (f"the camera's elevation was changed{beyond}", hint)))
     cloud, smooth = _smoothed(cloud, shown, placing)
     stance = Stance(SETTLED, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
-                    outside, shown.background, hint_for_settled(cloud), rounding(shown.points), smooth, shown.added,
+                    outside, shown.background, hint, rounding(shown.points), smooth, shown.added,
                     shown.far)  # fmt: skip
     return Placed(cloud, stance, viewpoint)
+
+
+def _check_before(cloud: np.ndarray, viewpoint: Viewpoint) -> None:
+    """
+    Raises:
+        ScanError: the placed cloud (N, 3) reaches the place where the camera stands, or beyond.
+    """
+    angle = math.radians(viewpoint.elevation)
+    depth = DISTANCE - along(cloud.astype(np.float64), np.array([0.0, -math.cos(angle), math.sin(angle)]))
+    if (depth < TOO_NEAR).mean() > MOST_NEAR:
+        reach = float(np.sqrt((cloud**2).sum(1)).max())
+        raise ScanError(f"reaches the camera or lies behind it: its farthest point lies {reach:.3g} radii from the "
+                        f"camera's centre; make the camera's radius ({viewpoint.radius:g}) larger, or move the centre")
 
 
 def _smoothed(cloud: np.ndarray, shown: Shown, placing: Placing) -> tuple[np.ndarray, float]:

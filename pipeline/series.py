@@ -11,6 +11,8 @@ import numpy as np
 
 from z2p_core.geometry import bounding_sphere, random_rotation
 from z2p_core.interfaces import ScanError
+from z2p_core.thinning import even_share
+from z2p_core.turning import along, extent
 from z2p_core.viewpoint import Viewpoint, frame
 from z2p_renderer.pipeline.drawing import FAINTEST, Crop, Look, content_box, draw
 from z2p_renderer.pipeline.infer import Renderer
@@ -24,6 +26,8 @@ DRAFT = 256
 """Shorter side of the pictures in which the common crop is looked for, pixels: such as the weights know."""
 SPECK = 0.02
 """Radius of a cloud, of the common frame's, below which little of it shows."""
+CENTRED = 0.02
+"""How far apart, in the widest cloud's sides, the middles of clouds may lie that were moved to one place."""
 MOST_TOLD = 5
 """Specks that are told by name."""
 MOST_EACH = 2000
@@ -42,6 +46,8 @@ class Series:
     clouds: int
     specks: tuple[tuple[str, float], ...] = ()
     """Clouds so small in the frame that little of them will show: name, and size as a share of the frame's."""
+    grounded: bool = False
+    """Each cloud is set down onto the common floor, for all of them were moved to be about one place."""
 
     @property
     def notes(self) -> list[str]:
@@ -70,21 +76,25 @@ def common_viewpoint(
     for path in scans:
         try:
             found = _usable_ones(path, columns)
-            shown = [shown_points(scan, format_suffix(path), placing) for scan in found]
+            first = first or place(found[0], format_suffix(path), placing, elevation, free)
+            settled = replace(placing, viewpoint=first.viewpoint)  # as they will be drawn: its up tells what lies below
+            shown = [shown_points(scan, format_suffix(path), settled) for scan in found]
         except (ScanError, OSError, MemoryError) as error:  # told by name when its turn to be drawn comes
             faults.append(str(error))
             continue
-        first = first or place(found[0], format_suffix(path), placing, elevation, free)
-        reach += [(f"{printable(path)}{scan.label}", _outline(one.points))
+        reach += [(f"{printable(path)}{scan.label}", _outline(one.points, np.array(first.viewpoint.rotation)))
                   for scan, one in zip(found, shown, strict=True)]  # fmt: skip
     if first is None:
         raise ScanError(f"--same-frame: none of the files can be read; the first: {faults[0]}")
-    together = np.vstack([points for _, points in reach])
-    shared = frame(together, np.array(first.viewpoint.rotation), first.viewpoint.elevation)
+    rotation = np.array(first.viewpoint.rotation)
+    outlines = [points for _, points in reach]
+    grounded = _all_about_one_place(outlines)
+    together = np.vstack(_on_one_floor(outlines, rotation[2]) if grounded else outlines)
+    shared = frame(together, rotation, first.viewpoint.elevation)
     shared = replace(shared, floor=float(shared.place(together)[:, 2].min()))  # what hovers in one cloud hovers
     sizes = [(name, bounding_sphere(points).radius / shared.radius) for name, points in reach]
     specks = tuple((name, size) for name, size in sizes if size < SPECK)
-    return Series(shared, first.stance.told_view, first.cloud, len(reach), specks)
+    return Series(shared, first.stance.told_view, first.cloud, len(reach), specks, grounded)
 
 
 def common_crop(
@@ -123,10 +133,29 @@ def _usable_ones(path: Path, columns: tuple[str, ...] | None) -> list[Scan]:
     return good
 
 
-def _outline(points: np.ndarray) -> np.ndarray:
-    """Farthest points of a cloud along fixed directions, and an even share of the rest."""
+def _all_about_one_place(outlines: list[np.ndarray]) -> bool:
+    """Whether the middles of all clouds agree, as of collections whose things were moved to the origin, but not lows.
+
+    What such a thing's place says of the floor is nothing: half of it would lie below the ground that it stood on.
+    """
+    extents = [extent(points) for points in outlines]
+    middles = np.array([(low + high) / 2 for low, high in extents])
+    widest = max(float((high - low).max()) for low, high in extents)
+    alike = float(np.ptp(middles, axis=0).max()) <= CENTRED * widest
+    spans = np.array([high - low for low, high in extents])
+    return alike and len(outlines) > 1 and bool(np.ptp(spans, axis=0).max() > CENTRED * widest)
+
+
+def _on_one_floor(outlines: list[np.ndarray], upward: np.ndarray) -> list[np.ndarray]:
+    """The clouds, each moved down along `upward` (3,) to where the lowest one stands."""
+    lows = [float(along(points, upward).min()) for points in outlines]
+    return [points - (low - min(lows)) * upward for points, low in zip(outlines, lows, strict=True)]
+
+
+def _outline(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Farthest points of a cloud along fixed directions and the axes of `rotation` (3, 3), and an even share of all."""
     rng = np.random.default_rng(0)
-    directions = np.vstack([random_rotation(rng) for _ in range(DIRECTIONS // 3)])
+    directions = np.vstack([rotation, *(random_rotation(rng) for _ in range(DIRECTIONS // 3))])
     centred = points - points[0]
     farthest = [int(np.argmax(sign * (centred @ direction))) for direction in directions for sign in (1, -1)]
-    return np.vstack([points[np.unique(farthest)], points[:: -(-len(points) // MOST_EACH)]])
+    return np.vstack([points[np.unique(farthest)], even_share(points, MOST_EACH)])

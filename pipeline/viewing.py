@@ -55,6 +55,8 @@ class Placing:
     """Radius, in the frame's, of the patches of surface that points are moved onto; 0 leaves them where they are.
     ``auto`` does so too, but for a depth camera's noisy clouds. Gaps in what such a camera measured are closed, but
     with 0."""
+    grounded: bool = False
+    """Sets the cloud down onto the floor of `viewpoint`, wherever it was."""
 
 
 def set_upright(points: np.ndarray, scan: Scan, suffix: str, placing: Placing) -> Up:
