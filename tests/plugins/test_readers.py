@@ -13,6 +13,7 @@ from pypcd4 import Encoding, PointCloud
 from reader_files import PLY_TYPES, cloud, ply, read, refused
 
 from z2p_core import registry
+from z2p_core.foreground import subject
 from z2p_core.interfaces import Sensor
 from z2p_renderer.plugins.readers.pcd import Pcd
 
@@ -286,3 +287,58 @@ def test_obj_and_off_refusals(tmp_path: Path) -> None:
     refused(tmp_path / "a.off", "hello", "begins with 'OFF'")
     refused(tmp_path / "a.off", "OFF\n9999999999 0 0\n1 2 3\n", "cannot be read")
     refused(tmp_path / "a.off", "OFF\n", "cannot be read")
+
+
+@pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
+def test_pcd_fields_of_count_0_padding_and_capitals_are_as_pcl_has_them(tmp_path: Path, data: str) -> None:
+    points = cloud(50, "f4")
+    names = ("intensity", "Z", "_", "X", "Y", "_")
+    rows = np.zeros(50, [("intensity", "<f4"), ("Z", "<f4"), ("p", "u1", 3), ("X", "<f4"), ("Y", "<f4"), ("q", "u1")])
+    for axis, column in zip("XYZ", points.T, strict=True):
+        rows[axis] = column
+    head = "VERSION 0.7\nFIELDS _ {}\nSIZE 1 4 4 1 4 4 1\nTYPE U F F U F F U\nCOUNT 0 1 1 3 1 1 1\nWIDTH 50\nHEIGHT 1\n"
+    head = head.format(" ".join(names)) + f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 50\nDATA {data}\n"
+    if data == "ascii":
+        body = "".join(f"1 {z!r} 0 0 0 {x!r} {y!r} 9\n" for x, y, z in points.astype("f8").tolist()).encode()
+    elif data == "binary":
+        body = rows.tobytes()
+    else:
+        fields = b"".join(np.ascontiguousarray(rows[name]).tobytes() for name in rows.dtype.names)
+        literal = b"".join(bytes([len(part) - 1]) + part for part in
+                           (fields[start : start + 32] for start in range(0, len(fields), 32)))  # fmt: skip
+        body = struct.pack("<II", len(literal), len(fields)) + literal
+    path = tmp_path / "a.pcd"
+    path.write_bytes(head.encode() + body)
+    assert np.array_equal(read(path)[0], points.astype("f8"))
+
+
+def test_pcd_of_odd_types_is_refused_and_colours_are_told(tmp_path: Path) -> None:
+    path, whole = tmp_path / "a.pcd", pcd(bytes(64), fields="x y z rgb", data="binary")
+    for line, told in ((b"TYPE F F F Q", "field rgb has TYPE Q and SIZE 4"), (b"SIZE 4 4 4 3", "TYPE F and SIZE 3")):
+        kind = line.split()[0]
+        changed = [line if row.startswith(kind) else row for row in whole.split(b"\n")[:-1]]
+        refused(path, b"\n".join([*changed, bytes(64)]), told.replace("field rgb", "field .*"))
+    path.write_bytes(whole)
+    assert Pcd().read(path)[0].note == "its colours are ignored"
+
+
+@pytest.mark.parametrize("height", [1, 2])
+def test_few_points_before_a_sensor_are_all_kept(tmp_path: Path, height: int) -> None:
+    rows = np.array([[0, 0, 1], [0.1, 0.2, 1.1], [0.3, 0.1, 3], [0.2, 0.5, 6], [0.4, 0.3, 1.5], [1, 1, 2]], "f4")
+    head = pcd(b"", points=6, width=6 // height, data="binary").replace(b"HEIGHT 2", b"HEIGHT %d" % height)
+    (tmp_path / "a.pcd").write_bytes(head.replace(b"VIEWPOINT 0 0 0 1", b"VIEWPOINT 0 0 -1 1") + rows.tobytes())
+    [told] = Pcd().read(tmp_path / "a.pcd")
+    assert told.sensor is not None and subject(told.points, told.sensor).all()
+
+
+@pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian", "ascii"])
+def test_ply_capital_axes_and_whole_numbers(tmp_path: Path, encoding: str) -> None:
+    points = (1000 * cloud(30)).round()
+    head = "".join(f"property short {axis}\n" for axis in "XYZ")
+    order = ">" if "big" in encoding else "<"
+    body = points.astype(f"{order}i2").tobytes()
+    if encoding == "ascii":
+        body = "".join(f"{x:g} {y:g} {z:g}\n" for x, y, z in points.tolist()).encode()
+    path = tmp_path / "a.ply"
+    path.write_bytes(f"ply\nformat {encoding} 1.0\nelement vertex 30\n{head}end_header\n".encode() + body)
+    assert np.array_equal(read(path)[0], points)

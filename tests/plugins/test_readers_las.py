@@ -7,10 +7,12 @@ from pathlib import Path
 import laspy
 import numpy as np
 import pytest
+from copc_files import copc
 
 from z2p_core.interfaces import RawCloud
 from z2p_renderer.plugins.readers import las
 from z2p_renderer.plugins.readers.las import Las
+from z2p_renderer.storage.clouds import read_clouds
 
 POINTS = np.random.default_rng(1).uniform(0, 50, (300, 3)).round(3)
 
@@ -83,3 +85,13 @@ def test_of_a_large_file_some_points_stand_for_all(tmp_path: Path, monkeypatch: 
 def test_only_packed_points_are_fragile(tmp_path: Path) -> None:
     assert not Las().is_fragile(survey(tmp_path / "a.las", 6))
     assert Las().is_fragile(survey(tmp_path / "a.laz", 6))
+
+
+@pytest.mark.parametrize("levels", [1, 2])
+def test_copc_is_read_in_full(tmp_path: Path, levels: int) -> None:
+    points = np.random.default_rng(2).uniform(0, 50, (400, 3)).round(3)
+    (tmp_path / "a.copc.laz").write_bytes(copc(points, levels))
+    [scan] = read_clouds(tmp_path / "a.copc.laz")
+    expected = points if levels == 2 else points[::10]
+    assert scan.points.shape == expected.shape
+    np.testing.assert_allclose(np.sort(scan.points, axis=0), np.sort(expected, axis=0), atol=1e-9)
