@@ -117,6 +117,8 @@ def told_by_content(path: Path, suffix: str) -> str:
 
     `suffix` is lower-case, with its dot, and the file is not gzip'd, or was unpacked.
     """
+    if not path.is_file():  # opening a pipe would wait for ever, and no path holds a zero byte
+        return ""
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD)

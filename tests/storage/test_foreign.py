@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import os
 from pathlib import Path
 
 import numpy as np
@@ -71,3 +72,11 @@ def test_a_folder_of_nothing_else_says_what_it_holds(tmp_path: Path) -> None:
     (tmp_path / "b.splat").write_bytes(b"?")
     with pytest.raises(ScanError, match="holds no point cloud; .*; b.splat holds packed Gaussian splats.*SuperSplat"):
         find_scans([str(tmp_path)], False)
+
+
+@pytest.mark.parametrize("name", ["pipe", "pipe.ply", "a\0b", "nowhere"])
+def test_a_pipe_and_a_name_that_no_file_has_are_refused_at_once(tmp_path: Path, name: str) -> None:
+    if name.startswith("pipe"):
+        os.mkfifo(tmp_path / name)
+    with pytest.raises(ScanError):
+        read_clouds(tmp_path / name)
