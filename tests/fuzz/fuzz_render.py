@@ -75,7 +75,8 @@ def _check_picture(picture: Any, settings: dict[str, Any]) -> None:
         return
     alpha = array[..., 3]
     assert alpha.max() > 100, f"nothing is to be seen: alpha is {alpha.max()} at most"
-    if settings.get("fit", "frame") == "frame" and not settings.get("keep_outliers") and "camera" not in settings:
+    roomy = settings.get("margin") is None and not settings.get("keep_outliers") and "camera" not in settings
+    if settings.get("fit", "frame") == "frame" and roomy:
         border = max(alpha[0].max(), alpha[-1].max(), alpha[:, 0].max(), alpha[:, -1].max())
         assert border <= FAINTEST, f"cut off at the border: alpha is {border} there"
 
