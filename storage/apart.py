@@ -113,7 +113,7 @@ def serve() -> None:
     _limit_memory(order["memory"] + SPARE)
     sys.modules[_WEB] = None  # type: ignore[assignment]
     try:
-        kind = import_module(order["module"])
+        kind: Any = import_module(order["module"])
         for name in order["reader"].split("."):
             kind = getattr(kind, name)
         reader = kind()

@@ -2,37 +2,44 @@
 
 from __future__ import annotations
 
+import re
+import struct
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from z2p_core.install_advice import install_advice
-from z2p_core.interfaces import MEMORY_A_POINT, Reader, ScanError
+from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
+from z2p_renderer.plugins.readers.colours import NOTE
 from z2p_renderer.plugins.readers.late import late
+
+_HEADER, _CHECKSUM, _LONGEST = 48, 4, 1 << 26
+"""Bytes of the header and of a page's checksum, and of the longest description that is looked at."""
+_COUNT = re.compile(rb'<points\b[^>]*\brecordCount="(\d{1,15})"')
 
 
 class E57(Reader):
     """ASTM E2807 (pye57, an extra); colours and intensities are left out."""
 
     name = "e57"
-    version = "1"
+    version = "2"
     packages = ("pye57",)
     suffixes = (".e57",)
 
     def memory(self, path: Path) -> int:
-        """As many points as the scans promise, which may be packed far tighter than in other formats."""
-        file = _opened(path)
-        try:
-            return MEMORY_A_POINT * sum(_count(file, index) for index in range(file.scan_count))
-        finally:
-            file.close()
+        """As many points as the scans promise, which may be packed far tighter than in other formats.
+
+        The library is not asked: it would run in this process.
+        """
+        counts = _COUNT.findall(_description(path))
+        return MEMORY_A_POINT * sum(map(int, counts))
 
     def is_fragile(self, path: Path) -> bool:
         """Its library is written in C++, and believes much of what a file says."""
         return True
 
-    def read(self, path: Path) -> list[np.ndarray]:
+    def read(self, path: Path) -> list[RawCloud]:
         """All scans of the file in its common axes, one cloud (N, 3) float64; points marked invalid are left out.
 
         Raises:
@@ -40,6 +47,7 @@ class E57(Reader):
         """
         file = _opened(path)
         try:
+            coloured = any("colorRed" in file.get_header(index).point_fields for index in range(file.scan_count))
             parts = [file.read_scan(index, ignore_missing_fields=True) for index in range(file.scan_count)]
         except Exception as error:  # the library raises whatever its parsing stumbles over
             raise _unreadable(error) from error
@@ -47,7 +55,7 @@ class E57(Reader):
             file.close()
         axes = ("cartesianX", "cartesianY", "cartesianZ")
         clouds = [np.column_stack([part[axis] for axis in axes]).astype(np.float64) for part in parts]
-        return [np.concatenate([np.empty((0, 3)), *clouds])]
+        return [RawCloud(np.concatenate([np.empty((0, 3)), *clouds]), note=NOTE if coloured else "")]
 
 
 def _opened(path: Path) -> Any:
@@ -61,11 +69,16 @@ def _opened(path: Path) -> Any:
         raise _unreadable(error) from error
 
 
-def _count(file: Any, index: int) -> int:
-    try:
-        return int(file.get_header(index).point_count)
-    except Exception as error:  # as above
-        raise _unreadable(error) from error
+def _description(path: Path) -> bytes:
+    """The XML that tells what is in the file, without the checksums at the ends of its pages; empty if it has none."""
+    with path.open("rb") as file:
+        magic, start, length, page = struct.unpack("<8s16xQQQ", file.read(_HEADER).ljust(_HEADER, b"\0"))
+        if magic != b"ASTM-E57" or not _CHECKSUM < page <= _LONGEST or length > _LONGEST or start >= path.stat().st_size:
+            return b""
+        file.seek(start - start % page)
+        pages = file.read((start % page + length) * page // (page - _CHECKSUM) + page)
+    content = b"".join(pages[begin : begin + page - _CHECKSUM] for begin in range(0, len(pages), page))
+    return content[start % page :][:length]
 
 
 def _unreadable(error: Exception) -> ScanError:

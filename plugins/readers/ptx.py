@@ -9,11 +9,14 @@ from typing import TextIO
 
 import numpy as np
 
-from z2p_core.interfaces import Reader, ScanError
+from z2p_core.interfaces import RawCloud, Reader, ScanError
+from z2p_renderer.plugins.readers.colours import NOTE
 from z2p_renderer.plugins.readers.text_lines import memory_of_lines
 
 _HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
 """Numbers on each line before a scan: columns and rows of its grid, the scanner's place and axes, and a matrix."""
+_COLOURED = 7
+"""Numbers of a cell with intensity and colour."""
 _LINES = 200_000
 """Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
 
@@ -29,14 +32,17 @@ class Ptx(Reader):
         """As many points as the first lines let expect; the text itself is read in parts."""
         return memory_of_lines(path)
 
-    def read(self, path: Path) -> list[np.ndarray]:
+    def read(self, path: Path) -> list[RawCloud]:
         """All scans of the file in its common axes, one cloud (N, 3) float64; cells that measured nothing are left out.
 
         Raises:
             ScanError: a header of another form, a scan that is cut short, or something not a number.
         """
         with path.open(encoding="utf-8-sig", errors="replace") as file:
-            return [np.concatenate([np.empty((0, 3)), *_scans(file)])]
+            points = np.concatenate([np.empty((0, 3)), *_scans(file)])
+        with path.open(encoding="utf-8-sig", errors="replace") as file:
+            first = next(islice(file, len(_HEADER), None), "")
+        return [RawCloud(points, note=NOTE if len(first.split()) == _COLOURED else "")]
 
 
 def _scans(file: TextIO) -> Iterator[np.ndarray]:

@@ -65,7 +65,7 @@ def of_packed(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
     chunk, vertex = tables["chunk"], tables["vertex"]
     if vertex is None:
         return RawCloud(np.empty((0, 3)))
-    names = set(chunk.dtype.names) if chunk is not None else set()
+    names = set(chunk.dtype.names or ()) if chunk is not None else set()
     if chunk is None or not set(_BOUNDS) <= names or len(chunk) != -(-len(vertex) // _GROUP):
         raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each {_GROUP} of them, "
                         f"got {0 if chunk is None else len(chunk)}; export the file again")

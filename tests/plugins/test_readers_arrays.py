@@ -19,6 +19,7 @@ from vtk_files import legacy, xml
 from z2p_core import registry
 from z2p_core.interfaces import ScanError
 from z2p_core.point_arrays import point_arrays
+from z2p_renderer.plugins.readers.e57 import E57
 from z2p_renderer.storage.clouds import read_clouds
 
 
@@ -256,6 +257,7 @@ def test_e57_joins_its_scans_and_says_what_is_missing(tmp_path: Path, monkeypatc
     e57(tmp_path / "a.e57", first, second)
     np.testing.assert_allclose(read(tmp_path / "a.e57")[0], np.vstack([first, second]), atol=1e-5)
     blob = (tmp_path / "a.e57").read_bytes()
+    assert E57().memory(tmp_path / "a.e57") == 60 * 170
     refused(tmp_path / "b.e57", blob[: len(blob) // 2], "cannot be read")
     monkeypatch.setitem(sys.modules, "pye57", None)
     refused(tmp_path / "a.e57", blob, r"needs an extra.*\[e57\]")

@@ -96,7 +96,7 @@ def test_packed_gaussians_are_where_plain_ones_are(tmp_path: Path, scene) -> Non
 
 def test_packed_gaussians_without_their_bounds_are_refused(tmp_path: Path, scene) -> None:
     packed(tmp_path / "a.ply", *scene, chunks=3)
-    with pytest.raises(ScanError, match="910 packed Gaussian splats need a row of bounds .* each 256 .* got 3"):
+    with pytest.raises(ScanError, match=r"910 packed Gaussian splats need a row of bounds .* each 256 .* got 3"):
         read(tmp_path / "a.ply")
 
 
