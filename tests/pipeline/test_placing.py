@@ -40,7 +40,7 @@ def test_forced_up_and_front_are_the_plain_placement_bit_for_bit(axis: str, clou
 
 def test_auto_frames_a_clean_object_as_it_would_be_framed_by_hand(cloud: np.ndarray) -> None:
     placed = place(scan(cloud), ".ply", Placing(azimuth=10.0), 20.0, FREE)
-    assert np.array_equal(placed.cloud, place_cloud(cloud, "+Z", placed.stance.azimuth))
+    assert np.array_equal(placed.cloud, place_cloud(cloud, placed.stance.up, placed.stance.azimuth))
     assert placed.stance.elevation is None
     plain = place(scan(cloud), ".ply", Placing(), 20.0, FREE)
     assert placed.stance.azimuth == plain.stance.azimuth + 10.0
@@ -106,7 +106,7 @@ def test_a_depth_camera_may_count_in_millimetres() -> None:
 
 
 def test_an_azimuth_may_be_asked_for(cloud: np.ndarray) -> None:
-    placed = place(scan(cloud), ".ply", Placing(view=50.0, azimuth=-20.0), 20.0, FREE)
+    placed = place(scan(cloud), ".ply", Placing("+Z", 50.0, azimuth=-20.0), 20.0, FREE)
     assert np.array_equal(placed.cloud, place_cloud(cloud, "+Z", 30.0))
 
 
@@ -124,13 +124,13 @@ def test_strays_are_left_out_and_counted_unless_kept(cloud: np.ndarray) -> None:
 def test_a_few_points_far_below_are_left_out_and_the_thing_stands_on_the_floor() -> None:
     slab = np.random.default_rng(0).uniform([-1, -1, -0.2], [1, 1, 0.2], (5000, 3))
     points = np.vstack([slab, [[0.3, 0.2, slab[:, 2].min() - 0.9]]])
-    placed = place(scan(points), ".npy", Placing())
+    placed = place(scan(points), ".las", Placing())
     assert placed.stance.outliers == 1 and "1 stray point left" in placed.stance.told
-    again = place(scan(points), ".npy", Placing(viewpoint=placed.viewpoint))
+    again = place(scan(points), ".las", Placing(viewpoint=placed.viewpoint))
     assert again.stance.outliers == 1 and np.ptp(again.cloud[:, 2]) == pytest.approx(np.ptp(placed.cloud[:, 2]))
-    assert place(scan(points), ".npy", Placing(keep_outliers=True)).stance.outliers == 0
+    assert place(scan(points), ".las", Placing(keep_outliers=True)).stance.outliers == 0
     lying = replace(placed.viewpoint, rotation=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)))
-    assert place(scan(points), ".npy", Placing(viewpoint=lying)).stance.outliers == 0  # not below, in that camera
+    assert place(scan(points), ".las", Placing(viewpoint=lying)).stance.outliers == 0  # not below, in that camera
 
 
 def test_too_few_points_for_a_surface_are_told(cloud: np.ndarray) -> None:
@@ -226,3 +226,78 @@ def test_a_camera_for_other_units_that_shows_next_to_nothing_is_told() -> None:
     tiny = place(Scan(thing, 0, ""), ".xyz", Placing(viewpoint=placed.viewpoint))
     assert "tiny in this camera's frame" in tiny.stance.told
     assert "tiny" not in place(Scan(thing * 1000, 0, ""), ".xyz", Placing(viewpoint=placed.viewpoint)).stance.told
+
+
+def test_a_cluster_too_far_to_show_is_left_out_and_told() -> None:
+    thing = np.random.default_rng(0).normal(size=(3000, 3))
+    points = np.vstack([thing, np.add(thing[:1200], [0, 4000, 0])])
+    stance = place(scan(points), ".ply", Placing()).stance
+    assert (stance.outliers, stance.far) == (1200, 1200)
+    assert "1200 points so far off that next to nothing would show" in stance.told and "--keep-outliers" in stance.told
+    kept = place(scan(points), ".ply", Placing(keep_outliers=True)).stance
+    assert (kept.outliers, kept.far) == (0, 0) and "far off" not in kept.told
+
+
+@pytest.mark.parametrize("kind", ["thing", "depth picture", "with strays"])
+def test_a_shuffled_cloud_is_placed_as_before_bit_for_bit(kind: str, cloud: np.ndarray) -> None:
+    points = {"thing": cloud, "depth picture": seen(0.6), "with strays": np.vstack([cloud, [[40.0, 4, 5]]])}[kind]
+    points = points + 0.123456789
+    order = np.random.default_rng(3).permutation(len(points))
+    plain, again = (place(scan(one), ".ply", Placing()) for one in (points, points[order]))
+    assert again.stance == plain.stance and again.viewpoint == plain.viewpoint
+    assert np.array_equal(np.sort(again.cloud, axis=0), np.sort(plain.cloud, axis=0))
+
+
+def test_another_up_that_may_be_is_told_with_what_to_do() -> None:
+    ball = np.random.default_rng(0).normal(size=(2000, 3))
+    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
+    told = place(scan(ball), ".ply", Placing()).stance.told
+    assert "up may be +Y: --up +Y" in told and "azimuth" in told and "from the file's front" in told
+    assert "may be" not in place(scan(ball), ".ply", Placing("+Z")).stance.told
+    family = Scan(ball, 0, "", up="-Y", up_reason="the axes of its family", up_certain=False)
+    assert place(family, ".ply", Placing()).stance.up == "-Y"
+
+
+def test_what_turned_the_view_on_is_told_beside_the_whole_azimuth(cloud: np.ndarray) -> None:
+    told = place(scan(cloud), ".ply", Placing("+Z", 50.0, azimuth=-20.0)).stance.told
+    assert "azimuth 30 from the file's front: as asked, turned on by -20" in told
+
+
+def test_a_scanner_that_sees_all_around_is_looked_from_where_it_stood(cloud: np.ndarray) -> None:
+    thing = cloud - cloud.mean(0)
+    beside = Sensor(np.array([5.0, 0.0, 1.0]), np.eye(3))  # its +Z is not towards the thing: no camera
+    placed = place(scan(thing, beside), ".pcd", Placing("+Z", "sensor"), 20.0, FREE)
+    assert placed.stance.azimuth == pytest.approx(-90, abs=3) and placed.stance.elevation is None
+    assert "from its sensor's side" in placed.stance.told
+    ahead = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # amid the points, it looks along +X
+    amid = place(scan(thing, Sensor(np.zeros(3), ahead)), ".pcd", Placing("+Z", "sensor"), 20.0, FREE)
+    assert amid.stance.azimuth == pytest.approx(90) and "ahead" in amid.stance.told
+    assert place(scan(thing, Sensor(np.zeros(3), np.eye(3))), ".pcd", Placing("+Z", "sensor")).stance.azimuth
+
+
+@pytest.mark.parametrize("share", [0.1, 0.05])
+def test_a_camera_that_reaches_into_the_thing_is_refused(share: float, cloud: np.ndarray) -> None:
+    own = place(scan(cloud), ".ply", Placing("+Z")).viewpoint
+    inside = replace(own, radius=own.radius * share)
+    with pytest.raises(ScanError, match=r"reaches the camera.*larger|beyond the camera's frame"):
+        place(scan(cloud), ".ply", Placing(viewpoint=inside))
+    near = place(scan(cloud), ".ply", Placing(viewpoint=replace(own, radius=own.radius * 0.6)))
+    assert near.stance.outside > 0
+
+
+def test_an_odd_floor_and_an_odd_elevation_of_a_camera_are_told(cloud: np.ndarray) -> None:
+    own = place(scan(cloud), ".ply", Placing("+Z")).viewpoint
+    for change, told in (({"floor": 0.5}, "floor lies above"), ({"floor": -300.0}, "floor lies far below"),
+                         ({"elevation": 500.0}, "elevation was changed"), ({}, "")):  # fmt: skip
+        hint = place(scan(cloud), ".ply", Placing(viewpoint=replace(own, **change)), 20.0, FREE).stance.hint
+        assert told in hint and bool(told) == bool(hint)
+
+
+def test_a_grid_is_no_loss_of_digits() -> None:
+    x, y = (side.ravel() for side in np.meshgrid(np.arange(50.0), np.arange(50.0)))
+    rng = np.random.default_rng(0)
+    raster = np.column_stack([x, y, np.sin(x / 9) * 8 + rng.normal(0, 0.1, x.size)])
+    assert "digits" not in place(scan(raster), ".xyz", Placing("+Z")).stance.told
+    torn = rng.normal(size=(20_000, 3)) * [50, 50, 10]
+    torn[:, 1] = np.round(torn[:, 1] / 14) * 14
+    assert "digits are lost" in place(scan(torn), ".xyz", Placing("+Z", keep_outliers=True)).stance.told

@@ -94,7 +94,26 @@ def terrain() -> np.ndarray:
 )  # fmt: skip
 def test_other_clouds_are_no_depth_pictures(points: np.ndarray) -> None:
     assert implied_sensor(points) is None
-    assert choose_up(points, None, ".ply").axis == "+Z"
+    assert choose_up(points, None, ".ply").sensor is None
+
+
+def shuffled(points: np.ndarray) -> np.ndarray:
+    return points[np.random.default_rng(9).permutation(len(points))]
+
+
+@pytest.mark.parametrize("count", [900, 30_000])  # the larger ones are thinned
+def test_up_sensor_and_view_do_not_depend_on_the_order_of_the_points(count: int) -> None:
+    rng = np.random.default_rng(4)
+    for points in (chair(count), rng.normal(size=(count, 3)) * [1, 0.9, 0.8], depth_picture()):
+        up, again = (choose_up(cloud, None, ".ply") for cloud in (points, shuffled(points)))
+        assert (up.axis, up.reason, up.other, up.sensor is None) == (
+            again.axis, again.reason, again.other, again.sensor is None)  # fmt: skip
+        assert choose_view(points) == choose_view(shuffled(points))
+
+
+def test_another_axis_that_may_be_up_is_passed_on() -> None:
+    assert choose_up(sphere(2000), None, ".ply").other == "+Y"
+    assert choose_up(sphere(2000), None, ".ply", usual=("-Y", "its family's")).axis == "-Y"
 
 
 def test_a_sensors_view_has_the_sensor_behind_the_camera() -> None:

@@ -7,7 +7,7 @@ import pytest
 from made_clouds import box, chair, lamppost, moved, sphere
 
 from z2p_core.geometry import bounding_sphere
-from z2p_core.strays import clip_below, clip_outliers
+from z2p_core.strays import clip_below, clip_far, clip_outliers
 
 CLEAN = {
     "sphere": sphere(5000), "sparse sphere": sphere(500), "few": sphere(40), "chair": chair(1500),
@@ -81,3 +81,41 @@ def test_a_thin_foot_and_many_points_below_are_no_strays() -> None:
     assert clip_below(top, top[:, 2]).all()
     many = np.vstack([sphere(6000), moved(sphere(20) * 0.05, 0, 0, -3)])
     assert clip_below(many, many[:, 2]).all()
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.5, 0.97])
+@pytest.mark.parametrize("sizes", [20, 200, 1e6])
+def test_of_clusters_that_would_be_specks_the_largest_is_kept(share: float, sizes: float) -> None:
+    thing, other = chair(1500), sphere(int(share * len(chair(1500))))
+    points = np.vstack([thing, moved(other, 2 * sizes, -sizes, 0)])
+    kept = clip_far(points)
+    assert kept[: len(thing)].all() and not kept[len(thing) :].any()
+    order = np.random.default_rng(1).permutation(len(points))
+    assert np.array_equal(clip_far(points[order]), kept[order])
+
+
+@pytest.mark.parametrize("sizes", [2, 5, 8])
+def test_clusters_that_both_show_are_kept(sizes: float) -> None:
+    for count in (60, 600, 3000):
+        assert clip_far(np.vstack([sphere(3000), moved(sphere(count), 2 * sizes, 0, 0)])).all()
+
+
+def test_of_three_clusters_and_of_strays_all_over_the_largest_is_kept() -> None:
+    thing = sphere(3000)
+    three = np.vstack([thing, moved(sphere(1000), 900, 0, 0), moved(sphere(2000), 0, 1e6, 5)])
+    strewn = np.vstack([thing, np.random.default_rng(2).uniform(-1e4, 1e4, (200, 3))])
+    near = np.vstack([thing, moved(sphere(500), 4, 0, 0), moved(sphere(2000), 0, 1e6, 5)])
+    for points, count in ((three, 3000), (strewn, 3000), (near, 3500)):
+        kept = clip_far(points)
+        assert kept[:count].all() and not kept[count:].any()
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_a_clean_object_has_nothing_far_away(name: str) -> None:
+    assert clip_far(CLEAN[name]).all()
+
+
+def test_a_row_of_small_things_is_no_speck() -> None:
+    row = [moved(sphere(200) * 0.3, x, y, 0) for x in range(0, 40, 2) for y in range(0, 10, 2)]
+    assert clip_far(np.vstack(row)).all()
+    assert clip_outliers(np.vstack(row)).all()
