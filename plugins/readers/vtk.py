@@ -9,7 +9,7 @@ import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers.colours import NOTE, colours_note
-from z2p_renderer.plugins.readers.vtk_xml import points_of_xml
+from z2p_renderer.plugins.readers.late import late
 
 _TYPES = {
     "float": "f4", "double": "f8", "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2",
@@ -41,7 +41,7 @@ class Vtk(Reader):
         blob = path.read_bytes()
         if path.suffix.lower() == ".vtk":
             return [_legacy(blob)]
-        points, names = points_of_xml(blob)
+        points, names = late("z2p_renderer.plugins.readers.vtk_xml").points_of_xml(blob)  # XML takes long to import
         return [RawCloud(points, note=colours_note(names))]
 
 
