@@ -8,6 +8,23 @@ from z2p_core import registry
 from z2p_core.interfaces import Reader, ScanError
 from z2p_renderer.storage.foreign import told_by_content, told_by_suffix
 
+OURS = {
+    "e57": (".e57",),
+    "h5": (".h5", ".hdf5"),
+    "las": (".las", ".laz"),
+    "meshes": (".stl", ".glb", ".gltf"),
+    "numpy": (".npy", ".npz"),
+    "pcd": (".pcd",),
+    "ply": (".ply",),
+    "ptx": (".ptx",),
+    "sweeps": (".bin",),
+    "text": (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv"),
+    "vertices": (".obj", ".off"),
+    "vtk": (".vtk", ".vtp", ".vtu"),
+}
+"""Readers of z2p itself and their suffixes, so that one file needs one of them; a reader that is missing here is
+imported for every file."""
+
 
 def readable_suffixes() -> dict[str, str]:
     """Suffix, lower-case with its dot -> name of the reader that takes it; readers that fail to load are left out."""
@@ -27,7 +44,9 @@ def reader_for(path: Path) -> Reader:
         ScanError: none does, or two do.
     """
     suffix = format_suffix(path)
-    claims, faults = _claims()
+    claims, faults = _claims(suffix)
+    if suffix not in claims:
+        claims, faults = _claims()
     names = claims.get(suffix, [])
     if not names:
         if told := told_by_suffix(path) or told_by_content(path, suffix):
@@ -40,11 +59,17 @@ def reader_for(path: Path) -> Reader:
     return registry.load("readers", names[0])()
 
 
-def _claims() -> tuple[dict[str, list[str]], list[str]]:
-    """Suffix -> names of the readers that claim it, and what is wrong with the readers that fail to load."""
+def _claims(asked: str | None = None) -> tuple[dict[str, list[str]], list[str]]:
+    """Suffix -> names of the readers that claim it, and what is wrong with the readers that fail to load.
+
+    Where one suffix is `asked` for, readers of ours that are known to have others are not imported: that takes longer
+    than a picture's network.
+    """
     claims: dict[str, list[str]] = {}
     faults = []
     for name in registry.names("readers"):
+        if asked is not None and asked not in OURS.get(name, (asked,)) and registry.is_ours("readers", name):
+            continue
         try:
             plugin = registry.load("readers", name)
         except registry.PluginError as error:

@@ -50,6 +50,12 @@ def installed(group: str) -> list[Plugin]:
     ]
 
 
+def is_ours(group: str, name: str) -> bool:
+    """Whether z2p itself brings the plugin of that name, and nobody else one; nothing is imported."""
+    found = _entries(group).get(name, ())
+    return bool(found) and all(entry.value.startswith("z2p_renderer.plugins.") for entry in found)
+
+
 def load(group: str, name: str) -> type[Any]:
     """The plugin class registered as `name` in `group` (a key of `GROUPS`).
 

@@ -77,10 +77,10 @@ def test_python_and_the_command_line_draw_equal_pictures(
     z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path
 ) -> None:
     clouds = np.stack([sphere(), sphere() * (1.0, 0.5, 0.7)])
-    sheet = z2p_core.render(clouds, weights=tiny_weights, size=64, margin="20%", up="auto")
+    sheet = z2p_core.render(clouds, weights=tiny_weights, size=64, margin="20%")
     np.save(tmp_path / "both.npy", clouds)
     result = z2p("render", tmp_path / "both.npy", "-o", tmp_path, "--weights", tiny_weights, "--size", 64,
-                 "--margin", "0.2")  # fmt: skip
+                 "--margin", "0.2", "--up", "Z")  # fmt: skip
     assert result.exit_code == 0, result.output
     for index, picture in enumerate(sheet):
         file = tmp_path / f"both_{index:03d}.png"
