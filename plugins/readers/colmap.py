@@ -12,7 +12,7 @@ from z2p_core.colmap_model import counts_points, is_points
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_core.native import walk_rows
 
-AXES_REASON = "usual in models of COLMAP"
+AXES_REASON = "the usual axes of COLMAP"
 _POINT = [(np.dtype(kind), None) for kind in ("<u8", "<f8", "<f8", "<f8", "u1", "u1", "u1", "<f8")]
 _TRACK = (np.dtype("<u8"), np.dtype("<u8"))
 """A point's id, place, colour and error; then the pictures that show it, as pairs of numbers of four bytes."""

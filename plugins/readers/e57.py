@@ -73,7 +73,8 @@ def _description(path: Path) -> bytes:
     """The XML that tells what is in the file, without the checksums at the ends of its pages; empty if it has none."""
     with path.open("rb") as file:
         magic, start, length, page = struct.unpack("<8s16xQQQ", file.read(_HEADER).ljust(_HEADER, b"\0"))
-        if magic != b"ASTM-E57" or not _CHECKSUM < page <= _LONGEST or length > _LONGEST or start >= path.stat().st_size:
+        sane = _CHECKSUM < page <= _LONGEST and length <= _LONGEST and start < path.stat().st_size
+        if magic != b"ASTM-E57" or not sane:
             return b""
         file.seek(start - start % page)
         pages = file.read((start % page + length) * page // (page - _CHECKSUM) + page)

@@ -15,6 +15,7 @@ from z2p_core.geographic import metres_of_degrees
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_core.pose_rows import name_poses
 from z2p_core.side_columns import told_names, told_side
+from z2p_renderer.plugins.readers.late import late
 from z2p_renderer.plugins.readers.text_content import content, has_long_lines, line_number, told_cut
 from z2p_renderer.plugins.readers.text_doubts import check_first, counts_rows, refuse_other_tables, some_names
 from z2p_renderer.plugins.readers.text_form import SAMPLE, BadLineError, Form, form_of
@@ -72,7 +73,7 @@ class Text(Reader):
                                 "places, name each column with --columns")
             found = _table(path, form, head, chain([rows], blocks))
             _check_counts(path, head, found)
-            return [_named(found, form, Head() if self.columns else head)]
+            return [_named(found, form, Head() if self.columns else head, path)]
         sample = form.table(rows[: max(min(SAMPLE, _MOST_CELLS // form.width), _FEWEST_ROWS)])
         refuse_other_tables(sample, path.stat().st_size // (len(rows[0]) + 1))
         found = _table(path, form, head, chain([rows], blocks))
@@ -113,7 +114,7 @@ class _Rows:
         return f"{len(self.counts)} scans in one file" if len(self.counts) > 1 else ""
 
 
-def _named(found: _Rows, form: Form, head: Head) -> RawCloud:
+def _named(found: _Rows, form: Form, head: Head, path: Path) -> RawCloud:
     """The points of a table whose columns have names, which say what the numbers are; those of no title, nothing."""
     points, told = found.points, [told_names(form.names), found.told]
     if head.depth:
@@ -124,7 +125,8 @@ def _named(found: _Rows, form: Form, head: Head) -> RawCloud:
         points, laid_out = metres_of_degrees(points)
         told.append(laid_out)
     if head.colmap:
-        return RawCloud(points, note=_joined(*told), up="-Y", up_reason="the usual axes of COLMAP", up_certain=False)
+        posed: RawCloud = late("z2p_renderer.plugins.readers.colmap").posed(points, path, _joined(*told))
+        return posed
     return RawCloud(points, note=_joined(*told))
 
 

@@ -131,3 +131,15 @@ def test_damaged_points_are_refused(tmp_path: Path, blob: bytes) -> None:
             Sweeps().read(tmp_path / "points3D.bin")
     else:
         assert len(Sweeps().read(tmp_path / "points3D.bin")[0].points) == 0
+
+
+def test_a_model_in_text_tells_as_much(tmp_path: Path) -> None:
+    rows = [f"{index} {x!r} {y!r} {z!r} 10 20 30 0.5 1 2 3 4\n" for index, (x, y, z) in enumerate(POINTS.tolist())]
+    (tmp_path / "points3D.txt").write_text("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n"
+                                           + "".join(rows))  # fmt: skip
+    (tmp_path / "images.txt").write_text(images_txt(poses(TILTED, height=2.0)))
+    (tmp_path / "cameras.txt").write_text("# Camera list\n1 PINHOLE 640 480 500 500 320 240\n")
+    [path] = find_scans([str(tmp_path)], False)
+    [scan] = read_clouds(path)
+    assert np.array_equal(scan.points, POINTS) and (scan.up, scan.up_certain) == ("+Z", True)
+    assert scan.upward is not None and np.allclose(scan.upward, TILTED, atol=1e-6) and scan.seen_from is not None
