@@ -20,6 +20,7 @@ _FLAT = 0.4
 HOW_TO = "project them to metres for true shapes (pyproj, or PDAL's filters.reprojection)"
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def local_metres(points: np.ndarray) -> tuple[np.ndarray, str]:
     """Finite points (N, 3) in metres east, north and up, if theirs look like degrees, else as they are; and a word.
 
@@ -39,6 +40,7 @@ def local_metres(points: np.ndarray) -> tuple[np.ndarray, str]:
     return _laid_out(points, (low + high) / 2), told
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def metres_of_degrees(points: np.ndarray) -> tuple[np.ndarray, str]:
     """Points (N, 3), named longitude, latitude and height, in metres east, north and up, and what to say of it.
 

@@ -11,12 +11,13 @@ _WIDE, _LONG = 17, 4
 _ALIKE, _MOST = 0.8, 0.7
 """How alike neighbouring columns of a picture are (correlation), and the share of them that must be."""
 _ROWS = 2000
-_SMALLEST, _SIDE = 32, 64
-"""Rows and columns of a colour picture that may be told, and how many of them are looked at."""
+_SIDE, _STEP, _SHADES = 64, 0.02, 16
+"""Rows and columns of a colour picture that are looked at, how exact their steps are, and how many it has at least."""
 HOW_TO = ("a depth map becomes points by its camera: z = depth, x = (column - cx) * z / fx, y = (row - cy) * z / fy; a "
           "grid of heights by the places of its columns and rows; save those x y z")  # fmt: skip
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def is_grid(table: np.ndarray, total: int | None = None) -> bool:
     """Whether numbers (H, W) are those of a picture: pixels are like their neighbours, as columns of points never are.
 
@@ -33,19 +34,16 @@ def is_grid(table: np.ndarray, total: int | None = None) -> bool:
     return rows >= FEWEST and _neighbours_agree(table[:: -(-rows // _ROWS)].astype(np.float64))
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def is_picture(array: np.ndarray) -> bool:
-    """Whether numbers (H, W, C) are a colour picture: bytes, or shares of 1 like those of both neighbours."""
+    """Whether numbers (H, W, C) are a colour picture: bytes, or shares of 1 in steps of 1/255."""
     if array.dtype == np.uint8:
         return True
-    height, width = array.shape[:2]
-    if min(height, width) < _SMALLEST or array.dtype.kind != "f":
+    if min(array.shape) == 0 or array.dtype.kind != "f":
         return False
-    some = array[:: -(-height // _SIDE)][:, : _SIDE * 4].astype(np.float64)
-    with np.errstate(invalid="ignore"):
-        if not (np.nanmin(some) >= 0 and np.nanmax(some) <= 1):
-            return False
-    whole = array[: _SIDE * 4, : _SIDE * 4].astype(np.float64)
-    return all(_neighbours_agree(side) for side in (whole[..., 0], whole[..., 0].T, whole[..., 1].T))
+    some = array[:: -(-array.shape[0] // _SIDE), :: -(-array.shape[1] // _SIDE)].astype(np.float64) * 255
+    stepped = bool((np.abs(some - np.rint(some)) < _STEP).all())
+    return stepped and some.min() >= 0 and some.max() <= 255 and len(np.unique(some)) > _SHADES
 
 
 def _neighbours_agree(table: np.ndarray) -> bool:

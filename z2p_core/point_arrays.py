@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.interfaces import ScanError
+from z2p_core.other_arrays import refuse_other_arrays
 from z2p_core.point_holders import NUMBERS, has_colours, held, is_holder
 from z2p_core.point_holders import of_records as plain
 
@@ -59,6 +60,7 @@ def point_arrays(points: Any) -> PointArrays:
         raise ScanError(f"expected points (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
     if array.dtype.kind not in NUMBERS:
         raise ScanError(f"expected points as numbers, got dtype {array.dtype}")
+    refuse_other_arrays(array)
     batch = as_batch(array)
     clouds = [np.array(cloud[:, :3], dtype=np.float64) for cloud in batch]
     return PointArrays(clouds, array.ndim == 3 and batch is array, shape[-1] - 3, has_colours(points))
@@ -71,6 +73,7 @@ def as_batch(array: np.ndarray) -> np.ndarray:
     return array.reshape(1, -1, array.shape[-1])
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def _is_point_map(array: np.ndarray) -> bool:
     """Whether numbers (H, W, 3 or more) are what a pinhole camera saw in its pixels, row by row, rather than H clouds.
 
@@ -102,6 +105,8 @@ def _bulges(points: np.ndarray, seen: np.ndarray) -> np.ndarray:
     points = np.where(weights, points[used], 0.0)
     points -= points.sum(1, keepdims=True) / counts[:, None] * weights
     spread = np.einsum("lma,lmb->lab", points, points) / counts[:, None]
+    if not np.isfinite(spread).all():  # numbers too large to be reckoned with
+        return np.array([np.inf])
     return np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 0], 0))
 
 

@@ -19,6 +19,7 @@ _STRAIGHT = 0.995
 """Cosine from which on a camera's picture stands upright in the camera's own axes."""
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | None:
     """The camera that saw points (H, W, 3), row by row from the top of its picture; None where they do not tell.
 
@@ -33,7 +34,10 @@ def map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | None:
     some, pixels = some[seen], np.column_stack([across.ravel()[seen], down.ravel()[seen]])
     if len(some) < _FEWEST:
         return None
-    return _own_axes(some, pixels) or _elsewhere(some, pixels) or (_ahead(some) if certain else None)
+    try:
+        return _own_axes(some, pixels) or _elsewhere(some, pixels) or (_ahead(some) if certain else None)
+    except np.linalg.LinAlgError:  # numbers too large to be reckoned with
+        return None
 
 
 def _own_axes(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:

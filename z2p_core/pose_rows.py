@@ -14,6 +14,7 @@ _QUATERNIONS = ("q", "q_", "quat_", "orientation_", "orientation.", "rot_q", "ro
 """What stands before w, x, y and z in the names of a quaternion's columns."""
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def told_poses(table: np.ndarray) -> str:
     """What a table (N, M) of numbers is, if not points: a list of poses or a camera's matrix; empty if it is none."""
     if table.ndim != 2 or not len(table) or not np.isfinite(table).all():

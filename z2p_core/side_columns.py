@@ -13,6 +13,7 @@ _MOST = 0.95
 _COLOUR_NAMES = ({"r", "g", "b"}, {"red", "green", "blue"}, {"rgb"}, {"color"}, {"colour"}, {"rf", "gf", "bf"})
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def told_side(columns: np.ndarray, first: int = 4) -> str:
     """What is left out, in words, of a file whose columns (N, M) from the `first` on, counted from 1, are not drawn."""
     if columns.shape[1] == 0:
@@ -33,6 +34,7 @@ def told_names(names: Sequence[str]) -> str:
     return ""
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def side_names(columns: np.ndarray, first: int) -> list[str]:
     """Names for columns (N, M) as --columns takes them: ``r``, ``g``, ``b``, and ``c9`` for what cannot be told."""
     names: list[str] = []
@@ -42,6 +44,7 @@ def side_names(columns: np.ndarray, first: int) -> list[str]:
     return names
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def are_normals(columns: np.ndarray) -> bool:
     """Whether columns (N, 3) are unit vectors; zeros may stand between."""
     lengths = np.sqrt((columns**2).sum(1))

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from z2p_core.interfaces import RawCloud, ScanError, Sensor
-from z2p_core.number_grids import HOW_TO, is_grid, is_picture
+from z2p_core.number_grids import HOW_TO
+from z2p_core.other_arrays import refuse_other_arrays
 from z2p_core.point_arrays import as_batch, plain
 from z2p_core.point_maps import map_sensor
-from z2p_core.pose_rows import told_poses
 from z2p_core.side_columns import told_side
 
 MOST_COLUMNS = 128
@@ -26,9 +26,11 @@ _SENSED = {"pts3d", "point_map", "pointmap", "point_maps", "xyz_map", "xyz_image
 """Those of maps in their own camera's axes."""
 _UP = {"up": "+Y", "up_reason": "the usual axes of ModelNet and ShapeNet", "up_certain": False}
 _SOME = 1000
-_SMALLEST_MAP = 8
+_SMALLEST_MAP, _MOST_IN_MAPS = 8, 8
+"""Rows and columns of a map of points at least, and numbers of each of its pixels at most."""
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
     """Clouds (N, 3) float64 of an array whose shape, and the name that it has, say which axis is which.
 
@@ -37,12 +39,12 @@ def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
     """
     array = as_rows_last(array)
     as_maps = array.ndim == 4 or (array.ndim == 3 and key in MAP_KEYS)
-    if as_maps and min(array.shape[-3:-1]) >= _SMALLEST_MAP and 3 <= array.shape[-1] <= MOST_COLUMNS:
+    if as_maps and min(array.shape[-3:-1]) >= _SMALLEST_MAP and 3 <= array.shape[-1] <= _MOST_IN_MAPS:
         maps = array if array.ndim == 4 else array[None]
         return [_seen(points, certain=key in _SENSED or not key) for points in maps]
-    _refuse_poses(array)
+    if not _lies_flat(array.shape) or array.shape[-1] == 4:
+        refuse_other_arrays(array)
     check_shape(array.shape)
-    _refuse_pictures(array)
     batch = as_batch(array)
     if array.ndim == 3 and batch is not array:
         return [_seen(array)]
@@ -132,26 +134,6 @@ def _seen(points: np.ndarray, certain: bool = False) -> RawCloud:
 def _points(rows: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):  # long doubles beyond float64 become infinite, and are dropped as such
         return np.ascontiguousarray(rows[:, :3], dtype=np.float64)
-
-
-def _refuse_pictures(array: np.ndarray) -> None:
-    """Raises ScanError for depth maps and pictures whose shape could be that of points."""
-    if array.ndim == 2 and is_grid(array):
-        raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; {HOW_TO}")
-    if array.ndim == 3 and is_picture(array):
-        raise ScanError(f"numbers {array.shape} look like a colour picture, not like points; save the x y z of its "
-                        "pixels instead")
-
-
-def _refuse_poses(array: np.ndarray) -> None:
-    """Raises ScanError for matrices of cameras, one or many, and lists of poses."""
-    poses = array
-    if array.ndim == 3 and array.shape[1:] in ((4, 4), (3, 4)):
-        poses = array.reshape(len(array), -1)
-    if array.ndim == 3 and array.shape[1:] == (3, 3):
-        poses = np.concatenate([array, np.zeros((len(array), 3, 1))], axis=2).reshape(len(array), -1)
-    if poses.ndim == 2 and (told := told_poses(poses[:_SOME].astype(np.float64))):
-        raise ScanError(f"numbers {array.shape} are no points but {told}; save the points as float32 or float64")
 
 
 def _lies_flat(shape: tuple[int, ...]) -> bool:

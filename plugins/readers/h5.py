@@ -91,9 +91,9 @@ def _chosen(file: Any) -> list[tuple[Any, str, list[str]]]:
         if key.lower() in KEYS and found.shape and is_points(found.shape, found.dtype, key.lower()):
             groups.setdefault(group, {})[key.lower()] = found
     chosen = []
-    for group in [groups[""]] if "" in groups else groups.values():
-        first, *others = (key for key in KEYS if key in group)
-        chosen.append((group[first], first, others))
+    for found_in in [groups[""]] if "" in groups else groups.values():
+        first, *others = (key for key in KEYS if key in found_in)
+        chosen.append((found_in[first], first, others))
     return chosen
 
 

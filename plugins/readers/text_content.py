@@ -12,7 +12,7 @@ from z2p_core.interfaces import ScanError
 
 _FIRST_CHARACTERS = 1 << 18
 """Characters from which the form of the rows is told."""
-_CHARACTERS = 1 << 24
+_CHARACTERS = 1 << 22
 """Characters that are read at a time, so that the text of a large file is never in memory as a whole."""
 _LONG = 1 << 16
 """Bytes of a line that is no point's by all means."""
@@ -27,7 +27,7 @@ def content(path: Path) -> Iterator[list[str]]:
         ScanError: a line is longer than any row of numbers.
     """
     for lines in _batches(path):
-        if any("#" in line for line in lines):
+        if "#" in "".join(lines):
             lines = [line.split("#", 1)[0] for line in lines]
         if "" in lines or any(map(str.isspace, lines)):
             lines = [line for line in lines if line and not line.isspace()]
@@ -36,7 +36,7 @@ def content(path: Path) -> Iterator[list[str]]:
 
 
 def has_long_lines(path: Path) -> bool:
-    """Whether the first line goes on and on, and is no raster's, whose heights may be written so."""
+    """Whether the first line goes on and on, as that of a text without line breaks does."""
     with path.open("rb") as file:
         head = file.read(_LONG)
     return len(head) == _LONG and b"\n" not in head and b"\r" not in head
@@ -80,10 +80,10 @@ def _whole_lines(file: TextIO) -> Iterator[list[str]]:
         text = file.read(wanted)
         lines = (rest + text).split("\n")
         last = len(text) < wanted
-        for index, line in enumerate(lines) if len(rest) + len(text) > _LONGEST_LINE else ():
-            if len(line) > _LONGEST_LINE:
-                raise ScanError(f"line {number + index + 1} is longer than {_LONGEST_LINE >> 20} million characters, "
-                                "so this is no table with a point a line; export the file again, with line breaks")
+        if max(map(len, lines)) > _LONGEST_LINE:
+            index = next(index for index, line in enumerate(lines) if len(line) > _LONGEST_LINE)
+            raise ScanError(f"line {number + index + 1} is longer than {_LONGEST_LINE >> 20} million characters, so "
+                            "this is no table with a point a line; export the file again, with line breaks")
         rest = "" if last else lines.pop()
         if lines:
             yield lines

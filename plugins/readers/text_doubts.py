@@ -31,6 +31,7 @@ class Doubt:
     looks: str
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def counts_rows(column: np.ndarray) -> bool:
     """Whether a column (N,) numbers its rows, from 0 or 1 on."""
     return len(column) >= FEWEST and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
@@ -50,6 +51,7 @@ def refuse_other_tables(sample: np.ndarray, rows: int) -> None:
                         f"points with x y z first; {HOW_TO}")
 
 
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def check_first(points: np.ndarray, sample: np.ndarray, first: int = 1) -> None:
     """None where the first three of more columns may well be x, y and z: points (N, 3) of the whole file.
 

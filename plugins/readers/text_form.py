@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -56,13 +57,13 @@ class Form:
         Raises:
             BadLineError: a row with other columns than the first one, or with something not a number.
         """
-        used = self.places if self.ragged else None
+        only: dict[str, Any] = {"usecols": self.places} if self.ragged else {}
         try:  # by far the fastest, but it takes nothing else than numbers
-            table = np.loadtxt(self._plain(lines), np.float64, comments=None, delimiter=self.delimiter, usecols=used,
-                               ndmin=2)
+            table = np.loadtxt(self._plain(lines), np.float64, comments=None, delimiter=self.delimiter, ndmin=2,
+                               **only)
         except ValueError:
             return self._row_by_row(lines)
-        if used:
+        if self.ragged:
             return table
         if table.shape[1] != self.width:
             return self._row_by_row(lines)
@@ -153,7 +154,7 @@ def form_of(rows: list[str], head: Head, columns: Sequence[str] | None) -> Form:
         table = [form.cells(line) for line in sample]
     form = replace(form, fortran=any(is_fortran(cell.strip(" \"'")) for cells in table for cell in cells))
     width = len(table[0])
-    ended = not any(len(cells) >= width and cells[width - 1].strip() for cells in table)
+    ended = width > 0 and not any(len(cells) >= width and cells[width - 1].strip() for cells in table)
     ragged = _ragged(head, table, columns)
     if ragged is not None:
         places = tuple(ragged.index(axis) for axis in "xyz")

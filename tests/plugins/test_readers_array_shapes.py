@@ -93,7 +93,7 @@ def test_maps_of_several_cameras_are_a_cloud_each(tmp_path: Path, key: str, firs
     [(DEPTH, "depth map or a grid of heights.*cx"), (np.tile(DEPTH, (1, 3)), "depth map.*cx"), (DEPTH[..., None], "cx"),
      (DEPTH[:, :12], "depth map"), (np.stack([ROW, COLUMN], -1), "depth map"), (RNG.random((30, 30)), "depth map"),
      ((DEPTH * 99).astype("u2")[:, :9], "depth map"), (np.zeros((48, 64, 3), "u1"), "colour picture"),
-     (np.zeros((48, 64, 4), "u1"), "colour picture"), (np.stack([DEPTH / 3] * 3, -1).round(2), "colour picture"),
+     (np.zeros((48, 64, 4), "u1"), "colour picture"), (np.rint(np.stack([DEPTH / 3] * 3, -1) * 255) / 255, "colour picture"),
      (np.eye(4), "pose"), (np.stack([np.eye(4)] * 9), "poses"), (np.stack([np.eye(4)[:3]] * 9), "poses"),
      (np.stack([TURN] * 9), "poses"), (np.tile(np.eye(4)[:3].ravel(), (9, 1)), "poses"), (XYZ.T, "transpose"),
      (np.stack([XYZ.T] * 2), "transpose"), (XYZ.astype("c16"), "dtype complex128"), (XYZ.astype("U9"), "dtype <U9"),

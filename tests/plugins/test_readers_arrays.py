@@ -89,8 +89,8 @@ def test_numpy_batches_give_a_cloud_each(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("shape", "match"), [((3, 100), "transpose"), ((2, 3, 100), "transpose"), ((9,), "expected"),
-                                               ((9, 129), "expected"), ((9, 2), "expected"), ((), "expected"),
-                                               ((64, 480), "expected"), ((2, 2, 2, 3), "expected")])  # fmt: skip
+                                               ((9, 129), "depth map"), ((9, 2), "expected"), ((), "expected"),
+                                               ((64, 480), "depth map"), ((2, 2, 2, 3), "expected")])  # fmt: skip
 def test_numpy_shapes_that_are_no_cloud(tmp_path: Path, shape: tuple[int, ...], match: str) -> None:
     np.save(tmp_path / "a.npy", np.zeros(shape))
     with pytest.raises(ScanError, match=match):

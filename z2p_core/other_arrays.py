@@ -1,0 +1,37 @@
+"""Arrays whose shape could be that of points, and that are none: depth maps, pictures, a camera's poses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.interfaces import ScanError
+from z2p_core.number_grids import HOW_TO, is_grid, is_picture
+from z2p_core.pose_rows import told_poses
+
+_SOME = 1000
+"""Rows that tell a list of poses."""
+
+
+@np.errstate(all="ignore")  # of numbers that are no coordinates
+def refuse_other_arrays(array: np.ndarray) -> None:
+    """None for numbers (N, C) or (B, N, C) that may be points.
+
+    Raises:
+        ScanError: they are matrices of cameras or a list of poses, a depth map, a grid of heights or a colour picture.
+    """
+    if told := told_poses(_rows_of_poses(array)):
+        raise ScanError(f"numbers {array.shape} are no points but {told}; give points (N, 3)")
+    if array.ndim == 2 and is_grid(array):
+        raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; {HOW_TO}")
+    if array.ndim == 3 and is_picture(array):
+        raise ScanError(f"numbers {array.shape} look like a colour picture, not like points; give the x y z of its "
+                        "pixels instead")
+
+
+def _rows_of_poses(array: np.ndarray) -> np.ndarray:
+    """The array as it would be a list of poses, some matrices a row each; without rows where it can be none."""
+    if array.ndim == 3 and array.shape[1:] in ((4, 4), (3, 4)):
+        array = array.reshape(len(array), array.shape[1] * 4)
+    elif array.ndim == 3 and array.shape[1:] == (3, 3):
+        array = np.concatenate([array, np.zeros((len(array), 3, 1))], axis=2).reshape(len(array), 12)
+    return array[:_SOME].astype(np.float64) if array.ndim == 2 else np.empty((0, 3))
