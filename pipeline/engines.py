@@ -52,7 +52,14 @@ def start_engine(
         loaded.windows,
     )  # fmt: skip
     chosen = _chosen(name, network, file, exact)
-    engine = chosen(network, threads)
+    try:
+        engine = chosen(network, threads)
+    except (WeightsError, registry.PluginError, ImportError, MemoryError):
+        raise
+    except Exception as error:  # whatever an engine's library makes of a stranger's network
+        reason = " ".join(str(error).split())[:200]
+        raise WeightsError(f"{file}: engine {chosen.name!r} cannot run its network ({type(error).__name__}: {reason}); "
+                           f"write its export again: {_export(file)}") from error
     _started.add(engine)
     if chosen.reads_onnx and (chosen.reads_int8 or whole is None):  # graph files leave out the last of a network
         engine.last = Touch.of(loaded.weights.tensors, loaded.config)

@@ -6,13 +6,25 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, from_dict
 from z2p_core.interfaces import Control, GBuffer, PositionalEncoder, ZBuffer
+from z2p_core.limits import told
+from z2p_core.network_shapes import network_fault, network_shapes
 from z2p_renderer.storage.checkpoints import Weights, WeightsError, check, load_weights, resolve
 
 if TYPE_CHECKING:
     from torch import nn
+
+
+MOST_FEATURES = 4096
+"""Channels that an encoder may give."""
+
+
+class MissingPlugin(WeightsError, registry.PluginError):
+    """Weights that need a plugin that is not installed."""
 
 
 @dataclass(frozen=True)
@@ -47,21 +59,13 @@ class LoadedWeights:
         return sum(control.size for control in self.controls.values())
 
     def build(self) -> nn.Module:
-        """The torch network with these weights, in evaluation mode, float32, on the CPU.
-
-        Raises:
-            WeightsError: the weights do not fit the network of their card.
-        """
+        """The torch network with these weights, in evaluation mode, float32, on the CPU."""
         import torch  # late: the other engines do without it
 
         from z2p_core.model import build_network
 
-        try:
-            with torch.random.fork_rng(devices=[]):  # a training around us draws from torch's generator
-                network = build_network(self.config, self.buffer_channels, self.encoder.channels, self.settings)
-        except ValueError as error:
-            raise WeightsError(f"weights for a network that this z2p cannot build: {error}") from error
-        check(self.weights, {name: tuple(tensor.shape) for name, tensor in network.state_dict().items()})
+        with torch.random.fork_rng(devices=[]):  # a training around us draws from torch's generator
+            network = build_network(self.config, self.buffer_channels, self.encoder.channels, self.settings)
         network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in self.weights.tensors.items()})
         network.to(memory_format=torch.channels_last).eval()  # type: ignore[call-overload]
         return network
@@ -103,33 +107,73 @@ def load_plugins(weights: Weights | str | Path, *, to_train: bool = False) -> Lo
     """
     if not isinstance(weights, Weights):
         weights = load_weights(resolve(weights))
+    loaded = _with_plugins(weights, to_train)
+    if fault := network_fault(loaded.config):
+        raise WeightsError(f"{_named(weights)} for a network that this z2p cannot build: {fault}")
+    check(weights, network_shapes(loaded.config, loaded.buffer_channels, loaded.encoder.channels, loaded.settings))
+    return loaded
+
+
+def _with_plugins(weights: Weights, to_train: bool) -> LoadedWeights:
+    """The weights with the plugins of their card, whether or not their tensors fit them."""
     card = weights.card
-    zbuffer, gbuffer = (_matching(f"{kind}s", card[kind], to_train)() for kind in ("zbuffer", "gbuffer"))
-    encoder = _matching("encoders", card["encoder"]).from_state(card["encoder"]["state"])
-    controls = {entry["name"]: _control(entry) for entry in card["controls"]}
+    zbuffer, gbuffer = (_matching(weights, f"{kind}s", card[kind], to_train)() for kind in ("zbuffer", "gbuffer"))
+    encoder = _encoder(weights)
+    names = [entry["name"] for entry in card["controls"]]
+    if len(set(names)) < len(names):
+        raise WeightsError(f"{_named(weights)} name a control twice: {', '.join(names)}; get them again")
+    controls = {entry["name"]: _control(weights, entry) for entry in card["controls"]}
     try:
-        config = from_dict(NetworkConfig, card["network"], "weights: network")
+        config = from_dict(NetworkConfig, card["network"], "network")
     except ConfigError as error:
-        raise WeightsError(f"weights for a network that this z2p cannot build: {error}") from error
+        raise WeightsError(f"{_named(weights)} for a network that this z2p cannot build: {error}") from error
     return LoadedWeights(weights, config, zbuffer, gbuffer, encoder, controls)
 
 
-def _matching(group: str, entry: dict[str, Any], any_version: bool = False) -> type[Any]:
+def _named(weights: Weights) -> str:
+    return f"{weights.file}: weights" if weights.file else "weights"
+
+
+def _matching(weights: Weights, group: str, entry: dict[str, Any], any_version: bool = False) -> type[Any]:
     """The plugin class of a card's entry, of the very version that the weights were trained with."""
+    if entry["name"] not in registry.names(group):
+        known = ", ".join(registry.names(group)) or "none"
+        raise MissingPlugin(
+            f"{_named(weights)} need the {group[:-1]} {entry['name']!r}, version {entry['version']}: unknown "
+            f"{group[:-1]} {entry['name']!r}; installed: {known}; install the package that it came with"
+        )
     plugin = registry.load(group, entry["name"])
     if plugin.version != entry["version"] and not any_version:
         raise WeightsError(
-            f"weights need {group[:-1]} {entry['name']!r} version {entry['version']}, installed is {plugin.version}; "
-            "install that version or train again"
+            f"{_named(weights)} need {group[:-1]} {entry['name']!r} version {entry['version']}, installed is "
+            f"{plugin.version}; install that version or train again"
         )
     return plugin
 
 
-def _control(entry: dict[str, Any]) -> Control:
-    control: Control = _matching("controls", entry)()
+def _encoder(weights: Weights) -> PositionalEncoder:
+    """The card's encoder, tried once: its state may be anything."""
+    entry = weights.card["encoder"]
+    plugin = _matching(weights, "encoders", entry)
+    places = np.zeros((2, 2), np.float32)
+    try:
+        encoder: PositionalEncoder = plugin.from_state(entry["state"])
+        features = encoder.encode(places, places)
+        fits = features.shape == (encoder.channels, 2, 2) and bool(np.isfinite(features).all())
+    except Exception as error:  # whatever a plugin stumbles over in a stranger's numbers
+        raise WeightsError(f"{_named(weights)}: card.encoder.state: expected what encoder {entry['name']!r} saves, got "
+                           f"{told(entry['state'])} ({type(error).__name__}: {error})") from error
+    if not fits or encoder.channels > MOST_FEATURES:
+        raise WeightsError(f"{_named(weights)}: card.encoder.state: expected what encoder {entry['name']!r} saves, got "
+                           f"{told(entry['state'])}")
+    return encoder
+
+
+def _control(weights: Weights, entry: dict[str, Any]) -> Control:
+    control: Control = _matching(weights, "controls", entry)()
     if control.size != entry["size"]:
         raise WeightsError(
-            f"weights give control {entry['name']!r} {entry['size']} settings, the installed one has {control.size}; "
-            "install the control they were trained with or train again"
+            f"{_named(weights)} give control {entry['name']!r} {entry['size']} settings, the installed one has "
+            f"{control.size}; install the control they were trained with or train again"
         )
     return control

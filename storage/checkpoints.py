@@ -14,12 +14,19 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
+from z2p_core.limits import LimitError, check_value, told
 from z2p_core.one_line import UsersError
+from z2p_renderer.storage.cards import CARD
+from z2p_renderer.storage.json_text import JsonError, read_json
 from z2p_renderer.storage.whole import whole
 
 FORMAT = 1
 SHIPPED = Path(__file__).parent / "weights"
 CARD_KEYS = ("network", "zbuffer", "gbuffer", "encoder", "controls", "resolution", "fixed_elevation", "training")
+KINDS = ("F64", "F32", "F16", "I64", "I32", "I16", "I8", "U64", "U32", "U16", "U8", "BOOL")
+"""Of tensors in checkpoints; weights have floats alone."""
+MOST_CARD = 64 << 20
+"""Bytes of a card; a checkpoint's holds all rows of a learning curve."""
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
@@ -41,6 +48,8 @@ class Weights:
     card: dict[str, Any]
     digest: str = ""
     """sha256 (64 hex digits) of tensors and card as the file has them; what an ONNX file made of them names."""
+    file: str = ""
+    """Where they came from, for messages."""
 
 
 def shipped() -> dict[str, Path]:
@@ -83,32 +92,44 @@ def save_weights(path: Path, tensors: Mapping[str, Any], card: dict[str, Any], h
 
 
 def load_weights(path: Path) -> Weights:
-    """Tensors (float32) and card of a weights file.
+    """Tensors (float32) and card of a weights file, which may be a stranger's: all of it is checked, nothing is run.
 
     Raises:
-        WeightsError: missing, not safetensors (a pickle, say), damaged, without a card, or of another format.
+        WeightsError: missing, not safetensors (a pickle, say), damaged, without a card or with one that cannot be, of
+            another format, or with numbers that are not finite.
     """
     tensors, card, digest = _read(path)
-    if card.get("format") != FORMAT:
-        raise WeightsError(f"{path}: expected weights of format {FORMAT}, got {card.get('format')!r}; update z2p")
+    if type(card.get("format")) is not int or card["format"] != FORMAT:
+        raise WeightsError(f"{path}: expected weights of format {FORMAT}, got {told(card.get('format'))}; update z2p")
     missing = [key for key in CARD_KEYS if key not in card]
     if missing:
         raise WeightsError(f"{path}: the card lacks {', '.join(missing)}; these are not weights of z2p")
-    return Weights({name: tensor.astype(np.float32) for name, tensor in tensors.items()}, card, digest)
+    try:
+        check_value(card, CARD, "card")
+    except LimitError as error:
+        raise WeightsError(f"{path}: {error}; get the weights again") from None
+    for name, tensor in tensors.items():
+        if tensor.dtype not in (np.float16, np.float32) or not np.isfinite(tensor).all():
+            raise WeightsError(f"{path}: {name}: expected finite numbers of float16 or float32, got {tensor.dtype}"
+                               f"{'' if tensor.dtype.kind != 'f' else ', some not finite'}; get the weights again")
+    arrays = {name: tensor.astype(np.float32) for name, tensor in tensors.items()}
+    return Weights(arrays, card, digest, str(path))
 
 
 def check(weights: Weights, expected: Mapping[str, tuple[int, ...]]) -> None:
-    """Nothing, when the tensors' names and shapes are those that the network of the card expects.
+    """Nothing, when the tensors' names and shapes are those that the network of the card has.
 
     Raises:
         WeightsError: a name is missing or unknown, or a shape differs.
     """
     missing, unknown = sorted(set(expected) - set(weights.tensors)), sorted(set(weights.tensors) - set(expected))
     if missing or unknown:
-        raise WeightsError(f"weights do not fit their network: missing {missing[:3]}, unknown {unknown[:3]}")
+        raise WeightsError(f"{weights.file or 'weights'}: the tensors do not fit the card's network: missing "
+                           f"{missing[:3]}, unknown {unknown[:3]}")
     for name, shape in expected.items():
         if weights.tensors[name].shape != tuple(shape):
-            raise WeightsError(f"weights: {name}: expected shape {tuple(shape)}, got {weights.tensors[name].shape}")
+            raise WeightsError(f"{weights.file or 'weights'}: {name}: expected shape {tuple(shape)}, got "
+                               f"{weights.tensors[name].shape}")
 
 
 def save_checkpoint(folder: Path, tensors: Mapping[str, Any], state: dict[str, Any]) -> None:
@@ -164,15 +185,26 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], str]:
             header = opened.metadata() or {}
             if "z2p" not in header:
                 raise WeightsError(f"{path}: a safetensors file without z2p's card; expected weights made by z2p")
-            metadata = json.loads(header["z2p"])
-            arrays = {name: opened.get_tensor(name) for name in opened.keys()}  # noqa: SIM118 - not a dict
-    except (SafetensorError, OSError, json.JSONDecodeError) as error:
+            metadata = read_json(header["z2p"], MOST_CARD)
+            arrays = {name: _tensor(opened, name, path) for name in opened.keys()}  # noqa: SIM118 - not a dict
+    except JsonError as error:
+        raise WeightsError(f"{path}: damaged: its card: {error}; get it again") from error
+    except (SafetensorError, OSError) as error:
         raise WeightsError(f"{path}: truncated, damaged or not safetensors ({error}); get it again") from error
     card = metadata.get("card") if isinstance(metadata, dict) else None
     digest = _digest(arrays, card) if isinstance(card, dict) else ""
     if not isinstance(card, dict) or metadata.get("sha256") != digest:
         raise WeightsError(f"{path}: damaged: its content does not match its digest; get it again")
     return arrays, card, digest
+
+
+def _tensor(opened: Any, name: str, path: Path) -> np.ndarray:
+    """A tensor of an opened file, which makes sure that it holds all of it."""
+    kind = opened.get_slice(name).get_dtype()
+    if kind not in KINDS:
+        raise WeightsError(f"{path}: {name}: expected numbers of {', '.join(KINDS)}, got {kind}; export it as float32")
+    array: np.ndarray = opened.get_tensor(name)
+    return array
 
 
 def _digest(arrays: dict[str, np.ndarray], card: dict[str, Any]) -> str:

@@ -14,7 +14,9 @@ from typing import Any
 
 from safetensors import safe_open
 
+from z2p_core.limits import Count, Keys, LimitError, Many, Text, check_value
 from z2p_renderer.storage.checkpoints import WeightsError
+from z2p_renderer.storage.json_text import JsonError, read_json
 from z2p_renderer.storage.whole import write_whole
 
 FORMAT = 2
@@ -22,7 +24,12 @@ FORMAT = 2
 INT8 = "int8"
 """Form of the network that computes in 8 bits; its graph file is another."""
 _MAGIC = b"z2p graph\n"
-_KEYS = {"weights", "sha256", "pieces"}
+_DIGEST = Text("64 hex digits", "[0-9a-f]{64}")
+_PIECE = Many(Count(0, 1 << 40), 3, 3)
+_HEADER = Keys({"format": Count(FORMAT, FORMAT), "weights": _DIGEST, "sha256": _DIGEST,
+                "pieces": Many(_PIECE, 0, 100_000)})  # fmt: skip
+MOST_UNPACKED = 1 << 28
+"""Bytes of an ONNX file that are no tensors; ours have some hundred thousand."""
 SMALLEST = 512
 """Bytes below which a tensor is kept in the graph rather than looked for."""
 
@@ -62,7 +69,10 @@ def load_graph(weights: Path, digest: str, form: str = "") -> bytes | None:
             f"{path}: made from other weights than {weights.name}: expected {digest[:16]}, "
             f"got {str(header['weights'])[:16]}; {again}"
         )
-    onnx = _join(header["pieces"], weights.read_bytes(), rest)
+    source = weights.read_bytes()
+    if not _fit(header["pieces"], len(source), len(rest)):
+        raise WeightsError(f"{path}: damaged: its pieces are not those of {weights.name}; {again}")
+    onnx = _join(header["pieces"], source, rest)
     if hashlib.sha256(onnx).hexdigest() != header["sha256"]:
         raise WeightsError(f"{path}: damaged, or {weights.name} was written anew since; {again}")
     return onnx
@@ -109,10 +119,18 @@ def _read(path: Path, again: str) -> tuple[dict[str, Any], bytes]:
         raise WeightsError(f"{path}: damaged, or not a graph file of z2p; {again}")
     text, _, packed = content.partition(b"\n")
     try:
-        header = json.loads(text)
-        rest = zlib.decompress(packed)
-    except (ValueError, zlib.error) as error:
-        raise WeightsError(f"{path}: damaged ({error}); {again}") from error
-    if not isinstance(header, dict) or header.get("format") != FORMAT or not set(header) >= _KEYS:
-        raise WeightsError(f"{path}: expected a graph file of format {FORMAT}; {again}")
+        header = read_json(text)
+        check_value(header, _HEADER, "header")
+        unpacking = zlib.decompressobj()
+        rest = unpacking.decompress(packed, MOST_UNPACKED)
+    except (JsonError, LimitError, zlib.error) as error:
+        raise WeightsError(f"{path}: damaged, or of another format than {FORMAT} ({error}); {again}") from error
+    if not unpacking.eof or unpacking.unused_data:
+        raise WeightsError(f"{path}: damaged: expected what {MOST_UNPACKED:,} bytes hold at most; {again}")
     return header, rest
+
+
+def _fit(pieces: list[tuple[int, int, int]], source: int, rest: int) -> bool:
+    """Whether all pieces lie in files of so many bytes, and are together no more than these."""
+    inside = all(first + size <= source for _, first, size in pieces)
+    return inside and sum(own for own, _, _ in pieces) <= rest and sum(size for *_, size in pieces) <= source

@@ -1,0 +1,66 @@
+"""JSON of strangers: read within bounds, so that nothing in it is too deep, too long or too large for who comes next.
+
+Python's own reader takes NaN and infinity, numbers of thousands of digits, and nesting until its stack ends.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+MOST_BYTES = 1 << 20
+DEEPEST = 32
+"""Objects and lists within each other; a picture's record has seven."""
+MOST_DIGITS = 40
+
+
+class JsonError(ValueError):
+    """A text that is no JSON, or none that anybody would write; the message says what it is."""
+
+
+def read_json(text: str | bytes, most_bytes: int = MOST_BYTES) -> Any:
+    """What a JSON text holds: objects, lists, texts, booleans, none, and finite numbers.
+
+    Raises:
+        JsonError: no JSON, not UTF-8, longer than `most_bytes`, nested too deep, or with numbers that are none.
+    """
+    if len(text) > most_bytes:
+        raise JsonError(f"expected JSON of at most {most_bytes:,} bytes, got {len(text):,}")
+    try:
+        found = json.loads(text, parse_constant=_refused, parse_int=_whole, parse_float=_finite)
+    except JsonError:
+        raise
+    except RecursionError:
+        raise JsonError(f"expected JSON nested at most {DEEPEST} deep") from None
+    except ValueError as error:  # UnicodeDecodeError is one
+        raise JsonError(f"not JSON ({error})") from error
+    _check_depth(found)
+    return found
+
+
+def _check_depth(found: Any) -> None:
+    level = [found]
+    for _ in range(DEEPEST + 1):
+        inside = [one.values() if isinstance(one, dict) else one for one in level if isinstance(one, dict | list)]
+        level = [item for items in inside for item in items]
+        if not level:
+            return
+    raise JsonError(f"expected JSON nested at most {DEEPEST} deep")
+
+
+def _refused(name: str) -> float:
+    raise JsonError(f"expected finite numbers, got {name}")
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > MOST_DIGITS:
+        raise JsonError(f"expected numbers of at most {MOST_DIGITS} digits, got {len(digits):,} of them")
+    return int(digits)
+
+
+def _finite(digits: str) -> float:
+    number = float(digits)
+    if not math.isfinite(number):
+        raise JsonError(f"expected finite numbers, got {digits[:MOST_DIGITS]}")
+    return number
