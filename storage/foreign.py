@@ -120,6 +120,8 @@ def told_by_content(path: Path, suffix: str) -> str:
     if not path.is_file():  # opening a pipe would wait for ever, and no path holds a zero byte
         return ""
     try:
+        if not path.is_file():  # opening a pipe would wait for ever
+            return ""
         with path.open("rb") as file:
             head = file.read(_HEAD)
     except OSError:

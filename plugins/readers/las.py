@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from z2p_core.geographic import metres_of_degrees
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.spread import MOST_ROWS
 from z2p_renderer.plugins.readers.colours import colours_note
@@ -23,6 +24,8 @@ _NOISE = (7, 18)
 """Classes of low and of high noise, as the standard has them."""
 _UNSEEN = (-(2**31), 2**31 - 1)
 """Whole numbers that writers make of no number or of one too large."""
+_GEOGRAPHIC = (1024, 2)
+"""Key and value by which GeoTIFF tells degrees."""
 _MARKS = 20
 """Points at the very offset from which on they mark what was not measured."""
 
@@ -104,11 +107,24 @@ def _read(path: Path) -> RawCloud:
         rng = np.random.default_rng(0)
         for chunk in reader.chunk_iterator(_CHUNK):
             _take(chunk, told, step, rng)
-        names = list(header.point_format.dimension_names)
+        names, degrees = list(header.point_format.dimension_names), _is_in_degrees(header)
     points = np.concatenate(told.parts)
     if told.came != count:
         raise ScanError(f"the LAS header promises {count} points, {told.came} came; export the file again")
-    return RawCloud(points, total=count if step > 1 else None, note=told.note(iter(names)))
+    points, laid_out = metres_of_degrees(points) if degrees else (points, "")
+    note = "; ".join(filter(None, (told.note(iter(names)), laid_out)))
+    return RawCloud(points, total=count if step > 1 else None, note=note)
+
+
+def _is_in_degrees(header: Any) -> bool:
+    """Whether the header says that x and y are longitude and latitude, by keys of GeoTIFF's or in words."""
+    for record in header.vlrs:
+        if any((key.id, key.value_offset) == _GEOGRAPHIC for key in getattr(record, "geo_keys", ())):
+            return True
+        words = str(getattr(record, "string", ""))
+        if "PROJC" not in words and any(kind in words for kind in ("GEOGCS", "GEOGCRS", "GEODCRS")):
+            return True
+    return False
 
 
 def _take(chunk: Any, told: _Told, step: int, rng: np.random.Generator) -> None:

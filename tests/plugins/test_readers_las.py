@@ -82,6 +82,26 @@ def test_of_a_large_file_some_points_stand_for_all(tmp_path: Path, monkeypatch: 
     assert all(row // 3 == index for index, row in enumerate(rows))  # one of every three
 
 
+@pytest.mark.parametrize(("words", "degrees"), [
+    ("", False), ('GEOGCS["WGS 84",DATUM["WGS_1984"]]', True), ('COMPD_CS["x",GEOGCRS["WGS 84"],VERT_CS["y"]]', True),
+    ('PROJCS["UTM 32",GEOGCS["WGS 84"]]', False), ((1, 1, 0, 1, 1024, 0, 1, 2), True),
+    ((1, 1, 0, 1, 1024, 0, 1, 1), False),
+])  # fmt: skip
+def test_degrees_that_the_header_tells_are_laid_out_in_metres(
+    tmp_path: Path, words: str | tuple[int, ...], degrees: bool
+) -> None:
+    content = laspy.read(survey(tmp_path / "a.las", 6, POINTS / 500 + (7, 50, 0)))
+    if words:
+        keys = isinstance(words, tuple)
+        blob = np.array(words, "<u2").tobytes() if keys else str(words).encode()
+        content.header.vlrs.append(laspy.VLR("LASF_Projection", 34735 if keys else 2112, "", blob))
+    content.write(tmp_path / "a.las")
+    cloud = read(tmp_path / "a.las")
+    north, height = np.ptp(cloud.points, axis=0)[1:]
+    assert height == pytest.approx(np.ptp(POINTS[:, 2]) / 500, abs=0.01)
+    assert (north > 5000) is degrees and ("longitude and latitude are laid out" in cloud.note) is degrees
+
+
 def test_only_packed_points_are_fragile(tmp_path: Path) -> None:
     assert not Las().is_fragile(survey(tmp_path / "a.las", 6))
     assert Las().is_fragile(survey(tmp_path / "a.laz", 6))

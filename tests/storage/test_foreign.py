@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import os
+import os
 from pathlib import Path
 
 import numpy as np
@@ -80,3 +81,9 @@ def test_a_pipe_and_a_name_that_no_file_has_are_refused_at_once(tmp_path: Path, 
         os.mkfifo(tmp_path / name)
     with pytest.raises(ScanError):
         read_clouds(tmp_path / name)
+
+
+def test_a_pipe_of_an_unknown_kind_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.unknown")
+    with pytest.raises(ScanError, match="no reader for '.unknown'"):
+        read_clouds(tmp_path / "pipe.unknown")
