@@ -99,7 +99,7 @@ def test_degrees_that_the_header_tells_are_laid_out_in_metres(
     cloud = read(tmp_path / "a.las")
     north, height = np.ptp(cloud.points, axis=0)[1:]
     assert height == pytest.approx(np.ptp(POINTS[:, 2]) / 500, abs=0.01)
-    assert (north > 5000) is degrees and ("longitude and latitude are laid out" in cloud.note) is degrees
+    assert bool(north > 5000) is degrees and ("longitude and latitude are laid out" in cloud.note) is degrees
 
 
 def test_only_packed_points_are_fragile(tmp_path: Path) -> None:
