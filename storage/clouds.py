@@ -178,7 +178,10 @@ def _scan(raw: RawCloud, label: str) -> Scan:
     points, missing = _measured(points)
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
-    points, degrees = local_metres(points) if raw.sensor is None else (points, "")
+    metres, degrees = local_metres(points) if raw.sensor is None else (points, "")
+    if metres is not points and not raw.up:
+        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe")
+    points = metres
     once, note = distinct(points), "; ".join(filter(None, (raw.note, missing, degrees)))
     return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once), note, raw.up, raw.up_reason,
                 raw.up_certain, raw.upward, raw.seen_from)

@@ -37,7 +37,7 @@ _FAMILIES = (
     lambda name: "z" if name in _DEPTHS else None,
 )
 """Ways to call an axis, the plainest first: of two columns for an axis, the one with the plainer name is it."""
-_DEGREES, _DEPTH = 3, 5
+_MAP, _DEGREES, _HEIGHT, _DEPTH = 2, 3, 4, 5
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,8 @@ class AxisColumns:
     """x and y are longitude and latitude."""
     depth: bool = False
     """z counts from the water's surface down."""
+    heights: bool = False
+    """z is a height, by its own name or because x and y are a map's."""
 
 
 def axis_columns(names: Sequence[str]) -> AxisColumns | None:
@@ -67,7 +69,8 @@ def axis_columns(names: Sequence[str]) -> AxisColumns | None:
     if any(len(places) != 1 for places in columns):
         return None
     x, y, z = (places[0] for places in columns)
-    return AxisColumns((x, y, z), across == _DEGREES, upward == _DEPTH)
+    heights = across in (_MAP, _DEGREES) or upward in (_HEIGHT, _DEPTH)
+    return AxisColumns((x, y, z), across == _DEGREES, upward == _DEPTH, heights)
 
 
 def _places(names: Sequence[str], family: int, axis: int) -> list[int]:

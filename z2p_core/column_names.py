@@ -47,6 +47,11 @@ def told_depth(line: str) -> bool:
     return any(columns is not None and columns.depth for columns in _columns(line))
 
 
+def told_heights(line: str) -> bool:
+    """Whether a line that names columns says that z points up: it is a height, or x and y are places on a map."""
+    return any(columns is not None and columns.heights for columns in _columns(line))
+
+
 def without_comment(line: str) -> str:
     """The line without what ``#`` begins, unless only with it it names columns, as ``Point #,x,y,z``."""
     told = line.split("#", 1)[0]

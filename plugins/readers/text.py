@@ -58,7 +58,8 @@ class Text(Reader):
         blocks = content(path)
         first: list[str] = next(blocks, [])
         if is_raster(first):
-            return [RawCloud(raster_points(first, blocks), note="an ESRI grid, a point a cell")]
+            return [RawCloud(raster_points(first, blocks), note="an ESRI grid, a point a cell", up="+Z",
+                             up_reason="its numbers are heights")]
         head = head_of(first, path.suffix.lower(), self.columns is not None)
         rows = first[head.lines :] or next(blocks, [])
         if not rows:
@@ -127,6 +128,8 @@ def _named(found: _Rows, form: Form, head: Head, path: Path) -> RawCloud:
     if head.colmap:
         posed: RawCloud = late("z2p_renderer.plugins.readers.colmap").posed(points, path, _joined(*told))
         return posed
+    if head.heights:
+        return RawCloud(points, note=_joined(*told), up="+Z", up_reason="z is a height by its columns' names")
     return RawCloud(points, note=_joined(*told))
 
 

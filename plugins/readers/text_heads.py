@@ -15,6 +15,7 @@ from z2p_core.column_names import (
     is_units,
     told_degrees,
     told_depth,
+    told_heights,
 )
 
 _ELEMENT = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
@@ -47,6 +48,11 @@ class Head:
     def degrees(self) -> bool:
         """Whether x and y are longitude and latitude by their names."""
         return told_degrees(self.title)
+
+    @property
+    def heights(self) -> bool:
+        """Whether z points up by the columns' names."""
+        return told_heights(self.title)
 
     @property
     def depth(self) -> bool:

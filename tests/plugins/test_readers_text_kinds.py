@@ -117,6 +117,7 @@ def test_degrees_by_name_are_laid_out_in_metres(tmp_path: Path, head: str) -> No
     assert np.ptp(cloud.points, axis=0) == pytest.approx([11 * 111.32 * 0.5, 9 * 111.32, np.ptp(rows[:, 2])], rel=1e-3)
     assert np.array_equal(cloud.points[:, 2], rows[:, 2])
     assert (cloud.points[11, 0] > cloud.points[0, 0]) and (cloud.points[-1, 1] > cloud.points[0, 1])
+    assert (cloud.up, cloud.up_certain) == ("+Z", True)
     assert "laid out in metres" in cloud.note and "pyproj" in cloud.note
 
 
@@ -126,6 +127,7 @@ def test_soundings_count_down(tmp_path: Path, head: str) -> None:
     separator = ";" if ";" in head else ","
     cloud = given(tmp_path / "a.csv", f"{head}\n{lines(rows, separator)}")
     assert np.array_equal(cloud.points[:, 2], -rows[:, 2]) and "z = -depth" in cloud.note
+    assert cloud.up == "+Z"
     below = given(tmp_path / "a.csv", f"{head}\n{lines(rows * [1, 1, -1], separator)}")
     assert np.array_equal(below.points[:, 2], -rows[:, 2]) and "heights" in below.note
     both = given(tmp_path / "a.csv", f"{head}{separator}z\n{lines(np.column_stack([rows, XYZ[:, 2]]), separator)}")
@@ -171,7 +173,7 @@ def test_degrees_beside_metres_are_told_in_the_files_line(tmp_path: Path) -> Non
     path = tmp_path / "a.xyz"
     path.write_text(lines(ground(), " "))
     (scan,) = read_clouds(path)
-    assert "x and y look like degrees (7..7.011, 60..60.009)" in scan.note
+    assert "x and y look like degrees (7..7.011, 60..60.009)" in scan.note and scan.up == "+Z"
     sizes = [11 * 111.32 * 0.5, 9 * 111.32, np.ptp(ground()[:, 2])]
     assert np.ptp(scan.points, axis=0) == pytest.approx(sizes, rel=0.01)
 
