@@ -91,9 +91,10 @@ def _other(value: Any, rng: np.random.Generator) -> Any:
     if isinstance(value, bool) or value is None:
         return odd(rng)
     if isinstance(value, int | float):
+        if not abs(value) < 1e100:  # float() would fail
+            return -value
         return [-value, value + 1, value - 1, value * 1000, value / 1000, float(value), str(value), [value],
-        value * 1e200
-                if math.isfinite(value) and abs(value) < 1e100 else 0][rng.integers(9)]  # fmt: skip
+                value * 1e200][rng.integers(9)]  # fmt: skip
     if isinstance(value, str):
         return [value + "x", value[:-1], value.upper(), value * 50, [value], {value: value}, len(value)][
             rng.integers(7)
