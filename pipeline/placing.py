@@ -12,6 +12,7 @@ from z2p_core.dropouts import dropouts
 from z2p_core.foreground import depths, subject, support, upright
 from z2p_core.framing import Up
 from z2p_core.interfaces import ScanError, Sensor
+from z2p_core.lone_points import clip_lone
 from z2p_core.smoothing import patch_radius, smoothed
 from z2p_core.strays import clip_below, clip_far, clip_outliers
 from z2p_core.thinning import with_fixed_start
@@ -136,7 +137,8 @@ def _without_strays(points: np.ndarray) -> tuple[np.ndarray, int]:
     if far:
         points = points[near]
         points = points[clip_outliers(points)]
-    return points, far
+    near = clip_lone(points)
+    return points[near] if not near.all() else points, far
 
 
 def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:

@@ -166,7 +166,7 @@ def room(rng: Rng) -> list[Part]:
     walls = [(np.array([[[x * wide / 2, y * long / 2, z] for z in (0, high)] for y in (-1, 1)])) for x in (-1, 1)]
     walls += [(np.array([[[x * wide / 2, y * long / 2, z] for z in (0, high)] for x in (-1, 1)])) for y in (-1, 1)]
     parts += [patch(walls[index]) for index in rng.permutation(4)[: rng.integers(1, 5)]]
-    if rng.random() < 0.2:
+    if rng.random() < 0.5:
         parts.append((parts[0][0] + (0, 0, high), parts[0][1]))
     for _ in range(int(rng.integers(3, 8))):
         build = (chair, table, shelf, lamp, bed, sofa, plant, person)[rng.integers(8)]
@@ -214,13 +214,27 @@ def post(rng: Rng) -> list[Part]:
     parts = bar((0, 0, 0), (0, 0, tall), thick)
     kind, rise = rng.integers(4), rng.choice([0.0, rng.uniform(-0.1, 0.3)])
     for x in (-1, 1) if kind == 1 else (1,):
-        if kind < 2:
+        if kind < 2 and rng.random() < 0.4:
+            parts += box((arm, rng.uniform(0.5, 3) * thick, 0.001), (x * arm / 2, 0, tall))
+        elif kind < 2:
             parts += bar((0, 0, tall), (x * arm, 0, tall + rise), rng.uniform(0.05, 0.7) * thick)
         if kind == 0 and rng.random() < 0.6:
             parts += box((0.4, 0.15, 0.1), (x * arm, 0, tall + 0.1))
     if kind == 2:
         parts += box((0.5 * arm + 0.2, 0.03, 0.5 * arm + 0.2), (0, 0.05, tall - 0.3))
     return parts + (egg((0, 0, tall + 0.1), 0.2, 0.2, 0.25) if kind == 3 else [])
+
+
+def flat(rng: Rng) -> list[Part]:
+    """What lies: a board, a book, a dish, a phone, a cake."""
+    wide, deep = rng.uniform(0.3, 1), rng.uniform(0.3, 1)
+    high = min(wide, deep) * rng.uniform(0.02, 0.5)
+    kind = rng.integers(3)
+    if kind == 0:
+        return box((wide, deep, high), (0, 0, high / 2))
+    top = wide / 2 * rng.uniform(0.8, 1.2)
+    round_one = lathe([(0, 0), (wide / 2, 0), (top, high), (0, high if kind == 1 else 0.1 * high)])
+    return [(places * (1, rng.uniform(0.6, 1), 1), faces) for places, faces in round_one]
 
 
 def still_life(rng: Rng) -> list[Part]:
@@ -263,7 +277,7 @@ def tower(rng: Rng) -> list[Part]:
 KINDS: dict[str, Callable[[Rng], list[Part]]] = {
     **{kind: build for kind, build in THINGS.items() if kind != "pipes"},
     "person": person, "beast": beast, "bird": bird, "bust": bust, "tree": tree, "house": house, "bed": bed,
-    "sofa": sofa, "monitor": monitor, "room": room, "street": street, "land": land, "post": post,
+    "sofa": sofa, "monitor": monitor, "room": room, "street": street, "land": land, "post": post, "flat": flat,
     "still_life": still_life, "garden_chair": garden_chair, "tower": tower,
 }  # fmt: skip
 """Kind -> what builds one. Pipes have no upright."""

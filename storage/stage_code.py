@@ -99,7 +99,8 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "scans": (
         "workflows.report_stages:Scans", "pipeline.paper.scans", "pipeline.paper.measure", "z2p_core.metrics",
         "pipeline.dots", "pipeline.placing", "pipeline.few_points", "pipeline.stance", "pipeline.viewing",
-        "z2p_core.lone_points", "z2p_core.thinning", "z2p_core.up_axis", "z2p_core.upright", "z2p_core.upright_weights", "pipeline.hints",
+        "z2p_core.lone_points", "z2p_core.thinning", "z2p_core.up_axis", "z2p_core.upright",
+        "z2p_core.upright_weights", "pipeline.hints",
         "storage.clouds", "storage.repeats", "storage.incoming",
         "storage.apart", "storage.finding", "storage.foreign", "storage.quiet", "storage.readers",
         "z2p_core.axis_names", "z2p_core.column_names", "z2p_core.dropouts", "z2p_core.framing", "z2p_core.foreground",

@@ -7,6 +7,8 @@ import numpy as np
 ODD = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
 CHUNK = 1 << 14
 """Points whose numbers are mixed at a time, in the processor's cache."""
+MANY, AHEAD = 12, 4.0
+"""Of clouds with so many times more points than wanted, so many times more than wanted are chosen first."""
 ROOM = 6.0
 """Standard deviations by which more points than wanted are looked at, so that hardly ever too few are found."""
 
@@ -16,6 +18,9 @@ def even_share(points: np.ndarray, most: int) -> np.ndarray:
 
     Both depend on the points' coordinates alone: a shuffled file gives the same share, number by number.
     """
+    if len(points) > MANY * most:
+        some = points[_crude(points) < np.uint64(AHEAD * most / len(points) * 2.0**64)]
+        points = some if len(some) > most else points
     keys = _mixed(points)
     if len(points) > most:
         share = (most + ROOM * most**0.5) / len(points)
@@ -35,6 +40,15 @@ def with_fixed_start(points: np.ndarray) -> np.ndarray:
     rows = np.flatnonzero(points[:, 0] == points[:, 0].min())
     least = rows[np.lexsort(points[rows].T[::-1])[0]]
     return np.concatenate([points[least : least + 1], points])
+
+
+def _crude(points: np.ndarray) -> np.ndarray:
+    """A number (N,) uint64 for each of points (N, 3), in a third of the time, and good enough to choose many by."""
+    keys = np.empty(len(points), np.uint64)
+    for start in range(0, len(points), CHUNK):
+        bits = (np.ascontiguousarray(points[start : start + CHUNK].T, np.float64) + 0.0).view(np.uint64)
+        keys[start : start + CHUNK] = bits[0] * ODD[0] + bits[1] * ODD[1] + bits[2] * ODD[2]
+    return keys
 
 
 def _mixed(points: np.ndarray) -> np.ndarray:

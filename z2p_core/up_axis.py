@@ -13,9 +13,9 @@ from z2p_core.upright_weights import scores
 
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 
-_SINGLE = {"+Z": 0.42, "+Y": 0.32, "-Y": 0.16, "-Z": 0.04, "+X": 0.03, "-X": 0.03}
-_GRAPHICS = {"+Z": 0.19, "+Y": 0.69, "-Y": 0.06, "-Z": 0.02, "+X": 0.02, "-X": 0.02}
-_SCANNED = {"+Z": 0.52, "+Y": 0.26, "-Y": 0.12, "-Z": 0.04, "+X": 0.03, "-X": 0.03}
+_SINGLE = {"+Z": 0.45, "+Y": 0.33, "-Y": 0.165, "-Z": 0.015, "+X": 0.02, "-X": 0.02}
+_GRAPHICS = {"+Z": 0.19, "+Y": 0.71, "-Y": 0.06, "-Z": 0.01, "+X": 0.015, "-X": 0.015}
+_SCANNED = {"+Z": 0.545, "+Y": 0.27, "-Y": 0.13, "-Z": 0.015, "+X": 0.02, "-X": 0.02}
 USUAL: Mapping[str, Mapping[str, float]] = {
     ".ply": _SINGLE, ".off": _SCANNED, ".stl": _SCANNED, ".obj": _GRAPHICS, ".pcd": _SCANNED,
 }  # fmt: skip

@@ -36,7 +36,7 @@ def test_a_depth_cameras_file_is_seen_from_its_sensor(render: Callable[..., Resu
     found = stance(result)
     assert (found["up"], found["view_reason"]) == ("-Y", "from the sensor")
     assert 10 < found["elevation"] < 25
-    assert "up -Y: as its depth camera stood; azimuth 0, elevation " in result.stderr
+    assert "up -Y: as its depth camera stood; azimuth 0 from the file's front, elevation " in result.stderr
 
 
 def test_the_users_elevation_and_the_weights_own_win(
@@ -69,7 +69,7 @@ def test_strays_are_told(render: Callable[..., Result], tmp_path: Path, cloud: n
     np.save(tmp_path / "stray.npy", np.vstack([cloud, [[90.0, 0, 0]], [[0, 99.0, 0]]]))
     result = render(tmp_path / "stray.npy", "--json")
     assert stance(result)["outliers"] == 2
-    assert "; 2 stray points left out of the frame)" in result.stderr
+    assert "; 2 stray points left out of the frame" in result.stderr
     clipped = Image.open(tmp_path / "out" / "stray.png").tobytes()
     kept = render(tmp_path / "stray.npy", "--json", "--keep-outliers", "--overwrite")
     assert stance(kept)["outliers"] == 0
