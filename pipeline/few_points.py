@@ -21,7 +21,8 @@ def as_balls(points: np.ndarray) -> np.ndarray:
     away = np.linalg.norm(points[:, None] - points, axis=2)
     reach = bounding_sphere(points).radius
     nearest = np.where(away > 0, away, np.inf).min(1)
-    radius = max(SMALLEST * reach, min(LARGEST * reach, APART * float(np.quantile(nearest, 0.25))))
+    usual = float(np.quantile(nearest, 0.25, method="lower"))  # infinite where squares of distances are too small
+    radius = max(SMALLEST * reach, min(LARGEST * reach, APART * usual))
     return (points[:, None] + radius * _ball()).reshape(-1, 3)
 
 

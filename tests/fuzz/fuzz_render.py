@@ -18,8 +18,8 @@ from z2p_renderer.storage.checkpoints import WeightsError
 CASE = "case.pickle"
 WARNINGS = (RenderWarning,)
 """Kinds of warnings that are part of the answer."""
-FAINTEST = 24
-"""Alpha out of 255 that may lie on the picture's border: a shadow that fades out."""
+FAINTEST, SEEN = 24, 40
+"""Alpha out of 255 that may lie on the border, a shadow that fades out, and above which a thing shows."""
 GOOD: dict[str, tuple[Any, ...]] = {
     "up": (None, "auto", "+Z", "-Y", "+Y", "x"), "view": ("auto", "front", "sensor", (30, 20), (-400.5, 0), 45.0),
     "azimuth": (0, 90, -720.5, np.float32(3)), "color": ("red", "#fff", (0.1, 0.2, 0.3), np.array([1, 0, 0]), "tomato"),
@@ -74,7 +74,8 @@ def _check_picture(picture: Any, settings: dict[str, Any]) -> None:
     if settings.get("background") is not None:
         return
     alpha = array[..., 3]
-    assert alpha.max() > 100, f"nothing is to be seen: alpha is {alpha.max()} at most"
+    faintest = 0 if settings.get("keep_outliers") else SEEN  # a stray may leave the object a speck
+    assert alpha.max() > faintest, f"nothing is to be seen: alpha is {alpha.max()} at most"
     roomy = settings.get("margin") is None and not settings.get("keep_outliers") and "camera" not in settings
     if settings.get("fit", "frame") == "frame" and roomy:
         border = max(alpha[0].max(), alpha[-1].max(), alpha[:, 0].max(), alpha[:, -1].max())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.interfaces import Sensor
+from z2p_core.interfaces import ScanError, Sensor
 from z2p_renderer.pipeline.few_points import FEWER, ON_BALL, as_balls
 from z2p_renderer.pipeline.placing import Placing, place
 from z2p_renderer.storage.clouds import Scan
@@ -43,3 +43,10 @@ def test_all_of_it_lies_in_the_frame_and_it_is_told(name: str) -> None:
 def test_more_points_are_a_surface() -> None:
     points = RNG.normal(size=(FEWER, 3))
     assert len(place(Scan(points, 0, ""), ".pcd", Placing()).cloud) == FEWER
+
+
+@pytest.mark.filterwarnings("error")
+def test_points_too_near_each_other_for_floats_are_refused_without_a_warning() -> None:
+    for size in (1e-200, 1e-321):
+        with pytest.raises(ScanError, match="span a finite volume"):
+            place(Scan(size * RNG.normal(size=(20, 3)), 0, ""), ".pcd", Placing())
