@@ -153,7 +153,7 @@ def _told_no_scan(head: bytes, path: Path, suffix: str) -> str:
         return "is a web page (HTML), not a scan: the download has failed or wants a login; download it again"
     if re.match(rb"(<\?xml[^>]*>\s*)?<error>", start):
         return "is a server's error message (XML), not a scan; download it again"
-    if head.startswith(b"\x1f\x8b") and suffix not in (".gz", ".spz", ".tgz", ".nii"):
+    if head.startswith(b"\x1f\x8b") and path.suffix.lower() not in (".gz", ".spz", ".tgz"):
         try:
             inside = zlib.decompressobj(31).decompress(head, 4)
         except zlib.error:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.random import default_rng
+from vtk_files import legacy
 
 from z2p_core import registry
 from z2p_core.interfaces import Reader, TrainedNetwork
@@ -103,6 +104,7 @@ EXAMPLES: dict[str, tuple[str, Callable[[Path], object], bytes]] = {
     "h5": (".h5", write_h5, b"\x89HDF\r\n\x1a\n" + bytes(60)),
     "ptx": (".ptx", write_ptx, b"five columns\nand one row\n"),
     "sweeps": (".bin", write_sweep, bytes(range(1, 18))),
+    "vtk": (".vtk", lambda path: path.write_bytes(legacy(CLOUD, binary=True)), b"# vtk DataFile Version 3.0\n"),
     "meshes": (".stl", write_stl, bytes(80) + b"\xff\xff\xff\x7f" + bytes(50)),
 }
 """Reader -> suffix, what writes an example, and the bytes of a file it must refuse."""
