@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from PIL import Image
 
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.tangents import MOST_POINTS, typical_spacing
@@ -42,6 +41,8 @@ def enlarged(picture: np.ndarray, width: int, height: int) -> np.ndarray:
     its range."""
     if picture.shape[1:] == (height, width):
         return picture
+    from PIL import Image  # late: few pictures are enlarged
+
     out = np.empty((len(picture), height, width), np.float32)
 
     def resize(begin: int, end: int) -> None:

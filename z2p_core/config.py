@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -214,6 +213,8 @@ def toml_tables(text: str, source: str) -> dict[str, Any]:
     Raises:
         ConfigError: not TOML, numbers of thousands of digits, or tables nested as no config is.
     """
+    import tomllib  # late: pictures need none
+
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # TOML's own error is a ValueError

@@ -139,8 +139,6 @@ class _Loop:
 
     def write(self, renderer: Renderer, quiet: bool) -> str:
         """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
-        from tqdm import tqdm
-
         from z2p_core.interfaces import ScanError
         from z2p_renderer.pipeline.drawing import record
         from z2p_renderer.pipeline.motion import moving_frames, opening
@@ -153,7 +151,11 @@ class _Loop:
         [cloud], silent = clouds, quiet or not sys.stderr.isatty()
         first = opening(renderer, cloud, suffix, self.look)
         frames = moving_frames(first, cloud, suffix, self.look, self.motion)
-        drawn = list(tqdm(frames, total=self.motion.frames, unit="frame", disable=silent, file=sys.stderr, leave=False))
+        if not silent:
+            from tqdm import tqdm
+
+            frames = tqdm(frames, total=self.motion.frames, unit="frame", file=sys.stderr, leave=False)
+        drawn = list(frames)
         made_by = {**record(first, self.look, self.source), "motion": self.moves}
         write_animation(drawn, self.task.output, self.rate, self.look.background, made_by)
         read = told_read(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -40,34 +41,38 @@ def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict
 
 
 class Progress:
-    """Bar on stderr, hidden off a terminal: files done, and pictures drawn, for one file may hold thousands."""
+    """Bar on stderr, none off a terminal: files done, and pictures drawn, for one file may hold thousands."""
 
-    def __init__(self, bar: Any) -> None:
-        self.bar, self.pictures, self.shown = bar, 0, not bar.disable
+    def __init__(self, bar: Any = None) -> None:
+        self.bar, self.pictures = bar, 0
 
     def drawn(self, picture: Path) -> None:
         """Counts one more picture."""
         self.pictures += 1
+        if self.bar is None:
+            return
         self.bar.set_postfix_str(f"{self.pictures} pictures", refresh=False)
         self.bar.update(0)
 
 
 def progress(files: int, quiet: bool) -> Progress:
     """The bar for a run of so many files."""
-    from tqdm import tqdm
+    if quiet or not sys.stderr.isatty():
+        return Progress()
+    from tqdm import tqdm  # late: it takes as long as a file's reading
 
-    return Progress(tqdm(total=files, unit="file", disable=quiet or not sys.stderr.isatty(), file=sys.stderr))
+    return Progress(tqdm(total=files, unit="file", file=sys.stderr))
 
 
 def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> Iterator[Outcome]:
     """The outcomes, each told on stderr as it passes, above the bar on a terminal: up and view are guessed aloud."""
-    with progress.bar as bar:
+    with nullcontext() if progress.bar is None else progress.bar as bar:
         for outcome in outcomes:
-            if progress.shown:
+            if bar is not None:
                 bar.write(_told(outcome), file=sys.stderr)
+                bar.update()
             elif outcome.status == "failed" or not quiet:
                 click.echo(_told(outcome), err=True)
-            bar.update()
             yield outcome
 
 
