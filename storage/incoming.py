@@ -29,12 +29,15 @@ from z2p_core.column_names import (
 from z2p_core.float_rows import SAMPLE, fitting_forms
 from z2p_core.interfaces import ScanError
 from z2p_core.lidar_rows import WITH_RING, could_be_measured
+from z2p_core.other_arrays import told_pose_array
 from z2p_core.pose_rows import name_poses, told_poses
+from z2p_renderer.storage.quiet import quiet
 
 STDIN_STEM = "stdin"
 MAGIC = (
     (b"ply", ".ply"), (b"# .PCD", ".pcd"), (b"VERSION", ".pcd"), (b"\x93NUMPY", ".npy"), (b"PK\x03\x04", ".npz"),
     (b"LASF", ".las"), (b"ASTM-E57", ".e57"), (b"glTF", ".glb"), (b"# vtk DataFile", ".vtk"),
+    (b"\x89HDF\r\n\x1a\n", ".h5"),
 )  # fmt: skip
 """First bytes -> suffix."""
 _OFF = re.compile(r"(ST)?C?N?4?n?OFF(?![A-Za-z])")
@@ -46,6 +49,8 @@ PREFIX = "z2p-stdin-"
 _STEP = 1 << 20
 _PACKED, _PACKED_TIMES = (".laz", ".npz", ".e57"), 8
 """Suffixes of files that may be packed, and how many times as large they may be then."""
+_LARGEST_POSES = 1 << 20
+"""Bytes of a file of poses at the most, which is some thousands of them."""
 _HEAD = 4096
 """Bytes at the head of a text that tell what it is."""
 _SWEEP_ROWS = 1000
@@ -122,9 +127,11 @@ def suffix_of(head: bytes, size: int) -> str:
 def is_prose(path: Path, named: bool = False) -> bool:
     """Whether a .txt or .csv file begins with neither three numbers nor the names x, y and z: a note, not a scan.
 
-    So do lists of poses and matrices of cameras count, which data sets keep beside their scans. Where the user has
-    `named` its columns, one line may stand before the numbers, and words beside them.
+    So do lists of poses and matrices of cameras count, which data sets keep beside their scans, in .npy too. Where
+    the user has `named` its columns, one line may stand before the numbers, and words beside them.
     """
+    if path.suffix.lower() == ".npy":
+        return _is_pose_array(path)
     if path.suffix.lower() not in (".txt", ".csv") or not path.is_file():  # opening a pipe would wait for ever
         return False
     try:
@@ -144,6 +151,18 @@ def is_prose(path: Path, named: bool = False) -> bool:
     if numbers < 3 or (numbers < len(words) and not named):
         return True
     return not named and _holds_poses(rows[: -1 if len(head) == _HEAD else None])
+
+
+def _is_pose_array(path: Path) -> bool:
+    """Whether a .npy file, not too large for it, holds matrices of cameras."""
+    try:
+        if not path.is_file() or path.stat().st_size > _LARGEST_POSES:
+            return False
+        with quiet():
+            array = np.load(path, allow_pickle=False)
+        return array.dtype.kind == "f" and array.ndim in (2, 3) and bool(told_pose_array(array))
+    except Exception:  # numpy raises whatever its parsing stumbles over, and the reader says what is wrong
+        return False
 
 
 def _holds_poses(rows: list[str]) -> bool:

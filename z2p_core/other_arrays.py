@@ -19,13 +19,18 @@ def refuse_other_arrays(array: np.ndarray) -> None:
     Raises:
         ScanError: they are matrices of cameras or a list of poses, a depth map, a grid of heights or a colour picture.
     """
-    if told := told_poses(_rows_of_poses(array)):
+    if told := told_pose_array(array):
         raise ScanError(f"numbers {array.shape} are no points but {told}; give points (N, 3)")
     if array.ndim == 2 and is_grid(array):
         raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; {HOW_TO}")
     if array.ndim == 3 and is_picture(array):
         raise ScanError(f"numbers {array.shape} look like a colour picture, not like points; give the x y z of its "
                         "pixels instead")
+
+
+def told_pose_array(array: np.ndarray) -> str:
+    """What numbers are, if poses or matrices of cameras, one or many; empty if they are none."""
+    return told_poses(_rows_of_poses(array))
 
 
 def _rows_of_poses(array: np.ndarray) -> np.ndarray:

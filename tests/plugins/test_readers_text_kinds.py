@@ -189,9 +189,12 @@ def test_poses_in_a_folder_are_passed_over(tmp_path: Path) -> None:
     (tmp_path / "K.csv").write_text("525,0,320\n0,525,240\n0,0,1\n")
     (tmp_path / "R.txt").write_text("1 0 0\n0 0 -1\n0 1 0\n")
     (tmp_path / "named.csv").write_text("stamp,x,y,z,qx,qy,qz,qw\n1,2,3,4,0,0,0,1\n2,3,3,4,0,0,0,1\n")
+    np.save(tmp_path / "poses.npy", np.array([[*turn, 0, 0, 0, 1]] * 9, dtype=float).reshape(9, 4, 4))
+    np.save(tmp_path / "scan.npy", XYZ)
     over: list[Path] = []
-    assert find_scans([str(tmp_path)], False, over.append) == [scan]
-    assert {path.name for path in over} == {"kitti.txt", "tum.txt", "pose.txt", "K.csv", "R.txt", "named.csv"}
+    assert find_scans([str(tmp_path)], False, over.append) == [tmp_path / "scan.npy", scan]
+    assert {path.name for path in over} == {"kitti.txt", "tum.txt", "pose.txt", "K.csv", "R.txt", "named.csv",
+                                          "poses.npy"}
     for name in ("tum.txt", "named.csv"):
         with pytest.raises(ScanError, match="list of poses"):
             read_clouds(tmp_path / name)
