@@ -15,6 +15,7 @@ from PIL import Image
 from z2p_core import __version__
 from z2p_renderer.storage.names import printable
 from z2p_renderer.storage.pictures import PictureError, read_record
+from z2p_renderer.storage.quiet import quiet
 from z2p_renderer.storage.whole import write_whole
 
 SIDES = ((200, 512), (1000, 320), (4000, 224))
@@ -57,22 +58,24 @@ def check_place(path: Path) -> None:
 
 
 def _card(picture: Path, folder: Path, side: int) -> dict[str, Any]:
-    """What the page shows of one picture."""
+    """What the page shows of one picture; of one that cannot be read, that it cannot."""
     try:
         record = read_record(picture)
     except PictureError:  # a picture from elsewhere is shown without settings
         record = {}
     beside = os.path.relpath(picture, folder)
-    color = record.get("controls", {}).get("color")
-    settings = _settings(record)
+    settings, image = _settings(record), _embedded(picture, side)
+    if not image:
+        settings = [("file", "cannot be read as a picture"), *settings]
+    color = record.get("controls", {}).get("color", ())
+    shown = len(color) == 3 and all(0 <= channel <= 1 for channel in color)
     text = " ".join([_text(beside), *(f"{key} {value}" for key, value in settings)]).lower()
-    swatch = "" if not color else "#" + "".join(f"{round(255 * channel):02x}" for channel in color)
     return {
         "name": _text(Path(beside).with_suffix("").as_posix()),
         "href": quote(Path(beside).as_posix().encode(errors="surrogateescape")),
-        "image": _embedded(picture, side),
+        "image": image,
         "settings": settings,
-        "swatch": swatch,
+        "swatch": "#" + "".join(f"{round(255 * channel):02x}" for channel in color) if shown else "",
         "text": text,
     }
 
@@ -85,8 +88,8 @@ def _settings(record: dict[str, Any]) -> list[tuple[str, str]]:
     rows = [("scan", _text(str(record.get("input", {}).get("name") or "an array")))]
     rows += [(name, ", ".join(f"{number:g}" for number in (round(x, 3) for x in value)))
              for name, value in controls.items()]  # fmt: skip
-    rows += [("up", f"{stance.get('up', '')}: {stance.get('up_reason', '')}"),
-             ("view", f"azimuth {stance.get('azimuth', 0):.0f}, {stance.get('view_reason', '')}")]  # fmt: skip
+    rows += [("up", _text(f"{stance.get('up', '')}: {stance.get('up_reason', '')}")),
+             ("view", f"azimuth {stance.get('azimuth') or 0:.0f}, {stance.get('view_reason', '')}")]  # fmt: skip
     if stance.get("outliers"):
         rows.append(("left out", f"strays: {stance['outliers']}"))
     rows += placed_rows(record)
@@ -110,16 +113,22 @@ def placed_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def _embedded(picture: Path, side: int) -> str:
-    """A data URI of the picture, made smaller; WebP, which every browser of today reads."""
-    with Image.open(picture) as image:
-        animated = getattr(image, "is_animated", False)
-        small = image.convert("RGBA") if not animated else None
-    if small is None:  # moving pictures go in as they are
-        kind = {".gif": "gif", ".webp": "webp"}.get(picture.suffix.lower(), "png")
-        return f"data:image/{kind};base64,{base64.b64encode(picture.read_bytes()).decode()}"
-    small.thumbnail((side, side), Image.Resampling.LANCZOS)
-    encoded = io.BytesIO()
-    small.save(encoded, format="WEBP", quality=82, method=2)  # alpha in full: fewer steps make contours in the shadow
+    """A data URI of the picture, made smaller; WebP, which every browser of today reads. Empty where it is none."""
+    try:
+        if not picture.is_file():  # a pipe would be waited for
+            return ""
+        with quiet(), Image.open(picture) as image:
+            animated = getattr(image, "is_animated", False)
+            small = image.convert("RGBA") if not animated else None
+        if small is None:  # moving pictures go in as they are
+            kind = {".gif": "gif", ".webp": "webp"}.get(picture.suffix.lower(), "png")
+            return f"data:image/{kind};base64,{base64.b64encode(picture.read_bytes()).decode()}"
+        small.thumbnail((side, side), Image.Resampling.LANCZOS)
+        encoded = io.BytesIO()
+        # alpha in full: fewer steps make contours in the shadow
+        small.save(encoded, format="WEBP", quality=82, method=2)
+    except Exception:  # pillow raises whatever a damaged file makes it stumble over, and no file may stop the others
+        return ""
     return f"data:image/webp;base64,{base64.b64encode(encoded.getvalue()).decode()}"
 
 

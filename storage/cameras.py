@@ -9,9 +9,10 @@ from pathlib import Path
 
 from z2p_core.interfaces import SettingError
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
+from z2p_renderer.storage.json_text import JsonError, read_json
 from z2p_renderer.storage.names import printable
 from z2p_renderer.storage.pictures import FORMATS, PictureError, read_record
-from z2p_renderer.storage.whole import write_whole
+from z2p_renderer.storage.whole import kind_of, write_whole
 
 MOST_BYTES = 1 << 16
 """A camera file has fewer; what is larger is not read to find out."""
@@ -49,15 +50,31 @@ def read_camera(path: Path) -> Viewpoint:
     """
     try:
         picture = path.suffix.lower() in (*FORMATS, ".gif")
-        data = read_record(path)["camera"] if picture else json.loads(path.read_text("utf-8"))
+        data = read_record(path)["camera"] if picture else read_json(_camera_text(path), MOST_BYTES)
         return viewpoint_from_json(data)
     except OSError as error:
         reason = error.strerror or error
         raise SettingError(f"camera {printable(path)}: {reason}; write one with --save-camera") from error
-    except (KeyError, PictureError, SettingError) as error:
+    except KeyError:
+        raise SettingError(f"camera {printable(path)}: the picture's record holds none; write one with --save-camera"
+                           ) from None
+    except JsonError as error:
+        raise SettingError(f"camera {printable(path)}: {error}; write one with --save-camera") from error
+    except (PictureError, SettingError) as error:
         raise SettingError(f"camera {printable(path)}: {str(error).removeprefix(f'{printable(path)}: ')}") from error
-    except ValueError as error:  # neither UTF-8 nor JSON
-        raise SettingError(f"camera {printable(path)}: not JSON ({error}); write one with --save-camera") from error
+
+
+def _camera_text(path: Path) -> bytes:
+    """The first bytes of a file, enough to hold a camera; of one that is no file (a pipe, say), none are waited for.
+
+    Raises:
+        OSError: there is no such file.
+        SettingError: it is none.
+    """
+    if path.exists() and not path.is_file():
+        raise SettingError(f"expected a JSON file or a picture, got {kind_of(path)}")
+    with path.open("rb") as file:
+        return file.read(MOST_BYTES + 1)
 
 
 def _same(path: Path, other: Path) -> bool:
@@ -71,6 +88,6 @@ def _is_camera(path: Path) -> bool:
     try:
         if not path.is_file() or path.stat().st_size > MOST_BYTES:
             return False
-        return "z2p_camera" in json.loads(path.read_text("utf-8"))
+        return "z2p_camera" in read_json(path.read_bytes(), MOST_BYTES)
     except (OSError, ValueError, TypeError):
         return False

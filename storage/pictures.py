@@ -12,9 +12,12 @@ import numpy as np
 
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.one_line import UsersError
+from z2p_renderer.storage.json_text import JsonError, read_json
 from z2p_renderer.storage.names import printable
 from z2p_renderer.storage.png import png
-from z2p_renderer.storage.whole import write_whole
+from z2p_renderer.storage.quiet import quiet
+from z2p_renderer.storage.records import record_fault
+from z2p_renderer.storage.whole import kind_of, write_whole
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
 """Suffix -> format."""
@@ -82,17 +85,39 @@ def check_suffix(suffix: str) -> None:
         raise PictureError(f"expected a picture named {', '.join(FORMATS)}, got {suffix or 'no suffix'!r}")
 
 
-def read_record(path: Path) -> dict[str, Any]:
-    """The record inside a picture that z2p wrote.
+def read_record(path: Path, *, complete: bool = False) -> dict[str, Any]:
+    """The record inside a picture that z2p wrote; `complete` asks for all that it takes to draw it again.
 
     Raises:
-        PictureError: no picture, or one without a record; a picture editor may have dropped it.
+        PictureError: no picture, one without a record (a picture editor may have dropped it), or with a record that
+            cannot be one of z2p's.
     """
+    text = _record_text(path)
+    if text is None:
+        raise PictureError(f"{printable(path)}: holds no record of z2p; another program wrote it, or saved it again "
+                           "without its text")
+    try:
+        record = read_json(text)
+    except JsonError as error:
+        raise PictureError(f"{printable(path)}: its record cannot be read: {error}") from None
+    if fault := record_fault(record, complete=complete):
+        raise PictureError(f"{printable(path)}: its record cannot be used: {fault}; another program changed it, or "
+                           "another version of z2p wrote it")
+    return dict(record)
+
+
+def _record_text(path: Path) -> str | None:
+    """The text of the record, where there is one."""
     from PIL import Image
 
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise PictureError(f"{printable(path)}: expected a picture written by z2p, got {kind_of(path)}")
     try:
-        with Image.open(path) as image:
-            text = image.info.get(KEY) or image.getexif().get(DESCRIPTION)
+        with quiet(), Image.open(path) as image:
+            text = image.info.get(KEY)
+            if text is not None:
+                return str(text)
+            text = image.getexif().get(DESCRIPTION)
             if text is None and isinstance(comment := image.info.get("comment"), bytes):  # a GIF's
                 text = comment.decode(errors="replace")
             if text is None and hasattr(image, "tag_v2"):
@@ -101,15 +126,10 @@ def read_record(path: Path) -> dict[str, Any]:
         reason = error.strerror or "not a picture that can be read"
         raise PictureError(f"{printable(path)}: {reason}; expected a picture written by z2p") from error
     except Exception as error:  # pillow raises whatever a damaged file makes it stumble over
-        raise PictureError(f"{printable(path)}: cannot be read ({type(error).__name__}: {error})") from error
-    try:
-        record = json.loads(str(text).removeprefix(f"{KEY}: "))
-    except ValueError:
-        record = None
-    if not isinstance(record, dict) or "record" not in record:
-        raise PictureError(f"{printable(path)}: holds no record of z2p; another program wrote it, or saved it again "
-                           "without its text")
-    return record
+        reason = " ".join(str(error).split())[:200]
+        raise PictureError(f"{printable(path)}: cannot be read ({type(error).__name__}: {reason})") from error
+    ours = isinstance(text, str) and text.startswith(f"{KEY}: ")
+    return str(text).removeprefix(f"{KEY}: ") if ours else None
 
 
 def is_whole(path: Path) -> bool:
@@ -117,7 +137,7 @@ def is_whole(path: Path) -> bool:
     from PIL import Image
 
     try:
-        with Image.open(path) as image:
+        with quiet(), Image.open(path) as image:
             image.load()
     except Exception:  # pillow raises whatever a damaged file makes it stumble over
         return False

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-_FROM = r"(z2p_renderer\.plugins\.readers|numpy|laspy|trimesh|pypcd4|pye57|meshio|h5py)(\.|$)"
+_FROM = r"(z2p_renderer\.plugins\.readers|numpy|PIL|laspy|trimesh|pypcd4|pye57|meshio|h5py)(\.|$)"
 """Modules whose warnings are no word to the user. z2p's own RenderWarning comes from the caller's."""
 _lock, _reading = threading.Lock(), threading.local()
 _count = 0

@@ -47,3 +47,12 @@ def write_whole(content: bytes, path: Path, *, lasting: bool = False) -> Path:
     with whole(path, lasting=lasting) as temporary:
         temporary.write_bytes(content)
     return path
+
+
+def kind_of(path: Path) -> str:
+    """What lies at a path, in words, where it is no plain file."""
+    if path.is_dir():
+        return "a folder"
+    kinds = (("a pipe", path.is_fifo), ("a device", path.is_char_device), ("a disk's device", path.is_block_device),
+             ("a socket", path.is_socket))  # fmt: skip
+    return next((name for name, holds in kinds if holds()), "no file")

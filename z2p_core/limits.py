@@ -180,6 +180,18 @@ class Keys:
         return isinstance(value, Mapping)
 
 
+@dataclass(frozen=True)
+class Each:
+    """A JSON object of any keys, up to some, whose values are all within one limit."""
+
+    limit: Limit
+    most: int = 1000
+    expected: str = "an object"
+
+    def holds(self, value: Any) -> bool:
+        return isinstance(value, Mapping) and len(value) <= self.most
+
+
 def check(settings: Any, limits: Mapping[str, Limit | Fields], prefix: str = "") -> None:
     """Nothing, when every field of a dataclass is within its limit.
 
@@ -197,12 +209,15 @@ def check_value(value: Any, limit: Limit | Fields | Keys, key: str) -> None:
         LimitError: it is not; what is wrong is told with `key` before it.
     """
     if not limit.holds(value):
-        raise LimitError(f"{key}: expected {limit.expected}, got {told(value)}", limit)
+        raise LimitError(f"{key}: expected {limit.expected}, got {told(value)}".removeprefix(": "), limit)
     if isinstance(limit, Fields):
         check(value, limit.limits, f"{key}.")
     if isinstance(limit, Many):
         for index, item in enumerate(value):
             check_value(item, limit.limit, f"{key}[{index}]")
+    if isinstance(limit, Each):
+        for name, item in value.items():
+            check_value(item, limit.limit, f"{key}.{told(name).strip(chr(39))}")
     if isinstance(limit, Keys):
         _check_keys(value, limit, key)
 

@@ -17,6 +17,7 @@ import numpy as np
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
 from z2p_core.geometry import bounding_sphere
 from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.limits import told
 from z2p_core.turning import turned
 
 FORMAT = 1
@@ -91,13 +92,15 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
     Raises:
         SettingError: a number is missing or no number, the rotation is none, or it is for another camera.
     """
-    if not isinstance(data, Mapping) or data.get("z2p_camera") != FORMAT:
-        raise SettingError(f"camera: expected an object with z2p_camera {FORMAT}, got {str(data)[:60]!r}; "
+    if not isinstance(data, Mapping) or type(data.get("z2p_camera")) is not int or data["z2p_camera"] != FORMAT:
+        raise SettingError(f"camera: expected an object with z2p_camera {FORMAT}, got {told(data)}; "
                            "write one with --save-camera")
     centre, radius = _numbers(data, "centre", (3,)), float(_numbers(data, "radius", ()))
     rotation, elevation = _numbers(data, "rotation", (3, 3)), float(_numbers(data, "elevation", ()))
     if not SMALLEST < radius < LARGEST:
         raise SettingError(f"camera: expected a radius above 0, got {radius:g}")
+    if not -90 <= elevation <= 90:
+        raise SettingError(f"camera: expected an elevation from -90 to 90 degrees, got {elevation:g}")
     square = np.abs(rotation @ rotation.T - np.eye(3)).max() <= SQUARENESS and np.linalg.det(rotation) > 0
     if not square:
         raise SettingError("camera: expected a rotation matrix (rows of length 1 at right angles, no mirror), got "
@@ -113,12 +116,13 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
 
 
 def _numbers(data: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Finite float64 array of `shape` under a key."""
+    """Float64 array of `shape` under a key, each number up to `LARGEST`."""
     try:
-        array = np.array(data.get(key, np.nan), dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.shape != shape or not np.isfinite(array).all():
+        given = np.array(data.get(key))
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        given = np.empty(0)
+    numbers = given.dtype.kind in "iuf" and given.shape == shape  # no texts, booleans, or endless ones
+    if not numbers or not (np.abs(given.astype(np.float64)) < LARGEST).all():
         kind = "x".join(str(side) for side in shape) + " numbers" if shape else "a number"
-        raise SettingError(f"camera: expected {kind} as {key!r}, got {str(data.get(key))[:60]!r}")
-    return array
+        raise SettingError(f"camera: expected {kind} as {key!r}, got {told(data.get(key))}")
+    return given.astype(np.float64)
