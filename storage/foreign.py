@@ -91,7 +91,7 @@ _UNREAD: tuple[tuple[bytes, str], ...] = (
     (rb"Kaydara FBX|; FBX ", ".fbx"), (rb"ISO-10303-21", ".step"), (rb"(II\*\0|MM\0\*)", ".tif"),
 )  # fmt: skip
 """First bytes, as a pattern -> the suffix under which `CLOUDS` or `SCENES` has it."""
-_CLOUDCOMPARE = b"CCB"
+_CLOUDCOMPARE = re.compile(rb"CCB[0-9\0]")
 
 
 def is_unread_cloud(path: Path) -> bool:
@@ -132,7 +132,7 @@ def told_by_content(path: Path, suffix: str) -> str:
 def _told_head(head: bytes, path: Path, suffix: str) -> str:
     if told := _told_no_scan(head, path, suffix):
         return told
-    if suffix == ".bin" and head.startswith(_CLOUDCOMPARE):
+    if _CLOUDCOMPARE.match(head):
         return "is a CloudCompare project (CCB), which z2p does not read; open it there, and save it as PLY or LAS"
     for pattern, name, suffixes in _FORMATS:
         if re.match(pattern, head):

@@ -7,6 +7,7 @@ import numpy as np
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_core.ply_header import PlyElement, PlyHeader
 from z2p_core.spread import MOST_ROWS
+from z2p_renderer.plugins.readers.colours import NOTE
 
 UP, UP_REASON = "-Y", "usual for Gaussian splats"
 FAINT = 0.05
@@ -40,7 +41,7 @@ def of_splats(table: np.ndarray, total: int, note: str = "") -> RawCloud:
     opacity = table[:, 3]
     seen = opacity[np.isfinite(opacity)]
     alpha = opacity if len(seen) and seen.min() >= 0 and seen.max() <= 1 else _sigmoid(opacity)
-    return _shown(table[:, :3], alpha, table[:, 4:], total, note)
+    return _shown(table[:, :3], alpha, table[:, 4:], "colours (f_dc) ignored", total, note)
 
 
 def is_packed(header: PlyHeader) -> bool:
@@ -75,7 +76,7 @@ def of_packed(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
     sized = "packed_scale" in (vertex.dtype.names or ()) and set(_SCALE_BOUNDS) <= names
     scales = _between(vertex["packed_scale"], chunk[group], _SCALE_BOUNDS) if sized else np.empty((len(rows), 0))
     alpha = (vertex["packed_color"] & 255) / 255.0
-    return _shown(points, alpha, scales, int(header.element("vertex").count), note)  # type: ignore[union-attr]
+    return _shown(points, alpha, scales, NOTE, int(header.element("vertex").count), note)  # type: ignore[union-attr]
 
 
 def _between(packed: np.ndarray, chunk: np.ndarray, bounds: tuple[str, ...]) -> np.ndarray:
@@ -91,7 +92,9 @@ def _sigmoid(numbers: np.ndarray) -> np.ndarray:
         return np.asarray(1 / (1 + np.exp(-numbers.astype(np.float64))))
 
 
-def _shown(points: np.ndarray, alpha: np.ndarray, scales: np.ndarray, total: int, note: str) -> RawCloud:
+def _shown(
+    points: np.ndarray, alpha: np.ndarray, scales: np.ndarray, colours: str, total: int, note: str
+) -> RawCloud:
     """The cloud of those Gaussians that show a surface; all of them if hardly any does."""
     solid = alpha >= FAINT
     large = np.zeros(len(points), dtype=bool)
@@ -108,7 +111,7 @@ def _shown(points: np.ndarray, alpha: np.ndarray, scales: np.ndarray, total: int
     elif not kept.all():
         huge = f" and {int(large.sum())} huge ones" if large.any() else ""
         parts.append(f"{int((~solid).sum())} nearly transparent Gaussians (opacity below {FAINT:.0%}){huge} left out")
-    parts.append("colours (f_dc) ignored")
+    parts.append(colours)
     told = "; ".join(filter(None, parts))
     return RawCloud(points[kept].astype(np.float64), total=total if total > len(points) else None, note=told, up=UP,
                     up_reason=UP_REASON, up_certain=False)  # fmt: skip

@@ -10,7 +10,6 @@ import pytest
 
 from z2p_core import registry
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
-from z2p_renderer.storage import clouds
 from z2p_renderer.storage.clouds import find_scans, read_clouds, read_each, readable_suffixes, write_cloud
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gzip
 import os
-import os
 from pathlib import Path
 
 import numpy as np
@@ -71,7 +70,7 @@ def test_a_folder_passes_over_unread_clouds_and_tells_of_them_alone(tmp_path: Pa
 
 def test_a_folder_of_nothing_else_says_what_it_holds(tmp_path: Path) -> None:
     (tmp_path / "b.splat").write_bytes(b"?")
-    with pytest.raises(ScanError, match="holds no point cloud; .*; b.splat holds packed Gaussian splats.*SuperSplat"):
+    with pytest.raises(ScanError, match=r"holds no point cloud; .*; b.splat holds packed Gaussian splats.*SuperSplat"):
         find_scans([str(tmp_path)], False)
 
 
@@ -85,5 +84,5 @@ def test_a_pipe_and_a_name_that_no_file_has_are_refused_at_once(tmp_path: Path, 
 
 def test_a_pipe_of_an_unknown_kind_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.unknown")
-    with pytest.raises(ScanError, match="no reader for '.unknown'"):
+    with pytest.raises(ScanError, match=r"no reader for '\.unknown'"):
         read_clouds(tmp_path / "pipe.unknown")

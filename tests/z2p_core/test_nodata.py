@@ -7,7 +7,7 @@ import pytest
 
 from z2p_core.nodata import measured
 
-CLOUD = np.random.default_rng(1).normal(size=(200, 3)) + (448_000.0, 5_538_000.0, 300.0)
+CLOUD = np.random.default_rng(1).normal((448_000.0, 5_538_000.0, 300.0), 1.0, (200, 3))
 
 
 @pytest.mark.parametrize("mark", [-9999.0, -99999.0, 1e30, -1e38, 9999.0, -2147483648.0, -32768.0])

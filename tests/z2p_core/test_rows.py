@@ -38,7 +38,7 @@ def test_rows_are_walked_as_they_stand(order: str, seed: int) -> None:
     values, end = walk_rows(b"abc" + blob + b"more", 3, 7, properties, wanted)
     assert np.array_equal(values, expected) and end == 3 + len(blob)
     for cut in range(0, len(blob), 3):
-        with pytest.raises(ValueError, match="past the end|at least begin"):
+        with pytest.raises(ValueError, match=r"past the end|at least begin"):
             walk_rows(b"abc" + blob[:cut], 3, 7, properties, wanted)
 
 
