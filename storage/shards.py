@@ -17,6 +17,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from z2p_core.limits import Count, Each, Either, Keys, Many, Maybe, Number, Text, check_value
 from z2p_core.one_line import UsersError
 from z2p_core.scene import SceneDescription
 from z2p_renderer.storage.whole import whole
@@ -24,6 +25,17 @@ from z2p_renderer.storage.whole import whole
 SCHEMA = 3
 SCENE_BYTES = 1024
 """Room for a scene as JSON: fixed-length strings read the same from every thread."""
+_NUMBER, _NAME = Number(-1e9, 1e9), Text("a line of text")
+ATTRIBUTES = Keys({
+    "schema": Count(SCHEMA, SCHEMA), "mesh": _NAME, "resolution": Count(1, 1 << 16),
+    "controls": Many(Keys({"name": _NAME, "version": _NAME, "size": Count(1, 1000)}), 1, 1000),
+})  # fmt: skip
+"""What a shard's attributes may be; more may be there."""
+SCENE = Keys(
+    {"elevation": _NUMBER, "light": Many(_NUMBER, 3, 3), "rotation": Many(Many(_NUMBER, 3, 3), 3, 3), "lift": _NUMBER,
+     "material": Each(Either((_NUMBER, Many(_NUMBER, 1, 4))))},
+    {"floor": Maybe(_NUMBER)},
+)  # fmt: skip
 INFLATION = 1200
 """More than gzip can pack bytes (about 1,030 to 1); a file that declares more lies about its size."""
 
@@ -96,7 +108,7 @@ class Shard:
             file = self._open()
             self.attributes: dict[str, Any] = _read_attributes(file, self.path)
             self._count = _check_layout(file, self.attributes, self.path)
-        except (OSError, RuntimeError, KeyError, ValueError) as error:
+        except Exception as error:  # h5py raises whatever a damaged file makes it stumble over
             self.close()
             raise self._damaged(error) from error
 
@@ -115,8 +127,10 @@ class Shard:
         try:
             file = self._open()
             arrays = {name: file[name][index] for name in ("rgba", "coverage", "settings", "mirrored_settings")}
+            for name in ("settings", "mirrored_settings"):
+                _check_finite(arrays[name], f"record {index}: {name}")
             return Record(**arrays, scene=_scene(file["scene"][index]))
-        except (OSError, RuntimeError, KeyError, ValueError, TypeError) as error:
+        except Exception as error:  # as above
             raise self._damaged(error) from error
 
     @property
@@ -126,7 +140,12 @@ class Shard:
         Raises:
             ShardError: its data are damaged.
         """
-        return self._whole("pool")
+        pool = self._whole("pool")
+        try:
+            _check_finite(pool, "pool")
+        except ValueError as error:
+            raise self._damaged(error) from error
+        return pool
 
     @property
     def elevations(self) -> np.ndarray:
@@ -137,7 +156,7 @@ class Shard:
         """
         try:
             return np.array([_scene(text).elevation for text in self._whole("scene")])
-        except (KeyError, ValueError, TypeError) as error:
+        except (RuntimeError, ValueError) as error:
             raise self._damaged(error) from error
 
     def close(self) -> None:
@@ -150,7 +169,7 @@ class Shard:
         try:
             data: np.ndarray = self._open()[name][...]
             return data
-        except (OSError, RuntimeError, KeyError) as error:
+        except Exception as error:  # as above
             raise self._damaged(error) from error
 
     def _open(self) -> h5py.File:
@@ -194,7 +213,18 @@ def _scene_bytes(scene: SceneDescription, where: str) -> bytes:
 
 
 def _scene(text: bytes) -> SceneDescription:
-    return SceneDescription.from_json(json.loads(bytes(text)))
+    scene = json.loads(bytes(text))
+    check_value(scene, SCENE, "scene")
+    return SceneDescription.from_json(scene)
+
+
+def _check_finite(array: np.ndarray, where: str) -> None:
+    """
+    Raises:
+        ValueError: a number is none.
+    """
+    if not np.isfinite(array).all():
+        raise ValueError(f"{where} holds numbers that are not finite")
 
 
 def _fitting(value: Any, shape: tuple[int, ...], where: str) -> Any:
@@ -212,8 +242,9 @@ def _settle(path: Path) -> str:
 
 def _read_attributes(file: h5py.File, path: Path) -> dict[str, Any]:
     attributes: dict[str, Any] = json.loads(bytes(file.attrs["z2p"]))
-    if attributes.get("schema") != SCHEMA:
-        raise ShardError(f"{path}: expected schema {SCHEMA}, got {attributes.get('schema')}; shard this mesh again")
+    if isinstance(attributes, dict) and isinstance(schema := attributes.get("schema"), int) and schema != SCHEMA:
+        raise ShardError(f"{path}: expected schema {SCHEMA}, got {schema}; shard this mesh again")
+    check_value(attributes, ATTRIBUTES, "attributes")
     return attributes
 
 

@@ -1,5 +1,6 @@
 """Shards: what goes in comes out; damage of any kind is told, never read."""
 
+import json
 import os
 
 import h5py
@@ -182,3 +183,53 @@ def test_a_forked_child_opens_its_own_file(shard):
             os._exit(0 if good else 1)
     assert os.waitpid(child, 0)[1] == 0
     np.testing.assert_array_equal(opened.read(1).rgba, records_of(5)[1].rgba)
+
+
+@pytest.mark.parametrize("key, value", [
+    ("controls", 3), ("controls", [3]), ("controls", [{"name": "a", "version": "1"}]), ("resolution", "16"),
+    ("resolution", 10**30), ("resolution", True), ("mesh", None), ("mesh", ["blob"]), ("schema", 3.5), ("schema", None),
+])  # fmt: skip
+def test_attributes_of_another_kind_are_damage(shard, key, value):
+    with h5py.File(shard, "r+") as file:
+        file.attrs["z2p"] = np.bytes_(json.dumps({**ATTRIBUTES, "schema": 3, key: value}))
+    with pytest.raises(ShardError, match=f"{key}.*expected"):
+        Shard(shard)
+
+
+@pytest.mark.parametrize("text", [b"", b"[]", b"3", b"[" * 50_000, b"9" * 5000, b"\xff"])
+def test_attributes_that_are_no_object_are_damage(shard, text):
+    with h5py.File(shard, "r+") as file:
+        file.attrs["z2p"] = np.bytes_(text or b" ")
+    with pytest.raises(ShardError):
+        Shard(shard)
+
+
+@pytest.mark.parametrize("key, value", [
+    ("material", []), ("material", {"Metallic": "1"}), ("light", [1, 2]), ("rotation", [[1, 0, 0]] * 2), ("lift", None),
+    ("elevation", float("nan")), ("floor", "low"),
+])  # fmt: skip
+def test_a_scene_that_cannot_be_is_damage(shard, key, value):
+    scene = {**records_of(1)[0].scene.to_json(), key: value}
+    with h5py.File(shard, "r+") as file:
+        file["scene"][0] = np.bytes_(json.dumps(scene))
+    with pytest.raises(ShardError, match=rf"scene\.{key}"):
+        Shard(shard).read(0)
+    with pytest.raises(ShardError, match=rf"scene\.{key}"):
+        _ = Shard(shard).elevations
+
+
+@pytest.mark.parametrize("name", ["settings", "mirrored_settings", "pool"])
+def test_numbers_that_are_not_finite_are_damage(shard, name):
+    with h5py.File(shard, "r+") as file:
+        file[name][0] = np.nan
+    with pytest.raises(ShardError, match=f"{name} holds numbers that are not finite"):
+        _ = Shard(shard).pool if name == "pool" else Shard(shard).read(0)
+
+
+@pytest.mark.parametrize("name", ["rgba", "pool", "scene"])
+def test_a_single_number_in_place_of_a_data_set_is_damage(shard, name):
+    with h5py.File(shard, "r+") as file:
+        del file[name]
+        file[name] = 3.0
+    with pytest.raises(ShardError):
+        Shard(shard)
