@@ -79,8 +79,8 @@ def table(clouds: list[Labelled], kinds: bool) -> None:
         spent = (time.perf_counter() - started) / hits.size * 1000
         partial, noisy = (np.array([getattr(cloud, mark) for cloud in clouds]) for mark in ("partial", "noisy"))
         usual = hits[:, :3]
-        shares = [*hits.mean(0), usual[~partial].mean(), usual[partial].mean(), usual[noisy].mean(), usual.mean(),
-                  (hits | named)[:, :3].mean()]  # fmt: skip
+        parts = (usual[~partial], usual[partial], usual[noisy], usual, (hits | named)[:, :3])
+        shares = [*hits.mean(0), *(part.mean() if part.size else np.nan for part in parts)]
         print(f"  {name:<16}" + "".join(f"{100 * share:>8.1f}%" for share in shares) + f"{spent:>8.1f}")
     if kinds:
         found = defaultdict(list)
