@@ -8,6 +8,7 @@ from typing import IO
 
 import numpy as np
 
+from z2p_core.depth_maps import depth_and_camera, seen_points
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
 from z2p_renderer.plugins.readers.array_clouds import (
@@ -53,7 +54,7 @@ class NumpyArrays(Reader):
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` ..., or `x`, `y` and
-        `z`, or the only one.
+        `z`, or the only one, or `depth` by its camera's matrix `K`.
 
         What a pinhole camera saw, a point a pixel (H, W, 3), is one cloud, seen from there; so are maps of several
         cameras (B, H, W, 3).
@@ -88,23 +89,25 @@ def _from_zip(path: Path) -> tuple[np.ndarray, str]:
         if members.keys() >= _AXES and not members.keys() & set(KEYS):
             return _side_by_side(archive, members, path.stat().st_size), ""
         chosen = _chosen(archive, members, path.stat().st_size)
+        if chosen is None and (names := depth_and_camera(members)):
+            depth, camera = (_member(archive, name, members[name], path.stat().st_size) for name in names)
+            return seen_points(depth, camera), "point_map"
         if chosen is None:
             raise ScanError(f"expected an array named 'points' or 'xyz', or one array of floats (N, 3) alone, got "
                             f"{', '.join(members) or 'none'}; save the points as points=...")
-        info = members[chosen]
-        _weigh(chosen, info, path.stat().st_size)
-        with archive.open(info) as file:
-            return _array(file, info.file_size), chosen
+        return _member(archive, chosen, members[chosen], path.stat().st_size), chosen
+
+
+def _member(archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo, size: int) -> np.ndarray:
+    """The array of that name in an archive of `size` bytes."""
+    _weigh(name, info, size)
+    with archive.open(info) as file:
+        return _array(file, info.file_size)
 
 
 def _side_by_side(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> np.ndarray:
     """Points (N, 3) of arrays x, y and z, of any shape but the same."""
-    columns = {}
-    for axis in "xyz":
-        _weigh(axis, members[axis], size)
-        with archive.open(members[axis]) as file:
-            columns[axis] = _array(file, members[axis].file_size)
-    return side_by_side(columns)
+    return side_by_side({axis: _member(archive, axis, members[axis], size) for axis in "xyz"})
 
 
 def _chosen(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:

@@ -88,7 +88,8 @@ def stl(triangles: int, stray: bytes = b"") -> bytes:
      (b"label,x,y,z\noak,1,2,3\n", ".txt"), (b"1 2 3 4 5 6\n", ".txt"), (b"9\n1 2 3\n", ".txt"),
      (b"OFFSET,x,y,z\n1,2,3,4\n", ".txt"), (b"OFF\n3 0 0\n", ".off"), (b"# by hand\nCOFF\n3 0 0\n", ".off"),
      (b"STCNOFF 3 0 0\n", ".off"), (stl(9), ".stl"), (stl(30_000), ".stl"), (stl(9, b"\r\n"), ".stl"), (stl(0), ".stl"),
-     (stl(9)[:-50], ".txt"), (b"\n v 1 2 3\n", ".obj"), (b"solid a\n", ".stl"), (b"\x89HDF\r\n\x1a\n", ".h5"), (b"\x1f\x8b", ".txt")]
+     (stl(9)[:-50], ".txt"), (b"\n v 1 2 3\n", ".obj"), (b"solid a\n", ".stl"),
+     (b"\x89HDF\r\n\x1a\n", ".h5"), (b"\x1f\x8b", ".txt")]
 )  # fmt: skip
 def test_standard_input_is_told_by_how_it_begins(tmp_path: Path, content: bytes, suffix: str) -> None:
     for blob in (content, gzip.compress(content)):

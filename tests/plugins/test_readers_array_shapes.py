@@ -88,6 +88,18 @@ def test_maps_of_several_cameras_are_a_cloud_each(tmp_path: Path, key: str, firs
     assert np.allclose(looks(alone)[1], np.eye(3), atol=1e-5)
 
 
+@pytest.mark.parametrize(("depth", "camera"), [("depth", "K"), ("depths", "intrinsics")])
+def test_a_depth_map_beside_its_cameras_matrix_is_a_point_map(tmp_path: Path, depth: str, camera: str) -> None:
+    matrix = np.array([[60, 0, 31.5], [0, 60, 23.5], [0, 0, 1]])
+    for values, matrices in ((DEPTH, matrix), (DEPTH[None, ..., None], matrix[None]), (DEPTH[None], matrix)):
+        (cloud,) = clouds(tmp_path / "a.npz", **{depth: values, camera: matrices, "image": np.zeros((48, 64, 3), "u1")})
+        assert np.allclose(cloud.points, SEEN.reshape(-1, 3)) and np.allclose(looks(cloud)[1], np.eye(3))
+    for values, matrices, match in ((DEPTH[0], matrix, "depth map"), (DEPTH, matrix[0], "depth map"),
+                                    (DEPTH, np.zeros((3, 3)), "focal lengths")):  # fmt: skip
+        with pytest.raises(ScanError, match=match):
+            clouds(tmp_path / "b.npz", **{depth: values, camera: matrices})
+
+
 @pytest.mark.parametrize(
     ("array", "match"),
     [(DEPTH, "depth map or a grid of heights.*cx"), (np.tile(DEPTH, (1, 3)), "depth map.*cx"), (DEPTH[..., None], "cx"),

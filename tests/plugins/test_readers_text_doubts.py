@@ -131,5 +131,5 @@ def test_poses_and_matrices_of_cameras_are_no_points(tmp_path: Path, rows: np.nd
 def test_rows_of_a_picture_are_no_points(tmp_path: Path, suffix: str) -> None:
     row, column = np.mgrid[:30, :40]
     for heights in (2 + np.sin(row / 9) * np.cos(column / 7), RNG.random((30, 40)), (row + column)[:, :10] / 7):
-        with pytest.raises(ScanError, match=r"depth map or a grid of heights.* cx\) \* z / fx"):
+        with pytest.raises(ScanError, match=r"depth map or a grid of heights.* cx\) \* depth / fx"):
             read(tmp_path / f"a{suffix}", heights)
