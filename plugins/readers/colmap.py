@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +10,13 @@ import numpy as np
 from z2p_core.colmap_model import counts_points, is_points
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_core.native import walk_rows
+from z2p_renderer.plugins.readers.camera_hints import told_by_cameras
 
 AXES_REASON = "the usual axes of COLMAP"
 _POINT = [(np.dtype(kind), None) for kind in ("<u8", "<f8", "<f8", "<f8", "u1", "u1", "u1", "<f8")]
 _TRACK = (np.dtype("<u8"), np.dtype("<u8"))
 """A point's id, place, colour and error; then the pictures that show it, as pairs of numbers of four bytes."""
 _LONGEST_NAME = 4096
-_NEAR, _ALIKE = 20.0, 0.5
-"""Degrees between the cameras' up and an axis that it may be; and the least length of the mean of their unit vectors,
-for cameras that were held in all ways say nothing."""
-_TURNED = 0.2
-"""How far cameras must be turned to one another to tell what was level to all of them."""
 
 
 def is_points3d(path: Path) -> bool:
@@ -56,35 +51,8 @@ def posed(points: np.ndarray, path: Path, note: str = "") -> RawCloud:
     """
     cloud = RawCloud(points, note=note, up="-Y", up_reason=AXES_REASON, up_certain=False)
     poses = _poses(path.parent)
-    if not len(poses):
-        return cloud
     places = -np.einsum("nij,ni->nj", poses[:, :, :3], poses[:, :, 3])
-    seen_from = places[((places - places.mean(0)) ** 2).sum(1).argmin()]
-    upward = _upward(poses[:, :, :3])
-    if upward is None:
-        return replace(cloud, seen_from=seen_from)
-    longest = int(np.abs(upward).argmax())
-    axis = ("+" if upward[longest] > 0 else "-") + "XYZ"[longest]
-    tilted = abs(float(upward[longest])) < np.cos(np.radians(_NEAR))
-    return replace(cloud, up=axis, up_certain=True, up_reason=f"its {len(poses)} cameras stood so",
-                   upward=upward if tilted else None, seen_from=seen_from)  # fmt: skip
-
-
-def _upward(rotations: np.ndarray) -> np.ndarray | None:
-    """The unit vector (3,) that was up to cameras of rotations (M, 3, 3); None where they were held in all ways.
-
-    Their own up leans back where they look down, and is no more than the direction; what is at right angles to what was
-    right to all of them is up, unless they all look the same way.
-    """
-    mean = -rotations[:, 1].mean(0)
-    length = float(np.linalg.norm(mean))
-    if length < _ALIKE:
-        return None
-    spread, axes = np.linalg.svd(rotations[:, 0], full_matrices=True)[1:]
-    level = axes[2]
-    if len(rotations) < 3 or spread[1] < _TURNED * len(rotations) ** 0.5 or abs(level @ mean) < _ALIKE * length:
-        return np.asarray(mean / length)
-    return np.asarray(level if level @ mean > 0 else -level)
+    return told_by_cameras(cloud, poses[:, :, :3], places)
 
 
 def _poses(folder: Path) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
+from z2p_renderer.plugins.readers.camera_hints import told_by_cameras, trained_cameras
 from z2p_renderer.plugins.readers.colours import colours_note
 from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
 from z2p_renderer.plugins.readers.ply_lists import walked_ascii, walked_binary
@@ -43,35 +44,39 @@ class Ply(Reader):
             return MOST_ROWS * MEMORY_A_POINT + 2 * BLOCK
         return vertex.count * MEMORY_A_POINT + 2 * vertex.least_bytes(ascii=False)
 
-    def read(self, path: Path) -> list[np.ndarray | RawCloud]:
+    def read(self, path: Path) -> list[RawCloud]:
         """The file's vertices, one cloud (N, 3) float64; of very many in a binary file, some that stand for all.
 
         Raises:
             ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
         """
-        with path.open("rb") as file:
-            header = parse_header(file.read(LONGEST_HEADER))
-            note = stray_note(_check_length(header, path.stat().st_size))
-            if is_packed(header):
-                file.seek(header.size)
-                return [of_packed(file.read(), header, note)]
-            vertex = _vertex(header)
-            if vertex.count == 0:
-                return [np.empty((0, 3))]
-            file.seek(header.size)
-            splats = vertex.scalar and is_splats(vertex)
-            columns = (*_axes(vertex), *(splat_columns(vertex) if splats else ()))
-            note = note if splats else "; ".join(filter(None, [note, colours_note(_names(vertex))]))
-            if header.ascii:
-                table = _load_ascii(vertex, _rows_ascii(file, header, vertex), columns)
-                return [of_splats(table, vertex.count, note) if splats else RawCloud(table, note=note)]
-            if not _found(header, vertex):
-                return [RawCloud(walked_binary(file.read(), header, vertex, _axes(vertex)), note=note)]
-            _seek(file, header, vertex)
-            if splats or vertex.count > MOST_ROWS:
-                return [_spread(file, vertex, columns, note)]
-            points = _table(vertex, file.read(vertex.least_bytes(ascii=False)), columns).astype(np.float64)
-        return [RawCloud(points, note=note)]
+        cloud = _cloud(path)
+        return [told_by_cameras(cloud, *trained_cameras(path)) if cloud.up else cloud]  # only Gaussians have one
+
+
+def _cloud(path: Path) -> RawCloud:
+    with path.open("rb") as file:
+        header = parse_header(file.read(LONGEST_HEADER))
+        note = stray_note(_check_length(header, path.stat().st_size))
+        file.seek(header.size)
+        if is_packed(header):
+            return of_packed(file.read(), header, note)
+        vertex = _vertex(header)
+        if vertex.count == 0:
+            return RawCloud(np.empty((0, 3)))
+        splats = vertex.scalar and is_splats(vertex)
+        columns = (*_axes(vertex), *(splat_columns(vertex) if splats else ()))
+        note = note if splats else "; ".join(filter(None, [note, colours_note(_names(vertex))]))
+        if header.ascii:
+            table = _load_ascii(vertex, _rows_ascii(file, header, vertex), columns)
+            return of_splats(table, vertex.count, note) if splats else RawCloud(table, note=note)
+        if not _found(header, vertex):
+            return RawCloud(walked_binary(file.read(), header, vertex, _axes(vertex)), note=note)
+        _seek(file, header, vertex)
+        if splats or vertex.count > MOST_ROWS:
+            return _spread(file, vertex, columns, note)
+        points = _table(vertex, file.read(vertex.least_bytes(ascii=False)), columns).astype(np.float64)
+    return RawCloud(points, note=note)
 
 
 def _check_length(header: PlyHeader, size: int) -> int:

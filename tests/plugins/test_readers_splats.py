@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -115,3 +116,24 @@ def test_a_mesh_with_an_opacity_is_no_splats(tmp_path: Path) -> None:
         f"ply\nformat binary_little_endian 1.0\nelement vertex 30\n{head}end_header\n".encode() + rows.tobytes())
     cloud = read(tmp_path / "a.ply")
     assert np.array_equal(cloud.points, points) and not cloud.up
+
+
+def test_the_cameras_of_a_trained_model_tell_up_and_a_view(tmp_path: Path, scene) -> None:
+    folder = tmp_path / "model" / "point_cloud" / "iteration_7000"
+    folder.mkdir(parents=True)
+    plain(folder / "point_cloud.ply", *scene)
+    upward, cameras = np.array([0.0, -0.6, 0.8]), []
+    for angle in np.radians([0, 80, 160, 240]):
+        place = 5 * (np.cos(angle) * np.array([1.0, 0, 0]) + np.sin(angle) * np.array([0, 0.8, 0.6])) + 2 * upward
+        forward = -place / np.linalg.norm(place)
+        right = np.cross(forward, upward) / np.linalg.norm(np.cross(forward, upward))
+        axes = np.column_stack([right, np.cross(forward, right), forward])  # from the camera's axes to the model's
+        cameras.append({"id": len(cameras), "position": place.tolist(), "rotation": axes.tolist()})
+    (tmp_path / "model" / "cameras.json").write_text(json.dumps(cameras))
+    cloud = read(folder / "point_cloud.ply")
+    assert (cloud.up, cloud.up_certain) == ("+Z", True) and "4 cameras" in cloud.up_reason
+    assert cloud.upward is not None and np.allclose(cloud.upward, upward)
+    assert cloud.seen_from is not None and cloud.seen_from.tolist() in [camera["position"] for camera in cameras]
+    for damaged in ("[]", "{", '[{"position": [1, 2], "rotation": [[1]]}]', "[1]", '[{"position": 1}]'):
+        (tmp_path / "model" / "cameras.json").write_text(damaged)
+        assert (read(folder / "point_cloud.ply").up, read(folder / "point_cloud.ply").up_certain) == ("-Y", False)
