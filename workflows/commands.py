@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -29,7 +30,7 @@ from z2p_renderer.workflows import apply_settings
 from z2p_renderer.workflows.ablation_plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
 from z2p_renderer.workflows.plan import USERS_ERRORS, Plan
 from z2p_renderer.workflows.report_plan import ReportPlan, is_report, load_report_plan, report_source
-from z2p_renderer.workflows.running import keep, kept
+from z2p_renderer.workflows.running import keep, kept_names
 from z2p_renderer.workflows.status import as_json, states, table
 from z2p_renderer.workflows.sweep import Unneeded, sweep, unneeded
 from z2p_renderer.workflows.tasks import load_plan, source_of
@@ -62,7 +63,7 @@ def verify(workspace: Path) -> None:
         for folder in (folder for stage in store.stages() for folder in store.folders(stage)):
             checked += 1
             found = faults(folder, every_digest=True)
-            if found and folder.exists() and not store.is_held(folder.parent.name, folder.name):
+            if found and os.path.lexists(folder) and not store.is_held(folder.parent.name, folder.name):
                 damaged += 1
                 click.echo(f"DAMAGED {found[0]}\n        put aside in {store.quarantine(folder)}")
     click.echo(f"{checked} results read, {damaged} damaged")
@@ -72,10 +73,14 @@ def verify(workspace: Path) -> None:
 def gc(workspace: Path, drop: tuple[str, ...], yes: bool) -> None:
     """List or remove what nothing needs."""
     store = Store(workspace.absolute())
-    unknown = sorted(name for name in drop if name not in kept(store) and not (store.root / name).is_dir())
+    known = kept_names(store)
+    unknown = sorted(name for name in drop if name not in known and not (store.root / name).is_dir())
     if unknown:
-        raise click.ClickException(f"--drop: unknown configuration {unknown[0]!r}; kept: {', '.join(kept(store))}")
+        raise click.ClickException(f"--drop: unknown configuration {unknown[0]!r}; kept: {', '.join(known)}")
     found = sweep(store, drop) if yes else unneeded(store, drop)
+    for folder, fault in store.damaged():
+        if folder not in {one.path for one in found}:
+            click.echo(f"DAMAGED {fault}\n        z2p verify, or the next run that needs it, puts it aside")
     for one in found:
         click.echo(f"{one.size / 1e6:9.1f} MB  {one.name:30}  {one.path.relative_to(store.root)}")
     click.echo(_told(found, yes))

@@ -14,12 +14,12 @@ import json
 import os
 import time
 import uuid
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.layout import Store, StoreError
 from z2p_renderer.storage.whole import write_whole
 from z2p_renderer.workflows.plan import Planned
 
@@ -61,10 +61,14 @@ def keep(store: Store, plan: Planned, source: str) -> None:
 
 
 def running(store: Store) -> Iterator[dict[str, Any]]:
-    """Notes of the pipelines that are alive, as far as can be told."""
+    """Notes of the pipelines that are alive, as far as can be told.
+
+    Raises:
+        StoreError: one is damaged, so that nobody can tell what its pipeline uses.
+    """
     for path in sorted((store.root / ".running").glob("*.json")):
         if _is_alive(path):
-            yield json.loads(path.read_text(encoding="utf-8"))
+            yield _read(path, "wait until its pipeline has ended")
 
 
 def forget_dead(store: Store) -> None:
@@ -74,10 +78,20 @@ def forget_dead(store: Store) -> None:
             path.unlink(missing_ok=True)
 
 
-def kept(store: Store) -> dict[str, dict[str, Any]]:
-    """Notes of the kept configurations, by name."""
-    return {path.stem: json.loads(path.read_text(encoding="utf-8"))
-            for path in sorted((store.root / ".kept").glob("*.json"))}  # fmt: skip
+def kept_names(store: Store) -> list[str]:
+    """Names of the kept configurations."""
+    return sorted(path.stem for path in (store.root / ".kept").glob("*.json"))
+
+
+def kept(store: Store, but: Container[str] = ()) -> dict[str, dict[str, Any]]:
+    """Notes of the kept configurations, by name, but for some.
+
+    Raises:
+        StoreError: one is damaged, so that nobody can tell what its configuration needs.
+    """
+    advice = "run its pipeline again, which writes the note anew, or let go of it with --drop {}"
+    return {name: _read(store.root / ".kept" / f"{name}.json", advice.format(name))
+            for name in kept_names(store) if name not in but}  # fmt: skip
 
 
 @contextmanager
@@ -96,6 +110,23 @@ def _note(store: Store, plan: Planned, source: str) -> dict[str, Any]:
             "results": sorted(folders)}  # fmt: skip
 
 
+def _read(path: Path, advice: str) -> dict[str, Any]:
+    """The note at a path.
+
+    Raises:
+        StoreError: it is torn, or lists no results.
+    """
+    try:
+        note = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(note["results"], list) and all(isinstance(one, str) for one in note["results"]):
+            return dict(note)
+        reason = "it lists no results"
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        reason = type(error).__name__
+    raise StoreError(f"{path}: the note of what is in use is damaged ({reason}), and nothing may go before it is "
+                     f"mended: {advice}")
+
+
 def _is_alive(path: Path) -> bool:
     try:
         with path.open("r+" if os.access(path, os.W_OK) else "r") as file:
@@ -108,7 +139,7 @@ def _is_alive(path: Path) -> bool:
                 return silent < SILENT_SECONDS
             own = json.load(file)["host"] == os.uname().nodename
             return not own and silent < SILENT_SECONDS
-    except (FileNotFoundError, ValueError, KeyError):  # gone, or torn as its machine went down
+    except (FileNotFoundError, ValueError, KeyError, TypeError, RecursionError):  # gone, or torn by a crash
         return False
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from z2p_renderer.storage.adoption import RANGE
 from z2p_renderer.storage.fingerprints import fingerprint
-from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.layout import Store, StoreError
 from z2p_renderer.workflows.running import forget_dead, gate, kept, running
 
 TEMPORARY_SECONDS = 3600.0
@@ -67,13 +67,22 @@ def sweep(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
 
 
 def _needed(store: Store, drop: set[str]) -> set[Path]:
-    """Folders of all results that must stay."""
-    notes = [*running(store), *(note for name, note in kept(store).items() if name not in drop)]
+    """Folders of all results that must stay.
+
+    Raises:
+        StoreError: what tells so is damaged.
+    """
+    notes = [*running(store), *kept(store, drop).values()]
     needed = {store.root / folder for note in notes for folder in note["results"]}
     made = _Origins(store)
+    noted = {str(note.get("name")) for note in notes}
     for link in store.root.glob("[!.]*/*"):
         if link.is_symlink() and link.parent.name not in drop:
-            needed |= made.back_from(link.resolve().parent)
+            folder = link.resolve().parent
+            if folder.is_dir() and link.parent.name not in noted and not made.knows(folder):
+                raise StoreError(f"{folder}: damaged, so that nobody can tell what {link} was made from, and nothing "
+                                 f"may go before that is mended: run its pipeline again, or --drop {link.parent.name}")
+            needed |= made.back_from(folder)
     return needed
 
 
@@ -116,6 +125,10 @@ class _Origins:
                 shared = {key: value for key, value in fields.items() if key not in RANGE}
                 for known in (fingerprint(fields), fingerprint(shared)):
                     self._folders.setdefault(known, set()).add(folder)
+
+    def knows(self, folder: Path) -> bool:
+        """Whether a result's manifest tells what it was made from."""
+        return folder in self._fields
 
     def back_from(self, folder: Path) -> set[Path]:
         """The result's folder and those of all that it was made from, as far as they are there."""

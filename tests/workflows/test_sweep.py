@@ -12,7 +12,7 @@ import pytest
 from editing import edited
 from small_store import fill, link, listing
 
-from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.layout import Store, StoreError
 from z2p_renderer.workflows.plan import make_plan
 from z2p_renderer.workflows.running import Registration, keep, running
 from z2p_renderer.workflows.sweep import sweep, unneeded
@@ -136,3 +136,28 @@ def test_scraps_of_killed_runs_and_repairs_go(config, store):
     os.utime(old, (time.time() - 7200,) * 2)
     assert names(sweep(store)) == {"damaged sample", "left by a killed sample"}
     assert young.exists() and all(store.complete(step.entry) for step in plan.steps.values())
+
+
+@pytest.mark.parametrize("torn", ["", "{", "[]", "3", '{"results": 3}', '{"results": [3]}', "[" * 100_000, "9" * 5000])
+def test_a_damaged_note_of_what_is_kept_lets_nothing_go(config, store, torn):
+    plan = make_plan(config)
+    fill(store, plan)
+    keep(store, plan, "{}")
+    (store.root / ".kept" / "quick.json").write_text(torn)
+    for look in (unneeded, sweep):
+        with pytest.raises(StoreError, match=r"quick\.json.*damaged.*run its pipeline again.*--drop quick"):
+            look(store)
+    assert all(store.complete(step.entry) for step in plan.steps.values())
+    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+
+
+@pytest.mark.parametrize("torn", ["", "[]", '{"results": 3}', "[" * 100_000])
+def test_a_damaged_note_of_a_pipeline_counts_as_long_as_it_lives(config, store, torn):
+    plan = make_plan(config)
+    fill(store, plan)
+    registration = Registration(store, plan, "{}")
+    registration.path.write_text(torn)
+    with pytest.raises(StoreError, match="wait until its pipeline has ended"):
+        unneeded(store, drop=["quick"])
+    registration._file.close()
+    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
