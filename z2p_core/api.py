@@ -68,7 +68,8 @@ def render(
             mean becomes the colour of the whole object, with a warning, unless `color` is given. Floats in [0, 1], or
             integers to 255 (to 1 if none is larger).
         up: the data's axis that points up, ``+Z`` (or ``Z``), ``-Y``, ...; ``auto`` looks for a depth camera's own,
-            then weighs the shape against what is usual for the format. None: ``auto`` for a file, as in `z2p render`, else ``+Z``.
+            then weighs the shape against what is usual for the format. None: ``auto`` for a file, as in `z2p
+            render`, else ``+Z``.
         view: ``auto`` (a three-quarter side that shows most), ``front``, ``sensor``, or degrees from the front:
             azimuth, or (azimuth, elevation).
         azimuth: degrees that the object is turned by on top of that.
