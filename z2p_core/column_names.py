@@ -16,6 +16,8 @@ _MISSING = {"na", "n/a", "<na>", "none", "null"}
 _UNITS = {"m", "mm", "cm", "km", "um", "µm", "nm", "ft", "in", "us-ft", "feet", "metre", "metres", "meter",
           "meters", "-"}  # fmt: skip
 _UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
+_INDEX = re.compile(r"\[([012])\]")
+"""Which of three numbers a column holds, as in ``points[0]``."""
 _EXPONENT = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+))[dD]([+-]?\d+)")
 """A number as Fortran writes it in double precision: ``1.0D+00``."""
 
@@ -114,6 +116,7 @@ def plain_exponents(line: str) -> str:
 
 def _splits(line: str) -> list[list[str]]:
     """Cells of the line between each separator that it holds; between any of them last."""
+    line = _INDEX.sub(r":\1", line)
     line = _UNIT.sub("", line.rstrip("\r\n").removeprefix("//").removeprefix("%"))
     return [*(line.split(sign) for sign in ";,\t" if sign in line), re.split(r"[;,\s]+", line.strip(";, \t"))]
 

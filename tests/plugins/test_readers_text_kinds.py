@@ -80,6 +80,7 @@ AXES = {
     "Easting,Northing,Elevation,Code", "its short names": "E,N,H,Code", "in German": "Rechtswert,Hochwert,Höhe,Punkt",
     "ENU": "e,n,u,Code", "units": "x [m],y [m],z [m],i", "prefixes": "utm_x,utm_y,altitude,i",
     "ROS": "pos.x,pos.y,pos.z,i",
+    "of an array": "points[0],points[1],points[2],i", "Open3D": "positions_x,positions_y,positions_z,i",
     "CloudCompare": "//X,Y,Z,R", "longer": "X coordinate,Y coordinate,Z coordinate,i", "metres": "x/m,y/m,z/m,i",
 }  # fmt: skip
 
