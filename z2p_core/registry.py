@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from typing import Any
 
 GROUPS = {
@@ -97,15 +98,32 @@ def _origin(entry: EntryPoint) -> str:
 
 
 @cache
+def _everything(path: tuple[str, ...]) -> EntryPoints:
+    """The entry points of all packages on the path: reading them once serves every group."""
+    return entry_points()  # type: ignore[return-value]  # up to 3.11 a subclass of dict, which selects as well
+
+
+@cache
 def _entries(group: str) -> dict[str, tuple[EntryPoint, ...]]:
     if group not in GROUPS:
         raise PluginError(f"unknown plugin group {group!r}; groups: {', '.join(GROUPS)}")
-    found: dict[str, dict[tuple[str, str], EntryPoint]] = {}
+    found: dict[str, list[EntryPoint]] = {}
+    for entry in _everything(tuple(sys.path)).select(group=f"z2p.{group}"):
+        found.setdefault(entry.name, []).append(entry)
     origins: dict[int, str] = {}
-    for entry in entry_points(group=f"z2p.{group}"):
-        if id(entry.dist) not in origins:  # its metadata takes milliseconds to parse
+    return {name: _different(entries, origins) for name, entries in found.items()}
+
+
+def _different(entries: list[EntryPoint], origins: dict[int, str]) -> tuple[EntryPoint, ...]:
+    """The entries of one name, each once: an editable install beside its build folder lists the same one twice.
+
+    Where they come from is asked only then, and once a package: its metadata takes milliseconds to parse.
+    """
+    if len(entries) == 1:
+        return (entries[0],)
+    different = {}
+    for entry in entries:
+        if id(entry.dist) not in origins:
             origins[id(entry.dist)] = _origin(entry)
-        origin = origins[id(entry.dist)]
-        # an editable install beside its build folder lists the same entry twice
-        found.setdefault(entry.name, {})[(origin, entry.value)] = entry
-    return {name: tuple(entries.values()) for name, entries in found.items()}
+        different[origins[id(entry.dist)], entry.value] = entry
+    return tuple(different.values())
