@@ -14,8 +14,8 @@ _ROWS = 2000
 _SIDE, _STEP, _SHADES = 64, 0.02, 16
 """Rows and columns of a colour picture that are looked at, how exact their steps are, and how many it has at least."""
 HOW_TO = ("a depth map becomes points by its camera: save it as depth, and the camera's matrix as K, in one npz, or "
-          "save x = (column - cx) * depth / fx, y = (row - cy) * depth / fy and z = depth; a grid of heights becomes points "
-          "by the places of its columns and rows")  # fmt: skip
+          "save x = (column - cx) * depth / fx, y = (row - cy) * depth / fy and z = depth; a grid of heights becomes "
+          "points by the places of its columns and rows")
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
