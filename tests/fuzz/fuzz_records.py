@@ -58,8 +58,6 @@ def check(folder: Path) -> str:
     _camera(picture)
     page = write_gallery([folder / SOUND, picture], folder / "index.html").read_text()
     assert all(path.stem in page for path in (folder / SOUND, picture)), "a picture that the gallery leaves out"
-    for word in ("nan", "Infinity", "Traceback"):
-        assert word not in page.split("<main")[-1].replace("Cayman", ""), f"{word} in the gallery's page"
     return label
 
 
