@@ -99,19 +99,22 @@ def _chosen(file: Any) -> list[tuple[Any, str, list[str]]]:
 
 def _data_sets(file: Any) -> list[tuple[str, Any]]:
     """Names and data sets that lie in the file itself, in a fixed order; links that lead elsewhere are not followed."""
-    return [pair for pair, _ in zip(_walk(file, "", 0), range(_MOST_OBJECTS), strict=False)]
+    return list(_walk(file, "", 0, iter(range(_MOST_OBJECTS))))
 
 
-def _walk(group: Any, place: str, depth: int) -> Iterator[tuple[str, Any]]:
+def _walk(group: Any, place: str, depth: int, left: Iterator[int]) -> Iterator[tuple[str, Any]]:
+    """What lies in a group and below it, as long as objects are `left` to be looked at: a group may lie in itself."""
     library = late("h5py")
     for name in sorted(group):
+        if next(left, None) is None:
+            return
         if not isinstance(group.get(name, getlink=True), library.HardLink):
             continue
         found = group[name]
         if isinstance(found, library.Dataset):
             yield f"{place}{name}", found
         elif depth < _DEEPEST:
-            yield from _walk(found, f"{place}{name}/", depth + 1)
+            yield from _walk(found, f"{place}{name}/", depth + 1, left)
 
 
 def _weigh(found: Any) -> None:
