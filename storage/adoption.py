@@ -114,7 +114,8 @@ def _unfinished(store: Store, stage: str, asked: Mapping[str, Entry], meanings: 
 
 def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candidate | None:
     fields = dict(entry.fields)
-    if manifest["fields"]["stage_version"] > fields["stage_version"]:
+    ranged = entry.stage != "render" or all(key in manifest["fields"] for key in RANGE)
+    if not ranged or manifest["fields"].get("stage_version", 0) > fields["stage_version"]:
         return None
     name = entry.name
     if entry.stage == "render":
@@ -128,7 +129,7 @@ def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candi
 
 def _age(found: tuple[Path, dict[str, Any]]) -> tuple[int, str]:
     """Sorts the result that is to be preferred last."""
-    return int(found[1]["fields"]["stage_version"]), str(found[1].get("written"))
+    return int(found[1]["fields"].get("stage_version", 0)), str(found[1].get("written"))
 
 
 def _whole(fields: Mapping[str, Any]) -> dict[str, Any]:

@@ -29,11 +29,12 @@ from pathlib import Path
 from typing import Any
 
 from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, fingerprint
-from z2p_renderer.storage.manifests import MANIFEST, faults, read_manifest, seal, sync
+from z2p_renderer.storage.manifests import MANIFEST, NAMED, faults, read_manifest, seal, sync
+from z2p_renderer.storage.manifests import remove as _remove
 from z2p_renderer.storage.room import DiskError, full
 from z2p_renderer.storage.unfinished import NOTE, read_note, write_note
 
-_RESULT = re.compile(r"[0-9a-f]{32}")
+_RESULT = re.compile(rf"[0-9a-f]{{{NAMED}}}")
 """Name of a result's folder: the fingerprint's first half."""
 
 
@@ -104,9 +105,9 @@ class Store:
         return sorted(folder for folder in (self.root / stage).glob("*") if _RESULT.fullmatch(folder.name))
 
     def manifests(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
-        """Folder and manifest of every finished, undamaged entry of a stage."""
+        """Folder and manifest of every finished, undamaged entry of a stage; old ones too, which `complete` refuses."""
         for folder in self.folders(stage):
-            if not faults(folder):
+            if not faults(folder, unlisted=True):
                 yield folder, read_manifest(folder)
 
     def remains(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
@@ -114,8 +115,16 @@ class Store:
         for folder in [*self.folders(stage), *sorted((self.root / ".quarantine" / stage).glob("*"))]:
             with suppress(OSError, ValueError):
                 manifest = read_manifest(folder)
-                if isinstance(manifest, dict) and {"fields", "files", "fingerprint"} <= set(manifest):
+                if fingerprint(manifest["fields"]) == manifest["fingerprint"]:  # edited ones tell nothing
                     yield folder, manifest
+
+    def damaged(self) -> Iterator[tuple[Path, str]]:
+        """Folder and first fault of every result that is not sound, by a look at its manifest and the files' sizes."""
+        for stage in self.stages():
+            for folder in self.folders(stage):
+                found = faults(folder)
+                if found and not self.is_held(stage, folder.name):
+                    yield folder, found[0]
 
     def produce(
         self,
@@ -164,7 +173,7 @@ class Store:
             raise StoreError(str(error)) from error
         target = self.folder(entry)
         target.parent.mkdir(parents=True, exist_ok=True)
-        if target.exists() and not self.complete(entry):
+        if os.path.lexists(target) and not self.complete(entry):
             self.quarantine(target)
         try:
             folder.rename(target)
@@ -195,7 +204,7 @@ class Store:
     def put_aside(self, entry: Entry) -> None:
         """Quarantine the entry's result unless every byte of it is right; one that is being made is waited for."""
         with self.lock(entry):
-            if self.verify(entry) and self.folder(entry).exists():
+            if self.verify(entry) and os.path.lexists(self.folder(entry)):
                 self.quarantine(self.folder(entry))
 
     def quarantine(self, folder: Path) -> Path:
@@ -219,7 +228,8 @@ class Store:
     def _opened_work_folder(self, entry: Entry) -> Path:
         folder = self.work_folder(entry)
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / MANIFEST).unlink(missing_ok=True)  # there when a run was killed between manifest and rename
+        if os.path.lexists(folder / MANIFEST):
+            _remove(folder / MANIFEST)  # there when a run was killed between manifest and rename
         note = read_note(folder)
         if note is None or fingerprint(note["fields"]) != entry.fingerprint:  # or of an adoption that was cut off
             write_note(folder, entry.name, entry.fields)
@@ -267,13 +277,6 @@ def check(folder: Path) -> None:
     Raises:
         StoreError: it is damaged.
     """
-    found = faults(folder, every_digest=True)
+    found = faults(folder, every_digest=True, unlisted=True)
     if found:
         raise StoreError(found[0])
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)

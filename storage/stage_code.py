@@ -147,7 +147,6 @@ NOT_SHAPING: dict[str, str] = {
     "pipeline.baselines": "stands beside the weights; its pictures have fingerprints of their own",
     "workflows.tasks": "what all tasks share: where files lie, not what is in them",
     "workflows.ablation_plan": "what it plans is in the fingerprints",
-    "workflows.ending": "tells how a run ends",
     "workflows.task_log": "tells how a task is doing",
     "workflows.known_views": "copies renders whose fields and digests are the very same",
     "z2p_core.report_config": "the values that a stage gets are in its fingerprint",

@@ -8,10 +8,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from z2p_core.limits import Keys, Many, Maybe, Text, check_value
+from z2p_renderer.storage.json_text import read_json
 from z2p_renderer.storage.whole import write_whole
 
 NOTE = ".entry.json"
 """Hidden; it goes with other leftovers once the result is published."""
+_LINE = Text("a text", r"(?s:.*)", 100_000)
+_NOTE = Keys({"name": _LINE, "fields": Keys({}),
+              "adopted": Maybe(Keys({"from": _LINE, "differences": Many(_LINE, 0, 100_000)}))})  # fmt: skip
 
 
 def write_note(folder: Path, name: str, fields: Mapping[str, Any], adopted: Mapping[str, Any] | None = None) -> None:
@@ -22,7 +27,7 @@ def write_note(folder: Path, name: str, fields: Mapping[str, Any], adopted: Mapp
 def read_note(folder: Path) -> dict[str, Any] | None:
     """``name``, ``fields`` and ``adopted`` (or None) of a work folder; None where there is no note, or a torn one."""
     with suppress(OSError, ValueError):
-        note = json.loads((folder / NOTE).read_text(encoding="utf-8"))
-        if isinstance(note, dict) and {"name", "fields", "adopted"} <= set(note):
-            return note
+        note = read_json((folder / NOTE).read_bytes())
+        check_value(note, _NOTE, "")
+        return dict(note)
     return None

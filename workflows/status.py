@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -40,7 +41,7 @@ def states(plan: Planned, store: Store) -> list[State]:
         entry = step.entry
         if not faults[step.name]:
             state, reasons = FRESH, []
-        elif store.folder(entry).exists():
+        elif os.path.lexists(store.folder(entry)):
             state, reasons = STALE, [f"damaged: {faults[step.name][0]}"]
         else:
             before = earlier.like(step)

@@ -113,7 +113,7 @@ class Switch:
 class Maybe:
     """Nothing, or what another limit holds."""
 
-    limit: Limit
+    limit: Limit | Keys
 
     @property
     def expected(self) -> str:
@@ -184,7 +184,7 @@ class Keys:
 class Each:
     """A JSON object of any keys, up to some, whose values are all within one limit."""
 
-    limit: Limit
+    limit: Limit | Keys
     most: int = 1000
     expected: str = "an object"
 
@@ -210,6 +210,8 @@ def check_value(value: Any, limit: Limit | Fields | Keys, key: str) -> None:
     """
     if not limit.holds(value):
         raise LimitError(f"{key}: expected {limit.expected}, got {told(value)}".removeprefix(": "), limit)
+    if isinstance(limit, Maybe) and value is not None:
+        check_value(value, limit.limit, key)
     if isinstance(limit, Fields):
         check(value, limit.limits, f"{key}.")
     if isinstance(limit, Many):

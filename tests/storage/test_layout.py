@@ -280,3 +280,66 @@ def test_manifests_lists_finished_undamaged_entries(store):
 def test_the_manifest_is_readable_json(store):
     folder = store.produce(entry(), write)
     assert json.loads((folder / MANIFEST).read_text())["fingerprint"] == entry().fingerprint
+
+
+def deep(count: int) -> str:
+    return "[" * count + "]" * count
+
+
+def resealed(folder: Path, change) -> None:
+    """An edit that keeps every digest but the list's right."""
+    manifest = json.loads((folder / MANIFEST).read_text())
+    change(manifest)
+    (folder / MANIFEST).write_text(json.dumps(manifest))
+
+
+DAMAGE = {
+    "fewer files": lambda folder: resealed(folder, lambda one: one["files"].pop("pool.npy")),
+    "no files": lambda folder: resealed(folder, lambda one: one["files"].clear()),
+    "more files": lambda folder: resealed(folder, lambda one: one["files"].update({"x": one["files"]["pool.npy"]})),
+    "no digest of the list": lambda folder: resealed(folder, lambda one: one.pop("listing")),
+    "a file elsewhere": lambda folder: resealed(
+        folder, lambda one: one["files"].update({"../../x": one["files"]["pool.npy"]})
+    ),
+    "other fields": lambda folder: resealed(folder, lambda one: one["fields"].update(value=7)),
+    "sizes that are none": lambda folder: resealed(folder, lambda one: one["files"]["pool.npy"].update(size=-1)),
+    "lists of lists": lambda folder: (folder / MANIFEST).write_text(deep(100_000)),
+    "deep fields": lambda folder: (folder / MANIFEST).write_text(
+        (folder / MANIFEST).read_text().replace('"value": 1', f'"value": {deep(5000)}')
+    ),
+    "an endless number": lambda folder: edit_manifest(folder, '"value": 1', '"value": ' + "9" * 5000),
+    "no number": lambda folder: edit_manifest(folder, '"value": 1', '"value": NaN'),
+    "half of it": lambda folder: os.truncate(folder / MANIFEST, 100),
+    "bytes": lambda folder: (folder / MANIFEST).write_bytes(b"\xff\xfe\0"),
+    "a folder": lambda folder: ((folder / MANIFEST).unlink(), (folder / MANIFEST).mkdir()),
+    "a file in place of the result": lambda folder: (shutil.rmtree(folder), folder.write_text("x")),
+    "a link to nowhere": lambda folder: (shutil.rmtree(folder), folder.symlink_to("nowhere")),
+    "a pipe in place of a file": lambda folder: ((folder / "pool.npy").unlink(), os.mkfifo(folder / "pool.npy")),
+    "a result within it": lambda folder: shutil.copytree(folder, folder / "b" / ".." / "copy"),
+    "another's": lambda folder: resealed(folder, lambda one: one.update(fingerprint="0" * 64, fields={"value": 3})),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_a_manifest_that_is_not_the_one_written_is_noticed_and_put_aside(store, damage):
+    folder = store.produce(entry(), write)
+    DAMAGE[damage](folder)
+    assert store.faults(entry()) and store.verify(entry()) and not store.complete(entry())
+    assert [path for path, _ in store.damaged()] == [folder]
+    list(store.manifests("sample")), list(store.remains("sample"))  # nothing stumbles over it
+    store.produce(entry(), write)
+    assert store.complete(entry()) and not list(store.damaged())
+    assert len(list((store.root / ".quarantine" / "sample").iterdir())) == 1
+
+
+def test_a_result_under_another_ones_name_is_none(store):
+    folder = store.produce(entry(1), write)
+    folder.rename(store.folder(entry(2)))
+    assert [path for path, _ in store.damaged()] == [store.folder(entry(2))] and not list(store.manifests("sample"))
+
+
+def test_a_manifest_from_before_lists_had_digests_can_be_vouched_for(store):
+    folder = store.produce(entry(), write)
+    resealed(folder, lambda one: one.pop("listing"))
+    assert not store.complete(entry()) and [path for path, _ in store.manifests("sample")] == [folder]
+    check(folder)

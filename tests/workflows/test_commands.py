@@ -16,6 +16,7 @@ from z2p_renderer.storage.layout import Store
 from z2p_renderer.workflows.ablation_plan import ablation_source, load_ablation_plan
 from z2p_renderer.workflows.commands import main
 from z2p_renderer.workflows.report_plan import load_report_plan, report_source
+from z2p_renderer.workflows.running import keep
 from z2p_renderer.workflows.tasks import load_plan, source_of
 
 TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"
@@ -176,3 +177,30 @@ def test_a_reports_results_are_adopted(tmp_path, monkeypatch):
     result = run("adopt", *words, "--because", "luigi draws nothing")
     assert result.exit_code == 0, result.output
     assert f"{len(plan.steps)} fresh" in run("status", *words).stdout
+
+
+@pytest.mark.parametrize("text", ["", "{", "[" * 100_000, '{"name": NaN}', "[]", "7"])
+def test_a_torn_manifest_is_told_by_status_and_gc_and_put_aside_by_verify(world, plan, text):
+    store = Store(world.workspace)
+    fill(store, plan)
+    keep(store, plan, "{}")
+    folder = store.folder(plan.steps["train"].entry)
+    (folder / "manifest.json").write_text(text)
+    rows = {row["step"]: row for row in json.loads(run("status", "--json", *world.options).output)}
+    assert rows["train"]["state"] == "stale" and rows["train"]["reasons"][0].startswith("damaged: ")
+    said = run("gc", "--workspace", "runs")
+    assert said.exit_code == 0 and f"DAMAGED {folder}" in said.output
+    said = run("verify", "--workspace", "runs")
+    assert said.exit_code == 1 and f"DAMAGED {folder}" in said.output and "1 damaged" in said.output
+    assert not folder.exists() and len(list((store.root / ".quarantine" / "train").iterdir())) == 1
+    assert run("verify", "--workspace", "runs").exit_code == 0
+
+
+def test_a_list_of_files_that_was_shortened_is_noticed(world, plan):
+    store = Store(world.workspace)
+    fill(store, plan)
+    folder = store.folder(plan.steps["train"].entry)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    (folder / "manifest.json").write_text(json.dumps({**manifest, "files": {}}))
+    (folder / "result.bin").unlink()
+    assert run("verify", "--workspace", "runs").exit_code == 1

@@ -161,3 +161,15 @@ def test_a_damaged_note_of_a_pipeline_counts_as_long_as_it_lives(config, store, 
         unneeded(store, drop=["quick"])
     registration._file.close()
     assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+
+
+def test_nothing_goes_while_a_link_leads_to_a_result_that_tells_nothing(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    link(store, plan)
+    (store.folder(plan.steps["train"].entry) / "manifest.json").write_text("{")
+    with pytest.raises(StoreError, match="damaged, so that nobody can tell what .* was made from"):
+        unneeded(store)
+    assert unneeded(store, drop=["quick"])
+    keep(store, plan, "{}")  # says by itself what is needed
+    assert unneeded(store) == []
