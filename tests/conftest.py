@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,29 @@ from hypothesis import settings
 LAST = ("touch", "sharpen.leave")
 """Layers that go over a network's picture once more."""
 
+BLENDER = ("workflows/", "pipeline/test_baselines", "pipeline/test_conventions", "pipeline/test_evaluate",
+           "pipeline/test_shapes", "test_benchmarks", "test_coat_example")  # fmt: skip
+"""Where slow tests run Blender, whose module there is not for every Python."""
+LACKING = [name for name in ("bpy", "luigi") if find_spec(name) is None]
+collect_ignore = ["workflows"] if "luigi" in LACKING else []
+
 os.environ["Z2P_CACHE"] = ""  # nothing of the user's is touched
 settings.register_profile("steady", deadline=None, derandomize=True, database=None)
 settings.load_profile("steady")
+
+
+def pytest_report_header() -> str | None:
+    """What the summary of a run begins with."""
+    return f"not tested, without {' and '.join(LACKING)}: the pipeline" if LACKING else None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Tests that run Blender are skipped where there is none, and say so."""
+    none = pytest.mark.skip(reason=f"bpy, which is Blender, is not installed for Python {sys.version.split()[0]}")
+    for item in items:
+        where = item.path.relative_to(Path(__file__).parent).as_posix()
+        if "bpy" in LACKING and item.get_closest_marker("slow") and where.startswith(BLENDER):
+            item.add_marker(none)
 
 
 @pytest.fixture(scope="session")
