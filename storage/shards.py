@@ -1,7 +1,7 @@
 """Shards: one HDF5 file per mesh, with its renders and the pool of points that training draws clouds from.
 
 One writer, never appended to: a file appears under its name only when it is complete. Each sample is one chunk, packed
-with gzip and checked by Fletcher-32; `libver="latest"` also checks the file's own bookkeeping.
+with gzip and checked by Fletcher-32; the format of HDF5 1.10 also has checksums for the file's own bookkeeping.
 """
 
 from __future__ import annotations
@@ -36,6 +36,10 @@ SCENE = Keys(
      "material": Each(Either((_NUMBER, Many(_NUMBER, 1, 4))))},
     {"floor": Maybe(_NUMBER)},
 )  # fmt: skip
+LIBRARY = ("v110", "v110")
+"""Oldest and newest HDF5 that must understand the file: that of 1.10 is the oldest format whose bookkeeping all has
+checksums, and every h5py that can be installed reads it. The ``latest`` changes with the library that writes: what
+HDF5 2.0 calls so, no 1.14 can open."""
 INFLATION = 1200
 """More than gzip can pack bytes (about 1,030 to 1); a file that declares more lies about its size."""
 
@@ -73,7 +77,7 @@ def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attribu
     attributes = {"schema": SCHEMA, **attributes}
     layout = _layout(len(kept), len(pool), attributes, path)
     with whole(path) as temporary:
-        with h5py.File(temporary, "w", libver="latest") as file:
+        with h5py.File(temporary, "w", libver=LIBRARY) as file:
             file.attrs["z2p"] = np.bytes_(json.dumps(attributes, sort_keys=True).encode())
             for name, (shape, dtype) in layout.items():
                 chunk = shape if name == "pool" else (1, *shape[1:])

@@ -233,3 +233,31 @@ def test_a_single_number_in_place_of_a_data_set_is_damage(shard, name):
         file[name] = 3.0
     with pytest.raises(ShardError):
         Shard(shard)
+
+
+def layout_versions(content: bytes) -> set[int]:
+    """Versions of the data sets' layout messages: newer ones are what older libraries cannot read."""
+    found, at = set(), content.find(b"OHDR")
+    while at >= 0:
+        flags = content[at + 5]
+        place = at + 6 + (16 if flags & 0x20 else 0) + (4 if flags & 0x10 else 0)
+        width = 1 << (flags & 3)
+        end = place + width + int.from_bytes(content[place : place + width], "little")
+        place += width
+        while place + 4 <= end:
+            kind, size = content[place], int.from_bytes(content[place + 1 : place + 3], "little")
+            place += 6 if flags & 4 else 4
+            if kind == 8:
+                found.add(content[place])
+            place += size
+        at = content.find(b"OHDR", at + 4)
+    return found
+
+
+def test_every_hdf5_from_1_10_on_can_read_a_shard(shard, tmp_path):
+    content = shard.read_bytes()
+    assert content[8] == 3 and layout_versions(content) == {4}
+    with h5py.File(tmp_path / "latest.h5", "w", libver="latest") as file:
+        file.create_dataset("a", (4,), "u1", chunks=(2,), compression="gzip")
+    if h5py.version.hdf5_version_tuple >= (2, 0, 0):
+        assert layout_versions((tmp_path / "latest.h5").read_bytes()) == {5}, "what this library calls its latest"
