@@ -18,6 +18,7 @@ haze or sky, and its centre no point of anything."""
 _MOST = (0.02, 0.98)
 _GROUP = 256
 """Packed Gaussians that share the bounds in one row of the element ``chunk``."""
+_PACKED = ("packed_position", "packed_scale", "packed_color")
 _BOUNDS = ("min_x", "min_y", "min_z", "max_x", "max_y", "max_z")
 _SCALE_BOUNDS = ("min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z")
 
@@ -59,8 +60,12 @@ def of_packed(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
     """
     tables, at = {}, 0
     for element in header.elements:
-        if not element.scalar:
-            raise ScanError("packed Gaussian splats hold no lists; export the file again")
+        names = [entry.name for entry in element.properties]
+        packed = [entry.type for entry in element.properties if entry.name in _PACKED]
+        if header.ascii or not element.scalar or len(set(names)) < len(names) or any(
+            kind.kind not in "iu" or kind.itemsize != 4 for kind in packed
+        ):
+            raise ScanError("packed Gaussian splats are binary, whole numbers of 4 bytes (uint); export the file again")
         tables[element.name] = np.frombuffer(body, element.dtype, element.count, at) if element.count else None
         at += element.least_bytes(ascii=False)
     chunk, vertex = tables["chunk"], tables["vertex"]

@@ -101,6 +101,17 @@ def test_packed_gaussians_without_their_bounds_are_refused(tmp_path: Path, scene
         read(tmp_path / "a.ply")
 
 
+def test_packed_gaussians_in_other_numbers_are_refused(tmp_path: Path, scene) -> None:
+    path = tmp_path / "a.ply"
+    packed(path, *scene)
+    whole = path.read_bytes()
+    for old, new in ((b"uint packed_color", b"float packed_color"), (b"uint packed_scale", b"float packed_scale"),
+                     (b"packed_rotation", b"packed_scale"), (b"binary_little_endian", b"ascii")):  # fmt: skip
+        path.write_bytes(whole.replace(old, new))
+        with pytest.raises(ScanError, match="packed Gaussian splats are binary, whole numbers of 4 bytes"):
+            read(path)
+
+
 def test_a_scene_of_faint_gaussians_alone_is_drawn_all_the_same(tmp_path: Path) -> None:
     points = np.random.default_rng(3).normal(size=(40, 3))
     plain(tmp_path / "a.ply", points, np.full(40, 0.01))
