@@ -14,8 +14,8 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DEFAULT_ELEVATION
 from z2p_core.interfaces import Sensor
-from z2p_core.thinning import even_share
-from z2p_core.turning import extent, turned
+from z2p_core.thinning import bounds, even_share
+from z2p_core.turning import turned
 from z2p_core.up_axis import guess_up
 
 UP_AXES = {
@@ -135,7 +135,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     `AZIMUTHS` views from `elevation` are weighed. What differs by under 3 % is a tie, won by the view nearest to the
     file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
     """
-    low, high = extent(points)
+    low, high = bounds(points)
     points = even_share(points, MOST_LOOKED_AT) - (low + high) / 2
     reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
     shown = _showing(points / reach, elevation)

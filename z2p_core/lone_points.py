@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core import native
-from z2p_core.thinning import even_share
-from z2p_core.turning import extent
+from z2p_core.thinning import bounds, even_share
 
 FEWEST, FEWEST_LONE = 500, 5
 """Points of a cloud that is looked at, and lone ones that are left out; one or two are told by `z2p_core.strays`."""
@@ -19,6 +18,8 @@ LONE, NEIGHBOURS = 7.0, 5
 """A point is lone whose neighbours are so many times as far away as is usual in the core."""
 GAIN = 0.3
 """Without them the cloud must be smaller by this share along an axis, or they do no harm."""
+MOST_WEIGHED = 5_000
+"""Points of a larger cloud that tell its core."""
 MOST_HELD = 60_000
 """Points of a larger cloud among which neighbours are looked for."""
 ASKED, FEW = 500, 0.2
@@ -45,11 +46,11 @@ def clip_lone(points: np.ndarray) -> np.ndarray:
 
 def _outside_core(points: np.ndarray) -> np.ndarray:
     """Mask (N,) of the points that lie far beyond the core along an axis."""
-    low, high = np.quantile(even_share(points, 20_000), [EDGE, 1 - EDGE], axis=0)
+    low, high = np.quantile(even_share(points, MOST_WEIGHED), [EDGE, 1 - EDGE], axis=0)
     width = BEYOND * (high - low)
     thin = width <= 1e-9 * float(width.max())  # a plane or a line has no core to be outside of
     width[thin] = np.inf
-    least, most = extent(points)
+    least, most = bounds(points)
     if (least >= low - width).all() and (most <= high + width).all():
         return np.zeros(len(points), dtype=bool)
     outer: np.ndarray = ((points < low - width) | (points > high + width)).any(axis=1)
@@ -58,13 +59,13 @@ def _outside_core(points: np.ndarray) -> np.ndarray:
 
 def _smaller(points: np.ndarray, without: np.ndarray) -> bool:
     """Whether the cloud is clearly smaller along an axis without those points."""
-    whole, rest = (np.subtract(*extent(some)[::-1]) for some in (points, points[~without]))
+    whole, rest = (np.subtract(*bounds(some)[::-1]) for some in (points, points[~without]))
     return bool((rest < (1 - GAIN) * whole).any())
 
 
 def _lone(points: np.ndarray, outer: np.ndarray) -> np.ndarray:
     """Mask (N,) of those outer points whose neighbours are far away."""
-    low, high = extent(points)
+    low, high = bounds(points)
     placed = ((points - (low + high) / 2) / float((high - low).max())).astype(np.float32)
     grid = native.Grid(even_share(placed, MOST_HELD))  # as sparse everywhere as it was
     core = even_share(placed[~outer], ASKED)

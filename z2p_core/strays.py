@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.geometry import bounding_sphere
-from z2p_core.thinning import even_share
+from z2p_core.thinning import bounds, even_share
 from z2p_core.turning import extent
 
 MOST_LOOKED_AT = 20_000
@@ -103,12 +103,15 @@ def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
 
 def _spread_out(points: np.ndarray) -> bool:
     """Whether most of points (N, 3) take up more of the space about them than specks in it do; told at once."""
-    low, high = extent(points)
+    low, high = bounds(points)
     step = max(float((high - low).max()), LEAST_SPAN) / 24
     some = points[:: -(-len(points) // MOST_LOOKED_AT)]  # no order makes many cells of few
     place = ((some - low) / step).astype(np.int64)
-    count = np.sort(np.bincount((place[:, 0] * 25 + place[:, 1]) * 25 + place[:, 2]))[::-1]
-    return bool(count[:MANY_CELLS].sum() < MOST * len(some))
+    count = np.bincount((place[:, 0] * 25 + place[:, 1]) * 25 + place[:, 2])
+    count = count[count > 0]
+    if len(count) <= MANY_CELLS:
+        return False
+    return bool(np.partition(count, -MANY_CELLS)[-MANY_CELLS:].sum() < MOST * len(some))
 
 
 def clip_below(points: np.ndarray, height: np.ndarray) -> np.ndarray:

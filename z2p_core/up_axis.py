@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from z2p_core.turning import extent
+from z2p_core.thinning import bounds
 from z2p_core.upright import marks
 from z2p_core.upright_weights import scores
 
@@ -55,7 +55,7 @@ def guess_up(points: np.ndarray, suffix: str, usual: str = "", usual_reason: str
     """
     if not usual and suffix in SETTLED:
         return Guess(SETTLED[suffix], f"the convention of {suffix}")
-    low, high = extent(points)
+    low, high = bounds(points)
     size = float((high - low).max())
     if not usual and float(np.abs(low + high)[:2].max()) / 2 > max(FAR, FAR_OFF * size):
         return Guess("+Z", "a map's coordinates")
