@@ -126,8 +126,8 @@ def _write_shard(path: Path, rng: np.random.Generator) -> None:
                 file.attrs["z2p"] = np.bytes_(json_text(changed(told, rng)).encode(errors="surrogatepass")[:60_000])
         case 2:
             with h5py.File(path, "r+") as file:
-                text = json_text(changed(json.loads(json.dumps(scene.to_json())), rng)).encode(errors="surrogatepass")[:1024]
-                file["scene"][0] = np.bytes_(text)
+                told = json.loads(json.dumps(scene.to_json()))
+                file["scene"][0] = np.bytes_(json_text(changed(told, rng)).encode(errors="surrogatepass")[:1024])
         case _:
             _put_odd_data(path, rng)
 

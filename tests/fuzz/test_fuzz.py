@@ -16,18 +16,11 @@ from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.clouds import Scan, read_each, readable_suffixes
 
 SEED = 47
-INPUTS = {"readers": 150, "records": 60, "weights": 60, "results": 16, "configs": 24, "render": 60, "commands": 24}
+INPUTS = {"readers": 70, "records": 40, "weights": 30, "results": 10, "configs": 12, "render": 24, "commands": 10}
 """How many inputs are tried of each target."""
-SIGNS = {
-    "readers": "read",
-    "records": "read",
-    "weights": "loaded",
-    "results": "same",
-    "configs": "planned",
-    "render": "drawn",
-    "commands": " 0",
-}
-"""What is said of inputs that were taken."""
+SIGNS = {"readers": "read", "records": "read", "weights": "loaded", "results": "changed", "configs": "planned",
+         "render": "drawn", "commands": " 0"}  # fmt: skip
+"""What is said of some of them, and not of all."""
 FAULTS = """
 import ctypes, json, os, sys, time, warnings
 def make(rng, folder):
@@ -69,8 +62,8 @@ def test_odd_inputs_are_taken_or_refused(target: str, worker: Worker) -> None:
         again = f"python tests/fuzz/run.py {target} --seed {SEED} --number {number}"
         assert not outcome.fault, f"{again}\n{outcome.fault}"
         labels[outcome.label] += 1
-    taken = sum(count for label, count in labels.items() if SIGNS[target] in label)
-    assert 0 < taken < INPUTS[target], labels
+    some = sum(count for label, count in labels.items() if SIGNS[target] in label)
+    assert 0 < some < INPUTS[target], labels
 
 
 @pytest.mark.parametrize(
