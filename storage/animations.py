@@ -18,6 +18,11 @@ from z2p_renderer.storage.whole import write_whole
 
 SUFFIXES = (".webp", ".gif", ".mp4")
 QUALITY = {"webp": 90, "crf": 18}
+TO_BT709 = ("scale=in_range=pc:out_range=tv:out_color_matrix=bt709:flags=bicubic+accurate_rnd+full_chroma_int,"
+            "format=yuv420p")
+TAGGED = "setparams=range=tv:color_primaries=bt709:color_trc=bt709:colorspace=bt709"
+"""What makes the colours of a video those of BT.709, and says so in the file: of untagged ones players guess by the
+picture's size, and ffmpeg's own choice is BT.601, which turns greens and reds."""
 SHORTEST = 16
 """Milliseconds that a frame stays at least: viewers take 10 for a mistake, and show it for 100."""
 
@@ -121,6 +126,8 @@ def _mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | Non
         made = Path(folder) / "loop.mp4"
         command = [_ffmpeg(), "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
                    "-s", f"{width + width % 2}x{height + height % 2}", "-r", f"{rate:g}", "-i", "-",
+                   "-vf", f"{TO_BT709},{TAGGED}", "-color_primaries", "bt709", "-color_trc", "bt709",
+                   "-colorspace", "bt709", "-color_range", "tv",
                    "-c:v", "libx264", "-crf", str(QUALITY["crf"]), "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
         if record is not None:
             command += ["-metadata", f"comment={described(record)}"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -176,3 +177,22 @@ def test_the_command(
     assert webp.exit_code == 0 and Image.open(tmp_path / "b.webp").n_frames == 2
     still = z2p("animate", scans / "one.npy", "-o", tmp_path / "a.png", "--weights", tiny_weights)
     assert still.exit_code == 2 and "run-inference" in still.stderr and not (tmp_path / "a.png").exists()
+
+
+def test_the_colours_of_an_mp4_are_those_of_bt_709_and_it_says_so(tmp_path: Path) -> None:
+    ffmpeg = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
+    colors = [(255, 0, 0), (0, 255, 0), (0, 0, 255), (40, 120, 200), (255, 255, 255), (12, 12, 12)]
+    frame = np.zeros((48, 16 * len(colors), 4), np.uint8)
+    for index, color in enumerate(colors):
+        frame[:, 16 * index : 16 * (index + 1)] = (*color, 255)
+    path = tmp_path / "colours.mp4"
+    write_animation([frame] * 3, path, 12)
+    told = subprocess.run([ffmpeg, "-hide_banner", "-i", str(path)], capture_output=True, text=True, check=False).stderr
+    assert "yuv420p(tv, bt709" in told, told
+    words = [ffmpeg, "-loglevel", "error", "-i", str(path), "-vf", "scale=in_color_matrix=bt709:in_range=tv", "-f",
+             "rawvideo", "-pix_fmt", "rgb24", "-frames:v", "1", "-"]  # fmt: skip
+    raw = subprocess.run(words, capture_output=True, check=True).stdout
+    read = np.frombuffer(raw, np.uint8).reshape(48, -1, 3)
+    for index, color in enumerate(colors):
+        middle = read[24, 16 * index + 8].astype(int)
+        assert np.abs(middle - color).max() <= 4, (color, middle)
