@@ -141,6 +141,7 @@ NOT_SHAPING: dict[str, str] = {
     "storage.layout": "puts files where they belong, whatever they hold",
     "storage.fingerprints": "names results and seeds by sha256",
     "storage.code": "tells the code that names results",
+    "z2p_core.system_libraries": "words of an error",
     "z2p_core.native.sources": "tells where the kernels lie, and what they come from",
     "pipeline.children": "tells where Blender's process finds our code",
     "train/z2p_core.interfaces:Control": "shards hold the settings as encoded; only names and sizes are compared",

@@ -37,7 +37,7 @@ class PaperReport(Goal):
     def prepare(self) -> None:
         """Import what every measuring task needs."""
         for name in ("torch", "kornia.metrics", "flip_evaluator", "open3d", "z2p_renderer.pipeline.paper.measure"):
-            with suppress(ImportError):  # the task that needs it says so
+            with suppress(ImportError, OSError):  # the task that needs it says so
                 import_module(name)
 
     def tell(self) -> None:

@@ -11,6 +11,7 @@ import click
 
 from z2p_core.config import EvaluateConfig
 from z2p_core.install_advice import install_advice
+from z2p_core.system_libraries import SystemLibraryError
 from z2p_renderer.pipeline.cli import Failure
 from z2p_renderer.pipeline.commands.values import SIDES, Elevation, FiniteRange
 
@@ -78,6 +79,8 @@ def evaluate(
         from z2p_renderer.pipeline.evaluate import evaluate as measure
 
         measure(found, file, output, config, truth or output / "truth", _say, baseline, engine)
+    except SystemLibraryError as error:
+        raise Failure(str(error)) from error
     except ImportError as error:
         raise Failure(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
     _print_means(json.loads((output / "metrics.json").read_text()))

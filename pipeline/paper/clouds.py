@@ -10,6 +10,7 @@ import numpy as np
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW, turn
 from z2p_core.interfaces import ScanError
 from z2p_core.surface import uniform_points
+from z2p_core.system_libraries import loading
 from z2p_renderer.storage.meshes import Mesh
 
 UNEVEN = 10.0
@@ -41,7 +42,8 @@ def inner_points(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray
 
     A mesh that encloses hardly anything, as an open sheet, gets points between random pairs of its surface's instead.
     """
-    import open3d  # late: the pipeline extra
+    with loading("open3d"):
+        import open3d  # late: the pipeline extra
 
     if count == 0:
         return np.empty((0, 3))
@@ -71,7 +73,8 @@ def single_view(
         ValueError: an unknown kind.
         ScanError: the camera sees nothing.
     """
-    import open3d  # late: the pipeline extra
+    with loading("open3d"):
+        import open3d  # late: the pipeline extra
 
     if kind not in ("clean", "noise", "holes"):
         raise ValueError(f"single view: expected clean, noise or holes, got {kind!r}")
@@ -110,7 +113,8 @@ def _sensor(rotation: np.ndarray, elevation: float) -> tuple[np.ndarray, np.ndar
 
 
 def _ray_scene(mesh: Mesh) -> Any:
-    import open3d
+    with loading("open3d"):
+        import open3d
 
     scene = open3d.t.geometry.RaycastingScene()
     vertices = open3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.vertices, dtype=np.float32))

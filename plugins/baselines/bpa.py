@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.interfaces import Baseline, ScanError
+from z2p_core.system_libraries import loading
 from z2p_renderer.plugins.baselines.apart import Apart
 from z2p_renderer.plugins.baselines.normals import arrays, oriented
 
@@ -45,7 +46,8 @@ def pivoting(points: np.ndarray, normals: np.ndarray, radii: list[float]) -> Any
     Raises:
         ScanError: they leave no triangle.
     """
-    import open3d  # late: the pipeline extra
+    with loading("open3d"):
+        import open3d  # late: the pipeline extra
 
     scan = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
     scan.normals = open3d.utility.Vector3dVector(normals)

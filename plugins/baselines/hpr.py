@@ -6,6 +6,7 @@ import numpy as np
 
 from z2p_core.camera import Camera
 from z2p_core.interfaces import Baseline, ScanError
+from z2p_core.system_libraries import loading
 from z2p_renderer.plugins.baselines.normals import arrays
 
 FLIP = 360.0
@@ -34,7 +35,8 @@ class VisibleTriangles(Baseline):
         Raises:
             ScanError: too few points, or points in one plane with the viewer.
         """
-        import open3d  # late: the pipeline extra
+        with loading("open3d"):
+            import open3d  # late: the pipeline extra
 
         if len(cloud) < 5:
             raise ScanError(f"hidden point removal needs 5 points or more, got {len(cloud)}; give a denser cloud")

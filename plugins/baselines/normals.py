@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.interfaces import ScanError
+from z2p_core.system_libraries import loading
 
 NEIGHBOURS = 16
 
@@ -20,7 +21,8 @@ def oriented(cloud: np.ndarray) -> Any:
     Raises:
         ScanError: too few points, or points that have no surface.
     """
-    import open3d  # late: the pipeline extra
+    with loading("open3d"):
+        import open3d  # late: the pipeline extra
 
     if len(cloud) <= NEIGHBOURS:
         raise ScanError(f"normals need more than {NEIGHBOURS} points, got {len(cloud)}; give a denser cloud")

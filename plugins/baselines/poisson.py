@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.interfaces import Baseline
+from z2p_core.system_libraries import loading
 from z2p_renderer.plugins.baselines.normals import arrays, oriented
 
 DEPTH = 8
@@ -26,7 +27,8 @@ class Poisson(Baseline):
         Raises:
             ScanError: too few points, or no surface found.
         """
-        import open3d  # late: the pipeline extra
+        with loading("open3d"):
+            import open3d  # late: the pipeline extra
 
         with self.timed("normals"):
             scan = oriented(cloud)

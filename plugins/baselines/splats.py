@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.interfaces import Baseline, ScanError
+from z2p_core.system_libraries import loading
 
 NEIGHBOURS = 12
 RADIUS = 1.3
@@ -47,7 +48,8 @@ class Splats(Baseline):
 
 def _tangents(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Two unit tangents (N, 3) each and the spacing (N,) of points (N, 3), by their nearest ones."""
-    import open3d  # late: the pipeline extra
+    with loading("open3d"):
+        import open3d  # late: the pipeline extra
 
     places = open3d.core.Tensor.from_numpy(points)
     search = open3d.core.nns.NearestNeighborSearch(places)

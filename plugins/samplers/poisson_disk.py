@@ -6,6 +6,7 @@ import numpy as np
 
 from z2p_core.interfaces import Sampler
 from z2p_core.surface import uniform_points
+from z2p_core.system_libraries import loading
 
 DENSITY = 5
 """Dense points for each point asked for, as in the elimination's paper."""
@@ -24,7 +25,8 @@ class PoissonDisk(Sampler):
         Raises:
             ScanError: no triangle has an area above 0.
         """
-        import open3d  # late: the pipeline extra
+        with loading("open3d"):
+            import open3d  # late: the pipeline extra
 
         dense = uniform_points(vertices, faces, count * DENSITY, rng)
         mesh = open3d.geometry.TriangleMesh(
