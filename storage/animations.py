@@ -14,7 +14,7 @@ import numpy as np
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.install_advice import install_advice
 from z2p_renderer.storage.pictures import OPAQUE, WHITE, PictureError, described
-from z2p_renderer.storage.whole import write_whole
+from z2p_renderer.storage.whole import NoFileError, check_file_place, write_whole
 
 SUFFIXES = (".webp", ".gif", ".mp4")
 QUALITY = {"webp": 90, "crf": 18}
@@ -40,10 +40,14 @@ def write_animation(
     palette; an MP4 (H.264) has even sides, for which a row or column of the background is added.
 
     Raises:
-        PictureError: a suffix of another format, or an MP4 without its extra.
+        PictureError: a suffix of another format, an MP4 without its extra, or something other than a file lies there.
     """
     suffix = path.suffix.lower()
     check_suffix(suffix)
+    try:
+        check_file_place(path)
+    except NoFileError as error:
+        raise PictureError(str(error)) from None
     if background is None and suffix in OPAQUE:
         background = WHITE
     if background is not None:

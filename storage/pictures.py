@@ -17,7 +17,7 @@ from z2p_renderer.storage.names import printable
 from z2p_renderer.storage.png import png
 from z2p_renderer.storage.quiet import quiet
 from z2p_renderer.storage.records import record_fault
-from z2p_renderer.storage.whole import kind_of, write_whole
+from z2p_renderer.storage.whole import NoFileError, kind_of, write_whole
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
 """Suffix -> format."""
@@ -45,9 +45,13 @@ def write_picture(
     PNG, WebP and TIFF keep every bit; JPEG has quality 95.
 
     Raises:
-        PictureError: a suffix that stands for no format.
+        PictureError: a suffix that stands for no format, or something other than a file lies there.
     """
-    write_whole(encode(picture, path.suffix.lower(), background, record), path)
+    encoded = encode(picture, path.suffix.lower(), background, record)
+    try:
+        write_whole(encoded, path)
+    except NoFileError as error:
+        raise PictureError(str(error)) from None
 
 
 def encode(

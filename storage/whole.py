@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from z2p_core.one_line import UsersError
+from z2p_renderer.storage.names import printable
+
 
 @contextmanager
 def whole(path: Path, *, lasting: bool = False) -> Iterator[Path]:
@@ -18,8 +21,10 @@ def whole(path: Path, *, lasting: bool = False) -> Iterator[Path]:
     machine that goes down tears no file either; it costs some milliseconds a file.
 
     Raises:
+        NoFileError: something other than a file lies there.
         OSError: a folder cannot be made or written to.
     """
+    check_file_place(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".z2p-{uuid.uuid4().hex[:16]}.part")  # short: the name itself may be as long as can be
     try:
@@ -34,6 +39,21 @@ def whole(path: Path, *, lasting: bool = False) -> Iterator[Path]:
         raise
     finally:
         temporary.unlink(missing_ok=True)
+
+
+class NoFileError(UsersError, OSError):
+    """A folder, device or pipe where a file is to be written, which a rename would fail on or, worse, replace."""
+
+
+def check_file_place(path: Path) -> None:
+    """Nothing, where a file can be written: where there is none, or one that may be replaced.
+
+    Raises:
+        NoFileError: a folder, device, pipe or socket, or a link to one.
+    """
+    if path.exists() and not path.is_file():
+        raise NoFileError(f"{printable(path)}: expected the name of a file to write, got {kind_of(path)}; choose "
+                          "another name")
 
 
 def write_whole(content: bytes, path: Path, *, lasting: bool = False) -> Path:

@@ -6,9 +6,11 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from z2p_renderer.storage.whole import whole, write_whole
+from z2p_renderer.storage.pictures import PictureError, write_picture
+from z2p_renderer.storage.whole import NoFileError, whole, write_whole
 
 
 def names(folder: Path) -> list[str]:
@@ -53,3 +55,19 @@ def test_many_writers_of_one_file_leave_one_of_their_contents(tmp_path: Path) ->
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(lambda content: write_whole(content, path), contents * 4))
     assert path.read_bytes() in contents and names(tmp_path) == ["one.bin"]
+
+
+def test_nothing_but_a_file_is_ever_replaced(tmp_path):
+    os.mkfifo(tmp_path / "pipe.png")
+    (tmp_path / "folder.png").mkdir()
+    (tmp_path / "null.png").symlink_to("/dev/null")
+    before = {path.name: path.lstat().st_ino for path in tmp_path.iterdir()}
+    for name, kind in (("pipe.png", "a pipe"), ("folder.png", "a folder"), ("null.png", "a device")):
+        with pytest.raises(NoFileError, match=f"expected the name of a file to write, got {kind}"):
+            write_whole(b"x", tmp_path / name)
+        with pytest.raises(PictureError, match=kind):
+            write_picture(np.zeros((4, 4, 4), np.uint8), tmp_path / name)
+    assert before == {path.name: path.lstat().st_ino for path in tmp_path.iterdir()}
+    (tmp_path / "gone.png").symlink_to("nowhere")
+    write_whole(b"x", tmp_path / "gone.png")
+    assert (tmp_path / "gone.png").read_bytes() == b"x"
