@@ -75,4 +75,4 @@ def kind_of(path: Path) -> str:
         return "a folder"
     kinds = (("a pipe", path.is_fifo), ("a device", path.is_char_device), ("a disk's device", path.is_block_device),
              ("a socket", path.is_socket))  # fmt: skip
-    return next((name for name, holds in kinds if holds()), "no file")
+    return next((name for name, holds in kinds if holds()), "a file" if path.is_file() else "no file")
