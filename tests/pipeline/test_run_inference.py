@@ -42,7 +42,7 @@ def test_a_folder_becomes_pictures_and_says_so(render: Callable[..., Result], sc
     assert result.stdout == ""
     told = result.stderr.splitlines()
     assert [line.split(":")[0] for line in told[:2]] == ["rendered", "rendered"]
-    assert all(re.search(r"; up \+Z: .*; azimuth -?\d+ from the file's front: ", line) for line in told[:2])
+    assert all(re.search(r"; up \+[XYZ]: .*; azimuth -?\d+ from the file's front: ", line) for line in told[:2])
     assert told[2:] == ["2 rendered, 0 skipped, 0 failed"]
 
 
@@ -266,7 +266,7 @@ def test_on_a_terminal_each_file_has_its_line_too(scans: Path, tiny_weights: Pat
     os.close(theirs)
     shown = os.read(ours, 100_000).decode()
     os.close(ours)
-    assert shown.count("; up +Z: ") == 2 and "2 rendered, 0 skipped, 0 failed" in shown
+    assert shown.count("; up +") == 2 and "2 rendered, 0 skipped, 0 failed" in shown
 
 
 def test_ctrl_c_is_told_apart_from_failed_files(

@@ -70,7 +70,7 @@ def test_one_frame_for_a_series(render: Callable[..., Result], tmp_path: Path, c
     (folder / "c.npy").write_bytes(b"garbage")
     result = render(folder, "--same-frame", "--save-camera", tmp_path / "cam.json")
     assert result.exit_code == 1
-    assert result.stderr.startswith("one frame for 2 clouds: up +Z: ")
+    assert result.stderr.startswith("one frame for 2 clouds: up +")
     assert result.stderr.count("c.npy") == 1
     records = [read_record(tmp_path / "out" / f"{name}.png") for name in "ab"]
     assert records[0]["camera"] == records[1]["camera"] == read_camera(tmp_path / "cam.json").to_json()

@@ -155,7 +155,7 @@ def test_what_is_left_out_is_said(cloud: np.ndarray, small: dict[str, Any]) -> N
 
 
 def test_files_go_in_by_their_path(scans: Path, small: dict[str, Any], cloud: np.ndarray) -> None:
-    picture = z2p_core.render(scans / "one.npy", **small)
+    picture = z2p_core.render(scans / "one.npy", up="Z", **small)
     assert np.array_equal(picture.array, z2p_core.render(cloud, **small).array)
     assert picture.record["input"]["name"] == "one.npy"
     with pytest.raises(ScanError, match="nosuch"):
