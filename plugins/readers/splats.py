@@ -60,9 +60,9 @@ def of_packed(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
     """
     tables, at = {}, 0
     for element in header.elements:
-        names = [entry.name for entry in element.properties]
+        given = [entry.name for entry in element.properties]
         packed = [entry.type for entry in element.properties if entry.name in _PACKED]
-        if header.ascii or not element.scalar or len(set(names)) < len(names) or any(
+        if header.ascii or not element.scalar or len(set(given)) < len(given) or any(
             kind.kind not in "iu" or kind.itemsize != 4 for kind in packed
         ):
             raise ScanError("packed Gaussian splats are binary, whole numbers of 4 bytes (uint); export the file again")
