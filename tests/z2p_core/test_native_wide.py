@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import platform
+import re
+import shutil
+import subprocess
 from collections.abc import Callable
 
 import numpy as np
@@ -39,3 +43,16 @@ def test_registers_of_any_width_make_the_same_numbers(kernel: Kernel, monkeypatc
     monkeypatch.setattr(calls, "_is_wide", lambda: False)
     for wide, narrow in zip(by_sixteen, kernel(np.random.default_rng(1)), strict=True):
         assert np.array_equal(wide, narrow) and wide.std() > 0.01
+
+
+@pytest.mark.skipif(
+    platform.machine() != "x86_64" or not shutil.which("objdump"), reason="of x86-64's instructions, told by objdump"
+)
+def test_wide_registers_are_used_only_where_the_processor_was_asked_for_them() -> None:
+    read = ["objdump", "-d", "--no-show-raw-insn", calls.library()._name]
+    told = subprocess.run(read, capture_output=True, text=True, check=True)
+    functions = re.split(r"^[0-9a-f]+ <([^>]+)>:$", told.stdout, flags=re.MULTILINE)[1:]
+    bodies = zip(functions[::2], functions[1::2], strict=True)
+    wide = {name for name, body in bodies if re.search(r"%[yz]mm|\tv\w+ ", body)}
+    assert len(functions) > 100
+    assert [name for name in wide if not re.search(r"\.arch_?x86[-_]64[-_]v[34]|_wide(\.|$)", name)] == []
