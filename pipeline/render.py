@@ -174,7 +174,7 @@ def _run_blender(job: Path, name: str) -> Iterator[str]:
             blender.kill()
             raise
     if blender.returncode:
-        raise _failure(job, f"{name}: Blender exited with {blender.returncode}; its last lines:\n" + "\n".join(last))
+        raise _failure(job, f"{name}: Blender exited with {blender.returncode}\nits last lines:\n" + "\n".join(last))
 
 
 def _failure(folder: Path, told: str) -> RenderError | DiskError:

@@ -13,7 +13,7 @@ from contextlib import suppress
 import luigi.retcodes
 
 from z2p_renderer.storage.room import PASSING
-from z2p_renderer.workflows.task_log import say
+from z2p_renderer.workflows.task_log import said, say
 
 _out, _in = os.pipe()
 os.set_blocking(_out, False)
@@ -25,7 +25,7 @@ LONGEST = 3000
 def fail(line: str, *, passing: bool = False) -> None:
     """Say that something failed, and keep the line for the end; `passing` where the same command may succeed later."""
     say(line)
-    note = json.dumps({"line": line[:LONGEST], "passing": passing}).encode()
+    note = json.dumps({"line": line[:LONGEST], "passing": passing, "said": said.value}).encode()
     with suppress(OSError):  # of so many failures the first ones will do
         os.write(_in, note[:4000] + b"\n")
 
@@ -37,12 +37,14 @@ def conclude() -> bool:
         return False
     if len(notes) > 1:
         say(f"FAILED {len(notes)} tasks, the first: {str(notes[0]['line']).removeprefix('FAILED ')}")
+    elif notes[0]["said"] != said.value:  # other tasks went on
+        say(str(notes[0]["line"]))
     if all(note["passing"] for note in notes):
         _end_with(PASSING)
     return True
 
 
-def _notes() -> list[dict[str, str | bool]]:
+def _notes() -> list[dict[str, str | bool | int]]:
     text = b""
     with suppress(BlockingIOError):
         while part := os.read(_out, 1 << 16):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import sys
 import time
@@ -13,12 +14,15 @@ from pathlib import Path
 LAST_LINES = 12
 _TAIL_BYTES = 16_384
 
+said = multiprocessing.RawValue("L", 0)
+"""How much was said so far, by all processes of a pipeline together."""
 _terminal: int | None = None
 """Where stderr led before a task's log took its place; None while no log is open in this process."""
 
 
 def say(line: str) -> None:
     """One line of progress on stderr, and in the log of the task that runs."""
+    said.value += 1
     with suppress(OSError):  # whoever listened may be gone, and the work goes on
         os.write(2 if _terminal is None else _terminal, f"{line}\n".encode())
     if _terminal is not None:

@@ -49,3 +49,12 @@ def test_what_fails_again_keeps_its_status(statuses, capfd):
 def test_thousands_of_failures_and_endless_lines_block_nobody():
     in_a_fork(*[("FAILED " + "x" * 10_000, False)] * 100)
     assert ending.conclude()
+
+
+def test_the_reason_is_the_last_line_whatever_others_say_meanwhile(capfd):
+    ending.fail("FAILED train: no shards")
+    assert ending.conclude() and capfd.readouterr().err.splitlines() == ["FAILED train: no shards"]
+    in_a_fork(("FAILED train: no shards", False))
+    ending.say("render: done")
+    assert ending.conclude()
+    assert capfd.readouterr().err.splitlines() == ["FAILED train: no shards", "render: done", "FAILED train: no shards"]
