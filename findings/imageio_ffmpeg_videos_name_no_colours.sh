@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# imageio-ffmpeg 0.6.0: an H.264 video of RGB frames is converted by the matrix of standard definition (BT.601), whatever
+# imageio-ffmpeg 0.8.1: an H.264 video of RGB frames is converted by the matrix of standard definition (BT.601), whatever
 # its size, and names none in the file. Players take the one of high definition (BT.709) for large pictures: reds and greens shift.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder"
 "${PYTHON:-python3}" -m venv venv
-venv/bin/pip install --quiet --disable-pip-version-check imageio-ffmpeg==0.6.0 numpy==2.3.5
+venv/bin/pip install --quiet --disable-pip-version-check imageio-ffmpeg==0.8.1 numpy==2.3.5
 venv/bin/python - <<'PY'
 import subprocess
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # laspy 2.7.0 with lazrs 0.8.2: where a LAZ file is decoded in part (DecompressionSelection), the fields left out are
-# neither missing nor zero: every point has the first point's value. A plot of such a field looks plausible and is wrong.
+# neither missing nor zero: every point has the value of its chunk's first point (a chunk is 50,000 points).
+# A plot of such a field looks plausible and is wrong.
 set -euo pipefail
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
