@@ -71,8 +71,8 @@ def shapeless(seed: int, each: int) -> list[Labelled]:
     clouds = []
     for number in range(each):
         rng = np.random.default_rng([seed, number])
-        straight = [box((1, 1, 1), (0, 0, 0)), box(rng.uniform(0.2, 1, 3), (0, 0, 0)),
-                    egg((0, 0, 0), *rng.uniform(0.3, 1, 3))]  # fmt: skip
+        straight = [box((1, 1, 1), (0, 0, 0)), box(rng.uniform(0.7, 1, 3), (0, 0, 0)),
+                    egg((0, 0, 0), *rng.uniform(0.6, 1, 3))]  # fmt: skip
         askew = [egg((0, 0, 0), *rng.uniform(0.5, 1, 3)), egg((0, 0, 0), 1, 1, 1), THINGS["pipes"](rng), _ring(rng),
                  [shape("torus_knot")], [*KINDS.values()][rng.integers(len(KINDS))](rng)]  # fmt: skip
         for index, parts in enumerate(straight + askew):

@@ -10,7 +10,7 @@ import shutil
 import time
 import traceback
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -134,13 +134,14 @@ class StageTask(luigi.Task):
             _check_file(path, digest)
 
     def _show_log(self) -> None:
-        """Put the log beside the files that it tells of; it is no part of the result."""
+        """Put the log beside the files that it tells of; it is no part of the result, and failing to harms none."""
         shown = self.store.folder(self.step.entry) / LOG
-        shown.unlink(missing_ok=True)
-        try:
-            shown.hardlink_to(self.log)
-        except OSError:  # a filesystem without hard links
-            shutil.copyfile(self.log, shown)
+        with suppress(OSError):
+            shown.unlink(missing_ok=True)
+            try:
+                shown.hardlink_to(self.log)
+            except OSError:  # a filesystem without hard links
+                shutil.copyfile(self.log, shown)
 
     def on_failure(self, exception: BaseException) -> Any:
         refused = refusal(exception, self.store.root)

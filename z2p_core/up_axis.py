@@ -26,6 +26,8 @@ USUAL_BY_FILE = 0.8
 """Share of the files with a family's marks that have the family's axis up."""
 DOUBT = 0.05
 """Share of clouds of which the shape tells nothing, however clear it seems: they may be of a kind not learnt from."""
+SUPPORTED = 0.3
+"""How likely the shape alone must make an axis at least, to be taken for up before the usual one."""
 FEWEST_POINTS = 100
 """Fewer tell no shape."""
 AT_ORIGIN, GROUNDED = 0.005, 3.0
@@ -67,6 +69,8 @@ def guess_up(points: np.ndarray, suffix: str, usual: str = "", usual_reason: str
         shape = (1 - DOUBT) * likely / likely.sum() + DOUBT / 6
     grounded = np.where(np.abs(np.stack([low, -high], axis=1).ravel()) < AT_ORIGIN * size, GROUNDED, 1.0)
     chance = prior * shape * grounded
+    unsupported = (shape * grounded < SUPPORTED) & (prior < prior.max())
+    chance[unsupported] = np.minimum(chance[unsupported], 0.9 * chance[prior.argmax()])
     return _told(chance / chance.sum(), prior, usual_reason if usual else "the usual axis")
 
 

@@ -39,7 +39,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
     failed = False
     for figure in figures:
         try:
-            record = read_record(figure)
+            record = read_record(figure, complete=not as_json)
         except PictureError as error:
             failed = True
             click.echo(f"failed: {error}", err=True)
@@ -85,7 +85,7 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     """
     from z2p_renderer.storage.pictures import check_suffix, read_record, write_picture
 
-    record = read_record(figure)
+    record = read_record(figure, complete=True)
     if "motion" in record:
         raise Failure(f"{figure} is a loop; make it again with z2p animate SCAN --load-camera {figure}")
     if "batch" in record:

@@ -139,10 +139,17 @@ def writable(folder: Path, option: str = "--output") -> None:
     """
     import os
 
+    from z2p_renderer.storage.room import refusal
+    from z2p_renderer.storage.whole import kind_of
+
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".z2p-{os.getpid()}.probe"
         probe.touch()
         probe.unlink()
     except OSError as error:
-        raise click.UsageError(f"cannot write to {folder}: {error.strerror}; choose another {option}") from None
+        if refusal(error):  # of a disk, which is no mistake in the call
+            raise
+        taken = folder.exists() and not folder.is_dir()
+        reason = f"expected a folder or a picture's name, got {kind_of(folder)}" if taken else error.strerror
+        raise click.UsageError(f"cannot write to {folder}: {reason}; choose another {option}") from None
