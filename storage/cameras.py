@@ -10,7 +10,7 @@ from pathlib import Path
 from z2p_core.interfaces import SettingError
 from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_renderer.storage.json_text import JsonError, read_json
-from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.names import is_file, is_folder, is_there, printable
 from z2p_renderer.storage.pictures import FORMATS, PictureError, read_record
 from z2p_renderer.storage.whole import kind_of, write_whole
 
@@ -27,13 +27,13 @@ def check_camera_place(path: Path, taken: Iterable[Path] = ()) -> None:
         SettingError: a folder, a picture's name, one of `taken`, or a file that is no camera.
     """
     told = f"--save-camera {printable(path)}: expected the name of a JSON file"
-    if path.is_dir():
+    if is_folder(path):
         raise SettingError(f"{told}, got a folder; add a name, as {printable(path / 'camera.json')}")
     if path.suffix.lower() in (*FORMATS, ".gif"):
         raise SettingError(f"{told}, got a picture's; each picture holds its camera anyway, see --load-camera")
     if any(_same(path, other) for other in taken):
         raise SettingError(f"{told}, got a file that this run reads or writes; choose another")
-    if path.exists() and not _is_camera(path):
+    if is_there(path) and not _is_camera(path):
         raise SettingError(f"{told}, got a file that is there already and no camera of z2p; choose another")
 
 
@@ -71,16 +71,19 @@ def _camera_text(path: Path) -> bytes:
         OSError: there is no such file.
         SettingError: it is none.
     """
-    if path.exists() and not path.is_file():
+    if is_there(path) and not is_file(path):
         raise SettingError(f"expected a JSON file or a picture, got {kind_of(path)}")
-    with path.open("rb") as file:
-        return file.read(MOST_BYTES + 1)
+    try:
+        with path.open("rb") as file:
+            return file.read(MOST_BYTES + 1)
+    except ValueError as error:  # a zero byte in its name
+        raise SettingError(f"no such file ({error}); write one with --save-camera") from error
 
 
 def _same(path: Path, other: Path) -> bool:
     """Whether two names lead to one file, be it there already or not."""
     return os.path.realpath(path) == os.path.realpath(other) or (
-        path.exists() and other.exists() and path.samefile(other)
+        is_there(path) and is_there(other) and path.samefile(other)
     )
 
 

@@ -18,6 +18,7 @@ from z2p_core.limits import LimitError, check_value, told
 from z2p_core.one_line import UsersError
 from z2p_renderer.storage.cards import CARD
 from z2p_renderer.storage.json_text import JsonError, read_json
+from z2p_renderer.storage.names import is_file, is_there
 from z2p_renderer.storage.whole import whole
 
 FORMAT = 1
@@ -66,7 +67,7 @@ def resolve(name_or_path: str | Path) -> Path:
     known = shipped()
     if str(name_or_path) in known:
         return known[str(name_or_path)]
-    if Path(name_or_path).is_file():
+    if is_file(name_or_path):
         return Path(name_or_path)
     names = ", ".join(known) or "none"
     raise WeightsError(f"unknown weights {str(name_or_path)!r}; shipped: {names}; or give a .safetensors file")
@@ -148,7 +149,7 @@ def load_checkpoint(folder: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]
     """
     warnings: list[str] = []
     for path in (folder / CHECKPOINT, folder / PREVIOUS):
-        if path.exists():
+        if is_there(path):
             try:
                 tensors, state, _ = _read(path)
                 return tensors, state, warnings
@@ -174,7 +175,7 @@ def _write(path: Path, arrays: dict[str, np.ndarray], card: dict[str, Any]) -> N
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], str]:
     path = Path(path)
-    if not path.is_file():
+    if not is_file(path):
         raise WeightsError(f"{path}: no such weights file")
     with path.open("rb") as file:
         start = file.read(4)

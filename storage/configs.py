@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from z2p_core.config import ConfigError
+from z2p_renderer.storage.names import is_file
 
 
 def config_text(path: Path) -> str:
@@ -13,7 +14,7 @@ def config_text(path: Path) -> str:
     Raises:
         ConfigError: there is no such file, or it is not in UTF-8, as TOML is.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise ConfigError(f"--config: expected a TOML file, got {str(path)!r}, which is no file")
     try:
         return path.read_text(encoding="utf-8")

@@ -6,6 +6,8 @@ import re
 import zlib
 from pathlib import Path
 
+from z2p_renderer.storage.names import is_file
+
 _HEAD = 4096
 """Bytes from which a file's content is told."""
 _SPLATS = "convert them to PLY with SuperSplat, or with: splat-transform {name} {stem}.ply"
@@ -117,11 +119,9 @@ def told_by_content(path: Path, suffix: str) -> str:
 
     `suffix` is lower-case, with its dot, and the file is not gzip'd, or was unpacked.
     """
-    if not path.is_file():  # opening a pipe would wait for ever, and no path holds a zero byte
+    if not is_file(path):  # opening a pipe would wait for ever, and what reads it says what it is
         return ""
     try:
-        if not path.is_file():  # opening a pipe would wait for ever
-            return ""
         with path.open("rb") as file:
             head = file.read(_HEAD)
     except OSError:

@@ -11,7 +11,7 @@ import numpy as np
 
 from z2p_core.interfaces import ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
-from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.names import is_folder, printable
 
 MESH_SUFFIXES = (".ply", ".obj", ".off", ".stl", ".glb")
 
@@ -66,7 +66,7 @@ def find_meshes(folder: Path) -> dict[str, Path]:
     Raises:
         ScanError: no such folder, or no mesh in it.
     """
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise ScanError(f"expected a folder of meshes, got {printable(folder)}, which is no folder; check the path")
     visible = [path for path in folder.iterdir() if not path.name.startswith(".")]  # as ._cow.obj, which macOS leaves
     paths = sorted(path for path in visible if path.suffix.lower() in MESH_SUFFIXES and path.is_file())

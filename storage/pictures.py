@@ -13,7 +13,7 @@ import numpy as np
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.one_line import UsersError
 from z2p_renderer.storage.json_text import JsonError, read_json
-from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.names import is_file, is_there, printable
 from z2p_renderer.storage.png import png
 from z2p_renderer.storage.quiet import quiet
 from z2p_renderer.storage.records import record_fault
@@ -114,7 +114,7 @@ def _record_text(path: Path) -> str | None:
     """The text of the record, where there is one."""
     from PIL import Image
 
-    if path.exists() and not path.is_file():  # a pipe would be waited for
+    if is_there(path) and not is_file(path):  # a pipe would be waited for
         raise PictureError(f"{printable(path)}: expected a picture written by z2p, got {kind_of(path)}")
     try:
         with quiet(), Image.open(path) as image:

@@ -168,7 +168,7 @@ NOT_SHAPING: dict[str, str] = {
     "storage.room": "tells what a disk refuses",
     "shapes/pipeline.render:_failure": "tells why Blender failed",
     "storage.whole": "writes the bytes that it is given",
-    "storage.names": "tells people of files",
+    "storage.names": "tells people of files, and whether they are there",
     "z2p_core.guesses": "tells people what they may have meant",
     "z2p_core.install_advice": "tells people how to install what is missing",
     "z2p_core.telemetry": "keeps libraries from telling others of their use",
