@@ -7,7 +7,7 @@ import pytest
 from z2p_core.native.sources import LIBRARY
 
 pytest.importorskip("setuptools")  # which builds, and is not always where z2p runs
-from z2p_core.native import compiling, wheels  # noqa: E402 - after setuptools is known to be there
+from z2p_core.native import compiling, wheels
 
 
 def library(*versions: str) -> bytes:
