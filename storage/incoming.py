@@ -167,7 +167,7 @@ def _is_pose_array(path: Path) -> bool:
 
 def _holds_poses(rows: list[str]) -> bool:
     """Whether rows, none of them cut short, are those of a camera's way or matrix."""
-    cells = [re.split(r"[;,\s]+", row.strip(";, ")) for row in rows]
+    cells = [[cell.strip("\"'") for cell in re.split(r"[;,\s]+", row.strip(";, "))] for row in rows]
     if not cells or len({len(row) for row in cells}) > 1 or not all(is_number(cell) for row in cells for cell in row):
         return False
     return bool(told_poses(np.array([[float(plain_exponents(cell)) for cell in row] for row in cells])))

@@ -39,4 +39,5 @@ def _rows_of_poses(array: np.ndarray) -> np.ndarray:
         array = array.reshape(len(array), array.shape[1] * 4)
     elif array.ndim == 3 and array.shape[1:] == (3, 3):
         array = np.concatenate([array, np.zeros((len(array), 3, 1))], axis=2).reshape(len(array), 12)
-    return array[:_SOME].astype(np.float64) if array.ndim == 2 else np.empty((0, 3))
+    with np.errstate(invalid="ignore"):  # NaN of the kind that signals
+        return array[:_SOME].astype(np.float64) if array.ndim == 2 else np.empty((0, 3))

@@ -169,3 +169,13 @@ def test_an_array_cut_short_inside_an_archive_is_refused(tmp_path: Path) -> None
     (tmp_path / "a.npy").write_bytes((tmp_path / "a.npy").read_bytes()[:-8])
     with pytest.raises(ScanError, match="cut short"):
         NumpyArrays().read(tmp_path / "a.npy")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("width", [3, 12])
+def test_nan_of_the_kind_that_signals_is_nan_and_no_warning(tmp_path: Path, width: int) -> None:
+    rows = np.random.default_rng(0).normal(size=(40, width)).astype("<f4")
+    rows.view("<u4")[3] = 0x7FA00000
+    np.save(tmp_path / "a.npy", rows)
+    (scan,) = read_clouds(tmp_path / "a.npy")
+    assert len(scan.points) == 39 and scan.dropped == 1

@@ -252,7 +252,8 @@ def test_what_begins_as_a_note_is_still_prose(tmp_path: Path) -> None:
                        "d.csv": "name,owner\na,b\n"}.items():  # fmt: skip
         (tmp_path / name).write_text(text)
         assert is_prose(tmp_path / name), text
-    for text in ("// by hand\n1 2 3\n", "0,5\t0,25\t1\n", "1,,2,3\n", "; by hand\nX (m);Y (m);Z (m)\n", ",x,y,z\n"):
+    for text in ("// by hand\n1 2 3\n", "0,5\t0,25\t1\n", "1,,2,3\n", "; by hand\nX (m);Y (m);Z (m)\n", ",x,y,z\n",
+                 '"1","2","3"\n', "'1','2','3','4'\n", "'1 2 3\n"):  # fmt: skip
         (tmp_path / "e.txt").write_text(text)
         assert not is_prose(tmp_path / "e.txt"), text
 
