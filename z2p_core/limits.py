@@ -38,7 +38,7 @@ class Limit(Protocol):
         """Whether a value is within the limit; never an error."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Number:
     """A finite number in a range."""
 
@@ -58,7 +58,7 @@ class Number:
         return self.least <= value <= self.most and math.isfinite(value) and not (self.above and value == self.least)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Count:
     """A whole number in a range."""
 
@@ -73,7 +73,7 @@ class Count:
         return type(value) is int and self.least <= value <= self.most
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Choice:
     """One of some names."""
 
@@ -87,7 +87,7 @@ class Choice:
         return isinstance(value, str) and value in self.names
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Text:
     """A line of text that a pattern fits as a whole."""
 
@@ -99,7 +99,7 @@ class Text:
         return isinstance(value, str) and len(value) <= self.most and re.fullmatch(self.pattern, value) is not None
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Switch:
     """True or false."""
 
@@ -109,7 +109,7 @@ class Switch:
         return type(value) is bool
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Maybe:
     """Nothing, or what another limit holds."""
 
@@ -123,7 +123,7 @@ class Maybe:
         return value is None or self.limit.holds(value)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Either:
     """What any of some limits holds."""
 
@@ -137,7 +137,7 @@ class Either:
         return any(_all_holds(limit, value) for limit in self.limits)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Many:
     """A list of so many values, each within a limit."""
 
@@ -157,7 +157,7 @@ class Many:
         return not self.distinct or len(set(map(repr, value))) == len(value)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Fields:
     """Another dataclass, with a table of its own."""
 
@@ -168,7 +168,7 @@ class Fields:
         return dataclasses.is_dataclass(value)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Keys:
     """A JSON object: some keys that must be there, some that may be; others are let through."""
 
@@ -180,7 +180,7 @@ class Keys:
         return isinstance(value, Mapping)
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False, repr=False)
 class Each:
     """A JSON object of any keys, up to some, whose values are all within one limit."""
 
