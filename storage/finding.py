@@ -120,6 +120,8 @@ def _glob(pattern: Path) -> list[Path]:
     parts = pattern.parts
     first = next(index for index, part in enumerate(parts) if any(sign in part for sign in "*?["))
     root = Path(*parts[:first])
+    if any("**" in part != "**" for part in parts[first:]):  # from 3.13 on Python reads it as one asterisk
+        raise ValueError("'**' stands for folders, between two slashes")
     matches = root.glob(str(Path(*parts[first:])))
     visible = (path for path in matches if not any(part.startswith(".") for part in path.relative_to(root).parts))
     return sorted(path for path in visible if not path.is_dir())
