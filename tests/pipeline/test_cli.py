@@ -23,7 +23,7 @@ from z2p_renderer.pipeline.cli import COMMANDS
 
 def test_help_and_version_import_nothing_heavy() -> None:
     code = (
-        "import sys; from pipeline.cli import main\n"
+        "import sys; from z2p_renderer.pipeline.cli import main\n"
         "for words in (['--help'], ['--version']):\n"
         "    try: main(words)\n"
         "    except SystemExit as end: assert end.code == 0, end\n"
@@ -236,7 +236,7 @@ def test_a_child_finds_our_packages_whatever_the_working_folder_holds(tmp_path: 
     (tmp_path / "storage").mkdir()
     (tmp_path / "storage" / "__init__.py").write_text("raise SystemExit('the wrong storage')")
     done = subprocess.run(
-        [sys.executable, "-c", "import storage"],
+        [sys.executable, "-c", "import z2p_renderer.storage"],
         cwd=tmp_path, env=child_environment(), capture_output=True, text=True,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -290,7 +290,7 @@ def test_completion_completes(z2p: Callable[..., Result], shell: str) -> None:
              "zsh": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "2"},
              "fish": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "--met"}}[shell]  # fmt: skip
     done = subprocess.run(
-        [sys.executable, "-c", "from pipeline.cli import main; main(prog_name='z2p')"],
+        [sys.executable, "-c", "from z2p_renderer.pipeline.cli import main; main(prog_name='z2p')"],
         env={**os.environ, **words, "_Z2P_COMPLETE": f"{shell}_complete"}, capture_output=True, text=True,
     )  # fmt: skip
     assert "--metallic" in done.stdout, done.stderr

@@ -210,7 +210,7 @@ def test_a_linked_weights_file_finds_the_export_of_the_file_itself(copied: Path,
 
 def test_the_command_never_imports_torch(exported_weights: Path, scans: Path, tmp_path: Path) -> None:
     code = (
-        "import sys; from pipeline.cli import main\n"
+        "import sys; from z2p_renderer.pipeline.cli import main\n"
         "try: main(sys.argv[1:])\n"
         "except SystemExit as end: assert end.code == 0, end\n"
         "heavy = {'torch', 'onnx', 'openvino', 'kornia', 'h5py', 'open3d'} & set(sys.modules)\n"

@@ -52,7 +52,7 @@ def test_ply_vertices_after_another_element_and_with_colours(tmp_path: Path) -> 
 def test_ply_needs_no_mesh_library_whose_import_takes_a_fifth_of_a_second(tmp_path: Path) -> None:
     path = tmp_path / "scan.ply"
     path.write_bytes(ply(cloud(5), "ascii", "float"))
-    code = f"import sys; from storage.clouds import Path, read_clouds; read_clouds(Path({str(path)!r}))"
+    code = f"import sys; from z2p_renderer.storage.clouds import Path, read_clouds; read_clouds(Path({str(path)!r}))"
     code += "; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "z2p_renderer.plugins.readers.ply" in done.stdout.split() and "trimesh" not in done.stdout.split()

@@ -254,7 +254,7 @@ def test_a_result_that_cannot_be_published_leaves_nothing(store, monkeypatch, br
 def test_a_kill_between_manifest_and_rename_leaves_no_entry(store, resumable):
     script = (
         "import os, signal, sys, pathlib\n"
-        "from storage.layout import Entry, Store\n"
+        "from z2p_renderer.storage.layout import Entry, Store\n"
         "pathlib.Path.rename = lambda *_: os.kill(os.getpid(), signal.SIGKILL)\n"
         "entry = Entry('sample', 'sample/bunny', {'stage': 'sample', 'value': 1})\n"
         "write = lambda folder: (folder / 'pool.npy').write_text('x')\n"

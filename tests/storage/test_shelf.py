@@ -65,7 +65,8 @@ def test_a_disk_that_takes_nothing_stops_nobody(tmp_path: Path) -> None:
 
 def test_a_writer_that_is_killed_leaves_nothing_half(tmp_path: Path) -> None:
     """It writes two contents in turn; whenever it is killed, one of them is there, whole."""
-    code = ("from storage.shelf import Shelf; import sys, pathlib; shelf = Shelf(pathlib.Path(sys.argv[1]))\n"
+    code = ("from z2p_renderer.storage.shelf import Shelf; import sys, pathlib\n"
+            "shelf = Shelf(pathlib.Path(sys.argv[1]))\n"
             "while True: shelf.put('a', b'0' * 3_000_000); shelf.put('a', b'1' * 3_000_000)")  # fmt: skip
     for pause in (0.05, 0.11, 0.17):
         with subprocess.Popen([sys.executable, "-c", code, str(tmp_path)]) as writer:

@@ -117,8 +117,9 @@ def test_a_result_that_is_being_written_by_another_process_stays(config, store):
     entry = plan.steps["train"].entry
     (store.work_folder(entry) / "checkpoints").mkdir(parents=True)
     with store.lock(entry):
-        script = ("import sys; from pathlib import Path; from storage.layout import Store; "
-                  "from workflows.sweep import sweep; print(len(sweep(Store(Path(sys.argv[1])))))")  # fmt: skip
+        script = ("import sys; from pathlib import Path; from z2p_renderer.storage.layout import Store; "
+                  "from z2p_renderer.workflows.sweep import sweep; "
+                  "print(len(sweep(Store(Path(sys.argv[1])))))")  # fmt: skip
         command = [sys.executable, "-c", script, str(store.root)]
         assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == ["0"]
     assert names(sweep(store)) == {"unfinished train"} and not store.work_folder(entry).exists()
