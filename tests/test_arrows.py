@@ -86,3 +86,9 @@ def test_the_core_touches_no_file(path: Path) -> None:
         if isinstance(node, ast.Call):
             called = getattr(node.func, "attr", getattr(node.func, "id", ""))
             assert called not in FILE_CALLS, f"{path}:{node.lineno} calls {called}: files belong in storage"
+
+
+def test_no_two_test_files_have_one_name() -> None:
+    """As there are no packages, pytest imports them by it."""
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))
