@@ -1,4 +1,4 @@
-"""Weights of strangers: whatever their card and tensors say, they draw or are refused in one line that names the file."""
+"""Weights of strangers draw or are refused in one line that names the file, whatever their card and tensors say."""
 
 import hashlib
 import json

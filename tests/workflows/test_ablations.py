@@ -157,7 +157,7 @@ def test_a_missing_config_is_named() -> None:
     ('noise = "gausian"', ConfigError, r"train\.noise: expected one of .*, got 'gausian'"),
     ("even = 3.0", ConfigError, r"train\.even: expected a number from 0 to 1"),
     ('teacher = "nosuch"', ConfigError, r"train\.teacher: unknown weights 'nosuch'"),
-    ('network.encoder = "nosuch"', PluginError, "train\.network\.encoder: expected an installed encoder .*got 'nosuch'"),
+    ('network.encoder = "nosuch"', PluginError, r"train\.network\.encoder: expected an installed .*, got 'nosuch'"),
 ])  # fmt: skip
 def test_a_variant_that_cannot_work_is_refused_by_name(
     tmp_path: Path, change: str, error: type[Exception], message: str

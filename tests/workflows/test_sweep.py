@@ -169,7 +169,7 @@ def test_nothing_goes_while_a_link_leads_to_a_result_that_tells_nothing(config, 
     fill(store, plan)
     link(store, plan)
     (store.folder(plan.steps["train"].entry) / "manifest.json").write_text("{")
-    with pytest.raises(StoreError, match="damaged, so that nobody can tell what .* was made from"):
+    with pytest.raises(StoreError, match=r"damaged, so that nobody can tell what .* was made from"):
         unneeded(store)
     assert unneeded(store, drop=["quick"])
     keep(store, plan, "{}")  # says by itself what is needed
