@@ -21,6 +21,7 @@ from z2p_renderer.storage.names import printable
 from z2p_renderer.storage.quiet import quiet
 from z2p_renderer.storage.readers import format_suffix, readable_suffixes, reader_for
 from z2p_renderer.storage.repeats import distinct
+from z2p_renderer.storage.up_hints import with_up_hints
 
 __all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "read_clouds", "read_each",
            "read_mesh", "readable_suffixes", "usable", "write_cloud", "write_mesh"]  # fmt: skip
@@ -90,7 +91,7 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
             if told := told_by_content(plain, plain.suffix.lower()):
                 raise ScanError(told)
             _check_memory(reader, plain, free)
-            clouds = _clouds(reader, plain, free)
+            clouds = with_up_hints(_clouds(reader, plain, free), plain, path)
         labels = [f"[{index}]" for index in range(len(clouds))] if len(clouds) > 1 else [""]
         return [_scan_or_fault(cloud, label, path) for cloud, label in zip(clouds, labels, strict=True)]
     except ScanError as error:

@@ -103,6 +103,8 @@ SHAPING: dict[str, tuple[str, ...]] = {
         "z2p_core.upright_weights", "pipeline.hints",
         "storage.clouds", "storage.repeats", "storage.incoming",
         "storage.apart", "storage.finding", "storage.foreign", "storage.quiet", "storage.readers",
+        "storage.up_hints", "storage.json_text", "storage.names", "z2p_core.up_comments", "z2p_core.up_names",
+        "z2p_core.up_programs",
         "z2p_core.axis_names", "z2p_core.column_names", "z2p_core.dropouts", "z2p_core.framing", "z2p_core.foreground",
         "z2p_core.colmap_model", "z2p_core.float_rows", "z2p_core.geographic", "z2p_core.lidar_rows",
         "z2p_core.number_grids", "z2p_core.other_arrays", "z2p_core.point_maps", "z2p_core.side_columns",
