@@ -22,7 +22,7 @@ _MOST_LINES = 200
 _TEXTS = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
 _SCENES = (".glb", ".gltf")
 _KEYS = frozenset({"upaxis", "axisup", "upvector", "updirection", "upvec", "worldup", "verticalaxis"})
-"""What tells up in JSON, in lower case and without what parts words; at the top ``up`` does so, deeper it is cameras'."""
+"""What tells up in JSON, in lower case and without what parts words; ``up`` does so at the top alone."""
 _LONGEST_VALUE = 40
 _XML_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
 

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from z2p_core.up_programs import program_up, writes_fixed_axis
 
 
-@dataclass(frozen=True)
-class UpHint:
+class UpHint(NamedTuple):
     """An axis such as ``-Y``, what tells it, in a few words, and whether that settles it."""
 
     axis: str
@@ -23,29 +22,30 @@ _LETTER = r"(?P<sign>(?<![\w+-])[+-]\s?|\b(?:plus|minus|positive|negative|pos|ne
 _VECTOR = r"(?P<vector>[+-]?\d[\d.]*(?:[,\s]+[+-]?\d[\d.]*){2})(?![\d.])"
 _NO_MORE = r"(?![\w?+])(?!\s*\?)(?!\s*(?:[,/|&]|\bor\b|\band\b)\s*[+-]?[xyz]\b(?![ _-]*[a-z=:]))"
 """What may not follow an axis: more letters, a doubt, or other axes beside it."""
-_UP_IS = re.compile(
+_UP_IS = (
     r"(?<![a-z0-9])(?:(?:up|vertical|height)[ _-]?(?:axis|vector|dir(?:ection)?)|axis[ _-]?up|world[ _-]?up)"
     rf"(?:\s+(?:is|points))?[\s\"'=:>(\[]+(?:(?:the|along)\s+)*(?:{_LETTER}(?:[ _-]?(?:axis|up))?{_NO_MORE}|{_VECTOR})"
 )
 """``up axis: Y``, ``upAxis="+Z"``, ``vertical axis z``, ``up vector (0, 1, 0)``."""
-_UP_ALONE = re.compile(
+_UP_ALONE = (
     r"(?:^|[,;:(\[]|\b(?:world|scene|model|data|global|is|axes|system|frame))\s*"
     rf"(?:up|vertical)(?:\s*[:=]\s*|\s+is\s+|\s+)[\"']?(?:along\s+)?{_LETTER}(?:[ _-]?(?:axis|up))?{_NO_MORE}"
     r"(?=[\"']?\s*(?:$|[.,;)\]]))"
 )
 """``up: Y``, ``up = -z``; the word has so many other uses that nothing else may stand around it."""
-_AXIS_UP = re.compile(
+_AXIS_UP = (
     rf"{_LETTER}(?:[ _-]?axis)?(?:[ _-]|\s*[=:]\s*|\s+(?:is|points?|pointing|goes|looks?)\s+)up(?:wards?)?"
     r"(?![a-z0-9])(?![ _-]*(?:\d|\?|unknown\b))(?!\s+(?:to|by|from|until)\b(?!\s+[+-]?[xyz]\b))"
 )
 """``Y-up``, ``-Y up``, ``Z_UP``, ``+z is up``, ``z axis points upwards``."""
-_PATTERNS = (_UP_IS, _UP_ALONE, _AXIS_UP)
-_NOT_SO = re.compile(
+_NOT_SO = (
     r"(?:\b(?:not|no|non|isn't|never|without|unless|if|maybe|perhaps)\b\W*"
     r"|\b(?:mov|shift|scal|round|sum|add|turn|rotat|flip|split|set|back|clean|look|mix|count|siz)\w*[ _]*"
     r"|(?<![a-z0-9])[xyz][\s,/]+)$"
 )
 """What before an axis makes it none that is said to be up: ``not y-up``, ``moved z up``, ``x y z up``."""
+_WORDS = ("up", "vertical", "height")
+"""One of these is in every match; to make the patterns takes longer than to read a small file."""
 _LONGEST_LINE, _LONGEST_QUOTE = 1000, 60
 
 
@@ -72,8 +72,10 @@ def up_of_comments(lines: Sequence[str], suffix: str, usual: str = "") -> UpHint
 def axis_in(text: str) -> str:
     """The axis, with its sign, that a line says is up: ``up axis: Y``, ``z_up``; empty if it says none, or several."""
     line = _plain(text)
-    found = {_axis(match) for pattern in _PATTERNS for match in pattern.finditer(line)
-             if not _NOT_SO.search(line[: match.start()])}  # fmt: skip
+    if not any(word in line for word in _WORDS):
+        return ""
+    found = {_axis(match) for pattern in (_UP_IS, _UP_ALONE, _AXIS_UP) for match in re.finditer(pattern, line)
+             if not re.search(_NOT_SO, line[: match.start()])}  # fmt: skip
     return found.pop() if len(found) == 1 else ""
 
 

@@ -2,40 +2,39 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 _MESHES = (".obj",)
 """Formats of graphics: exporters turn their scenes to +Y for these, whatever they have themselves."""
-PROGRAMS: Sequence[tuple[str, str, str]] = (
-    (r"poly ?cam", "Polycam", "+Y"),
-    (r"scaniverse", "Scaniverse", "+Y"),
-    (r"3d ?scanner ?app", "3D Scanner App", "+Y"),
-    (r"record ?3d", "Record3D", "+Y"),
-    (r"stray ?scanner", "Stray Scanner", "+Y"),
-    (r"ar ?kit|ar ?core", "augmented reality on phones", "+Y"),
-    (r"iphone|ipad|smart ?phone|(?:with|by|on|from|using) (?:an? |the |my )?(?:mobile )?phone", "phones", "+Y"),
-    (r"zipper output|vrip", "scans of Stanford", "+Y"),
-    (r"unity(?: ?3d)?", "Unity", "+Y"),
-    (r"(?:autodesk )?maya(?! (?:temple|ruin|site|stela))", "Maya", "+Y"),
-    (r"zbrush", "ZBrush", "+Y"),
-    (r"colmap", "COLMAP", "-Y"),
-    (r"gsplat|3dgs|gaussian[ -]splatting", "Gaussian splats", "-Y"),
-    (r"blender", "Blender", "+Z"),
-    (r"sketchup", "SketchUp", "+Z"),
-    (r"3ds ?max", "3ds Max", "+Z"),
-    (r"pdal", "PDAL", "+Z"),
-    (r"lastools|las2(?:txt|las|dem)", "LAStools", "+Z"),
-    (r"entwine|potree ?converter", "tiles of surveys", "+Z"),
-    (r"faro scene|leica cyclone|cyclone register|riscan|trimble realworks", "surveyors' scanners", "+Z"),
-    (r"velo ?view|velodyne|ouster|livox|hesai", "lidars", "+Z"),
-)
-"""A pattern in lower case, whole words of a comment; what it stands for; the axis that is usually up in such files.
+PROGRAMS: Sequence[tuple[str, str, tuple[str, ...]]] = (
+    ("+Y", "Polycam", ("polycam", "poly cam")),
+    ("+Y", "Scaniverse", ("scaniverse",)),
+    ("+Y", "3D Scanner App", ("3d scanner app", "3dscannerapp")),
+    ("+Y", "Record3D", ("record3d", "record 3d")),
+    ("+Y", "Stray Scanner", ("stray scanner", "strayscanner")),
+    ("+Y", "augmented reality on phones", ("arkit", "arcore")),
+    ("+Y", "phones", ("iphone", "ipad", "smartphone", "with a phone", "with my phone", "with phone", "on a phone",
+                      "on my phone", "by phone", "from a phone", "using a phone", "phone scan")),
+    ("+Y", "scans of Stanford", ("zipper output", "vrip")),
+    ("+Y", "Unity", ("unity3d", "unity engine", "unity editor", "unity 20", "from unity", "by unity", "in unity")),
+    ("+Y", "Maya", ("autodesk maya", "from maya", "by maya", "in maya", "maya 20")),
+    ("+Y", "ZBrush", ("zbrush",)),
+    ("-Y", "COLMAP", ("colmap",)),
+    ("-Y", "Gaussian splats", ("3dgs", "gsplat", "gaussian splatting", "gaussian-splatting")),
+    ("+Z", "Blender", ("blender",)),
+    ("+Z", "SketchUp", ("sketchup",)),
+    ("+Z", "3ds Max", ("3ds max", "3dsmax")),
+    ("+Z", "PDAL", ("pdal",)),
+    ("+Z", "LAStools", ("lastools", "las2txt", "las2las")),
+    ("+Z", "tiles of surveys", ("entwine", "potreeconverter")),
+    ("+Z", "surveyors' scanners", ("faro scene", "leica cyclone", "cyclone register", "riscan", "trimble realworks")),
+    ("+Z", "lidars", ("veloview", "velodyne", "ouster", "livox", "hesai")),
+)  # fmt: skip
+"""The axis that is usually up in such files, what they are, and the names, in lower case, by which they are known.
 
 Programs that keep whatever axes they are given (CloudCompare, MeshLab, Open3D) say nothing.
 """
-_KNOWN = [(re.compile(rf"(?<![a-z0-9])(?:{pattern})(?![a-z])"), name, axis) for pattern, name, axis in PROGRAMS]
-_FIXED = re.compile(r"exported from brush(?![a-z])")
+_FIXED = "exported from brush"
 """Brush writes ``Vertical axis: y`` into all of its files, whatever is up in them."""
 
 
@@ -44,13 +43,26 @@ def program_up(lines: Sequence[str], suffix: str) -> tuple[str, str]:
 
     Both empty where they name none that is known, or such of several axes.
     """
-    words = [" ".join(line.lower().replace("_", " ").split()) for line in lines]
-    found = [(axis, name) for pattern, name, axis in _KNOWN if any(map(pattern.search, words))]
+    text = "\n".join(" ".join(line.lower().replace("_", " ").split()) for line in lines)
+    found = [(axis, told) for axis, told, names in PROGRAMS if any(_stands_in(text, name) for name in names)]
     if suffix in _MESHES:
-        found = [("+Y", name) if axis == "+Z" else (axis, name) for axis, name in found]
+        found = [("+Y", told) if axis == "+Z" else (axis, told) for axis, told in found]
     return found[0] if len({axis for axis, _ in found}) == 1 else ("", "")
 
 
 def writes_fixed_axis(line: str) -> bool:
     """Whether a comment names a program that writes the same axis whatever is up."""
-    return _FIXED.search(line.lower()) is not None
+    return _stands_in(line.lower(), _FIXED)
+
+
+def _stands_in(text: str, name: str) -> bool:
+    """Whether a name is in a text as whole words, behind which there may be a number."""
+    ends = ((at, at + len(name)) for at in _places(text, name))
+    return any(not text[at - 1 : at].isalnum() and not text[end : end + 1].isalpha() for at, end in ends)
+
+
+def _places(text: str, name: str) -> Iterator[int]:
+    at = text.find(name)
+    while at >= 0:
+        yield at
+        at = text.find(name, at + 1)

@@ -100,8 +100,8 @@ def test_a_program_that_writes_the_same_axis_into_all_files_is_not_believed() ->
 
 
 def test_every_program_has_an_axis_and_a_name_once() -> None:
-    assert {axis for _, _, axis in PROGRAMS} <= {"+Y", "-Y", "+Z"}
-    assert len({name for _, name, _ in PROGRAMS}) == len(PROGRAMS)
+    assert {axis for axis, _, _ in PROGRAMS} <= {"+Y", "-Y", "+Z"}
+    assert len({told for _, told, _ in PROGRAMS}) == len(PROGRAMS)
 
 
 def test_a_quote_is_short_and_on_one_line() -> None:
