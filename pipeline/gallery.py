@@ -42,7 +42,7 @@ def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path
     page = environment.get_template("gallery.html").render(
         title=title or f"{_text(path.absolute().parent.name)} - z2p", cards=cards, version=__version__
     )
-    write_whole(page.encode(), path)
+    write_whole(page.encode(errors="xmlcharrefreplace"), path)  # records may hold halves of a pair
     return path
 
 

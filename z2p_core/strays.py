@@ -10,7 +10,8 @@ from z2p_core.turning import extent
 
 MOST_LOOKED_AT = 20_000
 """A larger cloud is thinned to this many points before it is weighed as a whole."""
-FEWEST_TO_CLIP = 100
+FEWEST_TO_CLIP, FEWEST_APART = 100, 64
+"""Points of which some may be strays, and of which a cluster may be all that is drawn; fewer are drawn as balls."""
 SMALL_CLUSTER, MOST_CLIPPED = 0.01, 0.02
 """Shares of all points: of one stray cluster at most, and of everything that is clipped."""
 GAP, NEIGHBOURS = 4.0, 12
@@ -68,7 +69,7 @@ def clip_far(points: np.ndarray) -> np.ndarray:
     what lies near enough for all of it to be seen; where two have as many, the wider one is.
     """
     kept = np.ones(len(points), dtype=bool)
-    if len(points) < FEWEST_TO_CLIP:
+    if len(points) < FEWEST_APART:
         return kept
     for _ in range(MOST_FAR):
         rows = np.flatnonzero(kept)

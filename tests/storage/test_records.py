@@ -93,3 +93,8 @@ def test_no_picture_stops_a_gallery(record, tmp_path):
     page = write_gallery([*files, sound], tmp_path / "index.html").read_text()
     assert page.count("<figure") == 7 and page.count('class="missing"') == 6 and page.count("<img ") == 1
     assert all(f">{file.stem}</a>" in page for file in [*files, sound])
+
+
+def test_half_a_pair_of_signs_stops_no_gallery(record, tmp_path):
+    file = picture(tmp_path / "odd.png", json.dumps(changed(record, "stance.view_reason", "of \udc00")))
+    assert "of &#56320;" in write_gallery([file], tmp_path / "index.html").read_text()

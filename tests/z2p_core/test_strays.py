@@ -119,3 +119,9 @@ def test_a_row_of_small_things_is_no_speck() -> None:
     row = [moved(sphere(200) * 0.3, x, y, 0) for x in range(0, 40, 2) for y in range(0, 10, 2)]
     assert clip_far(np.vstack(row)).all()
     assert clip_outliers(np.vstack(row)).all()
+
+
+@pytest.mark.parametrize("count", [64, 70, 99, 100])
+def test_of_a_few_dozen_points_far_apart_the_larger_part_is_kept(count: int) -> None:
+    points = np.vstack([sphere(count - 30), moved(sphere(30), 1000.0, 0, 0)])
+    assert np.array_equal(np.flatnonzero(clip_far(points)), np.arange(count - 30))
