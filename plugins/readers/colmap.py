@@ -50,9 +50,13 @@ def posed(points: np.ndarray, path: Path, note: str = "") -> RawCloud:
     Where there are none, up is -Y: so are the axes of the first picture, of which most models keep the others.
     """
     cloud = RawCloud(points, note=note, up="-Y", up_reason=AXES_REASON, up_certain=False)
-    poses = _poses(path.parent)
-    places = -np.einsum("nij,ni->nj", poses[:, :, :3], poses[:, :, 3])
-    return told_by_cameras(cloud, poses[:, :, :3], places)
+    return told_by_cameras(cloud, *cameras_in(path.parent))
+
+
+def cameras_in(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (M, 3, 3) from a model's axes to each camera's, and their places (M, 3); none without a model."""
+    poses = _poses(folder)
+    return poses[:, :, :3], -np.einsum("nij,ni->nj", poses[:, :, :3], poses[:, :, 3])
 
 
 def _poses(folder: Path) -> np.ndarray:

@@ -13,6 +13,7 @@ from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
 from z2p_renderer.plugins.readers.camera_hints import told_by_cameras, trained_cameras
 from z2p_renderer.plugins.readers.colours import colours_note
 from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
+from z2p_renderer.plugins.readers.model_cameras import told_by_model
 from z2p_renderer.plugins.readers.ply_lists import walked_ascii, walked_binary
 from z2p_renderer.plugins.readers.splats import is_packed, is_splats, of_packed, of_splats, splat_columns
 
@@ -51,7 +52,9 @@ class Ply(Reader):
             ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
         """
         cloud = _cloud(path)
-        return [told_by_cameras(cloud, *trained_cameras(path)) if cloud.up else cloud]  # only Gaussians have one
+        if cloud.up:  # only Gaussians have one
+            return [told_by_cameras(cloud, *trained_cameras(path))]
+        return [told_by_model(cloud, path)]
 
 
 def _cloud(path: Path) -> RawCloud:
