@@ -23,25 +23,27 @@ _VECTOR = r"(?P<vector>[+-]?\d[\d.]*(?:[,\s]+[+-]?\d[\d.]*){2})(?![\d.])"
 _NO_MORE = r"(?![\w?+])(?!\s*\?)(?!\s*(?:[,/|&]|\bor\b|\band\b)\s*[+-]?[xyz]\b(?![ _-]*[a-z=:]))"
 """What may not follow an axis: more letters, a doubt, or other axes beside it."""
 _UP_IS = (
-    r"(?<![a-z0-9])(?:(?:up|vertical|height)[ _-]?(?:axis|vector|dir(?:ection)?)|axis[ _-]?up|world[ _-]?up)"
-    rf"(?:\s+(?:is|points))?[\s\"'=:>(\[]+(?:(?:the|along)\s+)*(?:{_LETTER}(?:[ _-]?(?:axis|up))?{_NO_MORE}|{_VECTOR})"
+    r"(?<![a-z0-9])(?:(?:up|upright|vertical|height)[ _-]?(?:axis|vector|dir(?:ection)?)|axis[ _-]?up|world[ _-]?up)"
+    rf"(?:\s+(?:is|points))?[\s\"',=:>(\[]+(?:(?:the|along)\s+)*(?:{_LETTER}(?:[ _-]?(?:axis|up))?{_NO_MORE}|{_VECTOR})"
 )
 """``up axis: Y``, ``upAxis="+Z"``, ``vertical axis z``, ``up vector (0, 1, 0)``."""
 _UP_ALONE = (
-    r"(?:^|[,;:(\[]|\b(?:world|scene|model|data|global|is|axes|system|frame))\s*"
-    rf"(?:up|vertical)(?:\s*[:=]\s*|\s+is\s+|\s+)[\"']?(?:along\s+)?{_LETTER}(?:[ _-]?(?:axis|up))?{_NO_MORE}"
-    r"(?=[\"']?\s*(?:$|[.,;)\]]))"
+    r"(?:^|[,;:(\[]|\b(?:world|scene|model|data|global|is|axes|system|frame)\b|=\s*[+-]?[xyz]\s)\s*"
+    rf"(?:up|vertical)(?:(?:\s*[:=]\s*|\s+is\s+|\s+)[\"']?(?:along\s+)?{_LETTER}(?:[ _-]?(?:axis|up))?{_NO_MORE}"
+    rf"(?=[\"']?\s*(?:$|[.,;)\]]|\w+\s*=))|\s*[:=]\s*[(\[]?\s*{_VECTOR})"
 )
 """``up: Y``, ``up = -z``; the word has so many other uses that nothing else may stand around it."""
 _AXIS_UP = (
-    rf"{_LETTER}(?:[ _-]?axis)?(?:[ _-]|\s*[=:]\s*|\s+(?:is|points?|pointing|goes|looks?)\s+)up(?:wards?)?"
-    r"(?![a-z0-9])(?![ _-]*(?:\d|\?|unknown\b))(?!\s+(?:to|by|from|until)\b(?!\s+[+-]?[xyz]\b))"
+    rf"{_LETTER}(?:[ _-]?axis)?(?:[ _-]|\s*[=:]\s*|\s+(?:is|points?|pointing|goes|looks?)\s+)"
+    r"(?:up(?:wards?)?(?!_[a-z])|vertical(?=\s*(?:$|[.,;)\]])))"
+    r"(?![a-z0-9])(?![ _-]*(?:\d|\?|unknown\b))(?!\s*[:=]\s*(?:[+-]?[xyz]\b|0|false|no\b))"
+    r"(?!\s+(?:to|by|from|until)\b(?!\s+[+-]?[xyz]\b))"
 )
 """``Y-up``, ``-Y up``, ``Z_UP``, ``+z is up``, ``z axis points upwards``."""
 _NOT_SO = (
     r"(?:\b(?:not|no|non|isn't|never|without|unless|if|maybe|perhaps)\b\W*"
     r"|\b(?:mov|shift|scal|round|sum|add|turn|rotat|flip|split|set|back|clean|look|mix|count|siz)\w*[ _]*"
-    r"|(?<![a-z0-9])[xyz][\s,/]+)$"
+    r"|(?<![a-z0-9])(?<!x[\s,]y[\s,])(?<!x, y, )[xyz][\s,/]+)$"
 )
 """What before an axis makes it none that is said to be up: ``not y-up``, ``moved z up``, ``x y z up``."""
 _WORDS = ("up", "vertical", "height")

@@ -24,6 +24,9 @@ from z2p_core.up_programs import PROGRAMS
         ("x-right, y-up, z-forward", "+Y"), ("up: Y, forward: Z", "+Y"), ("up axis: y (as in OpenGL)", "+Y"),
         ("units: m; up axis: y; scale 1", "+Y"), ("z up to z up", "+Z"), ("Up Axis=Z\r", "+Z"), ("y up.", "+Y"),
         ("\N{MINUS SIGN}Y up", "-Y"), ("height axis: y", "+Y"), ("-Y Forward, Z Up", "+Z"),
+        ("forward=-Z up=Y", "+Y"), ("right=X up=Y back=Z", "+Y"), ("x y z, y-up", "+Y"), ("up=(0,0,1)", "+Z"),
+        ("COORDINATE_SYSTEM Y_UP", "+Y"), ("z-axis is vertical", "+Z"), ("y_up: true", "+Y"), ("Z = up", "+Z"),
+        ("axes: x forward, y left, z up", "+Z"), ("scene up-vector: [0, 1, 0]", "+Y"), ("export with -Y up axis", "-Y"),
         ("Forward: -Z, Up: Y", "+Y"), ("up - axis: none, z-up", "+Z"),
     ],
 )  # fmt: skip
@@ -42,6 +45,8 @@ def test_an_axis_that_is_said_to_be_up_is_found(text: str, axis: str) -> None:
         "up axis", "axis y", "y", "right-handed-Y-upper", "yup", "z upper bound 3", "x upper", "y update",
         "up-to-date y", "vertical datum: NAVD88", "vertical: m", "sum z up", "table_z_upload", "size_y up_x", "if y up",
         "up vector unknown: y z", "y down", "up yours z", "up zone: 3", "up axis: 2y", "crazy up", "key up",
+        "y_up=0", "y_up: false", "x,y,z,up", "z vertical accuracy", "Z vertical scale: 1", "cube y up_left",
+        "vertical exaggeration: 2 0 0", "up: 3", "up: x y z", "warm up = 0 0 1", "up 0 0 1", "sign-up: z",
     ],
 )  # fmt: skip
 def test_nothing_is_made_of_other_words(text: str) -> None:
