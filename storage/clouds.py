@@ -180,8 +180,9 @@ def _scan(raw: RawCloud, label: str) -> Scan:
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     metres, degrees = local_metres(points) if raw.sensor is None else (points, "")
-    if metres is not points and not raw.up:
-        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe")
+    if metres is not points and not (raw.up and raw.up_certain):
+        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe",
+                      up_certain=True)
     points = metres
     once, note = distinct(points), "; ".join(filter(None, (raw.note, missing, degrees)))
     return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once), note, raw.up, raw.up_reason,

@@ -59,7 +59,7 @@ def guess_up(points: np.ndarray, suffix: str, usual: str = "", usual_reason: str
         return Guess(SETTLED[suffix], f"the convention of {suffix}")
     low, high = bounds(points)
     size = float((high - low).max())
-    if not usual and float(np.abs(low + high)[:2].max()) / 2 > max(FAR, FAR_OFF * size):
+    if float(np.abs(low + high)[:2].max()) / 2 > max(FAR, FAR_OFF * size):
         return Guess("+Z", "a map's coordinates")
     prior = _prior(suffix, usual)
     shape = np.full(6, 1 / 6)

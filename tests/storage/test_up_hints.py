@@ -134,3 +134,10 @@ def test_what_a_reader_is_certain_of_stays_and_what_is_usual_gives_way(tmp_path:
     assert [cloud.up for cloud in up_hints.with_up_hints(given, path, path)] == ["-X", "+Y"]
     path.write_text(text_of(".ply", "Scaniverse"))
     assert [cloud.up for cloud in up_hints.with_up_hints(given, path, path)] == ["-X", "-X"]
+
+
+def test_heights_above_the_globe_count_before_a_phones_usual_axis(tmp_path: Path) -> None:
+    path = tmp_path / "walk.csv"
+    rows = "".join(f"{8 + x / 1000:.7f},{47 + y / 1000:.7f},{400 + z:.3f}\n" for x, y, z in POINTS)
+    path.write_text(f"# iPhone\nlongitude,latitude,altitude\n{rows}")
+    assert (read(path).up, read(path).up_certain) == ("+Z", True)

@@ -77,6 +77,8 @@ def test_the_axes_of_a_family_win_where_the_shape_tells_little_and_yield_where_i
 def test_coordinates_of_a_map_have_their_heights_along_z() -> None:
     tile = np.column_stack([RNG.uniform(0, 300, (5000, 2)), RNG.normal(0, 2, 5000)])
     assert guess_up(np.add(tile, [512_000, 5_403_000, 300]), ".xyz").reason == "a map's coordinates"
+    family = guess_up(np.add(tile, [512_000, 5_403_000, 300]), ".ply", "-Y", "usual for such files")
+    assert (family.axis, family.reason) == ("+Z", "a map's coordinates")
 
 
 def test_a_thing_that_stands_at_height_0_is_the_likelier_to_stand_so() -> None:
