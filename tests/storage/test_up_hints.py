@@ -141,3 +141,13 @@ def test_heights_above_the_globe_count_before_a_phones_usual_axis(tmp_path: Path
     rows = "".join(f"{8 + x / 1000:.7f},{47 + y / 1000:.7f},{400 + z:.3f}\n" for x, y, z in POINTS)
     path.write_text(f"# iPhone\nlongitude,latitude,altitude\n{rows}")
     assert (read(path).up, read(path).up_certain) == ("+Z", True)
+
+
+@pytest.mark.parametrize("title, up", [("Exported from Blender-4.1.1", "+Z"), ("part, Y-up", "+Y"), ("part", "")])
+def test_the_title_of_an_stl_file_counts(tmp_path: Path, title: str, up: str) -> None:
+    rows = np.zeros(13, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
+    rows["corners"] = POINTS[:39].reshape(13, 3, 3)
+    path = tmp_path / "part.stl"
+    path.write_bytes(title.encode().ljust(80, b"\0") + np.uint32(13).tobytes() + rows.tobytes())
+    (scan,) = read_clouds(path)
+    assert (len(scan.points), scan.up) == (39, up)
