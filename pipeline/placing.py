@@ -18,7 +18,7 @@ from z2p_core.strays import clip_below, clip_far, clip_outliers
 from z2p_core.thinning import with_fixed_start
 from z2p_core.turning import along
 from z2p_core.viewpoint import Viewpoint, frame
-from z2p_renderer.pipeline.few_points import FEWER, as_balls
+from z2p_renderer.pipeline.few_points import FEWEST_FOR_SURFACE, as_balls
 from z2p_renderer.pipeline.hints import few_hint, hint_for, hint_for_placed, hint_for_settled, rounding
 from z2p_renderer.pipeline.stance import SETTLED, Stance
 from z2p_renderer.pipeline.viewing import Placing, allowed_elevation, choose_side, set_upright
@@ -124,7 +124,7 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
         points, added = points[low], int(low[len(low) - added :].sum())
         if len(points) < FEWEST_POINTS:
             raise ScanError(f"--cut-top {placing.cut_top:g} leaves {len(points)} points; cut off less")
-    few = len(points) if len(points) < FEWER else 0
+    few = len(points) if len(points) < FEWEST_FOR_SURFACE else 0
     return Shown(as_balls(points) if few else points, up, outliers, background, 0 if few else added, far, few)
 
 
@@ -143,7 +143,7 @@ def _without_strays(points: np.ndarray) -> tuple[np.ndarray, int]:
 
 def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
     """The points (M, 3) of a depth camera's subject, without strays, and how many lie far behind it."""
-    if len(points) < FEWER:  # a gap between a few points says nothing
+    if len(points) < FEWEST_FOR_SURFACE:  # a gap between a few points says nothing
         return points, 0
     before = subject(points, sensor)
     background = int(len(before) - before.sum())

@@ -26,12 +26,12 @@ from z2p_core.viewpoint import Viewpoint
 from z2p_renderer.storage.clouds import Scan
 
 ANY_UNIT = (METRES, MILLIMETRES)
-AMID, LEVEL = 0.25, 0.5
+CENTRAL_SHARE, LEVEL_COSINE = 0.25, 0.5
 """How near to the middle of its points, in their widest sides, a scanner stood amid them; and how level, as the cosine
 of an angle, it must look for that to say something."""
-MOST_FOR_MIDDLE = 20_000
+MEDIAN_SAMPLE = 20_000
 """Points of a larger cloud by which its middle is found."""
-HARDLY = 0.5
+ELEVATION_TOLERANCE = 0.5
 """Degrees that do not count as beyond a range."""
 
 
@@ -108,13 +108,13 @@ def _from_scanner(points: np.ndarray, up: Up, sensor: Sensor) -> tuple[float, No
 
     The camera's elevation stays: from the scanner's own height a scene around it is one line.
     """
-    middle = np.median(even_share(points, MOST_FOR_MIDDLE), axis=0)
+    middle = np.median(even_share(points, MEDIAN_SAMPLE), axis=0)
     low, high = extent(points)
     aside = up.rotation @ (sensor.position - middle)
-    if np.hypot(*aside[:2]) > AMID * float((high - low).max()):
+    if np.hypot(*aside[:2]) > CENTRAL_SHARE * float((high - low).max()):
         return sensor_view(aside)[0], None, "from its sensor's side"
     ahead = up.rotation @ sensor.rotation[:, 2]
-    if np.hypot(*ahead[:2]) > LEVEL:
+    if np.hypot(*ahead[:2]) > LEVEL_COSINE:
         return sensor_view(-ahead)[0], None, "ahead as its sensor looks"
     return None
 
@@ -124,6 +124,6 @@ def allowed_elevation(wished: float | None, free: tuple[float, float] | None) ->
     if wished is None or free is None:
         return None, ""
     low, high = free
-    if low - HARDLY <= wished <= high + HARDLY:
+    if low - ELEVATION_TOLERANCE <= wished <= high + ELEVATION_TOLERANCE:
         return min(max(wished, low), high), ""
     return min(max(wished, low), high), f" ({round(wished)} degrees, beyond the weights' {low:g} to {high:g})"

@@ -58,12 +58,12 @@ def _guess(path: Path) -> str:
     """What to say of a path that leads nowhere: the name beside it that was meant, where that is sure."""
     if path.suffix.lower() in PICTURES:
         return f"a picture that is to be written is named by --output {printable(path)}"
-    from z2p_core.guesses import close  # late: for this message alone
+    from z2p_core.guesses import closest  # late: for this message alone
 
     try:
         beside = [other.name for other in islice(path.parent.iterdir(), MOST_BESIDE)]
         numbers = re.findall(r"\d+", path.name)  # of a series no other one is meant
-        meant = close(path.name, [name for name in beside if re.findall(r"\d+", name) == numbers])
+        meant = closest(path.name, [name for name in beside if re.findall(r"\d+", name) == numbers])
     except OSError:  # the folder is not there either, or is closed
         meant = None
     return "check the path" if meant is None else f"did you mean {printable(path.with_name(meant))}?"

@@ -26,11 +26,11 @@ from z2p_core.column_names import (
     text_encoding,
     without_comment,
 )
-from z2p_core.float_rows import SAMPLE, fitting_forms
+from z2p_core.float_rows import SAMPLE_NUMBERS, fitting_forms
 from z2p_core.interfaces import ScanError
 from z2p_core.lidar_rows import WITH_RING, could_be_measured
-from z2p_core.other_arrays import told_pose_array
-from z2p_core.pose_rows import name_poses, told_poses
+from z2p_core.other_arrays import pose_array_kind
+from z2p_core.pose_rows import name_poses, pose_kind
 from z2p_renderer.storage.quiet import quiet
 
 STDIN_STEM = "stdin"
@@ -160,7 +160,7 @@ def _is_pose_array(path: Path) -> bool:
             return False
         with quiet():
             array = np.load(path, allow_pickle=False)
-        return array.dtype.kind == "f" and array.ndim in (2, 3) and bool(told_pose_array(array))
+        return array.dtype.kind == "f" and array.ndim in (2, 3) and bool(pose_array_kind(array))
     except Exception:  # numpy raises whatever its parsing stumbles over, and the reader says what is wrong
         return False
 
@@ -170,7 +170,7 @@ def _holds_poses(rows: list[str]) -> bool:
     cells = [[cell.strip("\"'") for cell in re.split(r"[;,\s]+", row.strip(";, "))] for row in rows]
     if not cells or len({len(row) for row in cells}) > 1 or not all(is_number(cell) for row in cells for cell in row):
         return False
-    return bool(told_poses(np.array([[float(plain_exponents(cell)) for cell in row] for row in cells])))
+    return bool(pose_kind(np.array([[float(plain_exponents(cell)) for cell in row] for row in cells])))
 
 
 def is_no_sweep(path: Path, named: bool = False) -> bool:
@@ -196,7 +196,7 @@ def _looks_like_sweep(path: Path) -> bool:
         rows = np.fromfile(path, "<f4", count=_SWEEP_ROWS * len(WITH_RING))
         whole = size and not size % (4 * len(WITH_RING))
         return bool(whole) and could_be_measured(rows.reshape(-1, len(WITH_RING)))
-    return bool(fitting_forms(np.fromfile(path, "<f4", count=SAMPLE), size))
+    return bool(fitting_forms(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size))
 
 
 def _told_lines(head: bytes) -> list[str]:

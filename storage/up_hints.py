@@ -10,7 +10,7 @@ from typing import Any
 
 from z2p_core.column_names import COMMENT_SIGNS, text_encoding
 from z2p_core.interfaces import RawCloud
-from z2p_core.up_axis import SETTLED
+from z2p_core.up_axis import STANDARD_AXES
 from z2p_core.up_comments import UpHint, axis_of_vector, up_of_comments
 from z2p_core.up_names import up_from
 from z2p_renderer.storage.json_text import MOST_BYTES, read_json
@@ -36,7 +36,7 @@ def with_up_hints(clouds: Sequence[RawCloud], plain: Path, path: Path) -> list[R
         return list(clouds)
     suffix = plain.suffix.lower()
     comments = _comments(plain, suffix)
-    beside = None if suffix in SETTLED else _told_beside(path)
+    beside = None if suffix in STANDARD_AXES else _told_beside(path)
     return [_hinted(cloud, up_of_comments(comments, suffix, cloud.up), beside) for cloud in clouds]
 
 

@@ -39,17 +39,17 @@ def column_names(line: str) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(names for names in ways if names))
 
 
-def told_degrees(line: str) -> bool:
+def names_degrees(line: str) -> bool:
     """Whether a line that names columns names longitude and latitude as the places of its points."""
     return any(columns is not None and columns.degrees for columns in _columns(line))
 
 
-def told_depth(line: str) -> bool:
+def names_depth(line: str) -> bool:
     """Whether a line that names columns names a depth, and no height, beside the places of its points."""
     return any(columns is not None and columns.depth for columns in _columns(line))
 
 
-def told_heights(line: str) -> bool:
+def names_heights(line: str) -> bool:
     """Whether a line that names columns says that z points up: it is a height, or x and y are places on a map."""
     return any(columns is not None and columns.heights for columns in _columns(line))
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-BAND = 0.1
+FADE_WIDTH = 0.1
 """Share of the shorter side, along each edge, within which a shadow fades: what the usual frame leaves free."""
-SOLID = 240
+OPAQUE_ALPHA = 240
 """Alpha, of 255, from which on a pixel belongs to the object; a shadow is lighter but for right below it."""
-DARK = 0.35
+DARKEST_OBJECT = 0.35
 """Light of a solid pixel, in that of its brightest neighbour, below which it is such a shadow."""
 
 
@@ -18,8 +18,8 @@ def faded(picture: np.ndarray) -> np.ndarray:
     The object is what is solid, and its share of the pixels beside that.
     """
     height, width = picture.shape[:2]
-    down, across = (_ramp(side, round(BAND * min(height, width))) for side in (height, width))
-    rows, columns = _within(down), _within(across)
+    down, across = (_ramp(side, round(FADE_WIDTH * min(height, width))) for side in (height, width))
+    rows, columns = _unfaded(down), _unfaded(across)
     result, share = picture.copy(), None
     parts = (
         (slice(0, rows.start), slice(None)), (slice(rows.stop, None), slice(None)),
@@ -27,7 +27,7 @@ def faded(picture: np.ndarray) -> np.ndarray:
     )  # fmt: skip
     for part in parts:  # the middle, most of it, stays as it is
         kept, strip = np.outer(down[part[0]], across[part[1]]), picture[part]
-        if strip.size and strip[..., 3].max() >= SOLID:
+        if strip.size and strip[..., 3].max() >= OPAQUE_ALPHA:
             share = _object_share(picture) if share is None else share
             result[part] = _faded_beside(strip, kept, share[part])
         else:
@@ -56,7 +56,7 @@ def _ramp(side: int, band: int) -> np.ndarray:
     return ramp
 
 
-def _within(ramp: np.ndarray) -> slice:
+def _unfaded(ramp: np.ndarray) -> slice:
     """Where nothing fades; nowhere, of a side of a pixel or two."""
     whole = np.flatnonzero(ramp == 1)
     return slice(int(whole[0]), int(whole[-1]) + 1) if len(whole) else slice(0, 0)
@@ -67,15 +67,15 @@ def _object_share(picture: np.ndarray) -> np.ndarray:
 
     Such a pixel is as bright, next to the solid ones around it, as the object's share of it is large.
     """
-    solid = picture[..., 3] >= SOLID
+    solid = picture[..., 3] >= OPAQUE_ALPHA
     light = picture[..., :3].max(2).astype(np.float32) * picture[..., 3]
-    solid &= light >= DARK * _widened(_widened(np.where(solid, light, 0)))  # else the shadow right below it
-    around, beside = _widened(np.where(solid, light, 0)), _widened(solid)
+    solid &= light >= DARKEST_OBJECT * _dilated(_dilated(np.where(solid, light, 0)))  # else the shadow right below it
+    around, beside = _dilated(np.where(solid, light, 0)), _dilated(solid)
     share = np.divide(light, around, out=np.ones_like(light), where=around > 0)
     return np.where(solid, 1, np.where(beside, np.minimum(share, 1), 0)).astype(np.float32)
 
 
-def _widened(values: np.ndarray) -> np.ndarray:
+def _dilated(values: np.ndarray) -> np.ndarray:
     """The largest of each value (H, W) and the eight around it."""
     wide = values.copy()
     np.maximum(wide[1:], values[:-1], out=wide[1:])

@@ -10,17 +10,17 @@ COLOURED = ("x", "y", "z", "r", "g", "b")
 WITH_NORMALS = ("x", "y", "z", "nx", "ny", "nz")
 FORMS = (USUAL, WITH_RING, COLOURED, WITH_NORMALS)
 """What rows are known to hold."""
-SWEEPS = (USUAL, WITH_RING)
+SWEEP_FORMS = (USUAL, WITH_RING)
 """Those that are read unasked, for data sets are full of them."""
-SAMPLE = 60 * 1000
+SAMPLE_NUMBERS = 60 * 1000
 """Numbers at the head of a file that tell; whole rows of any form."""
 _PERIODS = range(2, 7)
 """Rows after which columns of another length come round again, where rows are cut wrongly."""
-_APART = 0.25
+_LEAST_DISTANCE = 0.25
 """How far two columns' distributions are apart (Kolmogorov and Smirnov's distance) if they hold different things."""
-_CHANCE = 1.7
+_CHANCE_FACTOR = 1.7
 """Times the root of two over their number: how far apart as many numbers of one distribution may be by chance."""
-_UNIT = 0.02
+_LENGTH_TOLERANCE = 0.02
 """How far a normal may be from unit length."""
 
 
@@ -45,7 +45,7 @@ def _fits(values: np.ndarray, form: tuple[str, ...]) -> bool:
         return False
     if form == WITH_NORMALS:
         length = np.linalg.norm(rest, axis=1)
-        fits = np.mean((np.abs(length - 1) < _UNIT) | (length == 0)) > 0.98 and bool(rest.any())
+        fits = np.mean((np.abs(length - 1) < _LENGTH_TOLERANCE) | (length == 0)) > 0.98 and bool(rest.any())
     elif form == COLOURED:
         fits = _are_whole(rest, 255) or bool(((rest >= 0) & (rest <= 1)).all())
     else:
@@ -66,7 +66,7 @@ def _is_mixed(rows: np.ndarray) -> bool:
     for period in _PERIODS:
         if len(rows) < 8 * period:
             break
-        least = max(_APART, _CHANCE * (2 * period / len(rows)) ** 0.5)
+        least = max(_LEAST_DISTANCE, _CHANCE_FACTOR * (2 * period / len(rows)) ** 0.5)
         if (_farthest_apart(rows, order, period) > least).mean() >= 0.5:
             return True
     return False

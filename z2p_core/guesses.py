@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-_SAME = {
+_SYNONYMS = {
     "output": "out outdir out-dir outfile out-file out-path output-dir output-directory output-file output-folder "
               "output-path dir directory folder save save-to dest destination target",
     "overwrite": "force replace clobber yes redo rerender",
@@ -61,24 +61,24 @@ _SAME = {
 }  # fmt: skip
 """Option, and a value that makes it what is meant -> what others call it."""
 _MEANINGS: dict[str, list[str]] = {}
-for _option, _words in _SAME.items():
+for _option, _words in _SYNONYMS.items():
     for _word in _words.split():
         _MEANINGS.setdefault(_word, []).append(_option)
-SHORTEST, LONG = 4, 8
+FEWEST_LETTERS, LETTERS_FOR_TWO = 4, 8
 """Letters of a name in which one slip is told from another name, and of one that may hold two."""
 
 
-def close(name: str, known: Iterable[str]) -> str | None:
+def closest(name: str, known: Iterable[str]) -> str | None:
     """The known name that a name is, but for a slip of the keys, or two in a long one; None if none or several are."""
-    if len(name) < SHORTEST:
+    if len(name) < FEWEST_LETTERS:
         return None
-    near = [(slips(name, other), other) for other in known if abs(len(other) - len(name)) < 3]
-    near = sorted(found for found in near if found[0] <= (2 if min(len(name), len(found[1])) >= LONG else 1))
+    near = [(edit_distance(name, other), other) for other in known if abs(len(other) - len(name)) < 3]
+    near = sorted(found for found in near if found[0] <= (2 if min(len(name), len(found[1])) >= LETTERS_FOR_TWO else 1))
     alone = len(near) == 1 or (len(near) > 1 and near[0][0] < near[1][0])
     return near[0][1] if alone else None
 
 
-def slips(one: str, other: str) -> int:
+def edit_distance(one: str, other: str) -> int:
     """Letters left out, put in, exchanged, or swapped with the next, that make one word of another."""
     rows = [list(range(len(other) + 1))]
     for i, letter in enumerate(one):
@@ -104,10 +104,10 @@ def meant(name: str, known: Iterable[str]) -> str | None:
     options = [option for option in _MEANINGS.get(name, ()) if option.split()[0] in known]
     if options:
         return options[0]
-    if name in _MEANINGS or name in _SAME or len(name) < 3:  # a word with a meaning that nothing here has
+    if name in _MEANINGS or name in _SYNONYMS or len(name) < 3:  # a word with a meaning that nothing here has
         return None
-    like = close(name, known)
+    like = closest(name, known)
     if like is not None:
         return like
-    slipped = close(name, _MEANINGS)
+    slipped = closest(name, _MEANINGS)
     return None if slipped is None else meant(slipped, known)

@@ -11,11 +11,11 @@ from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
 from z2p_core.interfaces import SettingError
 from z2p_core.viewpoint import Viewpoint
 
-WIDEST = 0.45
+WIDEST_MARGIN = 0.45
 """Share of the shorter side that a margin takes at most, on each side of the object."""
 HALF_WIDTH = math.tan(math.radians(FIELD_OF_VIEW / 2))
 """Half the width of what the camera sees, at a distance of 1."""
-USUAL = (1 - math.tan(math.asin(1 / DISTANCE)) / HALF_WIDTH) / 2
+USUAL_MARGIN = (1 - math.tan(math.asin(1 / DISTANCE)) / HALF_WIDTH) / 2
 """The margin around a sphere of radius 1, which every object is brought to: 0.103."""
 
 
@@ -34,9 +34,9 @@ def margin_from(wish: Any) -> float | None:
         margin = math.nan
     if text.endswith("%") or margin >= 1:
         margin /= 100
-    if not 0 <= margin <= WIDEST or not (text or isinstance(wish, Real)):
-        raise SettingError(f"margin: expected a share of the shorter side from 0 to {WIDEST:g}, or percent as in 10%, "
-                           f"got {wish!r}")  # fmt: skip
+    if not 0 <= margin <= WIDEST_MARGIN or not (text or isinstance(wish, Real)):
+        raise SettingError(f"margin: expected a share of the shorter side from 0 to {WIDEST_MARGIN:g}, or percent "
+                           f"as in 10%, got {wish!r}")  # fmt: skip
     return margin
 
 

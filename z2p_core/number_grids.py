@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-FEWEST = 7
+FEWEST_COLUMNS = 7
 """Columns from which an array of two axes may be a picture: points have up to six by all means."""
-_WIDE, _LONG = 17, 4
+_MANY_COLUMNS, _ROWS_A_COLUMN = 17, 4
 """From so many columns on, points are expected to be more by such a factor than their columns."""
-_ALIKE, _MOST = 0.8, 0.7
+_LEAST_CORRELATION, _CORRELATED_SHARE = 0.8, 0.7
 """How alike neighbouring columns of a picture are (correlation), and the share of them that must be."""
-_ROWS = 2000
-_SIDE, _STEP, _SHADES = 64, 0.02, 16
+_MOST_ROWS = 2000
+"""Rows of an array that are looked at."""
+_PICTURE_SAMPLE, _STEP_TOLERANCE, _FEWEST_SHADES = 64, 0.02, 16
 """Rows and columns of a colour picture that are looked at, how exact their steps are, and how many it has at least."""
-HOW_TO = ("a depth map becomes points by its camera: save it as depth, and the camera's matrix as K, in one npz, or "
-          "save x = (column - cx) * depth / fx, y = (row - cy) * depth / fy and z = depth; a grid of heights becomes "
-          "points by the places of its columns and rows")
+GRID_ADVICE = ("a depth map becomes points by its camera: save it as depth, and the camera's matrix as K, in one npz, "
+               "or save x = (column - cx) * depth / fx, y = (row - cy) * depth / fy and z = depth; a grid of heights "
+               "becomes points by the places of its columns and rows")
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
@@ -26,13 +27,13 @@ def is_grid(table: np.ndarray, total: int | None = None) -> bool:
     `total` is how many rows there are, where these are only the first.
     """
     rows, width = table.shape
-    if width < FEWEST:
+    if width < FEWEST_COLUMNS:
         return False
     if table.dtype.kind == "u" and table.dtype.itemsize <= 2:
         return True
-    if width >= _WIDE and max(rows, total or 0) <= _LONG * width:
+    if width >= _MANY_COLUMNS and max(rows, total or 0) <= _ROWS_A_COLUMN * width:
         return True
-    return rows >= FEWEST and _neighbours_agree(table[:: -(-rows // _ROWS)].astype(np.float64))
+    return rows >= FEWEST_COLUMNS and _neighbours_agree(table[:: -(-rows // _MOST_ROWS)].astype(np.float64))
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
@@ -42,9 +43,10 @@ def is_picture(array: np.ndarray) -> bool:
         return True
     if min(array.shape) == 0 or array.dtype.kind != "f":
         return False
-    some = array[:: -(-array.shape[0] // _SIDE), :: -(-array.shape[1] // _SIDE)].astype(np.float64) * 255
-    stepped = bool((np.abs(some - np.rint(some)) < _STEP).all())
-    return stepped and some.min() >= 0 and some.max() <= 255 and len(np.unique(some)) > _SHADES
+    down, across = (-(-side // _PICTURE_SAMPLE) for side in array.shape[:2])
+    some = array[::down, ::across].astype(np.float64) * 255
+    stepped = bool((np.abs(some - np.rint(some)) < _STEP_TOLERANCE).all())
+    return stepped and some.min() >= 0 and some.max() <= 255 and len(np.unique(some)) > _FEWEST_SHADES
 
 
 def _neighbours_agree(table: np.ndarray) -> bool:
@@ -54,4 +56,4 @@ def _neighbours_agree(table: np.ndarray) -> bool:
         table = table - table.mean(0)
         spread = np.sqrt((table**2).mean(0))
         alike = (table[:, 1:] * table[:, :-1]).mean(0) / (spread[1:] * spread[:-1])
-    return bool((alike > _ALIKE).mean() >= _MOST)
+    return bool((alike > _LEAST_CORRELATION).mean() >= _CORRELATED_SHARE)

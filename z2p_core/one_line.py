@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-MOST = 1200
+MOST_CHARACTERS = 1200
 """Characters of a message; of a longer one the middle goes, for what is wrong stands first, and what to do last."""
-_KEPT_AT_THE_END = 300
+_END_CHARACTERS = 300
 
 
 class UsersError(ValueError):
@@ -15,10 +15,10 @@ class UsersError(ValueError):
 
 
 def one_line(text: str) -> str:
-    """The text on one line of at most `MOST` characters; those that no terminal shows are written as escapes."""
+    """The text on one line of at most `MOST_CHARACTERS`; characters that no terminal shows are written as escapes."""
     if not text.isprintable():
         words = " ".join(text.splitlines())
         text = "".join(sign if sign.isprintable() else ascii(sign)[1:-1] for sign in words)
-    if len(text) <= MOST:
+    if len(text) <= MOST_CHARACTERS:
         return text
-    return f"{text[: MOST - _KEPT_AT_THE_END - 5]} ... {text[-_KEPT_AT_THE_END:]}"
+    return f"{text[: MOST_CHARACTERS - _END_CHARACTERS - 5]} ... {text[-_END_CHARACTERS:]}"

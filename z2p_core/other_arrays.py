@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.interfaces import ScanError
-from z2p_core.number_grids import HOW_TO, is_grid, is_picture
-from z2p_core.pose_rows import told_poses
+from z2p_core.number_grids import GRID_ADVICE, is_grid, is_picture
+from z2p_core.pose_rows import pose_kind
 
-_SOME = 1000
-"""Rows that tell a list of poses."""
+_MOST_ROWS = 1000
+"""Rows of an array that are looked at."""
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
@@ -19,18 +19,19 @@ def refuse_other_arrays(array: np.ndarray) -> None:
     Raises:
         ScanError: they are matrices of cameras or a list of poses, a depth map, a grid of heights or a colour picture.
     """
-    if told := told_pose_array(array):
+    if told := pose_array_kind(array):
         raise ScanError(f"numbers {array.shape} are no points but {told}; give points (N, 3)")
     if array.ndim == 2 and is_grid(array):
-        raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; {HOW_TO}")
+        raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; "
+                        f"{GRID_ADVICE}")
     if array.ndim == 3 and is_picture(array):
         raise ScanError(f"numbers {array.shape} look like a colour picture, not like points; give the x y z of its "
                         "pixels instead")
 
 
-def told_pose_array(array: np.ndarray) -> str:
+def pose_array_kind(array: np.ndarray) -> str:
     """What numbers are, if poses or matrices of cameras, one or many; empty if they are none."""
-    return told_poses(_rows_of_poses(array))
+    return pose_kind(_rows_of_poses(array))
 
 
 def _rows_of_poses(array: np.ndarray) -> np.ndarray:
@@ -40,4 +41,4 @@ def _rows_of_poses(array: np.ndarray) -> np.ndarray:
     elif array.ndim == 3 and array.shape[1:] == (3, 3):
         array = np.concatenate([array, np.zeros((len(array), 3, 1))], axis=2).reshape(len(array), 12)
     with np.errstate(invalid="ignore"):  # NaN of the kind that signals
-        return array[:_SOME].astype(np.float64) if array.ndim == 2 else np.empty((0, 3))
+        return array[:_MOST_ROWS].astype(np.float64) if array.ndim == 2 else np.empty((0, 3))

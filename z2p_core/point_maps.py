@@ -6,16 +6,17 @@ import numpy as np
 
 from z2p_core.interfaces import Sensor
 
-_SIDE = 64
+_MOST_SAMPLED_ROWS = 64
 """Rows and columns of a map that are looked at."""
-_FEWEST = 60
+_FEWEST_POINTS = 60
 """Points that tell a camera, at least."""
-_SPREAD = 0.1
+_RAY_TOLERANCE = 0.1
 """How far the rays of a pinhole camera may be off, of how far they spread."""
-_OFF = 0.02
+_PIXEL_TOLERANCE = 0.02
 """The same for a camera anywhere, whose pixels are reckoned from its points."""
-_AHEAD = 0.98
-_STRAIGHT = 0.995
+_AHEAD_SHARE = 0.98
+"""Share of the points that lie ahead of their camera, at least."""
+_AXIS_COSINE = 0.995
 """Cosine from which on a camera's picture stands upright in the camera's own axes."""
 
 
@@ -27,38 +28,39 @@ def map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | None:
     pixels tell which way is right and down. In other axes it is where the lines of sight meet. `certain`: it is a map
     in the camera's axes by its name, so that one whose rays are crooked is believed as well, if all lies ahead.
     """
-    rows, columns = (np.linspace(0, side - 1, min(side, _SIDE)).astype(int) for side in points.shape[:2])
+    rows, columns = (np.linspace(0, side - 1, min(side, _MOST_SAMPLED_ROWS)).astype(int) for side in points.shape[:2])
     across, down = np.meshgrid(columns / points.shape[1] - 0.5, rows / points.shape[0] - 0.5)
     some = points[rows[:, None], columns].astype(np.float64).reshape(-1, 3)
     seen = np.isfinite(some).all(1) & some.any(1)
     some, pixels = some[seen], np.column_stack([across.ravel()[seen], down.ravel()[seen]])
-    if len(some) < _FEWEST:
+    if len(some) < _FEWEST_POINTS:
         return None
     try:
-        return _own_axes(some, pixels) or _elsewhere(some, pixels) or (_ahead(some) if certain else None)
+        told_by_pixels = _camera_at_origin(some, pixels) or _camera_elsewhere(some, pixels)
+        return told_by_pixels or (_camera_by_name(some) if certain else None)
     except np.linalg.LinAlgError:  # numbers too large to be reckoned with
         return None
 
 
-def _own_axes(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
+def _camera_at_origin(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
     """The camera at the origin that looks along Z, if each pixel (N, 2) has its ray."""
-    sign = _way(points)
+    sign = _side_of_z(points)
     if sign == 0:
         return None
     rays = points[:, :2] / np.abs(points[:, 2:])
     known = np.column_stack([pixels, np.ones(len(pixels))])
     slopes, *_ = np.linalg.lstsq(known, rays, rcond=None)
     off = rays - known @ slopes
-    if (off**2).mean(0).max() > (_SPREAD**2) * rays.var(0).min() or not rays.var(0).all():
+    if (off**2).mean(0).max() > (_RAY_TOLERANCE**2) * rays.var(0).min() or not rays.var(0).all():
         return None
     ahead = np.array([0.0, 0.0, sign])
     downward = np.array([*slopes[1], 0.0])
-    if np.abs(downward).max() > _STRAIGHT * np.linalg.norm(downward):  # along an axis, but for noise
+    if np.abs(downward).max() > _AXIS_COSINE * np.linalg.norm(downward):  # along an axis, but for noise
         downward = np.where(np.abs(downward) == np.abs(downward).max(), downward, 0.0)
-    return _facing(np.zeros(3), np.array([*slopes[0], 0.0]), downward, ahead)
+    return _sensor_facing(np.zeros(3), np.array([*slopes[0], 0.0]), downward, ahead)
 
 
-def _elsewhere(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
+def _camera_elsewhere(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
     """The camera anywhere whose picture has points (N, 3) at their pixels (N, 2), by direct linear transformation."""
     middle = np.median(points, axis=0)
     scale = float(np.abs(points - middle).mean())
@@ -75,27 +77,30 @@ def _elsewhere(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
     if abs(np.linalg.det(matrix[:, :3])) < 1e-9 or not (np.abs(seen[:, 2]) > 1e-12).all():
         return None
     off = seen[:, :2] / seen[:, 2:] - pixels
-    if np.sqrt((off**2).mean()) > _OFF or max((seen[:, 2] > 0).mean(), (seen[:, 2] < 0).mean()) < _AHEAD:
+    on_one_side = max((seen[:, 2] > 0).mean(), (seen[:, 2] < 0).mean())
+    if np.sqrt((off**2).mean()) > _PIXEL_TOLERANCE or on_one_side < _AHEAD_SHARE:
         return None
     matrix *= np.sign(np.median(seen[:, 2]))
     position = middle - scale * np.linalg.solve(matrix[:, :3], matrix[:, 3])
     ahead = matrix[2, :3] / np.linalg.norm(matrix[2, :3])
     right, downward = (row - (row @ ahead) * ahead for row in matrix[:2, :3])
-    return _facing(position, right, downward, ahead)
+    return _sensor_facing(position, right, downward, ahead)
 
 
-def _ahead(points: np.ndarray) -> Sensor | None:
+def _camera_by_name(points: np.ndarray) -> Sensor | None:
     """The camera at the origin in OpenCV's or OpenGL's axes, if all lies ahead of it."""
-    sign = _way(points)
+    sign = _side_of_z(points)
     return Sensor(np.zeros(3), np.diag([1.0, sign, sign])) if sign else None
 
 
-def _way(points: np.ndarray) -> float:
+def _side_of_z(points: np.ndarray) -> float:
     """1.0 where points (N, 3) lie on the side of +Z, -1.0 on that of -Z, and 0.0 on both."""
-    return 1.0 if (points[:, 2] > 0).mean() > _AHEAD else -1.0 if (points[:, 2] < 0).mean() > _AHEAD else 0.0
+    if (points[:, 2] > 0).mean() > _AHEAD_SHARE:
+        return 1.0
+    return -1.0 if (points[:, 2] < 0).mean() > _AHEAD_SHARE else 0.0
 
 
-def _facing(position: np.ndarray, right: np.ndarray, downward: np.ndarray, ahead: np.ndarray) -> Sensor | None:
+def _sensor_facing(position: np.ndarray, right: np.ndarray, downward: np.ndarray, ahead: np.ndarray) -> Sensor | None:
     """The sensor there that looks so, upright as its picture is; in a mirrored file, left and right are exchanged."""
     downward = downward - (downward @ ahead) * ahead
     length = float(np.linalg.norm(downward))

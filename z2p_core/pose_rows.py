@@ -6,52 +6,52 @@ from collections.abc import Collection
 
 import numpy as np
 
-_NEAR = 0.01
+_TOLERANCE = 0.01
 """How far lengths and products may be from those of a rotation."""
-_FEWEST_OF_TURNS = 2
+_FEWEST_QUATERNIONS = 2
 """Rows at least that a list of positions with quaternions has; one could be anything."""
-_QUATERNIONS = ("q", "q_", "quat_", "orientation_", "orientation.", "rot_q", "rotation_")
+_QUATERNION_PREFIXES = ("q", "q_", "quat_", "orientation_", "orientation.", "rot_q", "rotation_")
 """What stands before w, x, y and z in the names of a quaternion's columns."""
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
-def told_poses(table: np.ndarray) -> str:
+def pose_kind(table: np.ndarray) -> str:
     """What a table (N, M) of numbers is, if not points: a list of poses or a camera's matrix; empty if it is none."""
     if table.ndim != 2 or not len(table) or not np.isfinite(table).all():
         return ""
     width = table.shape[1]
-    if width in (12, 16) and _turn(table.reshape(len(table), -1, 4)[:, :3]):
+    if width in (12, 16) and _are_poses(table.reshape(len(table), -1, 4)[:, :3]):
         return "a list of poses, a matrix of 12 or 16 numbers a row, as KITTI keeps a camera's way"
-    if width in (13, 17) and _turn(table[:, 1:].reshape(len(table), -1, 4)[:, :3]):
+    if width in (13, 17) and _are_poses(table[:, 1:].reshape(len(table), -1, 4)[:, :3]):
         return "a list of poses, an index and a matrix of 12 or 16 numbers a row"
-    if len(table) in (3, 4) and width == 4 and _turn(table[None, :3]) and _ends(table):
+    if len(table) in (3, 4) and width == 4 and _are_poses(table[None, :3]) and _ends_as_homogeneous(table):
         return "a camera's pose, one matrix"
-    if len(table) in (3, 4) and width == len(table) and _projects(table):
+    if len(table) in (3, 4) and width == len(table) and _is_intrinsics(table):
         return "a camera's matrix of intrinsics"
-    if table.shape == (3, 3) and _turn(np.column_stack([table, np.zeros(3)])[None]):
+    if table.shape == (3, 3) and _are_poses(np.column_stack([table, np.zeros(3)])[None]):
         return "a camera's rotation, one matrix"
-    if len(table) >= _FEWEST_OF_TURNS and _are_quaternions(table):
+    if len(table) >= _FEWEST_QUATERNIONS and _are_quaternions(table):
         return "a list of poses, as TUM's: time, position and quaternion"
     return ""
 
 
 def name_poses(names: Collection[str]) -> bool:
     """Whether columns of such names, lower-case, hold poses: a quaternion beside each place."""
-    return any({f"{before}{axis}" for axis in "wxyz"} <= set(names) for before in _QUATERNIONS)
+    return any({f"{before}{axis}" for axis in "wxyz"} <= set(names) for before in _QUATERNION_PREFIXES)
 
 
-def _turn(matrices: np.ndarray) -> bool:
+def _are_poses(matrices: np.ndarray) -> bool:
     """Whether all matrices (N, 3, 4) are a rotation and a place."""
     turns = matrices[:, :, :3]
     products = turns @ turns.swapaxes(1, 2)
-    return bool((np.abs(products - np.eye(3)) < _NEAR).all() and (np.linalg.det(turns) > 0).all())
+    return bool((np.abs(products - np.eye(3)) < _TOLERANCE).all() and (np.linalg.det(turns) > 0).all())
 
 
-def _ends(table: np.ndarray) -> bool:
+def _ends_as_homogeneous(table: np.ndarray) -> bool:
     return len(table) == 3 or bool(np.array_equal(table[3], [0, 0, 0, 1]))
 
 
-def _projects(table: np.ndarray) -> bool:
+def _is_intrinsics(table: np.ndarray) -> bool:
     """Whether a matrix (3, 3) or (4, 4) holds focal lengths and a centre, in pixels."""
     below = np.array_equal(np.tril(table, -1), np.zeros_like(table))
     return bool(below and table[2, 2] == 1 and table[-1, -1] == 1 and table[0, 0] > 1 and table[1, 1] > 1)
@@ -62,4 +62,4 @@ def _are_quaternions(table: np.ndarray) -> bool:
     width = table.shape[1]
     starts = [4] if width >= 8 and bool((np.diff(table[:, 0]) > 0).all()) else []
     starts += [3] if width == 7 else []
-    return any(bool((np.abs((table[:, at : at + 4] ** 2).sum(1) - 1) < _NEAR).all()) for at in starts)
+    return any(bool((np.abs((table[:, at : at + 4] ** 2).sum(1) - 1) < _TOLERANCE).all()) for at in starts)

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-_UNIT = 0.02
+_LENGTH_TOLERANCE = 0.02
 """How far a normal's length may be from 1."""
-_MOST = 0.95
+_AGREEING_SHARE = 0.95
 """Share of the rows that must agree; where something was not measured, zeros stand."""
 _COLOUR_NAMES = ({"r", "g", "b"}, {"red", "green", "blue"}, {"rgb"}, {"color"}, {"colour"}, {"rf", "gf", "bf"})
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
-def told_side(columns: np.ndarray, first: int = 4) -> str:
+def ignored_columns(columns: np.ndarray, first: int = 4) -> str:
     """What is left out, in words, of a file whose columns (N, M) from the `first` on, counted from 1, are not drawn."""
     if columns.shape[1] == 0:
         return ""
@@ -26,7 +26,7 @@ def told_side(columns: np.ndarray, first: int = 4) -> str:
     return f"ignored: {', '.join(parts)}"
 
 
-def told_names(names: Sequence[str]) -> str:
+def ignored_colours(names: Sequence[str]) -> str:
     """What is left out, in words, of a file whose columns have such names, lower-case, where someone may miss it."""
     for wanted in _COLOUR_NAMES:
         if wanted <= set(names):
@@ -48,8 +48,9 @@ def side_names(columns: np.ndarray, first: int) -> list[str]:
 def are_normals(columns: np.ndarray) -> bool:
     """Whether columns (N, 3) are unit vectors; zeros may stand between."""
     lengths = np.sqrt((columns**2).sum(1))
-    some = lengths > _UNIT
-    return bool(some.any() and (np.abs(lengths[some] - 1) < _UNIT).mean() >= _MOST and some.mean() > 0.5)
+    some = lengths > _LENGTH_TOLERANCE
+    are_units = np.abs(lengths[some] - 1) < _LENGTH_TOLERANCE
+    return bool(some.any() and are_units.mean() >= _AGREEING_SHARE and some.mean() > 0.5)
 
 
 def are_colours(columns: np.ndarray) -> bool:

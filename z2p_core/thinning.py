@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-ODD = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
-CHUNK = 1 << 14
+HASH_MULTIPLIERS = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
+"""Odd numbers of 64 bits, as those of xxHash, by which coordinates' bits become numbers as good as random."""
+CHUNK_POINTS = 1 << 14
 """Points whose numbers are mixed at a time, in the processor's cache."""
-MANY, AHEAD = 12, 4.0
+PRESELECT_FROM, PRESELECT_FACTOR = 12, 4.0
 """Of clouds with so many times more points than wanted, so many times more than wanted are chosen first."""
-ROOM = 6.0
+SPARE_DEVIATIONS = 6.0
 """Standard deviations by which more points than wanted are looked at, so that hardly ever too few are found."""
 
 
@@ -18,12 +19,12 @@ def even_share(points: np.ndarray, most: int) -> np.ndarray:
 
     Both depend on the points' coordinates alone: a shuffled file gives the same share, number by number.
     """
-    if len(points) > MANY * most:
-        some = points[_crude(points) < np.uint64(AHEAD * most / len(points) * 2.0**64)]
+    if len(points) > PRESELECT_FROM * most:
+        some = points[_weak_hashes(points) < np.uint64(PRESELECT_FACTOR * most / len(points) * 2.0**64)]
         points = some if len(some) > most else points
-    keys = _mixed(points)
+    keys = _hashes(points)
     if len(points) > most:
-        share = (most + ROOM * most**0.5) / len(points)
+        share = (most + SPARE_DEVIATIONS * most**0.5) / len(points)
         rows = np.flatnonzero(keys < np.uint64(share * 2.0**64)) if share < 0.5 else np.arange(len(points))
         if len(rows) < most:  # many points at one place share one number
             rows = np.arange(len(points))
@@ -45,34 +46,35 @@ def with_fixed_start(points: np.ndarray) -> np.ndarray:
 def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Least and largest coordinates (3,) each of points (N, 3), N >= 1; `extent` takes three times as long for many."""
     lows, highs = [], []
-    for start in range(0, len(points), CHUNK):
-        columns = np.ascontiguousarray(points[start : start + CHUNK].T)
+    for start in range(0, len(points), CHUNK_POINTS):
+        columns = np.ascontiguousarray(points[start : start + CHUNK_POINTS].T)
         lows.append(columns.min(1))
         highs.append(columns.max(1))
     return np.min(lows, axis=0), np.max(highs, axis=0)
 
 
-def _crude(points: np.ndarray) -> np.ndarray:
+def _weak_hashes(points: np.ndarray) -> np.ndarray:
     """A number (N,) uint64 for each of points (N, 3), in a third of the time, and good enough to choose many by."""
     keys = np.empty(len(points), np.uint64)
-    for start in range(0, len(points), CHUNK):
-        bits = (np.ascontiguousarray(points[start : start + CHUNK].T, np.float64) + 0.0).view(np.uint64)
-        keys[start : start + CHUNK] = bits[0] * ODD[0] + bits[1] * ODD[1] + bits[2] * ODD[2]
+    for start in range(0, len(points), CHUNK_POINTS):
+        bits = (np.ascontiguousarray(points[start : start + CHUNK_POINTS].T, np.float64) + 0.0).view(np.uint64)
+        x, y, z = (part * multiplier for part, multiplier in zip(bits, HASH_MULTIPLIERS, strict=True))
+        keys[start : start + CHUNK_POINTS] = x + y + z
     return keys
 
 
-def _mixed(points: np.ndarray) -> np.ndarray:
+def _hashes(points: np.ndarray) -> np.ndarray:
     """A number (N,) uint64 for each of points (N, 3), as good as random; equal points have the same."""
     keys = np.empty(len(points), np.uint64)
-    for start in range(0, len(points), CHUNK):
-        some = points[start : start + CHUNK].T.astype(np.float64)
+    for start in range(0, len(points), CHUNK_POINTS):
+        some = points[start : start + CHUNK_POINTS].T.astype(np.float64)
         bits = np.ascontiguousarray(some + 0.0).view(np.uint64)  # -0.0 becomes 0.0
-        mixed = bits[0] * ODD[0]
+        mixed = bits[0] * HASH_MULTIPLIERS[0]
         for axis in (1, 2):
             mixed ^= mixed >> np.uint64(29)
             mixed ^= bits[axis]
-            mixed *= ODD[axis]
+            mixed *= HASH_MULTIPLIERS[axis]
         mixed ^= mixed >> np.uint64(32)
-        mixed *= ODD[0]
-        keys[start : start + CHUNK] = mixed ^ mixed >> np.uint64(29)
+        mixed *= HASH_MULTIPLIERS[0]
+        keys[start : start + CHUNK_POINTS] = mixed ^ mixed >> np.uint64(29)
     return keys

@@ -19,13 +19,13 @@ from z2p_core.thinning import even_share
 MOST_POINTS, MOST_MIRRORED = 1500, 300
 """Points of a cloud that are looked at, and those of them that are mirrored."""
 NEIGHBOURS = 12
-EDGE = 0.003
+STRAY_SHARE = 0.003
 """Share of the points beyond either end of an axis that may be strays."""
-CELLS, FAR = 20, 3
+GRID_CELLS, FARTHEST_CELLS = 20, 3
 """Cells along the widest side in which a mirrored point is looked for, and how many away is as far as it gets."""
 MIRRORS = 16
 """Upright planes of each axis in which a cloud is mirrored."""
-LEAST = 1e-300
+LEAST_EXTENT = 1e-300
 """Extent of a cloud whose places are still numbers when they are divided by it."""
 FLOOR_CELLS = 16
 """Cells along each side of the ground plan, at most."""
@@ -43,8 +43,8 @@ def marks(points: np.ndarray) -> np.ndarray:
     Each is about 0 to 1, and independent of the cloud's size and place.
     """
     points = even_share(points, MOST_POINTS)
-    low, high = np.quantile(points, [EDGE, 1 - EDGE], axis=0)
-    size = max(float((high - low).max()), LEAST)
+    low, high = np.quantile(points, [STRAY_SHARE, 1 - STRAY_SHARE], axis=0)
+    size = max(float((high - low).max()), LEAST_EXTENT)
     grid = native.Grid(np.clip((points - (low + high) / 2) / size, -0.55, 0.55).astype(np.float32))
     points, span = grid.points.astype(np.float64), np.maximum((high - low) / size, 1e-6)
     normals = np.abs(_normals(grid))
@@ -151,27 +151,29 @@ def _symmetries(points: np.ndarray) -> np.ndarray:
 
     1 is exactly alike, 0 not at all. Mirrors go through the middle of the taken cells, so that density does not count.
     """
-    taken = np.zeros((CELLS, CELLS, CELLS), dtype=bool)
+    taken = np.zeros((GRID_CELLS, GRID_CELLS, GRID_CELLS), dtype=bool)
     taken.ravel()[_cell(*points.T)] = True
     away = _distances(taken)
-    centre = (np.argwhere(taken).mean(0) + 0.5) / CELLS * 1.2 - 0.6
+    centre = (np.argwhere(taken).mean(0) + 0.5) / GRID_CELLS * 1.2 - 0.6
     some = points[:: max(1, len(points) // MOST_MIRRORED)] - centre
     x, y, z = (sum(np.multiply.outer(row[:, part], some[:, part]) for part in range(3)) + centre[at]
                for at, row in enumerate(MOVES.transpose(1, 0, 2)))  # fmt: skip
-    alike = 1.0 - away[_cell(x, y, z)].mean(1).reshape(3, -1) / FAR
+    alike = 1.0 - away[_cell(x, y, z)].mean(1).reshape(3, -1) / FARTHEST_CELLS
     return np.stack([alike[:, :MIRRORS].max(1), alike[:, MIRRORS], alike[:, MIRRORS + 1 :].mean(1)], axis=1)
 
 
 def _cell(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Number of the cell of each place, of CELLS^3."""
-    column, row, layer = (np.clip((part + 0.6) * (CELLS / 1.2), 0, CELLS - 1).astype(np.int64) for part in (x, y, z))
-    return (column * CELLS + row) * CELLS + layer
+    """Number of the cell of each place (x, y, z), of `GRID_CELLS` along each axis."""
+    scale, last = GRID_CELLS / 1.2, GRID_CELLS - 1
+    column, row, layer = (np.clip((part + 0.6) * scale, 0, last).astype(np.int64) for part in (x, y, z))
+    return (column * GRID_CELLS + row) * GRID_CELLS + layer
 
 
 def _distances(taken: np.ndarray) -> np.ndarray:
-    """How many cells each of CELLS^3 is away from one that is taken, `FAR` at most; flat."""
-    away = np.full(taken.shape, float(FAR))
-    for step in range(FAR):
+    """How many cells each of `GRID_CELLS` along each axis is away from one that is taken, at most
+    `FARTHEST_CELLS`; flat."""
+    away = np.full(taken.shape, float(FARTHEST_CELLS))
+    for step in range(FARTHEST_CELLS):
         away[taken & (away > step)] = step
         for axis in range(3):
             grown = np.moveaxis(taken.copy(), axis, 0)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from z2p_core.guesses import close, meant
+from z2p_core.guesses import closest, meant
 
 DRAWING = "render"
 _COMMANDS = {
@@ -70,7 +70,7 @@ def told_command(words: Sequence[str], commands: Iterable[str]) -> str:
         return f"{word!r} is no command but an input. Did you mean: z2p {DRAWING} {shlex.join(words)}"
     named = word.lower().replace("_", "-")
     found = next((command for command, words in _COMMANDS.items() if named in words.split()), None)
-    found = found or close(named, known)
+    found = found or closest(named, known)
     if named in known or found:
         return f"No such command: {word}. Did you mean: z2p {named if named in known else found}"
     if Path(word).suffix or "/" in word:
@@ -80,7 +80,7 @@ def told_command(words: Sequence[str], commands: Iterable[str]) -> str:
 
 def told_early_option(error: click.NoSuchOption) -> click.UsageError:
     """The error of an option in front of the command."""
-    name = close(error.option_name, ("--help", "--version"))
+    name = closest(error.option_name, ("--help", "--version"))
     if name is not None:
         return click.UsageError(f"No such option: {error.option_name}. Did you mean {name}?", error.ctx)
     return click.UsageError(f"No such option: {error.option_name}. Options of a command stand behind its name, as in "

@@ -7,11 +7,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from z2p_core.interfaces import RawCloud, ScanError, Sensor
-from z2p_core.number_grids import HOW_TO
+from z2p_core.number_grids import GRID_ADVICE
 from z2p_core.other_arrays import refuse_other_arrays
 from z2p_core.point_arrays import as_batch, plain
 from z2p_core.point_maps import map_sensor
-from z2p_core.side_columns import told_side
+from z2p_core.side_columns import ignored_columns
 
 MOST_COLUMNS = 128
 MAP_KEYS = ("pts3d", "world_points", "point_map", "pointmap", "point_maps", "points3d", "points_3d", "xyz_map",
@@ -49,7 +49,7 @@ def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
     if array.ndim == 3 and batch is not array:
         return [_seen(array)]
     up = _UP if key in OBJECT_KEYS else {}
-    note = told_side(batch[0][:_SOME, 3:].astype(np.float64)) if len(batch) else ""
+    note = ignored_columns(batch[0][:_SOME, 3:].astype(np.float64)) if len(batch) else ""
     return [RawCloud(_points(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
 
 
@@ -67,7 +67,7 @@ def check_shape(shape: tuple[int, ...]) -> None:
         return
     hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _lies_flat(shape) else ""
     if len(shape) in (2, 3) and (shape[-1] > MOST_COLUMNS or (len(shape) == 3 and shape[-1] < 3)) and not hint:
-        hint = f"; is it a depth map or a grid of heights? {HOW_TO}"
+        hint = f"; is it a depth map or a grid of heights? {GRID_ADVICE}"
     raise ScanError(f"expected (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.float_rows import COLOURED, SAMPLE, SWEEPS, fitting_forms, possible_names
+from z2p_core.float_rows import COLOURED, SAMPLE_NUMBERS, SWEEP_FORMS, fitting_forms, possible_names
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 from z2p_core.lidar_rows import WITH_RING, could_be_measured
 from z2p_renderer.plugins.readers.colmap import is_points3d, read_points3d
@@ -48,7 +48,7 @@ class Sweeps(Reader):
         if not self.columns and not could_be_measured(table):
             raise _no_sweep(size)
         points = table[:, [names.index(axis) for axis in "xyz"]].astype(np.float64)
-        if tuple(names) not in SWEEPS:
+        if tuple(names) not in SWEEP_FORMS:
             return [RawCloud(points)]
         return [RawCloud(points, Sensor(np.zeros(3), _LIDAR), up="+Z", up_reason=_UP)]
 
@@ -61,8 +61,8 @@ def _told_columns(path: Path, size: int) -> tuple[str, ...]:
     """
     if path.name.lower().endswith(".pcd.bin"):
         return WITH_RING
-    forms = fitting_forms(np.fromfile(path, "<f4", count=SAMPLE), size)
-    if len(forms) == 1 and forms[0] in SWEEPS:
+    forms = fitting_forms(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size)
+    if len(forms) == 1 and forms[0] in SWEEP_FORMS:
         return forms[0]
     if not forms:
         raise _no_sweep(size)

@@ -14,7 +14,7 @@ from z2p_core.column_names import is_count, is_row
 from z2p_core.geographic import metres_of_degrees
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_core.pose_rows import name_poses
-from z2p_core.side_columns import told_names, told_side
+from z2p_core.side_columns import ignored_colours, ignored_columns
 from z2p_renderer.plugins.readers.late import late
 from z2p_renderer.plugins.readers.text_content import content, has_long_lines, line_number, told_cut
 from z2p_renderer.plugins.readers.text_doubts import check_first, counts_rows, refuse_other_tables, some_names
@@ -82,10 +82,10 @@ class Text(Reader):
         if form.width > 3 and counts_rows(found.points[:, 0]):
             found = _table(path, replace(form, places=(1, 2, 3)), head, _rows_again(path, head))
             check_first(found.points, sample[:, 1:], 2)
-            told = told_side(sample[:, 4:], 5)
+            told = ignored_columns(sample[:, 4:], 5)
             return [RawCloud(found.points, note=_joined(_told_numbers(form.width), told, found.told))]
         check_first(found.points, sample)
-        return [RawCloud(found.points, note=_joined(told_side(sample[:, 3:]), found.told))]
+        return [RawCloud(found.points, note=_joined(ignored_columns(sample[:, 3:]), found.told))]
 
     def _form(self, path: Path, head: Head, rows: list[str]) -> Form:
         """How the rows, of which these are the first, are written.
@@ -117,7 +117,7 @@ class _Rows:
 
 def _named(found: _Rows, form: Form, head: Head, path: Path) -> RawCloud:
     """The points of a table whose columns have names, which say what the numbers are; those of no title, nothing."""
-    points, told = found.points, [told_names(form.names), found.told]
+    points, told = found.points, [ignored_colours(form.names), found.told]
     if head.depth:
         positive = bool(np.nanmedian(points[:, 2]) > 0) if np.isfinite(points[:, 2]).any() else False
         points = points * [1, 1, -1] if positive else points

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core.interfaces import ScanError
-from z2p_core.number_grids import HOW_TO, is_grid
-from z2p_core.pose_rows import told_poses
+from z2p_core.number_grids import GRID_ADVICE, is_grid
+from z2p_core.pose_rows import pose_kind
 from z2p_core.side_columns import are_colours, are_normals, side_names
 
 FEWEST = 10
@@ -43,12 +43,12 @@ def refuse_other_tables(sample: np.ndarray, rows: int) -> None:
     Raises:
         ScanError: they are a list of poses, a camera's matrix, or a picture.
     """
-    if poses := told_poses(sample):
+    if poses := pose_kind(sample):
         raise ScanError(f"these rows are no points but {poses}; where they are, name each column, as in --columns "
                         f"{some_names(sample.shape[1])}")
     if is_grid(sample, rows):
         raise ScanError(f"rows of {sample.shape[1]} numbers look like a depth map or a grid of heights, not like "
-                        f"points with x y z first; {HOW_TO}")
+                        f"points with x y z first; {GRID_ADVICE}")
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates

@@ -13,9 +13,9 @@ from z2p_core.column_names import (
     is_number,
     is_row,
     is_units,
-    told_degrees,
-    told_depth,
-    told_heights,
+    names_degrees,
+    names_depth,
+    names_heights,
 )
 
 _ELEMENT = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
@@ -47,17 +47,17 @@ class Head:
     @property
     def degrees(self) -> bool:
         """Whether x and y are longitude and latitude by their names."""
-        return told_degrees(self.title)
+        return names_degrees(self.title)
 
     @property
     def heights(self) -> bool:
         """Whether z points up by the columns' names."""
-        return told_heights(self.title)
+        return names_heights(self.title)
 
     @property
     def depth(self) -> bool:
         """Whether z is a depth by its name."""
-        return told_depth(self.title)
+        return names_depth(self.title)
 
 
 def head_of(lines: list[str], suffix: str, named: bool) -> Head:

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.fading import BAND, SOLID, faded
+from z2p_core.fading import FADE_WIDTH, OPAQUE_ALPHA, faded
 
 
 @pytest.mark.parametrize("shape", [(100, 100), (60, 140), (32, 32), (33, 4096)])
 def test_a_shadow_is_gone_at_the_edge_and_as_it_was_inside(shape: tuple[int, int]) -> None:
     picture = np.full((*shape, 4), 120, np.uint8)
-    band = round(BAND * min(shape))
+    band = round(FADE_WIDTH * min(shape))
     alpha = faded(picture)[..., 3]
     assert max(alpha[0].max(), alpha[-1].max(), alpha[:, 0].max(), alpha[:, -1].max()) == 0
     assert (alpha[band:-band, band:-band] == 120).all() and (picture[..., 3] == 120).all(), "the given one stays"
@@ -47,7 +47,7 @@ def test_a_black_object_is_kept_too() -> None:
 
 def test_a_dark_shadow_fades_too() -> None:
     picture = np.zeros((50, 50, 4), np.uint8)
-    picture[..., 3] = SOLID - 1
+    picture[..., 3] = OPAQUE_ALPHA - 1
     assert faded(picture)[0].max() == 0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from z2p_core.guesses import close, meant, slips
+from z2p_core.guesses import closest, edit_distance, meant
 
 KNOWN = ("output", "format", "up", "view", "azimuth", "load-camera", "resolution", "size", "background", "fit",
          "margin", "same-frame", "palette", "overwrite", "json", "jobs", "color", "light", "metallic")  # fmt: skip
@@ -36,11 +36,11 @@ def test_a_word_of_another_meaning_is_no_slip(name: str) -> None:
 
 
 def test_what_is_as_near_to_two_names_is_neither() -> None:
-    assert close("lath", ["path", "lathe"]) is None
-    assert close("lathee", ["path", "lathe"]) == "lathe"
+    assert closest("lath", ["path", "lathe"]) is None
+    assert closest("lathee", ["path", "lathe"]) == "lathe"
 
 
 def test_slips_are_counted_once_each() -> None:
     pairs = (("same", "same"), ("light", "lihgt"), ("light", "ligt"), ("light", "lights"), ("light", "sight"))
-    assert [slips(*pair) for pair in pairs] == [0, 1, 1, 1, 1]
-    assert slips("kitten", "sitting") == 3
+    assert [edit_distance(*pair) for pair in pairs] == [0, 1, 1, 1, 1]
+    assert edit_distance("kitten", "sitting") == 3

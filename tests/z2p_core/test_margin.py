@@ -9,7 +9,7 @@ import pytest
 
 from z2p_core.camera import Camera
 from z2p_core.interfaces import SettingError
-from z2p_core.margin import USUAL, margin_from, size_with, with_margin, without_margin
+from z2p_core.margin import USUAL_MARGIN, margin_from, size_with, with_margin, without_margin
 from z2p_core.viewpoint import frame
 
 
@@ -27,7 +27,7 @@ def test_what_leaves_no_room_or_is_no_share_is_refused(wish: Any) -> None:
 
 
 @pytest.mark.parametrize(("width", "height", "elevation"), [(512, 512, 20.0), (300, 200, 0.0), (200, 300, 75.0)])
-@pytest.mark.parametrize("margin", [0.0, 0.05, USUAL, 0.3])
+@pytest.mark.parametrize("margin", [0.0, 0.05, USUAL_MARGIN, 0.3])
 def test_a_sphere_leaves_just_that_margin(width: int, height: int, elevation: float, margin: float) -> None:
     rng = np.random.default_rng(0)
     sphere = rng.normal(size=(20000, 3))
@@ -38,7 +38,7 @@ def test_a_sphere_leaves_just_that_margin(width: int, height: int, elevation: fl
 
 
 def test_the_usual_margin_changes_nothing_and_a_margin_can_be_taken_back() -> None:
-    assert size_with(None) == 1 and size_with(USUAL) == pytest.approx(1)
+    assert size_with(None) == 1 and size_with(USUAL_MARGIN) == pytest.approx(1)
     points = np.random.default_rng(1).normal(size=(50, 3))
     own = frame(points, np.eye(3), 20.0)
     assert with_margin(own, None) is own

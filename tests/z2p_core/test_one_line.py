@@ -6,13 +6,13 @@ import pytest
 
 from z2p_core.config import ConfigError
 from z2p_core.interfaces import ScanError, SettingError
-from z2p_core.one_line import MOST, UsersError, one_line
+from z2p_core.one_line import MOST_CHARACTERS, UsersError, one_line
 from z2p_renderer.storage.checkpoints import WeightsError
 from z2p_renderer.storage.pictures import PictureError
 from z2p_renderer.storage.shards import ShardError
 
 
-@pytest.mark.parametrize("text", ["", "expected x, got 'é' — 点群", "a" * MOST])
+@pytest.mark.parametrize("text", ["", "expected x, got 'é' — 点群", "a" * MOST_CHARACTERS])
 def test_what_can_be_shown_stays_as_it_is(text):
     assert one_line(text) == text == str(UsersError(text))
 
@@ -23,11 +23,12 @@ def test_signs_that_no_terminal_shows_are_escaped():
 
 def test_of_a_long_message_the_beginning_and_the_end_stay():
     told = one_line("expected a number, got " + "9" * 10_000 + "; give one")
-    assert len(told) == MOST and told.startswith("expected a number, got 99") and told.endswith("99; give one")
+    assert len(told) == MOST_CHARACTERS
+    assert told.startswith("expected a number, got 99") and told.endswith("99; give one")
 
 
 @pytest.mark.parametrize("kind", [ScanError, SettingError, ConfigError, WeightsError, PictureError, ShardError])
 def test_every_error_of_ours_is_one_line_and_survives_a_pickle(kind):
     error = kind("got\n" + "x" * 5000)
-    assert "\n" not in str(error) and len(str(error)) == MOST and isinstance(error, ValueError)
+    assert "\n" not in str(error) and len(str(error)) == MOST_CHARACTERS and isinstance(error, ValueError)
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
