@@ -24,7 +24,7 @@ from z2p_renderer.pipeline.present import told_if_kept
 from z2p_renderer.storage.clouds import Scan, format_suffix, read_each
 from z2p_renderer.storage.fingerprints import file_digest
 from z2p_renderer.storage.incoming import content_size, is_spooled
-from z2p_renderer.storage.names import printable
+from z2p_renderer.storage.names import printable, without_gz
 from z2p_renderer.storage.pictures import PictureError, write_picture
 
 __all__ = ["Look", "Outcome", "Task", "path_beside", "plan_outputs", "render_files", "source_of", "told_fault",
@@ -186,7 +186,7 @@ def _sub_folder(scan: Path, folders: list[Path]) -> Path:
 
 def _stem(scan: Path) -> str:
     """The file's name without its suffix, and without .gz."""
-    return (scan.with_suffix("") if scan.suffix.lower() == ".gz" else scan).stem
+    return without_gz(scan).stem
 
 
 class _File:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from z2p_core.limits import Choice, Count, Either, Fields, Keys, Limit, Many, Maybe, Number, Switch, Text
+from z2p_core.limits import Count, Either, Fields, Keys, Limit, Many, Maybe, Number, Switch, Text
+from z2p_core.network_shapes import SIZE_LIMITS
 
 _NAME = Text("the name of a plugin", r"[^\x00-\x1f\x7f]{1,200}")
 _VERSION = Text("a version", r"[^\x00-\x1f\x7f]{1,200}")
@@ -10,12 +11,7 @@ _PLUGIN = Keys({"name": _NAME, "version": _VERSION})
 
 NETWORK: dict[str, Limit | Fields] = {
     "kind": Text("the name of a network", r"\w{1,100}"),
-    "widths": Many(Count(1, 4096), 2, 10),
-    "unshuffle": Count(1, 64),
-    "fine": Count(0, 4096),
-    "refine": Count(0, 4096),
-    "mapping": Count(1, 16_384),
-    "conditioning": Choice(("adain", "input")),
+    **SIZE_LIMITS,
     "zbuffer": _NAME,
     "gbuffer": _NAME,
     "encoder": _NAME,

@@ -6,7 +6,7 @@ import re
 import zlib
 from pathlib import Path
 
-from z2p_renderer.storage.names import is_file
+from z2p_renderer.storage.names import is_file, without_gz
 
 _HEAD = 4096
 """Bytes from which a file's content is told."""
@@ -103,7 +103,7 @@ def is_unread_cloud(path: Path) -> bool:
 
 def told_by_suffix(path: Path) -> str:
     """What a file is, by its suffix, and how its points can be had; empty where the suffix is not known."""
-    inner = path.with_suffix("") if path.suffix.lower() == ".gz" else path
+    inner = without_gz(path)
     if inner.suffix.lower() == ".tar":
         return f"is an archive, which z2p does not read; {_PACKED}"
     return _told(*known, inner) if (known := _known(inner.suffix.lower())) else ""

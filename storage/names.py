@@ -12,6 +12,11 @@ def printable(path: Path) -> str:
     return text if text.isprintable() else ascii(text)
 
 
+def without_gz(path: Path) -> Path:
+    """The path under which a gzip'd file would lie unpacked: without ``.gz``; any other as it is."""
+    return path.with_suffix("") if path.suffix.lower() == ".gz" else path
+
+
 def is_file(path: str | Path) -> bool:
     """Whether a file lies there; unlike `Path.is_file` before Python 3.14 this refuses no name, however long."""
     return os.path.isfile(path)  # noqa: PTH113

@@ -7,6 +7,7 @@ from pathlib import Path
 from z2p_core import registry
 from z2p_core.interfaces import Reader, ScanError
 from z2p_renderer.storage.foreign import told_by_content, told_by_suffix
+from z2p_renderer.storage.names import without_gz
 
 OURS = {
     "e57": (".e57",),
@@ -18,7 +19,7 @@ OURS = {
     "ply": (".ply",),
     "ptx": (".ptx",),
     "sweeps": (".bin",),
-    "text": (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv"),
+    "text": (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv"),
     "vertices": (".obj", ".off"),
     "vtk": (".vtk", ".vtp", ".vtu"),
 }
@@ -33,8 +34,7 @@ def readable_suffixes() -> dict[str, str]:
 
 def format_suffix(path: Path) -> str:
     """Suffix that tells a file's format, lower-case with its dot: that before .gz, if it is gzip'd."""
-    inner = path.with_suffix("") if path.suffix.lower() == ".gz" else path
-    return inner.suffix.lower()
+    return without_gz(path).suffix.lower()
 
 
 def reader_for(path: Path) -> Reader:

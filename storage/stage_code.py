@@ -108,7 +108,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
         "z2p_core.axis_names", "z2p_core.column_names", "z2p_core.dropouts", "z2p_core.framing", "z2p_core.foreground",
         "z2p_core.colmap_model", "z2p_core.float_rows", "z2p_core.geographic", "z2p_core.lidar_rows",
         "z2p_core.number_grids", "z2p_core.other_arrays", "z2p_core.point_maps", "z2p_core.side_columns",
-        "z2p_core.depth_maps", "z2p_core.nodata",
+        "z2p_core.depth_maps", "z2p_core.nodata", "z2p_core.quaternions",
         "z2p_core.point_arrays", "z2p_core.point_holders", "z2p_core.pose_rows",
         "z2p_core.smoothing", "z2p_core.spread", "z2p_core.standing", "z2p_core.strays", "z2p_core.viewpoint", *_CASES,
     ),

@@ -14,12 +14,13 @@ from z2p_core.up_axis import STANDARD_AXES
 from z2p_core.up_comments import UpHint, axis_of_vector, up_of_comments
 from z2p_core.up_names import up_from
 from z2p_renderer.storage.json_text import MOST_BYTES, read_json
-from z2p_renderer.storage.names import is_file
+from z2p_renderer.storage.names import is_file, printable, without_gz
+from z2p_renderer.storage.readers import OURS
 
 _HEAD = 1 << 13
 """Bytes at the head of a file in which its comments are."""
 _MOST_LINES = 200
-_TEXTS = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
+_TEXTS = OURS["text"]
 _SCENES = (".glb", ".gltf")
 _KEYS = frozenset({"upaxis", "axisup", "upvector", "updirection", "upvec", "worldup", "verticalaxis"})
 """What tells up in JSON, in lower case and without what parts words; ``up`` does so at the top alone."""
@@ -104,10 +105,10 @@ _FORMS = {
 
 def _told_beside(path: Path) -> UpHint | None:
     """What small files beside a scan say of up: a description in JSON, or the same thing as a glTF scene."""
-    stem = Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
+    stem = without_gz(path).stem
     for name in (f"{stem}.json", "metadata.json"):
         if axis := _axis_in_json(path.with_name(name)):
-            return UpHint(axis, f"{name if name.isprintable() else ascii(name)} beside it says so", certain=True)
+            return UpHint(axis, f"{printable(Path(name))} beside it says so", certain=True)
     if any(is_file(path.with_name(stem + suffix)) for suffix in _SCENES):
         return UpHint("+Y", "that of the glTF scene beside it", certain=False)
     return None

@@ -7,12 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 _OF_POINTS = re.compile(
-    r"(?:(?:points?|coord(?:inate)?s?|pos(?:ition)?s?|p|world|utm|map|local|field|xyz)[:_. -]?)"
+    r"(?:(?:points?|coord(?:inate)?s?|pos(?:ition)?s?|p|world|utm|map|local|field|xyz|co|loc(?:ation)?"
+    r"|vert(?:ex|ices)?|pt|node|translation)[:_. -]?)"
     r"(?:(?:m|mm|cm)_?xyz[:_. ]?)?([xyz012])(?:[_ ](?:m|mm|cm|ft))?"
-    r"|([xyz])(?:[_. /-]?(?:m|mm|cm|ft|metres?|meters?|coord(?:inate)?s?|pos(?:ition)?|world|utm|local|axis|value))"
+    r"|([xyz])(?:[_. /-]?(?:m|mm|cm|ft|metres?|meters?|coord(?:inate)?s?|pos(?:ition)?|world|utm|local|axis|value)"
+    r"|/(?:longitude|latitude|altitude|easting|northing|height|elevation))"
 )
-"""Names of one axis of something, as ParaView (``Points:0``), VeloView (``Points_m_XYZ:0``), ArcGIS (``POINT_X``) and
-others write them."""
+"""Names of one axis of something, as ParaView (``Points:0``), VeloView (``Points_m_XYZ:0``), ArcGIS (``POINT_X``),
+Metashape (``X/Longitude``) and others write them."""
 _SURVEYED = {
     "x": ("easting", "east", "e", "ost", "rechtswert", "rechts", "utm_e", "utm_easting", "easting_m", "estasjon",
           "ostwert", "eastings"),

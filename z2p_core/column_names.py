@@ -18,6 +18,8 @@ _UNITS = {"m", "mm", "cm", "km", "um", "µm", "nm", "ft", "in", "us-ft", "feet",
 _UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
 _INDEX = re.compile(r"\[([012])\]")
 """Which of three numbers a column holds, as in ``points[0]``."""
+_NUMBERED = re.compile(r"(|v|var|x|c|col|column|f|field|variable|spalte)[_ ]?(\d+)")
+"""A column that a program has named by its number alone: pandas, R, MATLAB, GDAL."""
 _EXPONENT = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+))[dD]([+-]?\d+)")
 """A number as Fortran writes it in double precision: ``1.0D+00``."""
 
@@ -87,6 +89,25 @@ def is_units(line: str) -> bool:
     """Whether a line holds units of length and nothing else: ``[m],[m],[m]`` or ``m m mm``."""
     words = re.split(r"[;,\s]+", _UNIT.sub("-", line.replace('"', "")).strip(";, \t\r\n"))
     return all(word.lower() in _UNITS for word in words)
+
+
+def only_numbers_columns(line: str, below: str) -> bool:
+    """Whether a line over the row `below` numbers the columns, as pandas (``0,1,2``), R (``V1``) and MATLAB (``Var1``)
+    name those of a matrix, so that it says nothing of them; the first, of the rows' names, may have none.
+
+    Bare numbers may as well be a row of whole ones: they count columns only above a row that has decimals.
+    """
+    cells = [cell.strip(" \t\r\"'").lower() for cell in _splits(line)[0]]
+    cells = cells[1:] if cells[0] in ("", "unnamed: 0", "row") else cells
+    parts = [_NUMBERED.fullmatch(cell) for cell in cells]
+    words = {part[1] for part in parts if part}
+    if len(cells) < 3 or not all(parts) or len(words) > 1:
+        return False
+    first = int(parts[0][2]) if parts[0] else 0
+    counted = [int(part[2]) for part in parts if part] == list(range(first, first + len(cells)))
+    if not counted or first > 1 or (words == {""} and first != 0):
+        return False
+    return is_row(below) and (words != {""} or re.search(r"\d[.,]\d*[1-9]", _splits(below)[0][-1]) is not None)
 
 
 def is_missing(text: str) -> bool:

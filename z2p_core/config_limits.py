@@ -9,7 +9,7 @@ from z2p_core import registry
 from z2p_core.config import ConfigError, PipelineConfig, training_fault
 from z2p_core.limits import Choice, Count, Fields, Limit, LimitError, Many, Maybe, Number, Switch, Text, check
 from z2p_core.network_shapes import KINDS as NETWORKS
-from z2p_core.network_shapes import network_fault
+from z2p_core.network_shapes import SIZE_LIMITS, network_fault
 from z2p_core.noise import KINDS
 
 DENOISE = ("off", "fast", "balanced", "high")
@@ -61,12 +61,7 @@ RENDER: dict[str, Limit | Fields] = {
 SHARD: dict[str, Limit | Fields] = {"resolution": SIDE}
 NETWORK: dict[str, Limit | Fields] = {
     "kind": Choice(NETWORKS),
-    "widths": Many(Count(1, 4096), 2, 10),
-    "unshuffle": Count(1, 64),
-    "fine": Count(0, 4096),
-    "refine": Count(0, 4096),
-    "mapping": Count(1, 16_384),
-    "conditioning": Choice(("adain", "input")),
+    **SIZE_LIMITS,
     "zbuffer": Plugin(("zbuffers",)),
     "gbuffer": Plugin(("gbuffers",)),
     "encoder": Plugin(("encoders",)),

@@ -10,10 +10,21 @@ from itertools import pairwise
 from math import prod
 
 from z2p_core.config import FINE_BLOCK, NetworkConfig
+from z2p_core.limits import Choice, Count, Limit, Many
 
 MOST_WEIGHTS = 500_000_000
 """Numbers in all tensors of a network; the largest that ships has 3 million."""
 KINDS = ("unshuffle_unet", "adain_unet")
+CONDITIONINGS = ("adain", "input")
+SIZE_LIMITS: dict[str, Limit] = {
+    "widths": Many(Count(1, 4096), 2, 10),
+    "unshuffle": Count(1, 64),
+    "fine": Count(0, 4096),
+    "refine": Count(0, 4096),
+    "mapping": Count(1, 16_384),
+    "conditioning": Choice(CONDITIONINGS),
+}
+"""What a configuration and a card may say of a network, each by itself: absurd sizes are refused before all else."""
 Shapes = dict[str, tuple[int, ...]]
 
 
@@ -28,7 +39,7 @@ def network_fault(config: NetworkConfig) -> str:
         return f"unshuffle: adain_unet works at full resolution: expected unshuffle = 1, got {config.unshuffle}"
     if config.kind == "unshuffle_unet" and config.fine and config.unshuffle % FINE_BLOCK:
         return f"fine: fine needs an unshuffle that {FINE_BLOCK} divides, got {config.unshuffle}"
-    known = ("adain",) if config.kind == "adain_unet" else ("adain", "input")
+    known = CONDITIONINGS[:1] if config.kind == "adain_unet" else CONDITIONINGS
     if config.conditioning not in known:
         return f"{config.kind}: conditioning: expected {' or '.join(known)}, got {config.conditioning!r}"
     weights = sum(map(prod, network_shapes(config, 1, 0, 1).values()))

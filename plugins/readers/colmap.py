@@ -10,6 +10,7 @@ import numpy as np
 from z2p_core.colmap_model import counts_points, is_points
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_core.native import walk_rows
+from z2p_core.quaternions import quaternion_rotations
 from z2p_renderer.plugins.readers.camera_hints import told_by_cameras
 
 AXES_REASON = "the usual axes of COLMAP"
@@ -72,12 +73,7 @@ def _poses(folder: Path) -> np.ndarray:
     numbers = np.array(poses, dtype=np.float64).reshape(-1, 7)
     length = np.linalg.norm(numbers[:, :4], axis=1)
     fine = np.isfinite(numbers).all(1) & (length > 0)
-    w, x, y, z = (numbers[fine, :4] / length[fine, None]).T
-    rotation = np.stack([
-        np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], -1),
-        np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], -1),
-        np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], -1),
-    ], 1)  # fmt: skip
+    rotation = quaternion_rotations(numbers[fine, :4] / length[fine, None])
     return np.concatenate([rotation, numbers[fine, 4:, None]], axis=2)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
+from z2p_core.quaternions import quaternion_rotations
 from z2p_renderer.plugins.readers.colours import colours_note
 from z2p_renderer.plugins.readers.late import late
 from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
@@ -151,17 +152,10 @@ def _viewpoint(header: _Header) -> Sensor | None:
         raise ScanError(f"expected the PCD VIEWPOINT as tx ty tz qw qx qy qz, got {' '.join(words)!r}; mend the header")
     position, quaternion = numbers[:3], numbers[3:]
     length = float(np.linalg.norm(quaternion))
-    w, x, y, z = quaternion / length if length > 0 else (1.0, 0.0, 0.0, 0.0)  # no rotation at all: left unset
-    if int(header.entries["HEIGHT"][0]) <= 1 and not position.any() and abs(w) > 1 - 1e-9:
+    turn = quaternion / length if length > 0 else np.array([1.0, 0.0, 0.0, 0.0])  # no rotation at all: left unset
+    if int(header.entries["HEIGHT"][0]) <= 1 and not position.any() and abs(turn[0]) > 1 - 1e-9:
         return None
-    rotation = np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-    return Sensor(position, rotation)
+    return Sensor(position, quaternion_rotations(turn[None])[0])
 
 
 def _faced(sensor: Sensor, points: np.ndarray) -> Sensor:

@@ -36,7 +36,7 @@ class Text(Reader):
 
     name = "text"
     version = "7"
-    suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv")
+    suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv")
 
     def memory(self, path: Path) -> int:
         """As many points as the first lines let expect; the text is read in parts, and endless lines are refused."""

@@ -159,6 +159,8 @@ def form_of(rows: list[str], head: Head, columns: Sequence[str] | None) -> Form:
     if ragged is not None:
         places = tuple(ragged.index(axis) for axis in "xyz")
         return replace(form, width=len(ragged), places=places, named=True, names=ragged, ragged=True)
+    if not columns and _have_names(sample, table):
+        head = replace(head, names=[*head.names, *(("", *names) for names in head.names)])
     names = _fitting(head, width, ended, columns)
     if names is None:
         _check_columns(width - ended)
@@ -213,6 +215,14 @@ def _has_decimal_commas(line: str) -> bool:
 def _holds_several(cell: str) -> bool:
     parts = cell.split()
     return len(parts) > 1 and all(map(is_number, parts))
+
+
+def _have_names(sample: list[str], table: list[list[str]]) -> bool:
+    """Whether each row begins with a name of its own, over which R writes none: a word, or a count, perhaps quoted."""
+    firsts = [cells[0].strip() for cells in table if cells]
+    if all(line.lstrip().startswith('"') for line in sample) or not any(map(is_number, firsts)):
+        return True
+    return len(firsts) > 1 and firsts == [str(number) for number in range(1, len(firsts) + 1)]
 
 
 def _fitting(head: Head, width: int, ended: bool, columns: Sequence[str] | None) -> Sequence[str] | None:

@@ -13,6 +13,7 @@ from z2p_core.column_names import (
     is_number,
     is_row,
     is_units,
+    only_numbers_columns,
     names_degrees,
     names_depth,
     names_heights,
@@ -76,6 +77,8 @@ def head_of(lines: list[str], suffix: str, named: bool) -> Head:
         head.names, head.title, head.optional = names, rest[0], False
         head.lines += 1
         _take_count(lines, suffix, head)
+    elif len(lines) > head.lines + 1 and only_numbers_columns(*lines[head.lines : head.lines + 2]):
+        head.lines += 1
     if head.title and any(map(is_units, lines[head.lines : head.lines + 1])):
         head.lines += 1
     head.colmap = any(_ID_OF_COLMAP in names for names in head.names)

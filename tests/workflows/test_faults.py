@@ -83,7 +83,7 @@ def test_everything_killed(world, undisturbed, moment):
 
 
 @pytest.mark.parametrize("step, rule", [
-    ("render/tetra/0-2", "open 1 mesh\\.npz$"),  # read by Blender, and written by its parent, which is another process
+    ("render/tetra/0-2", "os.rename 1 /mesh\\.npz$"),  # which Blender would read
     ("train", "open 2 /checkpoints/\\.z2p-"),
 ])  # fmt: skip
 def test_one_process_killed_is_told_and_ends_with_an_exit_status(world, undisturbed, step, rule):
