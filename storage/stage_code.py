@@ -161,6 +161,7 @@ NOT_SHAPING: dict[str, str] = {
     "plugins.readers.text_form": "in the digest of the reader that uses it",
     "plugins.readers.text_grid": "in the digest of the reader that uses it",
     "plugins.readers.text_heads": "in the digest of the reader that uses it",
+    "plugins.readers.text_writing": "in the digest of the reader that uses it",
     "plugins.readers.ply_lists": "in the digest of the reader that uses it",
     "plugins.readers.gltf": "in the digest of the reader that uses it",
     "plugins.readers.late": "how the readers' libraries are imported shapes nothing",
