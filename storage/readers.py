@@ -53,7 +53,7 @@ def reader_for(path: Path) -> Reader:
             raise ScanError(told)
         broken = f" ({'; '.join(faults)})" if faults else ""
         raise ScanError(f"no reader for {suffix or 'a file without suffix'!r}; readable: "
-                        f"{', '.join(sorted(claims))}{broken}")
+                        f"{', '.join(sorted(claims))}{broken}; a text with a point a line is read as .txt")
     if len(names) > 1:
         raise ScanError(f"{suffix} is claimed by the readers {' and '.join(names)}; uninstall one of them")
     return registry.load("readers", names[0])()
