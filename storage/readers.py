@@ -6,7 +6,7 @@ from pathlib import Path
 
 from z2p_core import registry
 from z2p_core.interfaces import Reader, ScanError
-from z2p_renderer.storage.foreign import told_by_content, told_by_suffix
+from z2p_renderer.storage.foreign import advice_by_content, advice_by_suffix
 from z2p_renderer.storage.names import without_gz
 
 OURS = {
@@ -49,7 +49,7 @@ def reader_for(path: Path) -> Reader:
         claims, faults = _claims()
     names = claims.get(suffix, [])
     if not names:
-        if told := told_by_suffix(path) or told_by_content(path, suffix):
+        if told := advice_by_suffix(path) or advice_by_content(path, suffix):
             raise ScanError(told)
         broken = f" ({'; '.join(faults)})" if faults else ""
         raise ScanError(f"no reader for {suffix or 'a file without suffix'!r}; readable: "

@@ -25,10 +25,19 @@ _EXPONENT = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+))[dD]([+-]?\d+)")
 
 
 def text_encoding(head: bytes) -> str:
-    """The encoding that a text's first bytes tell; Excel and PowerShell write UTF-16. UTF-8 where they tell none."""
+    """The encoding that a text's first bytes tell: Excel and PowerShell write UTF-16, older programs of Windows cp1252.
+
+    UTF-8 where they tell none.
+    """
     if head.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)):
         return "utf-32"
-    return "utf-16" if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    try:
+        codecs.getincrementaldecoder("utf-8")().decode(head)  # the last letter may be cut
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
 
 
 def column_names(line: str) -> list[tuple[str, ...]]:

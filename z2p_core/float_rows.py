@@ -23,10 +23,29 @@ _CHANCE_FACTOR = 1.7
 _LENGTH_TOLERANCE = 0.02
 """How far a normal may be from unit length."""
 
+_LEAST, _MOST = 1e-9, 1e9
+"""Between which coordinates and what is measured beside them lie, but for 0."""
+_FEWEST_HALVES, _WILD = 60, 0.3
+"""Values that tell halves of float64, and the share of lower ones that are nothing measured: chance gives 0.76."""
+
 
 def fitting_forms(values: np.ndarray, size: int) -> list[tuple[str, ...]]:
     """Forms that rows may have in a file of `size` bytes that begins with these values (N,) float32."""
     return [form for form in FORMS if size and not size % (4 * len(form)) and _fits(values, form)]
+
+
+def are_doubles(values: np.ndarray) -> bool:
+    """Whether values (N,) float32 are halves of float64 numbers: wild by themselves, and sound where joined again.
+
+    The lower halves of such are bits by chance, a good part of them no number of anything measured.
+    """
+    values = values[: len(values) // 2 * 2]
+    if len(values) < _FEWEST_HALVES:
+        return False
+    joined, low = np.abs(values.astype("<f4").view("<f8")), np.abs(values[0::2])
+    sound = (joined == 0) | ((joined > _LEAST) & (joined < _MOST))
+    wild = ~np.isfinite(low) | (low > _MOST) | ((low < _LEAST) & (low > 0))
+    return bool(sound.all()) and float(wild.mean()) > _WILD
 
 
 def possible_names(size: int) -> list[str]:

@@ -6,7 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.float_rows import COLOURED, SAMPLE_NUMBERS, SWEEP_FORMS, fitting_forms, possible_names
+from z2p_core.float_rows import (
+    COLOURED,
+    SAMPLE_NUMBERS,
+    SWEEP_FORMS,
+    are_doubles,
+    fitting_forms,
+    possible_names,
+)
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 from z2p_core.lidar_rows import WITH_RING, could_be_measured
 from z2p_renderer.plugins.readers.colmap import is_points3d, read_points3d
@@ -23,7 +30,7 @@ class Sweeps(Reader):
     """
 
     name = "sweeps"
-    version = "2"
+    version = "3"
     suffixes = (".bin",)
 
     def read(self, path: Path) -> list[RawCloud]:
@@ -38,6 +45,7 @@ class Sweeps(Reader):
         """
         if is_points3d(path):
             return [read_points3d(path)]
+        _refuse_doubles(path)
         size = path.stat().st_size
         names = self.columns or _told_columns(path, size)
         row = 4 * len(names)
@@ -69,6 +77,18 @@ def _told_columns(path: Path, size: int) -> tuple[str, ...]:
     ways = " or ".join(f"--columns {','.join(form)} ({size // (4 * len(form))} points)" for form in forms)
     told = "could be of several forms" if len(forms) > 1 else f"look like {' '.join(forms[0])}, no sweep's"
     raise ScanError(f"the file says nothing of its columns, and its numbers {told}; read it with {ways}")
+
+
+def _refuse_doubles(path: Path) -> None:
+    """None where numbers may be float32; those of a float64 array, cut in two, would be points all over the place.
+
+    Raises:
+        ScanError: they are float64.
+    """
+    if path.stat().st_size % 8 == 0 and are_doubles(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS)):
+        raise ScanError("its numbers are float64, and z2p takes those only from files that say so; convert it: "
+                        f"numpy.save({path.stem + '.npy'!r}, numpy.fromfile({path.name!r}).reshape(-1, 3)), with as "
+                        "many columns as it has in place of 3")
 
 
 def _no_sweep(size: int) -> ScanError:

@@ -1,8 +1,7 @@
-"""Points of a text file: xyz, xyzn, xyzrgb and pts with the columns that Open3D gives them, and txt, asc and csv."""
+"""Points of a text file: xyz, xyzn, xyzrgb and pts with the columns that Open3D gives them, and txt, asc, csv, tsv."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import chain
@@ -22,9 +21,8 @@ from z2p_renderer.plugins.readers.text_form import SAMPLE, BadLineError, Form, f
 from z2p_renderer.plugins.readers.text_grid import is_raster, raster_points
 from z2p_renderer.plugins.readers.text_heads import Head, as_colmap, head_of
 from z2p_renderer.plugins.readers.text_lines import memory_of_lines
+from z2p_renderer.plugins.readers.text_writing import told_no_height, told_writing
 
-_DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
-"""Names of columns that hold degrees."""
 _MOST_IN_LONG_LINES = 1 << 28
 """Bytes that a text at most takes whose rows are too long to be points."""
 _MOST_CELLS, _FEWEST_ROWS = 60_000, 20
@@ -35,7 +33,7 @@ class Text(Reader):
     """Plain text, a point a line, numbers parted by blanks, commas or semicolons; ``#`` begins a comment."""
 
     name = "text"
-    version = "7"
+    version = "8"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv")
 
     def memory(self, path: Path) -> int:
@@ -96,7 +94,8 @@ class Text(Reader):
         try:
             return form_of(rows, head, self.columns)
         except ScanError as error:
-            raise ScanError(f"line {line_number(path, head.lines)}: {error}{told_cut(path, head.lines)}") from error
+            raise ScanError(f"line {line_number(path, head.lines)}: {told_writing(rows[:2]) or error}"
+                            f"{told_cut(path, head.lines)}") from error
 
 
 @dataclass
@@ -201,17 +200,13 @@ def _pieces(path: Path, form: Form, rows: list[str], before: int, found: _Rows) 
 def _told_bad(error: BadLineError, form: Form, lines: list[str], path: Path, before: int) -> ScanError:
     """What is wrong with a line of those that have `before` others with content before them in the file."""
     index = before + error.index
-    if index == 0 and not is_row(line := lines[0]):
+    if told := told_writing(lines[error.index : error.index + 2]):
+        return ScanError(f"line {line_number(path, index)}: {told}")
+    title = lines[0]
+    if index == 0 and not is_row(title):
         return ScanError(f"line {line_number(path, 0)}: expected points, or names of columns with x, y and z once "
-                         f"each, got {line.strip()[:60]!r}; name all columns, as in --columns x,y,z,label"
-                         f"{_told_degrees(line)}")
+                         f"each, got {title.strip()[:60]!r}; name all columns, as in --columns x,y,z,label"
+                         f"{told_no_height(title)}")
     hint = "" if form.named else "; where columns hold words, name all of them, as in --columns x,y,z,label"
     return ScanError(f"expected the same count of numbers on every line, but in line {line_number(path, index)} "
                      f"{error}; put '#' before lines that are no points{hint}{told_cut(path, index)}")
-
-
-def _told_degrees(title: str) -> str:
-    """What to say of a line that names latitude and longitude, but no height or several."""
-    if not _DEGREES & set(re.split(r"[^a-z]+", title.lower())):
-        return ""
-    return "; beside longitude and latitude one column has to be called height, altitude or depth"

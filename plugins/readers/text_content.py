@@ -14,6 +14,8 @@ _FIRST_CHARACTERS = 1 << 18
 """Characters from which the form of the rows is told."""
 _CHARACTERS = 1 << 22
 """Characters that are read at a time, so that the text of a large file is never in memory as a whole."""
+_HEAD = 1 << 10
+"""Bytes that tell how a text is encoded: titles have letters beyond ASCII, rows have none."""
 _LONG = 1 << 16
 """Bytes of a line that is no point's by all means."""
 _LONGEST_LINE = 1 << 22
@@ -110,5 +112,5 @@ def _with_names(first: list[str]) -> list[str]:
 
 def _opened(path: Path) -> TextIO:
     with path.open("rb") as file:
-        encoding = text_encoding(file.read(4))
+        encoding = text_encoding(file.read(_HEAD))
     return path.open(encoding=encoding, errors="replace")

@@ -13,10 +13,10 @@ from z2p_core.column_names import (
     is_number,
     is_row,
     is_units,
-    only_numbers_columns,
     names_degrees,
     names_depth,
     names_heights,
+    only_numbers_columns,
 )
 
 _ELEMENT = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")

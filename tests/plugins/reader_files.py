@@ -13,8 +13,8 @@ import pytest
 from z2p_core import registry
 from z2p_core.interfaces import ScanError
 
-SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".obj", ".off", ".npy", ".npz",
-            ".las", ".laz", ".stl", ".glb", ".e57", ".ptx", ".bin",
+SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv", ".obj", ".off",
+            ".npy", ".npz", ".las", ".laz", ".stl", ".glb", ".e57", ".ptx", ".bin",
             ".vtk", ".vtp", ".vtu", ".gltf"]  # fmt: skip
 PLY_TYPES = {"float": "f4", "double": "f8"}
 

@@ -72,6 +72,22 @@ def test_columns_of_a_sweep_that_are_named_count(tmp_path: Path) -> None:
         reader.read(path)
 
 
+@pytest.mark.parametrize("columns", [3, 4, 6])
+@pytest.mark.parametrize("kind", ["<f8", "<f4"])
+def test_an_array_of_float64_is_told_even_where_columns_are_named(tmp_path: Path, columns: int, kind: str) -> None:
+    path, table = tmp_path / "a.bin", np.resize(cloud(90), (45, columns)).astype(kind)
+    path.write_bytes(table.astype("<f8").tobytes())
+    for names in (None, ("x", "y", "z")):
+        reader = Sweeps()
+        reader.columns = names
+        with pytest.raises(ScanError, match=r"are float64, .* numpy.fromfile\('a.bin'\)"):
+            reader.read(path)
+    path.write_bytes(np.resize(cloud(90), (60, columns)).astype("<f4").tobytes())
+    reader = Sweeps()
+    reader.columns = ("x", "y", "z", "a", "b", "c")[:columns]
+    assert len(reader.read(path)[0].points) == 60
+
+
 def test_what_no_lidar_measures_is_no_sweep(tmp_path: Path) -> None:
     path, table = tmp_path / "a.bin", np.column_stack([cloud(40), np.full(40, 0.5)]).astype("<f4")
     for row, column, value in ((3, 0, np.nan), (4, 2, 1e9), (5, 3, -1), (6, 1, 1e-42)):

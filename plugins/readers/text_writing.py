@@ -1,0 +1,33 @@
+"""Ways to write points that are no numbers in columns, and what to do about each."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+_DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
+"""Names of columns that hold degrees."""
+_GEOMETRY = re.compile(r"\b(?:POINT|MULTIPOINT)\s*(?:Z|M|ZM)?\s*\(", re.IGNORECASE)
+_BRACKETS = re.compile(r"\s*[(\[{]+\s*[-+]?[\d.]+[^)\]}]*[)\]}]")
+_THOUSANDS = re.compile(r"(?<![\d.,])[-+]?\d{1,3}([.,'\u00a0\u202f\u2019])\d{3}(?:\1\d{3})*(?!\1)[.,]\d+(?![\d.,])")
+"""A number with a mark behind its thousands and another one before its decimals."""
+
+
+def told_writing(lines: Sequence[str]) -> str:
+    """What is wrong with a line, and what to do, where it or the next one writes points in a way of its own."""
+    if any(map(_GEOMETRY.search, lines)):
+        return ("its points are written as geometry (WKT), which z2p does not read; export x, y and z as columns, as "
+                "QGIS does with the geometry AS_XYZ, and PostGIS with ST_X, ST_Y and ST_Z")
+    line = lines[0]
+    if _BRACKETS.match(line):
+        return f"its numbers stand in brackets ({line.strip()[:40]}); take the brackets out of the file"
+    if number := _THOUSANDS.search(line):
+        return f"{number[0]!r} has marks between its thousands; export the numbers without them"
+    return ""
+
+
+def told_no_height(title: str) -> str:
+    """What to say of a line that names latitude and longitude, but no height or several."""
+    if not _DEGREES & set(re.split(r"[^a-z]+", title.lower())):
+        return ""
+    return "; beside longitude and latitude one column has to be called height, altitude or depth"
