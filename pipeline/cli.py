@@ -87,17 +87,17 @@ class LazyGroup(click.Group):
         try:
             return super().parse_args(ctx, args)
         except click.NoSuchOption as error:
-            from z2p_renderer.pipeline.commands.guessing import told_early_option
+            from z2p_renderer.pipeline.commands.guessing import misplaced_option
 
-            raise told_early_option(error) from None
+            raise misplaced_option(error) from None
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         if args[0] not in COMMANDS and not ctx.resilient_parsing:
-            from z2p_renderer.pipeline.commands.guessing import told_command
+            from z2p_renderer.pipeline.commands.guessing import unknown_command
 
-            raise click.UsageError(told_command(args, COMMANDS), ctx)
+            raise click.UsageError(unknown_command(args, COMMANDS), ctx)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -113,18 +113,18 @@ class LazyGroup(click.Group):
             click.echo("Interrupted.", err=True)
             ctx.exit(INTERRUPTED)
         except click.NoSuchOption as error:
-            from z2p_renderer.pipeline.commands.guessing import told_option
+            from z2p_renderer.pipeline.commands.guessing import unknown_option
 
-            raise told_option(error) from None
+            raise unknown_option(error) from None
         except (click.ClickException, click.Abort, click.exceptions.Exit):
             raise
         except Exception as error:
             broken_pipe = isinstance(error, OSError) and error.errno == errno.EPIPE  # click ends quietly on it
             if debugging() or broken_pipe:
                 raise
-            from z2p_renderer.storage.room import refusal  # late, as all but click
+            from z2p_renderer.storage.room import disk_refusal  # late, as all but click
 
-            if refused := refusal(error):
+            if refused := disk_refusal(error):
                 raise Refusal(refused) from None
             raise Failure(_told(error)) from None
 

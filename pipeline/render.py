@@ -25,7 +25,7 @@ from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_pre
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.children import child_environment
 from z2p_renderer.storage.meshes import Mesh, read_mesh
-from z2p_renderer.storage.room import DiskError, full, refusal
+from z2p_renderer.storage.room import DiskError, disk_refusal, full_disk
 from z2p_renderer.storage.whole import whole, write_whole
 
 PASSES = ("depth", "normal", "shadow")
@@ -179,7 +179,7 @@ def _run_blender(job: Path, name: str) -> Iterator[str]:
 
 def _failure(folder: Path, told: str) -> RenderError | DiskError:
     """The error for a failure of Blender, which writes into `folder`: a full disk shows in it in many ways."""
-    refused = refusal(told, folder) or full(folder)
+    refused = disk_refusal(told, folder) or full_disk(folder)
     return DiskError(refused) if refused else RenderError(told)
 
 

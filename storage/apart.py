@@ -23,11 +23,11 @@ import numpy as np
 
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 
-SPARE = 3 << 30
+SPARE_BYTES = 3 << 30
 """Bytes of addresses that a process takes at the most beside what its file needs; most of them are libraries'."""
-_START = ("import json, sys; sys.path[:] = json.loads(sys.argv[2]); "
+_START_CODE = ("import json, sys; sys.path[:] = json.loads(sys.argv[2]); "
           "from z2p_renderer.storage.apart import serve; serve()")
-_WEB = "requests"
+_WEB_CLIENT = "requests"
 """A web client that laspy imports where there is one, which takes longer than to read a small file."""
 _ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 
@@ -37,7 +37,7 @@ class ReaderEndedError(ScanError):
 
 
 def read_apart(reader: Reader, path: Path, memory: int) -> list[RawCloud]:
-    """What the reader gives for a file, read by a process that may take so many bytes of memory and `SPARE`.
+    """What the reader gives for a file, read by a process that may take so many bytes of memory and `SPARE_BYTES`.
 
     Raises:
         ScanError: the reader raised an error, or its process ended.
@@ -46,7 +46,7 @@ def read_apart(reader: Reader, path: Path, memory: int) -> list[RawCloud]:
         kind = type(reader)
         order = {"module": kind.__module__, "reader": kind.__qualname__, "path": str(path.absolute()), "memory": memory,
                  "columns": reader.columns and list(reader.columns), "answer": answer.fileno()}  # fmt: skip
-        command = [sys.executable, "-c", _START, json.dumps(order), json.dumps(sys.path)]
+        command = [sys.executable, "-c", _START_CODE, json.dumps(order), json.dumps(sys.path)]
         try:
             done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, process_group=0,
                                   stderr=subprocess.DEVNULL, pass_fds=[answer.fileno()],
@@ -110,8 +110,8 @@ def serve() -> None:
     """Reads the file of the order in the process's arguments, and writes the answer into the file it names."""
     order = json.loads(sys.argv[1])
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one who ordered it decides what an interrupt ends
-    _limit_memory(order["memory"] + SPARE)
-    sys.modules[_WEB] = None  # type: ignore[assignment]
+    _limit_memory(order["memory"] + SPARE_BYTES)
+    sys.modules[_WEB_CLIENT] = None  # type: ignore[assignment]
     try:
         kind: Any = import_module(order["module"])
         for name in order["reader"].split("."):
@@ -121,12 +121,12 @@ def serve() -> None:
         given = reader.read(Path(order["path"]))
         _write(order["answer"], [cloud if isinstance(cloud, RawCloud) else RawCloud(cloud) for cloud in given])
     except Exception as error:
-        reason = str(error) if isinstance(error, ScanError) else told_failure(order["reader"], error)
+        reason = str(error) if isinstance(error, ScanError) else failure_message(order["reader"], error)
         _write(order["answer"], error=reason)
     os._exit(0)  # a library's threads, or what it cleans up at the end, hold nobody up
 
 
-def told_failure(name: str, error: BaseException) -> str:
+def failure_message(name: str, error: BaseException) -> str:
     """What is said of a reader that failed in a way of its own."""
     reason = " ".join(str(error).split())[:160]
     return f"the reader {name!r} failed ({type(error).__name__}: {reason})"

@@ -11,9 +11,9 @@ import numpy as np
 from z2p_core.geographic import local_metres
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
 from z2p_core.nodata import measured
-from z2p_renderer.storage.apart import can_read_apart, read_apart, told_failure
+from z2p_renderer.storage.apart import can_read_apart, failure_message, read_apart
 from z2p_renderer.storage.finding import find_scans
-from z2p_renderer.storage.foreign import told_by_content
+from z2p_renderer.storage.foreign import advice_by_content
 from z2p_renderer.storage.incoming import unpacked
 from z2p_renderer.storage.memory import free_memory
 from z2p_renderer.storage.meshes import Mesh, calls_for_smooth, check_openable, read_mesh, write_cloud, write_mesh
@@ -88,7 +88,7 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
         check_openable(path)
         free = free_memory()
         with unpacked(path, None if free is None else free // MEMORY_A_BYTE) as plain:
-            if told := told_by_content(plain, plain.suffix.lower()):
+            if told := advice_by_content(plain, plain.suffix.lower()):
                 raise ScanError(told)
             _check_memory(reader, plain, free)
             clouds = with_up_hints(_clouds(reader, plain, free), plain, path)
@@ -138,7 +138,7 @@ def _clouds(reader: Reader, path: Path, free: int | None) -> list[RawCloud]:
     except ScanError:
         raise
     except Exception as error:  # named, chained and passed on as this file's failure
-        raise ScanError(told_failure(reader.name, error)) from error
+        raise ScanError(failure_message(reader.name, error)) from error
     if any(cloud.points.ndim != 2 or cloud.points.shape[1] != 3 for cloud in clouds):
         shapes = ", ".join(str(cloud.points.shape) for cloud in clouds[:3])
         raise ScanError(f"the reader {reader.name!r} gave arrays {shapes}, expected (N, 3); its plugin is broken")

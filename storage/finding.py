@@ -10,7 +10,7 @@ from pathlib import Path
 
 from z2p_core.colmap_model import is_part, is_points
 from z2p_core.interfaces import ScanError
-from z2p_renderer.storage.foreign import is_unread_cloud, told_by_suffix
+from z2p_renderer.storage.foreign import advice_by_suffix, is_unread_cloud
 from z2p_renderer.storage.incoming import is_no_sweep, is_prose
 from z2p_renderer.storage.names import printable
 from z2p_renderer.storage.readers import format_suffix, readable_suffixes
@@ -50,13 +50,13 @@ def find_scans(
 
 MOST_BESIDE = 5000
 """Names in a folder among which the one that was meant is looked for."""
-PICTURES = frozenset({".png", ".webp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".mp4"})
+PICTURE_SUFFIXES = frozenset({".png", ".webp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".mp4"})
 """Suffixes of what z2p writes."""
 
 
-def _guess(path: Path) -> str:
+def _advice(path: Path) -> str:
     """What to say of a path that leads nowhere: the name beside it that was meant, where that is sure."""
-    if path.suffix.lower() in PICTURES:
+    if path.suffix.lower() in PICTURE_SUFFIXES:
         return f"a picture that is to be written is named by --output {printable(path)}"
     from z2p_core.guesses import closest  # late: for this message alone
 
@@ -79,7 +79,7 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
     elif any(sign in text for sign in "*?["):
         name, candidates = f"pattern {text!r}", _glob(path)
     else:
-        raise ScanError(f"{printable(path)}: no such file or folder; {_guess(path)}")
+        raise ScanError(f"{printable(path)}: no such file or folder; {_advice(path)}")
     suffixes = readable_suffixes()
     paths = []
     for candidate in candidates:
@@ -94,7 +94,7 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
             paths.append(candidate)
     if not paths:
         first = next(filter(is_unread_cloud, candidates), None)
-        unread = f"; {first.name} {told_by_suffix(first)}" if first else ""
+        unread = f"; {first.name} {advice_by_suffix(first)}" if first else ""
         advice = "" if recursive or not path.is_dir() else "; --recursive looks into its folders too"
         raise ScanError(f"{name} holds no point cloud; readable: {', '.join(suffixes)}{unread}{advice}")
     return paths

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from z2p_renderer.storage.names import is_file, without_gz
 
-_HEAD = 4096
+_HEAD_BYTES = 4096
 """Bytes from which a file's content is told."""
 _SPLATS = "convert them to PLY with SuperSplat, or with: splat-transform {name} {stem}.ply"
 _SCANNER = "export the scans as E57 or LAS with {program}"
@@ -69,13 +69,13 @@ SCENES: dict[str, tuple[str, str]] = {
 """The same for what a folder of scans may hold beside them, so that only one who names it is told."""
 
 _LFS = b"version https://git-lfs.github.com/spec"
-_ARCHIVES = (
+_ARCHIVE_HEADS = (
     (b"PK\x03\x04", "a ZIP archive"), (b"BZh", "packed by bzip2"), (b"\xfd7zXZ\0", "packed by xz"),
     (b"\x28\xb5\x2f\xfd", "packed by zstd"), (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive"), (b"Rar!", "a RAR archive"),
 )  # fmt: skip
 _ZIPPED = {".npz", ".usdz", ".xlsx", ".ods", ".3mf", ".sog", ".zip", ".fcstd"}
 """Suffixes of formats that are ZIP archives themselves."""
-_FORMATS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (
+_READ_HEADS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (
     (rb"ply[ \t]*[\r\n]", "a PLY file", (".ply",)),
     (rb"# ?\.PCD|(#[^\n]*\n)*VERSION [^\n]*\r?\n(FIELDS|COLUMNS) ", "a PCD file", (".pcd",)),
     (rb"LASF", "a LAS file", (".las", ".laz")), (rb"ASTM-E57", "an E57 file", (".e57",)),
@@ -87,7 +87,7 @@ _FORMATS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (
     (rb"(ST)?C?N?4?OFF[ \t]*\r?\n", "an OFF file", (".off",)),
 )  # fmt: skip
 """First bytes, as a pattern -> a format that is read, and its suffixes, of which the first is the usual one."""
-_UNREAD: tuple[tuple[bytes, str], ...] = (
+_UNREAD_HEADS: tuple[tuple[bytes, str], ...] = (
     (rb"#ROSBAG V", ".bag"), (rb"\x89MCAP0\r\n", ".mcap"), (rb"SQLite format 3\0", ".db3"), (rb"DRACO", ".drc"),
     (rb"BLENDER", ".blend"), (rb"PXR-USDC|#usda ", ".usd"), (rb"NGSP", ".spz"), (rb"\xd0\xcf\x11\xe0", ".xls"),
     (rb"Kaydara FBX|; FBX ", ".fbx"), (rb"ISO-10303-21", ".step"), (rb"(II\*\0|MM\0\*)", ".tif"),
@@ -101,20 +101,20 @@ def is_unread_cloud(path: Path) -> bool:
     return path.suffix.lower() in CLOUDS
 
 
-def told_by_suffix(path: Path) -> str:
+def advice_by_suffix(path: Path) -> str:
     """What a file is, by its suffix, and how its points can be had; empty where the suffix is not known."""
     inner = without_gz(path)
     if inner.suffix.lower() == ".tar":
         return f"is an archive, which z2p does not read; {_PACKED}"
-    return _told(*known, inner) if (known := _known(inner.suffix.lower())) else ""
+    return _advice(*known, inner) if (known := _known(inner.suffix.lower())) else ""
 
 
-def told_of(path: Path) -> str:
+def advice_of(path: Path) -> str:
     """What a file is that is no scan to z2p, by its suffix or else its content; empty where neither tells."""
-    return told_by_suffix(path) or told_by_content(path, path.suffix.lower())
+    return advice_by_suffix(path) or advice_by_content(path, path.suffix.lower())
 
 
-def told_by_content(path: Path, suffix: str) -> str:
+def advice_by_content(path: Path, suffix: str) -> str:
     """What is wrong with a file's suffix, by the file's first bytes, and what to do; empty where nothing is.
 
     `suffix` is lower-case, with its dot, and the file is not gzip'd, or was unpacked.
@@ -123,28 +123,28 @@ def told_by_content(path: Path, suffix: str) -> str:
         return ""
     try:
         with path.open("rb") as file:
-            head = file.read(_HEAD)
+            head = file.read(_HEAD_BYTES)
     except OSError:
         return ""  # what reads it says why
-    return _told_head(head, path, suffix)
+    return _advice_by_head(head, path, suffix)
 
 
-def _told_head(head: bytes, path: Path, suffix: str) -> str:
-    if told := _told_no_scan(head, path, suffix):
+def _advice_by_head(head: bytes, path: Path, suffix: str) -> str:
+    if told := _advice_by_other_head(head, path, suffix):
         return told
     if _CLOUDCOMPARE.match(head):
         return "is a CloudCompare project (CCB), which z2p does not read; open it there, and save it as PLY or LAS"
-    for pattern, name, suffixes in _FORMATS:
+    for pattern, name, suffixes in _READ_HEADS:
         if re.match(pattern, head):
             under = f"under a name that ends in {suffix}" if suffix else "under a name without suffix"
             return "" if suffix in suffixes else f"holds {name} {under}; rename it to {path.stem}{suffixes[0]}"
-    for pattern, unread in _UNREAD:
+    for pattern, unread in _UNREAD_HEADS:
         if suffix != unread and re.match(pattern, head) and (known := _known(unread)):
-            return _told(*known, path)
+            return _advice(*known, path)
     return ""
 
 
-def _told_no_scan(head: bytes, path: Path, suffix: str) -> str:
+def _advice_by_other_head(head: bytes, path: Path, suffix: str) -> str:
     """What is said of packed files and of what downloads leave in place of a file."""
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
     if head.startswith(_LFS):
@@ -159,13 +159,13 @@ def _told_no_scan(head: bytes, path: Path, suffix: str) -> str:
         except zlib.error:
             return ""
         if inside == b"NGSP":
-            return _told(*CLOUDS[".spz"], path)
+            return _advice(*CLOUDS[".spz"], path)
         return f"is packed by gzip; rename it to {path.name}.gz"
     if head.startswith((b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"RIFF")) or head.startswith(b"%PDF-"):
         return "is a picture, a film or a PDF, not a scan; check which file is meant"
     if head.startswith(b"PK\x03\x04") and suffix == ".csv":
-        return _told(*SCENES[".xlsx"], path)
-    for magic, name in _ARCHIVES:
+        return _advice(*SCENES[".xlsx"], path)
+    for magic, name in _ARCHIVE_HEADS:
         if head.startswith(magic) and not (magic.startswith(b"PK") and suffix in _ZIPPED):
             return f"is {name}; {_PACKED}"
     return ""
@@ -175,5 +175,5 @@ def _known(suffix: str) -> tuple[str, str] | None:
     return CLOUDS.get(suffix) or SCENES.get(suffix)
 
 
-def _told(what: str, how: str, path: Path) -> str:
+def _advice(what: str, how: str, path: Path) -> str:
     return f"{what}, which z2p does not read; {how.format(name=path.name, stem=path.stem)}"

@@ -31,7 +31,7 @@ from typing import Any
 from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, fingerprint
 from z2p_renderer.storage.manifests import MANIFEST, NAMED, faults, read_manifest, seal, sync
 from z2p_renderer.storage.manifests import remove as _remove
-from z2p_renderer.storage.room import DiskError, full
+from z2p_renderer.storage.room import DiskError, full_disk
 from z2p_renderer.storage.unfinished import NOTE, read_note, write_note
 
 _RESULT = re.compile(rf"[0-9a-f]{{{NAMED}}}")
@@ -150,7 +150,7 @@ class Store:
                         entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})
                     self.publish(folder, entry, (NOTE, *leftovers))
                 except BaseException as error:
-                    refused = full(folder)  # asked before it goes, which may be all that fills the disk
+                    refused = full_disk(folder)  # asked before it goes, which may be all that fills the disk
                     if not resumable:
                         _remove(folder)
                     if refused and isinstance(error, Exception) and not isinstance(error, ValueError):

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-_FROM = r"(z2p_renderer\.plugins\.readers|numpy|PIL|laspy|trimesh|pypcd4|pye57|meshio|h5py)(\.|$)"
+_LIBRARY_MODULES = r"(z2p_renderer\.plugins\.readers|numpy|PIL|laspy|trimesh|pypcd4|pye57|meshio|h5py)(\.|$)"
 """Modules whose warnings are no word to the user. z2p's own RenderWarning comes from the caller's."""
 _lock, _reading = threading.Lock(), threading.local()
 _count = 0
@@ -44,7 +44,7 @@ def _begin() -> None:
     with _lock:
         _count += 1
         if _count == 1:
-            warnings.filterwarnings("ignore", module=_FROM)
+            warnings.filterwarnings("ignore", module=_LIBRARY_MODULES)
             if logging.lastResort is not None:
                 logging.lastResort.addFilter(_silence)
 
@@ -54,7 +54,7 @@ def _end() -> None:
     with _lock:
         _count -= 1
         if _count == 0:
-            ours = [entry for entry in warnings.filters if getattr(entry[3], "pattern", None) == _FROM]
+            ours = [entry for entry in warnings.filters if getattr(entry[3], "pattern", None) == _LIBRARY_MODULES]
             for entry in ours:
                 warnings.filters.remove(entry)  # type: ignore[attr-defined]
             getattr(warnings, "_filters_mutated", lambda: None)()

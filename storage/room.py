@@ -1,7 +1,7 @@
 """What a disk refuses: errors of one that is full, read-only, over its quota or out of inodes, told as such.
 
-Such an error is nobody's mistake in a call, and passes when there is room again: commands end with the status `PASSING`
-on it, on which a service may start them again.
+Such an error is nobody's mistake in a call, and passes when there is room again: commands end with the status
+`TEMPORARY_FAILURE` on it, on which a service may start them again.
 """
 
 from __future__ import annotations
@@ -11,27 +11,27 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-PASSING = 75
+TEMPORARY_FAILURE = 75
 """Exit status, EX_TEMPFAIL of sysexits.h: the same command may succeed later."""
-_AGAIN = "and the same command goes on"
-_ROOM, _OPEN = f"free some, {_AGAIN}", f"make it writable, {_AGAIN}"
+_GOES_ON = "and the same command goes on"
+_FREE_SPACE, _MAKE_WRITABLE = f"free some, {_GOES_ON}", f"make it writable, {_GOES_ON}"
 _REFUSALS = {
-    errno.ENOSPC: ("no space left on the disk", _ROOM),
-    errno.EDQUOT: ("the quota is used up on the disk", _ROOM),
-    errno.EROFS: ("read-only: the disk", _OPEN),
-    errno.EIO: ("reading or writing failed on the disk", f"look after it, {_AGAIN}"),
-    errno.ESTALE: ("out of reach: the network disk", f"wait for it, {_AGAIN}"),
-    errno.EMFILE: ("too many open files for one process, one", f"raise the limit (ulimit -n), {_AGAIN}"),
-    errno.ENFILE: ("too many open files for this machine, one", f"end other programs, {_AGAIN}"),
+    errno.ENOSPC: ("no space left on the disk", _FREE_SPACE),
+    errno.EDQUOT: ("the quota is used up on the disk", _FREE_SPACE),
+    errno.EROFS: ("read-only: the disk", _MAKE_WRITABLE),
+    errno.EIO: ("reading or writing failed on the disk", f"look after it, {_GOES_ON}"),
+    errno.ESTALE: ("out of reach: the network disk", f"wait for it, {_GOES_ON}"),
+    errno.EMFILE: ("too many open files for one process, one", f"raise the limit (ulimit -n), {_GOES_ON}"),
+    errno.ENFILE: ("too many open files for this machine, one", f"end other programs, {_GOES_ON}"),
 }
 """Number of the error -> what it means, followed by the place, and what to do."""
 _NO_INODES = "no inodes left (too many files) on the disk"
-_NOT_OURS = (errno.EACCES, errno.EPERM)
+_PERMISSION_ERRORS = (errno.EACCES, errno.EPERM)
 """Counted only below a folder that the caller writes to: elsewhere they tell of a file that a user named."""
-_WORDS = {"No space left on device": errno.ENOSPC, "Disk quota exceeded": errno.EDQUOT,
+_LIBRARY_WORDS = {"No space left on device": errno.ENOSPC, "Disk quota exceeded": errno.EDQUOT,
           "Read-only file system": errno.EROFS}  # fmt: skip
 """How errors that libraries make of these tell it."""
-NEARLY = 1 << 16
+LEAST_FREE_BYTES = 1 << 16
 """A disk with fewer bytes left counts as full."""
 
 
@@ -39,7 +39,7 @@ class DiskError(OSError):
     """A disk's refusal, put into words while it lasted: room may be there again when it is told."""
 
 
-def refusal(error: BaseException | str, folder: Path | None = None) -> str | None:
+def disk_refusal(error: BaseException | str, folder: Path | None = None) -> str | None:
     """What a disk refused, in words, as an error or a program's last lines tell; None where it was something else.
 
     `folder` is where the one who asks writes.
@@ -54,19 +54,19 @@ def refusal(error: BaseException | str, folder: Path | None = None) -> str | Non
         named = Path(os.fsdecode(one.filename)) if isinstance(one.filename, str | bytes | os.PathLike) else None
         if one.errno in _REFUSALS:
             return _told(one.errno, named or folder)
-        if one.errno in _NOT_OURS and named and folder and _lies_in(named, folder):
-            return f"no permission for {named}; {_OPEN}"
-    number = next((number for words, number in _WORDS.items() if any(words in text for text in texts)), None)
+        if one.errno in _PERMISSION_ERRORS and named and folder and _lies_in(named, folder):
+            return f"no permission for {named}; {_MAKE_WRITABLE}"
+    number = next((number for words, number in _LIBRARY_WORDS.items() if any(words in text for text in texts)), None)
     return None if number is None else _told(number, folder)
 
 
-def full(folder: Path) -> str | None:
+def full_disk(folder: Path) -> str | None:
     """Words for a disk that has no room left, be it of bytes or of inodes; None where there is some."""
     try:
         disk = os.statvfs(folder)
     except OSError:
         return None
-    room = disk.f_bavail * disk.f_frsize >= NEARLY and not _without_inodes(folder)
+    room = disk.f_bavail * disk.f_frsize >= LEAST_FREE_BYTES and not _without_inodes(folder)
     return None if room else _told(errno.ENOSPC, folder)
 
 

@@ -17,12 +17,12 @@ from z2p_renderer.storage.json_text import MOST_BYTES, read_json
 from z2p_renderer.storage.names import is_file, printable, without_gz
 from z2p_renderer.storage.readers import OURS
 
-_HEAD = 1 << 13
+_HEAD_BYTES = 1 << 13
 """Bytes at the head of a file in which its comments are."""
 _MOST_LINES = 200
-_TEXTS = OURS["text"]
-_SCENES = (".glb", ".gltf")
-_KEYS = frozenset({"upaxis", "axisup", "upvector", "updirection", "upvec", "worldup", "verticalaxis"})
+_TEXT_SUFFIXES = OURS["text"]
+_SCENE_SUFFIXES = (".glb", ".gltf")
+_JSON_KEYS = frozenset({"upaxis", "axisup", "upvector", "updirection", "upvec", "worldup", "verticalaxis"})
 """What tells up in JSON, in lower case and without what parts words; ``up`` does so at the top alone."""
 _LONGEST_VALUE = 40
 _XML_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
@@ -54,15 +54,15 @@ def _hinted(cloud: RawCloud, header: UpHint | None, beside: UpHint | None) -> Ra
 
 def _comments(path: Path, suffix: str) -> list[str]:
     """The comments at the head of a file with that suffix; none where its format has no such, or it cannot be read."""
-    if suffix not in _FORMS and suffix not in _TEXTS:
+    if suffix not in _COMMENTS_IN and suffix not in _TEXT_SUFFIXES:
         return []
     try:
         with path.open("rb") as file:
-            head = file.read(_HEAD)
+            head = file.read(_HEAD_BYTES)
     except OSError:
         return []
-    text = head.decode(text_encoding(head) if suffix in _TEXTS else "utf-8", errors="replace")
-    return [line.strip() for line in _FORMS.get(suffix, _of_text)(text)][:_MOST_LINES]
+    text = head.decode(text_encoding(head) if suffix in _TEXT_SUFFIXES else "utf-8", errors="replace")
+    return [line.strip() for line in _COMMENTS_IN.get(suffix, _of_text)(text)][:_MOST_LINES]
 
 
 def _of_ply(text: str) -> Iterable[str]:
@@ -96,7 +96,7 @@ def _of_xml(text: str) -> Iterable[str]:
     return (line for comment in _XML_COMMENT.findall(text) for line in comment.splitlines())
 
 
-_FORMS = {
+_COMMENTS_IN = {
     ".ply": _of_ply, ".pcd": _of_pcd, ".obj": _of_mesh, ".off": _of_mesh, ".stl": _of_stl, ".vtk": _of_vtk,
     ".vtp": _of_xml, ".vtu": _of_xml,
 }  # fmt: skip
@@ -109,7 +109,7 @@ def _told_beside(path: Path) -> UpHint | None:
     for name in (f"{stem}.json", "metadata.json"):
         if axis := _axis_in_json(path.with_name(name)):
             return UpHint(axis, f"{printable(Path(name))} beside it says so", certain=True)
-    if any(is_file(path.with_name(stem + suffix)) for suffix in _SCENES):
+    if any(is_file(path.with_name(stem + suffix)) for suffix in _SCENE_SUFFIXES):
         return UpHint("+Y", "that of the glTF scene beside it", certain=False)
     return None
 
@@ -125,7 +125,7 @@ def _axis_in_json(path: Path) -> str:
     top = read if isinstance(read, dict) else {}
     inner = [pair for value in top.values() if isinstance(value, dict) for pair in value.items()]
     told = [(re.sub(r"[ _.-]", "", key.lower()), value) for key, value in [*top.items(), *inner]]
-    axes = {_axis_of(value) for key, value in told if key in _KEYS} | {_axis_of(top.get("up"))}
+    axes = {_axis_of(value) for key, value in told if key in _JSON_KEYS} | {_axis_of(top.get("up"))}
     axes.discard("")
     return axes.pop() if len(axes) == 1 else ""
 

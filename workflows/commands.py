@@ -25,7 +25,7 @@ from z2p_renderer.storage.adoption import candidates
 from z2p_renderer.storage.fingerprints import STAGE_VERSIONS
 from z2p_renderer.storage.layout import Store, StoreError
 from z2p_renderer.storage.manifests import faults
-from z2p_renderer.storage.room import PASSING, refusal
+from z2p_renderer.storage.room import TEMPORARY_FAILURE, disk_refusal
 from z2p_renderer.workflows import apply_settings
 from z2p_renderer.workflows.ablation_plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
 from z2p_renderer.workflows.plan import USERS_ERRORS, Plan
@@ -163,8 +163,8 @@ def run() -> None:
         click.echo(f"Error: {error}", err=True)
         sys.exit(1)
     except OSError as error:
-        refused = refusal(error, Path(str(error.filename)).parent if error.filename else None)
+        refused = disk_refusal(error, Path(str(error.filename)).parent if error.filename else None)
         if refused is None:
             raise
         click.echo(f"Error: {refused}", err=True)
-        sys.exit(PASSING)
+        sys.exit(TEMPORARY_FAILURE)

@@ -12,22 +12,22 @@ from contextlib import suppress
 
 import luigi.retcodes
 
-from z2p_renderer.storage.room import PASSING
+from z2p_renderer.storage.room import TEMPORARY_FAILURE
 from z2p_renderer.workflows.task_log import said, say
 
-_out, _in = os.pipe()
-os.set_blocking(_out, False)
-os.set_blocking(_in, False)
-LONGEST = 3000
+_notes_out, _notes_in = os.pipe()
+os.set_blocking(_notes_out, False)
+os.set_blocking(_notes_in, False)
+MOST_CHARACTERS = 3000
 """Characters of a line that is kept: less than what goes through a pipe in one piece."""
 
 
 def fail(line: str, *, passing: bool = False) -> None:
     """Say that something failed, and keep the line for the end; `passing` where the same command may succeed later."""
     say(line)
-    note = json.dumps({"line": line[:LONGEST], "passing": passing, "said": said.value}).encode()
+    note = json.dumps({"line": line[:MOST_CHARACTERS], "passing": passing, "said": said.value}).encode()
     with suppress(OSError):  # of so many failures the first ones will do
-        os.write(_in, note[:4000] + b"\n")
+        os.write(_notes_in, note[:4000] + b"\n")
 
 
 def conclude() -> bool:
@@ -40,14 +40,14 @@ def conclude() -> bool:
     elif notes[0]["said"] != said.value:  # other tasks went on
         say(str(notes[0]["line"]))
     if all(note["passing"] for note in notes):
-        _end_with(PASSING)
+        _end_with(TEMPORARY_FAILURE)
     return True
 
 
 def _notes() -> list[dict[str, str | bool | int]]:
     text = b""
     with suppress(BlockingIOError):
-        while part := os.read(_out, 1 << 16):
+        while part := os.read(_notes_out, 1 << 16):
             text += part
     notes = []
     for line in text.splitlines():

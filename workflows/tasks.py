@@ -23,7 +23,7 @@ from z2p_core.registry import PluginError
 from z2p_renderer.storage.configs import config_text
 from z2p_renderer.storage.fingerprints import changed_plugins, file_digest
 from z2p_renderer.storage.layout import Store
-from z2p_renderer.storage.room import refusal
+from z2p_renderer.storage.room import disk_refusal
 from z2p_renderer.storage.stage_code import changed_parts
 from z2p_renderer.workflows.ending import fail
 from z2p_renderer.workflows.mesh_warnings import mesh_warnings
@@ -144,7 +144,7 @@ class StageTask(luigi.Task):
                 shutil.copyfile(self.log, shown)
 
     def on_failure(self, exception: BaseException) -> Any:
-        refused = refusal(exception, self.store.root)
+        refused = disk_refusal(exception, self.store.root)
         reason = refused or f"{type(exception).__name__}: {exception}"
         tell_failure(self, reason, bool(refused) or isinstance(exception, USERS_ERRORS), passing=bool(refused))
         return super().on_failure(exception)
@@ -279,7 +279,7 @@ def broken_told(task: luigi.Task) -> Iterator[None]:
 def tell_broken(task: luigi.Task, exception: BaseException) -> None:
     """Say why a task cannot be planned: one line for what a user can mend or what may pass, all for the rest."""
     root = getattr(task, "workspace", None)
-    refused = refusal(exception, Path(absolute(root)) if root else None)
+    refused = disk_refusal(exception, Path(absolute(root)) if root else None)
     if refused is None and not isinstance(exception, (*USERS_ERRORS, OSError)):
         say("".join(traceback.format_exception(exception)))
     name = getattr(task, "step_name", task.task_family)

@@ -11,7 +11,7 @@ import click
 
 from z2p_core.guesses import closest, meant
 
-DRAWING = "render"
+DRAW_COMMAND = "render"
 _COMMANDS = {
     "render": "draw infer inference predict run picture image shade plot show view visualize visualise convert",
     "animate": "animation gif webp mp4 video movie turntable spin rotate loop orbit",
@@ -46,7 +46,7 @@ _NOTES = {
 """What to say -> of which options that there are not."""
 
 
-def told_option(error: click.NoSuchOption) -> click.UsageError:
+def unknown_option(error: click.NoSuchOption) -> click.UsageError:
     """The error with the option that was meant, in place of those that merely look alike."""
     if error.ctx is None:
         return error
@@ -63,25 +63,25 @@ def told_option(error: click.NoSuchOption) -> click.UsageError:
     return click.UsageError(f"No such option: {error.option_name}" + (f". {note}" if note else ""), error.ctx)
 
 
-def told_command(words: Sequence[str], commands: Iterable[str]) -> str:
+def unknown_command(words: Sequence[str], commands: Iterable[str]) -> str:
     """What to say of words whose first is no command: that it is a scan, or which command was meant."""
     word, known = words[0], list(commands)
     if Path(word).exists() or (has_magic(word) and glob(word)):  # noqa: PTH207 - takes absolute ones
-        return f"{word!r} is no command but an input. Did you mean: z2p {DRAWING} {shlex.join(words)}"
+        return f"{word!r} is no command but an input. Did you mean: z2p {DRAW_COMMAND} {shlex.join(words)}"
     named = word.lower().replace("_", "-")
     found = next((command for command, words in _COMMANDS.items() if named in words.split()), None)
     found = found or closest(named, known)
     if named in known or found:
         return f"No such command: {word}. Did you mean: z2p {named if named in known else found}"
     if Path(word).suffix or "/" in word:
-        return f"{word!r} is neither a command nor a file that is there; z2p {DRAWING} FILE draws a file"
+        return f"{word!r} is neither a command nor a file that is there; z2p {DRAW_COMMAND} FILE draws a file"
     return f"No such command: {word}; z2p --help lists them"
 
 
-def told_early_option(error: click.NoSuchOption) -> click.UsageError:
+def misplaced_option(error: click.NoSuchOption) -> click.UsageError:
     """The error of an option in front of the command."""
     name = closest(error.option_name, ("--help", "--version"))
     if name is not None:
         return click.UsageError(f"No such option: {error.option_name}. Did you mean {name}?", error.ctx)
     return click.UsageError(f"No such option: {error.option_name}. Options of a command stand behind its name, as in "
-                            f"z2p {DRAWING} INPUT {error.option_name} ...", error.ctx)  # fmt: skip
+                            f"z2p {DRAW_COMMAND} INPUT {error.option_name} ...", error.ctx)  # fmt: skip

@@ -22,7 +22,7 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, 
         click.UsageError: standard input is named twice.
     """
     from z2p_renderer.storage.clouds import find_scans
-    from z2p_renderer.storage.foreign import told_of
+    from z2p_renderer.storage.foreign import advice_of
     from z2p_renderer.storage.incoming import PREFIX, spool
     from z2p_renderer.storage.names import printable
 
@@ -31,7 +31,7 @@ def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, 
     def say(path: Path) -> None:
         if not options["quiet"]:
             unseen = "no points in sight; name its columns (--columns) or the file itself to have it read"
-            told = told_of(path) or unseen
+            told = advice_of(path) or unseen
             click.echo(f"passed over: {printable(path)}: {told}", err=True)
 
     scans = find_scans([text for text in inputs if text != STDIN], options["recursive"], say, named)

@@ -139,7 +139,7 @@ def writable(folder: Path, option: str = "--output") -> None:
     """
     import os
 
-    from z2p_renderer.storage.room import refusal
+    from z2p_renderer.storage.room import disk_refusal
     from z2p_renderer.storage.whole import kind_of
 
     try:
@@ -148,7 +148,7 @@ def writable(folder: Path, option: str = "--output") -> None:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        if refusal(error):  # of a disk, which is no mistake in the call
+        if disk_refusal(error):  # of a disk, which is no mistake in the call
             raise
         taken = folder.exists() and not folder.is_dir()
         reason = f"expected a folder or a picture's name, got {kind_of(folder)}" if taken else error.strerror

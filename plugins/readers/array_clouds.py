@@ -22,10 +22,10 @@ OBJECT_KEYS = ("data", "complete_pcds", "incomplete_pcds", "gt", "complete", "pa
 KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord", "point_cloud", "pointcloud", "pointclouds",
         "point_clouds", "pcd", "pc", "cloud", *MAP_KEYS, *OBJECT_KEYS)  # fmt: skip
 """Names under which programs keep points; the first that holds some counts."""
-_SENSED = {"pts3d", "point_map", "pointmap", "point_maps", "xyz_map", "xyz_image"}
+_CAMERA_AXES_KEYS = {"pts3d", "point_map", "pointmap", "point_maps", "xyz_map", "xyz_image"}
 """Those of maps in their own camera's axes."""
-_UP = {"up": "+Y", "up_reason": "the usual axes of ModelNet and ShapeNet", "up_certain": False}
-_SOME = 1000
+_OBJECT_UP = {"up": "+Y", "up_reason": "the usual axes of ModelNet and ShapeNet", "up_certain": False}
+_MOST_SAMPLED = 1000
 _SMALLEST_MAP, _MOST_IN_MAPS = 8, 8
 """Rows and columns of a map of points at least, and numbers of each of its pixels at most."""
 
@@ -41,15 +41,15 @@ def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
     as_maps = array.ndim == 4 or (array.ndim == 3 and key in MAP_KEYS)
     if as_maps and min(array.shape[-3:-1]) >= _SMALLEST_MAP and 3 <= array.shape[-1] <= _MOST_IN_MAPS:
         maps = array if array.ndim == 4 else array[None]
-        return [_seen(points, certain=key in _SENSED or not key) for points in maps]
+        return [_seen(points, certain=key in _CAMERA_AXES_KEYS or not key) for points in maps]
     if not _lies_flat(array.shape) or array.shape[-1] == 4:
         refuse_other_arrays(array)
     check_shape(array.shape)
     batch = as_batch(array)
     if array.ndim == 3 and batch is not array:
         return [_seen(array)]
-    up = _UP if key in OBJECT_KEYS else {}
-    note = ignored_columns(batch[0][:_SOME, 3:].astype(np.float64)) if len(batch) else ""
+    up = _OBJECT_UP if key in OBJECT_KEYS else {}
+    note = ignored_columns(batch[0][:_MOST_SAMPLED, 3:].astype(np.float64)) if len(batch) else ""
     return [RawCloud(_points(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
 
 

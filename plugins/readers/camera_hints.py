@@ -10,16 +10,16 @@ import numpy as np
 
 from z2p_core.interfaces import RawCloud
 
-_NEAR, _ALIKE = 20.0, 0.5
+_AXIS_DEGREES, _LEAST_AGREEMENT = 20.0, 0.5
 """Degrees between the cameras' up and an axis that it may be; and the least length of the mean of their unit vectors,
 for cameras that were held in all ways say nothing."""
-_TURNED = 0.2
+_LEAST_TURN = 0.2
 """How far cameras must be turned to one another to tell what was level to all of them."""
-_LONGEST, _FOLDERS = 1 << 26, 3
+MOST_JSON_BYTES, _MOST_FOLDERS = 1 << 26, 3
 """Bytes of a list of cameras at the most, and folders in which it is looked for, from that of the points upwards."""
 
 
-def told_by_cameras(cloud: RawCloud, rotations: np.ndarray, places: np.ndarray) -> RawCloud:
+def with_camera_hints(cloud: RawCloud, rotations: np.ndarray, places: np.ndarray) -> RawCloud:
     """The cloud with up and view as its cameras had them; as it is where there are none.
 
     `rotations` (M, 3, 3) go from the cloud's axes to each camera's, those of OpenCV; `places` (M, 3) are the cameras'.
@@ -32,7 +32,7 @@ def told_by_cameras(cloud: RawCloud, rotations: np.ndarray, places: np.ndarray) 
         return replace(cloud, seen_from=seen_from)
     longest = int(np.abs(upward).argmax())
     axis = ("+" if upward[longest] > 0 else "-") + "XYZ"[longest]
-    tilted = abs(float(upward[longest])) < np.cos(np.radians(_NEAR))
+    tilted = abs(float(upward[longest])) < np.cos(np.radians(_AXIS_DEGREES))
     return replace(cloud, up=axis, up_certain=True, up_reason=f"its {len(places)} cameras stood so",
                    upward=upward if tilted else None, seen_from=seen_from)  # fmt: skip
 
@@ -45,11 +45,12 @@ def _upward(rotations: np.ndarray) -> np.ndarray | None:
     """
     mean = -rotations[:, 1].mean(0)
     length = float(np.linalg.norm(mean))
-    if length < _ALIKE:
+    if length < _LEAST_AGREEMENT:
         return None
     spread, axes = np.linalg.svd(rotations[:, 0], full_matrices=True)[1:]
     level = axes[2]
-    if len(rotations) < 3 or spread[1] < _TURNED * len(rotations) ** 0.5 or abs(level @ mean) < _ALIKE * length:
+    least_spread, off = _LEAST_TURN * len(rotations) ** 0.5, abs(level @ mean) < _LEAST_AGREEMENT * length
+    if len(rotations) < 3 or spread[1] < least_spread or off:
         return np.asarray(mean / length)
     return np.asarray(level if level @ mean > 0 else -level)
 
@@ -59,10 +60,10 @@ def trained_cameras(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
     None where there is no such file in the folder of the splats or above it, or where it is damaged.
     """
-    for folder in list(path.absolute().parents)[:_FOLDERS]:
+    for folder in list(path.absolute().parents)[:_MOST_FOLDERS]:
         beside = folder / "cameras.json"
         try:
-            if not beside.is_file() or beside.stat().st_size > _LONGEST:
+            if not beside.is_file() or beside.stat().st_size > MOST_JSON_BYTES:
                 continue
             listed = json.loads(beside.read_bytes())
             rotations = np.array([camera["rotation"] for camera in listed], np.float64).reshape(-1, 3, 3)

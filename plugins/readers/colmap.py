@@ -11,7 +11,7 @@ from z2p_core.colmap_model import counts_points, is_points
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_core.native import walk_rows
 from z2p_core.quaternions import quaternion_rotations
-from z2p_renderer.plugins.readers.camera_hints import told_by_cameras
+from z2p_renderer.plugins.readers.camera_hints import with_camera_hints
 
 AXES_REASON = "the usual axes of COLMAP"
 _POINT = [(np.dtype(kind), None) for kind in ("<u8", "<f8", "<f8", "<f8", "u1", "u1", "u1", "<f8")]
@@ -51,7 +51,7 @@ def posed(points: np.ndarray, path: Path, note: str = "") -> RawCloud:
     Where there are none, up is -Y: so are the axes of the first picture, of which most models keep the others.
     """
     cloud = RawCloud(points, note=note, up="-Y", up_reason=AXES_REASON, up_certain=False)
-    return told_by_cameras(cloud, *cameras_in(path.parent))
+    return with_camera_hints(cloud, *cameras_in(path.parent))
 
 
 def cameras_in(folder: Path) -> tuple[np.ndarray, np.ndarray]:

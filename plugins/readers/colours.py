@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 from z2p_core.point_holders import names_colours
 
-NOTE = "its colours are ignored"
+IGNORED_NOTE = "its colours are ignored"
 
 
 def colours_note(names: Iterable[str]) -> str:
     """What to say of a file whose points have these fields beside their places; nothing if none is a colour."""
-    return NOTE if names_colours(names) else ""
+    return IGNORED_NOTE if names_colours(names) else ""

@@ -11,7 +11,7 @@ import numpy as np
 
 from z2p_core.install_advice import install_advice
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers.colours import NOTE
+from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
 from z2p_renderer.plugins.readers.late import late
 
 _HEADER, _CHECKSUM, _LONGEST = 48, 4, 1 << 26
@@ -55,7 +55,7 @@ class E57(Reader):
             file.close()
         axes = ("cartesianX", "cartesianY", "cartesianZ")
         clouds = [np.column_stack([part[axis] for axis in axes]).astype(np.float64) for part in parts]
-        return [RawCloud(np.concatenate([np.empty((0, 3)), *clouds]), note=NOTE if coloured else "")]
+        return [RawCloud(np.concatenate([np.empty((0, 3)), *clouds]), note=IGNORED_NOTE if coloured else "")]
 
 
 def _opened(path: Path) -> Any:

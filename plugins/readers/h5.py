@@ -16,9 +16,9 @@ from z2p_renderer.plugins.readers.late import late
 
 _MOST_OBJECTS, _DEEPEST = 1000, 4
 """Data sets and groups that are looked at, and how deep they may lie."""
-_LARGEST = 8 << 30
-_SUSPICIOUS, _WORST_RATIO = 100 << 20, 200
-"""A data set above `_LARGEST` bytes is refused, and one above `_SUSPICIOUS` that was packed over 200 times."""
+_MOST_BYTES = 8 << 30
+_SUSPICIOUS_BYTES, _WORST_RATIO = 100 << 20, 200
+"""A data set above `_MOST_BYTES` bytes is refused, and one above `_SUSPICIOUS_BYTES` that was packed over 200 times."""
 
 
 class H5(Reader):
@@ -61,7 +61,7 @@ def _with_file(path: Path, work: Callable[[Any], Any]) -> Any:
 def _clouds(file: Any) -> list[RawCloud | np.ndarray]:
     clouds: list[RawCloud | np.ndarray] = []
     for found, key, others in _chosen(file):
-        _weigh(found)
+        _check_size(found)
         check_fields(found.dtype)
         told = f"of {found.name.lstrip('/')}, not of {', '.join(others)}" if others else ""
         clouds += [replace(cloud, note="; ".join(filter(None, (told, cloud.note))))
@@ -78,7 +78,7 @@ def _apart(file: Any) -> list[RawCloud | np.ndarray]:
                         f"{', '.join(names[:12]) or 'no data sets'}{' ...' if len(names) > 12 else ''}; save the "
                         "points as points")  # fmt: skip
     for found in axes.values():
-        _weigh(found)
+        _check_size(found)
         check_fields(found.dtype)
     return [side_by_side({axis: found[()] for axis, found in axes.items()})]
 
@@ -117,10 +117,10 @@ def _walk(group: Any, place: str, depth: int, left: Iterator[int]) -> Iterator[t
             yield from _walk(found, f"{place}{name}/", depth + 1, left)
 
 
-def _weigh(found: Any) -> None:
+def _check_size(found: Any) -> None:
     """Raises ScanError for a data set that lies elsewhere, or packs more than clouds could."""
     if found.is_virtual or found.external:
         raise ScanError(f"{found.name} lies in other files, which are not opened; save its points in one file")
     size, packed = int(np.prod(found.shape, dtype=object)) * found.dtype.itemsize, found.id.get_storage_size()
-    if size > _LARGEST or (size > _SUSPICIOUS and size > _WORST_RATIO * max(packed, 1)):
+    if size > _MOST_BYTES or (size > _SUSPICIOUS_BYTES and size > _WORST_RATIO * max(packed, 1)):
         raise ScanError(f"{found.name} would unpack to {size} bytes from {packed}; save fewer clouds, as .npy for one")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers.colours import NOTE
+from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
 from z2p_renderer.plugins.readers.gltf import readable_glb
 from z2p_renderer.plugins.readers.gltf_parts import as_glb, bytes_beside
 from z2p_renderer.plugins.readers.late import late
@@ -108,4 +108,5 @@ def _glb(blob: bytes) -> tuple[np.ndarray, str]:
         transform, name = scene.graph[node]
         vertices = np.asarray(scene.geometry[name].vertices, dtype=np.float64)
         parts.append(vertices @ transform[:3, :3].T + transform[:3, 3])
-    return np.concatenate(parts), NOTE if b'"COLOR_0"' in blob[: 20 + int.from_bytes(blob[12:16], "little")] else ""
+    colored = b'"COLOR_0"' in blob[: 20 + int.from_bytes(blob[12:16], "little")]
+    return np.concatenate(parts), IGNORED_NOTE if colored else ""

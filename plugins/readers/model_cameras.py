@@ -11,43 +11,43 @@ import numpy as np
 
 from z2p_core.interfaces import RawCloud
 from z2p_core.up_comments import axis_of_vector
-from z2p_renderer.plugins.readers.camera_hints import told_by_cameras, trained_cameras
+from z2p_renderer.plugins.readers.camera_hints import MOST_JSON_BYTES, trained_cameras, with_camera_hints
 from z2p_renderer.plugins.readers.late import late
 
-_LONGEST_JSON, _LONGEST_IMAGES = 1 << 26, 1 << 28
-"""Bytes of a list of cameras at the most."""
-_IMAGES = ("images.bin", "images.txt")
-_DENSE = ("fused.ply", "meshed-poisson.ply", "meshed-delaunay.ply")
+_MOST_IMAGES_BYTES = 1 << 28
+"""Bytes of a list of pictures at the most."""
+_IMAGES_NAMES = ("images.bin", "images.txt")
+_DENSE_NAMES = ("fused.ply", "meshed-poisson.ply", "meshed-delaunay.ply")
 """Names of what COLMAP makes of a model that it keeps in a folder beside them."""
-_INPUT = "input.ply"
+_INPUT_NAME = "input.ply"
 """What 3DGS calls its copy of the points that it began with."""
-_OPENGL = np.diag([1.0, -1.0, -1.0])
+_OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0])
 """From a camera's axes as nerfstudio has them to those of OpenCV."""
-_SQUARE = 1e-2
+_ORTHOGONAL_TOLERANCE = 1e-2
 
 
-def told_by_model(cloud: RawCloud, path: Path) -> RawCloud:
+def with_model_cameras(cloud: RawCloud, path: Path) -> RawCloud:
     """The cloud of a file with up, and where they are surely its own the view, of the cameras that lie beside it.
 
     As it is where there are none. Files that are damaged count for nothing.
     """
     name = path.name.lower()
-    if name == _INPUT:
-        return told_by_cameras(cloud, *trained_cameras(path))
-    folder = path.parent / "sparse" if name in _DENSE else path.parent
-    if any(_is_small(folder / images, _LONGEST_IMAGES) for images in _IMAGES):
+    if name == _INPUT_NAME:
+        return with_camera_hints(cloud, *trained_cameras(path))
+    folder = path.parent / "sparse" if name in _DENSE_NAMES else path.parent
+    if any(_is_small(folder / images, _MOST_IMAGES_BYTES) for images in _IMAGES_NAMES):
         colmap = late("z2p_renderer.plugins.readers.colmap")
         rotations, places = colmap.cameras_in(folder)
         if len(places):
-            return told_by_cameras(_usually(cloud, "-Y", colmap.AXES_REASON), rotations, places)
-    if name in _DENSE:
-        return _usually(cloud, "-Y", "the usual axes of COLMAP, as whose result it is named")
-    if _is_small(path.parent / "transforms.json", _LONGEST_JSON):
-        return _told_by_transforms(cloud, path)
+            return with_camera_hints(_with_usual_up(cloud, "-Y", colmap.AXES_REASON), rotations, places)
+    if name in _DENSE_NAMES:
+        return _with_usual_up(cloud, "-Y", "the usual axes of COLMAP, as whose result it is named")
+    if _is_small(path.parent / "transforms.json", MOST_JSON_BYTES):
+        return _with_transforms(cloud, path)
     return cloud
 
 
-def _usually(cloud: RawCloud, axis: str, reason: str) -> RawCloud:
+def _with_usual_up(cloud: RawCloud, axis: str, reason: str) -> RawCloud:
     return replace(cloud, up=axis, up_reason=reason, up_certain=False)
 
 
@@ -58,7 +58,7 @@ def _is_small(path: Path, most: int) -> bool:
         return False
 
 
-def _told_by_transforms(cloud: RawCloud, path: Path) -> RawCloud:
+def _with_transforms(cloud: RawCloud, path: Path) -> RawCloud:
     """The cloud as the cameras in a transforms.json tell.
 
     They are surely the cloud's own where the file names it. Any other cloud may have been turned since, so that they
@@ -71,13 +71,13 @@ def _told_by_transforms(cloud: RawCloud, path: Path) -> RawCloud:
     if not isinstance(told, dict) or not isinstance(told.get("frames"), list):
         return cloud
     rotations, places = _frames(told["frames"])
-    cloud = _usually(cloud, _world_up(told), "the usual axes of nerfstudio, whose transforms.json lies beside it")
-    found = told_by_cameras(cloud, rotations, places)
+    cloud = _with_usual_up(cloud, _world_up(told), "the usual axes of nerfstudio, whose transforms.json lies beside it")
+    found = with_camera_hints(cloud, rotations, places)
     named = told.get("ply_file_path")
     if isinstance(named, str) and PurePath(named).name == path.name:
         return found
     reason = found.up_reason if not found.up_certain else "that of the cameras in the transforms.json beside it"
-    return _usually(cloud, found.up, reason)
+    return _with_usual_up(cloud, found.up, reason)
 
 
 def _frames(frames: list[Any]) -> tuple[np.ndarray, np.ndarray]:
@@ -93,9 +93,9 @@ def _frames(frames: list[Any]) -> tuple[np.ndarray, np.ndarray]:
     if poses.ndim != 3 or poses.shape[1] not in (3, 4) or poses.shape[2] != 4 or not np.isfinite(poses).all():
         return none
     axes = poses[:, :3, :3] / np.maximum(np.linalg.norm(poses[:, :3, :3], axis=1, keepdims=True), 1e-12)
-    if np.abs(axes.transpose(0, 2, 1) @ axes - np.eye(3)).max(initial=0) > _SQUARE:
+    if np.abs(axes.transpose(0, 2, 1) @ axes - np.eye(3)).max(initial=0) > _ORTHOGONAL_TOLERANCE:
         return none
-    return _OPENGL @ axes.transpose(0, 2, 1), poses[:, :3, 3]
+    return _OPENGL_TO_OPENCV @ axes.transpose(0, 2, 1), poses[:, :3, 3]
 
 
 def _world_up(told: dict[str, Any]) -> str:

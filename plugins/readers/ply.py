@@ -10,10 +10,10 @@ import numpy as np
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
-from z2p_renderer.plugins.readers.camera_hints import told_by_cameras, trained_cameras
+from z2p_renderer.plugins.readers.camera_hints import trained_cameras, with_camera_hints
 from z2p_renderer.plugins.readers.colours import colours_note
 from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
-from z2p_renderer.plugins.readers.model_cameras import told_by_model
+from z2p_renderer.plugins.readers.model_cameras import with_model_cameras
 from z2p_renderer.plugins.readers.ply_lists import walked_ascii, walked_binary
 from z2p_renderer.plugins.readers.splats import is_packed, is_splats, of_packed, of_splats, splat_columns
 
@@ -53,8 +53,8 @@ class Ply(Reader):
         """
         cloud = _cloud(path)
         if cloud.up:  # only Gaussians have one
-            return [told_by_cameras(cloud, *trained_cameras(path))]
-        return [told_by_model(cloud, path)]
+            return [with_camera_hints(cloud, *trained_cameras(path))]
+        return [with_model_cameras(cloud, path)]
 
 
 def _cloud(path: Path) -> RawCloud:

@@ -10,7 +10,7 @@ from typing import TextIO
 import numpy as np
 
 from z2p_core.interfaces import RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers.colours import NOTE
+from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
 from z2p_renderer.plugins.readers.text_lines import memory_of_lines
 
 _HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
@@ -42,7 +42,7 @@ class Ptx(Reader):
             points = np.concatenate([np.empty((0, 3)), *_scans(file)])
         with path.open(encoding="utf-8-sig", errors="replace") as file:
             first = next(islice(file, len(_HEADER), None), "")
-        return [RawCloud(points, note=NOTE if len(first.split()) == _COLOURED else "")]
+        return [RawCloud(points, note=IGNORED_NOTE if len(first.split()) == _COLOURED else "")]
 
 
 def _scans(file: TextIO) -> Iterator[np.ndarray]:

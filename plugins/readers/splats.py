@@ -7,16 +7,16 @@ import numpy as np
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_core.ply_header import PlyElement, PlyHeader
 from z2p_core.spread import MOST_ROWS
-from z2p_renderer.plugins.readers.colours import NOTE
+from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
 
-UP, UP_REASON = "-Y", "usual for Gaussian splats"
-FAINT = 0.05
+USUAL_UP, UP_REASON = "-Y", "usual for Gaussian splats"
+FAINT_OPACITY = 0.05
 """Opacity below which a Gaussian hardly shows: training leaves many such floating about."""
-HUGE = 0.25
+HUGE_DIAGONALS = 0.25
 """Length of a Gaussian's longest axis, in diagonals of the box about most others, from which on it is no surface but
 haze or sky, and its centre no point of anything."""
-_MOST = (0.02, 0.98)
-_GROUP = 256
+_BOX_QUANTILES = (0.02, 0.98)
+_GROUP_SIZE = 256
 """Packed Gaussians that share the bounds in one row of the element ``chunk``."""
 _PACKED = ("packed_position", "packed_scale", "packed_color")
 _BOUNDS = ("min_x", "min_y", "min_z", "max_x", "max_y", "max_z")
@@ -72,16 +72,16 @@ def of_packed(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
     if vertex is None:
         return RawCloud(np.empty((0, 3)))
     names = set(chunk.dtype.names or ()) if chunk is not None else set()
-    if chunk is None or not set(_BOUNDS) <= names or len(chunk) != -(-len(vertex) // _GROUP):
-        raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each {_GROUP} of them, "
-                        f"got {0 if chunk is None else len(chunk)}; export the file again")
+    if chunk is None or not set(_BOUNDS) <= names or len(chunk) != -(-len(vertex) // _GROUP_SIZE):
+        raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each {_GROUP_SIZE} "
+                        f"of them, got {0 if chunk is None else len(chunk)}; export the file again")
     rows = np.arange(0, len(vertex), -(-len(vertex) // MOST_ROWS))
-    group, vertex = rows // _GROUP, vertex[rows]
+    group, vertex = rows // _GROUP_SIZE, vertex[rows]
     points = _between(vertex["packed_position"], chunk[group], _BOUNDS)
     sized = "packed_scale" in (vertex.dtype.names or ()) and set(_SCALE_BOUNDS) <= names
     scales = _between(vertex["packed_scale"], chunk[group], _SCALE_BOUNDS) if sized else np.empty((len(rows), 0))
     alpha = (vertex["packed_color"] & 255) / 255.0
-    return _shown(points, alpha, scales, NOTE, int(header.element("vertex").count), note)  # type: ignore[union-attr]
+    return _shown(points, alpha, scales, IGNORED_NOTE, int(header.element("vertex").count), note)  # type: ignore[union-attr]
 
 
 def _between(packed: np.ndarray, chunk: np.ndarray, bounds: tuple[str, ...]) -> np.ndarray:
@@ -101,13 +101,14 @@ def _shown(
     points: np.ndarray, alpha: np.ndarray, scales: np.ndarray, colours: str, total: int, note: str
 ) -> RawCloud:
     """The cloud of those Gaussians that show a surface; all of them if hardly any does."""
-    solid = alpha >= FAINT
+    solid = alpha >= FAINT_OPACITY
     large = np.zeros(len(points), dtype=bool)
     placed = points[solid & np.isfinite(points).all(1)]
     if scales.shape[1] and len(placed) > 2:
-        low, high = np.quantile(placed, _MOST, axis=0)
+        low, high = np.quantile(placed, _BOX_QUANTILES, axis=0)
         with np.errstate(over="ignore"):
-            large = solid & (np.exp(scales.astype(np.float64)).max(1) > HUGE * float(np.linalg.norm(high - low)))
+            length = np.exp(scales.astype(np.float64)).max(1)
+            large = solid & (length > HUGE_DIAGONALS * float(np.linalg.norm(high - low)))
     kept = solid & ~large
     parts = [note]
     if kept.sum() < 3:
@@ -115,8 +116,9 @@ def _shown(
         parts.append("all its Gaussians are nearly transparent or huge, and none was left out")
     elif not kept.all():
         huge = f" and {int(large.sum())} huge ones" if large.any() else ""
-        parts.append(f"{int((~solid).sum())} nearly transparent Gaussians (opacity below {FAINT:.0%}){huge} left out")
+        faint = f"{int((~solid).sum())} nearly transparent Gaussians (opacity below {FAINT_OPACITY:.0%})"
+        parts.append(f"{faint}{huge} left out")
     parts.append(colours)
     told = "; ".join(filter(None, parts))
-    return RawCloud(points[kept].astype(np.float64), total=total if total > len(points) else None, note=told, up=UP,
-                    up_reason=UP_REASON, up_certain=False)  # fmt: skip
+    return RawCloud(points[kept].astype(np.float64), total=total if total > len(points) else None, note=told,
+                    up=USUAL_UP, up_reason=UP_REASON, up_certain=False)  # fmt: skip

@@ -11,15 +11,15 @@ from z2p_core.number_grids import GRID_ADVICE, is_grid
 from z2p_core.pose_rows import pose_kind
 from z2p_core.side_columns import are_colours, are_normals, side_names
 
-FEWEST = 10
+FEWEST_ROWS = 10
 """Rows from which a column of 0, 1, 2 ... is no chance."""
-_BROKEN = 0.1
+_DECIMAL_SHARE = 0.1
 """Share of numbers with decimals from which on a column is none of whole numbers."""
-_STEADY, _STEADY_ROWS = 0.01, 50
+_STEP_TOLERANCE, _FEWEST_STEADY_ROWS = 0.01, 50
 """How far the steps of a clock may differ from their median, and the rows that tell it."""
 _EPOCHS = ((1e9, 4e9), (1e12, 4e12), (1e15, 4e15), (1e18, 4e18))
 """Seconds since 1970, and thousandths, millionths and billionths of them: no scanner's coordinates are as large."""
-_FAR = 1000.0
+_CLOCK_SPANS = 1000.0
 """How far from 0 a clock's reading is at least, in what passes while a cloud is measured."""
 
 
@@ -34,7 +34,7 @@ class Doubt:
 @np.errstate(all="ignore")  # of numbers that are no coordinates
 def counts_rows(column: np.ndarray) -> bool:
     """Whether a column (N,) numbers its rows, from 0 or 1 on."""
-    return len(column) >= FEWEST and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
+    return len(column) >= FEWEST_ROWS and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
 
 
 def refuse_other_tables(sample: np.ndarray, rows: int) -> None:
@@ -80,15 +80,15 @@ def some_names(columns: int) -> str:
 
 def _doubt(points: np.ndarray, sample: np.ndarray) -> Doubt | None:
     """What the columns before x, y and z seem to be; None if there are none."""
-    if len(points) < FEWEST or _beside(sample):
+    if len(points) < FEWEST_ROWS or _have_sides(sample):
         return None
     width = sample.shape[1]
     if width >= 5 and _are_cells(points, sample):
         return Doubt(("row", "column"), "a scanner's row and column numbers")
     first, later = points[:, 0], [points[:, 1], points[:, 2], sample[:, 3]]
-    broken = all(map(_is_broken, later))
+    broken = all(map(_has_decimals, later))
     if _is_whole(first) and broken:
-        if _grows(first):
+        if _increases(first):
             return Doubt(("id",), "numbers of the points or times")
         return Doubt(("label",), "labels or numbers of scan lines")
     if _is_clock(first, points[:, 1:]):
@@ -98,7 +98,7 @@ def _doubt(points: np.ndarray, sample: np.ndarray) -> Doubt | None:
     return None
 
 
-def _beside(sample: np.ndarray) -> bool:
+def _have_sides(sample: np.ndarray) -> bool:
     """Whether columns 4 to 6 are normals or shares of colours, so that the three before them are x, y and z."""
     if sample.shape[1] < 6:
         return False
@@ -113,7 +113,7 @@ def _are_cells(points: np.ndarray, sample: np.ndarray) -> bool:
     if not _is_whole(cells.ravel()) or cells.min() < 0 or not np.ptp(cells, axis=0).all():
         return False
     later = [points[:, 2], sample[:, 3], sample[:, 4]]
-    broken = all(map(_is_broken, later))
+    broken = all(map(_has_decimals, later))
     if not broken and (sample.shape[1] >= 6 and are_colours(sample[:, 3:6])):
         return False
     steps = np.diff(cells, axis=0)
@@ -132,15 +132,15 @@ def _is_clock(first: np.ndarray, others: np.ndarray) -> bool:
         return True
     if (np.diff(others, axis=0) >= 0).all(0).any():
         return False
-    if first[0] > _FAR * (first[-1] - first[0]) and np.abs(others).max() < first[0] / 10:
+    if first[0] > _CLOCK_SPANS * (first[-1] - first[0]) and np.abs(others).max() < first[0] / 10:
         return True
-    steady = np.abs(steps - np.median(steps)) <= _STEADY * np.median(steps)
-    return len(first) >= _STEADY_ROWS and bool((steps > 0).all() and steady.mean() > 0.9)
+    steady = np.abs(steps - np.median(steps)) <= _STEP_TOLERANCE * np.median(steps)
+    return len(first) >= _FEWEST_STEADY_ROWS and bool((steps > 0).all() and steady.mean() > 0.9)
 
 
 def _is_class(first: np.ndarray, later: list[np.ndarray]) -> bool:
     """Whether a column (N,) holds few whole numbers from 0 on before coordinates that are whole as well."""
-    if not _is_whole(first) or first.min() < 0 or len(first) < 10 * FEWEST:
+    if not _is_whole(first) or first.min() < 0 or len(first) < 10 * FEWEST_ROWS:
         return False
     classes = len(np.unique(first))
     last = later[-1][np.isfinite(later[-1])]
@@ -152,11 +152,11 @@ def _is_whole(column: np.ndarray) -> bool:
     return bool((column == np.floor(column)).all())
 
 
-def _grows(column: np.ndarray) -> bool:
+def _increases(column: np.ndarray) -> bool:
     return bool((np.diff(column) > 0).all())
 
 
-def _is_broken(column: np.ndarray) -> bool:
+def _has_decimals(column: np.ndarray) -> bool:
     """Whether a column's numbers have decimals."""
     finite = column[np.isfinite(column)]
-    return len(finite) > 0 and bool((finite != np.floor(finite)).mean() > _BROKEN)
+    return len(finite) > 0 and bool((finite != np.floor(finite)).mean() > _DECIMAL_SHARE)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers.colours import NOTE
+from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
 
 _OFF = re.compile(
     rb"(?P<texture>ST)?(?P<colours>C)?(?P<normals>N)?(?P<homogeneous>4)?(?P<dimensions>n)?OFF(?![A-Za-z])(?P<counts>.*)"
@@ -47,7 +47,7 @@ def _obj(blob: bytes) -> RawCloud:
     if not rows and blob.strip():
         raise ScanError("expected OBJ vertices (lines 'v x y z'), found none; this is another format under that name, "
                         "or it holds no points")
-    note = NOTE if lines and len(lines[0]) in _COLOURED else ""
+    note = IGNORED_NOTE if lines and len(lines[0]) in _COLOURED else ""
     try:
         return RawCloud(np.array(rows, dtype=np.float64).reshape(len(rows), 3), note=note)
     except ValueError as error:
@@ -77,7 +77,7 @@ def _off(blob: bytes) -> RawCloud:
         raise ScanError(f"the OFF vertices cannot be read ({_first_line(error)}); export the file again") from error
     with np.errstate(all="ignore"):  # a place at infinity is left out like any that is not finite
         points = numbers[:, :3] / numbers[:, 3:] if width == 4 else numbers
-    return RawCloud(points, note=NOTE if form["colours"] else "")
+    return RawCloud(points, note=IGNORED_NOTE if form["colours"] else "")
 
 
 def _first_line(error: Exception) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers.colours import NOTE, colours_note
+from z2p_renderer.plugins.readers.colours import IGNORED_NOTE, colours_note
 from z2p_renderer.plugins.readers.late import late
 
 _TYPES = {
@@ -60,7 +60,7 @@ def _legacy(blob: bytes) -> RawCloud:
     count, name = int(found[1]), found[2].decode().lower()
     if name not in _TYPES:
         raise ScanError(f"VTK points are float or double, got {name!r}; export the file again")
-    note = NOTE if re.search(rb"^COLOR_SCALARS ", blob[found.end() :], re.MULTILINE) else ""
+    note = IGNORED_NOTE if re.search(rb"^COLOR_SCALARS ", blob[found.end() :], re.MULTILINE) else ""
     read = _binary if encoding == [b"BINARY"] else _text
     return RawCloud(read(blob, found.end(), count, np.dtype(">" + _TYPES[name])), note=note)
 

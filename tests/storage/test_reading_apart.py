@@ -14,7 +14,7 @@ import pytest
 
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.storage import clouds
-from z2p_renderer.storage.apart import SPARE, ReaderEndedError, read_apart
+from z2p_renderer.storage.apart import SPARE_BYTES, ReaderEndedError, read_apart
 from z2p_renderer.storage.clouds import read_clouds
 
 POINTS = np.random.default_rng(1).normal(size=(50, 3))
@@ -39,7 +39,7 @@ class Fragile(Reader):
             case "abort":
                 os.kill(os.getpid(), signal.SIGABRT)
             case "greedy":
-                return [np.ones((SPARE // 8, 3))]
+                return [np.ones((SPARE_BYTES // 8, 3))]
             case "refuses":
                 raise ScanError("expected something else")
             case "fails":

@@ -5,7 +5,7 @@ import multiprocessing
 import luigi.retcodes
 import pytest
 
-from z2p_renderer.storage.room import PASSING
+from z2p_renderer.storage.room import TEMPORARY_FAILURE
 from z2p_renderer.workflows import ending
 
 
@@ -36,13 +36,13 @@ def test_nothing_failed():
 
 def test_what_may_pass_ends_with_a_status_of_its_own(statuses):
     in_a_fork(("FAILED train: no space left", True))
-    assert ending.conclude() and statuses.task_failed == statuses.scheduling_error == PASSING
+    assert ending.conclude() and statuses.task_failed == statuses.scheduling_error == TEMPORARY_FAILURE
     assert not ending.conclude(), "and it is told once"
 
 
 def test_what_fails_again_keeps_its_status(statuses, capfd):
     in_a_fork(("FAILED train: no space left", True), ("FAILED render: Blender exited with 1", False))
-    assert ending.conclude() and statuses.task_failed != PASSING
+    assert ending.conclude() and statuses.task_failed != TEMPORARY_FAILURE
     assert capfd.readouterr().err.splitlines()[-1] == "FAILED 2 tasks, the first: train: no space left"
 
 

@@ -12,8 +12,8 @@ from pathlib import Path
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.editable_wheel import editable_wheel
 
-TOLD, COMPILING = (runpy.run_path(str(Path(__file__).with_name(name))) for name in ("sources.py", "compiling.py"))
-OLDEST = 17
+SOURCES, COMPILING = (runpy.run_path(str(Path(__file__).with_name(name))) for name in ("sources.py", "compiling.py"))
+OLDEST_GLIBC_MINOR = 17
 """The C library 2.17, of 2014, is the oldest that tools still speak of (manylinux2014); the kernels need 2.14."""
 
 
@@ -28,7 +28,7 @@ class NameWheel(bdist_wheel):
 
     def get_tag(self) -> tuple[str, str, str]:
         _, _, platform = super().get_tag()
-        built = Path(self.bdist_dir, "z2p_core", "native", TOLD["LIBRARY"])
+        built = Path(self.bdist_dir, "z2p_core", "native", SOURCES["LIBRARY"])
         return "py3", "none", platform_tag(platform, built.read_bytes() if built.is_file() else b"")
 
 
@@ -50,4 +50,4 @@ def platform_tag(platform: str, library: bytes) -> str:
     needed = [int(minor) for minor in re.findall(rb"\0GLIBC_2\.(\d+)(?=[.\0])", library)]
     if sys.platform != "linux" or not needed:  # musl's, which has no versions
         return platform
-    return f"manylinux_2_{max(OLDEST, *needed)}_{sysconfig.get_platform().rpartition('-')[2]}"
+    return f"manylinux_2_{max(OLDEST_GLIBC_MINOR, *needed)}_{sysconfig.get_platform().rpartition('-')[2]}"
