@@ -5,6 +5,8 @@ from __future__ import annotations
 MOST_CHARACTERS = 1200
 """Characters of a message; of a longer one the middle goes, for what is wrong stands first, and what to do last."""
 _END_CHARACTERS = 300
+MOST_REASON = 160
+"""Characters that a message quotes of a library's own error."""
 
 
 class UsersError(ValueError):
@@ -22,3 +24,8 @@ def one_line(text: str) -> str:
     if len(text) <= MOST_CHARACTERS:
         return text
     return f"{text[: MOST_CHARACTERS - _END_CHARACTERS - 5]} ... {text[-_END_CHARACTERS:]}"
+
+
+def reason_of(error: BaseException) -> str:
+    """What a library's error says, on one line of at most `MOST_REASON` characters; its type where it says nothing."""
+    return " ".join(str(error).split())[:MOST_REASON] or type(error).__name__

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from z2p_core.interfaces import ScanError
+from z2p_core.one_line import reason_of
 
 
 class Apart:
@@ -78,4 +79,4 @@ def _serve(function: Callable[..., Any], pipe: Any) -> None:
         try:
             pipe.send((function(*arguments), ""))
         except Exception as error:
-            pipe.send((None, " ".join(str(error).split())[:160] or type(error).__name__))
+            pipe.send((None, reason_of(error)))

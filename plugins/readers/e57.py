@@ -11,6 +11,7 @@ import numpy as np
 
 from z2p_core.install_advice import install_advice
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
+from z2p_core.one_line import reason_of
 from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
 from z2p_renderer.plugins.readers.late import late
 
@@ -83,5 +84,4 @@ def _description(path: Path) -> bytes:
 
 
 def _unreadable(error: Exception) -> ScanError:
-    reason = " ".join(str(error).split())[:160] or type(error).__name__
-    return ScanError(f"the E57 file cannot be read ({reason}); export it again")
+    return ScanError(f"the E57 file cannot be read ({reason_of(error)}); export it again")

@@ -11,6 +11,7 @@ import numpy as np
 
 from z2p_core.install_advice import install_advice
 from z2p_core.interfaces import RawCloud, Reader, ScanError
+from z2p_core.one_line import reason_of
 from z2p_renderer.plugins.readers.array_clouds import KEYS, check_fields, clouds_of, is_points, numbers, side_by_side
 from z2p_renderer.plugins.readers.late import late
 
@@ -54,8 +55,7 @@ def _with_file(path: Path, work: Callable[[Any], Any]) -> Any:
     except ScanError:
         raise
     except Exception as error:  # the library raises whatever its parsing stumbles over
-        reason = " ".join(str(error).split())[:160] or type(error).__name__
-        raise ScanError(f"the HDF5 file cannot be read ({reason}); save it again") from error
+        raise ScanError(f"the HDF5 file cannot be read ({reason_of(error)}); save it again") from error
 
 
 def _clouds(file: Any) -> list[RawCloud | np.ndarray]:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError
+from z2p_core.one_line import reason_of
 from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
 from z2p_renderer.plugins.readers.gltf import readable_glb
 from z2p_renderer.plugins.readers.gltf_parts import as_glb, bytes_beside
@@ -54,8 +55,7 @@ class Meshes(Reader):
         except (ScanError, ImportError):  # no fault of the file
             raise
         except Exception as error:  # the library raises whatever its parsing stumbles over
-            reason = " ".join(str(error).split())[:160] or type(error).__name__
-            raise ScanError(f"the vertices cannot be read ({reason}); export the file again") from error
+            raise ScanError(f"the vertices cannot be read ({reason_of(error)}); export the file again") from error
         first = np.unique(points, axis=0, return_index=True)[1]
         return [RawCloud(points[np.sort(first)], note=note)]
 

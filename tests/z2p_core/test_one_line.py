@@ -6,7 +6,7 @@ import pytest
 
 from z2p_core.config import ConfigError
 from z2p_core.interfaces import ScanError, SettingError
-from z2p_core.one_line import MOST_CHARACTERS, UsersError, one_line
+from z2p_core.one_line import MOST_CHARACTERS, MOST_REASON, UsersError, one_line, reason_of
 from z2p_renderer.storage.checkpoints import WeightsError
 from z2p_renderer.storage.pictures import PictureError
 from z2p_renderer.storage.shards import ShardError
@@ -32,3 +32,9 @@ def test_every_error_of_ours_is_one_line_and_survives_a_pickle(kind):
     error = kind("got\n" + "x" * 5000)
     assert "\n" not in str(error) and len(str(error)) == MOST_CHARACTERS and isinstance(error, ValueError)
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+def test_a_librarys_error_is_quoted_in_short_or_by_its_type() -> None:
+    assert reason_of(ValueError("bad\n  header")) == "bad header"
+    assert reason_of(KeyError()) == "KeyError"
+    assert len(reason_of(ValueError("long " * 1000))) <= MOST_REASON
