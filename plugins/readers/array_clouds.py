@@ -14,6 +14,8 @@ from z2p_core.point_maps import map_sensor
 from z2p_core.side_columns import ignored_columns
 
 MOST_COLUMNS = 128
+_SUSPICIOUS_BYTES, _WORST_RATIO = 100 << 20, 200
+"""An array above so many bytes that was packed to a smaller share of them than one in so many is no cloud."""
 MAP_KEYS = ("pts3d", "world_points", "point_map", "pointmap", "point_maps", "points3d", "points_3d", "xyz_map",
             "world_points_from_depth", "pts3d_in_other_view", "xyz_image")  # fmt: skip
 """Names of point maps, as learnt depth writes them."""
@@ -51,6 +53,11 @@ def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
     up = _OBJECT_UP if key in OBJECT_KEYS else {}
     note = ignored_columns(batch[0][:_MOST_SAMPLED, 3:].astype(np.float64)) if len(batch) else ""
     return [RawCloud(_points(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
+
+
+def unpacks_too_much(unpacked: int, packed: int, most: int) -> bool:
+    """Whether an array of `unpacked` bytes, kept in `packed` ones, has more than `most`, or more than clouds pack."""
+    return unpacked > most or (unpacked > _SUSPICIOUS_BYTES and unpacked > _WORST_RATIO * max(packed, 1))
 
 
 def as_rows_last(array: np.ndarray) -> np.ndarray:

@@ -12,14 +12,21 @@ import numpy as np
 from z2p_core.install_advice import install_advice
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_core.one_line import reason_of
-from z2p_renderer.plugins.readers.array_clouds import KEYS, check_fields, clouds_of, is_points, numbers, side_by_side
+from z2p_renderer.plugins.readers.array_clouds import (
+    KEYS,
+    check_fields,
+    clouds_of,
+    is_points,
+    numbers,
+    side_by_side,
+    unpacks_too_much,
+)
 from z2p_renderer.plugins.readers.late import late
 
 _MOST_OBJECTS, _DEEPEST = 1000, 4
 """Data sets and groups that are looked at, and how deep they may lie."""
 _MOST_BYTES = 8 << 30
-_SUSPICIOUS_BYTES, _WORST_RATIO = 100 << 20, 200
-"""A data set above `_MOST_BYTES` bytes is refused, and one above `_SUSPICIOUS_BYTES` that was packed over 200 times."""
+"""Of a data set, unpacked; one with more is refused."""
 
 
 class H5(Reader):
@@ -122,5 +129,5 @@ def _check_size(found: Any) -> None:
     if found.is_virtual or found.external:
         raise ScanError(f"{found.name} lies in other files, which are not opened; save its points in one file")
     size, packed = int(np.prod(found.shape, dtype=object)) * found.dtype.itemsize, found.id.get_storage_size()
-    if size > _MOST_BYTES or (size > _SUSPICIOUS_BYTES and size > _WORST_RATIO * max(packed, 1)):
+    if unpacks_too_much(size, packed, _MOST_BYTES):
         raise ScanError(f"{found.name} would unpack to {size} bytes from {packed}; save fewer clouds, as .npy for one")

@@ -20,11 +20,11 @@ from z2p_renderer.plugins.readers.array_clouds import (
     is_points,
     numbers,
     side_by_side,
+    unpacks_too_much,
 )
 
 _LARGEST = 2 << 30
-_SUSPICIOUS, _WORST_RATIO = 100 << 20, 200
-"""An npz member above `_LARGEST` bytes is refused, and one above `_SUSPICIOUS` that was packed over 200 times."""
+"""Bytes of an npz member, unpacked; one with more is refused."""
 _NO_POINTS = ("normal", "color", "colour", "rgb", "feat", "conf", "mask", "depth")
 """Parts of the names of arrays that stand beside points."""
 _AXES = {"x", "y", "z"}
@@ -142,12 +142,7 @@ def _shape_of_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bo
 
 def _weigh(name: str, info: zipfile.ZipInfo, size: int) -> None:
     """Raises ScanError for an array that packs more than a cloud could into a file of `size` bytes."""
-    ratio = info.file_size / max(info.compress_size, 1)
-    if (
-        info.file_size > _LARGEST
-        or (info.file_size > _SUSPICIOUS and ratio > _WORST_RATIO)
-        or info.compress_size > size
-    ):
+    if unpacks_too_much(info.file_size, info.compress_size, _LARGEST) or info.compress_size > size:
         raise ScanError(f"array {name!r} would unpack to {info.file_size} bytes from {info.compress_size}; "
                         "that is no cloud: save it again as .npy if it is one")
 
