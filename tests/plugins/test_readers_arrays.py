@@ -196,7 +196,7 @@ def samples(folder: Path) -> dict[str, bytes]:
               ".vtu": xml(points, "binary", kind="UnstructuredGrid"), ".gltf": gltf(points)}  # fmt: skip
     files[".ply"] = ply(points, "binary_little_endian")
     files |= {suffix: text.encode() for suffix, text in {
-        ".xyz": rows, ".txt": rows, ".asc": rows, ".csv": rows,
+        ".xyz": rows, ".txt": rows, ".asc": rows, ".csv": rows, ".tsv": rows,
         ".pts": f"40\n{rows}", ".xyzn": six, ".xyzrgb": six, ".off": f"OFF\n40 0 0\n{rows}",
         ".obj": "".join(f"v {row}\n" for row in rows.splitlines())}.items()}  # fmt: skip
     return files
