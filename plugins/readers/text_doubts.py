@@ -68,7 +68,7 @@ def check_first(points: np.ndarray, sample: np.ndarray, first: int = 1) -> None:
     rest = side_names(sample[:, before + 3 :], first + before + 3)
     wanted = ",".join([*leading, *doubt.names, "x", "y", "z", *rest])
     plain = ",".join([*leading, "x", "y", "z", *(f"c{column + first}" for column in range(3, sample.shape[1]))])
-    which = f"column {first}" if before == 1 else f"columns {first} and {first + 1}"
+    which = (f"column {first}", f"columns {first} and {first + 1}", f"columns {first} to {first + 2}")[before - 1]
     raise ScanError(f"{which} may be {doubt.looks} rather than coordinates: say which with --columns {wanted} or "
                     f"--columns {plain}")
 
@@ -83,6 +83,8 @@ def _doubt(points: np.ndarray, sample: np.ndarray) -> Doubt | None:
     if len(points) < FEWEST_ROWS or _have_sides(sample):
         return None
     width = sample.shape[1]
+    if width >= 6 and (names := _others_first(points, sample)):
+        return Doubt(names, "normals" if names[0] == "nx" else "colours")
     if width >= 5 and _are_cells(points, sample):
         return Doubt(("row", "column"), "a scanner's row and column numbers")
     first, later = points[:, 0], [points[:, 1], points[:, 2], sample[:, 3]]
@@ -105,6 +107,16 @@ def _have_sides(sample: np.ndarray) -> bool:
     three = sample[:, 3:6]
     three = three[np.isfinite(three).all(1)]
     return len(three) > 0 and (are_normals(three) or (are_colours(three) and not _is_whole(three.ravel())))
+
+
+def _others_first(points: np.ndarray, sample: np.ndarray) -> tuple[str, ...]:
+    """Names of what the first three columns hold, where it is normals or colours before coordinates; else none."""
+    if not all(map(_has_decimals, sample[:, 3:6].T)):
+        return ()
+    if are_normals(points):
+        return ("nx", "ny", "nz")
+    colours = _is_whole(points.ravel()) and points.min() >= 0 and 128 <= points.max() <= 255
+    return ("r", "g", "b") if colours else ()
 
 
 def _are_cells(points: np.ndarray, sample: np.ndarray) -> bool:

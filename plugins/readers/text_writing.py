@@ -8,6 +8,9 @@ from collections.abc import Sequence
 _DEGREES = {"lat", "latitude", "lon", "long", "lng", "longitude"}
 """Names of columns that hold degrees."""
 _GEOMETRY = re.compile(r"\b(?:POINT|MULTIPOINT)\s*(?:Z|M|ZM)?\s*\(", re.IGNORECASE)
+_ANGLE = re.compile(r"\d\s*[°º]\s*\d+(?:[.,]\d+)?\s*['′]")
+_ROUND = ({"range", "r", "rho", "distance", "radius", "dist"}, {"azimuth", "theta", "az", "bearing", "hz", "longitude"})
+"""Names of a distance from the scanner and of an angle about it."""
 _BRACKETS = re.compile(r"\s*[(\[{]+\s*[-+]?[\d.]+[^)\]}]*[)\]}]")
 _THOUSANDS = re.compile(r"(?<![\d.,])[-+]?\d{1,3}([.,'\u00a0\u202f\u2019])\d{3}(?:\1\d{3})*(?!\1)[.,]\d+(?![\d.,])")
 """A number with a mark behind its thousands and another one before its decimals."""
@@ -21,6 +24,12 @@ def told_writing(lines: Sequence[str]) -> str:
     line = lines[0]
     if _BRACKETS.match(line):
         return f"its numbers stand in brackets ({line.strip()[:40]}); take the brackets out of the file"
+    if _ANGLE.search(line):
+        return "its angles are in degrees, minutes and seconds; export them as degrees with decimals, or as metres"
+    words = set(re.split(r"[^a-z]+", line.lower()))
+    if all(words & names for names in _ROUND) and not {"x", "y", "z"} <= words:
+        return ("it names a distance and angles from the scanner, not x, y and z; export those, or reckon x = r "
+                "cos(el) cos(az), y = r cos(el) sin(az) and z = r sin(el)")
     if number := _THOUSANDS.search(line):
         return f"{number[0]!r} has marks between its thousands; export the numbers without them"
     return ""

@@ -70,6 +70,15 @@ def test_a_count_of_the_rows_before_the_coordinates_is_left_out_and_told(tmp_pat
         read(tmp_path / f"a{suffix}", table(np.arange(240), ROW, COLUMN, XYZ))
 
 
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize(("first", "names"), [(NORMALS, "nx,ny,nz"), (COLOURS, "r,g,b")])
+def test_normals_or_colours_before_the_coordinates_are_asked_about(
+    tmp_path: Path, suffix: str, first: np.ndarray, names: str
+) -> None:
+    with pytest.raises(ScanError, match=f"columns 1 to 3 may be .*--columns {names},x,y,z or --columns x,y,z,c4,c5,c6"):
+        read(tmp_path / f"a{suffix}", table(first, XYZ))
+
+
 def voxels() -> np.ndarray:
     return np.stack(np.meshgrid(*[np.arange(7)] * 3, indexing="ij"), -1).reshape(-1, 3)[:240]
 

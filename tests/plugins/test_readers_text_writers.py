@@ -65,6 +65,8 @@ def test_titles_in_the_letters_of_older_windows(tmp_path: Path) -> None:
      ('x,y,z\n"446,032.868","5,411,000.1",3.5\n', "'446,032.868' has marks between its thousands"),
      ("x;y;z\n446'032.868;1;2\n", "has marks between its thousands"),
      ("[0.1, 0.2, 0.3]\n[1, 2, 3]\n", "numbers stand in brackets"), ("(-0.1 0.2 0.3)\n", "numbers stand in brackets"),
+     ("range,azimuth,elevation\n2,10,3\n", "a distance and angles"), ("R,Theta,Phi,I\n1,2,3,4\n", "z = r sin"),
+     ("lon;lat;h\n7°06'3.1\";50°12'4.2\";30\n", "degrees, minutes and seconds"),
      ('WKT,fid\n"POINT Z (1 2 3)",1\n', "written as geometry .* AS_XYZ"), ("POINT(1 2 3)\n", "written as geometry")],
 )  # fmt: skip
 def test_odd_writing_is_told_with_what_to_do(tmp_path: Path, text: str, told: str) -> None:
