@@ -12,6 +12,7 @@ from z2p_core.other_arrays import refuse_other_arrays
 from z2p_core.point_arrays import as_batch, plain
 from z2p_core.point_maps import map_sensor
 from z2p_core.side_columns import ignored_columns
+from z2p_renderer.plugins.readers.text_doubts import columns_before
 
 MOST_COLUMNS = 128
 _SUSPICIOUS_BYTES, _WORST_RATIO = 100 << 20, 200
@@ -50,9 +51,20 @@ def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
     batch = as_batch(array)
     if array.ndim == 3 and batch is not array:
         return [_seen(array)]
+    if array.ndim == 2:
+        _check_first(array)
     up = _OBJECT_UP if key in OBJECT_KEYS else {}
     note = ignored_columns(batch[0][:_MOST_SAMPLED, 3:].astype(np.float64)) if len(batch) else ""
     return [RawCloud(_points(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
+
+
+def _check_first(array: np.ndarray) -> None:
+    """Raises ScanError where something else than x, y and z comes first in the rows of a cloud (N, 3 or more)."""
+    before, looks = columns_before(_points(array), array[:_MOST_SAMPLED].astype(np.float64))
+    if before:
+        raise ScanError(f"column{'s' if before > 1 else ''} 1{f' to {before}' if before > 1 else ''} may be {looks} "
+                        f"rather than coordinates: save x, y and z alone, as array[:, {before}:{before + 3}] if they "
+                        "come next, or array[:, :3]")
 
 
 def unpacks_too_much(unpacked: int, packed: int, most: int) -> bool:

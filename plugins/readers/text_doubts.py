@@ -52,6 +52,20 @@ def refuse_other_tables(sample: np.ndarray, rows: int) -> None:
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
+def columns_before(points: np.ndarray, sample: np.ndarray) -> tuple[int, str]:
+    """How many columns seem to stand before x, y and z, and what they look like, in an array that nobody names.
+
+    points (N, 3): its first columns; `sample` (n, M): all columns of its first rows.
+    """
+    if sample.shape[1] < 4:
+        return 0, ""
+    if counts_rows(points[:, 0]):
+        return 1, "numbers of the points"
+    doubt = _doubt(points[np.isfinite(points).all(1)], sample)
+    return (len(doubt.names), doubt.looks) if doubt else (0, "")
+
+
+@np.errstate(all="ignore")  # of numbers that are no coordinates
 def check_first(points: np.ndarray, sample: np.ndarray, first: int = 1) -> None:
     """None where the first three of more columns may well be x, y and z: points (N, 3) of the whole file.
 

@@ -179,3 +179,18 @@ def test_nan_of_the_kind_that_signals_is_nan_and_no_warning(tmp_path: Path, widt
     np.save(tmp_path / "a.npy", rows)
     (scan,) = read_clouds(tmp_path / "a.npy")
     assert len(scan.points) == 39 and scan.dropped == 1
+
+
+@pytest.mark.parametrize(
+    ("before", "told"),
+    [(np.arange(60)[:, None], r"column 1 may be numbers .* array\[:, 1:4\]"),
+     (np.column_stack([np.arange(60) // 8, np.arange(60) % 8]), r"row and column numbers .* array\[:, 2:5\]"),
+     (XYZ / np.linalg.norm(XYZ, axis=1)[:, None], r"columns 1 to 3 may be normals .* array\[:, 3:6\]"),
+     (1.6e9 + np.arange(60)[:, None] / 10, r"column 1 may be times")],
+)  # fmt: skip
+def test_an_array_whose_first_columns_are_no_coordinates_is_refused(
+    tmp_path: Path, before: np.ndarray, told: str
+) -> None:
+    with pytest.raises(ScanError, match=told):
+        clouds(tmp_path / "a", array=np.column_stack([before, XYZ]))
+    assert np.array_equal(clouds(tmp_path / "b", array=np.column_stack([XYZ, before]))[0].points, XYZ)
