@@ -23,7 +23,7 @@ MAP_KEYS = ("pts3d", "world_points", "point_map", "pointmap", "point_maps", "poi
 OBJECT_KEYS = ("data", "complete_pcds", "incomplete_pcds", "gt", "complete", "partial", "pcds")
 """Names under which data sets made of ShapeNet or ModelNet keep their objects."""
 KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord", "point_cloud", "pointcloud", "pointclouds",
-        "point_clouds", "pcd", "pc", "cloud", *MAP_KEYS, *OBJECT_KEYS)  # fmt: skip
+        "point_clouds", "pcd", "pc", "pts", "cloud", *MAP_KEYS, *OBJECT_KEYS)  # fmt: skip
 """Names under which programs keep points; the first that holds some counts."""
 _CAMERA_AXES_KEYS = {"pts3d", "point_map", "pointmap", "point_maps", "xyz_map", "xyz_image"}
 """Those of maps in their own camera's axes."""

@@ -15,6 +15,7 @@ from z2p_core.one_line import reason_of
 from z2p_renderer.plugins.readers.array_clouds import (
     KEYS,
     check_fields,
+    check_shape,
     clouds_of,
     is_points,
     numbers,
@@ -33,7 +34,7 @@ class H5(Reader):
     """HDF5 (h5py, an extra): ModelNet40, ScanObjectNN, ShapeNet, PCN, MVP and the like, a batch or a cloud."""
 
     name = "h5"
-    version = "1"
+    version = "2"
     packages = ("h5py",)
     suffixes = (".h5", ".hdf5")
 
@@ -80,6 +81,7 @@ def _apart(file: Any) -> list[RawCloud | np.ndarray]:
     """One cloud of data sets x, y and z."""
     axes = {name.lower(): found for name, found in _data_sets(file) if name.lower() in ("x", "y", "z")}
     if len(axes) < 3:
+        _refuse_odd_shapes(file)
         names = [name for name, _ in _data_sets(file)]
         raise ScanError(f"expected points under one of the names {', '.join(KEYS[:6])} or data, got "
                         f"{', '.join(names[:12]) or 'no data sets'}{' ...' if len(names) > 12 else ''}; save the "
@@ -88,6 +90,16 @@ def _apart(file: Any) -> list[RawCloud | np.ndarray]:
         _check_size(found)
         check_fields(found.dtype)
     return [side_by_side({axis: found[()] for axis, found in axes.items()})]
+
+
+def _refuse_odd_shapes(file: Any) -> None:
+    """Raises ScanError where a data set is called as points are, and has a shape that no points have."""
+    for name, found in _data_sets(file):
+        if name.rpartition("/")[2].lower() in KEYS and found.shape and found.dtype.kind in "fiu":
+            try:
+                check_shape(found.shape)
+            except ScanError as error:
+                raise ScanError(f"{name}: {error}") from None
 
 
 def _chosen(file: Any) -> list[tuple[Any, str, list[str]]]:

@@ -38,7 +38,7 @@ class NumpyArrays(Reader):
     """Numpy arrays (N, 3 or more: the first three count), batches of these, and depth cameras' point maps."""
 
     name = "numpy"
-    version = "4"
+    version = "5"
     suffixes = (".npy", ".npz")
 
     def memory(self, path: Path) -> int:

@@ -115,3 +115,10 @@ def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
         with pytest.raises(ScanError):
             H5().read(path)
         assert cut < 8
+
+
+@pytest.mark.parametrize("key", ["data", "points", "pts"])
+def test_a_known_name_with_another_shape_is_told_by_its_shape(tmp_path: Path, key: str) -> None:
+    told = refusal(tmp_path / "a.h5", **{key: BATCH.swapaxes(-1, -2), "label": np.zeros(len(BATCH))})
+    assert f"{key}: " in told and "transpose it" in told
+    assert "normal, other" in refusal(tmp_path / "b.h5", normal=BATCH, other=BATCH)
