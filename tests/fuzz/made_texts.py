@@ -133,6 +133,7 @@ TEXTS = {
              lambda rng: (f"{(cloud := wide(rng, 1)).shape[0]}\n" + rows(cloud)).encode(),
              lambda rng: rows(np.hstack([np.argwhere(np.ones((5, 8))), points(rng, 40)])).encode()),
     ".asc": (lambda rng: rows(points(rng), " ").encode(), _grid, lambda rng: _named(rng, "# x y z intensity", " ", 1)),
+    ".tsv": (lambda rng: _named(rng, "x\ty\tz\tlabel", "\t", 1), lambda rng: _named(rng, "id\tx\ty\tz", "\t", 1)),
     ".csv": (lambda rng: _named(rng, "x,y,z,i", ",", 1), lambda rng: _named(rng, "id;x;y;z", ";", 1), _veloview,
              lambda rng: rows(points(rng), ";").replace(".", ",").encode(),
              lambda rng: ("x,y,z,label\n" + rows(points(rng), ",", ',"a, b"')).encode(),
