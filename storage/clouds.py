@@ -92,6 +92,9 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
                 raise ScanError(told)
             _check_memory(reader, plain, free)
             clouds = with_up_hints(_clouds(reader, plain, free), plain, path)
+        if columns and not reader.takes_columns:
+            ignored = f"--columns ignored, which {format_suffix(path)} files do not take"
+            clouds = [replace(cloud, note="; ".join(filter(None, [cloud.note, ignored]))) for cloud in clouds]
         labels = [f"[{index}]" for index in range(len(clouds))] if len(clouds) > 1 else [""]
         return [_scan_or_fault(cloud, label, path) for cloud, label in zip(clouds, labels, strict=True)]
     except ScanError as error:

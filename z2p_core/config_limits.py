@@ -83,7 +83,7 @@ TRAIN: dict[str, Limit | Fields] = {
     "resolutions": Many(SIDE, 0, 1000),
     "steps": Count(1, 100_000_000),
     "batch": Count(1, 4096),
-    "learning_rate": Number(0, 10, above=True),
+    "learning_rate": Number(1e-12, 10),
     "warmup": Count(0, 100_000_000),
     "points": Many(POINTS, 2, 2),
     "reuse": Count(1, 1_000_000),

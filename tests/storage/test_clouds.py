@@ -272,3 +272,12 @@ def test_a_picture_in_the_place_of_a_scan_is_told_how_it_is_named(tmp_path: Path
     (tmp_path / "bunny.ply").touch()
     with pytest.raises(ScanError, match=r"a picture that is to be written is named by --output .*bunny\.png"):
         find_scans([str(tmp_path / "bunny.ply"), str(tmp_path / "bunny.png")], False)
+
+
+def test_columns_that_a_format_does_not_take_are_told(tmp_path):
+    rows = np.random.default_rng(0).normal(size=(50, 4))
+    np.save(tmp_path / "a.npy", rows[:, :3])
+    np.savetxt(tmp_path / "a.txt", rows)
+    array, text = (read_clouds(tmp_path / name, ("x", "y", "z", "label"))[0].note for name in ("a.npy", "a.txt"))
+    assert "--columns ignored" in array and "--columns" not in text
+    assert "--columns" not in read_clouds(tmp_path / "a.npy")[0].note
