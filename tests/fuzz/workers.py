@@ -29,7 +29,7 @@ A module's ``WARNINGS`` are kinds of warnings that its calls may give."""
 SECONDS, SLOW, STARTING = 60.0, 20.0, 120.0
 """After how long an input is given up, how long it may take, and a process until it is ready for it."""
 ROOM = 3 << 30
-"""Bytes of addresses that one input may take beside what a process has from the start."""
+"""Bytes of data that one input may take beside what a process has from the start."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +164,11 @@ def _tried(question: dict[str, object], noise: Path) -> Outcome:
 
 
 def _limit() -> None:
-    """Leave room for no more than one input, once, when all is loaded."""
-    if resource.getrlimit(resource.RLIMIT_AS)[0] == resource.RLIM_INFINITY:
-        pages = int(Path("/proc/self/statm").read_text().split()[0])
+    """Leave room for no more data than one input needs, once; libraries that are loaded later do not count as data."""
+    if resource.getrlimit(resource.RLIMIT_DATA)[0] == resource.RLIM_INFINITY:
+        pages = int(Path("/proc/self/statm").read_text().split()[5])
         most = pages * os.sysconf("SC_PAGE_SIZE") + ROOM
-        resource.setrlimit(resource.RLIMIT_AS, (most, resource.RLIM_INFINITY))
+        resource.setrlimit(resource.RLIMIT_DATA, (most, resource.RLIM_INFINITY))
 
 
 if __name__ == "__main__":
