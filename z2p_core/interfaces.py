@@ -287,8 +287,8 @@ class Reader(ABC):
     """Distributions whose versions count, as the code does, when results are told stale: ``("open3d",)``."""
     columns: Sequence[str] | None = None
     """What the user says that a text file's columns hold: ``("x", "y", "z", "r", "g", "b")``; others ignore it."""
-    takes_columns: ClassVar[bool] = False
-    """Whether it reads by `columns`; where it does not, the file's line says that they were ignored."""
+    takes_columns: ClassVar[bool] = True
+    """Whether it may read by `columns`; where it does not, the file's line says that they were ignored."""
 
     def memory(self, path: Path) -> int:
         """Bytes that reading and placing the file take at the most, roughly: more than is free, and it is refused.

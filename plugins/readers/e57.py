@@ -25,6 +25,7 @@ class E57(Reader):
 
     name = "e57"
     version = "2"
+    takes_columns = False
     packages = ("pye57",)
     suffixes = (".e57",)
 

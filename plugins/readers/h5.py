@@ -35,6 +35,7 @@ class H5(Reader):
 
     name = "h5"
     version = "2"
+    takes_columns = False
     packages = ("h5py",)
     suffixes = (".h5", ".hdf5")
 

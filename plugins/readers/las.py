@@ -35,6 +35,7 @@ class Las(Reader):
 
     name = "las"
     version = "2"
+    takes_columns = False
     packages = ("laspy", "lazrs")
     suffixes = (".las", ".laz")
 

@@ -28,6 +28,7 @@ class Meshes(Reader):
 
     name = "meshes"
     version = "4"
+    takes_columns = False
     packages = ("trimesh",)
     suffixes = (".stl", ".glb", ".gltf")
 

@@ -39,6 +39,7 @@ class NumpyArrays(Reader):
 
     name = "numpy"
     version = "5"
+    takes_columns = False
     suffixes = (".npy", ".npz")
 
     def memory(self, path: Path) -> int:

@@ -29,6 +29,7 @@ class Pcd(Reader):
 
     name = "pcd"
     version = "5"
+    takes_columns = False
     packages = ("pypcd4",)
     suffixes = (".pcd",)
 

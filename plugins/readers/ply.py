@@ -23,6 +23,7 @@ class Ply(Reader):
 
     name = "ply"
     version = "3"
+    takes_columns = False
     suffixes = (".ply",)
 
     def memory(self, path: Path) -> int:

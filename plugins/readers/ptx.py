@@ -26,6 +26,7 @@ class Ptx(Reader):
 
     name = "ptx"
     version = "1"
+    takes_columns = False
     suffixes = (".ptx",)
 
     def memory(self, path: Path) -> int:

@@ -32,7 +32,6 @@ class Sweeps(Reader):
     name = "sweeps"
     version = "3"
     suffixes = (".bin",)
-    takes_columns = True
 
     def read(self, path: Path) -> list[RawCloud]:
         """One cloud (N, 3) float64, seen from the lidar at the origin, unless the user names the columns.

@@ -35,7 +35,6 @@ class Text(Reader):
     name = "text"
     version = "8"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv")
-    takes_columns = True
 
     def memory(self, path: Path) -> int:
         """As many points as the first lines let expect; the text is read in parts, and endless lines are refused."""

@@ -23,6 +23,7 @@ class Vertices(Reader):
 
     name = "vertices"
     version = "2"
+    takes_columns = False
     suffixes = (".obj", ".off")
 
     def memory(self, path: Path) -> int:

@@ -26,6 +26,7 @@ class Vtk(Reader):
 
     name = "vtk"
     version = "1"
+    takes_columns = False
     suffixes = (".vtk", ".vtp", ".vtu")
 
     def memory(self, path: Path) -> int:
