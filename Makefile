@@ -14,7 +14,7 @@ BIN := $(VENV)/bin
 LIGHT := $(VENV)/light.stamp
 FULL := $(VENV)/full.stamp
 TYPES := build/types/z2p_renderer
-PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/*.[ch]) z2p_core/native/compiling.py \
+PROJECT := pyproject.toml constraints.txt $(wildcard z2p_core/native/c/*/*.[ch]) z2p_core/native/build.py \
            setup.py scripts/compiler.sh
 PIP_INSTALL = $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 BLENDER = $(if $(filter 3.13,$(call SERIES,$(BIN)/python)),$(PIP_INSTALL) --no-deps bpy)

@@ -5,6 +5,8 @@ from pathlib import Path
 from setuptools import Extension, find_packages, setup
 
 FOLDERS = ("pipeline", "plugins", "storage", "workflows")
+KERNELS = Path("z2p_core/native/c")
+"""C files, in a folder for each topic; their includes are told from here."""
 DATA = ("z2p_renderer.pipeline.templates", "z2p_renderer.storage.weights")
 """Folders without code, which setuptools takes for packages too and else warns of, at length."""
 
@@ -24,5 +26,6 @@ setup(
         **{f"z2p_renderer.{folder}": folder for folder in FOLDERS},
     },
     py_modules=["workflows"],
-    ext_modules=[Extension("z2p_core.native.kernels", sorted(map(str, Path("z2p_core/native").glob("*.c"))))],
+    ext_modules=[Extension("z2p_core.native.kernels", sorted(map(str, KERNELS.glob("*/*.c"))),
+                           include_dirs=[str(KERNELS)])],
 )

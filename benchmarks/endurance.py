@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from subjects import cloud_of
 
-from z2p_core.noise import add_noise
-from z2p_renderer.pipeline.infer import Renderer
-from z2p_renderer.storage.pictures import encode
+from z2p_core.meshes.synthetic_noise import add_noise
+from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.storage.images.image_files import encode
 
 PAGE = resource.getpagesize()
 MEMORY_LIMIT, LARGE_LIMIT, GROWTH_LIMIT = 600.0, 1000.0, 5.0

@@ -13,7 +13,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.full_pipeline import RESULTS
 from z2p_renderer.workflows.plan import Step
 from z2p_renderer.workflows.tasks import load_plan, source_of, task_of

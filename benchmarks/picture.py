@@ -29,12 +29,12 @@ from subjects import cloud_of, random_weights
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.infer import Renderer
-from z2p_renderer.pipeline.load import load_plugins
-from z2p_renderer.pipeline.placing import Placing, place
-from z2p_renderer.storage.checkpoints import WeightsError, resolve
-from z2p_renderer.storage.clouds import read_clouds
-from z2p_renderer.storage.pictures import encode
+from z2p_renderer.pipeline.inference.loading import load_plugins
+from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.placement.place_cloud import Placing, place
+from z2p_renderer.storage.images.image_files import encode
+from z2p_renderer.storage.models.checkpoints import WeightsError, resolve
+from z2p_renderer.storage.scans.clouds import read_clouds
 
 FEW = 5_000
 ZBUFFER_LIMITS = {5_000: 2.0, 1_000_000: 6.0, 10_000_000: 40.0}

@@ -23,7 +23,7 @@ from subjects import own_mesh
 
 from z2p_renderer.pipeline import render
 from z2p_renderer.pipeline.render import RenderSettings, render_scenes
-from z2p_renderer.pipeline.views import draw_view, load_controls
+from z2p_renderer.pipeline.rendering.views import draw_view, load_controls
 
 CONTROLS = ("color", "light", "elevation")
 SMALL = (32, 32)

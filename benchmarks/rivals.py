@@ -12,8 +12,8 @@ import torch.nn.functional as F
 
 from z2p_core.camera import Camera
 from z2p_core.config import NetworkConfig
-from z2p_core.model import build_network
-from z2p_renderer.pipeline.load import load_plugins
+from z2p_core.network.unet import build_network
+from z2p_renderer.pipeline.inference.loading import load_plugins
 
 ALPHA, BETA, WINDOW = 2.6, 0.6, 5
 PAPER_WIDTHS = (64, 128, 256, 512, 1024)

@@ -34,10 +34,10 @@ def random_weights(folder: Path) -> Path:
     """Weights of the shipped network's shape with random numbers: they take the same time as trained ones."""
     import torch
 
-    from z2p_core.model import build_network
+    from z2p_core.network.unet import build_network
     from z2p_renderer.pipeline.export import export_onnx
-    from z2p_renderer.pipeline.load import load_plugins
-    from z2p_renderer.storage.checkpoints import save_weights
+    from z2p_renderer.pipeline.inference.loading import load_plugins
+    from z2p_renderer.storage.models.checkpoints import save_weights
 
     shipped = load_plugins(SHIPPED)
     with torch.random.fork_rng(devices=[]):

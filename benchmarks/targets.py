@@ -20,10 +20,10 @@ import numpy as np
 from subjects import own_mesh
 
 from z2p_core.images import area_average, shrink
-from z2p_core.metrics import picture_metrics
+from z2p_core.quality.metrics import picture_metrics
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.render import RenderSettings, read_render, render_scenes
-from z2p_renderer.pipeline.views import draw_view, load_controls
+from z2p_renderer.pipeline.rendering.views import draw_view, load_controls
 
 SIDE = 512
 CLEAN = RenderSettings((SIDE, SIDE), 256, "high", seed=1000)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.standing import area_of, hull, margin
-from z2p_core.turning import along, extent, turned
+from z2p_core.linalg import along, extent, turned
+from z2p_core.up_axis.support_polygon import area_of, hull, margin
 
 SLAB = 0.03
 """Share of the height from below within which a point touches the ground."""

@@ -20,8 +20,8 @@ from typing import Any
 import torch
 
 from z2p_core.config import parse_config
-from z2p_renderer.pipeline.run import Run, start_run
-from z2p_renderer.pipeline.train import _step
+from z2p_renderer.pipeline.training.state import Run, start_run
+from z2p_renderer.pipeline.training.train import _step
 
 MOST_FUNCTIONS = 12
 

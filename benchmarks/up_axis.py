@@ -23,8 +23,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 from toppling import topples
 from upright_clouds import Labelled, made, meshes
 
-from z2p_core.framing import UP_AXES
-from z2p_core.up_axis import guess_up
+from z2p_core.placement.view_selection import UP_AXES
+from z2p_core.up_axis.choose import guess_up
 
 TURNED = ("+Z", "+Y", "-Y", "-Z")
 SUFFIXES = (".ply", ".pcd", ".xyz")

@@ -14,9 +14,9 @@ from PIL import Image
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import Value
-from z2p_renderer.pipeline.infer import place_cloud
-from z2p_renderer.pipeline.suited import renderer_for
-from z2p_renderer.storage.clouds import read_clouds
+from z2p_renderer.pipeline.inference.renderer import place_cloud
+from z2p_renderer.pipeline.inference.weight_selection import renderer_for
+from z2p_renderer.storage.scans.clouds import read_clouds
 
 SIDE = 320
 WHITE = (1.0, 1.0, 1.0)

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from z2p_core.geometry import bounding_sphere
 from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied, unit_from_bytes
+from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.children import child_environment
+from z2p_renderer.pipeline.child_process import child_environment
+from z2p_renderer.storage.files.atomic_write import whole, write_whole
+from z2p_renderer.storage.files.disk_errors import DiskError, disk_refusal, full_disk
 from z2p_renderer.storage.meshes import Mesh, read_mesh
-from z2p_renderer.storage.room import DiskError, disk_refusal, full_disk
-from z2p_renderer.storage.whole import whole, write_whole
 
 PASSES = ("depth", "normal", "shadow")
 FAR = 1000.0

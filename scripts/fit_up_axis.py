@@ -1,4 +1,4 @@
-"""Fits how much each mark of a cloud's shape counts for which axis is up, and writes z2p_core/upright_weights.py.
+"""Fits how much each mark of a cloud's shape counts for which axis is up, and writes z2p_core/up_axis/feature_weights.py.
 
     python scripts/fit_up_axis.py MESHES [--each 250] [--hidden 16] [--seed 1]
 
@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from upright_clouds import made, meshes, shapeless
 
-from z2p_core.upright import MARKS, marks
+from z2p_core.up_axis.shape_features import MARKS, marks
 
 OUT = Path(__file__).parents[1] / "z2p_core" / "upright_weights.py"
 UP = 4
@@ -26,7 +26,7 @@ SHAPELESS = 8
 """Kinds of things for which all clouds without an upright count."""
 STRETCH = 1.25
 """Factor by which each axis of a mesh is stretched or squeezed at most, so that few meshes are not learnt by heart."""
-TEXT = '''"""How much each mark of `z2p_core.upright` counts; written by scripts/fit_up_axis.py."""
+TEXT = '''"""How much each mark of `z2p_core.up_axis.shape_features` counts; written by scripts/fit_up_axis.py."""
 
 from __future__ import annotations
 

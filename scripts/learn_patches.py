@@ -3,9 +3,9 @@
     python scripts/learn_patches.py MESHES [MESHES ...] [--steps 5000] [--begin HEADER] [--output HEADER]
     python scripts/learn_patches.py MESHES --begin HEADER --steps 0 --measure OTHERS
 
-Clouds are drawn from the meshes as scanners and samplers draw them (`scanned_clouds.py`). What `z2p_core/tangents.py`
+Clouds are drawn from the meshes as scanners and samplers draw them (`scanned_clouds.py`). What `z2p_core/surface/normals.py`
 finds without the network is what it begins with; the meshes' own normals, and where the points lay before the noise,
-are what it should find. HEADER is `z2p_core/native/refine_weights.h` unless another is named. A network that goes on
+are what it should find. HEADER is `z2p_core/native/c/points/normal_gnn_weights.h` unless another is named. A network that goes on
 from a header may be larger (`--rounds`, `--width`). With a CUDA card, take more clouds a step (`--groups`) and as many
 `--workers` as there are cores. Install z2p again to compile it, and train the weights some more, which have learnt from
 patches as they were.
@@ -28,11 +28,11 @@ from torch import nn
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 from tqdm import tqdm
 
-from z2p_core.tangents import fitted
-from z2p_core.threads import one_core_each
+from z2p_core.parallel import one_core_each
+from z2p_core.surface.normals import fitted
 from z2p_renderer.storage.meshes import find_meshes
 
-HEADER = Path(__file__).resolve().parent.parent / "z2p_core" / "native" / "refine_weights.h"
+HEADER = Path(__file__).resolve().parents[1] / "z2p_core/native/c/points/normal_gnn_weights.h"
 ROUNDS, WIDTH = 3, 16
 """Of a network from nothing. `refine.c` is compiled for the size that the header says."""
 GROUP, SORTED = 2, 8

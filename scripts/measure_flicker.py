@@ -16,17 +16,17 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.camera import turn
-from z2p_core.geometry import bounding_sphere
 from z2p_core.images import bytes_from_unit, premultiplied_from_straight, straight_from_premultiplied, unit_from_bytes
+from z2p_core.placement.bounding_sphere import bounding_sphere
+from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SceneDescription
-from z2p_core.viewpoint import Viewpoint
-from z2p_renderer.pipeline.drawing import Look, draw
-from z2p_renderer.pipeline.infer import Renderer
-from z2p_renderer.pipeline.motion import flicker
-from z2p_renderer.pipeline.placing import Placing
+from z2p_renderer.pipeline.inference.render_scan import Look, draw
+from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.outputs.animation import flicker
+from z2p_renderer.pipeline.placement.place_cloud import Placing
 from z2p_renderer.pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
-from z2p_renderer.storage.clouds import usable
 from z2p_renderer.storage.meshes import Mesh, calls_for_smooth, read_mesh
+from z2p_renderer.storage.scans.clouds import usable
 
 LIGHT = (3.6, -40.0, 50.0)
 GREY_BLUE = (0.29, 0.53, 0.73)

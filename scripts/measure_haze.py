@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from z2p_core.geometry import bounding_sphere
 from z2p_core.images import bytes_from_unit, unit_from_bytes
-from z2p_renderer.pipeline.haze import without_haze
+from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_renderer.pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
-from z2p_renderer.pipeline.shard import shrink_pictures
-from z2p_renderer.pipeline.views import draw_view, load_controls
+from z2p_renderer.pipeline.rendering.views import draw_view, load_controls
+from z2p_renderer.pipeline.training.make_shard import shrink_pictures
+from z2p_renderer.pipeline.training.shadow_debias import without_haze
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 
 EDGES = (0.0, 0.0015, 0.0045, 0.0065, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.3, 1.0)

@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from z2p_renderer.storage.checkpoints import WeightsError, load_weights, resolve, save_weights
+from z2p_renderer.storage.models.checkpoints import WeightsError, load_weights, resolve, save_weights
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
 """The small network that lets neighbouring points agree upon their patches, in torch, and as the C that ships.
 
-`z2p_core/native/refine.c` computes the same. After Satorras et al., E(n) Equivariant Graph Neural Networks, 2021: it
+`z2p_core/native/c/points/normal_gnn.c` computes the same. After Satorras et al., E(n) Equivariant Graph Neural Networks, 2021: it
 reads lengths and angles alone, and so does the same however a cloud is turned.
 """
 
@@ -160,7 +160,7 @@ def write_header(path: Path, network: Refinement) -> None:
     """Writes the network as C, with four digits a number."""
     numbers = [f"{number:.4g}" for tensor in numbers_of(network) for number in tensor.flatten().tolist()]
     rows = textwrap.fill(", ".join(numbers), 120, initial_indent="    ", subsequent_indent="    ")
-    size = f"#define ROUNDS {len(network.rounds)}\n#define WIDTH {network.width}\n\n#include \"refine_network.h\"\n\n"
+    size = f"#define ROUNDS {len(network.rounds)}\n#define WIDTH {network.width}\n\n#include \"points/normal_gnn.h\"\n\n"
     path.write_text(f"{TITLE}{size}static const Network LEARNT = {{\n{rows},\n}};\n", encoding="ascii")
 
 

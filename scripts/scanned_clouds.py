@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.geometry import bounding_sphere
+from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_renderer.storage.meshes import read_mesh
 
 FEWEST, MOST = 800, 7000
@@ -81,7 +81,7 @@ def bumps(points: np.ndarray, length: float, rng: np.random.Generator) -> np.nda
 
 
 def on_shape(shape: Shape, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Random points (count, 3) on a shape, and its normals there, which `z2p_core.surface` does not tell."""
+    """Random points (count, 3) on a shape, and its normals there, which `z2p_core.meshes.triangle_sampling` does not tell."""
     vertices, faces = shape
     corners = vertices[faces]
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

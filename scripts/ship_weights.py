@@ -19,16 +19,16 @@ from typing import Any
 import numpy as np
 
 from z2p_core.config import EvaluateConfig, from_dict
-from z2p_renderer.pipeline.calibration import calibration_inputs
-from z2p_renderer.pipeline.evaluate import evaluate
+from z2p_renderer.pipeline.evaluation.evaluate import evaluate
 from z2p_renderer.pipeline.export import export_onnx
-from z2p_renderer.pipeline.infer import Renderer
-from z2p_renderer.pipeline.load import load_plugins
-from z2p_renderer.pipeline.streamline import quantised, streamlined
-from z2p_renderer.storage.checkpoints import SHIPPED, load_weights, save_weights
-from z2p_renderer.storage.fingerprints import file_digest
-from z2p_renderer.storage.graphs import INT8, graph_path, save_graph
+from z2p_renderer.pipeline.export.calibration import calibration_inputs
+from z2p_renderer.pipeline.export.graph_rewrite import quantised, streamlined
+from z2p_renderer.pipeline.inference.loading import load_plugins
+from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.meshes import find_meshes
+from z2p_renderer.storage.models.checkpoints import SHIPPED, load_weights, save_weights
+from z2p_renderer.storage.models.onnx_deltas import INT8, graph_path, save_graph
+from z2p_renderer.storage.results.fingerprints import file_digest
 
 LARGEST = 40e6
 """Bytes of all shipped sets together."""

@@ -20,9 +20,9 @@ import torch
 from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.config import FINE_BLOCK, NetworkConfig, from_dict, to_dict
-from z2p_core.model import build_network
-from z2p_renderer.pipeline.load import LoadedNetwork, load_network
-from z2p_renderer.storage.checkpoints import save_weights
+from z2p_core.network.unet import build_network
+from z2p_renderer.pipeline.inference.loading import LoadedNetwork, load_network
+from z2p_renderer.storage.models.checkpoints import save_weights
 
 Tensors = dict[str, np.ndarray]
 PIXELS = ("look.", "touch.")

@@ -11,9 +11,9 @@ from build_standing import KINDS, THINGS, egg
 from mesh_parts import TURN, Part, box, joined, tube
 
 from z2p_core.camera import turn
-from z2p_core.framing import UP_AXES
-from z2p_core.geometry import random_rotation
-from z2p_core.surface import uniform_points
+from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_core.placement.bounding_sphere import random_rotation
+from z2p_core.placement.view_selection import UP_AXES
 from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.meshes import read_mesh
 

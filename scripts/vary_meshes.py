@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.geometry import bounding_sphere
+from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_renderer.storage.meshes import find_meshes, read_mesh, write_mesh
 
 STRETCH = 0.35

@@ -8,11 +8,11 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from z2p_core.interfaces import SettingError
-from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
-from z2p_renderer.storage.json_text import JsonError, read_json
-from z2p_renderer.storage.names import is_file, is_folder, is_there, printable
-from z2p_renderer.storage.pictures import FORMATS, PictureError, read_record
-from z2p_renderer.storage.whole import kind_of, write_whole
+from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
+from z2p_renderer.storage.files.atomic_write import kind_of, write_whole
+from z2p_renderer.storage.files.bounded_json import JsonError, read_json
+from z2p_renderer.storage.files.printable_names import is_file, is_folder, is_there, printable
+from z2p_renderer.storage.images.image_files import FORMATS, PictureError, read_record
 
 MOST_BYTES = 1 << 16
 """A camera file has fewer; what is larger is not read to find out."""

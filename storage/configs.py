@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from z2p_core.config import ConfigError
-from z2p_renderer.storage.names import is_file
+from z2p_renderer.storage.files.printable_names import is_file
 
 
 def config_text(path: Path) -> str:

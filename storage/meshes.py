@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from z2p_core.formats.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 from z2p_core.interfaces import ScanError
-from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
-from z2p_renderer.storage.names import is_folder, printable
+from z2p_renderer.storage.files.printable_names import is_folder, printable
 
 MESH_SUFFIXES = (".ply", ".obj", ".off", ".stl", ".glb")
 

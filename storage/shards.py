@@ -17,10 +17,10 @@ from typing import Any
 import h5py
 import numpy as np
 
-from z2p_core.limits import Count, Each, Either, Keys, Many, Maybe, Number, Text, check_value
-from z2p_core.one_line import UsersError
+from z2p_core.errors.one_line import UsersError
+from z2p_core.errors.value_limits import Count, Each, Either, Keys, Many, Maybe, Number, Text, check_value
 from z2p_core.scene import SceneDescription
-from z2p_renderer.storage.whole import whole
+from z2p_renderer.storage.files.atomic_write import whole
 
 SCHEMA = 3
 SCENE_BYTES = 1024

@@ -16,8 +16,8 @@ from hypothesis import settings
 LAST = ("touch", "sharpen.leave")
 """Layers that go over a network's picture once more."""
 
-BLENDER = ("workflows/", "pipeline/test_baselines", "pipeline/test_conventions", "pipeline/test_evaluate",
-           "pipeline/test_shapes", "test_benchmarks", "test_coat_example")  # fmt: skip
+BLENDER = ("workflows/", "pipeline/evaluation/", "pipeline/rendering/",
+           "pipeline/test_shapes", "benchmarks/", "examples/test_coat_example")  # fmt: skip
 """Where slow tests run Blender, whose module there is not for every Python."""
 LACKING = [name for name in ("bpy", "luigi") if find_spec(name) is None]
 collect_ignore = ["workflows"] if "luigi" in LACKING else []
@@ -48,8 +48,8 @@ def make_weights(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path
 
     from z2p_core import registry
     from z2p_core.config import NetworkConfig, to_dict
-    from z2p_core.model import build_network
-    from z2p_renderer.storage.checkpoints import save_weights
+    from z2p_core.network.unet import build_network
+    from z2p_renderer.storage.models.checkpoints import save_weights
 
     def make(
         controls: tuple[str, ...] = ("color", "light", "elevation"), fixed_elevation: float | None = None,

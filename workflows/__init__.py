@@ -10,13 +10,13 @@ import logging
 import os
 from pathlib import Path
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would spin; see z2p_core/turning.py
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy: its threads would spin; see z2p_core/linalg.py
 
 import luigi.configuration
 import luigi.interface
 
-from z2p_renderer.workflows.ending import conclude
 from z2p_renderer.workflows.plan import USERS_ERRORS
+from z2p_renderer.workflows.process.exit_status import conclude
 
 _ours: dict[tuple[str, str], str] = {}
 """What we have set so far: a user's own configuration goes before it, a later file of ours after it."""
@@ -44,7 +44,7 @@ class _Quiet(logging.Filter):
         if logging.getLogger(record.name).getEffectiveLevel() <= logging.DEBUG:
             return True
         message = record.getMessage()
-        # these are told in one line by `workflows.tasks` and `workflows.goal`: where they arose is no news
+        # these are told in one line by `workflows.tasks` and `workflows.wrapper_task`: where they arose is no news
         told_by_us = message.startswith("Will not run") and "error in " in message
         told_by_us |= record.exc_info is not None and isinstance(record.exc_info[1], (*USERS_ERRORS, OSError))
         told_by_us |= record.exc_info is not None and " failed " in message  # a task, with the traceback of its log
@@ -55,9 +55,12 @@ apply_settings("luigi.cfg")
 luigi.interface.core.ignore_unconsumed |= {"rpc_retry_attempts", "rpc_retry_wait"}  # read elsewhere; no need to warn
 logging.getLogger("luigi-interface").addFilter(_Quiet())
 
-from z2p_renderer.workflows import ablation_stages, report_stages, stages  # noqa: E402  after the settings, which luigi reads as it goes
-from z2p_renderer.workflows.ablations import Ablations  # noqa: E402
+# after the settings, which luigi reads as it goes
+from z2p_renderer.workflows import stages  # noqa: E402
+from z2p_renderer.workflows.ablation import stages as ablation_stages  # noqa: E402
+from z2p_renderer.workflows.ablation.goal import Ablations  # noqa: E402
 from z2p_renderer.workflows.full_pipeline import FullPipeline  # noqa: E402
-from z2p_renderer.workflows.paper_report import PaperReport  # noqa: E402
+from z2p_renderer.workflows.report import stages as report_stages  # noqa: E402
+from z2p_renderer.workflows.report.goal import PaperReport  # noqa: E402
 
 __all__ = ["Ablations", "FullPipeline", "PaperReport", "ablation_stages", "report_stages", "stages"]

@@ -18,23 +18,23 @@ from typing import Any
 import click
 import luigi.cmdline
 
-from z2p_core.ablation_config import BASE
-from z2p_renderer.pipeline.commands.workspace_options import command
-from z2p_renderer.storage.adoption import adopt as take_over
-from z2p_renderer.storage.adoption import candidates
-from z2p_renderer.storage.fingerprints import STAGE_VERSIONS
-from z2p_renderer.storage.layout import Store, StoreError
-from z2p_renderer.storage.manifests import faults
-from z2p_renderer.storage.room import TEMPORARY_FAILURE, disk_refusal
+from z2p_core.config.ablation import BASE
+from z2p_renderer.pipeline.cli.options.workspace import command
+from z2p_renderer.storage.files.disk_errors import TEMPORARY_FAILURE, disk_refusal
+from z2p_renderer.storage.results.adoption import adopt as take_over
+from z2p_renderer.storage.results.adoption import candidates
+from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS
+from z2p_renderer.storage.results.manifests import faults
+from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.workflows import apply_settings
-from z2p_renderer.workflows.ablation_plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
+from z2p_renderer.workflows.ablation.plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
 from z2p_renderer.workflows.plan import USERS_ERRORS, Plan
-from z2p_renderer.workflows.report_plan import ReportPlan, is_report, load_report_plan, report_source
-from z2p_renderer.workflows.running import keep, kept_names
+from z2p_renderer.workflows.report.plan import ReportPlan, is_report, load_report_plan, report_source
 from z2p_renderer.workflows.status import as_json, states, table
-from z2p_renderer.workflows.sweep import Unneeded, sweep, unneeded
 from z2p_renderer.workflows.tasks import load_plan, source_of
-from z2p_renderer.workflows.truth import truth_candidates
+from z2p_renderer.workflows.upkeep.adopt_ground_truth import truth_candidates
+from z2p_renderer.workflows.upkeep.garbage_collection import Unneeded, sweep, unneeded
+from z2p_renderer.workflows.upkeep.runs_in_use import keep, kept_names
 
 TRUTH = "truth"
 """Folder of a workspace that is a store of its own, for ground truth."""

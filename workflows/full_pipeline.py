@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import luigi
 
-from z2p_renderer.workflows.goal import Goal
 from z2p_renderer.workflows.plan import Planned
 from z2p_renderer.workflows.tasks import load_plan, source_of
+from z2p_renderer.workflows.wrapper_task import Goal
 
 RESULTS = {
     "weights.safetensors": "train",

@@ -13,13 +13,19 @@ from typing import Any, Protocol
 
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, to_dict
-from z2p_core.config_limits import check_values
+from z2p_core.config.pipeline_limits import check_values
 from z2p_core.interfaces import ScanError
-from z2p_renderer.pipeline.engines import REFERENCE_ENGINE
-from z2p_renderer.storage.fingerprints import STAGE_VERSIONS, file_digest, fingerprint, plugin_fields, stage_fields
-from z2p_renderer.storage.layout import Entry
+from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.storage.meshes import find_meshes
-from z2p_renderer.workflows.prior_weights import PRIOR, prior_fields, prior_files
+from z2p_renderer.storage.results.fingerprints import (
+    STAGE_VERSIONS,
+    file_digest,
+    fingerprint,
+    plugin_fields,
+    stage_fields,
+)
+from z2p_renderer.storage.results.store import Entry
+from z2p_renderer.workflows.pretrained_weights import PRIOR, prior_fields, prior_files
 
 USERS_ERRORS = (ConfigError, ScanError, registry.PluginError)
 """Errors that a user can mend, with messages that say how."""

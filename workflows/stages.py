@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from z2p_renderer.workflows.known_views import copy_known_views
-from z2p_renderer.workflows.task_log import say
+from z2p_renderer.workflows.process.task_log import say
 from z2p_renderer.workflows.tasks import StageTask
+from z2p_renderer.workflows.upkeep.reuse_renders import copy_known_views
 
 
 class Shapes(StageTask):
@@ -27,7 +27,7 @@ class SampleMesh(StageTask):
     priority = 10  # before the renders: a broken mesh shows in the first minute and not after hours
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.sample import sample_pool
+        from z2p_renderer.pipeline.rendering.mesh_samples import sample_pool
 
         config = self.plan.config.sample
         sample_pool(self.mesh_path(), config, config.seed, out)
@@ -40,7 +40,7 @@ class RenderChunk(StageTask):
     resumable = True
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.views import render_chunk
+        from z2p_renderer.pipeline.rendering.views import render_chunk
 
         step = self.step
         if step.mesh is None:
@@ -55,8 +55,8 @@ class ShardMesh(StageTask):
     stage = "shard"
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.shard import make_shard
-        from z2p_renderer.pipeline.views import load_controls
+        from z2p_renderer.pipeline.rendering.views import load_controls
+        from z2p_renderer.pipeline.training.make_shard import make_shard
 
         config, mesh = self.plan.config, self.step.mesh
         pool = self.upstream_folders("sample")[0] / "pool.npy"
@@ -74,7 +74,7 @@ class Train(StageTask):
     leftovers = ("checkpoints",)
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.train import train
+        from z2p_renderer.pipeline.training.train import train
 
         steps = [self.plan.steps[name] for name in self.step.upstream]
         # by content: neither the meshes' names nor code that gives the same shards change the order that they are read
@@ -89,7 +89,7 @@ class Evaluate(StageTask):
     stage = "evaluate"
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.evaluate import evaluate
+        from z2p_renderer.pipeline.evaluation.evaluate import evaluate
 
         weights = self.upstream_folders("train")[0] / "weights.safetensors"
         meshes = {mesh.name: self.mesh_path(mesh) for mesh in self.plan.evaluation}

@@ -8,11 +8,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from z2p_renderer.storage.adoption import RANGE
-from z2p_renderer.storage.differences import differences
-from z2p_renderer.storage.fingerprints import STAGE_VERSIONS
-from z2p_renderer.storage.layout import Store
-from z2p_renderer.storage.manifests import MANIFEST
+from z2p_renderer.storage.results.adoption import RANGE
+from z2p_renderer.storage.results.differences import differences
+from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS
+from z2p_renderer.storage.results.manifests import MANIFEST
+from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.plan import Planned, Step
 
 FRESH, STALE, MISSING = "fresh", "stale", "missing"

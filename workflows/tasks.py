@@ -18,21 +18,21 @@ from typing import Any, ClassVar
 import luigi
 
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
-from z2p_core.native.sources import outdated
+from z2p_core.native.source_digest import outdated
 from z2p_core.registry import PluginError
 from z2p_renderer.storage.configs import config_text
-from z2p_renderer.storage.fingerprints import changed_plugins, file_digest
-from z2p_renderer.storage.layout import Store
-from z2p_renderer.storage.room import disk_refusal
-from z2p_renderer.storage.stage_code import changed_parts
-from z2p_renderer.workflows.ending import fail
+from z2p_renderer.storage.files.disk_errors import disk_refusal
+from z2p_renderer.storage.results.fingerprints import changed_plugins, file_digest
+from z2p_renderer.storage.results.stage_dependencies import changed_parts
+from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.mesh_warnings import mesh_warnings
 from z2p_renderer.workflows.plan import USERS_ERRORS, MeshInput, Plan, Step, check_config, make_plan
-from z2p_renderer.workflows.stopping import ended_by_interrupt
-from z2p_renderer.workflows.task_log import last_lines, logged, say
+from z2p_renderer.workflows.process.exit_status import fail
+from z2p_renderer.workflows.process.signals import ended_by_interrupt
+from z2p_renderer.workflows.process.task_log import last_lines, logged, say
 
 LOG = "task.log"
-KERNELS = "z2p_core/native/"
+KERNELS = "z2p_core/native/c/"
 """How parts of a fingerprint begin that run only once they are compiled."""
 
 
@@ -203,7 +203,7 @@ def absolute(path: str) -> str:
 
 @lru_cache(maxsize=8)
 def load_plan(source: str) -> Plan:
-    """Plan of a `source_of`, or of a `workflows.ablation_plan.variant_source`.
+    """Plan of a `source_of`, or of a `workflows.ablation.plan.variant_source`.
 
     It is made once a process, so that edits during a run do not mix two plans.
 
@@ -214,7 +214,7 @@ def load_plan(source: str) -> Plan:
     """
     where = json.loads(source)
     if "variant" in where:
-        from z2p_renderer.workflows.ablation_plan import (
+        from z2p_renderer.workflows.ablation.plan import (
             load_variant_plan,  # late: it builds on this module's neighbours
         )
 
@@ -242,14 +242,14 @@ def of_file(path: Path) -> Iterator[None]:
 
 
 def load_steps(source: str) -> dict[str, Step]:
-    """Steps of a `source_of`, a `workflows.report_plan.report_source` or a source of `workflows.ablation_plan`."""
+    """Steps of a `source_of`, a `workflows.report.plan.report_source` or a source of `workflows.ablation.plan`."""
     where = json.loads(source)
     if "ablations" in where and "variant" not in where:
-        from z2p_renderer.workflows.ablation_plan import load_ablation_plan
+        from z2p_renderer.workflows.ablation.plan import load_ablation_plan
 
         return dict(load_ablation_plan(source).steps)
     if "report" in where:
-        from z2p_renderer.workflows.report_plan import load_report_plan  # late: it builds on this module's neighbours
+        from z2p_renderer.workflows.report.plan import load_report_plan  # late: it builds on this module's neighbours
 
         return dict(load_report_plan(source).steps)
     return load_plan(source).steps

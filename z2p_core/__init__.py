@@ -11,18 +11,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from z2p_core.api import RenderWarning as RenderWarning
-    from z2p_core.api import render as render
+    from z2p_core.api.picture import Picture as Picture
+    from z2p_core.api.previewer import Previewer as Previewer
+    from z2p_core.api.render import RenderWarning as RenderWarning
+    from z2p_core.api.render import render as render
     from z2p_core.interfaces import ScanError as ScanError
     from z2p_core.interfaces import SettingError as SettingError
-    from z2p_core.picture import Picture as Picture
-    from z2p_core.preview import Previewer as Previewer
 
 __version__ = "0.1.0"
 
 _LATE = {
-    "render": "z2p_core.api", "Picture": "z2p_core.picture", "Previewer": "z2p_core.preview",
-    "RenderWarning": "z2p_core.api", "ScanError": "z2p_core.interfaces", "SettingError": "z2p_core.interfaces",
+    "render": "z2p_core.api.render", "Picture": "z2p_core.api.picture", "Previewer": "z2p_core.api.previewer",
+    "RenderWarning": "z2p_core.api.render", "ScanError": "z2p_core.interfaces", "SettingError": "z2p_core.interfaces",
 }  # fmt: skip
 """Public name -> module; imported when first used, so that `z2p --help` waits for none of it."""
 

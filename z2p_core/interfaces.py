@@ -30,11 +30,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from z2p_core.baseline import Baseline as Baseline
-from z2p_core.baseline import Painter as Painter
-from z2p_core.engine import Engine as Engine
-from z2p_core.engine import TrainedNetwork as TrainedNetwork
-from z2p_core.one_line import UsersError
+from z2p_core.contracts.baseline import Baseline as Baseline
+from z2p_core.contracts.baseline import Painter as Painter
+from z2p_core.contracts.engine import Engine as Engine
+from z2p_core.contracts.engine import TrainedNetwork as TrainedNetwork
+from z2p_core.errors.one_line import UsersError
 from z2p_core.scene import SceneDescription
 
 if TYPE_CHECKING:
@@ -254,7 +254,7 @@ class RawCloud:
     points: np.ndarray
     sensor: Sensor | None = None
     total: int | None = None
-    """How many points the file has, where those here only stand for them (`z2p_core.spread`)."""
+    """How many points the file has, where those here only stand for them (`z2p_core.formats.row_subsampling`)."""
     note: str = ""
     """What the reader took for granted or left out, in a few words for the file's line."""
     up: str = ""

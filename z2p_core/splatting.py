@@ -8,7 +8,7 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import Camera
-from z2p_core.threads import cores, in_threads
+from z2p_core.parallel import cores, in_threads
 
 SHARE = 200_000
 """Points that are worth a thread of their own."""

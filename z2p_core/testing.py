@@ -16,11 +16,11 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.baseline_contract import check_baseline as check_baseline
-from z2p_core.baseline_contract import check_painter as check_painter
 from z2p_core.camera import Camera
-from z2p_core.engine_contract import check_engine as check_engine
-from z2p_core.expectations import check_array, check_class, expect, plain_json, refuses, same
+from z2p_core.contracts.assertions import check_array, check_class, expect, plain_json, refuses, same
+from z2p_core.contracts.baseline_checks import check_baseline as check_baseline
+from z2p_core.contracts.baseline_checks import check_painter as check_painter
+from z2p_core.contracts.engine_checks import check_engine as check_engine
 from z2p_core.interfaces import (
     Control,
     GBuffer,

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from z2p_core.errors.missing_system_libraries import loading
 from z2p_core.interfaces import Baseline, ScanError
-from z2p_core.system_libraries import loading
-from z2p_renderer.plugins.baselines.apart import Apart
-from z2p_renderer.plugins.baselines.normals import arrays, oriented
+from z2p_renderer.plugins.baselines._normals import arrays, oriented
+from z2p_renderer.plugins.baselines._subprocess import Apart
 
 RADII = (1.5, 2.5, 4.0)
 """Of the balls, in units of the mean distance to the nearest neighbour."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.camera import Camera
+from z2p_core.errors.missing_system_libraries import loading
 from z2p_core.interfaces import Baseline, ScanError
-from z2p_core.system_libraries import loading
-from z2p_renderer.plugins.baselines.normals import arrays
+from z2p_renderer.plugins.baselines._normals import arrays
 
 FLIP = 360.0
 """Radius of the sphere that the points are flipped over, in world units: a hundred times the camera's distance."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from z2p_core.errors.missing_system_libraries import loading
 from z2p_core.interfaces import Baseline
-from z2p_core.system_libraries import loading
-from z2p_renderer.plugins.baselines.normals import arrays, oriented
+from z2p_renderer.plugins.baselines._normals import arrays, oriented
 
 DEPTH = 8
 """Of the octree: 256 cells a side."""

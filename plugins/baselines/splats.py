@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from z2p_core.errors.missing_system_libraries import loading
 from z2p_core.interfaces import Baseline, ScanError
-from z2p_core.system_libraries import loading
 
 NEIGHBOURS = 12
 RADIUS = 1.3

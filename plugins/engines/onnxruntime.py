@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
-from z2p_core.sizes import once_each
-from z2p_core.telemetry import forbid_telemetry
+from z2p_core.network.per_size_cache import once_each
+from z2p_core.network.telemetry import forbid_telemetry
 
 CPU_FLAGS, AVX2 = Path("/proc/cpuinfo"), "avx2"
 """Where Linux says what a processor knows, and the name of the instructions that add up products of bytes."""

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
-from z2p_core.sizes import once_each
-from z2p_core.threads import cores
+from z2p_core.network.per_size_cache import once_each
+from z2p_core.parallel import cores
 
 STARTING = threading.Lock()
 """Held over OpenVINO's first question for a type, which fills a table: two threads that ask at once wait for ever."""

@@ -15,11 +15,11 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.lamps import light_lamps, light_square
-from z2p_core.principled import INDEX, Principled
+from z2p_core.linalg import along, products
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
-from z2p_core.turning import along, products
-from z2p_renderer.plugins.gbuffers.lighting import GREY, Detail, Lighting
+from z2p_core.shading.area_light import light_lamps, light_square
+from z2p_core.shading.light_transport import GREY, Detail, Lighting
+from z2p_core.shading.principled import INDEX, Principled
 from z2p_renderer.plugins.gbuffers.surfels import FAR, NEAR, Surfels
 
 LAMPS, SMOOTHEST = 36, 0.04

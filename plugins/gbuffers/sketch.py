@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from z2p_renderer.plugins.gbuffers.lighting import Detail
+from z2p_core.shading.light_transport import Detail
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 

@@ -16,13 +16,13 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import Camera
-from z2p_core.discs import discs
 from z2p_core.interfaces import GBuffer
+from z2p_core.linalg import products, turned
+from z2p_core.parallel import beside, over_rows
 from z2p_core.scene import SceneDescription
-from z2p_core.tangents import MOST_POINTS, tangents, thinned
-from z2p_core.threads import beside, over_rows
-from z2p_core.turning import products, turned
-from z2p_renderer.plugins.gbuffers.lighting import Detail, Lighting
+from z2p_core.shading.light_transport import Detail, Lighting
+from z2p_core.shading.surfels import discs
+from z2p_core.surface.normals import MOST_POINTS, tangents, thinned
 
 SLACK = 0.7
 """How far behind the nearest disc another still counts, in radii."""

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.install_advice import install_advice
+from z2p_core.errors.install_advice import install_advice
+from z2p_core.errors.one_line import reason_of
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_core.one_line import reason_of
-from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
-from z2p_renderer.plugins.readers.late import late
+from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
+from z2p_renderer.plugins.readers._helpers.lazy_import import late
 
 _HEADER, _CHECKSUM, _LONGEST = 48, 4, 1 << 26
 """Bytes of the header and of a page's checksum, and of the longest description that is looked at."""

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.install_advice import install_advice
+from z2p_core.errors.install_advice import install_advice
+from z2p_core.errors.one_line import reason_of
 from z2p_core.interfaces import RawCloud, Reader, ScanError
-from z2p_core.one_line import reason_of
-from z2p_renderer.plugins.readers.array_clouds import (
+from z2p_renderer.plugins.readers._helpers.array_clouds import (
     KEYS,
     check_fields,
     check_shape,
@@ -22,7 +22,7 @@ from z2p_renderer.plugins.readers.array_clouds import (
     side_by_side,
     unpacks_too_much,
 )
-from z2p_renderer.plugins.readers.late import late
+from z2p_renderer.plugins.readers._helpers.lazy_import import late
 
 _MOST_OBJECTS, _DEEPEST = 1000, 4
 """Data sets and groups that are looked at, and how deep they may lie."""

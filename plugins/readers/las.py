@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.geographic import metres_of_degrees
+from z2p_core.formats.geographic import metres_of_degrees
+from z2p_core.formats.row_subsampling import MOST_ROWS
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_core.spread import MOST_ROWS
-from z2p_renderer.plugins.readers.colours import colours_note
-from z2p_renderer.plugins.readers.las_header import check_records, promised_points
-from z2p_renderer.plugins.readers.late import late
+from z2p_renderer.plugins.readers._helpers.color_note import colours_note
+from z2p_renderer.plugins.readers._helpers.las_header import check_records, promised_points
+from z2p_renderer.plugins.readers._helpers.lazy_import import late
 
 _CHUNK = 1_000_000
 """Points unpacked at a time: a header that lies about its count costs one chunk, not the machine's memory."""

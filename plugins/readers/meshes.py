@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from z2p_core.errors.one_line import reason_of
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError
-from z2p_core.one_line import reason_of
-from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
-from z2p_renderer.plugins.readers.gltf import readable_glb
-from z2p_renderer.plugins.readers.gltf_parts import as_glb, bytes_beside
-from z2p_renderer.plugins.readers.late import late
-from z2p_renderer.plugins.readers.lengths import stray_bytes, stray_note
+from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
+from z2p_renderer.plugins.readers._helpers.gltf import readable_glb
+from z2p_renderer.plugins.readers._helpers.gltf_parts import as_glb, bytes_beside
+from z2p_renderer.plugins.readers._helpers.lazy_import import late
+from z2p_renderer.plugins.readers._helpers.length_check import stray_bytes, stray_note
 
 _STL_HEAD, _STL_TRIANGLE = 84, 50
 """Bytes of a binary STL file's header and of each triangle."""

@@ -8,10 +8,10 @@ from typing import IO
 
 import numpy as np
 
-from z2p_core.depth_maps import depth_and_camera, seen_points
+from z2p_core.formats.arrays.depth_maps import depth_and_camera, seen_points
+from z2p_core.formats.row_subsampling import BLOCK, MOST_ROWS, spread_points
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
-from z2p_renderer.plugins.readers.array_clouds import (
+from z2p_renderer.plugins.readers._helpers.array_clouds import (
     KEYS,
     MOST_COLUMNS,
     check_fields,

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
-from z2p_core.quaternions import quaternion_rotations
-from z2p_renderer.plugins.readers.colours import colours_note
-from z2p_renderer.plugins.readers.late import late
-from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
+from z2p_core.rotations import quaternion_rotations
+from z2p_renderer.plugins.readers._helpers.color_note import colours_note
+from z2p_renderer.plugins.readers._helpers.lazy_import import late
+from z2p_renderer.plugins.readers._helpers.length_check import MOST_STRAY, stray_bytes, stray_note
 
 _LONGEST_HEADER = 1 << 16
 _WORST_LZF_RATIO = 100

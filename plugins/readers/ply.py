@@ -7,15 +7,21 @@ from pathlib import Path
 
 import numpy as np
 
+from z2p_core.formats.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
+from z2p_core.formats.row_subsampling import BLOCK, MOST_ROWS, spread_points
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_core.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
-from z2p_core.spread import BLOCK, MOST_ROWS, spread_points
-from z2p_renderer.plugins.readers.camera_hints import trained_cameras, with_camera_hints
-from z2p_renderer.plugins.readers.colours import colours_note
-from z2p_renderer.plugins.readers.lengths import MOST_STRAY, stray_bytes, stray_note
-from z2p_renderer.plugins.readers.model_cameras import with_model_cameras
-from z2p_renderer.plugins.readers.ply_lists import walked_ascii, walked_binary
-from z2p_renderer.plugins.readers.splats import is_packed, is_splats, of_packed, of_splats, splat_columns
+from z2p_renderer.plugins.readers._cameras.camera_hints import trained_cameras, with_camera_hints
+from z2p_renderer.plugins.readers._cameras.model_cameras import with_model_cameras
+from z2p_renderer.plugins.readers._helpers.color_note import colours_note
+from z2p_renderer.plugins.readers._helpers.gaussian_splats import (
+    is_packed,
+    is_splats,
+    of_packed,
+    of_splats,
+    splat_columns,
+)
+from z2p_renderer.plugins.readers._helpers.length_check import MOST_STRAY, stray_bytes, stray_note
+from z2p_renderer.plugins.readers._helpers.ply_lists import walked_ascii, walked_binary
 
 
 class Ply(Reader):

@@ -10,8 +10,8 @@ from typing import TextIO
 import numpy as np
 
 from z2p_core.interfaces import RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
-from z2p_renderer.plugins.readers.text_lines import memory_of_lines
+from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
+from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
 
 _HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
 """Numbers on each line before a scan: columns and rows of its grid, the scanner's place and axes, and a matrix."""

@@ -9,19 +9,19 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.column_names import is_count, is_row
-from z2p_core.geographic import metres_of_degrees
+from z2p_core.formats.geographic import metres_of_degrees
+from z2p_core.formats.tables.camera_poses import name_poses
+from z2p_core.formats.tables.extra_columns import ignored_colours, ignored_columns
+from z2p_core.formats.tables.header_lines import is_count, is_row
 from z2p_core.interfaces import RawCloud, Reader, ScanError
-from z2p_core.pose_rows import name_poses
-from z2p_core.side_columns import ignored_colours, ignored_columns
-from z2p_renderer.plugins.readers.late import late
-from z2p_renderer.plugins.readers.text_content import content, has_long_lines, line_number, told_cut
-from z2p_renderer.plugins.readers.text_doubts import check_first, counts_rows, refuse_other_tables, some_names
-from z2p_renderer.plugins.readers.text_form import SAMPLE, BadLineError, Form, form_of
-from z2p_renderer.plugins.readers.text_grid import is_raster, raster_points
-from z2p_renderer.plugins.readers.text_heads import Head, as_colmap, head_of
-from z2p_renderer.plugins.readers.text_lines import memory_of_lines
-from z2p_renderer.plugins.readers.text_writing import told_no_height, told_writing
+from z2p_renderer.plugins.readers._helpers.lazy_import import late
+from z2p_renderer.plugins.readers._text.column_doubts import check_first, counts_rows, refuse_other_tables, some_names
+from z2p_renderer.plugins.readers._text.esri_grid import is_raster, raster_points
+from z2p_renderer.plugins.readers._text.header import Head, as_colmap, head_of
+from z2p_renderer.plugins.readers._text.line_blocks import content, has_long_lines, line_number, told_cut
+from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
+from z2p_renderer.plugins.readers._text.row_format import SAMPLE, BadLineError, Form, form_of
+from z2p_renderer.plugins.readers._text.unsupported_notations import told_no_height, told_writing
 
 _MOST_IN_LONG_LINES = 1 << 28
 """Bytes that a text at most takes whose rows are too long to be points."""
@@ -125,7 +125,7 @@ def _named(found: _Rows, form: Form, head: Head, path: Path) -> RawCloud:
         points, laid_out = metres_of_degrees(points)
         told.append(laid_out)
     if head.colmap:
-        posed: RawCloud = late("z2p_renderer.plugins.readers.colmap").posed(points, path, _joined(*told))
+        posed: RawCloud = late("z2p_renderer.plugins.readers._cameras.colmap").posed(points, path, _joined(*told))
         return posed
     if head.heights:
         return RawCloud(points, note=_joined(*told), up="+Z", up_reason="z is a height by its columns' names")

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers.colours import IGNORED_NOTE
+from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 
 _OFF = re.compile(
     rb"(?P<texture>ST)?(?P<colours>C)?(?P<normals>N)?(?P<homogeneous>4)?(?P<dimensions>n)?OFF(?![A-Za-z])(?P<counts>.*)"

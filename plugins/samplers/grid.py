@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.interfaces import Sampler
-from z2p_core.surface import uniform_points
+from z2p_core.meshes.triangle_sampling import uniform_points
 
 DENSITY = 16
 """Dense points for each point asked for: enough that nearly every voxel the surface crosses holds one."""

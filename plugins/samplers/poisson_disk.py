@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from z2p_core.errors.missing_system_libraries import loading
 from z2p_core.interfaces import Sampler
-from z2p_core.surface import uniform_points
-from z2p_core.system_libraries import loading
+from z2p_core.meshes.triangle_sampling import uniform_points
 
 DENSITY = 5
 """Dense points for each point asked for, as in the elimination's paper."""

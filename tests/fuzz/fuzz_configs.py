@@ -16,14 +16,14 @@ from changed_values import DEEP, LONG, ODD, RAW, changed
 from PIL import ImageColor
 
 from z2p_core import registry
-from z2p_core.ablation_config import parse_ablations
 from z2p_core.config import ConfigError, NetworkConfig, PipelineConfig, parse_config, to_dict
+from z2p_core.config.ablation import parse_ablations
+from z2p_core.config.report import parse_report
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.registry import PluginError
-from z2p_core.report_config import parse_report
-from z2p_renderer.workflows.ablation_plan import make_ablation_plan
+from z2p_renderer.workflows.ablation.plan import make_ablation_plan
 from z2p_renderer.workflows.plan import make_plan
-from z2p_renderer.workflows.report_plan import make_report_plan
+from z2p_renderer.workflows.report.plan import make_report_plan
 
 KINDS = ("pipeline",) * 5 + ("ablations", "ablations", "report")
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -210,7 +210,7 @@ def _check_network(config: NetworkConfig, side: int) -> None:
     """The network can be built, and takes a picture of that side; nothing is reckoned."""
     import torch
 
-    from z2p_core.model import build_network
+    from z2p_core.network.unet import build_network
 
     with torch.device("meta"):
         network = build_network(config, 5, 0, 7)

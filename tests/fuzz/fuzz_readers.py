@@ -14,8 +14,8 @@ from changed_values import json_text
 from made_scans import MADE, Files, glb, gltf, gltf_tree, made, npz
 
 from z2p_core.interfaces import ScanError
-from z2p_renderer.storage.clouds import Scan, read_each, readable_suffixes
-from z2p_renderer.storage.incoming import is_no_sweep, is_prose
+from z2p_renderer.storage.scans.clouds import Scan, read_each, readable_suffixes
+from z2p_renderer.storage.scans.unpack import is_no_sweep, is_prose
 
 CASE = "case.json"
 COLUMNS = (
@@ -131,7 +131,7 @@ def _check_message(error: ScanError, path: Path) -> None:
     assert "\n" not in text and text.isprintable(), f"a message of several lines or signs: {text!r}"
     assert str(path) in text, f"a message that names no file: {text!r}"
     assert len(text) < LONGEST_MESSAGE + len(str(path)), f"a message of {len(text)} characters: {text[:200]}"
-    assert "' failed (" not in text, f"a reader that fails in its own way: {text}"  # `storage.clouds` words it so
+    assert "' failed (" not in text, f"a reader that fails in its own way: {text}"  # `storage.scans.clouds` words it so
 
 
 def _check_scan(scan: Scan) -> None:

@@ -15,11 +15,11 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from z2p_core.interfaces import SettingError
-from z2p_core.viewpoint import Viewpoint, viewpoint_from_json
-from z2p_renderer.pipeline.gallery import write_gallery
+from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
+from z2p_renderer.pipeline.outputs.gallery import write_gallery
 from z2p_renderer.storage.cameras import read_camera, write_camera
-from z2p_renderer.storage.pictures import DESCRIPTION, KEY, PictureError, read_record
-from z2p_renderer.storage.png import png
+from z2p_renderer.storage.images.image_files import DESCRIPTION, KEY, PictureError, read_record
+from z2p_renderer.storage.images.png import png
 
 SUFFIXES = (".png", ".png", ".png", ".webp", ".jpg", ".tif", ".gif")
 SOUND = "a-sound-one.png"

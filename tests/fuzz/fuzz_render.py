@@ -11,9 +11,9 @@ import numpy as np
 from changed_values import odd, plain
 
 import z2p_core
-from z2p_core.api import RenderWarning
+from z2p_core.api.render import RenderWarning
 from z2p_core.interfaces import ScanError, SettingError
-from z2p_renderer.storage.checkpoints import WeightsError
+from z2p_renderer.storage.models.checkpoints import WeightsError
 
 CASE = "case.pickle"
 WARNINGS = (RenderWarning,)

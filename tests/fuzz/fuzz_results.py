@@ -16,16 +16,16 @@ from click.testing import CliRunner
 
 from z2p_core.config import PipelineConfig, RenderConfig
 from z2p_core.scene import SceneDescription
-from z2p_renderer.storage.adoption import candidates
-from z2p_renderer.storage.layout import Store, StoreError
-from z2p_renderer.storage.manifests import MANIFEST
+from z2p_renderer.storage.results.adoption import candidates
+from z2p_renderer.storage.results.manifests import MANIFEST
+from z2p_renderer.storage.results.store import Store, StoreError
+from z2p_renderer.storage.results.work_note import NOTE
 from z2p_renderer.storage.shards import Record, Shard, ShardError, write_shard
-from z2p_renderer.storage.unfinished import NOTE
 from z2p_renderer.workflows import commands
 from z2p_renderer.workflows.plan import MeshInput, Plan, assemble
-from z2p_renderer.workflows.running import keep
 from z2p_renderer.workflows.status import as_json, states, table
-from z2p_renderer.workflows.sweep import unneeded
+from z2p_renderer.workflows.upkeep.garbage_collection import unneeded
+from z2p_renderer.workflows.upkeep.runs_in_use import keep
 
 SHARD, WORKSPACE = "shard.h5", "runs"
 MEANING = ("fields", "files", "fingerprint")

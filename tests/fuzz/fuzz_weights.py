@@ -18,9 +18,9 @@ from safetensors.numpy import save
 from z2p_core import registry
 from z2p_core.config import NetworkConfig, to_dict
 from z2p_core.registry import PluginError
-from z2p_renderer.pipeline.load import load_plugins
-from z2p_renderer.storage.checkpoints import CHECKPOINT, WeightsError, load_checkpoint, load_weights
-from z2p_renderer.storage.graphs import graph_path, load_graph, save_graph
+from z2p_renderer.pipeline.inference.loading import load_plugins
+from z2p_renderer.storage.models.checkpoints import CHECKPOINT, WeightsError, load_checkpoint, load_weights
+from z2p_renderer.storage.models.onnx_deltas import graph_path, load_graph, save_graph
 
 CONTROLS = ("color", "light", "elevation")
 WEIGHTS = "weights.safetensors"
@@ -67,7 +67,7 @@ def _sound() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Tensors and card of a small network that works."""
     import torch
 
-    from z2p_core.model import build_network
+    from z2p_core.network.unet import build_network
 
     config = NetworkConfig(widths=(16, 16), mapping=16)
     zbuffer, gbuffer = registry.load("zbuffers", config.zbuffer), registry.load("gbuffers", config.gbuffer)

@@ -13,7 +13,7 @@ from made_scans import MADE
 from workers import Outcome, Worker
 
 from z2p_core.interfaces import ScanError
-from z2p_renderer.storage.clouds import Scan, read_each, readable_suffixes
+from z2p_renderer.storage.scans.clouds import Scan, read_each, readable_suffixes
 
 SEED = 47
 INPUTS = {"readers": 70, "records": 40, "weights": 30, "results": 10, "configs": 12, "render": 24, "commands": 10}

@@ -172,5 +172,5 @@ def _limit() -> None:
 
 
 if __name__ == "__main__":
-    sys.path.append(str(Path(__file__).parents[1] / "plugins"))
+    sys.path.append(str(Path(__file__).parents[1] / "helpers"))
     serve(Path(sys.argv[1]))

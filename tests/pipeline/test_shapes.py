@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from z2p_core.surface import triangle_areas
+from z2p_core.meshes.triangle_sampling import triangle_areas
 from z2p_renderer.pipeline.shapes import SUZANNE, TRAINING_SHAPES, VALIDATION_SHAPES, make_shapes, shape, shape_path
-from z2p_renderer.storage.clouds import read_mesh
+from z2p_renderer.storage.scans.clouds import read_mesh
 
 PARAMETRIC = sorted({*TRAINING_SHAPES, *VALIDATION_SHAPES} - {SUZANNE})
 OPEN = {"wavy_sheet", "seashell"}

@@ -29,8 +29,8 @@ from z2p_core.testing import (
     check_zbuffer,
 )
 from z2p_renderer.pipeline.export import export_onnx
-from z2p_renderer.pipeline.load import load_plugins
-from z2p_renderer.pipeline.streamline import quantised
+from z2p_renderer.pipeline.export.graph_rewrite import quantised
+from z2p_renderer.pipeline.inference.loading import load_plugins
 
 CLOUD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.25, 2.0, -1.0], [-3.0, 0.125, 4.0], [0.5, 0.75, 1.5]])
 LYING_PLY = (

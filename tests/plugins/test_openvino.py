@@ -12,7 +12,7 @@ import pytest
 from z2p_core import registry
 from z2p_core.interfaces import TrainedNetwork
 from z2p_renderer.pipeline.export import export_onnx
-from z2p_renderer.pipeline.load import load_plugins
+from z2p_renderer.pipeline.inference.loading import load_plugins
 
 pytest.importorskip("openvino")
 

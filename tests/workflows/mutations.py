@@ -88,10 +88,10 @@ INPUTS: dict[str, tuple[Change, set[str]]] = {
     "another sampler's code": (appended("code/plugins/samplers/grid.py", "\nEXTRA = 1\n"), set()),
     "comments and docstrings": (lambda world: [
         (world.code / path).write_text("# a comment\n" + (world.code / path).read_text().replace('"""', '"""Well: ', 1))
-        for path in ("pipeline/render.py", "pipeline/train.py", "plugins/controls/light.py", "storage/meshes.py")
+        for path in ("pipeline/render.py", "pipeline/training/train.py", "plugins/controls/light.py", "storage/meshes.py")
     ], set()),
     "unrelated modules": (lambda world: [appended(f"code/{path}", "\nEXTRA = 1\n")(world) for path in
-                          ("pipeline/batch.py", "pipeline/cli.py", "workflows/status.py", "storage/layout.py")], set()),
+                          ("pipeline/inference/batch.py", "pipeline/cli/__init__.py", "workflows/status.py", "storage/results/store.py")], set()),
     "the Blender scene": (appended("code/pipeline/blender.py", "\nEXTRA = 1\n"), RENDERS | SHARDS | AFTER),
     "the sharding code": (appended("code/pipeline/shard.py", "\nEXTRA = 1\n"), SHARDS | AFTER),
     "the training code": (appended("code/pipeline/train.py", "\nEXTRA = 1\n"), AFTER),

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.plan import Plan
 
 

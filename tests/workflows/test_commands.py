@@ -11,13 +11,13 @@ from click.testing import CliRunner
 from small_store import fill, listing
 from world import World
 
-import z2p_renderer.storage.stage_code
-from z2p_renderer.storage.layout import Store
-from z2p_renderer.workflows.ablation_plan import ablation_source, load_ablation_plan
+import z2p_renderer.storage.results.stage_dependencies
+from z2p_renderer.storage.results.store import Store
+from z2p_renderer.workflows.ablation.plan import ablation_source, load_ablation_plan
 from z2p_renderer.workflows.commands import main
-from z2p_renderer.workflows.report_plan import load_report_plan, report_source
-from z2p_renderer.workflows.running import keep
+from z2p_renderer.workflows.report.plan import load_report_plan, report_source
 from z2p_renderer.workflows.tasks import load_plan, source_of
+from z2p_renderer.workflows.upkeep.runs_in_use import keep
 
 TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"
 
@@ -53,7 +53,7 @@ def test_status_as_table_and_json(world, plan):
 def test_adopting_lists_first_and_keeps_the_configuration(world, plan, monkeypatch):
     store = Store(world.workspace)
     fill(store, plan)
-    monkeypatch.setitem(z2p_renderer.storage.stage_code.PACKAGES, "render", ("numpy", "luigi"))
+    monkeypatch.setitem(z2p_renderer.storage.results.stage_dependencies.PACKAGES, "render", ("numpy", "luigi"))
     before = listing(world.workspace)
     listed = run("adopt", "render", *world.options)
     assert listed.exit_code == 0 and "2 results could be taken over" in listed.stdout, listed.output
@@ -65,7 +65,7 @@ def test_adopting_lists_first_and_keeps_the_configuration(world, plan, monkeypat
 
 
 def test_adopting_takes_ground_truth_that_had_no_manifest(world, plan):
-    from z2p_renderer.workflows.truth import references
+    from z2p_renderer.workflows.upkeep.adopt_ground_truth import references
 
     [(entry, old)] = references(plan, Store(world.workspace))
     assert old.parent.parent == world.workspace / "truth" and entry.fields["parameters"]["samples"] == 1
@@ -79,7 +79,7 @@ def test_adopting_takes_ground_truth_that_had_no_manifest(world, plan):
 
 
 def test_ground_truth_of_every_seed_can_be_adopted(world):
-    from z2p_renderer.workflows.truth import references
+    from z2p_renderer.workflows.upkeep.adopt_ground_truth import references
 
     config = world.root / "small.toml"
     config.write_text(config.read_text().replace("[evaluate]\n", "[evaluate]\nseed = 3\nseeds = 2\n"))
@@ -170,7 +170,7 @@ def test_a_reports_results_are_adopted(tmp_path, monkeypatch):
     words = ("--config", str(TINY), "--weights", "regular")
     plan = load_report_plan(report_source(words[1], "", "", "regular", ""))
     fill(Store(tmp_path / "runs"), plan)
-    monkeypatch.setitem(z2p_renderer.storage.stage_code.PACKAGES, "measure", ("numpy", "luigi"))
+    monkeypatch.setitem(z2p_renderer.storage.results.stage_dependencies.PACKAGES, "measure", ("numpy", "luigi"))
     load_report_plan.cache_clear()
     assert f"{len(plan.steps)} fresh" not in run("status", *words).stdout
     load_report_plan.cache_clear()

@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 from editing import edited
 
-import z2p_renderer.storage.fingerprints
+import z2p_renderer.storage.results.fingerprints
 import z2p_renderer.workflows.plan
-import z2p_renderer.workflows.prior_weights
+import z2p_renderer.workflows.pretrained_weights
 from z2p_core import registry
 from z2p_core.config import PipelineConfig
-from z2p_renderer.storage.code import source_of
+from z2p_renderer.storage.results.code_digest import source_of
 from z2p_renderer.workflows.plan import Plan, assemble, make_plan
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -148,7 +148,7 @@ def test_every_parameter_is_in_the_table():
 def test_another_engine_of_the_teacher_trains_again(config, monkeypatch):
     taught = edited(config, "train.teacher", "regular")
     before, without = make_plan(taught), make_plan(config)
-    monkeypatch.setattr(z2p_renderer.workflows.prior_weights, "teaching_engine", lambda: None)
+    monkeypatch.setattr(z2p_renderer.workflows.pretrained_weights, "teaching_engine", lambda: None)
     assert stale(before, make_plan(taught)) == AFTER_SHARDS
     assert stale(without, make_plan(config)) == set()
 
@@ -158,9 +158,9 @@ def test_a_plugin_that_only_the_teacher_uses_trains_again(config, monkeypatch, k
     bare = edited(config, "train.network.gbuffer", "none")
     taught = edited(bare, "train.teacher", "regular")
     before, without = make_plan(taught), make_plan(bare)
-    fields = z2p_renderer.workflows.prior_weights.plugin_fields
+    fields = z2p_renderer.workflows.pretrained_weights.plugin_fields
     changed = lambda plugin: fields(plugin) | ({key: "other"} if plugin.name == "surfels" else {})  # noqa: E731
-    for module in (z2p_renderer.workflows.plan, z2p_renderer.workflows.prior_weights):
+    for module in (z2p_renderer.workflows.plan, z2p_renderer.workflows.pretrained_weights):
         monkeypatch.setattr(module, "plugin_fields", changed)
     assert stale(before, make_plan(taught)) == AFTER_SHARDS
     assert stale(without, make_plan(bare)) == set()
@@ -273,7 +273,7 @@ def test_a_control_plugins_version_or_code_reruns_its_users(config, tmp_path, mo
 )
 def test_a_stages_version_reruns_it_and_what_follows(config, monkeypatch, stage, expected):
     before = make_plan(config)
-    monkeypatch.setitem(z2p_renderer.storage.fingerprints.STAGE_VERSIONS, stage, 99)
+    monkeypatch.setitem(z2p_renderer.storage.results.fingerprints.STAGE_VERSIONS, stage, 99)
     assert stale(before, make_plan(config)) == expected
 
 

@@ -10,12 +10,12 @@ import pytest
 from editing import edited
 from test_plan import AFTER_SHARDS, EFFECTS, EVERYTHING, RENDERS, SAMPLES, SHARDS, before, stale
 
-import z2p_renderer.storage.layout
-import z2p_renderer.storage.stage_code
+import z2p_renderer.storage.results.stage_dependencies
+import z2p_renderer.storage.results.store
 import z2p_renderer.workflows.plan
 from z2p_core.config import PipelineConfig
-from z2p_renderer.storage import fingerprints
-from z2p_renderer.storage.fingerprints import fingerprint
+from z2p_renderer.storage.results import fingerprints
+from z2p_renderer.storage.results.fingerprints import fingerprint
 from z2p_renderer.workflows.plan import Plan, make_plan
 
 BEE = {"sample/bee", "render/bee/0-10", "render/bee/10-12", "shard/bee"}
@@ -32,8 +32,8 @@ def rows(config: PipelineConfig, meshes: Any) -> Iterator[tuple[str, Callable[[p
             yield path, lambda patch, path=path, value=value: make_plan(edited(config, path, value)), expected
     for stage, expected in STAGES.items():
         yield f"{stage} version", set_item(config, fingerprints.STAGE_VERSIONS, stage, 99), expected
-        for table in (z2p_renderer.storage.stage_code.SHAPING, z2p_renderer.storage.stage_code.PACKAGES):
-            parts = (*table[stage], "z2p_core.testing" if table is z2p_renderer.storage.stage_code.SHAPING else "luigi")
+        for table in (z2p_renderer.storage.results.stage_dependencies.SHAPING, z2p_renderer.storage.results.stage_dependencies.PACKAGES):
+            parts = (*table[stage], "z2p_core.testing" if table is z2p_renderer.storage.results.stage_dependencies.SHAPING else "luigi")
             yield f"{stage} code", set_item(config, table, stage, parts), expected
     yield "schema", lambda patch: (patch.setattr(fingerprints, "SCHEMA", 99), make_plan(config))[1], EVERYTHING
     for key in ("version", "code"):
@@ -119,7 +119,7 @@ def test_each_field_left_out_makes_a_row_wrong(config, meshes, monkeypatch):
     for path in sorted(found - redundant):
         with monkeypatch.context() as patch:
             defective = lambda fields, path=path: fingerprint(without(dict(fields), path))  # noqa: E731
-            patch.setattr(z2p_renderer.storage.layout, "fingerprint", defective)
+            patch.setattr(z2p_renderer.storage.results.store, "fingerprint", defective)
             patch.setattr(z2p_renderer.workflows.plan, "fingerprint", defective)
             if next(wrong_rows(config, meshes, path[-1]), None):
                 caught.add(path)

@@ -8,9 +8,9 @@ import pytest
 from editing import edited
 from small_store import fill, listing
 
-from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.plan import make_plan
-from z2p_renderer.workflows.report_plan import load_report_plan, report_source
+from z2p_renderer.workflows.report.plan import load_report_plan, report_source
 from z2p_renderer.workflows.status import State, as_json, states, table, to_run
 
 TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"

@@ -8,16 +8,16 @@ import luigi
 import pytest
 
 import workflows
-import z2p_renderer.storage.stage_code
+import z2p_renderer.storage.results.stage_dependencies
 import z2p_renderer.workflows.tasks
 from z2p_core import registry
 from z2p_core.config import ConfigError, parse_config
-from z2p_renderer.storage.checkpoints import resolve
-from z2p_renderer.storage.layout import Store
+from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.full_pipeline import RESULTS
-from z2p_renderer.workflows.known_views import copy_known_views
 from z2p_renderer.workflows.plan import make_plan
 from z2p_renderer.workflows.tasks import StageTask, load_plan, task_of
+from z2p_renderer.workflows.upkeep.reuse_renders import copy_known_views
 
 TOML = "name = 'small'\nmeshes = 'meshes'\n[render]\nviews = 3\nchunk = 2\n"
 
@@ -121,7 +121,7 @@ def test_a_task_whose_inputs_changed_is_another_task(ran):
 def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, capfd):
     assert build() and steps_of(ran)
     shutil.rmtree(next(Path("runs/train").iterdir()))
-    monkeypatch.setattr(z2p_renderer.storage.stage_code, "present_digest", lambda part: f"other {part}")
+    monkeypatch.setattr(z2p_renderer.storage.results.stage_dependencies, "present_digest", lambda part: f"other {part}")
     assert not build() and steps_of(ran) == []
     assert "FAILED train: ConfigError: train: workflows.stages:Train changed since" in capfd.readouterr().err
 

@@ -1,4 +1,4 @@
-"""The camera by itself; that Blender shares it is tested in tests/pipeline/test_conventions.py."""
+"""The camera by itself; that Blender shares it is tested in tests/pipeline/rendering/test_conventions.py."""
 
 from __future__ import annotations
 

@@ -1,9 +1,20 @@
 """What the compiled kernels compute, as functions of numpy arrays. They hold no lock, so threads run side by side.
 
-The C files lie beside this one; installing the package compiles them. Everything is float32 and the same on every run.
+The C files lie in `c/`, by topic; installing the package compiles them. Everything is float32 and the same on every run.
 """
 
-from z2p_core.native.calls import library as library
+from z2p_core.native.images import GROUP as GROUP
+from z2p_core.native.images import Convolution as Convolution
+from z2p_core.native.images import intensity as intensity
+from z2p_core.native.images import nearest_depth as nearest_depth
+from z2p_core.native.images import packed as packed
+from z2p_core.native.images import reconcile as reconcile
+from z2p_core.native.images import reconcile_shadow as reconcile_shadow
+from z2p_core.native.images import showing as showing
+from z2p_core.native.images import straight_bytes as straight_bytes
+from z2p_core.native.images import surfels as surfels
+from z2p_core.native.images import touched as touched
+from z2p_core.native.images import window_minimum as window_minimum
 from z2p_core.native.lighting import MOST_LIT as MOST_LIT
 from z2p_core.native.lighting import Casters as Casters
 from z2p_core.native.lighting import Floor as Floor
@@ -19,25 +30,13 @@ from z2p_core.native.lighting import illuminate as illuminate
 from z2p_core.native.lighting import image as image
 from z2p_core.native.lighting import in_other_cells as in_other_cells
 from z2p_core.native.lighting import mirror_hits as mirror_hits
-from z2p_core.native.pictures import GROUP as GROUP
-from z2p_core.native.pictures import Convolution as Convolution
-from z2p_core.native.pictures import intensity as intensity
-from z2p_core.native.pictures import nearest_depth as nearest_depth
-from z2p_core.native.pictures import packed as packed
-from z2p_core.native.pictures import reconcile as reconcile
-from z2p_core.native.pictures import reconcile_shadow as reconcile_shadow
-from z2p_core.native.pictures import showing as showing
-from z2p_core.native.pictures import straight_bytes as straight_bytes
-from z2p_core.native.pictures import surfels as surfels
-from z2p_core.native.pictures import touched as touched
-from z2p_core.native.pictures import window_minimum as window_minimum
-from z2p_core.native.rows import walk_rows as walk_rows
-from z2p_core.native.surfaces import Grid as Grid
-from z2p_core.native.surfaces import cells as cells
-from z2p_core.native.surfaces import centres as centres
-from z2p_core.native.surfaces import clips as clips
-from z2p_core.native.surfaces import holes as holes
-from z2p_core.native.surfaces import jets as jets
-from z2p_core.native.surfaces import planes as planes
-from z2p_core.native.surfaces import refine as refine
-from z2p_core.native.surfaces import slabs as slabs
+from z2p_core.native.list_rows import walk_rows as walk_rows
+from z2p_core.native.points import Grid as Grid
+from z2p_core.native.points import cells as cells
+from z2p_core.native.points import centres as centres
+from z2p_core.native.points import clips as clips
+from z2p_core.native.points import holes as holes
+from z2p_core.native.points import jets as jets
+from z2p_core.native.points import planes as planes
+from z2p_core.native.points import refine as refine
+from z2p_core.native.points import slabs as slabs

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from z2p_core.camera import Camera
-from z2p_core.native.calls import call, floats, place
-from z2p_core.threads import over_rows
+from z2p_core.native.library import call, floats, place
+from z2p_core.parallel import over_rows
 
 MOST_LIT = 0xFFFF
 """Points whose numbers fit into shadow maps."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.editable_wheel import editable_wheel
 
-SOURCES, COMPILING = (runpy.run_path(str(Path(__file__).with_name(name))) for name in ("sources.py", "compiling.py"))
+SOURCES, BUILD = (runpy.run_path(str(Path(__file__).with_name(name))) for name in ("source_digest.py", "build.py"))
 OLDEST_GLIBC_MINOR = 17
 """The C library 2.17, of 2014, is the oldest that tools still speak of (manylinux2014); the kernels need 2.14."""
 
@@ -21,7 +21,7 @@ class NameWheel(bdist_wheel):
     """What ``tool.setuptools.cmdclass`` names; nothing of z2p can be imported yet."""
 
     def run(self) -> None:
-        COMPILING["find_compiler"]()  # before anything else is done and told
+        BUILD["find_compiler"]()  # before anything else is done and told
         built = self.get_finalized_command("build").build_lib
         shutil.rmtree(built, ignore_errors=True)  # all that lies there goes into the wheel, of earlier versions too
         super().run()
@@ -36,7 +36,7 @@ class LinkedWheel(editable_wheel):
     """The same for ``pip install --editable``, whose wheel only says where the checkout is."""
 
     def run(self) -> None:
-        COMPILING["find_compiler"]()
+        BUILD["find_compiler"]()
         super().run()
 
 

@@ -1,0 +1,14 @@
+"""Processes that z2p starts of itself: luigi's, and Blender's."""
+
+from __future__ import annotations
+
+import os
+
+from z2p_renderer.storage.results.code_digest import CORE
+
+
+def child_environment() -> dict[str, str]:
+    """Environment in which ``python -m`` runs this installation's packages, and nothing of the working folder."""
+    earlier = os.environ.get("PYTHONPATH")
+    paths = os.pathsep.join([str(CORE.parent.resolve()), *([earlier] if earlier else [])])
+    return {**os.environ, "PYTHONSAFEPATH": "1", "PYTHONPATH": paths}

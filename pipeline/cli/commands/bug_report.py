@@ -1,0 +1,100 @@
+"""`z2p report` and `z2p completion`: what a bug report needs, and what a shell needs."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import click
+
+from z2p_core import __version__, registry
+
+PACKAGES = ("numpy", "onnxruntime", "openvino", "torch", "onnx",
+            "pillow", "click", "safetensors", "trimesh", "pypcd4", "laspy", "lazrs", "jinja2",
+            "pye57", "imageio-ffmpeg", "luigi", "bpy", "open3d", "open3d-cpu", "h5py", "kornia")  # fmt: skip
+
+
+@click.command()
+@click.option("--json", "as_json", is_flag=True, help="JSON instead of text.")
+def report(as_json: bool) -> None:
+    """Print what a bug report needs: versions, machine, weights and plugins. No name or path of yours is in it."""
+    facts = _facts()
+    if as_json:
+        click.echo(json.dumps(facts, indent=2))
+        return
+    for title, rows in facts.items():
+        click.echo(title)
+        for name, value in rows.items():
+            click.echo(f"  {name:<18} {value}")
+
+
+@click.command()
+@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
+def completion(shell: str) -> None:
+    """Print the script that completes z2p's commands and options with the Tab key.
+
+    \b
+    bash: echo 'eval "$(z2p completion bash)"' >> ~/.bashrc
+    zsh:  echo 'eval "$(z2p completion zsh)"' >> ~/.zshrc
+    fish: z2p completion fish > ~/.config/fish/completions/z2p.fish
+    """
+    from click.shell_completion import get_completion_class
+
+    from z2p_renderer.pipeline.cli import main
+
+    complete = get_completion_class(shell)
+    if complete is None:
+        raise click.UsageError(f"no completion for {shell}")
+    click.echo(complete(main, {}, "z2p", "_Z2P_COMPLETE").source())
+
+
+def _facts() -> dict[str, dict[str, Any]]:
+    """Sections of facts; nothing in them tells who or where the user is."""
+    from z2p_renderer.storage.models.checkpoints import shipped
+    from z2p_renderer.storage.results.fingerprints import file_digest
+    from z2p_renderer.storage.scans.memory_limit import free_memory
+
+    free = free_memory()
+    machine = {
+        "system": f"{platform.system()} {platform.release()}",
+        "processor": f"{platform.machine()}, {os.cpu_count()} cores",
+        "free memory": "unknown" if free is None else f"{free / 1e9:.1f} GB",
+        "python": platform.python_version(),
+        "encoding": f"{sys.getfilesystemencoding()}, terminal {getattr(sys.stdout, 'encoding', None)}",
+    }
+    weights = {name: f"sha256 {file_digest(path)[:16]}" for name, path in shipped().items()}
+    return {
+        "z2p": {"version": __version__},
+        "machine": machine,
+        "packages": {name: _version(name) for name in PACKAGES},
+        "weights": weights,
+        "plugins": _plugins(),
+    }
+
+
+def _plugins() -> dict[str, str]:
+    """Group -> names of its plugins, with the packages of strangers and what is broken."""
+    told: dict[str, str] = {}
+    for group in registry.GROUPS:
+        names = []
+        for plugin in registry.installed(group):
+            try:
+                registry.load(group, plugin.name)
+                broken = ""
+            except registry.PluginError as error:
+                broken = f" BROKEN: {' '.join(str(error).split())}"
+            origin = "" if plugin.origin.startswith("z2p-renderer ") else f" ({plugin.origin})"
+            names.append(f"{plugin.name}{origin}{broken}")
+        told[group] = ", ".join(names)
+    return told
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "-"

@@ -1,0 +1,111 @@
+"""`z2p evaluate`: weights against Blender renders of meshes."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+
+from z2p_core.config import EvaluateConfig
+from z2p_core.errors.install_advice import install_advice
+from z2p_core.errors.missing_system_libraries import SystemLibraryError
+from z2p_renderer.pipeline.cli import Failure
+from z2p_renderer.pipeline.cli.options.param_types import SIDES, Elevation, FiniteRange
+
+PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
+INSTALL = install_advice("pipeline")
+
+
+def _split(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
+    names = (name.strip() for name in text.split(","))
+    return tuple(dict.fromkeys(name for name in names if name))
+
+
+@click.command(context_settings={"show_default": True})
+@click.option("--meshes", required=True, type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder of meshes to render and to draw clouds from.")
+@click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file.")
+@click.option("--engine", default="torch", metavar="NAME", help="What runs the network; see `z2p plugins`.")
+@click.option("--output", "-o", required=True, type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder for metrics.json and the contact sheet.")
+@click.option("--truth", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
+              help="Folder that keeps the Blender renders for the next time.  [default: OUTPUT/truth]")
+@click.option("--views", default=4, type=click.IntRange(min=1), metavar="V", help="Views of each mesh.")
+@click.option("--points", default=5000, type=click.IntRange(min=1), metavar="N", help="Points in each cloud.")
+@click.option("--noise", default=0.0, type=FiniteRange(min=0), metavar="S",
+              help="Standard deviation of Gaussian noise, in units of the mesh's radius.")
+@click.option("--sampler", default="uniform", metavar="NAME", help="How clouds are drawn; see `z2p plugins`.")
+@click.option("--seed", default=0, type=click.IntRange(min=0), metavar="K", help="Seed of views, clouds and noise.")
+@click.option("--seeds", default=1, type=click.IntRange(min=1), metavar="N",
+              help="How many seeds, from --seed on: means over all, and their spread.")
+@click.option("--resolution", default=256, type=click.IntRange(*SIDES), metavar="R", help="Side of the pictures.")
+@click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples a pixel.")
+@click.option("--bounces", default=3, type=click.IntRange(min=0), metavar="N",
+              help="How often light may bounce; 6 for what is glossy.")
+@click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="K",
+              help="Draw K times as large and average down, as z2p run-inference does.")
+@click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
+@click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split,
+              help="Comma-separated baselines to put beside it, as bpa,poisson,balls; see `z2p plugins`.")
+def evaluate(
+    meshes: Path, weights: str, engine: str, output: Path, truth: Path | None, baseline: tuple[str, ...],
+    **options: Any,
+) -> None:
+    """Measure weights against Blender renders of meshes.
+
+    Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
+    """
+    from z2p_core import registry
+    from z2p_renderer.pipeline.evaluation.baselines import load_baselines
+    from z2p_renderer.pipeline.evaluation.comparison_sheet import sheets_of
+    from z2p_renderer.pipeline.outputs.sheet_files import check_places
+    from z2p_renderer.storage.meshes import find_meshes
+    from z2p_renderer.storage.models.checkpoints import resolve
+
+    if options["elevation"] == "random":
+        options["elevation"] = None
+    config = EvaluateConfig(**options)
+    load_baselines(baseline)
+    registry.load("engines", engine)
+    found, file = find_meshes(meshes), resolve(weights)
+    check_places(output, sheets_of(len(found) * config.views * config.seeds))  # before hours of rendering
+    missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
+    if missing:
+        raise Failure(f"evaluation needs {', '.join(missing)}; {INSTALL}")
+    try:
+        from z2p_renderer.pipeline.evaluation.evaluate import evaluate as measure
+
+        measure(found, file, output, config, truth or output / "truth", _say, baseline, engine)
+    except SystemLibraryError as error:
+        raise Failure(str(error)) from error
+    except ImportError as error:
+        raise Failure(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
+    _print_means(json.loads((output / "metrics.json").read_text()))
+    click.echo(f"written to {output}", err=True)
+
+
+def _print_means(metrics: dict[str, Any]) -> None:
+    """A line a figure: its mean and, where there are baselines, theirs beside it under a line of names.
+
+    Where there are several seeds, the spread (standard deviation) of their means follows each mean.
+    """
+    columns = [metrics, *metrics["baselines"].values()]
+    several = len(metrics["seeds"]) > 1
+    if metrics["baselines"]:
+        wide = 19 if several else 9
+        click.echo(" ".join([f"{'':<16}", *(f"{name:>{wide}}" for name in ("z2p", *metrics["baselines"]))]))
+    for name in dict.fromkeys(name for column in columns for name in column["means"]):
+        numbers = []
+        for column in columns:
+            mean, spread = column["means"].get(name), column["spread_over_seeds"].get(name)
+            numbers.append(f"{'-':>9}" if mean is None else f"{mean:9.4f}")
+            if several:
+                numbers.append(f"{'':>9}" if spread is None else f"+-{spread:7.4f}")
+        click.echo(" ".join([f"{name:<16}", *numbers]))
+
+
+def _say(line: str) -> None:
+    click.echo(line, err=True)

@@ -1,0 +1,286 @@
+"""`z2p info` and `z2p rerender`: what made a picture, and the same picture with something changed."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from z2p_core.interfaces import Value
+from z2p_renderer.pipeline.cli import Failure, debugging
+from z2p_renderer.pipeline.cli.options.controls import SETTINGS, RerenderCommand
+from z2p_renderer.pipeline.cli.options.param_types import Background, Degrees, Margin, Resolution, Smooth, Target
+from z2p_renderer.pipeline.cli.options.pictures import writable
+from z2p_renderer.pipeline.cli.progress import tell_opaque
+
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
+    from z2p_renderer.pipeline.inference.render_scan import Crop, Look
+    from z2p_renderer.pipeline.inference.renderer import Renderer
+
+
+@click.command()
+@click.argument("figures", nargs=-1, required=True, metavar="FIGURE...", type=click.Path(path_type=Path))
+@click.option("--json", "as_json", is_flag=True, help="The whole record, a JSON line a figure.")
+def info(figures: tuple[Path, ...], as_json: bool) -> None:
+    """Show what made a picture: its scan, camera, controls, weights and version.
+
+    \b
+    z2p info fig.png
+    z2p info fig.png --json
+    """
+    from z2p_renderer.storage.files.printable_names import printable
+    from z2p_renderer.storage.images.image_files import PictureError, read_record
+
+    failed = False
+    for figure in figures:
+        try:
+            record = read_record(figure, complete=not as_json)
+        except PictureError as error:
+            failed = True
+            click.echo(f"failed: {error}", err=True)
+            continue
+        if as_json:
+            click.echo(json.dumps({"figure": str(figure), **record}))
+        else:
+            click.echo("\n".join([printable(figure), *(f"  {key:<11} {text}" for key, text in _rows(record))]))
+    if failed:
+        click.get_current_context().exit(1)
+
+
+@click.command(cls=RerenderCommand, context_settings={"show_default": True})
+@click.argument("figure", type=click.Path(path_type=Path), metavar="FIGURE")
+@click.option("--output", "-o", type=Target(file=True), metavar="OUT", show_default=False,
+              help="The new picture.  [default: FIGURE with _2 before its suffix]")
+@click.option("--input", "scan", type=click.Path(path_type=Path), metavar="SCAN",
+              help="The scan, if it has moved since.")
+@click.option("--weights", metavar="W", help="Other weights: a shipped name or a .safetensors file.")
+@click.option("--engine", metavar="NAME", help="Another engine for the network; see z2p plugins.")
+@click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
+              help="Turn the object by so much more than it is.")
+@click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
+              help="Another camera: JSON of --save-camera, or another picture.")
+@click.option("--smooth", type=Smooth(), help="Make the surface smooth over patches of that radius; 0: leave it.")
+@click.option("--resolution", "--size", type=Resolution(), help="Another size in pixels.")
+@click.option("--background", type=Background(), help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1.")
+@click.option("--supersample", type=click.IntRange(1, 4), metavar="N", help="Draw N times as large and average down.")
+@click.option("--fit", type=click.Choice(["frame", "tight"]), help="tight trims the picture to what is to be seen.")
+@click.option("--margin", type=Margin(), metavar="SHARE",
+              help="Left free around the object, as a share of the shorter side or in percent: 0.1 or 10%.")
+@click.option("--overwrite", is_flag=True, help="Replace OUT where it is there already.")
+@click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
+@click.pass_context
+def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path | None, **options: Any) -> None:
+    """Draw a picture of z2p again with something changed; all else stays as its record has it.
+
+    \b
+    z2p rerender fig.png --color teal --light 3.5,-40,50
+    z2p rerender fig.png --resolution 2048 --background white -o fig_print.tif
+
+    The scan is looked for beside the picture, where it was, and must not have changed since.
+    """
+    from z2p_renderer.storage.images.image_files import check_suffix, read_record, write_picture
+
+    record = read_record(figure, complete=True)
+    if "motion" in record:
+        raise Failure(f"{figure} is a loop; make it again with z2p animate SCAN --load-camera {figure}")
+    if "batch" in record:
+        raise Failure(f"{figure} is a sheet of {record['batch']} clouds, of which its record tells the first; draw it "
+                      "again in Python, or save and change its pictures one by one, as sheet[0].save(...)")
+    output = output or figure.with_stem(f"{figure.stem}_2")
+    if output.exists() and not options["overwrite"]:
+        raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)
+    check_suffix(output.suffix.lower())
+    writable(output.parent)
+    if options["background"] is None and record["background"] == "transparent" and not options["quiet"]:
+        tell_opaque(output.suffix.lower())
+    with warnings.catch_warnings():
+        if not debugging():
+            warnings.simplefilter("ignore")
+        picture, look, made_by = _drawn_again(record, _scan(record, figure, scan), output, ctx.meta.get(SETTINGS, {}),
+                                              options)  # fmt: skip
+    write_picture(picture, output, look.background, made_by)
+    if not options["quiet"]:
+        click.echo(f"rendered: {figure} -> {output}", err=True)
+
+
+def _drawn_again(
+    record: Mapping[str, Any], scan: Path, output: Path, values: dict[str, Value], options: dict[str, Any]
+) -> tuple[Any, Look, dict[str, Any]]:
+    """The new picture, the look it has and the record of it."""
+    from z2p_core.interfaces import ScanError
+    from z2p_renderer.pipeline.inference.batch import source_of
+    from z2p_renderer.pipeline.inference.render_scan import draw
+    from z2p_renderer.pipeline.inference.render_scan import record as record_of
+    from z2p_renderer.pipeline.inference.weight_selection import renderer_for
+    from z2p_renderer.storage.models.checkpoints import shipped
+    from z2p_renderer.storage.scans.clouds import format_suffix, read_each
+
+    name = options["weights"] or record["weights"]["name"]
+    if options["weights"] is None and name not in shipped():
+        raise Failure(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
+                      "--weights")
+    renderer = renderer_for(name, values, engine=_engine(record, options["engine"]))
+    look = _look(record, renderer, name, values, options).written_as(output.suffix.lower())
+    source = record["input"]
+    columns = tuple(source["columns"]) if "columns" in source else None
+    clouds = read_each(scan, columns)
+    if source["cloud"] >= len(clouds):
+        raise Failure(f"{scan} holds {len(clouds)} clouds; the picture shows number {source['cloud'] + 1}")
+    cloud = clouds[source["cloud"]]
+    if isinstance(cloud, ScanError):
+        raise cloud
+    drawing = draw(renderer, cloud, format_suffix(scan), look)
+    made_by = record_of(drawing, look, source_of(scan, output, source["cloud"], columns))
+    if options["weights"] is None:
+        made_by["weights_chosen"] = record.get("weights_chosen", False)
+    if options["load_camera"] is None:
+        if not options["azimuth"]:  # why it stands as it stands is known from the first time
+            made_by["stance"] = {**record["stance"], "smooth": drawing.stance.smooth}
+        if "azimuth" in record["placing"]:  # once it was not told
+            made_by["placing"]["azimuth"] = record["placing"]["azimuth"] + options["azimuth"]
+    return drawing.picture, look, made_by
+
+
+def _engine(record: Mapping[str, Any], asked: str | None) -> str | None:
+    """Name of the engine that is asked for, or that drew the picture, if it is here; None for the usual one."""
+    from z2p_core.registry import PluginError
+    from z2p_renderer.pipeline.inference.engine_selection import check_engine
+
+    name: str | None = record.get("engine")  # once it was not told
+    if asked is not None or name is None:
+        return asked
+    try:
+        check_engine(name)
+    except PluginError:
+        click.echo(f"note: the engine {name!r} that drew the picture is not installed; pixels may differ a little",
+                   err=True)
+        return None
+    return name
+
+
+def _look(
+    record: Mapping[str, Any], renderer: Renderer, name: str, given: dict[str, Value], options: dict[str, Any]
+) -> Look:
+    """The look of the record with the changes."""
+    from z2p_core.placement.margin import margin_from, without_margin
+    from z2p_core.placement.viewpoint import viewpoint_from_json
+    from z2p_renderer.pipeline.inference.look import background_from, settings_for
+    from z2p_renderer.pipeline.inference.render_scan import Look
+    from z2p_renderer.pipeline.placement.place_cloud import Placing
+    from z2p_renderer.storage.cameras import read_camera
+
+    if options["weights"] is None and renderer.weights["sha256"] != record["weights"]["sha256"]:
+        click.echo(f"note: the weights {name!r} are others than those of the picture; its look may differ", err=True)
+    margin, camera = _margin(record, options), viewpoint_from_json(record["camera"])
+    if options["load_camera"] is not None:
+        camera = read_camera(options["load_camera"])
+    elif record.get("fit") != "tight":
+        camera = without_margin(camera, margin_from(record.get("margin")))  # once it was not told: the usual one
+    if "elevation" in given:
+        camera = replace(camera, elevation=given["elevation"][0])
+    before = {key: value for key, value in record["controls"].items() if key in renderer.controls}
+    dropped = sorted(set(record["controls"]) - set(before))
+    if dropped and not options["quiet"]:
+        click.echo(f"note: the weights {name!r} have no {' or '.join(dropped)}; the picture's is left out", err=True)
+    values = settings_for(renderer, {**before, **given})
+    if options["load_camera"] is not None and "elevation" not in given:
+        values.pop("elevation", None)  # the loaded camera has its own
+    asked = record["placing"]
+    smooth = asked.get("smooth", 0.0) if options["smooth"] is None else options["smooth"]  # once nothing was made so
+    placing = Placing(asked["up"], asked["view"], options["azimuth"], asked["keep_outliers"], asked["cut_top"], camera,
+                      smooth)  # fmt: skip
+    background = record["background"] if options["background"] is None else options["background"]
+    width, height = options["resolution"] or record["resolution"]
+    supersample, fit = (options[name] or record[name] for name in ("supersample", "fit"))
+    return Look(values, placing, width, height, background_from(background), supersample, fit == "tight",
+                _crop(record, given, options), margin=margin)  # fmt: skip
+
+
+def _margin(record: Mapping[str, Any], options: dict[str, Any]) -> float | None:
+    """The margin that is asked for, else the picture's where it is framed as before.
+
+    Raises:
+        click.UsageError: a loaded camera chooses how large the object is.
+    """
+    from z2p_core.placement.margin import margin_from
+
+    before, fit = record.get("fit"), options["fit"] or record.get("fit")
+    if options["margin"] is not None:
+        if options["load_camera"] is not None and fit == "frame":
+            raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out")
+        return float(options["margin"])
+    kept = fit == before and (fit == "tight" or options["load_camera"] is None)
+    return margin_from(record.get("margin")) if kept else None
+
+
+def _crop(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Crop | None:
+    """The crop of the picture's series, which lasts while nothing moves in it: neither object nor shadow nor frame."""
+    (width, height), (old_width, old_height) = options["resolution"] or record["resolution"], record["resolution"]
+    changed = options["load_camera"] is not None or options["margin"] is not None
+    moved = options["azimuth"] or changed or {"elevation", "light"} & set(given)
+    if moved or width * old_height != height * old_width or options["fit"] is not None or record.get("window") is None:
+        return None
+    left, top, right, bottom = record["window"]
+    return left, top, right, bottom
+
+
+def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
+    """The file that the picture's cloud came from, checked against the digest.
+
+    Raises:
+        Failure: it is nowhere to be found, or has changed.
+    """
+    from z2p_renderer.storage.results.fingerprints import file_digest
+
+    source = record["input"]
+    if source.get("name") is None:
+        raise Failure(f"{figure} was drawn from an array in Python, not from a file; draw it there again with "
+                      "z2p_core.render(points, camera=...)")
+    places = [given] if given else [figure.parent / source["path"]] if source["path"] else []
+    places += [] if given else [figure.parent / source["name"], Path(source["name"])]
+    found = [place for place in places if place.is_file()]
+    if not found:
+        if given is None and source["path"] is None:
+            raise Failure("the scan came through standard input, so no file is known; name one with --input")
+        looked = ", ".join(dict.fromkeys(str(place) for place in places))
+        raise Failure(f"the scan {source['name']} is not to be found (looked for {looked}); name it with --input")
+    for place in found:
+        if file_digest(place) == source["sha256"]:
+            return place
+    if given:
+        raise Failure(f"{given} is not the scan that the picture was drawn from (other content); draw it anew with "
+                      f"z2p run-inference {given} --load-camera {figure}")
+    raise Failure(f"{found[0]} has changed since; draw it anew with z2p run-inference {found[0]} "
+                  f"--load-camera {figure}")
+
+
+def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What people want to know of a record, in words."""
+    from z2p_renderer.pipeline.outputs.gallery import placed_rows
+
+    source, stance, weights = record["input"], record["stance"], record["weights"]
+    rows = [("scan", f"{source.get('name') or 'an array in Python'}  sha256 {source['sha256'][:16]}")]
+    if source["cloud"]:
+        rows.append(("cloud", f"number {source['cloud'] + 1} of the file"))
+    rows += [(name, ", ".join(f"{number:g}" for number in value)) for name, value in record["controls"].items()]
+    rows += [
+        ("up", f"{stance['up']}: {stance['up_reason']}"),
+        ("view", f"azimuth {stance['azimuth']:g}, {stance['view_reason']}"),
+        ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
+                   f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
+        ("left out", f"strays: {stance['outliers']}, points far behind: {stance['background']}"),
+        *placed_rows(record),
+        ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
+        ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
+                 f"fit {record['fit']}"),
+        ("background", record["background"] if isinstance(record["background"], str) else
+         ", ".join(f"{number:g}" for number in record["background"])),
+        ("weights", f"{weights['name']}  sha256 {weights['sha256'][:16]}"),
+        ("z2p", record["version"]),
+    ]  # fmt: skip
+    return rows

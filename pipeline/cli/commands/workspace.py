@@ -1,0 +1,38 @@
+"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to a process.
+
+That is ``python -m workflows``. Wrong words, and those that ask for help, are answered here.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import click
+
+from z2p_renderer.pipeline.child_process import child_environment
+from z2p_renderer.pipeline.cli.commands.train_pipeline import check_luigi, run_process
+from z2p_renderer.pipeline.cli.options.workspace import command
+
+_WORDS = "z2p.words"
+
+
+class HandedOn(click.Command):
+    """A command that keeps its words as they were typed."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.meta[_WORDS] = list(args)
+        return super().parse_args(ctx, args)
+
+
+def _handed_on(name: str) -> click.Command:
+    @click.pass_context
+    def hand_on(ctx: click.Context, /, **_: Any) -> None:
+        check_luigi()
+        words = [sys.executable, "-m", "workflows", name, *ctx.meta[_WORDS]]
+        ctx.exit(run_process(words, child_environment()))
+
+    return command(name, hand_on, HandedOn)
+
+
+status, verify, gc, adopt, scheduler = map(_handed_on, ("status", "verify", "gc", "adopt", "scheduler"))

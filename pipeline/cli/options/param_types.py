@@ -1,0 +1,226 @@
+"""What options of several words of meaning are read from."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+SIDES = (32, 4096)
+"""Smallest and largest side of a picture, pixels."""
+HIGHEST = 80
+"""Elevation of a camera above the horizon that weights know at most, degrees."""
+LONGEST_NAME = 255
+"""Bytes that the name of a file or folder has at most, on nearly every file system."""
+FOLDER = "z2p.folder"
+"""Key in click's context: whether the user's output ends in a slash, as only a folder's name does."""
+
+
+class Target(click.ParamType):
+    """Path of what is to be written; with `file` a file's alone. A slash at its end makes it a folder's."""
+
+    name = "OUT"
+
+    def __init__(self, file: bool = False) -> None:
+        self.file = file
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
+        if isinstance(value, Path):  # click may hand back what came from here
+            return value
+        if not value:
+            self.fail("expected a path, got ''; is the variable empty that should hold it?", param, ctx)
+        if value == "-":
+            self.fail("nothing is written to standard output: expected a path, got '-' (./- is one)", param, ctx)
+        if value.endswith((os.sep, os.altsep or os.sep)):
+            if self.file:
+                self.fail(f"expected a file's name, got a folder's, {value!r}; add a name", param, ctx)
+            if ctx is not None:
+                ctx.meta[FOLDER] = True
+        longest = max((len(os.fsencode(part)) for part in Path(value).parts), default=0)
+        if longest > LONGEST_NAME:
+            self.fail(f"expected names of at most {LONGEST_NAME} bytes, got one of {longest}", param, ctx)
+        return Path(value)
+
+
+def is_folder(ctx: click.Context, output: Path) -> bool:
+    """Whether an output is a folder, or is to be one."""
+    return bool(ctx.meta.get(FOLDER)) or output.is_dir()
+
+
+class FiniteRange(click.FloatRange):
+    """A range without nan, which click's own lets through."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"expected a finite number, got {value!r}", param, ctx)
+        return number
+
+
+class UpAxis(click.Choice):
+    """``auto``, or one of ``+Z``, ``-Z``, ``+Y``, ``-Y``, ``+X``, ``-X``; ``Y``, ``y`` and ``y-up`` mean ``+Y``."""
+
+    def __init__(self) -> None:
+        super().__init__(["auto", "+Z", "-Z", "+Y", "-Y", "+X", "-X"])
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from z2p_core.up_axis.axis_words import up_from
+
+        return super().convert(up_from(value) or value, param, ctx)
+
+
+class View(click.ParamType):
+    """``auto``, ``front``, ``sensor``, an azimuth in degrees, or with the elevation as ``AZ,EL``."""
+
+    name = "auto|front|sensor|AZ[,EL]"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """As the words are written."""
+        return self.name
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> str | float | tuple[float, float]:
+        if isinstance(value, tuple | float):  # click may hand back what came from here
+            return value
+        if value.lower() in ("auto", "front", "sensor"):
+            return str(value.lower())
+        try:
+            azimuth, *elevation = (float(part) for part in value.split(","))
+        except ValueError:
+            azimuth, elevation = math.nan, []
+        if not (math.isfinite(azimuth) and len(elevation) < 2 and all(0 <= one <= HIGHEST for one in elevation)):
+            self.fail(f"expected auto, front, sensor, or AZ or AZ,EL in degrees with EL from 0 to {HIGHEST}, got "
+                      f"{value!r}", param, ctx)  # fmt: skip
+        return (azimuth, elevation[0]) if elevation else azimuth
+
+
+class Format(click.Choice):
+    """A kind of file, by its name or its suffix, in either case."""
+
+    def __init__(self, kinds: Sequence[str], suffixes: Mapping[str, str]) -> None:
+        super().__init__(list(kinds), case_sensitive=False)
+        self._suffixes = suffixes
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        name = value.lower().lstrip(".")
+        return super().convert(self._suffixes.get(name, name), param, ctx)
+
+
+class Margin(click.ParamType):
+    """A share of the picture's shorter side; see `z2p_core.placement.margin.margin_from`."""
+
+    name = "SHARE"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
+        from z2p_core.interfaces import SettingError
+        from z2p_core.placement.margin import margin_from
+
+        try:
+            return margin_from(value)
+        except SettingError as error:
+            self.fail(str(error).removeprefix("margin: "), param, ctx)
+
+
+class Smooth(click.ParamType):
+    """``auto``, or a radius; see `pipeline.inference.look.smooth_from`."""
+
+    name = "auto|R"
+
+    def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
+        """As the words are written."""
+        return self.name
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
+        from z2p_core.interfaces import SettingError
+        from z2p_renderer.pipeline.inference.look import smooth_from
+
+        try:
+            return smooth_from(value)
+        except SettingError as error:
+            self.fail(str(error), param, ctx)
+
+
+class Degrees(click.ParamType):
+    """A finite number."""
+
+    name = "DEG"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        try:
+            degrees = float(value)
+        except ValueError:
+            degrees = math.nan
+        if not math.isfinite(degrees):
+            self.fail(f"expected degrees, got {value!r}", param, ctx)
+        return degrees
+
+
+class Elevation(click.ParamType):
+    """Degrees, or the word ``random``: drawn for each view as in training."""
+
+    name = "DEG|random"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | str:
+        if value == "random":
+            return "random"
+        try:
+            degrees = float(value)
+        except ValueError:
+            degrees = math.nan
+        if not 0 <= degrees <= HIGHEST:
+            self.fail(f"expected 0 to {HIGHEST} degrees or 'random', got {value!r}", param, ctx)
+        return degrees
+
+
+class Resolution(click.ParamType):
+    """Width and height in pixels from ``W``, ``W,H`` or ``WxH``."""
+
+    name = "W[,H]"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):  # click may hand back what came from here
+            return value
+        match = re.fullmatch(r"\s*(\d{1,6})\s*(?:[,xX]\s*(\d{1,6})\s*)?", value)
+        width, height = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
+        if not (SIDES[0] <= width <= SIDES[1] and SIDES[0] <= height <= SIDES[1]):
+            self.fail(f"expected W or W,H with sides from {SIDES[0]} to {SIDES[1]} pixels, got {value!r}", param, ctx)
+        return width, height
+
+
+class Background(click.ParamType):
+    """sRGB triple in [0, 1] from a CSS name or ``#hex``; the word ``transparent`` stays itself."""
+
+    name = "COLOR"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[float, float, float] | str:
+        if isinstance(value, tuple):
+            return value
+        from z2p_core.interfaces import SettingError
+        from z2p_renderer.pipeline.inference.look import background_from
+
+        try:
+            return background_from(value) or "transparent"
+        except SettingError as error:
+            self.fail(str(error), param, ctx)
+
+
+class Grid(click.ParamType):
+    """Columns and rows from ``4x3``."""
+
+    name = "COLSxROWS"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        if isinstance(value, tuple):
+            return value
+        match = re.fullmatch(r"([1-9]\d?)[xX,]([1-9]\d?)", value.strip())
+        if match is None:
+            self.fail(f"expected columns and rows from 1x1 to 99x99, got {value!r}", param, ctx)
+        return int(match[1]), int(match[2])

@@ -1,0 +1,155 @@
+"""The options that every command shares which draws pictures, and the look that they stand for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from z2p_core.interfaces import Value
+from z2p_renderer.pipeline.cli.options.param_types import (
+    Background,
+    Degrees,
+    FiniteRange,
+    Margin,
+    Resolution,
+    Smooth,
+    UpAxis,
+    View,
+)
+
+if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
+    from z2p_renderer.pipeline.inference.render_scan import Look
+    from z2p_renderer.pipeline.inference.renderer import Renderer
+
+Command = Callable[..., Any]
+
+OPTIONS = (
+    click.option("--recursive", "-r", is_flag=True, help="Look into sub folders, and mirror them in OUT."),
+    click.option("--columns", metavar="NAMES",
+                 help="What the columns of text files and .bin hold, as in x,y,z,r,g,b; of them x, y and z are read."),
+    click.option("--weights", default="auto", metavar="W",
+                 help="Shipped name or a .safetensors file; auto: of those shipped the ones that carry the controls "
+                 "asked for, and for noisy clouds those made for noise."),
+    click.option("--engine", metavar="NAME",
+                 help="What runs the network: onnxruntime, openvino, torch; quicker, less exact by a grey level or two "
+                 "on average: onnxruntime-int8, openvino-bf16, openvino-int8. Default: onnxruntime-int8 on processors "
+                 "with AVX2, else the first of the others that is installed."),
+    click.option("--up", default="auto", type=UpAxis(),
+                 help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
+                 "or the way an object stands."),
+    click.option("--view", default="auto", type=View(),
+                 help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
+                 "front: the data's own; sensor; or degrees from the front, as azimuth or azimuth,elevation."),
+    click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
+                 help="Turn the object by so much more than --view does, about its up axis, counter-clockwise from "
+                 "above: relative to the chosen view, while --view AZ is absolute."),
+    click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
+                 help="Look as before: JSON that --save-camera wrote, or a picture of z2p; without --up and --view."),
+    click.option("--keep-outliers", is_flag=True,
+                 help="Keep stray points that make the object small, and what is far behind a depth camera's subject."),
+    click.option("--cut-top", default=0.0, type=FiniteRange(0, 100, max_open=True), metavar="PERCENT",
+                 help="Cut off so much of the height from above, to look into a room."),
+    click.option("--smooth", default="auto", type=Smooth(),
+                 help="Make the surface smooth over patches of that radius, 0.1 being a tenth of the frame's; auto: "
+                 "only for a depth camera's noisy clouds; 0: as it was measured, gaps too."),
+    click.option("--resolution", "--size", default="512", type=Resolution(),
+                 help="In pixels: 512, 640,480 or 640x480."),
+    click.option("--background", default="transparent", type=Background(),
+                 help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1."),
+    click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="N",
+                 help="Draw N times as large and average down: smoother edges."),
+    click.option("--fit", default="frame", type=click.Choice(["frame", "tight"]),
+                 help="tight trims the picture to what is to be seen, its shadow included."),
+    click.option("--margin", type=Margin(), metavar="SHARE",
+                 help="Left free around the object, as a share of the shorter side or in percent (0.1 or 10%); with "
+                 "--fit tight around its shadow too.  [default: 0.1, tight 0.02]"),
+)  # fmt: skip
+
+
+def picture_options(command: Command) -> Command:
+    """The command with the shared options, in their order."""
+    for option in reversed(OPTIONS):
+        command = option(command)
+    return command
+
+
+def check_view(ctx: click.Context, given: dict[str, Value], options: dict[str, Any]) -> None:
+    """Makes sure that no two options settle the same of the view, of which one would be passed over.
+
+    Raises:
+        click.UsageError: two do.
+    """
+    default = click.core.ParameterSource.DEFAULT
+    for name in ("view", "up"):
+        if options["load_camera"] is not None and ctx.get_parameter_source(name) is not default:
+            raise click.UsageError(f"--load-camera and --{name} both choose the view; leave one out", ctx)
+    if isinstance(options["view"], tuple) and "elevation" in given:
+        raise click.UsageError("--view AZ,EL and --elevation both choose the elevation; leave one out", ctx)
+    if options["load_camera"] is not None and options["margin"] is not None and options["fit"] == "frame":
+        raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out", ctx)
+
+
+def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, Any]) -> Look:
+    """The look that a command's options and its control settings stand for.
+
+    Raises:
+        SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
+    """
+    from z2p_renderer.pipeline.inference.look import settings_for
+    from z2p_renderer.pipeline.inference.render_scan import Look
+    from z2p_renderer.pipeline.placement.place_cloud import Placing
+    from z2p_renderer.storage.cameras import read_camera
+
+    view, file = options["view"], options["load_camera"]
+    if isinstance(view, tuple):
+        given = {**given, "elevation": (view[1],)}
+    viewpoint = None if file is None else read_camera(file)
+    placing = Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
+                      options["keep_outliers"], options["cut_top"], viewpoint, options["smooth"])
+    background = None if options["background"] == "transparent" else options["background"]
+    width, height = options["resolution"]
+    return Look(settings_for(renderer, given), placing, width, height, background, options["supersample"],
+                options["fit"] == "tight", margin=options["margin"])  # fmt: skip
+
+
+def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:
+    """Names of a text file's columns, in lower case.
+
+    Raises:
+        click.UsageError: x, y and z are not all among them, once each.
+    """
+    if options["columns"] is None:
+        return None
+    separator = "," if "," in options["columns"] else None
+    names = tuple(name.strip().lower() for name in options["columns"].split(separator))
+    if any(names.count(axis) != 1 for axis in "xyz"):
+        raise click.UsageError(f"--columns: expected a name for each column with x, y and z once each, as in "
+                               f"x,y,z,r,g,b; got {options['columns']!r}")
+    return names
+
+
+def writable(folder: Path, option: str = "--output") -> None:
+    """Nothing, once it is sure that files can be written into the `option`'s folder, which is made if need be.
+
+    Raises:
+        click.UsageError: they cannot.
+    """
+    import os
+
+    from z2p_renderer.storage.files.atomic_write import kind_of
+    from z2p_renderer.storage.files.disk_errors import disk_refusal
+
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / f".z2p-{os.getpid()}.probe"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        if disk_refusal(error):  # of a disk, which is no mistake in the call
+            raise
+        taken = folder.exists() and not folder.is_dir()
+        reason = f"expected a folder or a picture's name, got {kind_of(folder)}" if taken else error.strerror
+        raise click.UsageError(f"cannot write to {folder}: {reason}; choose another {option}") from None

@@ -1,0 +1,87 @@
+"""What is said of an option or a command that there is not: what was meant, where that is sure."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Sequence
+from glob import glob, has_magic
+from pathlib import Path
+
+import click
+
+from z2p_core.errors.did_you_mean import closest, meant
+
+DRAW_COMMAND = "render"
+_COMMANDS = {
+    "render": "draw infer inference predict run picture image shade plot show view visualize visualise convert",
+    "animate": "animation gif webp mp4 video movie turntable spin rotate loop orbit",
+    "rerender": "redraw again re-render change",
+    "info": "inspect metadata record settings identify",
+    "evaluate": "eval metrics benchmark score",
+    "pipeline": "train fit full-pipeline learn",
+    "ablate": "ablation ablations",
+    "gc": "clean cleanup prune garbage-collect",
+    "verify": "check validate fsck",
+    "formats": "readers list-formats types",
+    "plugins": "list-plugins extensions plugin",
+    "report": "bug bug-report bugreport doctor versions env",
+    "completion": "completions shell-completion autocomplete",
+    "--help": "help usage man",
+    "--version": "version",
+}
+"""Command -> what others call it."""
+_NOTES = {
+    "Each file's line is told anyway; Z2P_DEBUG=1 in the environment tells more": "verbose v debug",
+    "Everything runs on the CPU; --engine chooses what runs the network": "gpu cuda",
+    "The camera's field of view is 40 degrees always": "fov focal focal-length",
+    "--margin leaves more or less free around the object": "zoom distance scale",
+    "A surface is drawn, not points": "point-size pointsize point-radius radius",
+    "None are needed, and none are read": "normals",
+    "The shadow belongs to the picture": "shadow shadows no-shadow",
+    "--frames and --fps make a loop's length": "duration length",
+    "Moving pictures are made by z2p animate": "frames fps motion turntable loop video animation",
+    "--resolution counts pixels": "dpi ppi",
+    "The same input gives the same picture, without a seed": "seed",
+}
+"""What to say -> of which options that there are not."""
+
+
+def unknown_option(error: click.NoSuchOption) -> click.UsageError:
+    """The error with the option that was meant, in place of those that merely look alike."""
+    if error.ctx is None:
+        return error
+    name = error.option_name.lstrip("-").partition("=")[0]
+    flags = [flag for parameter in error.ctx.command.get_params(error.ctx) for flag in parameter.opts]
+    known = {flag.removeprefix("--"): flag for flag in flags if flag.startswith("--")}
+    plain = name.replace("_", "-").lower()
+    found = meant(plain, known)
+    note = None if found is None else f"Did you mean --{found}?"
+    if note is None:
+        note = next((told for told, names in _NOTES.items() if plain in names.split()), None)
+    if "output" in known and plain in ("i", "input", "inputs", "in", "file", "scan"):
+        note = "Inputs are named without an option"
+    return click.UsageError(f"No such option: {error.option_name}" + (f". {note}" if note else ""), error.ctx)
+
+
+def unknown_command(words: Sequence[str], commands: Iterable[str]) -> str:
+    """What to say of words whose first is no command: that it is a scan, or which command was meant."""
+    word, known = words[0], list(commands)
+    if Path(word).exists() or (has_magic(word) and glob(word)):  # noqa: PTH207 - takes absolute ones
+        return f"{word!r} is no command but an input. Did you mean: z2p {DRAW_COMMAND} {shlex.join(words)}"
+    named = word.lower().replace("_", "-")
+    found = next((command for command, words in _COMMANDS.items() if named in words.split()), None)
+    found = found or closest(named, known)
+    if named in known or found:
+        return f"No such command: {word}. Did you mean: z2p {named if named in known else found}"
+    if Path(word).suffix or "/" in word:
+        return f"{word!r} is neither a command nor a file that is there; z2p {DRAW_COMMAND} FILE draws a file"
+    return f"No such command: {word}; z2p --help lists them"
+
+
+def misplaced_option(error: click.NoSuchOption) -> click.UsageError:
+    """The error of an option in front of the command."""
+    name = closest(error.option_name, ("--help", "--version"))
+    if name is not None:
+        return click.UsageError(f"No such option: {error.option_name}. Did you mean {name}?", error.ctx)
+    return click.UsageError(f"No such option: {error.option_name}. Options of a command stand behind its name, as in "
+                            f"z2p {DRAW_COMMAND} INPUT {error.option_name} ...", error.ctx)  # fmt: skip

@@ -1,0 +1,40 @@
+"""The learning curves of all variants: a small panel each, the base's behind it."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+
+from z2p_renderer.pipeline.evaluation.ablation.outcomes import Outcome
+from z2p_renderer.storage.files.atomic_write import write_whole
+
+COLUMNS = 4
+BEHIND, OWN = "#b8b8b8", "#00798c"
+
+
+def draw_curves(outcomes: Sequence[Outcome], path: Path) -> Path:
+    """PNG of validation PSNR on the object (dB) against samples seen; the first outcome is the base."""
+    from matplotlib.figure import Figure  # late: slow to import
+
+    base, *others = outcomes
+    columns = min(COLUMNS, len(others))
+    rows = -(-len(others) // columns)
+    picture = Figure(figsize=(3 * columns + 0.5, 2.3 * rows + 0.6), layout="constrained")
+    panels = list(picture.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
+    for panel, outcome in zip(panels, others, strict=False):
+        for one, color, label in ((base, BEHIND, "base"), (outcome, OWN, "variant")):
+            panel.plot(*zip(*one.curve, strict=True), color=color, linewidth=2, label=label)
+        panel.set_title(outcome.variant.title, fontsize=9)
+        panel.grid(alpha=0.25)
+        panel.tick_params(labelsize=8)
+    for unused in range(len(others), len(panels)):
+        panels[unused].set_visible(False)
+        panels[unused - columns].tick_params(labelbottom=True)  # the numbers that stood below the unused one
+    picture.supxlabel("samples seen", fontsize=9)
+    picture.supylabel("validation PSNR on the object, dB", fontsize=9)
+    picture.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
+    held = io.BytesIO()
+    picture.savefig(held, format="png", dpi=110)
+    write_whole(held.getvalue(), path)
+    return path

@@ -1,0 +1,235 @@
+"""What others make of the same clouds, in the ground truth's place, light and floor.
+
+A baseline makes a mesh, which Cycles renders; a painter draws the picture itself.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image
+
+from z2p_core import registry
+from z2p_core.camera import Camera
+from z2p_core.images import bytes_from_unit
+from z2p_core.interfaces import ScanError
+from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.render import RenderError, RenderSettings, read_render, render_mesh
+from z2p_renderer.storage.files.atomic_write import whole, write_whole
+from z2p_renderer.storage.meshes import Mesh
+from z2p_renderer.storage.results.code_digest import part_digest
+from z2p_renderer.storage.results.fingerprints import fingerprint, plugin_fields, stage_fields
+from z2p_renderer.storage.results.store import Entry, Store
+
+if TYPE_CHECKING:
+    from z2p_core.interfaces import Painter
+
+Rival = Any
+"""A class of `Baseline` or of `Painter`."""
+Job = tuple[str, SceneDescription]
+Log = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Rebuilt:
+    """A baseline's picture of a cloud.
+
+    `picture` (H, W, 4) float32 is straight sRGB RGBA in [0, 1], all 0 where there is an `error`: what the baseline said
+    of a cloud that it could not use. The seconds are those of the reconstruction, step by step in `steps` where the
+    baseline tells them, and of Blender, its start included; one mesh's scenes share theirs evenly.
+    """
+
+    picture: np.ndarray
+    seconds: float | None
+    render_seconds: float | None
+    error: str = ""
+    steps: Mapping[str, float] = field(default_factory=dict)
+
+
+def load_baselines(names: Sequence[str]) -> dict[str, Rival]:
+    """Baseline and painter classes by name, in the order given.
+
+    Raises:
+        PluginError: one is unknown or broken.
+    """
+    painters = registry.names("painters")
+    return {name: registry.load("painters" if name in painters else "baselines", name) for name in names}
+
+
+def rebuild(
+    baseline: Rival,
+    cloud: np.ndarray,
+    cloud_fields: Mapping[str, Any],
+    rng: np.random.Generator,
+    scene: SceneDescription,
+    settings: RenderSettings,
+    root: Path,
+    log: Log = lambda line: None,
+) -> Rebuilt:
+    """Picture of a normalised cloud in one scene; see `rebuild_scenes`."""
+    return rebuild_scenes(baseline, cloud, cloud_fields, rng, [scene], settings, root, log)[0]
+
+
+def rebuild_scenes(
+    rival: Rival,
+    cloud: np.ndarray,
+    cloud_fields: Mapping[str, Any],
+    rng: np.random.Generator,
+    scenes: Sequence[SceneDescription],
+    settings: RenderSettings,
+    root: Path,
+    log: Log = lambda line: None,
+) -> list[Rebuilt]:
+    """Pictures of a normalised cloud (N, 3) in scenes, whose `floor` is the true mesh's.
+
+    Kept under `root`, as the ground truth is, by all that shapes them; `cloud_fields` are what shapes the cloud. A
+    cloud is reconstructed once for all scenes that are missing, and once a viewpoint where the baseline asks for it.
+
+    Raises:
+        PluginError: the baseline breaks its contract.
+        RenderError: Blender failed, or a kept render is damaged.
+    """
+    folder = root / fingerprint(_fields(rival, settings))[:32]
+    stems = [fingerprint({"cloud": cloud_fields, "scene": scene.to_json()})[:32] for scene in scenes]
+    with Store(root).lock(Entry("reference", rival.name, {"folder": folder.name, "cloud": cloud_fields})):
+        wanted = dict(zip(stems, scenes, strict=True))
+        missing = [(stem, scene) for stem, scene in wanted.items() if not (folder / f"{stem}.json").exists()]
+        drawn = int(rng.integers(2**32))  # whichever pictures are missing, each mesh has its own random numbers
+        for viewer, jobs in _by_mesh(rival, missing).items():
+            folder.mkdir(parents=True, exist_ok=True)
+            for stem, _ in jobs:
+                (folder / f"{stem}.png").unlink(missing_ok=True)  # cut off before its times were written
+            own = np.random.default_rng([drawn, int(fingerprint({"viewer": viewer})[:16], 16)])
+            told = _made(rival, cloud, own, jobs, folder, settings, log)
+            for stem, _ in jobs:
+                write_whole(json.dumps(told).encode(), folder / f"{stem}.json", lasting=True)
+    return [_kept(folder, stem, settings) for stem in stems]
+
+
+def _fields(rival: Rival, settings: RenderSettings) -> dict[str, Any]:
+    """What shapes a rival's pictures of any cloud and scene: the renderer, the plugin, and what stands between them."""
+    fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": settings.shaping()}
+    fields["code"] = {**fields["code"], "pipeline.evaluation.baselines": part_digest("pipeline.evaluation.baselines")}
+    return fields
+
+
+def on_true_floor(scene: SceneDescription, vertices: np.ndarray) -> SceneDescription:
+    """The scene with its floor where Blender puts it under the true mesh of normalised vertices (V, 3)."""
+    lowest = float((vertices.astype(np.float64) @ np.array(scene.rotation)[2]).min())
+    return replace(scene, floor=lowest)
+
+
+def viewer_of(scene: SceneDescription) -> np.ndarray:
+    """Place (3,) of the scene's camera in the axes of the cloud before it is turned and lifted."""
+    position = Camera(1, 1, scene.elevation).position - (0.0, 0.0, scene.lift)
+    viewer: np.ndarray = np.array(scene.rotation).T @ position
+    return viewer
+
+
+def _by_mesh(rival: Rival, jobs: list[Job]) -> dict[Any, list[Job]]:
+    """The jobs that one reconstruction serves, by the viewer it is for; a painter needs none, and has each alone."""
+    if not hasattr(rival, "reconstruct"):
+        return {job[0]: [job] for job in jobs}
+    groups: dict[Any, list[Job]] = {}
+    for stem, scene in jobs:
+        viewer = tuple(np.round(viewer_of(scene), 9).tolist()) if rival.for_view else None
+        groups.setdefault(viewer, []).append((stem, scene))
+    return groups
+
+
+def _made(
+    rival: Rival,
+    cloud: np.ndarray,
+    rng: np.random.Generator,
+    jobs: list[Job],
+    folder: Path,
+    settings: RenderSettings,
+    log: Log,
+) -> dict[str, Any]:
+    """What is kept beside the pictures: times, and the error of a baseline that made none."""
+    _warm_up(rival)
+    maker = rival()
+    started = time.perf_counter()
+    try:
+        if not hasattr(maker, "reconstruct"):
+            _save(_painted(maker, cloud, jobs[0][1], settings), folder / f"{jobs[0][0]}.png")
+            return _record(maker, time.perf_counter() - started, 0.0)
+        vertices, faces = maker.reconstruct_for(cloud, viewer_of(jobs[0][1]), rng)
+    except ScanError as error:
+        log(f"{rival.name}: {error}; an empty picture counts")
+        return {"seconds": None, "render_seconds": None, "error": str(error), "steps": {}}
+    seconds = time.perf_counter() - started
+    _check(rival.name, vertices, faces)
+    started = time.perf_counter()
+    render_mesh(Mesh(vertices, faces, smooth=True), jobs, folder, settings, name=rival.name)
+    return _record(maker, seconds, (time.perf_counter() - started) / len(jobs))
+
+
+def _record(maker: Any, seconds: float, render_seconds: float) -> dict[str, Any]:
+    steps = {step: round(taken, 4) for step, taken in maker.seconds.items()}
+    return {"seconds": round(seconds, 4), "render_seconds": round(render_seconds, 4), "error": "", "steps": steps}
+
+
+def _painted(painter: Painter, cloud: np.ndarray, scene: SceneDescription, settings: RenderSettings) -> np.ndarray:
+    """Picture (H, W, 4) uint8.
+
+    Raises:
+        PluginError: the painter breaks its contract.
+    """
+    width, height = settings.resolution
+    placed = cloud.astype(np.float64) @ np.array(scene.rotation).T + (0.0, 0.0, scene.lift)
+    picture = painter.paint(placed.astype(np.float32), Camera(width, height, scene.elevation), scene)
+    if picture.shape != (height, width, 4) or not (picture.min() >= 0 and picture.max() <= 1):
+        raise registry.PluginError(f"painter {painter.name!r}: expected ({height}, {width}, 4) in [0, 1], "
+                                   f"got {picture.shape} from {picture.min():g} to {picture.max():g}")
+    return bytes_from_unit(picture)
+
+
+def _save(picture: np.ndarray, path: Path) -> None:
+    with whole(path, lasting=True) as temporary:
+        Image.fromarray(picture).save(temporary, format="PNG")
+
+
+def _kept(folder: Path, stem: str, settings: RenderSettings) -> Rebuilt:
+    told = _read_record(folder / f"{stem}.json")
+    shape = (settings.resolution[1], settings.resolution[0], 4)
+    picture = np.zeros(shape, np.float32) if told["error"] else read_render(folder / f"{stem}.png", shape)
+    return Rebuilt(picture, told["seconds"], told["render_seconds"], told["error"], told["steps"])
+
+
+@cache
+def _warm_up(rival: Rival) -> None:
+    """Nothing: a small cloud goes through first, so that no cloud's time holds the import of libraries."""
+    points = np.random.default_rng(0).normal(size=(200, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    maker = rival()
+    with suppress(ScanError):  # told when a cloud that counts is refused
+        if hasattr(maker, "reconstruct"):
+            maker.reconstruct(points, np.random.default_rng(0))
+        else:
+            maker.paint(points.astype(np.float32), Camera(32, 32), SceneDescription())
+
+
+def _check(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:
+    sound = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0
+    if not sound or not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
+        raise registry.PluginError(
+            f"baseline {name!r}: expected finite vertices (V, 3) and triangles (M, 3) between them, "
+            f"got {vertices.shape} and {faces.shape}"
+        )
+
+
+def _read_record(path: Path) -> dict[str, Any]:
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        return {name: told[name] for name in ("seconds", "render_seconds", "error")} | {"steps": told.get("steps", {})}
+    except (ValueError, KeyError, TypeError) as error:
+        raise RenderError(f"{path}: not a readable record ({error}); delete it to render again") from error

@@ -1,0 +1,115 @@
+"""Contact sheets of an evaluation: a row a view, with what went in, what came out, and what should have."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+from PIL.PngImagePlugin import PngInfo
+
+from z2p_core import registry
+from z2p_core.camera import Camera
+from z2p_core.images import bytes_from_unit, composite
+from z2p_core.interfaces import ZBuffer
+from z2p_renderer.pipeline.outputs.point_preview import dots
+from z2p_renderer.pipeline.outputs.sheet_files import MARK, check_places, drop_later, sheet_path
+
+COLUMNS = ("cloud", "z-buffer (Eq. 1)", "picture", "ground truth")
+"""Titles; those of other pictures to compare with come before the ground truth."""
+ROWS_A_SHEET = 12
+CELL, GAP, LABEL, TITLE = 192, 6, 150, 24
+"""Sides of a cell, the gap between cells, the label column and the title line, in pixels."""
+INK = (40, 40, 40)
+
+
+@dataclass(frozen=True)
+class SheetRow:
+    """One view: label lines, and a cell (CELL, CELL, 3) uint8 for each column."""
+
+    label: tuple[str, ...]
+    cells: tuple[np.ndarray, ...]
+
+
+def sheet_row(
+    label: tuple[str, ...],
+    cloud: np.ndarray,
+    elevation: float,
+    prediction: np.ndarray,
+    truth: np.ndarray,
+    others: Sequence[np.ndarray] = (),
+) -> SheetRow:
+    """Row of a placed cloud (N, 3) seen from `elevation` degrees, and of straight sRGB RGBA pictures (H, W, 4).
+
+    The pictures are float in [0, 1], all of one size, and are shown on white. The z-buffer is the paper's, of that
+    size too, whichever one the weights read.
+    """
+    height, width = truth.shape[:2]
+    zbuffer: ZBuffer = registry.load("zbuffers", "paper")()
+    drawn = np.clip(zbuffer.draw(cloud, Camera(width, height, elevation))[0], 0, 1)
+    pictures = (
+        dots(cloud, Camera(CELL, CELL, elevation)),
+        np.repeat(drawn[..., None], 3, axis=2),
+        *(composite(picture, (1.0, 1.0, 1.0)) for picture in (prediction, *others, truth)),
+    )
+    return SheetRow(label, tuple(_cell(bytes_from_unit(picture)) for picture in pictures))
+
+
+def write_sheets(rows: Sequence[SheetRow], out: Path, others: Sequence[str] = ()) -> list[Path]:
+    """``out/sheet.png``, and ``sheet_2.png`` and on where the rows are more than `ROWS_A_SHEET`; older ones go.
+
+    `others` are the titles of the rows' other pictures.
+
+    Raises:
+        SettingError: in place of a sheet there is something else; see `check_places`.
+    """
+    check_places(out, sheets_of(len(rows)))
+    titles = (*COLUMNS[:-1], *others, COLUMNS[-1])
+    paths: list[Path] = []
+    for first in range(0, len(rows), ROWS_A_SHEET):
+        path, text = sheet_path(out, len(paths) + 1), PngInfo()
+        text.add_text(MARK, path.name)
+        _draw_sheet(rows[first : first + ROWS_A_SHEET], titles).save(path, pnginfo=text)
+        paths.append(path)
+    drop_later(out, len(paths))
+    return paths
+
+
+def sheets_of(rows: int) -> int:
+    """How many sheets so many rows take."""
+    return -(-rows // ROWS_A_SHEET)
+
+
+def _draw_sheet(rows: Sequence[SheetRow], titles: Sequence[str]) -> Image.Image:
+    step = CELL + GAP
+    sheet = Image.new("RGB", (LABEL + len(titles) * step, TITLE + len(rows) * step), "white")
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
+    for column, title in enumerate(titles):
+        pen.text((LABEL + column * step + CELL // 2, TITLE // 2), title, INK, font, anchor="mm")
+    for index, row in enumerate(rows):
+        top = TITLE + index * step
+        pen.multiline_text((GAP, top + GAP), "\n".join(_fitting(line, pen, font) for line in row.label), INK, font)
+        for column, cell in enumerate(row.cells):
+            left = LABEL + column * step
+            sheet.paste(Image.fromarray(cell), (left, top))
+            pen.rectangle((left - 1, top - 1, left + CELL, top + CELL), outline=(225, 225, 225))
+    return sheet
+
+
+def _fitting(line: str, pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> str:
+    """The line, cut so that it stays in the label column."""
+    if pen.textlength(line, font) <= LABEL - 2 * GAP:
+        return line
+    while line and pen.textlength(line + "...", font) > LABEL - 2 * GAP:
+        line = line[:-1]
+    return line + "..."
+
+
+def _cell(picture: np.ndarray) -> np.ndarray:
+    """Picture (H, W, 3) uint8 at the cell's size; small ones keep their pixels visible."""
+    if picture.shape[:2] == (CELL, CELL):
+        return picture
+    how = Image.Resampling.NEAREST if picture.shape[0] < CELL else Image.Resampling.BOX
+    return np.asarray(Image.fromarray(picture).resize((CELL, CELL), how))

@@ -1,0 +1,297 @@
+"""How good weights are: their pictures of sampled clouds against Blender's renders of the meshes."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from PIL import Image
+
+from z2p_core import registry
+from z2p_core.config import EvaluateConfig, to_dict
+from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
+from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.placement.bounding_sphere import Sphere, bounding_sphere
+from z2p_core.quality.metrics import NAMES, picture_metrics
+from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines, on_true_floor, rebuild
+from z2p_renderer.pipeline.evaluation.comparison_sheet import SheetRow, sheet_row, write_sheets
+from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
+from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.render import RenderSettings, read_render
+from z2p_renderer.pipeline.rendering.ground_truth import render_references
+from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
+from z2p_renderer.pipeline.rendering.views import View, describe, draw_view, view_rng
+from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.meshes import Mesh, read_mesh
+from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields, stage_fields
+
+if TYPE_CHECKING:
+    from z2p_core.interfaces import Baseline
+
+UPRIGHT = 0.5
+"""Share of the views that turn the mesh about +Z only, as in training."""
+
+OURS = ""
+"""Stands for the weights where the baselines have their names."""
+
+Log = Callable[[str], None]
+Result = tuple[dict[str, Any], np.ndarray]
+"""Row of figures, and the picture (H, W, 4) float32 in [0, 1], straight sRGB RGBA, that they judge."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A mesh to evaluate on; `identity` is the sha256 of its file, `sphere` the mesh's bounding sphere."""
+
+    name: str
+    path: Path
+    identity: str
+    mesh: Mesh
+    sphere: Sphere
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One view of a mesh by the one seed of `config`.
+
+    The normalised cloud (N, 3) float32 goes in, and the render should come out: `truth` (H, W, 4) is straight sRGB
+    RGBA, `coverage` (H, W) the object's share of each pixel; float32 in [0, 1].
+    """
+
+    subject: Subject
+    config: EvaluateConfig
+    index: int
+    view: View
+    cloud: np.ndarray
+    truth: np.ndarray
+    coverage: np.ndarray
+
+
+def evaluate(
+    meshes: Mapping[str, Path],
+    weights: str | Path,
+    out: Path,
+    config: EvaluateConfig,
+    truth_root: Path,
+    log: Log = lambda line: None,
+    baselines: Sequence[str] = (),
+    engine: str = REFERENCE_ENGINE,
+) -> Path:
+    """``out/metrics.json``: a row a mesh, view and seed, means and spread; beside it the pictures and contact sheets.
+
+    Views and clouds follow from the seed, the mesh's bytes and the view's number, not from names or other meshes.
+    Each of `baselines` gets the same clouds, and its own rows and means under its name. Ground truth and the baselines'
+    pictures are kept under `truth_root` by what shapes them, so that the next weights find them there. `engine` runs
+    the network.
+
+    Raises:
+        ScanError: no meshes, or one that cannot be read.
+        WeightsError, PluginError: the weights, the engine, or a plugin that they or the config need, cannot be used.
+        SettingError: an elevation that the weights do not know.
+        RenderError: Blender failed, or a kept render is damaged.
+    """
+    if not meshes:
+        raise ScanError("expected meshes to evaluate on, got none; give a folder with at least one")
+    registry.load("samplers", config.sampler)  # an unknown one shows before the first render
+    rivals = load_baselines(baselines)
+    renderer = Renderer(weights, engine=engine)
+    subjects = [_read_subject(name, path) for name, path in meshes.items()]  # so does a broken mesh
+    (out / "pictures").mkdir(parents=True, exist_ok=True)
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (OURS, *rivals)}
+    sheet: list[SheetRow] = []
+    trials = (_trials(subject, renderer, run, truth_root, log) for run in runs_of(config) for subject in subjects)
+    for trial in chain.from_iterable(trials):
+        results = {OURS: _run_weights(renderer, trial)}
+        results |= {name: _run_baseline(rival, trial, truth_root, log) for name, rival in rivals.items()}
+        for name, (row, _) in results.items():
+            rows[name].append(row)
+        _save_pictures(trial, results, out / "pictures", log)
+        sheet.append(_sheet_row(trial, results))
+    write_sheets(sheet, out, tuple(rivals))
+    settings = _settings(config, weights, engine, subjects, rivals)
+    summaries = {name: {**summarise(own), "rows": own} for name, own in rows.items()}
+    return _write_json(out / "metrics.json", {"settings": settings, **summaries.pop(OURS), "baselines": summaries})
+
+
+def runs_of(config: EvaluateConfig) -> list[EvaluateConfig]:
+    """A config of one seed for each that is measured."""
+    return [replace(config, seed=config.seed + number, seeds=1) for number in range(config.seeds)]
+
+
+def _settings(
+    config: EvaluateConfig, weights: str | Path, engine: str, subjects: Sequence[Subject],
+    rivals: Mapping[str, type[Baseline]],
+) -> dict[str, Any]:
+    """What was measured, and on what."""
+    return {
+        "config": to_dict(config),
+        "weights": {"name": Path(weights).name, "sha256": file_digest(resolve(weights))},
+        "engine": engine,
+        "meshes": {subject.name: subject.identity for subject in subjects},
+        "baselines": [plugin_fields(plugin) for plugin in rivals.values()],
+    }
+
+
+def draw_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> list[View]:
+    """The views of a mesh with that content digest, at the config's elevation or, where it has none, at any.
+
+    Raises:
+        SettingError: an elevation that the weights do not know.
+    """
+    controls, elevation = renderer.controls, config.elevation
+    if "elevation" not in controls:
+        fixed = renderer.fixed_elevation
+        if elevation is not None and fixed is not None and not math.isclose(elevation, fixed):
+            raise SettingError(f"elevation: these weights know only {fixed:g} degrees, got {elevation:g}")
+        elevation = fixed
+    views = []
+    for index in range(config.views):
+        view = draw_view(controls, view_rng(config.seed, identity, index), UPRIGHT)
+        values, scene = dict(view.values), view.scene
+        if elevation is not None:
+            if "elevation" in controls:
+                values["elevation"] = controls["elevation"].check((elevation,))
+            scene = describe(controls, values, np.array(scene.rotation))
+            scene.elevation = elevation
+        views.append(View(scene, values))
+    return views
+
+
+def render_truth(
+    subject: Subject, scenes: Sequence[SceneDescription], config: EvaluateConfig, truth_root: Path, log: Log
+) -> list[Path]:
+    """Picture of each scene (its coverage beside it), rendered only where `truth_root` does not hold it yet.
+
+    Asking for more views, or for other weights with the same controls, keeps what is there.
+    """
+    return render_references(subject.path, subject.identity, scenes, render_settings(config), truth_root, log)
+
+
+def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Means, spread (standard deviation over the rows), means by mesh, and by seed with the spread of these.
+
+    Rows without a figure are left out of it.
+    """
+    groups: dict[str, dict[Any, list[Mapping[str, Any]]]] = {"mesh": {}, "seed": {}}
+    for row in rows:
+        for key, group in groups.items():
+            group.setdefault(row.get(key, 0), []).append(row)
+    meshes, seeds = ({name: _over(own, np.mean) for name, own in group.items()} for group in groups.values())
+    spread = _over(list(seeds.values()), np.std)
+    return {
+        "means": _over(rows, np.mean), "spread": _over(rows, np.std), "spread_over_seeds": spread,
+        "meshes": meshes, "seeds": seeds,
+    }  # fmt: skip
+
+
+def in_scene(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
+    """Normalised cloud (N, 3) turned and lifted as the scene's mesh is, (N, 3) float32."""
+    turned = cloud.astype(np.float64) @ np.array(scene.rotation).T
+    turned[:, 2] += scene.lift
+    return turned.astype(np.float32)
+
+
+def _read_subject(name: str, path: Path) -> Subject:
+    mesh = read_mesh(path)
+    return Subject(name, path, file_digest(path), mesh, bounding_sphere(mesh.vertices))
+
+
+def _trials(
+    subject: Subject, renderer: Renderer, config: EvaluateConfig, truth_root: Path, log: Log
+) -> Iterator[Trial]:
+    views = draw_views(renderer, subject.identity, config)
+    truth = render_truth(subject, [view.scene for view in views], config, truth_root, log)
+    side = config.resolution
+    for index, (view, path) in enumerate(zip(views, truth, strict=True)):
+        rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), index, 1])
+        kind = "gaussian" if config.noise > 0 else "none"
+        cloud = draw_cloud(subject.mesh, subject.sphere, config.sampler, config.points, kind, config.noise, rng)
+        picture = read_render(path, (side, side, 4))
+        coverage = read_render(path.with_suffix(".coverage.png"), (side, side))
+        yield Trial(subject, config, index, view, cloud, picture, coverage)
+
+
+def _run_weights(renderer: Renderer, trial: Trial) -> Result:
+    placed = in_scene(trial.cloud, trial.view.scene)
+    floor = on_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
+    factor = trial.config.supersample
+    side = trial.config.resolution * factor
+    started = time.perf_counter()
+    picture = unit_from_bytes(renderer.render(placed, trial.view.values, side, side, floor))
+    if factor > 1:
+        picture = shrink(picture, factor)
+    seconds = time.perf_counter() - started
+    row = {**_figures(picture, trial), "seconds": round(seconds, 4),
+           "elevation": trial.view.scene.elevation, "values": trial.view.values}  # fmt: skip
+    return row, picture
+
+
+def _run_baseline(baseline: type[Baseline], trial: Trial, truth_root: Path, log: Log) -> Result:
+    subject, config = trial.subject, trial.config
+    cloud_fields = stage_fields("sample") | {
+        "mesh": subject.identity, "view": trial.index, "points": config.points, "noise": config.noise,
+        "sampler": plugin_fields(registry.load("samplers", config.sampler)), "seed": config.seed,
+    }  # fmt: skip
+    rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), trial.index, 2])
+    scene = on_true_floor(trial.view.scene, subject.sphere.normalise(subject.mesh.vertices))
+    settings = render_settings(config)
+    rebuilt = rebuild(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log)
+    row = {**_figures(rebuilt.picture, trial), "seconds": rebuilt.seconds, "render_seconds": rebuilt.render_seconds}
+    return row | ({"error": rebuilt.error} if rebuilt.error else {}), rebuilt.picture
+
+
+def _save_pictures(trial: Trial, results: Mapping[str, Result], folder: Path, log: Log) -> None:
+    """Write MESH_SEED_VIEW.png, and MESH_SEED_VIEW_NAME.png for each baseline."""
+    for name, (row, picture) in results.items():
+        stem = f"{trial.subject.name}_{trial.config.seed}_{trial.index}" + (f"_{name}" if name else "")
+        Image.fromarray(bytes_from_unit(picture)).save(folder / f"{stem}.png")
+        log(" ".join(filter(None, (trial.subject.name, str(trial.index), name))) + ": " + ", ".join(_label(row)))
+
+
+def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
+    scene = trial.view.scene
+    label = (f"{trial.subject.name} {trial.index}", *_label(results[OURS][0]))
+    ours, *others = (picture for _, picture in results.values())
+    return sheet_row(label, in_scene(trial.cloud, scene), scene.elevation, ours, trial.truth, others)
+
+
+def _figures(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
+    figures = picture_metrics(picture, trial.truth, trial.coverage)
+    return {"mesh": trial.subject.name, "seed": trial.config.seed, "view": trial.index} | {
+        name: _number(value) for name, value in figures.items()
+    }
+
+
+def render_settings(config: EvaluateConfig) -> RenderSettings:
+    """How the ground truth is rendered."""
+    side = config.resolution
+    return RenderSettings((side, side), config.samples, config.denoise, config.bounces, seed=config.seed)
+
+
+def _label(figures: Mapping[str, float | None]) -> list[str]:
+    shown = {"psnr_foreground": "object {:.1f} dB", "ssim": "SSIM {:.3f}", "flip": "FLIP {:.3f}"}
+    return [form.format(figures[name]) for name, form in shown.items() if figures[name] is not None]
+
+
+def _over(rows: Sequence[Mapping[str, Any]], measure: Callable[[list[float]], Any]) -> dict[str, float]:
+    names = (*NAMES, "seconds", "render_seconds")
+    found = {name: [row[name] for row in rows if row.get(name) is not None] for name in names}
+    return {name: round(float(measure(values)), 6) for name, values in found.items() if values}
+
+
+def _number(value: float) -> float | None:
+    """JSON has no nan."""
+    return None if math.isnan(value) else round(value, 6)
+
+
+def _write_json(path: Path, data: dict[str, Any]) -> Path:
+    return write_whole((json.dumps(data, indent=1) + "\n").encode(), path)

@@ -1,0 +1,79 @@
+"""Ground truth of the report's cases, kept in the store that `z2p evaluate` uses and shared with it where it can be."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from z2p_core.config.report import ReportConfig
+from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case
+from z2p_renderer.pipeline.render import RenderSettings, read_render, render_mesh
+from z2p_renderer.pipeline.rendering.ground_truth import COVERAGE, PICTURE, render_references
+from z2p_renderer.storage.meshes import Mesh
+from z2p_renderer.storage.results.fingerprints import stage_fields
+from z2p_renderer.storage.results.store import Entry, Store
+
+Log = Callable[[str], None]
+
+
+def render_settings(config: ReportConfig) -> RenderSettings:
+    """How the truth and the baselines' meshes are rendered: alike."""
+    return RenderSettings((config.resolution, config.resolution), config.samples, config.denoise, seed=config.seed)
+
+
+def references(
+    cases: Sequence[Case], config: ReportConfig, root: Path, log: Log = lambda line: None
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Picture (H, W, 4) and coverage (H, W) of each case, float32 in [0, 1]; rendered where `root` lacks them.
+
+    Raises:
+        RenderError: Blender failed, or a kept render is damaged.
+    """
+    settings, side = render_settings(config), config.resolution
+    paths: list[Path] = [Path()] * len(cases)
+    shared: dict[str, list[int]] = {}
+    for index, case in enumerate(cases):
+        if case.subject is None:
+            paths[index] = _render_made(case.truth, case.scene, settings, root, log)
+        else:
+            shared.setdefault(case.subject.identity, []).append(index)
+    for indices in shared.values():  # all scenes of a mesh in one Blender
+        subject = cases[indices[0]].subject
+        if subject is None or subject.path is None:
+            raise ValueError("a case whose truth is a file's mesh needs that file")
+        scenes = [cases[index].scene for index in indices]
+        found = render_references(subject.path, subject.identity, scenes, settings, root, log)
+        for index, path in zip(indices, found, strict=True):
+            paths[index] = path
+    return [(read_render(path, (side, side, 4)), read_render(path.with_suffix(".coverage.png"), (side, side)))
+            for path in paths]  # fmt: skip
+
+
+def mesh_digest(mesh: Mesh) -> str:
+    """sha256 (64 hex digits) of a mesh in memory."""
+    parts = (np.ascontiguousarray(mesh.vertices, np.float64), np.ascontiguousarray(mesh.faces, np.int64))
+    return hashlib.sha256(b"".join(part.tobytes() for part in parts) + bytes([mesh.smooth])).hexdigest()
+
+
+def _render_made(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, root: Path, log: Log) -> Path:
+    """Picture of a mesh that is placed in the unit sphere already, and keeps its size."""
+    fields: dict[str, Any] = stage_fields("reference") | {
+        "placed": mesh_digest(mesh), "parameters": settings.shaping(), "scene": scene.to_json(),
+    }  # fmt: skip
+    store = Store(root)
+    entry = Entry("reference", "reference/made", fields)
+    store.put_aside(entry)
+    return store.produce(entry, partial(_write, mesh, scene, settings, log)) / PICTURE
+
+
+def _write(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, log: Log, folder: Path) -> None:
+    stem = PICTURE.removesuffix(".png")
+    render_mesh(mesh, [(stem, scene)], folder, settings, log, "made shape")
+    if not (folder / COVERAGE).is_file():
+        raise FileNotFoundError(f"{folder / COVERAGE}: the render left no coverage")

@@ -1,0 +1,122 @@
+"""Clouds that no sampler draws: denser on one side, with points inside, or as one depth camera sees them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from z2p_core.camera import DISTANCE, FIELD_OF_VIEW, turn
+from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.interfaces import ScanError
+from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_renderer.storage.meshes import Mesh
+
+UNEVEN = 10.0
+"""How many times as dense the densest side of a non-uniform cloud is as its thinnest."""
+SENSOR_AZIMUTH, SENSOR_SIDE = 40.0, 160
+"""Where the depth camera stands beside the picture's own, degrees, and its pixels along a side."""
+SENSOR_NOISE = 0.004
+"""Standard deviation along the ray, world units."""
+GRAZING = 0.25
+"""Cosine of the steepest surface that it still measures when it leaves holes."""
+HOLES, HOLE_RADIUS = 8, 0.12
+"""Patches without a measurement, and their radius in world units."""
+TRIES = 60
+
+
+def non_uniform(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Points (count, 3) float64 on a mesh in the unit sphere, `UNEVEN` times as dense on the +X side as on the -X."""
+    found: list[np.ndarray] = []
+    while sum(map(len, found)) < count:
+        points = uniform_points(mesh.vertices, mesh.faces, 4 * count, rng)
+        low, high = points[:, 0].min(), points[:, 0].max()
+        share = UNEVEN ** ((points[:, 0] - low) / max(high - low, 1e-9) - 1)
+        found.append(points[rng.random(len(points)) < share])
+    return np.concatenate(found)[:count]
+
+
+def inner_points(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Points (count, 3) float64 inside a mesh, as generative networks leave them.
+
+    A mesh that encloses hardly anything, as an open sheet, gets points between random pairs of its surface's instead.
+    """
+    with loading("open3d"):
+        import open3d  # late: the pipeline extra
+
+    if count == 0:
+        return np.empty((0, 3))
+    scene = _ray_scene(mesh)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    found: list[np.ndarray] = []
+    for _ in range(TRIES):
+        tried = rng.uniform(low, high, (4 * count, 3))
+        inside = scene.compute_occupancy(open3d.core.Tensor.from_numpy(tried.astype(np.float32)), nsamples=5).numpy()
+        found.append(tried[inside > 0.5])
+        if sum(map(len, found)) >= count:
+            return np.concatenate(found)[:count]
+    first, second = (uniform_points(mesh.vertices, mesh.faces, count, rng) for _ in range(2))
+    between: np.ndarray = first + rng.random((count, 1)) * (second - first)
+    return between
+
+
+def single_view(
+    mesh: Mesh, rotation: np.ndarray, elevation: float, kind: str, count: int, rng: np.random.Generator
+) -> np.ndarray:
+    """At most `count` points (N, 3) float64 that a depth camera beside the picture's sees of a mesh in the unit sphere.
+
+    `rotation` turns the mesh into the world. ``clean`` measures exactly, ``noise`` adds noise along the ray, ``holes``
+    misses steep surfaces and patches besides. The points are in the mesh's own axes.
+
+    Raises:
+        ValueError: an unknown kind.
+        ScanError: the camera sees nothing.
+    """
+    with loading("open3d"):
+        import open3d  # late: the pipeline extra
+
+    if kind not in ("clean", "noise", "holes"):
+        raise ValueError(f"single view: expected clean, noise or holes, got {kind!r}")
+    place, rays = _sensor(rotation, elevation)
+    given = np.concatenate([np.broadcast_to(place, rays.shape), rays], axis=1).astype(np.float32)
+    cast = _ray_scene(mesh).cast_rays(open3d.core.Tensor.from_numpy(np.ascontiguousarray(given)))
+    depth, normals = cast["t_hit"].numpy(), cast["primitive_normals"].numpy()
+    hit = np.isfinite(depth)
+    if kind == "holes":
+        hit &= np.abs((normals * rays).sum(axis=1)) > GRAZING
+    if not hit.any():
+        raise ScanError("the simulated depth camera sees nothing of the mesh; is it in the unit sphere?")
+    depth, rays = depth[hit].astype(np.float64), rays[hit]
+    if kind != "clean":
+        depth = depth + rng.normal(0, SENSOR_NOISE, len(depth))
+    points: np.ndarray = place + depth[:, None] * rays
+    if kind == "holes":
+        centres = points[rng.choice(len(points), HOLES)]
+        kept = (np.linalg.norm(points[:, None] - centres, axis=2) > HOLE_RADIUS).all(axis=1)
+        points = points[kept] if kept.sum() > HOLES else points
+    return points[np.sort(rng.choice(len(points), min(count, len(points)), replace=False))]
+
+
+def _sensor(rotation: np.ndarray, elevation: float) -> tuple[np.ndarray, np.ndarray]:
+    """Place (3,) and unit rays (S * S, 3) of the depth camera, in the mesh's axes."""
+    angle = math.radians(elevation)
+    back = turn(SENSOR_AZIMUTH) @ np.array([0.0, -math.cos(angle), math.sin(angle)])
+    right = np.cross(-back, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    reach = math.tan(math.radians(FIELD_OF_VIEW / 2))
+    steps = ((np.arange(SENSOR_SIDE) + 0.5) / SENSOR_SIDE * 2 - 1) * reach
+    across, down = (grid.reshape(-1, 1) for grid in np.meshgrid(steps, steps))
+    rays = across * right + down * np.cross(-back, right) - back
+    rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+    return DISTANCE * back @ rotation, rays @ rotation
+
+
+def _ray_scene(mesh: Mesh) -> Any:
+    with loading("open3d"):
+        import open3d
+
+    scene = open3d.t.geometry.RaycastingScene()
+    vertices = open3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.vertices, dtype=np.float32))
+    scene.add_triangles(vertices, open3d.core.Tensor.from_numpy(np.ascontiguousarray(mesh.faces, dtype=np.uint32)))
+    return scene

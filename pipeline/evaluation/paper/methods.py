@@ -1,0 +1,123 @@
+"""What is compared: weights, which draw clouds through the network, and baselines and painters, by one interface."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from z2p_core import registry
+from z2p_core.config.report import ReportConfig
+from z2p_core.images import unit_from_bytes
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines, on_true_floor, rebuild_scenes
+from z2p_renderer.pipeline.evaluation.evaluate import in_scene
+from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import render_settings
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case
+from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
+from z2p_renderer.pipeline.inference.loading import load_plugins
+from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
+
+Log = Callable[[str], None]
+
+WEIGHTS = "weights"
+BASELINE = "baseline"
+TRUTH = "truth"
+
+
+@dataclass(frozen=True)
+class Method:
+    """What a method is called in the report, of what kind it is, and which plugin or weights' file it stands for."""
+
+    name: str
+    kind: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A method's picture of a case: (H, W, 4) float32 in [0, 1], or None where it cannot draw it at all."""
+
+    picture: np.ndarray | None
+    seconds: float | None = None
+    steps: Mapping[str, float] = field(default_factory=dict)
+    error: str = ""
+
+
+def draw_cases(
+    method: Method, cases: Sequence[Case], config: ReportConfig, root: Path, log: Log = lambda line: None
+) -> list[Drawn]:
+    """A method's pictures of cases; what baselines render is kept under `root`, beside the ground truth.
+
+    Raises:
+        WeightsError, PluginError: the method cannot be used.
+        RenderError: Blender failed, or a kept render is damaged.
+    """
+    if method.kind == WEIGHTS:
+        return [draw_case(method, case, config) for case in cases]
+    drawn: list[Drawn | None] = [None] * len(cases)
+    groups: dict[str, list[int]] = {}
+    for index, case in enumerate(cases):
+        groups.setdefault(cloud_digest(case.cloud), []).append(index)
+    rival = load_baselines([method.source])[method.source]
+    for digest, indices in groups.items():
+        scenes = [on_true_floor(cases[index].scene, cases[index].truth.vertices) for index in indices]
+        rng = np.random.default_rng([config.seed, 5])
+        cloud = cases[indices[0]].cloud
+        rebuilt = rebuild_scenes(rival, cloud, {"sha256": digest}, rng, scenes, render_settings(config), root, log)
+        for index, one in zip(indices, rebuilt, strict=True):
+            steps = {**one.steps, "render": one.render_seconds or 0.0}
+            drawn[index] = Drawn(one.picture, one.seconds, steps, one.error)
+    return [one for one in drawn if one is not None]
+
+
+def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarray | None = None) -> Drawn:
+    """The weights' picture of a case, or of another cloud in its place."""
+    renderer = load_renderer(resolve(method.source))
+    lacking = [name for name in case.needs if name not in renderer.controls]
+    if lacking:
+        return Drawn(None, error=f"these weights do not carry {' and '.join(lacking)}")
+    placed = in_scene(case.cloud if cloud is None else cloud, case.scene)
+    floor = on_true_floor(case.scene, case.truth.vertices).floor
+    values = {name: value for name, value in case.values.items() if name in renderer.controls}
+    started = time.perf_counter()
+    picture = renderer.render(placed, values, config.resolution, config.resolution, floor)
+    return Drawn(unit_from_bytes(picture), round(time.perf_counter() - started, 4))
+
+
+def load_renderer(file: Path) -> Renderer:
+    """The weights of a file, loaded once a process and content; the engine is that which quality is measured with."""
+    return _loaded(file, file_digest(file))
+
+
+@lru_cache(maxsize=4)
+def _loaded(file: Path, digest: str) -> Renderer:
+    renderer = Renderer(file, engine=REFERENCE_ENGINE)
+    elevation = renderer.fixed_elevation
+    renderer.render(np.zeros((1, 3), np.float32), None, 64, 64, 0.0 if elevation is None else -0.1)  # warmed up
+    return renderer
+
+
+def cloud_digest(cloud: np.ndarray) -> str:
+    """What tells a cloud (N, 3) from others, in float32."""
+    return hashlib.sha256(np.ascontiguousarray(cloud, np.float32).tobytes()).hexdigest()
+
+
+def method_fields(method: Method) -> dict[str, Any]:
+    """What shapes the method's pictures, for fingerprints."""
+    if method.kind == TRUTH:
+        return {"kind": TRUTH}
+    if method.kind == BASELINE:
+        return {"kind": BASELINE, "plugin": plugin_fields(load_baselines([method.source])[method.source])}
+    loaded = load_plugins(resolve(method.source))
+    plugins = [registry.load("engines", REFERENCE_ENGINE), type(loaded.zbuffer), type(loaded.gbuffer),
+               type(loaded.encoder), *map(type, loaded.controls.values())]  # fmt: skip
+    digest = file_digest(resolve(method.source))
+    return {"kind": WEIGHTS, "sha256": digest, "plugins": [plugin_fields(plugin) for plugin in plugins]}

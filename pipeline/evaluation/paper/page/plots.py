@@ -1,0 +1,76 @@
+"""Pictures inside the page: curves as SVG, small pictures as WebP, both as data URIs."""
+
+from __future__ import annotations
+
+import base64
+import io
+from collections.abc import Sequence
+from itertools import cycle
+from pathlib import Path
+
+from PIL import Image
+
+from z2p_renderer.pipeline.evaluation.paper.methods import WEIGHTS
+from z2p_renderer.pipeline.evaluation.paper.page.results import FIGURES, KEPT, Findings, mean, spread
+
+SIDE = 144
+"""Pixels along a picture's side in the page."""
+COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#5b5ea6", "#8d6a4f", "#2e4057", "#c77dba")
+TITLES = {name: title for name, (title, _, _) in FIGURES.items()} | {KEPT: "contrast kept"}
+
+
+def curves(findings: Findings, sweep: str, axis: str, log: bool, figures: Sequence[str]) -> str:
+    """Data URI of a picture with a panel a figure and a line a method; bars span a standard deviation over the rows."""
+    from matplotlib.figure import Figure  # late: slow to import
+
+    picture = Figure(figsize=(3.7 * len(figures) + 1, 3.1), layout="constrained")
+    panels = picture.subplots(1, len(figures), squeeze=False)[0]
+    levels = findings.levels(sweep)
+    for panel, figure in zip(panels, figures, strict=True):
+        shown = [level for level in levels if _has(findings, sweep, level, figure)]
+        numeric = all(_is_number(level) for level in shown)
+        for color, method in zip(cycle(COLORS), (one.name for one in findings.methods), strict=False):
+            points = [(level, findings.values(sweep, method, figure, level)) for level in shown]
+            known = [(level, values) for level, values in points if values]
+            if not known:
+                continue
+            places = [float(level) if numeric else shown.index(level) for level, _ in known]
+            ours = method in findings.named(WEIGHTS)
+            panel.errorbar(places, [mean(values) for _, values in known], [spread(values) for _, values in known],
+                           label=method, color=color, linewidth=2.4 if ours else 1.2, marker="o", markersize=3,
+                           elinewidth=0.6, alpha=1 if ours else 0.8)  # fmt: skip
+        panel.set_title(TITLES[figure], fontsize=10)
+        panel.set_xlabel(axis, fontsize=9)
+        panel.grid(alpha=0.25)
+        if numeric and log:
+            panel.set_xscale("log")
+            panel.set_xticks([float(level) for level in shown], shown, rotation=25, fontsize=8)
+            panel.minorticks_off()
+        if not numeric:
+            panel.set_xticks(range(len(shown)), shown, rotation=25, fontsize=8)
+    picture.legend(*panels[0].get_legend_handles_labels(), loc="outside right upper", fontsize=8)
+    held = io.BytesIO()
+    picture.savefig(held, format="svg", metadata={"Date": None})
+    return f"data:image/svg+xml;base64,{base64.b64encode(held.getvalue()).decode()}"
+
+
+def thumbnail(path: Path) -> str:
+    """Data URI of a picture, made smaller."""
+    with Image.open(path) as image:
+        small = image.convert("RGBA")
+    small.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
+    held = io.BytesIO()
+    small.save(held, format="WEBP", quality=85, method=2)
+    return f"data:image/webp;base64,{base64.b64encode(held.getvalue()).decode()}"
+
+
+def _has(findings: Findings, sweep: str, level: str, figure: str) -> bool:
+    return any(figure in row for row in findings.every if row["sweep"] == sweep and row["level"] == level)
+
+
+def _is_number(level: str) -> bool:
+    try:
+        float(level)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,146 @@
+"""The times of the paper's Tables 2 and 3, measured here in one run, one after the other."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from z2p_core.camera import Camera, turn
+from z2p_core.config.report import ReportConfig
+from z2p_core.interfaces import Engine, ScanError
+from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines
+from z2p_renderer.pipeline.evaluation.evaluate import in_scene
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, MADE_LOOK, UNIT, Subject
+from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, WEIGHTS, Method
+from z2p_renderer.pipeline.inference.engine_selection import start_engine
+from z2p_renderer.pipeline.inference.loading import LoadedWeights, load_plugins
+from z2p_renderer.pipeline.render import RenderSettings, render_mesh
+from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
+from z2p_renderer.pipeline.rendering.views import describe, load_controls
+from z2p_renderer.storage.meshes import Mesh
+from z2p_renderer.storage.models.checkpoints import resolve
+
+WIDTH, HEIGHT = 500, 313
+"""The paper's picture."""
+BATCHES = (1, 2, 3, 4, 5, 6)
+TIMES = "times.json"
+Log = Callable[[str], None]
+
+
+def measure_times(
+    subject: Subject, methods: Sequence[Method], config: ReportConfig, out: Path, log: Log = lambda line: None
+) -> Path:
+    """``out/times.json``: seconds of each step, medians over the repeats, with the machine that they were taken on.
+
+    Raises:
+        WeightsError, PluginError: a method cannot be used.
+        RenderError: Blender failed.
+    """
+    rng = np.random.default_rng([config.seed, 6])
+    cloud = draw_cloud(subject.mesh, UNIT, "uniform", config.points, "none", 0.0, rng)
+    scene = describe(load_controls(CONTROLS), MADE_LOOK, turn(25.0))
+    told: dict[str, Any] = {
+        "mesh": subject.name, "points": config.points, "resolution": [WIDTH, HEIGHT], "repeats": config.time_repeats,
+        "cycles_samples": config.samples, "machine": _machine(), "weights": {}, "baselines": {},
+    }  # fmt: skip
+    for method in methods:
+        if method.kind == WEIGHTS:
+            told["weights"][method.name] = _of_weights(method, in_scene(cloud, scene), scene, config.time_repeats)
+        elif method.kind == BASELINE:
+            told["baselines"][method.name] = _of_baseline(method, cloud, scene, config)
+        log(f"times: {method.name} done")
+    path = out / TIMES
+    path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+    return path
+
+
+def _of_weights(method: Method, cloud: np.ndarray, scene: SceneDescription, repeats: int) -> dict[str, Any]:
+    """Rows by batch, with the engine that a user gets."""
+    file = resolve(method.source)
+    loaded = load_plugins(file)
+    engine = start_engine(loaded, file)
+    rows = [_batch(loaded, engine, cloud, scene, batch, repeats) for batch in BATCHES]
+    return {"engine": engine.name, "rows": rows}
+
+
+def _batch(
+    loaded: LoadedWeights, engine: Engine, cloud: np.ndarray, scene: SceneDescription, batch: int, repeats: int
+) -> dict[str, float]:
+    """Seconds of each step for a batch, each picture's buffers drawn one after the other as the paper's are."""
+    camera, steps = Camera(WIDTH, HEIGHT, scene.elevation), {}
+    shape = (batch, loaded.buffer_channels, HEIGHT, WIDTH)
+    buffers, split = np.empty(shape, np.float32), loaded.zbuffer.channels
+    encoding = loaded.encoder.encode(*camera.frame_coordinates(step=loaded.config.unshuffle))
+    values = {name: MADE_LOOK.get(name, control.slider.default) for name, control in loaded.controls.items()}
+    encoded = [number for name, value in values.items() for number in loaded.controls[name].encode(value)]
+    settings = np.tile(np.array([encoded], np.float32), (batch, 1))
+
+    def draw_z() -> None:
+        for picture in buffers:
+            loaded.zbuffer.draw_into(picture[:split], cloud, camera)
+
+    def draw_g() -> None:
+        for picture in buffers:
+            loaded.gbuffer.draw_into(picture[split:], cloud, camera, scene)
+
+    steps["project"] = _median(lambda: [camera.project(cloud) for _ in range(batch)], repeats)
+    steps["zbuffer"] = _median(draw_z, repeats)
+    steps["gbuffer"] = _median(draw_g, repeats) if loaded.gbuffer.channels else 0.0
+    steps["forward"] = _median(lambda: engine.draw(buffers, encoding, settings), repeats)
+    each = (steps["zbuffer"] + steps["gbuffer"] + steps["forward"]) / batch
+    return {"batch": batch, **{name: round(taken, 6) for name, taken in steps.items()}, "each": round(each, 6)}
+
+
+def _of_baseline(method: Method, cloud: np.ndarray, scene: SceneDescription, config: ReportConfig) -> dict[str, Any]:
+    """Seconds of normals, the rest of the reconstruction and Blender; of a painter, of its own steps."""
+    plugin = load_baselines([method.source])[method.source]
+    placed = in_scene(cloud, scene)
+    runs = []
+    for _ in range(config.time_repeats + 1):  # the first imports libraries, and does not count
+        maker, started = plugin(), time.perf_counter()
+        try:
+            made = maker.reconstruct_for(placed, Camera(1, 1).position, np.random.default_rng(0)) if hasattr(
+                maker, "reconstruct_for") else maker.paint(placed, Camera(WIDTH, HEIGHT, scene.elevation), scene)
+        except ScanError as error:
+            return {"error": str(error)}
+        runs.append((time.perf_counter() - started, dict(maker.seconds)))
+    whole = statistics.median(taken for taken, _ in runs[1:])
+    steps = {name: round(statistics.median(run[1][name] for run in runs[1:]), 6) for name in runs[-1][1]}
+    told: dict[str, Any] = {"steps": steps, "whole": round(whole, 6), "render": 0.0}
+    if isinstance(made, tuple):
+        settings = RenderSettings((WIDTH, HEIGHT), config.samples, config.denoise, seed=config.seed)
+        upright = SceneDescription(scene.elevation, scene.light, scene.material)
+        with tempfile.TemporaryDirectory(prefix="z2p-times-") as folder:
+            started = time.perf_counter()
+            mesh = Mesh(made[0], made[1], smooth=True)
+            render_mesh(mesh, [("picture", upright)], Path(folder), settings, name=method.name)
+            told["render"] = round(time.perf_counter() - started, 6)
+    return told | {"total": round(whole + told["render"], 6)}
+
+
+def _median(call: Callable[[], object], repeats: int) -> float:
+    """Seconds of a call, after one that does not count."""
+    call()
+    taken = []
+    for _ in range(repeats):
+        started = time.perf_counter()
+        call()
+        taken.append(time.perf_counter() - started)
+    return statistics.median(taken)
+
+
+def _machine() -> dict[str, Any]:
+    """What the times depend on: processor, cores, and how busy the machine was."""
+    return {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count(),
+            "load_average": [round(load, 2) for load in os.getloadavg()],
+            "omp_num_threads": os.environ.get("OMP_NUM_THREADS", "")}  # fmt: skip

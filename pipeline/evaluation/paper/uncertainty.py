@@ -1,0 +1,132 @@
+"""Whether a map can tell where a picture is invented: disagreement of pictures drawn from half of the points each."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from z2p_core.camera import Camera
+from z2p_core.config.report import ReportConfig
+from z2p_core.images import bytes_from_unit, composite
+from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import references
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case, Subject, sweep_cases
+from z2p_renderer.pipeline.evaluation.paper.measure import WHITE
+from z2p_renderer.pipeline.evaluation.paper.methods import Method, draw_case
+
+TRUST = "trust.json"
+SHARE = 0.5
+"""Of the points in each draw."""
+WINDOW = 4
+"""Reach, pixels, of the window in which points are counted for the rival map of sparseness."""
+STEPS = np.arange(0, 1, 0.05)
+"""Shares of the pixels that are left out, the least trusted first."""
+SHOWN = 4.0
+"""Times as bright as they are, maps are shown."""
+Log = Callable[[str], None]
+
+
+def measure_trust(
+    subject: Subject, method: Method, config: ReportConfig, truth_root: Path, out: Path, log: Log = lambda line: None
+) -> Path:
+    """``out/trust.json``: a row a view with what each map is worth; beside it the maps of the first view.
+
+    Maps: ``disagreement`` (spread over draws of half of the points), and two that cost nothing, to be beaten: ``edges``
+    (how much the picture changes from pixel to pixel) and ``sparseness`` (few points near the pixel).
+
+    Raises:
+        WeightsError, PluginError: the weights cannot be used.
+        RenderError: Blender failed, or a kept render is damaged.
+    """
+    cases = sweep_cases("base", subject, config)
+    truths = references(cases, config, truth_root, log)
+    rows: list[dict[str, Any]] = []
+    for index, (case, (truth, coverage)) in enumerate(zip(cases, truths, strict=True)):
+        drawn = draw_case(method, case, config).picture
+        if drawn is None:
+            continue
+        picture = composite(drawn, WHITE)
+        error = np.abs(picture - composite(truth, WHITE)).mean(-1)
+        maps = {"disagreement": disagreement(method, case, config), "edges": _edges(picture),
+                "sparseness": _sparseness(case, config.resolution)}  # fmt: skip
+        shown = coverage > 0  # around it nothing is easier than to be sure
+        worths = {name: worth(found[shown], error[shown]) for name, found in maps.items()}
+        rows.append({"view": case.view, "maps": worths})
+        if index == 0:
+            for name, drawing in {"picture": picture, "error": SHOWN * error, **{
+                "disagreement": SHOWN * maps["disagreement"]}}.items():  # fmt: skip
+                Image.fromarray(bytes_from_unit(drawing)).save(out / f"{name}.png")
+        log(f"trust {subject.name} {method.name}: rank correlation "
+            f"{rows[-1]['maps']['disagreement']['rank_correlation']:.2f}")  # fmt: skip
+    path = out / TRUST
+    path.write_text(json.dumps({"mesh": subject.name, "method": method.name, "rows": rows}, indent=1) + "\n")
+    return path
+
+
+def disagreement(method: Method, case: Case, config: ReportConfig) -> np.ndarray:
+    """Map (H, W) of the standard deviation, on white, of pictures that are each drawn from half of the points."""
+    rng = np.random.default_rng([config.seed, 7])
+    pictures = []
+    for _ in range(config.trust_draws):
+        chosen = rng.choice(len(case.cloud), max(1, int(SHARE * len(case.cloud))), replace=False)
+        drawn = draw_case(method, case, config, case.cloud[np.sort(chosen)]).picture
+        if drawn is not None:
+            pictures.append(composite(drawn, WHITE))
+    spread: np.ndarray = np.std(pictures, axis=0).mean(-1)
+    return spread
+
+
+def worth(predicted: np.ndarray, error: np.ndarray) -> dict[str, float]:
+    """What a map of doubt is worth against the true error, both (N,) or (H, W).
+
+    ``rank_correlation`` is Spearman's. ``area`` lies under the sparsification curve: the error of what is left, over
+    the error of all, as the most doubted pixels are taken away; 1 for a map that knows nothing. ``best_area`` is that
+    of the error itself, and ``gain`` the share of the way from 1 to it: 1 for a perfect map, 0 for a worthless one.
+    """
+    doubt, truth = predicted.ravel().astype(np.float64), error.ravel().astype(np.float64)
+    area, best = _area(doubt, truth), _area(truth, truth)
+    correlation = float(np.corrcoef(_ranks(doubt), _ranks(truth))[0, 1]) if np.ptp(doubt) and np.ptp(truth) else 0.0
+    gain = (1 - area) / (1 - best) if best < 1 else 0.0
+    return {"rank_correlation": round(correlation, 6), "area": round(area, 6), "best_area": round(best, 6),
+            "gain": round(gain, 6)}  # fmt: skip
+
+
+def _area(doubt: np.ndarray, error: np.ndarray) -> float:
+    """Mean over `STEPS` of the error that is left, as a share of the whole."""
+    ordered = error[np.argsort(-doubt, kind="stable")]
+    whole = ordered.mean()
+    if whole == 0:
+        return 1.0
+    return float(np.mean([ordered[int(step * len(ordered)) :].mean() / whole for step in STEPS]))
+
+
+def _ranks(values: np.ndarray) -> np.ndarray:
+    """Ranks (N,) of values (N,); equal ones share their mean."""
+    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    ranks: np.ndarray = (last - (counts - 1) / 2)[which.reshape(-1)]
+    return ranks
+
+
+def _edges(picture: np.ndarray) -> np.ndarray:
+    down, right = np.gradient(picture.mean(-1))
+    steepness: np.ndarray = np.hypot(down, right)
+    return steepness
+
+
+def _sparseness(case: Case, side: int) -> np.ndarray:
+    """Map (H, W): the fewer points around a pixel, the higher."""
+    placed = case.cloud.astype(np.float64) @ np.array(case.scene.rotation).T + (0, 0, case.scene.lift)
+    pixels, _ = Camera(side, side, case.scene.elevation).project(placed)
+    column, row = np.floor(pixels).astype(int).T
+    seen = (column >= 0) & (column < side) & (row >= 0) & (row < side)
+    counts = np.zeros((side, side))
+    np.add.at(counts, (row[seen], column[seen]), 1)
+    for axis in (0, 1):
+        counts = np.sum([np.roll(counts, step, axis) for step in range(-WINDOW, WINDOW + 1)], axis=0)
+    sparse: np.ndarray = -counts
+    return sparse

@@ -1,0 +1,85 @@
+"""From weights to the ONNX file beside them, for engines without torch.
+
+``python -m z2p_renderer.pipeline.export WEIGHTS...``
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import io
+import tempfile
+import warnings
+from pathlib import Path
+
+from z2p_core.errors.install_advice import install_advice
+from z2p_core.network.telemetry import forbid_telemetry
+from z2p_renderer.pipeline.export.fp16_constants import halved_constants
+from z2p_renderer.pipeline.inference.loading import LoadedWeights, load_plugins
+from z2p_renderer.storage.models.onnx_files import save_onnx
+
+OPSET = 17
+TRACED = (2, 72, 104)
+"""Batch, height and width that the network is traced at; batch, height and width of the model are free."""
+
+
+def export_onnx(weights: Path) -> Path:
+    """The ONNX file of a weights file, beside it: mapping, padding and statistics included, of any batch and size.
+
+    Constants that float16 holds without loss are stored so, and widened when an engine loads them.
+
+    Raises:
+        WeightsError: they cannot be loaded.
+        ImportError: torch, onnx or onnxruntime is not installed.
+    """
+    loaded = load_plugins(weights)
+    return save_onnx(weights, loaded.weights.digest, halved_constants(_folded(_traced(loaded))))
+
+
+def check_exporter() -> None:
+    """Nothing, when all that exports is installed; asked before a training, not after it.
+
+    Raises:
+        ImportError: onnx or onnxruntime is missing; the message says how to get it.
+    """
+    missing = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
+    if missing:
+        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed; '
+                          f"{install_advice('pipeline')}")
+
+
+def _traced(loaded: LoadedWeights) -> bytes:
+    """The network as torch's tracing exporter writes it: its successor takes twenty times as long."""
+    import torch
+
+    network, (batch, height, width) = loaded.build(), TRACED
+    cell = loaded.config.unshuffle
+    inputs = (
+        torch.zeros(batch, loaded.buffer_channels, height, width),
+        torch.zeros(loaded.encoder.channels, height // cell, width // cell),
+        torch.zeros(batch, loaded.settings),
+    )
+    sides = {2: "height", 3: "width"}
+    axes = {"buffers": {0: "batch", **sides}, "encoding": {1: "rows", 2: "columns"}, "settings": {0: "batch"}}
+    written = io.BytesIO()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # on tracing, and on the exporter's age
+        torch.onnx.export(
+            network, inputs, written, input_names=list(axes), output_names=["picture"], opset_version=OPSET,
+            dynamic_axes={**axes, "picture": {0: "batch", **sides}}, dynamo=False,
+        )  # fmt: skip
+    return written.getvalue()
+
+
+def _folded(model: bytes) -> bytes:
+    """The model with all constants folded, which saves every later start the work."""
+    forbid_telemetry()
+    import onnxruntime
+
+    with tempfile.TemporaryDirectory(prefix="z2p-export-") as folder:
+        options = onnxruntime.SessionOptions()
+        options.optimized_model_filepath = str(Path(folder) / "folded.onnx")
+        options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_BASIC  # standard operators
+        options.intra_op_num_threads, options.log_severity_level = 1, 3
+        onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        return Path(options.optimized_model_filepath).read_bytes()
+

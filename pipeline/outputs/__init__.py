@@ -1,0 +1,1 @@
+"""What is made of pictures: animations, galleries and contact sheets; and which outputs exist already."""

@@ -1,0 +1,149 @@
+"""What the user may want to know or to try of a scan as it stands in its picture."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+
+from z2p_core.linalg import extent, turned
+from z2p_core.placement.background import is_room
+from z2p_core.placement.outliers import few_of
+from z2p_core.placement.view_selection import MILLIMETRES, Up, implied_sensor
+from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.surface.subsampling import even_share
+
+ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
+MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
+FEWEST_STEPPED, STEPS, WIDE = 1000, 60, 0.1
+"""Of a cloud an axis of which was rounded: its points, the steps at most of that axis along its widest side, and the
+width of that axis as a share of that side."""
+GRIDDED = 0.25
+"""Values of an axis for each point, at most, in a grid; and least share of a raster's places that are taken."""
+FEW_POINTS, FEW_HINT = 100, "so few points tell no surface: some hundreds are needed for a shape to show"
+SMALL_HINT = "most of its points lie in a small part of the frame: the others may be strays, to be removed first"
+MOST, SMALL = 0.85, 0.2
+"""Share of the points that is most, and the radius about their middle, in the frame's, that is small."""
+TINY_HINT = "it is tiny in this camera's frame, which may be of data in other units"
+TINY = 0.1
+"""Radius of a whole cloud, in the frame's, that hardly shows."""
+FLOOR_ABOVE = "the camera's floor lies above its lowest points: leave floor out for each cloud to stand on its own"
+FLOOR_BELOW = "the camera's floor lies far below it: leave floor out for each cloud to stand on its own"
+SUNK, AFAR = 0.1, 4.0
+"""How far a cloud may sink into a settled floor, in its height, and hover above one, in the frame's radii."""
+COARSE = 1000
+"""Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
+
+
+def hint_for(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
+    """What the user may want to try or to know of points (N, 3) that stand so, or nothing.
+
+    `by_itself`: z2p chose up and view; `whole`: nothing was cut off.
+    """
+    if len(points) < FEW_POINTS:
+        return FEW_HINT
+    return "; ".join(filter(None, (_other_up(up), _shape_hint(points, up, by_itself, whole))))
+
+
+def few_hint(count: int) -> str:
+    """What to say of so few points that each is drawn as a ball."""
+    return f"its {count} points are drawn as balls, for {FEW_HINT}"
+
+
+def _other_up(up: Up) -> str:
+    """What to try where another axis may be up."""
+    return f"up may be {up.other}: --up {up.other} turns it so" if up.other else ""
+
+
+def _shape_hint(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
+    """What the shape of points (N, 3) suggests to try, or nothing."""
+    upright_points = turned(points, up.rotation)
+    if whole and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
+        return ROOM_HINT
+    if by_itself and up.sensor is None and implied_sensor(points, (MILLIMETRES,)):
+        return MILLIMETRES_HINT
+    return _stepped(points) if up.sensor is None else ""
+
+
+def hint_for_placed(cloud: np.ndarray) -> str:
+    """What to say where few of the placed points (N, 3) float32 make the frame wide, and the others hardly fill it."""
+    sample = few_of(cloud)
+    away = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
+    return SMALL_HINT if np.quantile(away, MOST) < SMALL else ""
+
+
+def hint_for_settled(cloud: np.ndarray, viewpoint: Viewpoint) -> str:
+    """What to say where a camera that was settled before shows next to nothing of placed points (N, 3), or no floor."""
+    low, high = extent(cloud)
+    tiny = (high - low).max() < 2 * TINY
+    floor = low[2] if viewpoint.floor is None else viewpoint.floor
+    away = FLOOR_ABOVE if floor > low[2] + SUNK * (high - low)[2] else FLOOR_BELOW if floor < low[2] - AFAR else ""
+    return "; ".join(filter(None, (TINY_HINT if tiny else "", away)))
+
+
+def in_python(hint: str) -> str:
+    """A hint with its options as keywords: ``--cut-top 40`` becomes ``cut_top=40``."""
+    option = re.compile(r"--([a-z-]+) ([+-]?\w+)")
+    return option.sub(lambda found: f"{found[1].replace('-', '_')}={_literal(found[2])}", hint)
+
+
+def rounding(points: np.ndarray) -> float:
+    """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them.
+
+    A grid whose own steps are wider has lost nothing, nor has a raster, each place of which comes once.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
+        low, high = extent(points)
+        step = float(np.spacing(np.float32(max(high.max(), -low.min()))))
+        if (high - low).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
+            return 0.0
+        rounded = np.spacing(np.maximum(np.abs(low), np.abs(high)).astype(np.float32)) == step
+    steps = np.rint((points[:, rounded] - low[rounded]) / step).astype(np.int64)
+    wider = bool((np.gcd.reduce(steps) > 1).all())
+    return 0.0 if wider or _is_raster(points) else step
+
+
+def _is_raster(points: np.ndarray) -> bool:
+    """Whether points (N, 3) are heights over a grid of places, each of which comes once, and many do."""
+    (first, row), (second, column) = (np.unique(points[:, axis], return_inverse=True) for axis in (0, 1))
+    once = len(np.unique(row * len(second) + column)) == len(points)
+    return bool(once and len(points) >= GRIDDED * len(first) * len(second) and min(len(first), len(second)) > 1)
+
+
+def _literal(word: str) -> str:
+    return word if word.isdigit() else repr(word)
+
+
+def _stepped(points: np.ndarray) -> str:
+    """What to say of points (N, 3) of which an axis, but not all, takes few values; or nothing."""
+    if len(points) < FEWEST_STEPPED:
+        return ""
+    some = even_share(points, FEWEST_STEPPED)
+    different = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
+    low, high = extent(points)
+    width = high - low
+    stepped = (width > WIDE * width.max()) & (width * STEPS > different * width.max())
+    if not stepped.any() or different.max() < 5 * STEPS:  # a grid of voxels has steps along all axes
+        return ""
+    if _is_grid(points, stepped):
+        return ""
+    axes = " and ".join("xyz"[axis] for axis in np.flatnonzero(stepped))
+    return f"few different values of {axes}, as when digits are lost in saving: if so, save more of them"
+
+
+def _is_grid(points: np.ndarray, stepped: np.ndarray) -> bool:
+    """Whether points (N, 3), some axes of which (3,) take few values, lie on a grid, as rasters and slices do.
+
+    On a raster of heights each place comes once, and many do; in a grid of all three axes every value comes often.
+    Where digits were lost, places repeat, and the other axes have as many values as points.
+    """
+    values = [np.unique(points[:, axis], return_inverse=True) for axis in range(3)]
+    counts = np.array([len(value) for value, _ in values])
+    if (counts <= GRIDDED * len(points)).all():
+        return True
+    first, *second = np.flatnonzero(stepped)
+    if len(second) != 1:
+        return False
+    place = values[first][1] * counts[second[0]] + values[second[0]][1]
+    once = len(np.unique(place)) == len(points)
+    return bool(once and len(points) >= GRIDDED * counts[first] * counts[second[0]])

@@ -1,0 +1,211 @@
+"""How a scan stands in its picture: upright, seen from a telling side, without the strays that would make it small."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from z2p_core.camera import DEFAULT_ELEVATION, DISTANCE, turn
+from z2p_core.interfaces import ScanError, Sensor
+from z2p_core.linalg import along
+from z2p_core.placement.background import depths, subject, support, upright
+from z2p_core.placement.depth_gaps import dropouts
+from z2p_core.placement.isolated_points import clip_lone
+from z2p_core.placement.outliers import clip_below, clip_far, clip_outliers
+from z2p_core.placement.view_selection import Up
+from z2p_core.placement.viewpoint import Viewpoint, frame
+from z2p_core.surface.mls_smoothing import patch_radius, smoothed
+from z2p_core.surface.subsampling import with_fixed_start
+from z2p_renderer.pipeline.placement.few_points import FEWEST_FOR_SURFACE, as_balls
+from z2p_renderer.pipeline.placement.hints import few_hint, hint_for, hint_for_placed, hint_for_settled, rounding
+from z2p_renderer.pipeline.placement.stance import SETTLED, Stance
+from z2p_renderer.pipeline.placement.view import Placing, allowed_elevation, choose_side, set_upright
+from z2p_renderer.storage.scans.clouds import FEWEST_POINTS, Scan
+
+__all__ = ["SETTLED", "Placed", "Placing", "Shown", "Stance", "place", "shown_points"]
+
+OUTSIDE = 1.2
+"""Distance from the middle, in radii, from where on a point may lie outside a square picture."""
+TOO_NEAR, MOST_NEAR = 0.7, 0.02
+"""Depth before a settled camera, in its radii, that is too near for a picture; and share of points that may be so."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A cloud ready to be drawn."""
+
+    cloud: np.ndarray
+    """Points (N, 3) float32 in world units."""
+    stance: Stance
+    viewpoint: Viewpoint
+    """What placed it, with the camera's elevation."""
+
+
+def place(
+    scan: Scan,
+    suffix: str,
+    placing: Placing,
+    elevation: float = DEFAULT_ELEVATION,
+    free: tuple[float, float] | None = None,
+) -> Placed:
+    """The scan of a file with that suffix (lower-case, with its dot), placed as asked.
+
+    `elevation` is the camera's in degrees, unless the view from a sensor brings its own: it may within the range
+    `free`; None means that the camera's stays.
+
+    Raises:
+        ScanError: there is no extent to scale, or a sensor's view is asked of a cloud without one.
+    """
+    shown = shown_points(scan, suffix, placing)
+    points, up = shown.points, shown.up
+    if placing.viewpoint is not None:
+        return _as_settled(shown, placing.viewpoint, placing, elevation, free)
+    azimuth, wished, reason = choose_side(points, up, scan, placing, elevation)
+    wished, beyond = allowed_elevation(wished, free)
+    azimuth += placing.azimuth
+    viewpoint = frame(with_fixed_start(points), turn(azimuth) @ up.rotation, elevation if wished is None else wished)
+    cloud, smooth = _smoothed(viewpoint.place(points), shown, placing)
+    by_itself = (placing.up, placing.view) == ("auto", "auto")
+    hint = few_hint(shown.few) if shown.few else hint_for(points, up, by_itself, whole=not placing.cut_top)
+    if not placing.keep_outliers and not shown.few:
+        hint = "; ".join(filter(None, (hint_for_placed(cloud), hint)))
+    stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
+                    rounding(points), smooth, shown.added, shown.far, placing.azimuth)  # fmt: skip
+    return Placed(cloud, stance, viewpoint)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The points that are to be drawn, and what was left out."""
+
+    points: np.ndarray
+    """(N, 3) float64 in the file's axes."""
+    up: Up
+    outliers: int
+    background: int
+    added: int
+    """How many of the points, the last ones, were put into gaps of what a depth camera measured."""
+    far: int = 0
+    """Those of the outliers that lie in clusters so far from the largest one that nothing would show."""
+    few: int = 0
+    """How many they were, where they were so few that each became a ball of points."""
+
+
+def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
+    """The scan without strays, without what lies far behind a depth camera's subject, and without the top cut off.
+
+    Raises:
+        ScanError: nothing is left below the cut.
+    """
+    points, far = (scan.points, 0) if placing.keep_outliers else _without_strays(scan.points)
+    up = set_upright(points, scan, suffix, placing)
+    background, put_in = 0, points[:0]
+    if up.sensor is None and not placing.keep_outliers:
+        kept = clip_below(points, along(points, _upward(up, placing)))
+        points = points[kept] if not kept.all() else points
+    if up.sensor is not None:
+        put_in = points[:0] if placing.smooth == 0 else dropouts(points, up.sensor)
+        if not placing.keep_outliers:
+            points, background = _subject(points, up.sensor)
+            put_in = put_in[depths(put_in, up.sensor) <= depths(points, up.sensor).max()]
+    if up.sensor is not None and placing.up == "auto":
+        normal = support(points, up.rotation[2], up.sensor)
+        if normal is not None:
+            up = replace(up, rotation=upright(up.rotation, normal), axis="the table's normal",
+                         reason=f"{up.reason}, set upright by the plane that things stand on")
+    outliers = len(scan.points) - background - len(points)
+    added = len(put_in)
+    points = np.concatenate([points, put_in]) if added else points
+    if placing.cut_top:
+        height = along(points, _upward(up, placing))
+        low = height <= height.max() - placing.cut_top / 100 * np.ptp(height)
+        points, added = points[low], int(low[len(low) - added :].sum())
+        if len(points) < FEWEST_POINTS:
+            raise ScanError(f"--cut-top {placing.cut_top:g} leaves {len(points)} points; cut off less")
+    few = len(points) if len(points) < FEWEST_FOR_SURFACE else 0
+    return Shown(as_balls(points) if few else points, up, outliers, background, 0 if few else added, far, few)
+
+
+def _without_strays(points: np.ndarray) -> tuple[np.ndarray, int]:
+    """The points (M, 3) without strays and without what lies too far from the others, and how many of these it is."""
+    kept = clip_outliers(points)
+    points = points[kept] if not kept.all() else points
+    near = clip_far(points)
+    far = len(near) - int(near.sum())
+    if far:
+        points = points[near]
+        points = points[clip_outliers(points)]
+    near = clip_lone(points)
+    return points[near] if not near.all() else points, far
+
+
+def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
+    """The points (M, 3) of a depth camera's subject, without strays, and how many lie far behind it."""
+    if len(points) < FEWEST_FOR_SURFACE:  # a gap between a few points says nothing
+        return points, 0
+    before = subject(points, sensor)
+    background = int(len(before) - before.sum())
+    if background:
+        points = points[before]
+        points = points[clip_outliers(points)]
+    return points, background
+
+
+def _upward(up: Up, placing: Placing) -> np.ndarray:
+    """The direction (3,) in the file's axes that points up in the picture."""
+    rotation = up.rotation if placing.viewpoint is None else np.array(placing.viewpoint.rotation)
+    upward: np.ndarray = rotation[2]
+    return upward
+
+
+def _as_settled(
+    shown: Shown, viewpoint: Viewpoint, placing: Placing, elevation: float, free: tuple[float, float] | None
+) -> Placed:
+    """The points before a camera that was settled before, turned on as asked."""
+    wished, beyond = allowed_elevation(viewpoint.elevation, free)
+    azimuth = placing.azimuth
+    rotation = turn(azimuth) @ np.array(viewpoint.rotation) if azimuth else np.array(viewpoint.rotation)
+    viewpoint = replace(viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()),
+                        elevation=elevation if wished is None else wished)
+    cloud = viewpoint.place(shown.points)
+    if placing.grounded and viewpoint.floor is not None:
+        drop = (float(cloud[:, 2].min()) - viewpoint.floor) * viewpoint.radius
+        x, y, z = (np.array(viewpoint.centre) + drop * rotation[2]).tolist()
+        viewpoint = replace(viewpoint, centre=(x, y, z))
+        cloud = viewpoint.place(shown.points)
+    outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
+    if outside == len(cloud):
+        raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
+    _check_before(cloud, viewpoint)
+    hint = hint_for_settled(cloud, viewpoint)
+    if beyond:
+        hint = "; ".join(filter(None, (f"the camera's elevation was changed{beyond}", hint)))
+    cloud, smooth = _smoothed(cloud, shown, placing)
+    stance = Stance(SETTLED, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
+                    outside, shown.background, hint, rounding(shown.points), smooth, shown.added,
+                    shown.far)  # fmt: skip
+    return Placed(cloud, stance, viewpoint)
+
+
+def _check_before(cloud: np.ndarray, viewpoint: Viewpoint) -> None:
+    """
+    Raises:
+        ScanError: the placed cloud (N, 3) reaches the place where the camera stands, or beyond.
+    """
+    angle = math.radians(viewpoint.elevation)
+    depth = DISTANCE - along(cloud.astype(np.float64), np.array([0.0, -math.cos(angle), math.sin(angle)]))
+    if (depth < TOO_NEAR).mean() > MOST_NEAR:
+        reach = float(np.sqrt((cloud**2).sum(1)).max())
+        raise ScanError(f"reaches the camera or lies behind it: its farthest point lies {reach:.3g} radii from the "
+                        f"camera's centre; make the camera's radius ({viewpoint.radius:g}) larger, or move the centre")
+
+
+def _smoothed(cloud: np.ndarray, shown: Shown, placing: Placing) -> tuple[np.ndarray, float]:
+    """The placed cloud (N, 3), made as smooth as asked, and over which radius; 0 where it was left as it is."""
+    radius = placing.smooth
+    if not isinstance(radius, float):
+        measured = cloud[: len(cloud) - shown.added]
+        radius = 0.0 if shown.up.sensor is None else patch_radius(measured)
+    return (smoothed(cloud, radius), radius) if radius else (cloud, 0.0)

@@ -1,0 +1,1 @@
+"""Training and evaluation data: random views of meshes, their points, and ground-truth renders."""

@@ -1,0 +1,77 @@
+"""Ground truth: Blender's renders of a mesh's scenes, one stored result a scene, so that the next weights find them."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.render import RenderSettings, render_scenes
+from z2p_renderer.storage.results.fingerprints import fingerprint, stage_fields
+from z2p_renderer.storage.results.store import Entry, Store
+
+PICTURE, COVERAGE = "picture.png", "picture.coverage.png"
+
+
+def render_references(
+    mesh_path: Path,
+    identity: str,
+    scenes: Sequence[SceneDescription],
+    settings: RenderSettings,
+    root: Path,
+    log: Callable[[str], None] = lambda line: None,
+) -> list[Path]:
+    """Picture of each scene (its coverage beside it), rendered only where the store at `root` does not hold it sound.
+
+    `identity` is the sha256 of the mesh's file. One Blender process renders all that is missing, picture by picture: a
+    killed one keeps what it has.
+
+    Raises:
+        ScanError: the mesh cannot be read.
+        RenderError: Blender failed or left out a picture.
+    """
+    store = Store(root)
+    entries = [reference(mesh_path.stem, identity, scene, settings) for scene in scenes]
+    whole = Entry("reference", mesh_path.stem, _shared(identity, settings))
+    with store.lock(whole):
+        for entry in entries:
+            store.put_aside(entry)
+        pairs = list(zip(entries, scenes, strict=True))
+        missing = {stem(scene): scene for entry, scene in pairs if not store.complete(entry)}
+        work = store.work_folder(whole)
+        if missing:
+            render_scenes(mesh_path, list(missing.items()), work, settings, log)
+        for entry, scene in pairs:
+            store.produce(entry, partial(_move, work, stem(scene)))
+        shutil.rmtree(work, ignore_errors=True)  # also what a run has left that was killed right before
+    return [store.folder(entry) / PICTURE for entry in entries]
+
+
+def reference(name: str, identity: str, scene: SceneDescription, settings: RenderSettings) -> Entry:
+    """The stored result of one scene."""
+    fields = _shared(identity, settings) | {"scene": scene.to_json()}
+    return Entry("reference", f"reference/{name}/{stem(scene)}", fields)
+
+
+def old_picture(root: Path, identity: str, scene: SceneDescription, settings: RenderSettings) -> Path:
+    """Where the picture lies if z2p rendered it before such pictures had manifests."""
+    fields = {"schema": 1, "stage": "render", "stage_version": 1}
+    fields |= {"mesh": identity, "parameters": settings.shaping()}
+    return root / fingerprint(fields)[:32] / f"{stem(scene)}.png"
+
+
+def stem(scene: SceneDescription) -> str:
+    """Name of a scene's picture while Blender renders it; the seed of its noise follows from it."""
+    return fingerprint(scene.to_json())[:16]
+
+
+def _shared(identity: str, settings: RenderSettings) -> dict[str, Any]:
+    return stage_fields("reference") | {"mesh": identity, "parameters": settings.shaping()}
+
+
+def _move(work: Path, name: str, folder: Path) -> None:
+    (work / f"{name}.png").rename(folder / PICTURE)  # first: without it, after a kill, the view is rendered again
+    (work / f"{name}.coverage.png").rename(folder / COVERAGE)

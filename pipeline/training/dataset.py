@@ -1,0 +1,254 @@
+"""Training batches from shards: a fresh cloud, its z-buffer, its settings and its target for every sample.
+
+What a batch holds depends on the seed and on its number alone, so that a resumed run sees what an undisturbed one sees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from z2p_core.camera import Camera
+from z2p_core.config import TrainConfig, batch_size, training_fault
+from z2p_core.images import bytes_from_unit
+from z2p_core.interfaces import GBuffer, ZBuffer
+from z2p_core.linalg import along, turned
+from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
+from z2p_renderer.pipeline.training.augment import draw_cloud, mirrored
+from z2p_renderer.pipeline.training.distillation import Teacher
+from z2p_renderer.pipeline.training.make_shard import shrink_pictures
+from z2p_renderer.pipeline.training.shadow_debias import without_haze
+from z2p_renderer.storage.shards import Record, Shard
+
+CACHE_BYTES = 2 * 1024**3
+"""Decoded renders kept in memory; what does not fit is decoded again each time."""
+BUFFERS_BYTES = 6 * 1024**3
+"""Drawn buffers kept for `TrainConfig.reuse`; those that do not fit are drawn again, the same."""
+PREFETCH, THREADS = 4, 2
+"""Batches made ahead, and at once: drawing buffers holds no lock."""
+TRAINING, VALIDATION, EPOCH, SPLIT = 0, 1, 2, 3
+"""First words of the seeds of the random generators, so that no two uses share one."""
+
+
+class DatasetError(ValueError):
+    """Shards that cannot be trained on together; the message says which and why."""
+
+
+@dataclass(frozen=True)
+class Batch:
+    """B samples, R pixels a side, C channels of z-buffer and G-buffer, S settings; float32 tensors."""
+
+    buffers: torch.Tensor
+    """(B, C, R, R)"""
+    settings: torch.Tensor
+    """(B, S), each in [0, 1]"""
+    target: torch.Tensor
+    """(B, 4, R, R) premultiplied sRGB and alpha"""
+    coverage: torch.Tensor
+    """(B, 1, R, R)"""
+
+    def to(self, device: torch.device) -> Batch:
+        """The same batch on a device."""
+        moved = (tensor.to(device) for tensor in (self.buffers, self.settings, self.target, self.coverage))
+        return Batch(*moved)
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """One cloud's buffers (C, R, R) float32, the record of its render, and what the teacher draws of it."""
+
+    buffers: np.ndarray
+    record: Record
+    taught: np.ndarray | None = None
+    """(R, R, 4) uint8, colour times alpha and alpha; None where there is no teacher."""
+
+
+class CloudPictures:
+    """Every record of some shards, split into training and validation."""
+
+    def __init__(self, shards: Sequence[Path], config: TrainConfig, zbuffer: ZBuffer, gbuffer: GBuffer) -> None:
+        """
+        Raises:
+            ShardError: a shard is damaged.
+            DatasetError: no shards, shards of different controls or resolutions, or fewer than two records.
+            WeightsError, TeacherError: weights that cannot teach.
+        """
+        self.config = config
+        self.zbuffer, self.gbuffer = zbuffer, gbuffer
+        self.shards = [Shard(path) for path in shards]
+        self.controls: list[dict[str, Any]] = _agreed(self.shards, "controls")
+        self.resolution: int = _agreed(self.shards, "resolution")
+        self.sides = config.resolutions or (self.resolution,)
+        self.settings = sum(int(control["size"]) for control in self.controls)
+        self._check()
+        self._teacher = Teacher(config.teacher, self.resolution, self.controls) if config.teacher else None
+        self._pools = [shard.pool for shard in self.shards]
+        self._cache: dict[tuple[tuple[int, int], int], Record] = {}
+        self._room, self._buffers_room = CACHE_BYTES, BUFFERS_BYTES
+        self._drawn: dict[tuple[tuple[int, int], int], tuple[int, np.ndarray, np.ndarray | None]] = {}
+        places = [(number, row) for number, shard in enumerate(self.shards) for row in range(len(shard))]
+        if len(places) < 2:
+            raise DatasetError(f"expected two records or more, to train on and to validate with, got {len(places)}")
+        order = np.random.default_rng((SPLIT, config.seed)).permutation(len(places))
+        held_out = min(max(1, round(len(places) * config.validation_share)), len(places) - 1)
+        self.validation = [places[place] for place in sorted(order[:held_out])]
+        self.training = [places[place] for place in sorted(order[held_out:])]
+
+    def batch(self, step: int) -> Batch:
+        """Training batch number `step`, counted from 0; the sides take turns.
+
+        At each side every record comes once an epoch, in a new order.
+        """
+        turn, number = divmod(step, len(self.sides))
+        side, count = self.sides[number], len(self.training)
+        size = batch_size(side, self.config.batch, self.sides)
+        before = turn * self.sides.count(side) + self.sides[:number].count(side)  # batches at this side
+        samples = []
+        for position in range(before * size, (before + 1) * size):
+            epoch, place = divmod(position, count)
+            order = np.random.default_rng((EPOCH, self.config.seed, self.sides.index(side), epoch)).permutation(count)
+            samples.append(self._training_sample(int(order[place]), side, epoch // self.config.reuse))
+        return _stack(samples, self.config.haze, self.config.teacher_share)
+
+    def validation_batch(self, numbers: Sequence[int]) -> Batch:
+        """The held-out samples of these numbers at the first side, each with a cloud that is always the same."""
+        rngs = [np.random.default_rng((VALIDATION, self.config.seed, number)) for number in numbers]
+        places = [self.validation[number] for number in numbers]
+        samples = [self._sample(place, self.sides[0], rng) for place, rng in zip(places, rngs, strict=True)]
+        return _stack(samples, self.config.haze)
+
+    @contextmanager
+    def batches(self, first: int, last: int) -> Iterator[Iterator[Batch]]:
+        """Training batches `first` to `last` - 1, made ahead in threads that end with the context."""
+        with ThreadPoolExecutor(max_workers=THREADS, thread_name_prefix="batches") as executor:
+
+            def ahead() -> Iterator[Batch]:
+                pending = [executor.submit(self.batch, step) for step in range(first, min(first + PREFETCH, last))]
+                for step in range(first, last):
+                    yield pending.pop(0).result()
+                    if step + PREFETCH < last:
+                        pending.append(executor.submit(self.batch, step + PREFETCH))
+
+            try:
+                yield ahead()
+            finally:
+                executor.shutdown(wait=True, cancel_futures=True)
+
+    @property
+    def fixed_elevation(self) -> float | None:
+        """The camera elevation of every record in degrees; None where it is one of the controls.
+
+        Raises:
+            DatasetError: it is no control, and yet the records differ in it.
+        """
+        if any(control["name"] == "elevation" for control in self.controls):
+            return None
+        values = np.concatenate([shard.elevations for shard in self.shards])
+        if np.ptp(values) > 1e-3:
+            raise DatasetError(
+                f"renders lie between {values.min():g} and {values.max():g} degrees of camera elevation; expected one "
+                "elevation, or elevation among the controls"
+            )
+        return float(values[0])
+
+    def _check(self) -> None:
+        if fault := training_fault(self.config, self.resolution):
+            raise DatasetError(fault)
+
+    def _training_sample(self, number: int, side: int, drawing: int) -> _Sample:
+        """Sample of a training record with the cloud of that drawing, which is kept until the next one."""
+        place = self.training[number]
+        kept = self._drawn.get((place, side))
+        rng = np.random.default_rng((TRAINING, self.config.seed, side, number, drawing))
+        in_mirror = self.config.mirror and bool(rng.integers(2))
+        if kept and kept[0] == drawing:
+            return _Sample(kept[1].astype(np.float32), self._record(place, side, in_mirror), kept[2])
+        # at the resolution of the shards the teacher would have no more to go by
+        sample = self._sample(place, side, rng, in_mirror, self._teacher if side < self.resolution else None)
+        if self.config.reuse > 1:
+            packed = sample.buffers.astype(np.float16)
+            if kept or packed.nbytes <= self._buffers_room:
+                self._buffers_room -= 0 if kept else packed.nbytes
+                self._drawn[place, side] = drawing, packed, sample.taught
+            sample = replace(sample, buffers=packed.astype(np.float32))  # the same whether it was kept or not
+        return sample
+
+    def _sample(
+        self, place: tuple[int, int], side: int, rng: np.random.Generator, in_mirror: bool = False,
+        teacher: Teacher | None = None,
+    ) -> _Sample:
+        record, pool = self._record(place, side, in_mirror), self._pools[place[0]]
+        rotation = np.array(record.scene.rotation, dtype=np.float32)
+        scene = record.scene
+        if scene.floor is None:  # the mesh's own: the pool is dense enough to tell it
+            scene = replace(scene, floor=float(along(pool, rotation[2]).min()))
+        cloud = turned(draw_cloud(pool, self.config, rng), rotation)
+        cloud[:, 2] += scene.lift
+        if in_mirror:
+            cloud[:, 0] *= -1
+        buffers = draw_buffers(cloud, Camera(side, side, scene.elevation), scene, self.zbuffer, self.gbuffer)
+        return _Sample(buffers, record, self._taught(teacher, cloud, scene, record, side) if teacher else None)
+
+    def _taught(
+        self, teacher: Teacher, cloud: np.ndarray, scene: SceneDescription, record: Record, side: int
+    ) -> np.ndarray:
+        """What the teacher draws; where scenes may be seen in a mirror, the mean with what it draws there."""
+        picture = teacher.picture(cloud, scene, record.settings, side)
+        if self.config.mirror:
+            other = mirrored(record)
+            there = replace(other.scene, floor=scene.floor)
+            drawn = teacher.picture(cloud * np.array([-1, 1, 1], np.float32), there, other.settings, side)
+            picture = (picture + drawn[:, ::-1]) / 2
+        return bytes_from_unit(picture)
+
+    def _record(self, place: tuple[int, int], side: int, in_mirror: bool = False) -> Record:
+        record = self._cache.get((place, side))
+        if record is None:
+            record = self.shards[place[0]].read(place[1])
+            rgba, coverage = shrink_pictures(record.rgba, record.coverage, self.resolution // side)
+            record = replace(record, rgba=rgba, coverage=coverage)
+            size = record.rgba.nbytes + record.coverage.nbytes
+            if size <= self._room:
+                self._room -= size
+                self._cache[place, side] = record
+        return mirrored(record) if in_mirror else record
+
+
+def _stack(samples: list[_Sample], haze: float, teacher_share: float = 0.0) -> Batch:
+    """The samples' batch, its targets the renders without that haze, and on the object in part the teacher's."""
+    records = [sample.record for sample in samples]
+    rgba = _units([record.rgba for record in records])
+    coverage = torch.from_numpy(np.stack([record.coverage for record in records])).float()[:, None] / 255
+    target = without_haze(torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1), coverage, haze)
+    taught = [sample.taught for sample in samples if sample.taught is not None]
+    if taught:  # for all samples or for none, which are of one side; its floor may have learnt haze
+        target = torch.lerp(target, _units(taught), teacher_share * (coverage > 0))
+    settings = torch.from_numpy(np.stack([record.settings for record in records]))
+    buffers = torch.from_numpy(np.stack([sample.buffers for sample in samples]))
+    return Batch(buffers, settings, target, coverage)
+
+
+def _units(pictures: list[np.ndarray]) -> torch.Tensor:
+    """Values (B, 4, R, R) float32 in [0, 1] of pictures (R, R, 4) uint8."""
+    return torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2).float() / 255
+
+
+def _agreed(shards: list[Shard], key: str) -> Any:
+    """The attribute that all shards must share."""
+    if not shards:
+        raise DatasetError("expected shards to train on, got none")
+    for shard in shards[1:]:
+        if shard.attributes[key] != shards[0].attributes[key]:
+            raise DatasetError(
+                f"shards differ in {key}: {shards[0].path} has {shards[0].attributes[key]}, {shard.path} has "
+                f"{shard.attributes[key]}; make them with one config"
+            )
+    return shards[0].attributes[key]

@@ -1,0 +1,51 @@
+"""Oriented normals of a bare cloud: what both surface reconstructions start from.
+
+A change here changes the results of `bpa` and `poisson`: raise the version of both.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.interfaces import ScanError
+
+NEIGHBOURS = 16
+
+
+def oriented(cloud: np.ndarray) -> Any:
+    """open3d PointCloud of points (N, 3) with unit normals, turned to agree along the tangent planes.
+
+    Raises:
+        ScanError: too few points, or points that have no surface.
+    """
+    with loading("open3d"):
+        import open3d  # late: the pipeline extra
+
+    if len(cloud) <= NEIGHBOURS:
+        raise ScanError(f"normals need more than {NEIGHBOURS} points, got {len(cloud)}; give a denser cloud")
+    points = np.ascontiguousarray(cloud, dtype=np.float64)
+    if np.ptp(points, axis=0).max() == 0:
+        raise ScanError(f"expected points on a surface, got {len(cloud)} at one place")
+    scan = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
+    scan.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
+    try:
+        scan.orient_normals_consistent_tangent_plane(NEIGHBOURS)
+    except RuntimeError as error:  # its triangulation refuses points in one plane
+        reason = " ".join(str(error).split())[:160]
+        raise ScanError(f"the normals cannot be oriented ({reason}); expected points that span a volume") from error
+    return scan
+
+
+def arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) float64 and triangles (M, 3) int64 of an open3d mesh.
+
+    Raises:
+        ScanError: it has no triangle.
+    """
+    faces = np.array(mesh.triangles, dtype=np.int64).reshape(-1, 3)
+    if len(faces) == 0:
+        raise ScanError("the reconstruction has no triangle; give a denser cloud")
+    return np.array(mesh.vertices, dtype=np.float64), faces

@@ -1,0 +1,107 @@
+"""Which way is up in a cloud beside which the cameras lie that it was made from: of COLMAP, of nerfstudio, of 3DGS."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path, PurePath
+from typing import Any
+
+import numpy as np
+
+from z2p_core.interfaces import RawCloud
+from z2p_core.up_axis.header_comments import axis_of_vector
+from z2p_renderer.plugins.readers._cameras.camera_hints import MOST_JSON_BYTES, trained_cameras, with_camera_hints
+from z2p_renderer.plugins.readers._helpers.lazy_import import late
+
+_MOST_IMAGES_BYTES = 1 << 28
+"""Bytes of a list of pictures at the most."""
+_IMAGES_NAMES = ("images.bin", "images.txt")
+_DENSE_NAMES = ("fused.ply", "meshed-poisson.ply", "meshed-delaunay.ply")
+"""Names of what COLMAP makes of a model that it keeps in a folder beside them."""
+_INPUT_NAME = "input.ply"
+"""What 3DGS calls its copy of the points that it began with."""
+_OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0])
+"""From a camera's axes as nerfstudio has them to those of OpenCV."""
+_ORTHOGONAL_TOLERANCE = 1e-2
+
+
+def with_model_cameras(cloud: RawCloud, path: Path) -> RawCloud:
+    """The cloud of a file with up, and where they are surely its own the view, of the cameras that lie beside it.
+
+    As it is where there are none. Files that are damaged count for nothing.
+    """
+    name = path.name.lower()
+    if name == _INPUT_NAME:
+        return with_camera_hints(cloud, *trained_cameras(path))
+    folder = path.parent / "sparse" if name in _DENSE_NAMES else path.parent
+    if any(_is_small(folder / images, _MOST_IMAGES_BYTES) for images in _IMAGES_NAMES):
+        colmap = late("z2p_renderer.plugins.readers._cameras.colmap")
+        rotations, places = colmap.cameras_in(folder)
+        if len(places):
+            return with_camera_hints(_with_usual_up(cloud, "-Y", colmap.AXES_REASON), rotations, places)
+    if name in _DENSE_NAMES:
+        return _with_usual_up(cloud, "-Y", "the usual axes of COLMAP, as whose result it is named")
+    if _is_small(path.parent / "transforms.json", MOST_JSON_BYTES):
+        return _with_transforms(cloud, path)
+    return cloud
+
+
+def _with_usual_up(cloud: RawCloud, axis: str, reason: str) -> RawCloud:
+    return replace(cloud, up=axis, up_reason=reason, up_certain=False)
+
+
+def _is_small(path: Path, most: int) -> bool:
+    try:
+        return path.is_file() and path.stat().st_size <= most
+    except OSError:
+        return False
+
+
+def _with_transforms(cloud: RawCloud, path: Path) -> RawCloud:
+    """The cloud as the cameras in a transforms.json tell.
+
+    They are surely the cloud's own where the file names it. Any other cloud may have been turned since, so that they
+    make an axis no more than usual for it.
+    """
+    try:
+        told = json.loads((path.parent / "transforms.json").read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return cloud
+    if not isinstance(told, dict) or not isinstance(told.get("frames"), list):
+        return cloud
+    rotations, places = _frames(told["frames"])
+    cloud = _with_usual_up(cloud, _world_up(told), "the usual axes of nerfstudio, whose transforms.json lies beside it")
+    found = with_camera_hints(cloud, rotations, places)
+    named = told.get("ply_file_path")
+    if isinstance(named, str) and PurePath(named).name == path.name:
+        return found
+    reason = found.up_reason if not found.up_certain else "that of the cameras in the transforms.json beside it"
+    return _with_usual_up(cloud, found.up, reason)
+
+
+def _frames(frames: list[Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (M, 3, 3) from the world's axes to each camera's, those of OpenCV, and places (M, 3).
+
+    None where the matrices are none of cameras.
+    """
+    none = np.empty((0, 3, 3)), np.empty((0, 3))
+    try:
+        poses = np.array([frame["transform_matrix"] for frame in frames], np.float64)
+    except (ValueError, TypeError, KeyError):
+        return none
+    if poses.ndim != 3 or poses.shape[1] not in (3, 4) or poses.shape[2] != 4 or not np.isfinite(poses).all():
+        return none
+    axes = poses[:, :3, :3] / np.maximum(np.linalg.norm(poses[:, :3, :3], axis=1, keepdims=True), 1e-12)
+    if np.abs(axes.transpose(0, 2, 1) @ axes - np.eye(3)).max(initial=0) > _ORTHOGONAL_TOLERANCE:
+        return none
+    return _OPENGL_TO_OPENCV @ axes.transpose(0, 2, 1), poses[:, :3, 3]
+
+
+def _world_up(told: dict[str, Any]) -> str:
+    """The axis that is up in nerfstudio's world: +Z, or what became of COLMAP's -Y where the file tells the turn."""
+    try:
+        turned = np.array(told["applied_transform"], np.float64)[:3, :3] @ [0.0, -1.0, 0.0]
+        return axis_of_vector([round(number, 6) for number in turned.tolist()]) or "+Z"
+    except (KeyError, ValueError, TypeError, IndexError):
+        return "+Z"

@@ -1,0 +1,82 @@
+"""A glTF file that keeps its parts beside it or in its text, as the one binary file that a GLB is."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+from z2p_core.interfaces import ScanError
+from z2p_renderer.plugins.readers._helpers.gltf import packed
+
+_NOT_NEEDED = ("images", "textures", "samplers", "materials", "animations", "skins", "cameras")
+"""Parts of a glTF file without which its vertices are where they are."""
+
+
+def as_glb(path: Path) -> bytes:
+    """The GLB that a .gltf file and its buffers make, without pictures and materials.
+
+    Raises:
+        ScanError: it is none, or a buffer is missing, too short, or elsewhere than beside it.
+        Exception: the file is damaged; whatever the parsing stumbles over.
+    """
+    blob = path.read_bytes()
+    if not blob.lstrip().startswith(b"{"):
+        raise ScanError("expected a glTF file, which is JSON; this is another format under that name")
+    tree = json.loads(blob)
+    if not isinstance(tree, dict) or "asset" not in tree:
+        raise ScanError("expected a glTF file, which tells its version under 'asset'; this is another kind of JSON")
+    binary, starts = b"", []
+    for number, buffer in enumerate(tree.get("buffers", ())):
+        starts.append(len(binary))
+        content = _content(buffer, path.parent, number)
+        if len(content) < buffer["byteLength"]:
+            raise ScanError(f"the glTF file promises {buffer['byteLength']} bytes in buffer {number}, {len(content)} "
+                            "came; export it again")
+        binary += content + bytes(-len(content) % 4)
+    for view in tree.get("bufferViews", ()):
+        view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
+        view["buffer"] = 0
+    for name in _NOT_NEEDED:
+        tree.pop(name, None)
+    for part in (part for mesh in tree.get("meshes", ()) for part in mesh["primitives"]):
+        part.pop("material", None)
+    for node in tree.get("nodes", ()):
+        node.pop("skin", None)
+        node.pop("camera", None)
+    tree["buffers"] = [{"byteLength": len(binary)}]
+    return packed(tree, binary)
+
+
+def bytes_beside(path: Path) -> int:
+    """Bytes of the files in which a .gltf keeps its buffers; 0 where it cannot be told, and `as_glb` says why."""
+    try:
+        uris = [buffer.get("uri", "") for buffer in json.loads(path.read_bytes()).get("buffers", ())]
+        return sum((path.parent / unquote(uri)).stat().st_size for uri in uris if not uri.startswith("data:"))
+    except (OSError, ValueError, AttributeError, TypeError, RecursionError):
+        return 0
+
+
+def _content(buffer: dict[str, Any], folder: Path, number: int) -> bytes:
+    """The bytes of a buffer: in its own text, or in a file in the folder or below it.
+
+    Raises:
+        ScanError: it is neither.
+    """
+    uri = buffer.get("uri", "")
+    if uri.startswith("data:"):
+        kind, _, text = uri.partition(",")
+        if not kind.endswith(";base64"):
+            raise ScanError(f"the glTF file keeps buffer {number} in another way than base64; export it again as GLB")
+        return base64.b64decode(text)
+    name = unquote(uri)
+    if not name or "://" in name or Path(name).is_absolute() or ".." in Path(name).parts:
+        raise ScanError(f"the glTF file keeps buffer {number} elsewhere than beside itself ({name[:60]!r}); export it "
+                        "again as GLB")
+    beside = folder / name
+    if not beside.is_file():
+        raise ScanError(f"the glTF file's points are in {name[:80]!r}, which is not beside it; copy that too, or "
+                        "export it again as GLB")
+    return beside.read_bytes()

@@ -1,0 +1,53 @@
+"""PLY vertices that lists stand before or among, so that their rows have to be walked."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.formats.ply_header import PlyElement, PlyHeader
+from z2p_core.interfaces import ScanError
+from z2p_core.native import walk_rows
+
+
+def walked_binary(body: bytes, header: PlyHeader, vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
+    """x, y and z (N, 3) float64 of the vertices, from all bytes behind the header.
+
+    Raises:
+        ScanError: a list reaches past the file's end.
+    """
+    offset = 0
+    for element in header.elements[: header.elements.index(vertex) + 1]:
+        places = _places(vertex, axes) if element is vertex else []
+        properties = [(entry.type, entry.length) for entry in element.properties]
+        try:
+            values, offset = walk_rows(body, offset, element.count, properties, places)
+        except ValueError as error:
+            raise ScanError("a PLY list reaches past the end of the file; it is cut short or its header is wrong: "
+                            "export it again") from error
+    return values
+
+
+def walked_ascii(lines: list[bytes], vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
+    """x, y and z (N, 3) float64 of the vertices, a line each.
+
+    Raises:
+        ValueError: a line with more or fewer numbers than it should have, or with something else.
+    """
+    places = _places(vertex, axes)
+    values = np.empty((len(lines), len(places)))
+    for row, line in enumerate(lines):
+        words = line.split()
+        at, starts = 0, []
+        for entry in vertex.properties:
+            starts.append(at)
+            at += 1 + (int(words[at]) if entry.length is not None and at < len(words) else 0)
+        if at != len(words):
+            raise ValueError(f"vertex {row + 1}: {at} numbers expected, {len(words)} came")
+        values[row] = [float(words[starts[place]]) for place in places]
+    return values
+
+
+def _places(vertex: PlyElement, axes: tuple[str, ...]) -> list[int]:
+    """Indices of the properties of those names."""
+    names = [None if entry.length is not None else entry.name for entry in vertex.properties]
+    return [names.index(axis) for axis in axes]

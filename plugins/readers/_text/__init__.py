@@ -1,0 +1,1 @@
+"""How the text reader finds its way in a file; no plugins."""

@@ -1,0 +1,111 @@
+"""What stands before the rows of a text file: comments, a count of the rows, names of columns, units."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from z2p_core.formats.tables.header_lines import (
+    column_names,
+    is_comment,
+    is_count,
+    is_number,
+    is_row,
+    is_units,
+    names_degrees,
+    names_depth,
+    names_heights,
+    only_numbers_columns,
+)
+
+_ELEMENT = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
+"""An atom's name in a chemist's .xyz."""
+_LIST = re.compile(r"\w\[\]")
+"""A column that holds several numbers, as COLMAP names it: ``TRACK[]``."""
+_POINTS_OF_COLMAP, _ID_OF_COLMAP = ("point3d_id", "x", "y", "z", "r", "g", "b", "error"), "point3d_id"
+
+
+@dataclass
+class Head:
+    """What stands before the rows: `names` are the ways to read a line of names."""
+
+    lines: int = 0
+    promised: str | None = None
+    """How many points the file says that it holds, on a line of its own."""
+    promised_at: int = 0
+    """Index of that line."""
+    names: Sequence[tuple[str, ...]] = ()
+    title: str = ""
+    """The line of names, known or not."""
+    optional: bool = False
+    """Whether the names come from a comment, which may as well mean something else."""
+    ragged: bool = False
+    """Whether rows hold as many numbers more as they like behind the columns of these names."""
+    colmap: bool = False
+    """Whether this is a list of points as COLMAP writes it."""
+
+    @property
+    def degrees(self) -> bool:
+        """Whether x and y are longitude and latitude by their names."""
+        return names_degrees(self.title)
+
+    @property
+    def heights(self) -> bool:
+        """Whether z points up by the columns' names."""
+        return names_heights(self.title)
+
+    @property
+    def depth(self) -> bool:
+        """Whether z is a depth by its name."""
+        return names_depth(self.title)
+
+
+def head_of(lines: list[str], suffix: str, named: bool) -> Head:
+    """What the first lines say before the rows begin; `named`: the user names the columns."""
+    head = Head()
+    while head.lines < len(lines) and is_comment(lines[head.lines]):
+        if names := column_names(lines[head.lines]):
+            head.names, head.title, head.optional = names, lines[head.lines], True
+        head.lines += 1
+    _take_count(lines, suffix, head)
+    if head.promised is not None:
+        _take_molecule(lines, head)
+    rest = lines[head.lines : head.lines + 1]
+    names = column_names(rest[0]) if rest else []
+    if names or (rest and named and not is_row(rest[0])):
+        head.names, head.title, head.optional = names, rest[0], False
+        head.lines += 1
+        _take_count(lines, suffix, head)
+    elif len(lines) > head.lines + 1 and only_numbers_columns(*lines[head.lines : head.lines + 2]):
+        head.lines += 1
+    if head.title and any(map(is_units, lines[head.lines : head.lines + 1])):
+        head.lines += 1
+    head.colmap = any(_ID_OF_COLMAP in names for names in head.names)
+    head.ragged = head.optional and _LIST.search(head.title) is not None
+    return head
+
+
+def as_colmap(head: Head) -> Head:
+    """The head of a list of COLMAP's points that has lost its comments."""
+    return replace(head, names=[_POINTS_OF_COLMAP], title=",".join(_POINTS_OF_COLMAP), optional=True, ragged=True,
+                   colmap=True)
+
+
+def _take_count(lines: list[str], suffix: str, head: Head) -> None:
+    """Adds to the head a next line that holds a count alone, or, in a .pts, any one word."""
+    for line in lines[head.lines : head.lines + 1]:
+        alone = len(re.split(r"[;,\s]+", line.strip())) == 1
+        if head.promised is None and (is_count(line) or (suffix == ".pts" and alone)):
+            head.promised, head.promised_at = line.strip(), head.lines
+            head.lines += 1
+
+
+def _take_molecule(lines: list[str], head: Head) -> None:
+    """Adds to the head what a chemist's .xyz has behind the count: a line of remarks, and an element in each row."""
+    for index, line in enumerate(lines[head.lines : head.lines + 2]):
+        words = line.split()
+        if len(words) > 3 and _ELEMENT.fullmatch(words[0]) and all(map(is_number, words[1:4])):
+            head.names = [("element", "x", "y", "z", *[""] * (len(words) - 4))]
+            head.lines += index
+            return

@@ -1,0 +1,251 @@
+"""How the rows of a text file are written, told from its first lines, and the points of such rows."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from z2p_core.formats.tables.header_lines import is_fortran, is_missing, is_number, plain_exponents
+from z2p_core.interfaces import ScanError
+from z2p_renderer.plugins.readers._text.header import Head
+
+SAMPLE = 1000
+"""Rows from which the form is told."""
+_COMMA_DECIMAL = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+_POINT_DECIMAL = re.compile(r"[+-]?\d*\.\d*([eE][+-]?\d+)?")
+
+
+class BadLineError(ValueError):
+    """A line that is no row of the table; `index` counts the given lines from 0."""
+
+    def __init__(self, index: int, reason: str) -> None:
+        super().__init__(reason)
+        self.index = index
+
+
+@dataclass(frozen=True)
+class Form:
+    """How a row is written: `width` cells, of which those at `places` are x, y and z."""
+
+    delimiter: str | None
+    """None: blanks."""
+    commas: bool
+    """Commas stand for decimal points."""
+    blank: str = ""
+    """A sign that parts numbers just as blanks do, so that no cell can be told to be empty."""
+    ended: bool = False
+    """The delimiter ends every row too."""
+    width: int = 0
+    places: tuple[int, ...] = (0, 1, 2)
+    named: bool = False
+    """Whether it is said which columns are x, y and z: then the others may hold words."""
+    names: tuple[str, ...] = ()
+    """Those of the columns, where somebody names them."""
+    ragged: bool = False
+    """Whether rows may hold more cells than `width`, of a list that no place is in."""
+    fortran: bool = False
+    """Whether numbers may have a ``D`` for their exponent."""
+
+    def points(self, lines: list[str]) -> np.ndarray:
+        """x, y and z (N, 3) float64 of the rows; an empty cell is NaN.
+
+        Raises:
+            BadLineError: a row with other columns than the first one, or with something not a number.
+        """
+        only: dict[str, Any] = {"usecols": self.places} if self.ragged else {}
+        try:  # by far the fastest, but it takes nothing else than numbers
+            table = np.loadtxt(self._plain(lines), np.float64, comments=None, delimiter=self.delimiter, ndmin=2,
+                               **only)
+        except ValueError:
+            return self._row_by_row(lines)
+        if self.ragged:
+            return table
+        if table.shape[1] != self.width:
+            return self._row_by_row(lines)
+        return table[:, :3].copy() if self.places == (0, 1, 2) else table[:, list(self.places)]
+
+    def table(self, lines: list[str]) -> np.ndarray:
+        """All numbers (N, width) float64 of some rows; NaN for what is none."""
+        table = np.full((len(lines), self.width), np.nan)
+        for index, line in enumerate(lines):
+            for place, cell in enumerate(self.cells(line)[: self.width]):
+                table[index, place] = self._number(cell) if self._readable(cell) else np.nan
+        return table
+
+    def cells(self, line: str) -> list[str]:
+        """The row's cells; a quoted one may hold the delimiter."""
+        if self.blank:
+            line = line.replace(self.blank, " ")
+        if '"' not in line:
+            return line.split(self.delimiter)
+        line = line.strip("\r\n") if self.delimiter else " ".join(line.split())
+        return next(csv.reader([line], delimiter=self.delimiter or " ", skipinitialspace=True))
+
+    def _plain(self, lines: list[str]) -> list[str]:
+        """The lines as numpy takes them."""
+        if self.ended and self.delimiter:
+            lines = [line.rstrip().removesuffix(self.delimiter) for line in lines]
+        if self.commas:
+            lines = [line.replace(",", ".") for line in lines]
+        if self.fortran:
+            lines = [plain_exponents(line) for line in lines]
+        return [line.replace(self.blank, " ") for line in lines] if self.blank else lines
+
+    def _row_by_row(self, lines: list[str]) -> np.ndarray:
+        points = np.empty((len(lines), 3))
+        places = self.places if self.named else range(self.width)
+        for index, line in enumerate(lines):
+            cells = self.cells(line)
+            if len(cells) == self.width + 1 and not cells[-1].strip():
+                del cells[-1]
+            if len(cells) < self.width or (len(cells) > self.width and not self.ragged):
+                raise BadLineError(index, f"the number of columns changed from {self.width} to {len(cells)}")
+            try:
+                numbers = {place: self._number(cells[place]) for place in places}
+                points[index] = [numbers[place] for place in self.places]
+            except ValueError as error:
+                place = next(place for place in places if not self._readable(cells[place]))
+                reason = f"column {place + 1} holds {cells[place].strip()[:40]!r}, which is no number"
+                raise BadLineError(index, reason) from error
+        return points
+
+    def _number(self, cell: str) -> float:
+        """The cell's number; NaN if it is empty or says that it has none.
+
+        A comma can only be a decimal one where it parts no cells.
+        """
+        if self.fortran:
+            cell = plain_exponents(cell)
+        if not cell or "_" in cell or "," in cell:  # Python would take 1_000 for a number
+            cell = cell.strip().replace("_", "?").replace(",", "?" if self.delimiter == "," else ".")
+        try:
+            return float(cell) if cell and not cell.isspace() else np.nan
+        except ValueError:
+            if is_missing(cell):
+                return np.nan
+            raise
+
+    def _readable(self, cell: str) -> bool:
+        try:
+            self._number(cell)
+        except ValueError:
+            return False
+        return True
+
+
+def form_of(rows: list[str], head: Head, columns: Sequence[str] | None) -> Form:
+    """The form of a file whose first rows these are, one at least; `columns` are those that the user names.
+
+    Raises:
+        ScanError: fewer columns than three, or as many as the names do not stand for.
+    """
+    sample = rows[:SAMPLE]
+    delimiter = _delimiter(sample, head.title)
+    commas = delimiter == ";" or (delimiter != "," and any("," in line for line in sample))
+    form = Form(delimiter, commas)
+    table = [form.cells(line) for line in sample]
+    if delimiter in (",", ";") and any(_holds_several(cell) for cells in table for cell in cells):
+        form = replace(form, delimiter=None, blank=delimiter)
+        table = [form.cells(line) for line in sample]
+    form = replace(form, fortran=any(is_fortran(cell.strip(" \"'")) for cells in table for cell in cells))
+    width = len(table[0])
+    ended = width > 0 and not any(len(cells) >= width and cells[width - 1].strip() for cells in table)
+    ragged = _ragged(head, table, columns)
+    if ragged is not None:
+        places = tuple(ragged.index(axis) for axis in "xyz")
+        return replace(form, width=len(ragged), places=places, named=True, names=ragged, ragged=True)
+    if not columns and _have_names(sample, table):
+        head = replace(head, names=[*head.names, *(("", *names) for names in head.names)])
+    names = _fitting(head, width, ended, columns)
+    if names is None:
+        _check_columns(width - ended)
+        return replace(form, width=width - ended, ended=ended)
+    places = tuple(names.index(axis) for axis in "xyz")
+    return replace(form, width=len(names), ended=len(names) < width, places=places, named=True, names=tuple(names))
+
+
+def _ragged(head: Head, table: list[list[str]], columns: Sequence[str] | None) -> tuple[str, ...] | None:
+    """Names of the columns before a list that ends each row, where rows differ in length; None where they do not.
+
+    The user's names and those of a comment hold for them; other names have to fit each row.
+    """
+    shortest, longest = min(map(len, table)), max(map(len, table))
+    if columns:
+        ways = [tuple(columns)] if shortest < longest else []
+    else:
+        ways = list(head.names) if head.optional and (head.ragged or shortest < longest) else []
+    for names in ways:
+        last = max(names.index(axis) for axis in "xyz")
+        if last < shortest and (longest > len(names) or head.ragged):
+            return names[: max(min(shortest, len(names) - 1), last + 1)]
+    return None
+
+
+def _delimiter(sample: list[str], title: str) -> str | None:
+    """What parts the cells of the rows; None: blanks."""
+    if ";" in sample[0]:
+        return ";"
+    if "," not in title and _has_cells_between_tabs(sample, title):
+        return "\t"
+    if any("," in line for line in sample) and not all(map(_has_decimal_commas, sample)):
+        return ","
+    return None
+
+
+def _has_cells_between_tabs(sample: list[str], title: str) -> bool:
+    """Whether tabs part cells, as many as names, that hold blanks or nothing, so that blanks part them wrongly."""
+    tabs, words = title.count("\t"), len(title.split())
+    return (tabs > 1 and all(line.count("\t") == tabs for line in sample)
+            and any(len(line.split()) != words for line in sample))  # fmt: skip
+
+
+def _has_decimal_commas(line: str) -> bool:
+    """Whether blanks part the line into numbers whose commas, if any, can only stand for points: ``0,5 1,25 0``."""
+    fields = line.split()
+    return len(fields) > 2 and all(
+        _COMMA_DECIMAL.fullmatch(field) if "," in field else not _POINT_DECIMAL.fullmatch(field) for field in fields
+    )
+
+
+def _holds_several(cell: str) -> bool:
+    parts = cell.split()
+    return len(parts) > 1 and all(map(is_number, parts))
+
+
+def _have_names(sample: list[str], table: list[list[str]]) -> bool:
+    """Whether each row begins with a name of its own, over which R writes none: a word, or a count, perhaps quoted."""
+    firsts = [cells[0].strip() for cells in table if cells]
+    if all(line.lstrip().startswith('"') for line in sample) or not any(map(is_number, firsts)):
+        return True
+    return len(firsts) > 1 and firsts == [str(number) for number in range(1, len(firsts) + 1)]
+
+
+def _fitting(head: Head, width: int, ended: bool, columns: Sequence[str] | None) -> Sequence[str] | None:
+    """Names of the columns: the user's, or the file's if they are as many; None if nobody names them."""
+    ways = [tuple(columns)] if columns else head.names
+    for names in ways:
+        for shorter in (False, True):  # a delimiter may end every row, or the line of names alone
+            cut = names[:-1] if shorter and not names[-1] else names
+            if len(cut) == width or (ended and len(cut) == width - 1):
+                return cut
+    if not ways or (head.optional and not columns):
+        return None
+    raise ScanError(f"--columns or the file's first line names {len(ways[0])} columns ({','.join(ways[0])}), the file "
+                    f"has {width - ended}; name each of them, in their order, as in --columns x,y,z,i")
+
+
+def some_names(columns: int) -> str:
+    """Names for so many columns, of which x, y and z come first, as --columns takes them."""
+    return ",".join(["x", "y", "z", *(f"c{column}" for column in range(4, columns + 1))])
+
+
+def _check_columns(columns: int) -> None:
+    if columns < 3:
+        raise ScanError(f"expected x y z and perhaps more on a line, got {columns} "
+                        f"column{'' if columns == 1 else 's'}; part them by blanks, commas or semicolons, and put '#' "
+                        "before lines that are no points")

@@ -1,0 +1,100 @@
+"""Points of a .bin file: rows of float32 without a header, as data sets keep sweeps of a car's lidar; or COLMAP's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from z2p_core.formats.headerless_floats import (
+    COLOURED,
+    SAMPLE_NUMBERS,
+    SWEEP_FORMS,
+    are_doubles,
+    fitting_forms,
+    possible_names,
+)
+from z2p_core.formats.raw_lidar import WITH_RING, could_be_measured
+from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
+from z2p_renderer.plugins.readers._cameras.colmap import is_points3d, read_points3d
+
+_LIDAR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+"""Axes of a car's lidar: +X ahead, +Y to the left, +Z up; from those of OpenCV."""
+_UP = "a car's lidar has it so"
+
+
+class Sweeps(Reader):
+    """Rows of little-endian float32: x y z intensity (KITTI), and ring (nuScenes), or what --columns names.
+
+    COLMAP's points3D.bin is read too.
+    """
+
+    name = "sweeps"
+    version = "3"
+    suffixes = (".bin",)
+
+    def read(self, path: Path) -> list[RawCloud]:
+        """One cloud (N, 3) float64, seen from the lidar at the origin, unless the user names the columns.
+
+        Nothing in such a file says what it is: where nobody names the columns, the numbers have to. What no lidar could
+        have measured is refused, for other programs call other things .bin too, and so is what may be cut into rows in
+        several ways.
+
+        Raises:
+            ScanError: no whole rows, or numbers that are no sweep, or may be several.
+        """
+        if is_points3d(path):
+            return [read_points3d(path)]
+        _refuse_doubles(path)
+        size = path.stat().st_size
+        names = self.columns or _told_columns(path, size)
+        row = 4 * len(names)
+        if size % row:
+            raise ScanError(f"expected rows of float32 {' '.join(names)}, {row} bytes each, got {size} bytes; name the "
+                            f"columns that it has, as in --columns {','.join(WITH_RING)}")
+        table = np.fromfile(path, "<f4").reshape(-1, len(names))
+        if not self.columns and not could_be_measured(table):
+            raise _no_sweep(size)
+        points = table[:, [names.index(axis) for axis in "xyz"]].astype(np.float64)
+        if tuple(names) not in SWEEP_FORMS:
+            return [RawCloud(points)]
+        return [RawCloud(points, Sensor(np.zeros(3), _LIDAR), up="+Z", up_reason=_UP)]
+
+
+def _told_columns(path: Path, size: int) -> tuple[str, ...]:
+    """Columns of a sweep that nobody names: told by the name, or by the numbers.
+
+    Raises:
+        ScanError: they tell none, or several, or such as no sweep has.
+    """
+    if path.name.lower().endswith(".pcd.bin"):
+        return WITH_RING
+    forms = fitting_forms(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size)
+    if len(forms) == 1 and forms[0] in SWEEP_FORMS:
+        return forms[0]
+    if not forms:
+        raise _no_sweep(size)
+    ways = " or ".join(f"--columns {','.join(form)} ({size // (4 * len(form))} points)" for form in forms)
+    told = "could be of several forms" if len(forms) > 1 else f"look like {' '.join(forms[0])}, no sweep's"
+    raise ScanError(f"the file says nothing of its columns, and its numbers {told}; read it with {ways}")
+
+
+def _refuse_doubles(path: Path) -> None:
+    """None where numbers may be float32; those of a float64 array, cut in two, would be points all over the place.
+
+    Raises:
+        ScanError: they are float64.
+    """
+    if path.stat().st_size % 8 == 0 and are_doubles(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS)):
+        raise ScanError("its numbers are float64, and z2p takes those only from files that say so; convert it: "
+                        f"numpy.save({path.stem + '.npy'!r}, numpy.fromfile({path.name!r}).reshape(-1, 3)), with as "
+                        "many columns as it has in place of 3")
+
+
+def _no_sweep(size: int) -> ScanError:
+    ways = " or ".join(f"--columns {names}" for names in possible_names(size))
+    named = f"if it holds points as float32, name its columns: by its size they could be {ways}" if ways else (
+        f"its {size} bytes are no whole rows of 3, 4, 5 or 6 numbers; if it holds points as float32, name its columns, "
+        f"as in --columns {','.join(COLOURED)},label")
+    return ScanError("expected rows of float32 x y z intensity (KITTI) or x y z intensity ring (nuScenes), got numbers "
+                     f"that no lidar measures; {named}")

@@ -1,0 +1,87 @@
+"""What the record inside a picture holds, key by key: pictures come from strangers, and records are edited by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from z2p_core.errors.value_limits import (
+    Choice,
+    Count,
+    Each,
+    Either,
+    Keys,
+    LimitError,
+    Many,
+    Maybe,
+    Number,
+    Switch,
+    Text,
+    check_value,
+)
+
+_LINE = Text("a text", r"(?s:.*)", most=10_000)  # files may have a newline in their names
+_SIZE = Number(-1e150, 1e150)
+_WHOLE = Count(0, 1 << 50)
+_ROW = Many(Number(-2, 2), 3, 3)
+CAMERA = Keys(
+    {"centre": Many(_SIZE, 3, 3), "radius": Number(0, 1e150, above=True), "rotation": Many(_ROW, 3, 3),
+     "elevation": Number(-90, 90)},
+    {"floor": Maybe(_SIZE), "distance": _SIZE, "field_of_view": _SIZE},
+)  # fmt: skip
+_STANCE = Keys(
+    {},
+    {"up": _LINE, "up_reason": _LINE, "view_reason": _LINE, "hint": _LINE, "azimuth": Maybe(_SIZE),
+     "elevation": Maybe(_SIZE), "outliers": _WHOLE, "outside": _WHOLE, "background": _WHOLE, "added": _WHOLE,
+     "far": _WHOLE, "rounded": _SIZE, "smooth": _SIZE, "turned": _SIZE},
+)  # fmt: skip
+_PLACING = Keys(
+    {},
+    {"up": Maybe(Either((_LINE, Many(_SIZE, 3, 3)))), "view": Maybe(Either((_LINE, _SIZE, Many(_SIZE, 2, 2)))),
+     "azimuth": _SIZE, "keep_outliers": Switch(),
+     "cut_top": Number(0, 100), "smooth": Maybe(Either((_LINE, _SIZE)))},
+)  # fmt: skip
+_INPUT = Keys({}, {"name": Maybe(_LINE), "path": Maybe(_LINE), "sha256": _LINE, "cloud": _WHOLE,
+                   "columns": Maybe(Many(_LINE, 0, 100))})  # fmt: skip
+_PARTS: dict[str, Any] = {
+    "version": _LINE,
+    "input": _INPUT,
+    "camera": CAMERA,
+    "controls": Each(Many(Number(-1e6, 1e6), 1, 100)),
+    "weights": Keys({}, {"name": _LINE, "sha256": _LINE}),
+    "weights_chosen": Switch(),
+    "engine": _LINE,
+    "resolution": Many(Count(1, 1 << 20), 2, 2),
+    "background": Either((Choice(("transparent",)), Many(Number(0, 1), 3, 3))),
+    "supersample": Count(1, 16),
+    "fit": Choice(("frame", "tight")),
+    "margin": Maybe(Either((Number(-1, 1), _LINE))),
+    "placing": _PLACING,
+    "stance": _STANCE,
+    "window": Many(_SIZE, 4, 4),
+    "motion": Each(Either((_LINE, Switch(), _SIZE))),
+    "batch": Count(1, 1 << 30),
+}
+RECORD = Keys({"record": Count(1, 1)}, _PARTS)
+_COMPLETE = Keys({
+    **{name: _PARTS[name] for name in ("version", "camera", "controls", "resolution", "background", "supersample",
+                                       "fit", "placing")},
+    "input": Keys({"name": Maybe(_LINE), "sha256": _LINE, "cloud": _WHOLE}),
+    "weights": Keys({"name": _LINE, "sha256": _LINE}),
+    "stance": Keys({"up": _LINE, "up_reason": _LINE, "azimuth": _SIZE, "view_reason": _LINE, "outliers": _WHOLE,
+                    "background": _WHOLE}),
+})  # fmt: skip
+"""What a picture is drawn again by; parts that came later are missed by nobody."""
+
+
+def record_fault(record: Any, *, complete: bool = False) -> str:
+    """What cannot be about a record, in words; empty where all is well. `complete` asks for all that it takes to draw
+    the picture again."""
+    try:
+        check_value(record, RECORD, "")
+        if complete:
+            check_value(record, _COMPLETE, "")
+            if record["input"]["name"] is not None:
+                check_value(record["input"], Keys({"path": Maybe(_LINE)}), "input")
+    except LimitError as error:
+        return str(error)
+    return ""

@@ -1,0 +1,1 @@
+"""The store of stage results: fingerprints, manifests, digests of code, and adoption."""

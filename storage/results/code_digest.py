@@ -1,0 +1,115 @@
+"""Digests of code: of Python as a syntax tree without docstrings, so that comments and layout change nothing.
+
+`c_code` does the same for C.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from functools import lru_cache
+from pathlib import Path
+
+import z2p_core
+from z2p_renderer.storage.results.c_code_digest import c_digest
+
+OURS = "z2p_renderer"
+FOLDERS = Path(__file__).parents[2]
+"""Where `pipeline`, `storage` and the others lie side by side: a checkout, or the installed package `OURS`."""
+CORE = Path(z2p_core.__file__).parent
+
+
+@lru_cache(maxsize=256)
+def part_digest(name: str) -> str:
+    """`present_digest` when this process first asked for it: a plan is made of one state of the code."""
+    return present_digest(name)
+
+
+def present_digest(name: str) -> str:
+    """Digest (64 hex digits) of a module of the project, of a ``module:definition``, or of a ``folder/file``.
+
+    Of a file that is not Python or C, every byte counts.
+
+    Raises:
+        FileNotFoundError: no such module or file.
+        ValueError: the module has no such definition.
+    """
+    if "/" in name:
+        path = CORE.parent / name
+        tell = {".c": c_digest, ".h": c_digest, ".py": code_digest}.get(path.suffix)
+        return tell(path.read_text(encoding="utf-8")) if tell else hashlib.sha256(path.read_bytes()).hexdigest()
+    module, _, definition = name.partition(":")
+    return code_digest(source_of(module).read_text(encoding="utf-8"), definition)
+
+
+def source_of(module: str, root: Path = FOLDERS) -> Path:
+    """File that holds, or would hold, a module or a package of z2p, or a stranger's below the folder `root`.
+
+    z2p's own may be named with `OURS` or, as in a checkout, without it.
+    """
+    package, _, below = module.partition(".")
+    home, below = {OURS: (FOLDERS, below), CORE.name: (CORE, below)}.get(package, (root, module))
+    path = home / below.replace(".", "/")
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+@lru_cache(maxsize=256)
+def code_digest(source: str, definition: str = "") -> str:
+    """sha256 (64 hex digits) of Python source, or of one top-level function, class or constant in it.
+
+    Raises:
+        SyntaxError: the source is not Python.
+        ValueError: there is no such definition.
+    """
+    tree = ast.parse(source)
+    if definition:
+        tree.body = [statement for statement in tree.body if definition in defined(statement)]
+        if not tree.body:
+            raise ValueError(f"expected a definition {definition!r} at the top level of the source, found none")
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            node.body = [statement for statement in node.body if not _is_text(statement)]
+    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
+
+
+def defined(statement: ast.stmt) -> set[str]:
+    """Names that a top-level statement defines."""
+    if isinstance(statement, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+        return {statement.name}
+    targets = statement.targets if isinstance(statement, ast.Assign) else [getattr(statement, "target", None)]
+    return {target.id for target in targets if isinstance(target, ast.Name)}
+
+
+def imports(tree: ast.AST, module: str = "") -> set[tuple[str, str]]:
+    """(module, name) for every import in a tree, those inside functions included; no name for ``import module``.
+
+    Relative ones are told in full when `module`, the full name of where the tree is from, is given.
+    """
+    found: set[tuple[str, str]] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            found |= {(alias.name, "") for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = module.split(".")[: -node.level] if node.level else []
+            found |= {(".".join([*above, *filter(None, [node.module])]), alias.name) for alias in node.names}
+    return found
+
+
+@lru_cache(maxsize=256)
+def imported_modules(source: str, module: str) -> frozenset[str]:
+    """Full names of all that the source of a module imports and that may be a module.
+
+    Raises:
+        SyntaxError: the source is not Python.
+    """
+    found = imports(ast.parse(source), module)
+    return frozenset({origin for origin, _ in found} | {f"{origin}.{name}" for origin, name in found if name})
+
+
+def _is_text(statement: ast.stmt) -> bool:
+    """Whether a statement is a bare string: a docstring, or a description under an attribute."""
+    return (
+        isinstance(statement, ast.Expr)
+        and isinstance(statement.value, ast.Constant)
+        and isinstance(statement.value.value, str)
+    )

@@ -1,0 +1,183 @@
+"""Manifests: the file that makes a folder a result. It tells all that shaped it, and every file's size and sha256.
+
+The list of files is under a digest itself, `listing`: a manifest that was edited to list fewer of them is damaged.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import stat
+import time
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from z2p_core.errors.value_limits import Count, Each, Keys, Text, check_value, told
+from z2p_renderer.storage.files.atomic_write import kind_of
+from z2p_renderer.storage.files.bounded_json import read_json
+from z2p_renderer.storage.results.fingerprints import file_digest, fingerprint
+
+MANIFEST = "manifest.json"
+NAMED = 32
+"""Hex digits of a fingerprint that a result's folder is called by."""
+MOST_BYTES = 256 << 20
+_NAME = Text("a text", r"(?s:.*)", 10_000)
+_DIGEST = Text("64 hex digits", "[0-9a-f]{64}")
+_MANIFEST = Keys(
+    {"name": _NAME, "fingerprint": _DIGEST, "fields": Keys({}, {"stage": _NAME, "stage_version": Count(0, 10**6)}),
+     "files": Each(Keys({"size": Count(0, 1 << 60), "sha256": _DIGEST}), 10**6)},
+    {"written": _NAME, "listing": _DIGEST, "provenance": Keys({})},
+)  # fmt: skip
+
+_PACKAGES = ("z2p-renderer", "numpy", "torch", "bpy", "open3d-cpu", "open3d", "h5py", "trimesh", "kornia", "luigi")
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a result's folder, whose keys are those of a manifest, whether or not they are right.
+
+    Raises:
+        OSError: there is none.
+        ValueError: it is not JSON, or not what a manifest holds.
+    """
+    with (folder / MANIFEST).open("rb") as file:
+        manifest = read_json(file.read(MOST_BYTES + 1), MOST_BYTES)
+    check_value(manifest, _MANIFEST, "")
+    for name in manifest["files"]:
+        path = PurePosixPath(name)
+        if path.is_absolute() or ".." in path.parts or "\0" in name or name in ("", ".", MANIFEST):
+            raise ValueError(f"files: expected names of files in the folder, got {told(name)}")
+    return dict(manifest)
+
+
+def faults(
+    folder: Path, expected: str | None = None, *, every_digest: bool = False, unlisted: bool = False
+) -> list[str]:
+    """What is wrong with a result, empty when nothing; `expected` is the fingerprint that it should have.
+
+    Without one, it is what the folder is called by. A file is read and its sha256 compared only where `every_digest`
+    asks for it, or where the file was written to after its manifest: so looking at a sound result reads nothing but the
+    manifest, and touching a file does no harm. `unlisted` takes manifests from before their list was under a digest.
+    """
+    where = folder / MANIFEST
+    try:
+        manifest = read_manifest(folder)
+        actual = fingerprint(manifest["fields"])
+        files = {name: (record["size"], record["sha256"]) for name, record in manifest["files"].items()}
+        sealed = where.stat().st_mtime_ns
+        inside = [path.parent.name for path in folder.glob(f"*/{MANIFEST}")]
+    except FileNotFoundError:
+        return [f"{folder}: no result"]
+    except (OSError, ValueError, TypeError) as error:
+        return [f"{where}: unreadable ({type(error).__name__}: {error})"]
+    if actual != (expected or manifest["fingerprint"]) or (len(folder.name) == NAMED and actual[:NAMED] != folder.name):
+        return [f"{where}: its fields are not those of this result"]
+    if "listing" not in manifest and not unlisted:
+        return [f"{where}: written before lists of files were under a digest"]
+    if manifest.get("listing", _listing(actual, manifest["files"])) != _listing(actual, manifest["files"]):
+        return [f"{where}: its list of files is not the one that was written"]
+    strangers = [name for name in inside if f"{name}/{MANIFEST}" not in files]
+    if strangers:
+        return [f"{folder / strangers[0]}: a result within another one's folder"]
+    return [fault for name, record in files.items() if (fault := _fault(folder / name, *record, sealed, every_digest))]
+
+
+def _listing(made_of: str, files: Mapping[str, Any]) -> str:
+    """Digest of the list of a result's files, with the fingerprint of what it was made of."""
+    return fingerprint({"fingerprint": made_of, "files": files})
+
+
+def seal(
+    folder: Path, name: str, fields: Mapping[str, Any], provenance: Mapping[str, Any], leftovers: Iterable[Path] = ()
+) -> None:
+    """Bring every file of the folder to the disk, then write the manifest.
+
+    `leftovers`, files and folders in it by their paths below it, are left as they are and are not in the manifest.
+
+    Raises:
+        FileNotFoundError: the folder holds no file.
+    """
+    remove(folder / MANIFEST)
+    left = {folder / path for path in leftovers}
+    kept = [path for path in folder.rglob("*") if not left & {path, *path.parents}]
+    paths = sorted(path for path in kept if path.is_file())
+    if not paths:
+        raise FileNotFoundError(f"{name}: the stage wrote no file into {folder}")
+    files = {}
+    for path in paths:
+        sync(path)
+        files[path.relative_to(folder).as_posix()] = {"size": path.stat().st_size, "sha256": file_digest(path)}
+    manifest = {
+        "name": name,
+        "fingerprint": fingerprint(fields),
+        "fields": dict(fields),
+        "files": files,
+        "listing": _listing(fingerprint(fields), files),
+        "provenance": dict(provenance),
+        "environment": _environment(),
+        "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+    }
+    (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    sync(folder / MANIFEST)
+    for path in [folder, *(path for path in kept if path.is_dir())]:
+        sync(path)
+
+
+def remove(path: Path) -> None:
+    """Takes away whatever lies at a path, if anything does."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def sync(path: Path) -> None:
+    """Bring a file or folder to the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _fault(path: Path, size: int, digest: str, sealed: int, every_digest: bool) -> str | None:
+    try:
+        found = path.stat()
+    except OSError:
+        return f"{path}: expected {size} bytes, found no file"
+    if not stat.S_ISREG(found.st_mode):
+        return f"{path}: expected a file, found {kind_of(path)}"
+    if found.st_size != size:
+        return f"{path}: expected {size} bytes, found {found.st_size}"
+    doubted = every_digest or found.st_mtime_ns > sealed
+    try:
+        same = not doubted or _digest(path, found.st_mtime_ns, every_digest) == digest
+    except OSError as error:
+        return f"{path}: cannot be read ({error.strerror})"
+    return None if same else f"{path}: its bytes are not those that were written (sha256 differs)"
+
+
+def _digest(path: Path, changed: int, anew: bool) -> str:
+    return file_digest(path) if anew else _known_digest(path, changed)
+
+
+@lru_cache(maxsize=10_000)
+def _known_digest(path: Path, changed: int) -> str:
+    """Digest of a file that was last written to at `changed`: once a process, for results that were copied."""
+    return file_digest(path)
+
+
+@lru_cache(maxsize=1)
+def _environment() -> dict[str, Any]:
+    """What made the result: interpreter, machine and package versions; provenance, of no weight."""
+    versions = {}
+    for package in _PACKAGES:
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return {"python": platform.python_version(), "platform": platform.platform(), "packages": versions}

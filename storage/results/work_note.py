@@ -1,0 +1,33 @@
+"""What a resumable stage has so far carries a note of what it belongs to, so that it can be vouched for as well."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from z2p_core.errors.value_limits import Keys, Many, Maybe, Text, check_value
+from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.bounded_json import read_json
+
+NOTE = ".entry.json"
+"""Hidden; it goes with other leftovers once the result is published."""
+_LINE = Text("a text", r"(?s:.*)", 100_000)
+_NOTE = Keys({"name": _LINE, "fields": Keys({}),
+              "adopted": Maybe(Keys({"from": _LINE, "differences": Many(_LINE, 0, 100_000)}))})  # fmt: skip
+
+
+def write_note(folder: Path, name: str, fields: Mapping[str, Any], adopted: Mapping[str, Any] | None = None) -> None:
+    """Note the result that a work folder is to become, and whose work it was when it was taken over."""
+    write_whole(json.dumps({"name": name, "fields": dict(fields), "adopted": adopted}).encode(), folder / NOTE)
+
+
+def read_note(folder: Path) -> dict[str, Any] | None:
+    """``name``, ``fields`` and ``adopted`` (or None) of a work folder; None where there is no note, or a torn one."""
+    with suppress(OSError, ValueError):
+        note = read_json((folder / NOTE).read_bytes())
+        check_value(note, _NOTE, "")
+        return dict(note)
+    return None

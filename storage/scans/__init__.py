@@ -1,0 +1,1 @@
+"""Scans on disk: which files are scans, which reader takes each, and what of their points is passed on."""

@@ -1,0 +1,127 @@
+"""Scans that a command's inputs stand for: files, folders and patterns."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+from pathlib import Path
+
+from z2p_core.formats.colmap_files import is_part, is_points
+from z2p_core.interfaces import ScanError
+from z2p_renderer.storage.files.printable_names import printable
+from z2p_renderer.storage.scans.reader_choice import format_suffix, readable_suffixes
+from z2p_renderer.storage.scans.unpack import is_no_sweep, is_prose
+from z2p_renderer.storage.scans.unsupported_formats import advice_by_suffix, is_unread_cloud
+
+
+def find_scans(
+    inputs: Sequence[str], recursive: bool, passed_over: Callable[[Path], None] = lambda path: None, named: bool = False
+) -> list[Path]:
+    """The files that the inputs stand for, in the inputs' order, each once.
+
+    A file stands for itself. A folder stands for the readable files in it, sorted by name; with `recursive`, for those
+    below it too. Anything else is a glob pattern. Hidden files and links to folders are left out of folders and globs:
+    what such a link leads to is either found anyway or lies outside. So is prose: a folder's .txt or .csv that does not
+    begin with numbers or their names (which the user may have `named`), and so are clouds in a format that stays
+    unread; `passed_over` is told of each.
+
+    Raises:
+        ScanError: an input is empty, is a URL or matches nothing, or a folder or pattern holds no readable file.
+    """
+    found: dict[str, Path] = {}
+    for text in inputs:
+        if not text:
+            raise ScanError("expected a file, folder or pattern, got ''; is the variable empty that should hold it?")
+        if re.match(r"[A-Za-z][A-Za-z0-9+.-]*://", text):
+            raise ScanError(f"{text!r} is a URL; z2p reads local files only, so download it first")
+        try:
+            paths = _expand(text, recursive, passed_over, named)
+        except ScanError:
+            raise
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise ScanError(f"{printable(Path(text))}: cannot be searched ({reason})") from error
+        for path in paths:
+            found.setdefault(os.path.abspath(path), path)  # noqa: PTH100 - Path.resolve would join links to one file
+    return list(found.values())
+
+
+MOST_BESIDE = 5000
+"""Names in a folder among which the one that was meant is looked for."""
+PICTURE_SUFFIXES = frozenset({".png", ".webp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".mp4"})
+"""Suffixes of what z2p writes."""
+
+
+def _advice(path: Path) -> str:
+    """What to say of a path that leads nowhere: the name beside it that was meant, where that is sure."""
+    if path.suffix.lower() in PICTURE_SUFFIXES:
+        return f"a picture that is to be written is named by --output {printable(path)}"
+    from z2p_core.errors.did_you_mean import closest  # late: for this message alone
+
+    try:
+        beside = [other.name for other in islice(path.parent.iterdir(), MOST_BESIDE)]
+        numbers = re.findall(r"\d+", path.name)  # of a series no other one is meant
+        meant = closest(path.name, [name for name in beside if re.findall(r"\d+", name) == numbers])
+    except OSError:  # the folder is not there either, or is closed
+        meant = None
+    return "check the path" if meant is None else f"did you mean {printable(path.with_name(meant))}?"
+
+
+def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], named: bool) -> list[Path]:
+    """The files behind one input."""
+    path = Path(text)
+    if path.is_dir():
+        name, candidates = f"folder {printable(path)}", list(_walk(path)) if recursive else _children(path)
+    elif path.exists() or path.is_symlink():
+        return [path]
+    elif any(sign in text for sign in "*?["):
+        name, candidates = f"pattern {text!r}", _glob(path)
+    else:
+        raise ScanError(f"{printable(path)}: no such file or folder; {_advice(path)}")
+    suffixes = readable_suffixes()
+    paths = []
+    for candidate in candidates:
+        if is_part(candidate) and any(is_points(other) and other.parent == candidate.parent for other in candidates):
+            continue  # a model's cameras and pictures, of which the reader of its points knows
+        if format_suffix(candidate) not in suffixes:
+            if is_unread_cloud(candidate):
+                passed_over(candidate)
+        elif is_prose(candidate, named) or is_no_sweep(candidate, named):
+            passed_over(candidate)
+        else:
+            paths.append(candidate)
+    if not paths:
+        first = next(filter(is_unread_cloud, candidates), None)
+        unread = f"; {first.name} {advice_by_suffix(first)}" if first else ""
+        advice = "" if recursive or not path.is_dir() else "; --recursive looks into its folders too"
+        raise ScanError(f"{name} holds no point cloud; readable: {', '.join(suffixes)}{unread}{advice}")
+    return paths
+
+
+def _children(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.iterdir() if not path.name.startswith(".") and not path.is_dir())
+
+
+def _walk(root: Path) -> Iterator[Path]:
+    """Files below the folder in a fixed order; links to folders are not followed, so no link can loop or lead out."""
+
+    def refuse(error: OSError) -> None:
+        raise error
+
+    for folder, folders, _ in os.walk(root, onerror=refuse, followlinks=False):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        yield from _children(Path(folder))
+
+
+def _glob(pattern: Path) -> list[Path]:
+    """Files that match; ``**`` does not follow links to folders."""
+    parts = pattern.parts
+    first = next(index for index, part in enumerate(parts) if any(sign in part for sign in "*?["))
+    root = Path(*parts[:first])
+    if any("**" in part != "**" for part in parts[first:]):  # from 3.13 on Python reads it as one asterisk
+        raise ValueError("'**' stands for folders, between two slashes")
+    matches = root.glob(str(Path(*parts[first:])))
+    visible = (path for path in matches if not any(part.startswith(".") for part in path.relative_to(root).parts))
+    return sorted(path for path in visible if not path.is_dir())

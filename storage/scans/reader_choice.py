@@ -1,0 +1,80 @@
+"""Which reader plugin takes a file: told by its suffix."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from z2p_core import registry
+from z2p_core.interfaces import Reader, ScanError
+from z2p_renderer.storage.files.printable_names import without_gz
+from z2p_renderer.storage.scans.unsupported_formats import advice_by_content, advice_by_suffix
+
+OURS = {
+    "e57": (".e57",),
+    "h5": (".h5", ".hdf5"),
+    "las": (".las", ".laz"),
+    "meshes": (".stl", ".glb", ".gltf"),
+    "numpy": (".npy", ".npz"),
+    "pcd": (".pcd",),
+    "ply": (".ply",),
+    "ptx": (".ptx",),
+    "sweeps": (".bin",),
+    "text": (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv"),
+    "vertices": (".obj", ".off"),
+    "vtk": (".vtk", ".vtp", ".vtu"),
+}
+"""Readers of z2p itself and their suffixes, so that one file needs one of them; a reader that is missing here is
+imported for every file."""
+
+
+def readable_suffixes() -> dict[str, str]:
+    """Suffix, lower-case with its dot -> name of the reader that takes it; readers that fail to load are left out."""
+    return {suffix: names[0] for suffix, names in sorted(_claims()[0].items())}
+
+
+def format_suffix(path: Path) -> str:
+    """Suffix that tells a file's format, lower-case with its dot: that before .gz, if it is gzip'd."""
+    return without_gz(path).suffix.lower()
+
+
+def reader_for(path: Path) -> Reader:
+    """The reader that takes a file of that name.
+
+    Raises:
+        ScanError: none does, or two do.
+    """
+    suffix = format_suffix(path)
+    claims, faults = _claims(suffix)
+    if suffix not in claims:
+        claims, faults = _claims()
+    names = claims.get(suffix, [])
+    if not names:
+        if told := advice_by_suffix(path) or advice_by_content(path, suffix):
+            raise ScanError(told)
+        broken = f" ({'; '.join(faults)})" if faults else ""
+        raise ScanError(f"no reader for {suffix or 'a file without suffix'!r}; readable: "
+                        f"{', '.join(sorted(claims))}{broken}; a text with a point a line is read as .txt")
+    if len(names) > 1:
+        raise ScanError(f"{suffix} is claimed by the readers {' and '.join(names)}; uninstall one of them")
+    return registry.load("readers", names[0])()
+
+
+def _claims(asked: str | None = None) -> tuple[dict[str, list[str]], list[str]]:
+    """Suffix -> names of the readers that claim it, and what is wrong with the readers that fail to load.
+
+    Where one suffix is `asked` for, readers of ours that are known to have others are not imported: that takes longer
+    than a picture's network.
+    """
+    claims: dict[str, list[str]] = {}
+    faults = []
+    for name in registry.names("readers"):
+        if asked is not None and asked not in OURS.get(name, (asked,)) and registry.is_ours("readers", name):
+            continue
+        try:
+            plugin = registry.load("readers", name)
+        except registry.PluginError as error:
+            faults.append(str(error))
+            continue
+        for suffix in plugin.suffixes:
+            claims.setdefault(suffix, []).append(name)
+    return claims, faults

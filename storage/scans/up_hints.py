@@ -1,0 +1,140 @@
+"""Which way is up by what people and programs wrote about a scan: in its header's comments, and in files beside it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from z2p_core.formats.tables.header_lines import COMMENT_SIGNS, text_encoding
+from z2p_core.interfaces import RawCloud
+from z2p_core.up_axis.axis_words import up_from
+from z2p_core.up_axis.choose import STANDARD_AXES
+from z2p_core.up_axis.header_comments import UpHint, axis_of_vector, up_of_comments
+from z2p_renderer.storage.files.bounded_json import MOST_BYTES, read_json
+from z2p_renderer.storage.files.printable_names import is_file, printable, without_gz
+from z2p_renderer.storage.scans.reader_choice import OURS
+
+_HEAD_BYTES = 1 << 13
+"""Bytes at the head of a file in which its comments are."""
+_MOST_LINES = 200
+_TEXT_SUFFIXES = OURS["text"]
+_SCENE_SUFFIXES = (".glb", ".gltf")
+_JSON_KEYS = frozenset({"upaxis", "axisup", "upvector", "updirection", "upvec", "worldup", "verticalaxis"})
+"""What tells up in JSON, in lower case and without what parts words; ``up`` does so at the top alone."""
+_LONGEST_VALUE = 40
+_XML_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
+
+
+def with_up_hints(clouds: Sequence[RawCloud], plain: Path, path: Path) -> list[RawCloud]:
+    """The clouds of a file with the up that its header or a file beside it tells, where the reader is not certain.
+
+    `plain` is the file unpacked, and `path` the one that the user named.
+    """
+    if all(cloud.up and cloud.up_certain for cloud in clouds):
+        return list(clouds)
+    suffix = plain.suffix.lower()
+    comments = _comments(plain, suffix)
+    beside = None if suffix in STANDARD_AXES else _told_beside(path)
+    return [_hinted(cloud, up_of_comments(comments, suffix, cloud.up), beside) for cloud in clouds]
+
+
+def _hinted(cloud: RawCloud, header: UpHint | None, beside: UpHint | None) -> RawCloud:
+    """The cloud with the surest hint; of two that are as sure, the one that is nearest to the points."""
+    if cloud.up and cloud.up_certain:
+        return cloud
+    certain = [hint for hint in (header, beside) if hint is not None and hint.certain]
+    usual = [] if cloud.up else [hint for hint in (header, beside) if hint is not None]
+    for hint in [*certain, *usual][:1]:
+        return replace(cloud, up=hint.axis, up_reason=hint.reason, up_certain=hint.certain, upward=None)
+    return cloud
+
+
+def _comments(path: Path, suffix: str) -> list[str]:
+    """The comments at the head of a file with that suffix; none where its format has no such, or it cannot be read."""
+    if suffix not in _COMMENTS_IN and suffix not in _TEXT_SUFFIXES:
+        return []
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError:
+        return []
+    text = head.decode(text_encoding(head) if suffix in _TEXT_SUFFIXES else "utf-8", errors="replace")
+    return [line.strip() for line in _COMMENTS_IN.get(suffix, _of_text)(text)][:_MOST_LINES]
+
+
+def _of_ply(text: str) -> Iterable[str]:
+    lines = re.split(r"\nend_header", text, maxsplit=1)[0].splitlines()
+    return (line.split(None, 1)[1] for line in lines if re.match(r"(?:comment|obj_info)\s+\S", line))
+
+
+def _of_pcd(text: str) -> Iterable[str]:
+    lines = re.split(r"\nDATA\b", text, maxsplit=1, flags=re.IGNORECASE)[0].splitlines()
+    return (line.lstrip("# \t") for line in lines if line.lstrip().startswith("#"))
+
+
+def _of_mesh(text: str) -> Iterable[str]:
+    return (line.partition("#")[2].lstrip("# ") for line in text.splitlines() if line.lstrip().startswith("#"))
+
+
+def _of_text(text: str) -> Iterable[str]:
+    signs = ("#", *COMMENT_SIGNS)
+    return (line.lstrip("#/;%! \t") for line in text.splitlines() if line.lstrip().startswith(signs))
+
+
+def _of_stl(text: str) -> Iterable[str]:
+    return [re.split(r"[\r\n\x00]", text[:80])[0].removeprefix("solid ")]
+
+
+def _of_vtk(text: str) -> Iterable[str]:
+    return text.splitlines()[1:2]
+
+
+def _of_xml(text: str) -> Iterable[str]:
+    return (line for comment in _XML_COMMENT.findall(text) for line in comment.splitlines())
+
+
+_COMMENTS_IN = {
+    ".ply": _of_ply, ".pcd": _of_pcd, ".obj": _of_mesh, ".off": _of_mesh, ".stl": _of_stl, ".vtk": _of_vtk,
+    ".vtp": _of_xml, ".vtu": _of_xml,
+}  # fmt: skip
+"""Suffix -> what finds the comments in a head of such a file; all texts have the same."""
+
+
+def _told_beside(path: Path) -> UpHint | None:
+    """What small files beside a scan say of up: a description in JSON, or the same thing as a glTF scene."""
+    stem = without_gz(path).stem
+    for name in (f"{stem}.json", "metadata.json"):
+        if axis := _axis_in_json(path.with_name(name)):
+            return UpHint(axis, f"{printable(Path(name))} beside it says so", certain=True)
+    if any(is_file(path.with_name(stem + suffix)) for suffix in _SCENE_SUFFIXES):
+        return UpHint("+Y", "that of the glTF scene beside it", certain=False)
+    return None
+
+
+def _axis_in_json(path: Path) -> str:
+    """The axis that a description in JSON names, at its top or in an object there; empty where it names none."""
+    try:
+        if not is_file(path) or path.stat().st_size > MOST_BYTES:
+            return ""
+        read = read_json(path.read_bytes())
+    except (OSError, ValueError):  # the points are drawn all the same
+        return ""
+    top = read if isinstance(read, dict) else {}
+    inner = [pair for value in top.values() if isinstance(value, dict) for pair in value.items()]
+    told = [(re.sub(r"[ _.-]", "", key.lower()), value) for key, value in [*top.items(), *inner]]
+    axes = {_axis_of(value) for key, value in told if key in _JSON_KEYS} | {_axis_of(top.get("up"))}
+    axes.discard("")
+    return axes.pop() if len(axes) == 1 else ""
+
+
+def _axis_of(value: Any) -> str:
+    """The axis that a value in JSON stands for: ``"Y"``, ``"Z_UP"`` or [0, 0, 1]; empty for any other."""
+    if isinstance(value, str) and len(value) <= _LONGEST_VALUE:
+        axis = up_from(value) or ""
+        return "" if axis == "auto" else axis
+    if isinstance(value, list) and len(value) == 3 and all(type(number) in (int, float) for number in value):
+        return axis_of_vector(value)
+    return ""

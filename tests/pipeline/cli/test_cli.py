@@ -1,0 +1,357 @@
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from click.testing import Result
+
+from z2p_core import registry
+from z2p_core.config import EvaluateConfig
+from z2p_core.up_axis.axis_words import up_from
+from z2p_renderer.pipeline.cli import COMMANDS
+
+
+def test_help_and_version_import_nothing_heavy() -> None:
+    code = (
+        "import sys; from z2p_renderer.pipeline.cli import main\n"
+        "for words in (['--help'], ['--version']):\n"
+        "    try: main(words)\n"
+        "    except SystemExit as end: assert end.code == 0, end\n"
+        "heavy = {'torch', 'numpy', 'PIL', 'tqdm', 'luigi', 'safetensors', 'importlib.metadata'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert all(name in done.stdout for name in COMMANDS)
+    assert "z2p 0." in done.stdout
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_subcommand_has_help(z2p: Callable[..., Result], name: str) -> None:
+    result = z2p(name, "--help")
+    assert result.exit_code == 0, result.output
+    assert f"z2p {name}" in result.output or f"main {name}" in result.output
+
+
+def test_unknown_subcommand(z2p: Callable[..., Result]) -> None:
+    assert z2p("rnder").exit_code == 2
+
+
+def test_render_is_run_inference(z2p: Callable[..., Result]) -> None:
+    assert COMMANDS["render"][0] == COMMANDS["run-inference"][0] and next(iter(COMMANDS)) == "render"
+    told = [z2p(name, "--help").output.partition("\n")[2] for name in ("render", "run-inference")]
+    assert told[0] == told[1] and "z2p render scans/" in told[0]
+
+
+def test_a_scan_in_the_place_of_a_command_hints_at_render(z2p: Callable[..., Result], tmp_path: Path) -> None:
+    scan = tmp_path / "my scan.ply"
+    scan.touch()
+    for words in ((scan, "-o", "a.png"), (tmp_path,), (tmp_path / "*.ply",)):
+        result = z2p(*words)
+        assert result.exit_code == 2 and f"z2p render {shlex.join(map(str, words))}" in result.stderr
+    assert "neither a command nor a file that is there" in z2p(tmp_path / "none.ply").stderr
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("draw", "render"), ("Render", "render"), ("run_inference", "run-inference"), ("rendr", "render"),
+     ("gif", "animate"), ("train", "pipeline"), ("help", "--help"), ("version", "--version"), ("statsu", "status")],
+)  # fmt: skip
+def test_an_unknown_command_is_guessed_by_its_meaning(z2p: Callable[..., Result], word: str, meant: str) -> None:
+    result = z2p(word)
+    assert result.exit_code == 2 and result.stderr.endswith(f"Did you mean: z2p {meant}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [(("render", "--out", "x"), "--output?"), (("render", "--output-dir=x"), "--output?"),
+     (("render", "--colour", "red"), "--color?"), (("render", "--width", 9), "--resolution?"),
+     (("render", "--transparent"), "--background transparent?"), (("render", "-j", 4), "--jobs?"),
+     (("render", "--frames", 9), "z2p animate"), (("render", "--input", "x"), "Inputs are named without an option"),
+     (("animate", "--turntable"), "--motion turn?"), (("rerender", "--input_file", "x"), "No such option"),
+     (("evaluate", "--size", 9), "--resolution?"), (("-o", "x.png", "a.ply"), "z2p render INPUT -o"),
+     (("--versoin",), "--version?")],
+    ids=str,
+)  # fmt: skip
+def test_an_unknown_option_is_guessed_by_its_meaning(
+    z2p: Callable[..., Result], words: tuple[object, ...], told: str
+) -> None:
+    result = z2p(*words[:1], "a.ply", *words[1:]) if words[0] in COMMANDS else z2p(*words)
+    assert result.exit_code == 2 and told in result.stderr and result.stderr.count("No such option") == 1
+
+
+def test_a_format_goes_by_its_suffix_too(
+    z2p: Callable[..., Result], tiny_weights: Path, cloud: np.ndarray, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "a.npy", cloud)
+    for name, suffix in (("JPG", ".jpg"), (".tif", ".tif"), ("webp", ".webp")):
+        words = ("--format", name, "--background", "None", "--size", 32, "--weights", tiny_weights)
+        assert z2p("render", tmp_path / "a.npy", "-o", tmp_path, *words).exit_code == 0
+        assert (tmp_path / f"a{suffix}").is_file()
+    assert z2p("render", tmp_path / "a.npy", "--format", "bmp").exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "axis"), [("y", "+Y"), ("Y", "+Y"), ("-z", "-Z"), ("z-up", "+Z"), ("+Xup", "+X"), ("minus y", "-Y"),
+                        ("AUTO", "auto"), ("yz", None), ("W", None), ("--y", None), ("", None)],
+)  # fmt: skip
+def test_up_goes_by_its_usual_spellings(words: str, axis: str | None) -> None:
+    assert up_from(words) == axis
+
+
+def test_an_option_of_another_meaning_is_not_guessed(z2p: Callable[..., Result]) -> None:
+    for words in (("evaluate", "--view", 1), ("render", "a.ply", "--seeds", 1), ("render", "a.ply", "--points", 1)):
+        assert "Did you mean" not in z2p(*words).stderr
+
+
+def test_listings(z2p: Callable[..., Result]) -> None:
+    rows = json.loads(z2p("plugins", "--json").stdout)
+    assert {row["group"] for row in rows} == set(registry.GROUPS)
+    [color] = [row for row in rows if row["name"] == "color"]
+    assert (color["distribution"], color["version"], color["status"]) == ("z2p-renderer", "1", "ok")
+    formats = {row["suffix"]: row["reader"] for row in json.loads(z2p("formats", "--json").stdout)}
+    assert {".ply", ".pcd", ".xyz", ".pts", ".obj", ".off", ".npy", ".npz", ".las", ".laz"} <= set(formats)
+    assert formats[".ply"] == "ply"
+    for name in ("plugins", "formats"):
+        result = z2p(name)
+        assert result.exit_code == 0
+        assert "z2p" in result.output
+
+
+def test_an_unexpected_error_is_one_line_and_a_traceback_on_request(
+    z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(group: str) -> list[object]:
+        raise RuntimeError("a fault\nof two lines")
+
+    monkeypatch.setattr(registry, "installed", fail)
+    result = z2p("formats")
+    assert result.exit_code == 2
+    assert result.stderr == (
+        "Error: unexpected RuntimeError: a fault of two lines; run again with Z2P_DEBUG=1 for the traceback\n"
+    )
+    monkeypatch.setenv("Z2P_DEBUG", "1")
+    assert isinstance(z2p("formats").exception, RuntimeError)
+
+
+def test_evaluate_hands_on_its_options_and_prints_the_means(
+    z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    called: list[tuple[object, ...]] = []
+
+    def measure(
+        meshes: object, weights: object, out: Path, config: object, truth_root: Path, log: object,
+        baselines: tuple[str, ...], engine: str,
+    ) -> None:
+        called.append((meshes, weights, out, config, truth_root, engine))
+        out.mkdir(exist_ok=True)
+        data = {"rows": [], "means": {"psnr_white": 26.5, "ssim": 0.85}, "spread_over_seeds": {}, "seeds": {"0": {}}}
+        theirs = {"means": {"ssim": 0.5, "render_seconds": 2}, "spread_over_seeds": {}}
+        (out / "metrics.json").write_text(json.dumps({**data, "baselines": dict.fromkeys(baselines, theirs)}))
+
+    monkeypatch.setitem(sys.modules, "z2p_renderer.pipeline.evaluation.evaluate", SimpleNamespace(evaluate=measure))
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    meshes, out = tmp_path / "meshes", tmp_path / "out"
+    meshes.mkdir()
+    words = ("evaluate", "--meshes", meshes, "--output", out, "--weights", tiny_weights)
+    assert "holds no mesh" in z2p(*words).stderr
+    for name in ("a.ply", "b.ply", "b.obj", "readme.md"):
+        (meshes / name).touch()
+    result = z2p(*words, "--views", 3, "--noise", "0.01", "--elevation", "random", "--resolution", 64)
+    assert result.exit_code == 0, result.output
+    assert result.stdout.split() == ["psnr_white", "26.5000", "ssim", "0.8500"]
+    [(found, weights, _, config, truth, engine)] = called
+    assert found == {"a": meshes / "a.ply", "b.obj": meshes / "b.obj", "b.ply": meshes / "b.ply"}
+    assert (weights, truth, engine) == (tiny_weights, out / "truth", "torch")
+    assert config == EvaluateConfig(
+        views=3, points=5000, noise=0.01, resolution=64, samples=64, elevation=None, seed=0, sampler="uniform"
+    )
+    beside = [line.split() for line in z2p(*words, "--baseline", "balls, bpa,balls").stdout.splitlines()]
+    assert beside[0] == ["z2p", "balls", "bpa"] and beside[1] == ["psnr_white", "26.5000", "-", "-"]
+    assert beside[3] == ["render_seconds", "-", "2.0000", "2.0000"]
+    unknown = z2p(*words, "--baseline", "bpa,nosuch")
+    known = "balls, bpa, hpr, poisson, splats"
+    assert unknown.exit_code == 2 and f"unknown baseline 'nosuch'; installed: {known}" in unknown.stderr
+    assert z2p(*words, "--engine", "onnxruntime").exit_code == 0 and called[-1][-1] == "onnxruntime"
+    assert "unknown engine 'abacus'" in z2p(*words, "--engine", "abacus").stderr
+    assert z2p(*words, "--elevation", "90").exit_code == 2
+    (out / "sheet.png").write_bytes(b"mine")
+    runs = len(called)
+    refused = z2p(*words)
+    assert refused.exit_code == 2 and "sheet.png is there already" in refused.stderr and len(called) == runs
+    (out / "sheet.png").unlink()
+    assert z2p("evaluate", "--meshes", meshes, "--output", out, "--weights", "nosuch").exit_code == 2
+
+
+def test_pipeline_starts_luigi_with_only_what_was_given(
+    z2p: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from z2p_renderer.pipeline.cli.commands import train_pipeline
+
+    started: list[tuple[list[str], dict[str, str]]] = []
+
+    def record(command: list[str], environment: dict[str, str]) -> int:
+        started.append((command, environment))
+        return 30
+
+    monkeypatch.setattr(train_pipeline, "run_process", record)
+    assert z2p("pipeline").exit_code == 30
+    assert z2p("pipeline", "--meshes", tmp_path, "--workers", 2, "--workspace", tmp_path / "w").exit_code == 30
+    plain = [sys.executable, "-m", "luigi", "--module", "workflows", "FullPipeline", "--local-scheduler"]
+    assert started[0][0] == plain
+    assert started[1][0] == [*plain, "--meshes", str(tmp_path), "--workspace", str(tmp_path / "w"), "--workers", "2"]
+    assert (Path(started[0][1]["PYTHONPATH"].split(os.pathsep)[0]) / "workflows" / "luigi.cfg").is_file()
+    assert z2p("pipeline", "--config", tmp_path / "missing.toml").exit_code == 2
+
+
+@pytest.mark.parametrize(
+    ("statuses", "end"),
+    [([10] * 30 + [0], 0), ([25] * 10 + [0], 0), ([25] * 11 + [0], 25), ([10, 25, 30], 30), ([10, 25] * 10 + [0], 0)],
+    ids=["others work for long", "left undone for a while", "left undone for good", "failed at last", "both"],
+)
+def test_a_worker_looks_again_as_long_as_others_work(
+    statuses: list[int], end: int, z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from z2p_renderer.pipeline.cli.commands import train_pipeline
+
+    left = iter(statuses)
+    monkeypatch.setattr(train_pipeline, "run_process", lambda command, environment: next(left))
+    monkeypatch.setattr(train_pipeline.time, "sleep", lambda seconds: None)
+    assert z2p("pipeline", "--scheduler", "http://127.0.0.1:8082").exit_code == end
+
+
+def test_a_child_finds_our_packages_whatever_the_working_folder_holds(tmp_path: Path) -> None:
+    from z2p_renderer.pipeline.child_process import child_environment
+
+    (tmp_path / "storage").mkdir()
+    (tmp_path / "storage" / "__init__.py").write_text("raise SystemExit('the wrong storage')")
+    done = subprocess.run(
+        [sys.executable, "-c", "import z2p_renderer.storage"],
+        cwd=tmp_path, env=child_environment(), capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def test_blenders_process_runs_no_file_of_the_working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from z2p_renderer.pipeline.render import RenderError, _run_blender
+
+    for name in ("pipeline", "numpy", "json"):
+        (tmp_path / f"{name}.py").write_text("print('a file of the user')\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RenderError, match=r"job\.json") as error:  # ours was started, and has nothing to do
+        list(_run_blender(tmp_path, "mesh"))
+    assert "a file of the user" not in str(error.value)
+
+
+def test_a_process_hands_on_its_exit_status() -> None:
+    from z2p_renderer.pipeline.cli.commands.train_pipeline import run_process
+
+    assert run_process([sys.executable, "-c", "raise SystemExit(30)"], dict(os.environ)) == 30
+    assert run_process([sys.executable, "-c", "import os; os.kill(os.getpid(), 9)"], dict(os.environ)) == 137
+
+
+@pytest.mark.parametrize("name", ["pipeline", "evaluate"])
+def test_a_missing_pipeline_extra_is_said(
+    z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    (tmp_path / "a.ply").touch()
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    words = ["--meshes", tmp_path, "--output", tmp_path / "out", "--weights", tiny_weights]
+    result = z2p(name, *(words if name == "evaluate" else []))
+    assert result.exit_code == 2
+    assert 'pip install -c constraints.txt ".[pipeline]"' in result.stderr
+
+
+def test_a_report_tells_versions_and_nobodys_name(z2p: Callable[..., Result]) -> None:
+    facts = json.loads(z2p("report", "--json").stdout)
+    assert facts["packages"]["numpy"].count(".") == 2 and facts["packages"]["torch"] != "-"
+    assert facts["weights"]["regular"].startswith("sha256 ")
+    assert "color" in facts["plugins"]["controls"] and "BROKEN" not in str(facts["plugins"])
+    text = z2p("report").output
+    assert str(Path.home()) not in text and str(Path.cwd()) not in text
+    assert "z2p\n  version            0." in text
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_completes(z2p: Callable[..., Result], shell: str) -> None:
+    result = z2p("completion", shell)
+    assert result.exit_code == 0 and "_Z2P_COMPLETE" in result.output
+    words = {"bash": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "2"},
+             "zsh": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "2"},
+             "fish": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "--met"}}[shell]  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", "from z2p_renderer.pipeline.cli import main; main(prog_name='z2p')"],
+        env={**os.environ, **words, "_Z2P_COMPLETE": f"{shell}_complete"}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert "--metallic" in done.stdout, done.stderr
+
+
+def test_help_is_in_sections_and_a_figures_own_settings_are_its_defaults(z2p: Callable[..., Result]) -> None:
+    told = z2p("run-inference", "--help").output
+    places = [told.index(f"\n{heading}:\n") for heading in ("Input", "View", "Picture", "Look", "Output")]
+    assert places == sorted(places)
+    assert places[3] < told.rindex("--color") < told.rindex("--light") < places[4]
+    assert "[default: 3.6,-40,50]" in " ".join(told.split())
+    assert "3.6,-40,50]" not in " ".join(z2p("rerender", "--help").output.split())
+
+
+PATIENT = """
+import signal, sys, threading, time
+from z2p_renderer.pipeline import cli
+import click
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # where the tests are a background job it would be ignored
+
+@click.command()
+def slow():
+    threading.Thread(target=time.sleep, args=(30,)).start()
+    print("begun", flush=True)
+    time.sleep(30)
+
+sys.modules["z2p_renderer.pipeline.cli.commands.slow"] = sys.modules["__main__"]
+cli.COMMANDS["slow"] = ("slow:slow", "")
+cli.main(["slow"])
+"""
+
+
+def test_a_second_interrupt_ends_what_the_first_one_waits_for() -> None:
+    process = subprocess.Popen([sys.executable, "-c", PATIENT], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               text=True)  # fmt: skip
+    assert process.stdout is not None and process.stdout.readline() == "begun\n"
+    process.send_signal(signal.SIGINT)
+    assert process.stderr is not None and process.stderr.readline() == "Interrupted.\n"  # two at once count as one
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(1)  # a thread is still at work
+    process.send_signal(signal.SIGINT)
+    told = process.communicate(timeout=20)[1]
+    assert process.returncode == 130 and not told
+
+
+@pytest.mark.parametrize("words", [("pipeline", "--dry-run"), ("status",), ("ablate", "--dry-run")])
+def test_a_config_that_is_not_utf8_is_told_in_one_line(tmp_path: Path, words: tuple[str, ...]) -> None:
+    config = tmp_path / "latin.toml"
+    config.write_bytes('name = "a" # Größe\n'.encode("latin-1"))
+    told = subprocess.run([sys.executable, "-m", "z2p_renderer.pipeline.cli", *words, "--config", str(config)],
+                          check=False,
+                          capture_output=True, text=True, cwd=tmp_path)  # fmt: skip
+    assert told.returncode not in (0, 1) and "Traceback" not in told.stdout + told.stderr
+    assert "is not UTF-8" in told.stdout + told.stderr
+
+
+def test_streams_that_the_shell_closed_lead_nowhere(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
+    words = f"run-inference --weights {tiny_weights} --resolution 64 {scans / 'one.npy'}"
+    for number, closed in enumerate(("", "2>&-", "<&- >&- 2>&-")):
+        line = f"{sys.executable} -m z2p_renderer.pipeline.cli {words} -o {tmp_path / str(number)} {closed}"
+        assert subprocess.run(line, shell=True, capture_output=True).returncode == 0
+    pictures = [(tmp_path / str(number) / "one.png").read_bytes() for number in range(3)]
+    assert pictures[0] == pictures[1] == pictures[2]

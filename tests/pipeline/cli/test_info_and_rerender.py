@@ -1,0 +1,239 @@
+"""`z2p info` and `z2p rerender`: the record is shown, and it draws the same picture, with only the change changed."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import Result
+from PIL import Image
+
+from z2p_renderer.storage.images.image_files import read_record, write_picture
+
+
+@pytest.fixture
+def figure(render: Callable[..., Result], scans: Path, tmp_path: Path) -> Path:
+    """A picture of one.npy in blue, turned by 30 degrees."""
+    result = render(scans / "one.npy", "--color", "blue", "--azimuth", 30, "--background", "white")
+    assert result.exit_code == 0, result.output
+    return tmp_path / "out" / "one.png"
+
+
+@pytest.fixture
+def rerender(z2p: Callable[..., Result], tiny_weights: Path) -> Callable[..., Result]:
+    return lambda *words: z2p("rerender", "--weights", tiny_weights, *words)
+
+
+def pixels(path: Path) -> np.ndarray:
+    return np.asarray(Image.open(path))
+
+
+def test_nothing_changed_gives_the_same_file_again(rerender: Callable[..., Result], figure: Path) -> None:
+    result = rerender(figure)
+    assert (result.exit_code, result.stderr) == (0, f"rendered: {figure} -> {figure.with_name('one_2.png')}\n")
+    assert figure.with_name("one_2.png").read_bytes() == figure.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "changed"),
+    [
+        (("--color", "teal"), {"color": [0, 128 / 255, 128 / 255]}),
+        (("--light", "3.5,-40,50"), {"light": [3.5, -40, 50]}),
+        (("--elevation", "60"), {"elevation": [60]}),
+    ],
+)
+def test_only_what_is_asked_for_changes(
+    rerender: Callable[..., Result], figure: Path, tmp_path: Path, words: tuple[str, ...], changed: dict[str, Any]
+) -> None:
+    out = tmp_path / "new.png"
+    assert rerender(figure, "-o", out, *words).exit_code == 0
+    before, after = read_record(figure), read_record(out)
+    assert after["controls"] == {**before["controls"], **changed}
+    expected = {**before, "controls": after["controls"], "camera": after["camera"], "input": after["input"]}
+    assert after == expected
+    assert not np.array_equal(pixels(out), pixels(figure))
+    if "elevation" not in changed:
+        assert after["camera"] == before["camera"]
+
+
+def test_a_changed_figure_is_what_inference_would_have_drawn(
+    rerender: Callable[..., Result], render: Callable[..., Result], scans: Path, figure: Path, tmp_path: Path
+) -> None:
+    assert rerender(figure, "-o", tmp_path / "a.png", "--color", "red", "--resolution", "48,40", "--background",
+                    "transparent", "--supersample", 2, "--azimuth", 15).exit_code == 0  # fmt: skip
+    render(scans / "one.npy", "--color", "red", "--azimuth", 45, "--resolution", "48,40", "--supersample", 2,
+           output=tmp_path / "b.png")  # fmt: skip
+    assert np.abs(pixels(tmp_path / "a.png").astype(int) - pixels(tmp_path / "b.png")).max() <= 2  # angles add up
+
+
+def test_a_figure_stays_as_smooth_as_it_was_unless_asked_otherwise(
+    rerender: Callable[..., Result], render: Callable[..., Result], z2p: Callable[..., Result], scans: Path,
+    tmp_path: Path,
+) -> None:
+    rng, points = np.random.default_rng(5), np.random.default_rng(6).normal(size=(4000, 3))
+    points *= (1 + 0.03 * rng.normal(size=(4000, 1))) / np.linalg.norm(points, axis=1, keepdims=True)
+    np.save(scans / "noisy.npy", points)
+    figures = {smooth: tmp_path / f"{smooth}.png" for smooth in ("0", "0.3")}
+    for smooth, path in figures.items():
+        assert render(scans / "noisy.npy", "--smooth", smooth, output=path).exit_code == 0
+        assert rerender(path, "-o", tmp_path / "again.png", "--overwrite").exit_code == 0
+        assert (tmp_path / "again.png").read_bytes() == path.read_bytes()
+    assert not np.array_equal(pixels(figures["0"]), pixels(figures["0.3"]))
+    assert "smooth      over 0.3 of the frame's radius" in z2p("info", figures["0.3"]).stdout
+    assert rerender(figures["0"], "-o", tmp_path / "other.png", "--smooth", 0.3).exit_code == 0
+    assert (tmp_path / "other.png").read_bytes() == figures["0.3"].read_bytes()
+
+
+def test_info_shows_the_record(z2p: Callable[..., Result], figure: Path, tmp_path: Path) -> None:
+    told = z2p("info", figure)
+    assert told.exit_code == 0
+    for words in ("one.npy", "color       0, 0, 1", "azimuth", "weights     tiny", "32 x 32"):
+        assert words in told.stdout
+    record = json.loads(z2p("info", figure, "--json").stdout)
+    assert record.pop("figure") == str(figure)
+    assert record == read_record(figure)
+    Image.new("RGB", (40, 40)).save(tmp_path / "plain.png")
+    mixed = z2p("info", tmp_path / "plain.png", figure)
+    assert mixed.exit_code == 1
+    assert "holds no record" in mixed.stderr and "one.npy" in mixed.stdout
+
+
+def test_a_scan_that_moved_or_changed(
+    rerender: Callable[..., Result], scans: Path, figure: Path, tmp_path: Path
+) -> None:
+    moved = tmp_path / "elsewhere"
+    moved.mkdir()
+    shutil.copy(figure, moved / "fig.png")
+    shutil.copy(scans / "one.npy", moved / "one.npy")
+    (scans / "one.npy").rename(tmp_path / "kept.npy")
+    assert rerender(moved / "fig.png").exit_code == 0  # its scan lies beside it
+    gone = rerender(figure)
+    assert gone.exit_code == 2 and "one.npy is not to be found" in gone.stderr and "--input" in gone.stderr
+    assert rerender(figure, "--input", tmp_path / "kept.npy").exit_code == 0
+    other = rerender(figure, "--input", scans / "two.xyz", "--overwrite")
+    assert other.exit_code == 2 and "is not the scan" in other.stderr
+    np.save(scans / "one.npy", np.random.default_rng(9).normal(size=(50, 3)))
+    changed = rerender(figure, "--overwrite")
+    assert changed.exit_code == 2 and "has changed since" in changed.stderr
+
+
+def test_what_cannot_be_drawn_again_says_why(
+    z2p: Callable[..., Result], rerender: Callable[..., Result], figure: Path, tiny_weights: Path, cloud: np.ndarray,
+    tmp_path: Path,
+) -> None:
+    import z2p_core
+
+    own = z2p("rerender", figure)
+    assert own.exit_code == 2 and "weights that z2p does not ship, 'tiny'" in own.stderr
+    from_array = z2p_core.render(cloud, weights=tiny_weights, size=40).save(tmp_path / "array.png")
+    result = rerender(from_array)
+    assert result.exit_code == 2 and "from an array in Python" in result.stderr
+    sheet = z2p_core.render([cloud, cloud * 2], weights=tiny_weights, size=40).save(tmp_path / "sheet.png")
+    assert "a sheet of 2 clouds" in rerender(sheet).stderr and not (tmp_path / "sheet_2.png").exists()
+    assert rerender(figure, "--metallic", "0.5").exit_code == 2
+    assert rerender(figure).exit_code == 0
+    again = rerender(figure)
+    assert again.exit_code == 2 and "--overwrite" in again.stderr
+    (tmp_path / "bad.png").write_bytes(b"no")
+    assert rerender(tmp_path / "bad.png").exit_code == 2
+
+
+def test_what_the_new_weights_lack_and_what_a_format_hides_is_told(
+    render: Callable[..., Result], rerender: Callable[..., Result], make_weights: Callable[..., Path], scans: Path,
+    tmp_path: Path,
+) -> None:
+    shiny = make_weights(controls=("color", "light", "elevation", "metallic"))
+    assert render(scans / "one.npy", "--weights", shiny, "--metallic", 1).exit_code == 0
+    told = rerender(tmp_path / "out" / "one.png", "-o", tmp_path / "dull.jpg")
+    assert told.exit_code == 0 and "the weights" in told.stderr and "have no metallic" in told.stderr
+    assert "JPEG has no soft transparency" in told.stderr
+    for words in (("-o", tmp_path / "a.png"), ("-o", tmp_path / "a.jpg", "--background", "white", "--quiet")):
+        assert "transparency" not in rerender(tmp_path / "out" / "one.png", *words).stderr
+
+
+def test_info_tells_what_was_cut_off_and_kept(
+    render: Callable[..., Result], z2p: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    assert render(scans / "one.npy", "--cut-top", 20, "--keep-outliers", "--gallery").exit_code == 0
+    words = " ".join(z2p("info", tmp_path / "out" / "one.png").stdout.split())
+    assert "cut off 20 % of the height" in words and "kept strays" in words
+    assert "20 % of the height" in (tmp_path / "out" / "gallery.html").read_text()
+    assert render(scans / "one.npy", "--overwrite").exit_code == 0
+    assert "cut off" not in z2p("info", tmp_path / "out" / "one.png").stdout
+
+
+def test_one_cloud_of_a_batch_file(
+    render: Callable[..., Result], rerender: Callable[..., Result], cloud: np.ndarray, tmp_path: Path
+) -> None:
+    np.save(tmp_path / "many.npy", np.stack([cloud, cloud[:, ::-1], cloud * [1, 2, 3]]))
+    assert render(tmp_path / "many.npy").exit_code == 0
+    third = tmp_path / "out" / "many_002.png"
+    assert rerender(third, "-o", tmp_path / "again.png").exit_code == 0
+    assert np.array_equal(pixels(tmp_path / "again.png"), pixels(third))
+
+
+def test_a_picture_of_python_finds_its_scan_from_wherever_it_was_saved(
+    rerender: Callable[..., Result], scans: Path, tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import z2p_core
+
+    monkeypatch.chdir(tmp_path)
+    picture = z2p_core.render("scans/one.npy", weights=tiny_weights, size=40)
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    saved = picture.on("white").save("deep/er/a.png")
+    assert read_record(saved)["input"]["path"] == "../../../scans/one.npy"  # relative: the folder may move
+    shutil.copytree(tmp_path, tmp_path.with_name("moved"))
+    shutil.rmtree(scans)
+    result = rerender(tmp_path.with_name("moved") / "elsewhere" / saved)
+    assert result.exit_code == 0, result.output
+    assert str(tmp_path) not in picture._repr_png_().decode("latin1")
+
+
+def test_the_engine_that_drew_it_draws_it_again(z2p: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "one.png"
+    drawn = z2p("run-inference", scans / "one.npy", "-o", figure, "--engine", "openvino", "--resolution", 64)
+    assert drawn.exit_code == 0, drawn.output
+    assert read_record(figure)["engine"] == "openvino"
+    assert z2p("rerender", figure).exit_code == 0
+    assert (tmp_path / "one_2.png").read_bytes() == figure.read_bytes()
+    assert z2p("rerender", figure, "-o", tmp_path / "other.png", "--engine", "torch").exit_code == 0
+    assert read_record(tmp_path / "other.png")["engine"] == "torch"
+
+
+def test_an_engine_that_is_gone_is_told(
+    rerender: Callable[..., Result], figure: Path, tmp_path: Path
+) -> None:
+    record = read_record(figure) | {"engine": "abacus"}
+    write_picture(pixels(figure), figure, None, record)
+    result = rerender(figure, "-o", tmp_path / "again.png")
+    assert result.exit_code == 0 and "the engine 'abacus' that drew the picture is not installed" in result.stderr
+
+
+def test_what_formats_put_behind_stays_behind(
+    render: Callable[..., Result], rerender: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
+    figure = tmp_path / "a.jpg"
+    assert render(scans / "one.npy", output=figure).exit_code == 0
+    assert read_record(figure)["background"] == [1.0, 1.0, 1.0]
+    assert rerender(figure, "-o", tmp_path / "a.png").exit_code == 0
+    assert Image.open(tmp_path / "a.png").mode == "RGB"
+    assert render(scans / "one.npy", output=tmp_path / "b.png").exit_code == 0
+    for name, background in (("b.jpg", [1.0, 1.0, 1.0]), ("c.png", "transparent")):
+        assert rerender(tmp_path / "b.png", "-o", tmp_path / name).exit_code == 0
+        assert read_record(tmp_path / name)["background"] == background
+
+
+@pytest.mark.parametrize(("output", "told"), [("a.bmp", "expected a picture named"), ("/proc/x/a.png", "cannot write")])
+def test_where_nothing_can_be_written_is_told_before_it_is_drawn(
+    rerender: Callable[..., Result], figure: Path, tmp_path: Path, output: str, told: str,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("z2p_renderer.pipeline.inference.render_scan.draw", None)  # not called
+    result = rerender(figure, "-o", tmp_path / output)
+    assert result.exit_code == 2 and told in result.stderr

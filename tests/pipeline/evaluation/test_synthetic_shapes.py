@@ -1,0 +1,67 @@
+"""Shapes that limits are found with: in the unit sphere, closed where they should be, and as they are called."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from z2p_renderer.pipeline.evaluation.paper.cases.synthetic_shapes import (
+    BALL,
+    PLATE,
+    SLOPE,
+    bumpy,
+    plates,
+    scene,
+    sheet,
+)
+from z2p_renderer.storage.meshes import Mesh
+
+SHAPES = {"ball": bumpy(0), "bumps": bumpy(16), "plates": plates(0.1), "solid": plates(0.1, solid=True),
+          "open sheet": sheet(0.0), "sheet": sheet(0.05), "scene": scene(4)}  # fmt: skip
+
+
+def open_edges(mesh: Mesh) -> int:
+    edges = np.sort(np.concatenate([mesh.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
+    return int((np.unique(edges, axis=0, return_counts=True)[1] != 2).sum())
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_it_lies_in_the_unit_sphere(name: str) -> None:
+    mesh = SHAPES[name]
+    assert np.isfinite(mesh.vertices).all() and np.linalg.norm(mesh.vertices, axis=1).max() <= 1 + 1e-6
+    assert mesh.faces.min() == 0 and mesh.faces.max() == len(mesh.vertices) - 1
+
+
+@pytest.mark.parametrize("name", ["ball", "bumps", "plates", "solid", "sheet"])
+def test_it_is_closed(name: str) -> None:
+    assert open_edges(SHAPES[name]) == 0
+
+
+def test_an_open_sheet_has_a_rim() -> None:
+    assert open_edges(SHAPES["open sheet"]) == 4 * 60
+
+
+@pytest.mark.parametrize("degree", [4, 16, 64])
+def test_bumps_get_lower_as_they_get_finer_and_as_many_as_their_degree(degree: int) -> None:
+    mesh = bumpy(degree)
+    reach = np.linalg.norm(mesh.vertices, axis=1) * (1 + SLOPE / 4) / BALL - 1
+    assert reach.max() == pytest.approx(SLOPE / degree, rel=0.05) == -reach.min()
+    height = mesh.vertices[:, 2] / np.linalg.norm(mesh.vertices, axis=1)
+    ring = np.abs(height) < 0.02  # near the equator the order gives the waves, where the degree is even there
+    around = np.argsort(np.arctan2(mesh.vertices[ring, 1], mesh.vertices[ring, 0]))
+    waves = np.abs(np.fft.rfft(reach[ring][around]))
+    assert np.argmax(waves[1:]) + 1 in {degree // 2 * times for times in range(1, 8)}
+
+
+def test_plates_are_as_far_apart_as_told_and_their_block_has_no_gap() -> None:
+    for distance in (0.4, 0.025):
+        left, right = np.split(np.sort(np.unique(np.round(plates(distance).vertices[:, 0], 9))), 2)
+        assert right.min() - left.max() == pytest.approx(distance)
+        block = plates(distance, solid=True).vertices
+        assert np.ptp(block[:, 0]) == pytest.approx(distance + 2 * PLATE[0])
+
+
+def test_a_scene_has_its_objects_on_one_floor() -> None:
+    one, four = scene(1), scene(4)
+    assert len(four.faces) > 2 * len(one.faces)
+    assert np.ptp(four.vertices[:, 2]) < np.ptp(one.vertices[:, 2])  # each is smaller in the frame

@@ -1,0 +1,53 @@
+"""A handful of points is drawn as balls, all of them in the frame, whatever places they take."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from z2p_core.interfaces import ScanError, Sensor
+from z2p_renderer.pipeline.placement.few_points import FEWEST_FOR_SURFACE, POINTS_A_BALL, as_balls
+from z2p_renderer.pipeline.placement.place_cloud import Placing, place
+from z2p_renderer.storage.scans.clouds import Scan
+
+RNG = np.random.default_rng(0)
+FEW = {
+    "line of five": np.outer(np.arange(5.0), [1, 2, 3]), "upright line": np.outer(np.arange(8.0), [0, 0, 1]),
+    "three": np.eye(3), "two places": np.array([[0.0, 0, 0], [1, 0, 0]]), "plane": RNG.normal(size=(20, 3)) * [1, 1, 0],
+    "nearly two places": np.array([[0.0, 0, 0], [0, 0, 1e-12], [1, 0, 0]]),
+    "most": RNG.normal(size=(FEWEST_FOR_SURFACE - 1, 3)),
+    "far off": np.add(RNG.normal(size=(9, 3)), [5e5, 5e6, 300]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_each_point_becomes_a_ball_about_it_that_shows(name: str) -> None:
+    points = FEW[name]
+    balls = as_balls(points).reshape(len(points), POINTS_A_BALL, 3)
+    np.testing.assert_allclose(balls.mean(1), points, atol=0.01 * np.ptp(points, axis=0).max())
+    radius = np.linalg.norm(balls - points[:, None], axis=2)
+    assert np.ptp(radius) < 1e-6 * radius.max() + 1e-8
+    assert 0.02 < radius.max() / np.linalg.norm(points - points.mean(0), axis=1).max() < 0.15
+
+
+@pytest.mark.parametrize("name", FEW)
+def test_all_of_it_lies_in_the_frame_and_it_is_told(name: str) -> None:
+    points = FEW[name]
+    for sensor in (None, Sensor(points.mean(0) - [0, 0, 30], np.eye(3))):
+        placed = place(Scan(points, 0, "", sensor), ".pcd", Placing())
+        assert np.linalg.norm(placed.cloud, axis=1).max() <= 1 + 1e-5
+        assert len(placed.cloud) == POINTS_A_BALL * len(points)
+        assert f"its {len(points)} points are drawn as balls" in placed.stance.told
+        assert placed.stance.outliers == placed.stance.background == 0
+
+
+def test_more_points_are_a_surface() -> None:
+    points = RNG.normal(size=(FEWEST_FOR_SURFACE, 3))
+    assert len(place(Scan(points, 0, ""), ".pcd", Placing()).cloud) == FEWEST_FOR_SURFACE
+
+
+@pytest.mark.filterwarnings("error")
+def test_points_too_near_each_other_for_floats_are_refused_without_a_warning() -> None:
+    for size in (1e-200, 1e-321):
+        with pytest.raises(ScanError, match="span a finite volume"):
+            place(Scan(size * RNG.normal(size=(20, 3)), 0, ""), ".pcd", Placing())

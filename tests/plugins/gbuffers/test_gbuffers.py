@@ -1,0 +1,254 @@
+"""The surfel G-buffer: light and shadow lie where they do in the scene; parameters move what they should."""
+
+import gc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from z2p_core.camera import DISTANCE, Camera
+from z2p_core.images import linear_from_srgb
+from z2p_core.parallel import one_core_each
+from z2p_core.scene import SceneDescription
+from z2p_core.surface.normals import thinned
+from z2p_renderer.plugins.gbuffers import surfels
+from z2p_renderer.plugins.gbuffers.glossy import Glossy
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
+
+CAMERA = Camera(96, 96)
+COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = range(10)
+
+
+def sphere_of(count=4000, radius=0.6):
+    points = np.random.default_rng(0).normal(size=(count, 3))
+    return (radius * points / np.linalg.norm(points, axis=1, keepdims=True)).astype(np.float32)
+
+
+SCENE = SceneDescription(material={"Base Color": (0.5, 0.25, 0.0, 1.0)})
+
+
+def test_a_sphere_is_covered_and_its_normals_point_outwards():
+    picture = Surfels().draw(sphere_of(), CAMERA, SCENE)
+    pixel, _ = CAMERA.project(np.zeros((1, 3)))
+    rows, columns = np.mgrid[:96, :96] + 0.5
+    reach = np.hypot(columns - pixel[0, 0], rows - pixel[0, 1])
+    edge = CAMERA.focal * np.tan(np.arcsin(0.6 / 3.6))
+    assert picture[COVERAGE][reach < edge - 2].mean() > 0.995 and not picture[COVERAGE][reach > edge + 2].any()
+    inner = reach < 0.7 * edge
+    assert np.abs(picture[RIGHT] - (columns - pixel[0, 0]) / edge)[inner].mean() < 0.06
+    assert np.abs(picture[DOWN] - (rows - pixel[0, 1]) / edge)[inner].mean() < 0.06
+    assert picture[DEPTH][48, 48] == pytest.approx((4.6 - 3.0) / 2, abs=0.02)
+
+
+@pytest.mark.parametrize("side", [5, 96, 257])
+def test_one_core_draws_what_two_draw(side):
+    cloud = np.concatenate([sphere_of(4000, 0.6), sphere_of(3000, 0.3) + np.float32([0.2, -0.7, 0.1])])
+    camera = Camera(side, side)
+    shared = Surfels().draw(cloud, camera, SCENE)
+    with one_core_each():
+        np.testing.assert_array_equal(Surfels().draw(cloud, camera, SCENE), shared)
+
+
+@pytest.mark.parametrize("kind", [Surfels, Glossy])
+def test_a_picture_leaves_nothing_for_pythons_collector(kind):
+    kind().draw(sphere_of(), CAMERA, SCENE)  # what is kept for the next picture is there now
+    gc.collect()
+    gc.disable()
+    try:
+        kind().draw(sphere_of(), CAMERA, SCENE)
+        assert gc.collect() == 0
+    finally:
+        gc.enable()
+
+
+def reconciled(count, off, shadow=0.0):
+    """Features of a sphere of so many points, and how a picture moves that is so much off them in colour and shadow."""
+    features = Surfels().draw(sphere_of(count), CAMERA, SCENE)
+    alpha = np.where(features[COVERAGE] > 0, features[COVERAGE], features[-1] + np.float32(shadow))
+    picture = np.concatenate([features[RED : BLUE + 1] + np.float32(off), alpha[None]])
+    before = picture.copy()
+    Surfels().reconcile(picture, features, count)
+    return features, picture - before
+
+
+@pytest.mark.parametrize(("count", "off"), [(40_000, 0.01), (40_000, -0.02), (4000, 0.01)])
+def test_where_points_are_dense_the_picture_moves_towards_its_discs(count, off):
+    features, moved = reconciled(count, off)
+    whole = features[COVERAGE] == 1
+    share = -moved[:3, whole] / off
+    assert whole.sum() > 500 and share.min() > 0.05 and share.max() <= surfels.MOST_TRUST + 1e-3
+    assert np.ptp(share) < 1e-3 and not moved[3].any() and not moved[:, features[COVERAGE] < 0.9].any()
+
+
+def test_denser_points_are_trusted_more_and_sparse_ones_not_at_all():
+    found = [reconciled(count, 0.01) for count in (200, 4000, 10_000, 40_000)]
+    shares = [np.abs(moved[:3, features[COVERAGE] == 1]).max() for features, moved in found]
+    assert shares[0] == 0 < shares[1] < shares[2] <= shares[3] + 1e-6
+
+
+def test_a_picture_moves_little_where_it_says_otherwise():
+    near, far = (np.abs(reconciled(40_000, off)[1]).max() for off in (surfels.ALIKE, 0.3))
+    assert far == pytest.approx(near, rel=1e-3)
+
+
+@pytest.mark.parametrize("count", [200, 4000])
+def test_the_floors_shadow_moves_a_quarter_of_the_way_to_what_was_cast_where_it_is_about_that(count):
+    features, moved = reconciled(count, 0.0, shadow=0.02)
+    off = features[COVERAGE] == 0
+    np.testing.assert_allclose(moved[3, off], -surfels.SHADOW_TRUST * 0.02, atol=1e-6)
+    assert not moved[3, features[COVERAGE] > 0.1].any() and not moved[:3, off].any()
+    assert not reconciled(count, 0.0, shadow=2.1 * surfels.SHADOW_ALIKE)[1][3, off].any()
+
+
+def test_light_from_a_side_lights_that_side_and_throws_the_shadow_to_the_other():
+    left, right = (
+        Surfels().draw(sphere_of(), CAMERA, replace(SCENE, light=(3.6, azimuth, 40.0))) for azimuth in (-70.0, 70.0)
+    )
+    half = np.s_[:, :48], np.s_[:, 48:]
+    assert left[GREY][half[0]].sum() > 1.2 * left[GREY][half[1]].sum()
+    assert right[GREY][half[1]].sum() > 1.2 * right[GREY][half[0]].sum()
+    assert left[SHADOW][half[1]].sum() > 1.5 * left[SHADOW][half[0]].sum()
+    assert right[SHADOW][half[0]].sum() > 1.5 * right[SHADOW][half[1]].sum()
+    assert left[SHADOW].min() >= 0 and left[SHADOW].max() <= 1
+
+
+def test_colours_are_those_of_the_material_and_the_rest_does_not_know_them():
+    picture = Surfels().draw(sphere_of(), CAMERA, SCENE)
+    seen = picture[COVERAGE] > 0
+    assert not picture[BLUE].any() and (picture[RED][seen] > picture[GREEN][seen]).all()
+    grey = Surfels().draw(sphere_of(), CAMERA, replace(SCENE, material={}))
+    for channel in (COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY):
+        np.testing.assert_array_equal(picture[channel], grey[channel])
+    np.testing.assert_array_equal(grey[RED], grey[BLUE])
+
+
+def test_a_bright_surface_gives_light_to_itself_and_to_the_floor():
+    cave = sphere_of(8000)
+    cave = cave[cave[:, 1] > -0.2]  # a bowl that opens to the viewer
+    dark, bright = (
+        Surfels().draw(cave, CAMERA, replace(SCENE, material={"Base Color": (x, x, x, 1.0)})) for x in (0.1, 0.9)
+    )
+    seen = dark[COVERAGE] > 0.9
+    ratio = linear_from_srgb(bright[RED][seen]) / linear_from_srgb(dark[RED][seen])
+    assert np.median(ratio) > 9 * 1.15
+    shadowed = (dark[SHADOW] > 0.05) & (dark[COVERAGE] == 0)
+    assert (bright[SHADOW] - dark[SHADOW])[shadowed].mean() < -0.005
+
+
+def test_gaps_of_chance_are_closed_and_a_hole_wider_than_they_are_stays_open():
+    rng = np.random.default_rng(1)
+    spacing = 1.2 / np.sqrt(3000)
+    sheet = np.column_stack([rng.uniform(-0.6, 0.6, 3000), np.zeros(3000), rng.uniform(-0.6, 0.6, 3000)])
+    away = np.hypot(sheet[:, 0], sheet[:, 2])
+    whole = Surfels().draw(sheet.astype(np.float32), CAMERA, SCENE)[COVERAGE]
+    torn = Surfels().draw(sheet[away > 4.5 * spacing].astype(np.float32), CAMERA, SCENE)[COVERAGE]
+    (column, row), _ = (found[0] for found in CAMERA.project(np.zeros((1, 3))))
+    rows, columns = np.mgrid[:96, :96] + 0.5
+    reach = np.hypot(columns - column, rows - row) * DISTANCE / CAMERA.focal  # in world units, nearly
+    assert (whole[(reach < 0.5)] > 0.5).mean() > 0.997
+    assert not torn[reach < 2.5 * spacing].any()
+    assert (torn[(reach > 5.5 * spacing) & (reach < 0.5)] > 0.5).mean() > 0.99
+
+
+def test_a_small_hole_is_closed_and_looks_like_what_is_around_it():
+    rng = np.random.default_rng(1)
+    spacing = 1.2 / np.sqrt(3000)
+    sheet = np.column_stack([rng.uniform(-0.6, 0.6, 3000), np.zeros(3000), rng.uniform(-0.6, 0.6, 3000)])
+    sheet = sheet[np.hypot(sheet[:, 0], sheet[:, 2]) > 2.5 * spacing]
+    picture = Surfels().draw(sheet.astype(np.float32), CAMERA, SCENE)
+    (column, row), _ = (found[0] for found in CAMERA.project(np.zeros((1, 3))))
+    rows, columns = np.mgrid[:96, :96] + 0.5
+    reach = np.hypot(columns - column, rows - row) * DISTANCE / CAMERA.focal
+    hole, around = reach < 2 * spacing, (reach > 3 * spacing) & (reach < 8 * spacing)
+    assert picture[COVERAGE][hole].min() > 0.9
+    for channel in (DEPTH, RIGHT, DOWN, GREY, RED):
+        assert picture[channel][hole].mean() == pytest.approx(picture[channel][around].mean(), abs=0.03)
+
+
+def test_density_is_about_a_third_at_the_border_of_a_sheet():
+    rng = np.random.default_rng(0)
+    wall = np.column_stack([rng.uniform(-0.6, 0.6, 6000), np.zeros(6000), rng.uniform(-0.6, 0.6, 6000)])
+    camera = Camera(512, 512, 0.0)
+    picture = Surfels().draw(wall.astype(np.float32), camera, SCENE)
+    border = 0.6 / 3.6 * camera.focal
+    rows, columns = np.mgrid[:512, :512] + 0.5 - 256
+    beside = (np.abs(rows) < border - 12) & (np.abs(np.abs(columns) - border) < 0.7)
+    within = (np.abs(rows) < border - 12) & (np.abs(columns) < border - 12)
+    assert picture[DENSITY][beside].mean() == pytest.approx(0.3, abs=0.1) and picture[DENSITY][within].mean() > 0.75
+
+
+def test_the_floor_touches_the_lowest_point_unless_it_is_told():
+    cloud = sphere_of()
+    lowest = float(cloud[:, 2].min())
+    resting, told, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=x)) for x in (None, lowest, lowest - 0.3))
+    np.testing.assert_array_equal(resting, told)
+    assert np.array_equal(resting[:GREY], deep[:GREY]) and not np.array_equal(resting[SHADOW], deep[SHADOW])
+
+
+def test_noise_hardly_shows_in_the_shading():
+    clean = Surfels().draw(sphere_of(6000), CAMERA, SCENE)
+    rng = np.random.default_rng(1)
+    cloud = (sphere_of(6000) + rng.normal(0, 0.012, (6000, 3))).astype(np.float32)
+    noisy = Surfels().draw(cloud, CAMERA, SCENE)
+    inner = clean[COVERAGE] > 0.99
+    assert np.abs(noisy[RIGHT] - clean[RIGHT])[inner].mean() < 0.045  # 0.088 with as many neighbours as for a clean one
+    assert np.abs(noisy[GREY] - clean[GREY])[inner].mean() < 0.013  # 0.025
+
+
+def test_two_points_face_the_camera():
+    picture = Surfels().draw(np.float32([[0, 0, 0], [0.1, 0, 0.1]]), CAMERA, SCENE)
+    assert picture[COVERAGE].max() > 0.9 and np.isfinite(picture).all()
+
+
+@pytest.mark.parametrize("along", [(0, 0, 1), (1, 0, 0), (0.5, 0.5, 0.7)])
+def test_a_line_is_seen_from_everywhere(along):
+    line = np.linspace(-0.6, 0.6, 300)[:, None] * np.float32(along)
+    picture = Surfels().draw(line, CAMERA, SCENE)
+    ends, _ = CAMERA.project(line[[0, -1]])
+    assert picture[COVERAGE].sum() > 0.5 * np.linalg.norm(ends[1] - ends[0])
+
+
+def test_large_clouds_are_thinned_evenly_whatever_their_order():
+    cloud = sphere_of(100_000)
+    kept = thinned(cloud, 20_000)
+    assert len(kept) == pytest.approx(20_000, rel=0.03) and np.abs(kept.mean(0)).max() < 0.02
+    reversed_kept = thinned(cloud[::-1], 20_000)
+    np.testing.assert_array_equal(np.sort(kept, axis=0), np.sort(reversed_kept, axis=0))
+    assert thinned(kept, 40_000) is kept
+
+
+def test_a_part_with_fewer_points_is_closed_and_a_stray_point_stays_a_dot():
+    dense, sparse = sphere_of(8000, 0.4) - np.float32([0.45, 0, 0]), sphere_of(300, 0.4) + np.float32([0.45, 0, 0])
+    alone = Surfels().draw(sparse, CAMERA, SCENE)[COVERAGE]
+    beside = Surfels().draw(np.vstack([dense, sparse]), CAMERA, SCENE)[COVERAGE]
+    inside = alone[:, 52:] > 0.9
+    assert inside.sum() > 300 and (beside[:, 52:][inside] > 0.9).mean() > 0.97
+    stray = np.float32([[0.45, 0, 0.5]])
+    dot = Surfels().draw(np.vstack([dense, stray]), CAMERA, SCENE)[COVERAGE][:, 52:]
+    assert (dot > 0.5).sum() < 12
+
+
+def test_the_penumbra_of_a_thin_thing_falls_in_finer_steps_in_larger_pictures(monkeypatch):
+    """Lamps that stand for a square would cast as many shadows of a pole, side by side."""
+    height = np.random.default_rng(0).uniform(-0.95, 0.95, 1500)
+    turn = np.random.default_rng(1).uniform(0, 2 * np.pi, 1500)
+    pole = np.column_stack([0.02 * np.cos(turn), 0.02 * np.sin(turn), height]).astype(np.float32)
+    scene = SceneDescription(light=(3.5, -60.0, 40.0))
+    fine = Surfels().draw(pole, Camera(800, 800), scene)[-1]
+    monkeypatch.setattr(surfels, "lamp_sets_for", lambda camera: 1)
+    coarse = Surfels().draw(pole, Camera(800, 800), scene)[-1]
+    assert fine.sum() == pytest.approx(coarse.sum(), rel=0.02)
+    steps = [np.abs(np.diff(shadow[:, 500:], axis=0)).sum() for shadow in (fine, coarse)]
+    assert steps[0] < 0.8 * steps[1]
+
+
+def test_beside_the_cloud_and_its_dark_shadow_the_picture_is_what_was_cast():
+    features = Surfels().draw(sphere_of(4000), CAMERA, SCENE)
+    beside = Surfels().elsewhere(features, 4000)
+    assert beside is not None
+    shown, floor = beside
+    assert (shown[features[COVERAGE] > 0] > 0).all() and (shown[features[-1] > surfels.SHADED] > 0).all()
+    left = shown == 0
+    assert features[-1][left].max() > 0.02 and left.mean() > 0.3
+    assert not floor[:3].any() and np.array_equal(floor[3], features[-1])
+    assert Surfels().elsewhere(features, 400) is None  # so few cast a shadow with gaps

@@ -1,0 +1,71 @@
+"""The quick G-buffer: the same channels, light and shadow as the careful one, a little off."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from z2p_core.camera import Camera
+from z2p_core.parallel import one_core_each
+from z2p_core.scene import SceneDescription
+from z2p_renderer.plugins.gbuffers.sketch import Sketch
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
+
+CAMERA = Camera(128, 128)
+SCENE = SceneDescription(material={"Base Color": (0.5, 0.25, 0.0, 1.0)})
+COVERAGE, COLORS, SHADOW = 0, slice(5, 9), 9
+
+
+def sphere(count: int) -> np.ndarray:
+    """Random points (count, 3) on the unit sphere."""
+    points = np.random.default_rng(0).normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+def two_balls(count: int = 6000) -> np.ndarray:
+    """A small ball beside a larger one, which shades it."""
+    return np.float32(np.concatenate([0.6 * sphere(count), 0.25 * sphere(count // 4) + [0.4, -0.5, -0.35]]))
+
+
+@pytest.fixture(scope="module")
+def careful() -> np.ndarray:
+    return Surfels().draw(two_balls(), CAMERA, SCENE)
+
+
+@pytest.fixture(scope="module")
+def quick() -> np.ndarray:
+    return Sketch().draw(two_balls(), CAMERA, SCENE)
+
+
+def test_discs_lie_where_the_careful_ones_do(careful: np.ndarray, quick: np.ndarray) -> None:
+    assert quick.shape == careful.shape and Sketch.channels == Surfels.channels
+    assert np.abs(quick[COVERAGE] - careful[COVERAGE]).mean() < 0.002
+    inside = (careful[COVERAGE] == 1) & (quick[COVERAGE] == 1)
+    off = np.abs(quick - careful)[:, inside]
+    assert off[2].mean() < 0.002  # depth
+    assert off[3:5].mean() < 0.01  # normals
+
+
+def test_light_and_shadow_are_about_the_same(careful: np.ndarray, quick: np.ndarray) -> None:
+    inside = (careful[COVERAGE] == 1) & (quick[COVERAGE] == 1)
+    off = (quick - careful)[COLORS, inside]
+    assert np.abs(off.mean()) < 0.01 and np.abs(off).mean() < 0.02
+    outside = careful[COVERAGE] == 0
+    off = (quick - careful)[SHADOW, outside]
+    assert careful[SHADOW, outside].max() > 0.4
+    assert np.abs(off.mean()) < 0.003 and np.abs(off).mean() < 0.006
+
+
+def test_weights_that_know_the_careful_one_can_learn_on_with_it() -> None:
+    assert Sketch.refines == Surfels.name
+
+
+@pytest.mark.parametrize("count", [2, 3, 40, 50_000])
+def test_any_number_of_points_is_drawn(count: int) -> None:
+    picture = Sketch().draw(np.float32(0.6 * sphere(count)), CAMERA, SCENE)
+    assert np.isfinite(picture).all() and picture[COVERAGE].max() > 0
+
+
+def test_one_core_draws_what_two_draw(quick: np.ndarray) -> None:
+    with one_core_each():
+        np.testing.assert_array_equal(Sketch().draw(two_balls(), CAMERA, SCENE), quick)

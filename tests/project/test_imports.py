@@ -1,0 +1,94 @@
+"""The house's rules that no reader should have to remember: which room imports which."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROOMS = {
+    "z2p_core": set(),
+    "storage": {"z2p_core"},
+    "pipeline": {"storage", "z2p_core"},
+    "workflows": {"pipeline", "storage", "z2p_core"},
+    "plugins": {"z2p_core"},
+}
+"""Room -> the other rooms that it may import."""
+FOLDERS = set(ROOMS) - {"z2p_core"}
+"""Rooms that are packages of `z2p_renderer`."""
+ONLY_IN = {
+    "bpy": "pipeline/blender.py",
+    "mathutils": "pipeline/blender.py",
+    "luigi": "workflows/",
+    "h5py": ("storage/", "plugins/readers/h5.py"),
+}
+"""Library -> where alone it may be imported."""
+NOT_IN_CORE = {"h5py", "luigi", "bpy", "open3d"}
+FILE_CALLS = {"open", "read_text", "write_text", "read_bytes", "write_bytes", "mkdir", "unlink", "touch", "rename"}
+FILE_CALLS |= {"savez", "savez_compressed", "savetxt", "loadtxt", "genfromtxt", "fromfile", "tofile", "load_file"}
+BUILDING = {Path("z2p_core/native", name) for name in ("build.py", "source_digest.py", "wheels.py")}
+"""What compiles the kernels, tells the C files that they come from, which lie beside it, and names wheels."""
+
+
+def sources(*rooms: str) -> list[Path]:
+    return sorted(path.relative_to(ROOT) for room in rooms for path in (ROOT / room).rglob("*.py"))
+
+
+def imports(path: Path) -> Iterator[tuple[str, int]]:
+    """(full module name, line) of every import in a file, those inside functions included."""
+    for node in ast.walk(ast.parse((ROOT / path).read_text())):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node.lineno) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield "." * node.level + (node.module or ""), node.lineno
+        elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") in ("import_module", "__import__"):
+            yield from ((str(name.value), node.lineno) for name in node.args if isinstance(name, ast.Constant))
+
+
+ALL = sources(*ROOMS)
+
+
+def test_there_is_something_to_check() -> None:
+    assert {path.parts[0] for path in ALL} == set(ROOMS)
+    assert "numpy" in [module for module, _ in imports(Path("z2p_core/placement/bounding_sphere.py"))]
+    assert "bpy" in [module for module, _ in imports(Path("pipeline/blender.py"))]
+
+
+@pytest.mark.parametrize("path", ALL, ids=str)
+def test_imports_follow_the_arrows(path: Path) -> None:
+    room = path.parts[0]
+    for module, line in imports(path):
+        assert not module.startswith("."), f"{path}:{line}: relative import; write the whole name"
+        target = module.removeprefix("z2p_renderer.").split(".")[0]
+        assert target not in FOLDERS or module.startswith("z2p_renderer."), (
+            f"{path}:{line}: {module} is installed as z2p_renderer.{module}")
+        if target in ROOMS and target != room:
+            allowed = ", ".join(sorted(ROOMS[room])) or "no other room"
+            assert target in ROOMS[room], f"{path}:{line} imports {module}; {room} may import {allowed}"
+        home = ONLY_IN.get(target)
+        assert home is None or str(path).startswith(home), f"{path}:{line} imports {target}, which belongs in {home}"
+
+
+@pytest.mark.parametrize("path", sources("pipeline", "storage", "workflows", "z2p_core"), ids=str)
+def test_nobody_imports_plugins(path: Path) -> None:
+    found = [line for module, line in imports(path) if module.startswith("z2p_renderer.plugins")]
+    assert not found, f"{path}:{found[0]} imports plugins; use z2p_core.registry.load"
+
+
+@pytest.mark.parametrize("path", sorted({*sources("z2p_core")} - BUILDING), ids=str)
+def test_the_core_touches_no_file(path: Path) -> None:
+    for module, line in imports(path):
+        assert module.split(".")[0] not in NOT_IN_CORE, f"{path}:{line}: the core may not import {module}"
+    for node in ast.walk(ast.parse((ROOT / path).read_text())):
+        if isinstance(node, ast.Call):
+            called = getattr(node.func, "attr", getattr(node.func, "id", ""))
+            assert called not in FILE_CALLS, f"{path}:{node.lineno} calls {called}: files belong in storage"
+
+
+def test_no_two_test_files_have_one_name() -> None:
+    """As there are no packages, pytest imports them by it."""
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))

@@ -1,0 +1,324 @@
+"""No code shapes a result unseen: what a stage's code imports is in its fingerprint, or excused by name."""
+
+import ast
+import re
+import sys
+from collections.abc import Iterator
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+import z2p_renderer.storage.results.fingerprints
+from z2p_core import registry
+from z2p_renderer.storage.results.c_code_digest import c_digest
+from z2p_renderer.storage.results.code_digest import code_digest, defined, imports, part_digest, source_of
+from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
+from z2p_renderer.storage.results.stage_dependencies import (
+    NOT_SHAPING,
+    OF_WEIGHTS,
+    PACKAGES,
+    PLACING,
+    SHAPING,
+    WHOLE_PACKAGES,
+    installed_version,
+)
+
+ROOT = Path(__file__).parents[3]
+ROOMS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
+ENTRY = {
+    "shapes": {"workflows.stages:Shapes", "pipeline.shapes:make_shapes", "pipeline.blender:export_suzanne"},
+    "sample": {"workflows.stages:SampleMesh", "pipeline.rendering.mesh_samples:sample_pool"},
+    "render": {"workflows.stages:RenderChunk", "pipeline.rendering.views:render_chunk", "pipeline.blender:main"},
+    "shard": {"workflows.stages:ShardMesh", "pipeline.training.make_shard:make_shard"},
+    "train": {"workflows.stages:Train", "pipeline.training.train:train"},
+    "reference": {"pipeline.rendering.ground_truth:render_references", "pipeline.blender:main"},
+    "evaluate": {"workflows.stages:Evaluate", "pipeline.evaluation.evaluate:evaluate", "pipeline.blender:main"},
+    "measure": {"workflows.report.stages:Measure", "pipeline.evaluation.paper.measure:measure", "pipeline.blender:main"},
+    "scans": {"workflows.report.stages:Scans", "pipeline.evaluation.paper.real_scans:show_scans", "pipeline.blender:main"},
+    "times": {"workflows.report.stages:Times", "pipeline.evaluation.paper.timing:measure_times", "pipeline.blender:main"},
+    "trust": {"workflows.report.stages:Trust", "pipeline.evaluation.paper.uncertainty:measure_trust", "pipeline.blender:main"},
+    "report": {"workflows.report.stages:Report", "pipeline.evaluation.paper.page.report:write_report"},
+    "compare": {"workflows.ablation.stages:Compare", "pipeline.evaluation.ablation.page:write_ablations"},
+}
+"""Stage -> its luigi task, the function that this calls, and what its Blender process runs."""
+PLUGINS = {
+    "sample": {"samplers"},
+    "render": {"controls"},
+    "shard": {"controls"},
+    "train": {"zbuffers", "gbuffers", "encoders"},
+    "evaluate": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines"},
+    "measure": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters"},
+    "scans": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters",
+              "readers"},
+    "times": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines", "baselines", "painters"},
+    "trust": {"zbuffers", "gbuffers", "encoders", "controls", "samplers", "engines"},
+}
+DISTRIBUTIONS = {"trimesh": "trimesh", "bpy": "bpy", "h5py": "h5py", "torch": "torch", "kornia": "kornia",
+                 "flip_evaluator": "flip-evaluator", "numpy": "numpy", "open3d": "open3d"}  # fmt: skip
+READERS = {("train", "h5py"), ("evaluate", "h5py")}
+"""Packages with which a stage only reads what another one wrote."""
+
+def listed(stage: str, module: str, name: str) -> bool:
+    parts = SHAPING[stage]
+    return module in parts or (bool(name) and f"{module}:{name}" in parts)
+
+
+def excused(stage: str, module: str, name: str) -> bool:
+    counts_somewhere = any(f"{module}:{name}" in parts for parts in SHAPING.values())
+    return f"{stage}/{module}:{name}" in NOT_SHAPING or (module in NOT_SHAPING and not counts_somewhere)
+
+
+def needs(part: str) -> Iterator[tuple[str, str]]:
+    """(module, name) of what a part uses: imports, and for a definition also its module's other definitions."""
+    if "/" in part:
+        return
+    module, _, definition = part.partition(":")
+    tree = ast.parse(source_of(module).read_text())
+    if not definition:
+        yield from imports(tree)
+        return
+    body = ast.Module([one for one in tree.body if definition in defined(one)], [])
+    used = {node.id for node in ast.walk(body) if isinstance(node, ast.Name)} - {definition}
+    here = set().union(*(defined(one) for one in tree.body))
+    yield from ((module, name) for name in used & here if name != "Value" and not name.endswith("Error"))
+    yield from imports(body)
+    for origin, name in imports(ast.Module([one for one in tree.body if not defined(one)], [])):
+        if name in used or origin in used:
+            yield origin, name
+
+
+def as_listed(module: str) -> str:
+    """A module's name as in a checkout."""
+    return module.removeprefix("z2p_renderer.")
+
+
+@cache
+def needed(part: str) -> frozenset[tuple[str, str]]:
+    """What a part needs of the project's own, with ``from package import module`` told as that module."""
+    kept = {(as_listed(module), name) for module, name in needs(part) if as_listed(module).split(".")[0] in ROOMS}
+    inner = {(m, n): (f"{m}.{n}", "") for m, n in kept if n and source_of(f"{m}.{n}").is_file()}
+    return frozenset(inner.get(one, one) for one in kept)
+
+
+def plugins(stage: str) -> list[type]:
+    found = [registry.load(group, name) for group in PLUGINS.get(stage, ()) for name in registry.names(group)]
+    return [plugin for plugin in found if plugin.__module__.startswith("z2p_renderer.plugins.")]
+
+
+def plugin_modules(stage: str) -> set[str]:
+    """Those of the stage's plugins, and what they import of their own folder: all of it is in the plugins' digests."""
+    found, waiting = set(), {as_listed(plugin.__module__) for plugin in plugins(stage)}
+    while waiting:
+        found.add(module := waiting.pop())
+        waiting |= {other for other, _ in needed(module) if other.startswith("plugins.")} - found
+    return found
+
+
+def packages(part: str) -> set[str]:
+    """Distributions whose code a part calls, as far as any stage declares them."""
+    return {DISTRIBUTIONS[name] for name in {module.split(".")[0] for module, _ in needs(part)} & set(DISTRIBUTIONS)}
+
+
+@pytest.mark.parametrize("stage", SHAPING)
+def test_everything_that_a_stage_imports_is_listed_or_excused(stage):
+    for part in ENTRY[stage]:
+        assert listed(stage, *part.split(":")), f"{stage} runs {part}, which its fingerprint does not hold"
+    for part in [*SHAPING[stage], *plugin_modules(stage)]:
+        for module, name in needed(part) - {(one, "") for one in ("plugins",)}:
+            if module in plugin_modules(stage) or module == "z2p_core":
+                continue
+            assert listed(stage, module, name) or excused(stage, module, name), (
+                f"{stage}: {part} uses {module}:{name}, which is neither in SHAPING[{stage!r}] nor in NOT_SHAPING"
+            )
+
+
+@pytest.mark.parametrize("stage", SHAPING)
+def test_nothing_is_listed_that_no_code_of_the_stage_reaches(stage):
+    reached, waiting = set(), [*ENTRY[stage], *plugin_modules(stage)]
+    while waiting:
+        part = waiting.pop()
+        module = part.split(":")[0]
+        for step in ({part} & plugin_modules(stage)) | ({part, module} & set(SHAPING[stage])):
+            if step not in reached:
+                reached.add(step)
+                waiting += [f"{origin}:{name}" if name else origin for origin, name in needed(step)]
+    wholly = {part for part in SHAPING[stage] if (package := part.rpartition(".")[0]) in WHOLE_PACKAGES
+              and any(module == package or module.startswith(package + ".") for module in reached)}  # fmt: skip
+    wholly |= {part for part in WHOLE_PACKAGES if any(module.startswith(part + ".") for module in reached)}
+    beside = {part for part in SHAPING[stage] if "/" in part and part.rpartition("/")[0].replace("/", ".") in reached}
+    beside |= {part for part in SHAPING[stage] if part.startswith("z2p_core/native/") and "z2p_core.native" in reached}
+    assert set(SHAPING[stage]) <= reached | beside | wholly  # what is compiled belongs to the module beside it
+
+
+@pytest.mark.parametrize("stage", SHAPING)
+def test_the_packages_that_a_stages_code_imports_are_declared(stage):
+    used = {package for part in SHAPING[stage] for package in packages(part)}
+    for plugin in plugins(stage):  # what it names itself is in its own fields
+        used |= packages(plugin.__module__) - set(getattr(plugin, "packages", ()))
+    assert {package for package in used if (stage, package) not in READERS} <= set(PACKAGES[stage])
+    project = (ROOT / "pyproject.toml").read_text()
+    assert all(re.search(rf'"{package}[>=]', project) for package in PACKAGES[stage])
+
+
+def test_what_placing_a_scan_runs_is_no_part_of_weights_alone():
+    reached, waiting = set(), {"pipeline.placement.place_cloud"}
+    while waiting:
+        part = waiting.pop()
+        reached.add(part)
+        if part != "z2p_core.native":  # its names come from modules that placing does not all call
+            waiting |= {module for module, _ in needed(part)} - reached
+    assert reached & set(OF_WEIGHTS) <= set(PLACING) <= set(OF_WEIGHTS) & set(SHAPING["scans"])
+    kernels = {name: set(re.findall(r"native\.(\w+)", (ROOT / "z2p_core" / f"{name}.py").read_text()))
+               for name in ("placement/view_selection", "surface/mls_smoothing")}  # fmt: skip
+    assert kernels == {"placement/view_selection": {"showing"}, "surface/mls_smoothing": {"Grid", "jets", "planes"}}  # and what noise is told by
+
+
+def test_a_package_may_come_by_another_name(monkeypatch):
+    versions = {"open3d-cpu": "0.19.0", "numpy": "1.26.4"}
+
+    def version(name):
+        if name not in versions:
+            raise metadata.PackageNotFoundError(name)
+        return versions[name]
+
+    monkeypatch.setattr(metadata, "version", version)
+    installed = installed_version.__wrapped__
+    assert [installed(name) for name in ("open3d", "numpy", "torch")] == ["0.19.0", "1.26.4", "not installed"]
+    versions["open3d"] = "0.20.0+abc"
+    assert installed("open3d") == "0.20.0"
+
+
+def test_every_excuse_is_needed_and_every_stage_is_told():
+    assert set(SHAPING) == set(PACKAGES) == set(STAGE_VERSIONS) == set(ENTRY)
+    used = {one for stage in SHAPING for part in [*SHAPING[stage], *plugin_modules(stage)] for m, n in
+            needed(part) for one in (m, f"{stage}/{m}:{n}")}  # fmt: skip
+    assert set(NOT_SHAPING) <= used
+
+
+def test_everything_that_is_listed_is_there():
+    for stage in SHAPING:
+        assert all(len(digest) == 64 for digest in stage_fields(stage)["code"].values())
+
+
+def test_code_in_other_languages_and_what_compiles_it_is_listed_as_well():
+    kinds = ("c", "cpp", "h", "cu", "pyx")
+    sources = [path for room in ROOMS for kind in kinds for path in (ROOT / room).rglob(f"*.{kind}")]
+    listed_files = {part for parts in SHAPING.values() for part in parts if "/" in part}
+    built_with = ROOT / "z2p_core" / "native" / "build.py"  # the compiler's flags, which no module imports
+    assert {path.relative_to(ROOT).as_posix() for path in [*sources, built_with]} == listed_files
+    assert part_digest("workflows/luigi.cfg") == file_digest(ROOT / "workflows" / "luigi.cfg")
+
+
+C = '''#include <math.h>
+#define TWICE(x) ((x) + (x))  /* no comment */
+// what it is
+static const char *told = "/* no comment */ // 'none' \\" ", quote = '"';
+
+float half(float a, int b) { return a - -b / 2; }
+'''
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [
+        ("// what it is\n", ""),
+        ("// what it is", "/* it is\n\n   what */ // \"and\" 'more"),
+        ("/* no comment */\n//", "// 'another\n\n//"),
+        ("{ return", "{\n\t/* half */ return"),
+        ("a - -b / 2", "a-\n-b/2"),
+        ("(x) + (x))", "(x) \\\n    + (x))"),
+        ("\n", "\r\n"),
+    ],
+)
+def test_comments_and_layout_of_c_make_nothing_stale(old, new):
+    assert old in C and c_digest(C.replace(old, new)) == c_digest(C)
+
+
+@pytest.mark.parametrize(
+    "old, new",
+    [
+        ("<math.h>", "<math//.h>"),
+        ("told = \"/* no", "told = \"/*  no"),
+        ("// 'none'", "// 'nine'"),
+        ("'\"'", "'\\''"),
+        ("a - -b", "a --b"),
+        ("a - -b", "a - +b"),
+        ("b / 2", "b // 2"),
+        ("TWICE(x)", "TWICE (x)"),
+        ("+ (x))", "+\n(x))"),
+        ("int b", "intb"),
+        ("half", "Half"),
+    ],
+)
+def test_all_else_in_c_does(old, new):
+    assert old in C and c_digest(C.replace(old, new)) != c_digest(C)
+
+
+def test_each_kernels_code_counts_and_its_comments_do_not():
+    for part in {part for part in SHAPING["train"] if part.endswith((".c", ".h"))}:
+        source = (ROOT / part).read_text()
+        assert part_digest(part) == c_digest(f"/* new */\n{source}\n\n// new\n") != c_digest(f"{source}\nint new;\n")
+
+
+def test_a_definitions_digest_does_not_hang_on_its_neighbours():
+    text = "A = 1\ndef f():\n    return A\ndef g():\n    return 2\n"
+    assert code_digest(text, "f") == code_digest(text.replace("2", "3"), "f") != code_digest(text, "g")
+    assert code_digest(text, "A") != code_digest(text.replace("A = 1", "A = 2"), "A")
+    with pytest.raises(ValueError, match="'h'"):
+        code_digest(text, "h")
+
+
+def test_stage_fields_hold_code_and_packages_without_builds():
+    fields = stage_fields("train")
+    assert fields["code"]["pipeline.training.train"] == part_digest("pipeline.training.train")
+    assert fields["packages"]["torch"] and "+" not in fields["packages"]["torch"]
+
+
+def test_a_plugins_code_is_that_of_its_whole_package(tmp_path, monkeypatch):
+    package = tmp_path / "coded_plugin"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "strength.py").write_text("STRENGTH = 2\n")
+    (package / "control.py").write_text("from .strength import STRENGTH\nclass Gloss:\n    name, version = 'g', '1'\n")
+    (package / "other.py").write_text("X = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    plugin = __import__("coded_plugin.control", fromlist=["Gloss"]).Gloss
+    before = plugin_fields(plugin)
+    (package / "other.py").write_text("X = 2\n")
+    (package / "strength.py").write_text("STRENGTH = 2  # as ever\n")
+    assert plugin_fields(plugin) == before
+    (package / "strength.py").write_text("STRENGTH = 3\n")
+    assert plugin_fields(plugin)["code"] != before["code"]
+
+
+def test_a_plugin_becomes_stale_with_the_packages_that_it_names(monkeypatch):
+    farthest, uniform = (registry.load("samplers", name) for name in ("farthest", "uniform"))
+    before = [plugin_fields(plugin) for plugin in (farthest, uniform)]
+    later = z2p_renderer.storage.results.fingerprints
+    monkeypatch.setattr(later, "installed_version", lambda package: f"{package} of tomorrow")
+    assert plugin_fields(farthest)["code"] != before[0]["code"]
+    assert plugin_fields(uniform) == before[1]
+
+
+@pytest.mark.parametrize("where", ["packed_plugin", "packed_plugin.deep"])
+@pytest.mark.parametrize("line", ["from .values import X", "from . import values", "from {0}.values import X"])
+def test_a_plugin_may_live_in_its_packages_init(tmp_path, monkeypatch, where, line):
+    folder = tmp_path.joinpath(*where.split("."))
+    (folder / "values").mkdir(parents=True)
+    if "." in where:
+        (folder.parent / "__init__.py").write_text("")
+    (folder / "__init__.py").write_text(f"{line.format(where)}\nclass Gloss:\n    name, version = 'g', '1'\n")
+    values = folder / "values" / "__init__.py"  # a package itself, whose parts count as well
+    values.write_text("from .numbers import X\n")
+    (folder / "values" / "numbers.py").write_text("X = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in [name for name in sys.modules if name.startswith("packed_plugin")]:
+        monkeypatch.delitem(sys.modules, name)
+    plugin = __import__(where, fromlist=["Gloss"]).Gloss
+    before = plugin_fields(plugin)
+    (folder / "values" / "numbers.py").write_text("X = 2\n")
+    assert plugin_fields(plugin) != before
+
+

@@ -1,0 +1,176 @@
+"""What nobody needs is shown and then removed; what is kept, linked, written or in use stays."""
+
+import errno
+import fcntl
+import json
+import os
+import subprocess
+import sys
+import time
+
+import pytest
+from editing import edited
+from small_store import fill, link, listing
+
+from z2p_renderer.storage.results.store import Store, StoreError
+from z2p_renderer.workflows.plan import make_plan
+from z2p_renderer.workflows.upkeep.garbage_collection import sweep, unneeded
+from z2p_renderer.workflows.upkeep.runs_in_use import Registration, keep, running
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path / "runs")
+
+
+def names(found):
+    return {one.name for one in found}
+
+
+def test_results_of_a_setting_that_was_left_go_and_the_rest_stays(config, store):
+    old, new = make_plan(config), make_plan(edited(config, "train.steps", 7))
+    fill(store, old)
+    fill(store, new)
+    keep(store, new, "{}")
+    before = listing(store.root)
+    assert names(unneeded(store)) == {"train", "evaluate"}
+    after = listing(store.root)
+    assert {path for path in after if "/.locks" not in path} == {path for path in before if "/.locks" not in path}
+    (store.root / ".trash" / "of one that was killed" / "0").mkdir(parents=True)
+    assert names(sweep(store)) == {"train", "evaluate"} and unneeded(store) == []
+    assert all(store.complete(step.entry) for step in new.steps.values())
+    assert not store.complete(old.steps["train"].entry) and not (store.root / ".trash").exists()
+
+
+def test_what_a_link_leads_to_stays_with_all_that_it_was_made_from(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    link(store, plan)
+    assert names(unneeded(store)) == {"evaluate"}
+    assert len(unneeded(store, drop=["quick"])) == len(plan.steps)
+
+
+def test_a_configuration_can_be_dropped(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    keep(store, plan, "{}")
+    assert unneeded(store) == []
+    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+    assert not list((store.root / ".kept").iterdir())
+
+
+def test_what_a_running_pipeline_uses_stays_until_it_ends(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    registration = Registration(store, plan, "{}")
+    (store.root / ".kept" / "quick.json").unlink()
+    assert sweep(store) == [] and [note["name"] for note in running(store)] == ["quick"]
+    registration.close()
+    assert len(unneeded(store)) == len(plan.steps)
+
+
+@pytest.mark.parametrize("name", ["elsewhere", f"{os.uname().nodename}-2"])
+def test_a_killed_pipelines_note_does_not_last_but_that_of_another_machine_is_believed_for_a_while(config, store, name):
+    plan = make_plan(config)
+    fill(store, plan)
+    registration = Registration(store, plan, "{}")
+    (store.root / ".kept" / "quick.json").unlink()
+    registration._file.close()  # as the kernel does when the process is killed
+    assert len(unneeded(store)) == len(plan.steps)
+    elsewhere = registration.path.rename(registration.path.with_name(f"{name}-1-abc.json"))
+    elsewhere.write_text(json.dumps({**json.loads(elsewhere.read_text()), "host": name}))
+    assert unneeded(store) == []
+    os.utime(elsewhere, (time.time() - 3600,) * 2)
+    assert len(unneeded(store)) == len(plan.steps) and elsewhere.exists()  # looking removes nothing
+    assert len(sweep(store)) == len(plan.steps) and not elsewhere.exists()
+
+
+def locked_as_on_nfs4(monkeypatch):
+    """From now on what NFS 4 asks of a file that is locked: to be open to be read if shared, to be written if alone."""
+    flock = fcntl.flock
+
+    def strict(file, how):
+        given = fcntl.fcntl(file, fcntl.F_GETFL) & os.O_ACCMODE
+        if not how & fcntl.LOCK_UN and given == (os.O_WRONLY if how & fcntl.LOCK_SH else os.O_RDONLY):
+            raise OSError(errno.EBADF, os.strerror(errno.EBADF))
+        flock(file, how)
+
+    monkeypatch.setattr(fcntl, "flock", strict)
+
+
+def test_notes_are_told_alive_or_dead_on_nfs4_too(config, store, monkeypatch):
+    locked_as_on_nfs4(monkeypatch)
+    note = Registration(store, make_plan(config), "{}")
+    copy = note.path.with_name("copy.json")
+    copy.write_bytes(note.path.read_bytes())  # as if its pipeline had been killed
+    assert len(list(running(store))) == 1
+    note.close()
+    assert list(running(store)) == []
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # another user's, but for root
+    assert len(list(running(store))) == 1, "believed while it is fresh"
+    os.utime(copy, (0, 0))
+    assert list(running(store)) == []
+
+
+def test_a_result_that_is_being_written_by_another_process_stays(config, store):
+    plan = make_plan(config)
+    entry = plan.steps["train"].entry
+    (store.work_folder(entry) / "checkpoints").mkdir(parents=True)
+    with store.lock(entry):
+        script = ("import sys; from pathlib import Path; from z2p_renderer.storage.results.store import Store; "
+                  "from z2p_renderer.workflows.upkeep.garbage_collection import sweep; "
+                  "print(len(sweep(Store(Path(sys.argv[1])))))")  # fmt: skip
+        command = [sys.executable, "-c", script, str(store.root)]
+        assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == ["0"]
+    assert names(sweep(store)) == {"unfinished train"} and not store.work_folder(entry).exists()
+
+
+def test_scraps_of_killed_runs_and_repairs_go(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    keep(store, plan, "{}")
+    store.quarantine(store.folder(plan.steps["sample/ape"].entry))
+    fill(store, plan, "sample/ape")
+    old, young = (store.root / ".tmp" / f"sample-0123456789abcdef-{name}" for name in ("old", "young"))
+    for folder in (old, young):
+        folder.mkdir(parents=True)
+    os.utime(old, (time.time() - 7200,) * 2)
+    assert names(sweep(store)) == {"damaged sample", "left by a killed sample"}
+    assert young.exists() and all(store.complete(step.entry) for step in plan.steps.values())
+
+
+@pytest.mark.parametrize("torn", ["", "{", "[]", "3", '{"results": 3}', '{"results": [3]}', "[" * 100_000, "9" * 5000])
+def test_a_damaged_note_of_what_is_kept_lets_nothing_go(config, store, torn):
+    plan = make_plan(config)
+    fill(store, plan)
+    keep(store, plan, "{}")
+    (store.root / ".kept" / "quick.json").write_text(torn)
+    for look in (unneeded, sweep):
+        with pytest.raises(StoreError, match=r"quick\.json.*damaged.*run its pipeline again.*--drop quick"):
+            look(store)
+    assert all(store.complete(step.entry) for step in plan.steps.values())
+    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+
+
+@pytest.mark.parametrize("torn", ["", "[]", '{"results": 3}', "[" * 100_000])
+def test_a_damaged_note_of_a_pipeline_counts_as_long_as_it_lives(config, store, torn):
+    plan = make_plan(config)
+    fill(store, plan)
+    registration = Registration(store, plan, "{}")
+    registration.path.write_text(torn)
+    with pytest.raises(StoreError, match="wait until its pipeline has ended"):
+        unneeded(store, drop=["quick"])
+    registration._file.close()
+    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+
+
+def test_nothing_goes_while_a_link_leads_to_a_result_that_tells_nothing(config, store):
+    plan = make_plan(config)
+    fill(store, plan)
+    link(store, plan)
+    (store.folder(plan.steps["train"].entry) / "manifest.json").write_text("{")
+    with pytest.raises(StoreError, match=r"damaged, so that nobody can tell what .* was made from"):
+        unneeded(store)
+    assert unneeded(store, drop=["quick"])
+    keep(store, plan, "{}")  # says by itself what is needed
+    assert unneeded(store) == []

@@ -1,0 +1,46 @@
+"""Guesses of names: what was meant, a slip of the keys, and nothing where nothing is sure."""
+
+from __future__ import annotations
+
+import pytest
+
+from z2p_core.errors.did_you_mean import closest, edit_distance, meant
+
+KNOWN = ("output", "format", "up", "view", "azimuth", "load-camera", "resolution", "size", "background", "fit",
+         "margin", "same-frame", "palette", "overwrite", "json", "jobs", "color", "light", "metallic")  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "guess"),
+    [("out", "output"), ("output_dir", "output"), ("--colour", "color"), ("width", "resolution"), ("res", "resolution"),
+     ("bg", "background"), ("transparent", "background transparent"), ("rotate", "azimuth"), ("jpg", "format jpeg"),
+     ("camera", "load-camera"), ("padding", "margin"), ("force", "overwrite"), ("threads", "jobs"),
+     ("crop", "fit tight"), ("same_frame", "same-frame"), ("UP_AXIS", "up")],
+)  # fmt: skip
+def test_a_word_of_others_is_the_option_of_that_meaning(name: str, guess: str) -> None:
+    assert meant(name, KNOWN) == guess
+
+
+@pytest.mark.parametrize(
+    ("name", "guess"),
+    [("ouput", "output"), ("lihgt", "light"), ("colr", "color"), ("sise", "size"), ("heigth", "resolution"),
+     ("backgrund", "background"), ("resoltuoin", "resolution"), ("overwirte", "overwrite")],
+)  # fmt: skip
+def test_a_slip_of_the_keys_is_seen_through(name: str, guess: str) -> None:
+    assert meant(name, KNOWN) == guess
+
+
+@pytest.mark.parametrize("name", ["frames", "noise", "views", "points", "seed", "blubb", "x", "", "dpi"])
+def test_a_word_of_another_meaning_is_no_slip(name: str) -> None:
+    assert meant(name, KNOWN) is None
+
+
+def test_what_is_as_near_to_two_names_is_neither() -> None:
+    assert closest("lath", ["path", "lathe"]) is None
+    assert closest("lathee", ["path", "lathe"]) == "lathe"
+
+
+def test_slips_are_counted_once_each() -> None:
+    pairs = (("same", "same"), ("light", "lihgt"), ("light", "ligt"), ("light", "lights"), ("light", "sight"))
+    assert [edit_distance(*pair) for pair in pairs] == [0, 1, 1, 1, 1]
+    assert edit_distance("kitten", "sitting") == 3

@@ -1,0 +1,40 @@
+"""Messages fit on one line of a terminal, whatever they quote."""
+
+import pickle
+
+import pytest
+
+from z2p_core.config import ConfigError
+from z2p_core.errors.one_line import MOST_CHARACTERS, MOST_REASON, UsersError, one_line, reason_of
+from z2p_core.interfaces import ScanError, SettingError
+from z2p_renderer.storage.images.image_files import PictureError
+from z2p_renderer.storage.models.checkpoints import WeightsError
+from z2p_renderer.storage.shards import ShardError
+
+
+@pytest.mark.parametrize("text", ["", "expected x, got 'é' — 点群", "a" * MOST_CHARACTERS])
+def test_what_can_be_shown_stays_as_it_is(text):
+    assert one_line(text) == text == str(UsersError(text))
+
+
+def test_signs_that_no_terminal_shows_are_escaped():
+    assert one_line("a\nb\r\nc\0d\x1b[2Je\ud800f\u202eg") == "a b c\\x00d\\x1b[2Je\\ud800f\\u202eg"
+
+
+def test_of_a_long_message_the_beginning_and_the_end_stay():
+    told = one_line("expected a number, got " + "9" * 10_000 + "; give one")
+    assert len(told) == MOST_CHARACTERS
+    assert told.startswith("expected a number, got 99") and told.endswith("99; give one")
+
+
+@pytest.mark.parametrize("kind", [ScanError, SettingError, ConfigError, WeightsError, PictureError, ShardError])
+def test_every_error_of_ours_is_one_line_and_survives_a_pickle(kind):
+    error = kind("got\n" + "x" * 5000)
+    assert "\n" not in str(error) and len(str(error)) == MOST_CHARACTERS and isinstance(error, ValueError)
+    assert str(pickle.loads(pickle.dumps(error))) == str(error)
+
+
+def test_a_librarys_error_is_quoted_in_short_or_by_its_type() -> None:
+    assert reason_of(ValueError("bad\n  header")) == "bad header"
+    assert reason_of(KeyError()) == "KeyError"
+    assert len(reason_of(ValueError("long " * 1000))) <= MOST_REASON

@@ -1,0 +1,37 @@
+"""Ablations: the goal that trains and measures every variant of a base, and shows them side by side."""
+
+from __future__ import annotations
+
+import luigi
+
+from z2p_renderer.workflows.ablation.plan import (
+    COMPARE,
+    AblationPlan,
+    ablation_source,
+    load_ablation_plan,
+    variant_source,
+)
+from z2p_renderer.workflows.wrapper_task import Goal
+
+RESULTS = ("ablations.md", "ablations.csv", "ablations.json", "curves.png")
+
+
+class Ablations(Goal):
+    """One training run of equal budget for each variant; leaves the comparison in ``<workspace>/<config name>/``."""
+
+    config = luigi.Parameter(default="", description="TOML file of base and variants; default: configs/ablations.toml")
+    meshes = luigi.Parameter(default="", description="folder of meshes to train on; default: built-in shapes")
+    evaluate_meshes = luigi.Parameter(default="", description="folder of meshes kept aside to measure quality on")
+
+    shown = dict.fromkeys(RESULTS, COMPARE)
+
+    @property
+    def source(self) -> str:
+        return ablation_source(self.config, self.meshes, self.evaluate_meshes)
+
+    @property
+    def plan(self) -> AblationPlan:
+        return load_ablation_plan(self.source)
+
+    def source_of_step(self, name: str) -> str:
+        return self.source if name == COMPARE else variant_source(self.source, self.plan.variant_of[name])

@@ -1,0 +1,141 @@
+"""The plan of Ablations: one FullPipeline a variant, on the same renders and shards, and a comparison at the end."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from z2p_core.config import ConfigError
+from z2p_core.config.ablation import AblationsConfig, Variant, parse_ablations, with_meshes
+from z2p_core.registry import PluginError
+from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.results.fingerprints import stage_fields
+from z2p_renderer.storage.results.store import Entry
+from z2p_renderer.workflows.plan import Plan, Step, assemble, check_config, make_plan
+from z2p_renderer.workflows.process.task_log import say
+
+DEFAULT_CONFIG = Path(__file__).parents[2] / "configs" / "ablations.toml"
+COMPARE = "compare"
+OWN = ("train", "evaluate")
+"""Steps that each variant has for itself, called ``train/NAME`` and ``evaluate/NAME``."""
+
+
+@dataclass(frozen=True)
+class AblationPlan:
+    """All steps by name, upstream first, and the whole plan of each variant that they come from."""
+
+    config: AblationsConfig
+    steps: Mapping[str, Step]
+    plans: Mapping[str, Plan]
+    """Variant -> its plan."""
+    variant_of: Mapping[str, str]
+    """Step -> a variant whose plan has it; the comparison is of none."""
+    command: str
+    """What makes all of this."""
+
+
+def ablation_source(config: str, meshes: str, evaluate_meshes: str) -> str:
+    """Where config and meshes come from, as JSON with absolute paths: all that another process needs."""
+    from z2p_renderer.workflows.tasks import absolute
+
+    words = {"config": config, "meshes": meshes, "evaluate-meshes": evaluate_meshes}
+    where = {key.replace("-", "_"): absolute(word) for key, word in words.items()}
+    where["config"] = where["config"] or str(DEFAULT_CONFIG)
+    command = " ".join(["z2p ablate", *(f"--{name} {word}" for name, word in words.items() if word)])
+    return json.dumps({"ablations": {**where, "command": command}})
+
+
+def is_ablations(config: str) -> bool:
+    """Whether a file holds variants, whatever else is right or wrong about it."""
+    try:
+        return "variants" in tomllib.loads(Path(config).read_text(encoding="utf-8"))
+    except (OSError, ValueError):  # told when it is read as a pipeline's
+        return False
+
+
+def variant_source(source: str, variant: str) -> str:
+    """The source of one variant's plan, for `workflows.tasks.load_plan`."""
+    return json.dumps({**json.loads(source), "variant": variant})
+
+
+def load_variant_plan(source: str) -> Plan:
+    """Plan of a `variant_source`.
+
+    Raises: as `load_ablation_plan`.
+    """
+    where = json.loads(source)
+    return load_ablation_plan(json.dumps({"ablations": where["ablations"]})).plans[where["variant"]]
+
+
+@lru_cache(maxsize=4)
+def load_ablation_plan(source: str) -> AblationPlan:
+    """Plan of an `ablation_source`; made once a process, so that edits during a run do not mix two plans.
+
+    Raises:
+        ConfigError: the config, or a variant of it, cannot be used.
+        ScanError: a mesh folder is missing or empty.
+        PluginError: the base or a variant names an unknown or broken plugin.
+    """
+    where = json.loads(source)["ablations"]
+    path = Path(where["config"])
+    config = parse_ablations(config_text(path), str(path))
+    return make_ablation_plan(with_meshes(config, where["meshes"], where["evaluate_meshes"]), where["command"])
+
+
+def make_ablation_plan(config: AblationsConfig, command: str = "") -> AblationPlan:
+    """Plan of a config; its mesh folders are read once, for their contents' digests.
+
+    Raises: as `load_ablation_plan`.
+    """
+    shared = make_plan(config.base)
+    for warning in shared.warnings:
+        say(f"warning: {warning}")
+    plans: dict[str, Plan] = {}
+    steps: dict[str, Step] = {}
+    variant_of: dict[str, str] = {}
+    for variant in config.variants:
+        plan = plans[variant.name] = _variant_plan(variant, shared)
+        for name, step in plan.steps.items():
+            steps.setdefault(name, step)
+            variant_of.setdefault(name, variant.name)
+    steps[COMPARE] = _comparison(config, plans, command)
+    return AblationPlan(config, steps, plans, variant_of, command)
+
+
+def _variant_plan(variant: Variant, shared: Plan) -> Plan:
+    """The variant's own plan on the base's meshes; what is wrong with its values is told with its name."""
+    try:
+        check_config(variant.config)
+        return _named(assemble(variant.config, shared.training, shared.evaluation), variant.name)
+    except (ConfigError, PluginError) as error:
+        raise type(error)(f"variants.{variant.name}: {error}") from error
+
+
+def _named(plan: Plan, variant: str) -> Plan:
+    """The plan with the variant's name in those of its own steps."""
+    new = {name: f"{name}/{variant}" if name in OWN else name for name in plan.steps}
+    steps = [
+        replace(step, entry=replace(step.entry, name=new[name]), upstream=tuple(new[one] for one in step.upstream))
+        for name, step in plan.steps.items()
+    ]
+    return replace(plan, steps={step.name: step for step in steps})
+
+
+def _comparison(config: AblationsConfig, plans: Mapping[str, Plan], command: str) -> Step:
+    fields = stage_fields(COMPARE) | {
+        "name": config.name, "command": command,
+        "variants": [_told(variant, plans[variant.name]) for variant in config.variants],
+    }  # fmt: skip
+    upstream = tuple(f"{stage}/{variant.name}" for stage in OWN for variant in config.variants)
+    return Step(Entry(COMPARE, COMPARE, fields), upstream)
+
+
+def _told(variant: Variant, plan: Plan) -> dict[str, Any]:
+    own = {stage: plan.steps[f"{stage}/{variant.name}"].entry.fingerprint for stage in OWN}
+    changes = {key: list(values) for key, values in variant.changes.items()}
+    return {"name": variant.name, "title": variant.title, "why": variant.why, "changes": changes, **own}

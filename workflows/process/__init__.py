@@ -1,0 +1,1 @@
+"""The running process: signals, exit status, progress, and each task's log."""

@@ -1,0 +1,1 @@
+"""The PaperReport goal: its plan and its tasks."""

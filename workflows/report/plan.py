@@ -1,0 +1,258 @@
+"""The plan of a PaperReport: a step for each method on each sweep of each mesh, so that only what is new is made."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from z2p_core import registry
+from z2p_core.config import ConfigError, parse_config, to_dict
+from z2p_core.config.report import SWEEP_NAMES, ReportConfig, Sweep, checked, parse_report
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, OWN_SHAPES
+from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
+from z2p_renderer.pipeline.inference.loading import load_plugins
+from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.models.checkpoints import WeightsError, resolve, shipped
+from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
+from z2p_renderer.storage.results.stage_dependencies import OF_WEIGHTS, PLACING
+from z2p_renderer.storage.results.store import Entry
+from z2p_renderer.storage.scans.clouds import find_scans, reader_of
+from z2p_renderer.workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
+
+SHAPING_VALUES = ("views", "points", "resolution", "samples", "denoise", "seed")
+"""Settings that every measured row depends on."""
+TRUTH_METHOD = Method("truth", TRUTH, "")
+
+
+@dataclass(frozen=True)
+class ReportStep(Step):
+    """A step of the report, with what it is about."""
+
+    sweep: str = ""
+    method: Method | None = None
+
+
+@dataclass(frozen=True)
+class ReportPlan:
+    """All steps by name, upstream first, and what they work on."""
+
+    config: ReportConfig
+    steps: dict[str, ReportStep]
+    meshes: tuple[MeshInput, ...]
+    methods: tuple[Method, ...]
+    scans: tuple[Path, ...]
+    command: str
+    """What makes this report."""
+    warnings: tuple[str, ...] = ()
+
+
+def report_source(config: str, meshes: str, scans: str, weights: str, sweeps: str) -> str:
+    """Where config, meshes, scans and weights come from, as JSON with absolute paths: all that another process needs.
+
+    `weights` and `sweeps` are comma-separated names; weights may be files.
+    """
+    from z2p_renderer.workflows.tasks import absolute
+
+    files = ",".join(absolute(one) if Path(one).is_file() else one for one in _names(weights))
+    words = {"config": config, "meshes": meshes, "scans": scans, "weights": weights, "sweeps": sweeps}
+    given = {"config": absolute(config), "meshes": absolute(meshes), "scans": absolute(scans)}
+    command = " ".join(["z2p report-paper", *(f"--{name} {value}" for name, value in words.items() if value)])
+    return json.dumps({"report": {**given, "weights": files, "sweeps": sweeps, "command": command}})
+
+
+def is_report(config: str) -> bool:
+    """Whether a file holds the settings of a report, and cannot be read as those of a pipeline."""
+    try:
+        text = config_text(Path(config))
+    except ConfigError:  # told when it is read as a pipeline's
+        return False
+    try:
+        parse_config(text)
+    except ConfigError:
+        with suppress(ConfigError):
+            parse_report(text)
+            return True
+    return False
+
+
+@lru_cache(maxsize=4)
+def load_report_plan(source: str) -> ReportPlan:
+    """Plan of a `report_source`; made once a process.
+
+    Raises:
+        ConfigError: the config cannot be used, or a method or a sweep is unknown.
+        ScanError: a folder of meshes or scans is missing or empty.
+        PluginError: a plugin that it names is unknown or broken.
+    """
+    where = json.loads(source)["report"]
+    config = ReportConfig()
+    if where["config"]:
+        path = Path(where["config"])
+        config = parse_report(config_text(path), str(path))
+    given: dict[str, Any] = {key: where[key] for key in ("meshes", "scans") if where[key]}
+    if where["weights"]:
+        given["weights"] = tuple(_names(where["weights"]))
+    config = checked(replace(config, **given))
+    return make_report_plan(_only(config, _names(where["sweeps"])), where["command"])
+
+
+def make_report_plan(config: ReportConfig, command: str = "") -> ReportPlan:
+    """Plan of a config; its meshes, scans and weights are read for their contents' digests.
+
+    Raises: as `load_report_plan`.
+    """
+    _check(config)
+    builtin = config.meshes == "builtin"
+    meshes, warnings = distinct(_builtin_meshes() if builtin else meshes_in(Path(config.meshes)))
+    methods = report_methods(config)
+    scans = tuple(find_scans([config.scans], recursive=False)) if config.scans else ()
+    steps = [ReportStep(Entry("shapes", "shapes", shapes_fields()))] if builtin else []
+    for name, sweep in config.sweeps().items():
+        chosen: Sequence[MeshInput | None] = [None] if name in OWN_SHAPES else meshes[: sweep.meshes or None]
+        for mesh in chosen:
+            steps += _measured(config, name, sweep, mesh, methods)
+    if config.trust_draws:
+        steps += [_trust(config, mesh, method) for mesh in meshes[: config.trust_meshes or None] for method in methods
+                  if method.kind == WEIGHTS]  # fmt: skip
+    steps += [_scans(config, scans, method) for method in methods if scans]
+    steps.append(_times(config, meshes[0], methods))
+    measured = tuple(step.name for step in steps)
+    template = Path(__file__).parents[2] / "pipeline" / "templates" / "report.html"
+    fields = stage_fields("report") | {
+        "upstream": [step.entry.fingerprint for step in steps], "config": to_dict(config), "command": command,
+        "template": file_digest(template), "meshes": [mesh.name for mesh in meshes],
+    }  # fmt: skip
+    files = ((template, fields["template"]), *_weights_files(methods))
+    steps.append(ReportStep(Entry("report", "report", fields), measured, files=files))
+    return ReportPlan(config, {step.name: step for step in steps}, tuple(meshes), methods, scans, command,
+                      tuple(warnings))  # fmt: skip
+
+
+def report_methods(config: ReportConfig) -> tuple[Method, ...]:
+    """The weights, then the baselines.
+
+    Raises:
+        ConfigError: weights that are unknown or of other plugins' versions, or two methods of one name.
+        PluginError: a baseline is unknown or broken.
+    """
+    methods = []
+    for name in config.weights or tuple(shipped()):
+        try:
+            load_plugins(resolve(name))
+        except WeightsError as error:
+            raise ConfigError(f"weights: {error}") from error
+        methods.append(Method(_called(name), WEIGHTS, name))
+    methods += [Method(name, BASELINE, name) for name in config.baselines]
+    names = [method.name for method in methods]
+    for name in names:
+        if names.count(name) > 1 or name == TRUTH:
+            raise ConfigError(f"expected methods of different names, none of them {TRUTH!r}, got {', '.join(names)}; "
+                              "rename a file of weights, or the folder of a training")
+    return tuple(methods)
+
+
+def _called(weights: str) -> str:
+    """What a shipped name or a file is called; every training's file is ``weights``, so its folder tells which."""
+    path = Path(weights)
+    return (path.absolute().parent.name if path.stem == "weights" else "") or path.stem
+
+
+def _measured(
+    config: ReportConfig, name: str, sweep: Sweep, mesh: MeshInput | None, methods: Sequence[Method]
+) -> list[ReportStep]:
+    """The truth's step and that of each method."""
+    of = mesh.name if mesh else "shapes"
+    shapes = ("shapes",) if mesh and mesh.path is None else ()
+    samplers = [level for level in sweep.levels if name == "sampling" and level != "non-uniform"] or ["uniform"]
+    shared = stage_fields("measure") | _values(config) | {
+        "sweep": name, "levels": list(sweep.levels), "mesh": mesh.identity if mesh else "",
+        "samplers": [plugin_fields(registry.load("samplers", str(sampler))) for sampler in samplers],
+    }  # fmt: skip
+    truth = f"measure/{name}/{of}/truth"
+    steps = []
+    for method in (TRUTH_METHOD, *methods):
+        fields = _run_by(method, shared) | {"method": method_fields(method)}
+        entry = Entry("measure", f"measure/{name}/{of}/{method.name}", fields)
+        upstream = shapes if method == TRUTH_METHOD else (*shapes, truth)
+        steps.append(ReportStep(entry, upstream, mesh, sweep=name, method=method))
+    return steps
+
+
+def _run_by(method: Method, fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields, without the code of networks where the method has none."""
+    if method.kind == WEIGHTS:
+        return fields
+    needless = set(OF_WEIGHTS) - set(PLACING if fields["stage"] == "scans" else ())
+    return fields | {"code": {part: digest for part, digest in fields["code"].items() if part not in needless}}
+
+
+def _trust(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:
+    fields = stage_fields("trust") | _values(config) | {
+        "mesh": mesh.identity, "method": method_fields(method), "draws": config.trust_draws,
+        "samplers": [plugin_fields(registry.load("samplers", "uniform"))],
+    }  # fmt: skip
+    shapes = ("shapes",) if mesh.path is None else ()
+    return ReportStep(Entry("trust", f"trust/{mesh.name}/{method.name}", fields), shapes, mesh, method=method)
+
+
+def _times(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> ReportStep:
+    fields = stage_fields("times") | {
+        "mesh": mesh.identity, "methods": [method_fields(method) for method in methods], "points": config.points,
+        "repeats": config.time_repeats, "samples": config.samples, "denoise": config.denoise, "seed": config.seed,
+    }  # fmt: skip
+    shapes = ("shapes",) if mesh.path is None else ()
+    return ReportStep(Entry("times", "times", fields), shapes, mesh, files=_weights_files(methods))
+
+
+def _weights_files(methods: Sequence[Method]) -> tuple[tuple[Path, str], ...]:
+    """File and digest of all weights, for steps that are of no one method."""
+    found = [(resolve(method.source).absolute(), method_fields(method)) for method in methods if method.kind == WEIGHTS]
+    return tuple((path, fields["sha256"]) for path, fields in found)
+
+
+def _scans(config: ReportConfig, scans: Sequence[Path], method: Method) -> ReportStep:
+    files = tuple((path.absolute(), file_digest(path)) for path in scans)
+    fields = _run_by(method, stage_fields("scans")) | _values(config) | {
+        "scans": [[path.name, digest, plugin_fields(reader_of(path))] for path, digest in files],
+        "method": method_fields(method),
+    }  # fmt: skip
+    return ReportStep(Entry("scans", f"scans/{method.name}", fields), method=method, files=files)
+
+
+def _values(config: ReportConfig) -> dict[str, Any]:
+    return {
+        "parameters": {name: getattr(config, name) for name in SHAPING_VALUES},
+        "controls": [plugin_fields(registry.load("controls", name)) for name in CONTROLS],
+    }
+
+
+def _builtin_meshes() -> list[MeshInput]:
+    from z2p_renderer.pipeline.shapes import VALIDATION_SHAPES
+
+    return [builtin_mesh(name) for name in VALIDATION_SHAPES]
+
+
+def _only(config: ReportConfig, sweeps: Sequence[str]) -> ReportConfig:
+    """The config with the levels of other sweeps left out; the plain case stays."""
+    unknown = [name for name in sweeps if name not in SWEEP_NAMES]
+    if unknown:
+        raise ConfigError(f"--sweeps: unknown {unknown[0]!r}; known: {', '.join(SWEEP_NAMES)}")
+    if not sweeps:
+        return config
+    others = {name: type(sweep)() for name, sweep in config.sweeps().items() if name not in ("base", *sweeps)}
+    return replace(config, **others)  # type: ignore[arg-type]
+
+
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _check(config: ReportConfig) -> None:
+    name = config.name
+    if not name or name.startswith(".") or Path(name).name != name or name in {*STAGE_VERSIONS, "truth"}:
+        raise ConfigError(f"name: expected a plain folder name that is no stage's, got {name!r}")

@@ -1,0 +1,81 @@
+"""The luigi tasks of the report on the paper's evaluation, each of which calls one function of `pipeline.evaluation.paper`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from z2p_renderer.workflows.process.task_log import say
+from z2p_renderer.workflows.report.task import ReportTask
+
+
+class Measure(ReportTask):
+    """One method's pictures and figures on one sweep of one mesh."""
+
+    stage = "measure"
+
+    def make(self, out: Path) -> None:
+        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_subject
+        from z2p_renderer.pipeline.evaluation.paper.measure import measure
+
+        part, config = self.part, self.report.config
+        if part.method is None:
+            raise ValueError(f"{part.name} has no method")
+        subject = read_subject(part.mesh.name, self.mesh_path()) if part.mesh else None
+        measure(part.sweep, subject, part.method, config, self.truth, out, log=say)
+
+
+class Scans(ReportTask):
+    """One method's pictures of real scans."""
+
+    stage = "scans"
+
+    def make(self, out: Path) -> None:
+        from z2p_renderer.pipeline.evaluation.paper.real_scans import show_scans
+
+        if self.part.method is None:
+            raise ValueError(f"{self.part.name} has no method")
+        show_scans(self.part.method, self.report.scans, self.report.config, self.truth, out, log=say)
+        self._check_files()  # again: a scan is read when its turn comes, which may be long after the first one's
+
+
+class Trust(ReportTask):
+    """Maps of disagreement, and how well they tell where a picture errs."""
+
+    stage = "trust"
+
+    def make(self, out: Path) -> None:
+        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_subject
+        from z2p_renderer.pipeline.evaluation.paper.uncertainty import measure_trust
+
+        part = self.part
+        if part.method is None or part.mesh is None:
+            raise ValueError(f"{part.name} has no method or no mesh")
+        subject = read_subject(part.mesh.name, self.mesh_path())
+        measure_trust(subject, part.method, self.report.config, self.truth, out, log=say)
+
+
+class Times(ReportTask):
+    """Tables 2 and 3, measured in one run."""
+
+    stage = "times"
+
+    def make(self, out: Path) -> None:
+        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_subject
+        from z2p_renderer.pipeline.evaluation.paper.timing import measure_times
+
+        mesh = self.part.mesh
+        if mesh is None:
+            raise ValueError(f"{self.part.name} has no mesh")
+        measure_times(read_subject(mesh.name, self.mesh_path()), self.report.methods, self.report.config, out, log=say)
+
+
+class Report(ReportTask):
+    """The report: HTML, JSON and CSV."""
+
+    stage = "report"
+
+    def make(self, out: Path) -> None:
+        from z2p_renderer.pipeline.evaluation.paper.page.report import write_report
+
+        folders = {name: self.store.folder(self.steps[name].entry) for name in self.step.upstream}
+        write_report(folders, self.report.methods, self.report.config, self.report.command, out)

@@ -1,0 +1,36 @@
+"""What the tasks of the report on the paper's evaluation have in common."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from z2p_core.config import ConfigError
+from z2p_renderer.pipeline.evaluation.paper.methods import method_fields
+from z2p_renderer.workflows.report.plan import ReportPlan, ReportStep, load_report_plan
+from z2p_renderer.workflows.tasks import StageTask
+
+
+class ReportTask(StageTask):
+    """What the report's tasks share; no stage of its own."""
+
+    @property
+    def report(self) -> ReportPlan:
+        """The plan that the task is a step of."""
+        return load_report_plan(self.source)
+
+    @property
+    def part(self) -> ReportStep:
+        """The task's step, with sweep and method."""
+        return self.report.steps[self.step.name]
+
+    def _check_code(self) -> None:
+        """As for every task; the method's weights must be those of the plan as well."""
+        super()._check_code()
+        method = self.part.method
+        if method is not None and method_fields(method) != self.part.entry.fields["method"]:
+            raise ConfigError(f"{self.step_name}: {method.name} changed since the report started; start it again")
+
+    @property
+    def truth(self) -> Path:
+        """The store of ground truth, which evaluations share."""
+        return self.store.root / "truth"

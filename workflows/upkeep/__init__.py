@@ -1,0 +1,1 @@
+"""Keeping a workspace in order: which results are in use, reused, linked, adopted or removed."""

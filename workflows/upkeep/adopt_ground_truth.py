@@ -1,0 +1,48 @@
+"""Ground truth that older code rendered for a plan's evaluation, with or without a manifest, to be vouched for."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+from z2p_core.camera import DEFAULT_ELEVATION
+from z2p_renderer.storage.results.adoption import Candidate, candidates
+from z2p_renderer.storage.results.store import Entry, Store
+from z2p_renderer.workflows.plan import Plan
+
+
+def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
+    """Pictures in the store of ground truth that can be adopted for the plan's evaluation."""
+    pictures = list(references(plan, store))
+    found = candidates(truth, [entry for entry, _ in pictures], ("reference",))
+    known = {candidate.entry.fingerprint for candidate in found}
+    for entry, old in pictures:
+        coverage = old.with_suffix(".coverage.png")
+        if entry.fingerprint not in known and not truth.complete(entry) and old.is_file() and coverage.is_file():
+            files = {"picture.png": old, "picture.coverage.png": coverage}
+            found.append(Candidate(entry, old.parent, old.parent.name, ("it had no manifest",), files))
+    return found
+
+
+def references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
+    """Each picture that the plan's evaluation needs, and where it would lie without a manifest."""
+    from z2p_renderer.pipeline.evaluation.evaluate import draw_views, render_settings, runs_of
+    from z2p_renderer.pipeline.rendering.ground_truth import old_picture, reference
+    from z2p_renderer.pipeline.rendering.views import load_controls
+    from z2p_renderer.pipeline.shapes import shape_path
+    from z2p_renderer.storage.results.fingerprints import file_digest
+
+    controls = load_controls(plan.config.render.controls)
+    # all that drawing the views asks of the weights
+    weights = SimpleNamespace(controls=controls, fixed_elevation=None if "elevation" in controls else DEFAULT_ELEVATION)
+    for mesh in plan.evaluation:
+        path = mesh.path or shape_path(store.folder(plan.steps["shapes"].entry), mesh.name)
+        if not path.is_file():
+            continue
+        identity = file_digest(path)
+        for run in runs_of(plan.config.evaluate):
+            settings = render_settings(run)
+            for view in draw_views(weights, identity, run):  # type: ignore[arg-type]
+                entry = reference(path.stem, identity, view.scene, settings)
+                yield entry, old_picture(store.root / "truth", identity, view.scene, settings)

@@ -1,0 +1,105 @@
+"""What users start: a task that needs every step of a plan, and shows where the results are."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import luigi
+
+from z2p_renderer.storage.results.store import Store
+from z2p_renderer.workflows.plan import USERS_ERRORS, Planned
+from z2p_renderer.workflows.process.explain import explain
+from z2p_renderer.workflows.process.progress import watch
+from z2p_renderer.workflows.process.signals import stop_tidily
+from z2p_renderer.workflows.process.task_log import say
+from z2p_renderer.workflows.tasks import StageTask, absolute, broken_told, task_of, tell_broken
+from z2p_renderer.workflows.upkeep.result_links import link, linked
+
+
+class Goal(luigi.Task):
+    """All that a plan holds; leaves what a user looks for in ``<workspace>/<config name>/``."""
+
+    config = luigi.Parameter(default="", description="TOML file; without one, the goal's own")
+    meshes = luigi.Parameter(default="", description="folder of meshes; default: built-in shapes")
+    workspace = luigi.Parameter(default="runs", description="folder of all results")
+
+    explain = luigi.BoolParameter(default=False, significant=False, description="say first why each stage runs")
+    dry_run = luigi.BoolParameter(default=False, significant=False, description="say what would run; write nothing")
+
+    shown: ClassVar[Mapping[str, str]] = {}
+    """What a user looks for at the end: name of a file, and the step that makes it."""
+
+    @property
+    def source(self) -> str:
+        """Where config, meshes and whatever else the plan depends on come from, for other processes."""
+        raise NotImplementedError
+
+    @property
+    def plan(self) -> Planned:
+        raise NotImplementedError
+
+    @property
+    def store(self) -> Store:
+        return Store(Path(absolute(self.workspace)))
+
+    def source_of_step(self, name: str) -> str:
+        """The source that the step's own task is made with."""
+        return self.source
+
+    def requires(self) -> list[StageTask]:
+        # every step, not only the last: results that were deleted are made again even if what follows is there
+        root = str(self.store.root)
+        return [task_of(step, self.source_of_step(name), root) for name, step in self.plan.steps.items()]
+
+    def complete(self) -> bool:
+        try:
+            if self.explain or self.dry_run:
+                explain(self, self.plan, self.store, dry_run=self.dry_run)
+            tasks = self.requires()
+        except USERS_ERRORS:
+            return False  # luigi calls requires() next, whose error is told in one line
+        if self.dry_run:
+            return True  # so that luigi does nothing
+        with broken_told(self):
+            if all(task.complete() for task in tasks):
+                return linked(self.results())
+            watch(self.store, self.plan, self.source)
+        stop_tidily()
+        self.prepare()
+        return False
+
+    def prepare(self) -> None:
+        """What is worth doing once, before luigi gives each task a process that is a copy of this one."""
+
+    def run(self) -> None:
+        link(self.results())
+
+    def results(self) -> dict[Path, Path]:
+        """Path under ``<workspace>/<config name>/`` -> the file in the store that it leads to."""
+        plan, folder = self.plan, self.store.root / self.plan.config.name
+        return {
+            folder / name: self.store.folder(plan.steps[step].entry) / name for name, step in self.shown.items()
+        }
+
+    def on_failure(self, exception: BaseException) -> Any:
+        tell_broken(self, exception)
+        return super().on_failure(exception)
+
+    def tell(self) -> None:
+        """Say where the results are."""
+        for path in self.results():
+            say(f"{path.name:20} {path}")
+
+
+@Goal.event_handler(luigi.Event.SUCCESS)
+def _tell_results(task: Goal) -> None:
+    task.tell()
+
+
+@Goal.event_handler(luigi.Event.DEPENDENCY_PRESENT)
+def _tell_found(task: Goal) -> None:
+    if not task.dry_run:
+        say("everything is up to date")
+        task.tell()

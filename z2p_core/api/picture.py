@@ -1,0 +1,88 @@
+"""What `z2p_core.render` gives: a picture that shows itself in a notebook, saves itself, and knows what made it."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from z2p_core.api.backend import studio
+from z2p_core.interfaces import SettingError
+from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """One picture, or the sheet of a batch, whose members are `picture[0]`, `picture[1]`, ..."""
+
+    array: np.ndarray
+    """(H, W, 4) uint8, straight sRGB RGBA; of a batch, its pictures side by side in a near-square sheet."""
+    record: Mapping[str, Any]
+    """All that made it: input, camera, controls, weights, version. Saved inside the file."""
+    notes: tuple[str, ...] = ()
+    """What was left out or guessed on the way, in words."""
+    parts: tuple[Picture, ...] = field(default=(), repr=False)
+    """The pictures of a batch; empty for one picture."""
+
+    @property
+    def camera(self) -> Viewpoint:
+        """The camera that took it, for `render(others, camera=...)`; of a batch, that of the first picture."""
+        return viewpoint_from_json(self[0].record["camera"])
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """The path, once the picture is written there: PNG, WebP, JPEG or TIFF by its suffix, the record inside.
+
+        Raises:
+            ValueError: no path, or a suffix of another format.
+            OSError: it cannot be written.
+        """
+        if not isinstance(path, str | os.PathLike):
+            raise SettingError(f"expected a path to save the picture to, got {type(path).__name__}; pillow writes to "
+                               "others: PIL.Image.fromarray(picture.array).save(...)")
+        return studio().save(self, Path(path))
+
+    def on(self, background: str | Sequence[float]) -> Picture:
+        """The same picture over a background: a CSS name, #hex or three numbers in [0, 1]; alpha is 255 throughout."""
+        return studio().over(self, background)
+
+    def __repr__(self) -> str:
+        height, width = self.array.shape[:2]
+        name = self.record.get("input", {}).get("name") or "an array"
+        return f"<Picture {width}x{height} of {f'{len(self)} clouds' if self.parts else name}>"
+
+    def __len__(self) -> int:
+        return len(self.parts) or 1
+
+    def __getitem__(self, index: int) -> Picture:
+        return (self.parts or (self,))[index]
+
+    def __iter__(self) -> Iterator[Picture]:
+        return iter(self.parts or (self,))
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        return np.array(self.array, dtype=dtype) if copy or dtype is not None else self.array
+
+    def _repr_png_(self) -> bytes:
+        """PNG for a notebook."""
+        return studio().png(self)
+
+
+def sheet(pictures: Sequence[np.ndarray], columns: int | None = None) -> np.ndarray:
+    """Pictures (H, W, 4) uint8 in rows, near-square unless `columns` says how many; smaller ones stand in the middle.
+
+    Cells have the size of the largest picture, and what is left over is transparent.
+    """
+    columns = columns or math.ceil(math.sqrt(len(pictures)))
+    height, width = (max(picture.shape[axis] for picture in pictures) for axis in (0, 1))
+    rows = -(-len(pictures) // columns)
+    whole = np.zeros((rows * height, columns * width, 4), dtype=np.uint8)
+    for index, picture in enumerate(pictures):
+        top = index // columns * height + (height - picture.shape[0]) // 2
+        left = index % columns * width + (width - picture.shape[1]) // 2
+        whole[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
+    return whole

@@ -1,0 +1,162 @@
+"""Clouds from whatever holds points in Python: arrays, tensors, and the clouds of other libraries, by their shape."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from z2p_core.api.point_cloud_objects import NUMBERS, has_colours, held, is_holder
+from z2p_core.api.point_cloud_objects import of_records as plain
+from z2p_core.formats.arrays.non_point_arrays import refuse_other_arrays
+from z2p_core.interfaces import ScanError
+
+MOST_COLUMNS = 128
+SMALLEST_MAP = 16
+"""Rows and columns of a point map at least."""
+MOST_LOOKED_AT = 512
+"""Rows and columns of an array that are looked at to tell whether it is a point map."""
+MAPS_SPREAD = 0.05
+"""How far x/z may vary within the columns of a point map, and y/z within its rows, of what they do across."""
+FEWEST_EACH = 8
+"""Points that a column or row which has any must have on average, or chance might line them up."""
+MAPS_BULGE = 0.1
+"""How far a point map's rows and columns may be from flat, of what the whole is."""
+
+
+@dataclass(frozen=True)
+class PointArrays:
+    """Clouds (N, 3) float64, one or a batch."""
+
+    clouds: list[np.ndarray]
+    batched: bool
+    unused_columns: int
+    """Columns behind x, y, z that were left out."""
+    coloured: bool = False
+    """Whether colours were left out that an object has beside its points."""
+
+
+def point_arrays(points: Any) -> PointArrays:
+    """The clouds in an array or tensor (N, 3 or more) or (B, N, 3 or more), a cloud object, or a list of these.
+
+    A depth camera's point map (H, W, 3 or more) is one cloud.
+
+    Raises:
+        ScanError: no numbers, or another shape.
+    """
+    if isinstance(points, Sequence) and not isinstance(points, str) and points and _rank(points[0]) == 2:
+        parts = [_member(part, index) for index, part in enumerate(points)]
+        return PointArrays([part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts),
+                           any(part.coloured for part in parts))  # fmt: skip
+    array = plain(_array(points))
+    shape = array.shape
+    if array.dtype.names:
+        raise ScanError(f"expected records with fields x, y and z, got {', '.join(array.dtype.names)}")
+    flat = array.ndim in (2, 3) and shape[-2] == 3 != shape[-1]
+    if array.ndim not in (2, 3) or flat or not 3 <= shape[-1] <= MOST_COLUMNS:
+        hint = "; transpose it, e.g. points.swapaxes(-1, -2)" if flat else ""
+        raise ScanError(f"expected points (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
+    if array.dtype.kind not in NUMBERS:
+        raise ScanError(f"expected points as numbers, got dtype {array.dtype}")
+    refuse_other_arrays(array)
+    batch = as_batch(array)
+    clouds = [np.array(cloud[:, :3], dtype=np.float64) for cloud in batch]
+    return PointArrays(clouds, array.ndim == 3 and batch is array, shape[-1] - 3, has_colours(points))
+
+
+def as_batch(array: np.ndarray) -> np.ndarray:
+    """Clouds (B, N, C) of an array (N, C), a batch, which is given back itself, or a depth camera's point map."""
+    if array.ndim == 3 and not _is_point_map(array):
+        return array
+    return array.reshape(1, -1, array.shape[-1])
+
+
+@np.errstate(all="ignore")  # of numbers that are no coordinates
+def _is_point_map(array: np.ndarray) -> bool:
+    """Whether numbers (H, W, 3 or more) are what a pinhole camera saw in its pixels, row by row, rather than H clouds.
+
+    Then the column tells x/z and the row y/z, as it does in no batch: its clouds' points would have to share them. In
+    other axes than the camera's, each row and each column lies in a plane, while the whole does not.
+    """
+    if min(array.shape[:2]) < SMALLEST_MAP:
+        return False
+    rows, columns = (np.linspace(0, side - 1, min(side, MOST_LOOKED_AT)).astype(int) for side in array.shape[:2])
+    points = array[rows[:, None], columns, :3].astype(np.float64)
+    x, y, z = np.moveaxis(points, -1, 0)
+    with np.errstate(all="ignore"):  # missing points are 0 0 0 or no numbers
+        across, down = x / z, y / z
+    seen = np.isfinite(across) & np.isfinite(down)
+    if _told_by_column(across, seen) and _told_by_column(down.T, seen.T):
+        return True
+    whole = _bulges(points.reshape(1, -1, 3), seen.reshape(1, -1))
+    return all(np.median(_bulges(*lines)) < MAPS_BULGE * whole.max(initial=0)
+               for lines in ((points, seen), (points.swapaxes(0, 1), seen.T)))  # fmt: skip
+
+
+def _bulges(points: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """How far points (L, M, 3), those `seen`, stand out of each line's best plane: (K,), of lines with many."""
+    counts = seen.sum(1)
+    used = counts >= FEWEST_EACH
+    if not used.any():
+        return np.array([np.inf])
+    counts, weights = counts[used, None], seen[used, :, None]
+    points = np.where(weights, points[used], 0.0)
+    points -= points.sum(1, keepdims=True) / counts[:, None] * weights
+    spread = np.einsum("lma,lmb->lab", points, points) / counts[:, None]
+    if not np.isfinite(spread).all():  # numbers too large to be reckoned with
+        return np.array([np.inf])
+    return np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 0], 0))
+
+
+def _told_by_column(values: np.ndarray, seen: np.ndarray) -> bool:
+    """Whether values (H, W), those that are `seen`, vary far less within the columns than from one to the other."""
+    counts = seen.sum(0)
+    used = counts > 0
+    if used.sum() < 2 or counts[used].mean() < FEWEST_EACH:
+        return False
+    values = np.where(seen, values, 0.0)[:, used]
+    means = values.sum(0) / counts[used]
+    within = np.where(seen[:, used], (values - means) ** 2, 0.0).sum()
+    between = (counts[used] * (means - (counts[used] * means).sum() / counts.sum()) ** 2).sum()
+    return bool(within < MAPS_SPREAD**2 * between)
+
+
+def _member(part: Any, index: int) -> PointArrays:
+    """The one cloud that is a member of a list; an error names which it was."""
+    try:
+        return point_arrays(part)
+    except ScanError as error:
+        raise ScanError(f"cloud [{index}]: {error}") from error
+
+
+def _array(points: Any) -> np.ndarray:
+    """Array of a tensor on any device, of a cloud object, or of what numpy can read.
+
+    Raises:
+        ScanError: it is something else.
+    """
+    expected = f"expected points as an array (N, 3), a cloud object or one path, got {_kind(points)}"
+    try:
+        array = held(points)
+    except ScanError:
+        raise
+    except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
+        raise ScanError(f"{expected} ({' '.join(str(error).split())})") from error
+    if not isinstance(points, np.ndarray) and (array.ndim == 0 or array.dtype.kind in "OUS"):
+        raise ScanError(expected)
+    return array
+
+
+def _kind(points: Any) -> str:
+    """The type of something in words, of a list also that of its first member."""
+    name = type(points).__name__
+    return f"{name} of {type(points[0]).__name__}" if isinstance(points, list | tuple) and points else name
+
+
+def _rank(part: Any) -> int:
+    """Axes of one member of a list: 2 for a cloud, so that the list is a batch."""
+    if hasattr(part, "shape"):
+        return len(part.shape)
+    return 2 if is_holder(part) else 0

@@ -1,0 +1,79 @@
+"""Pictures from inside a training loop: always an array, never an exception, the same camera every time."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from z2p_core.api.backend import studio
+from z2p_core.api.picture import sheet
+from z2p_core.api.render import RenderWarning, chosen_size, render
+from z2p_core.interfaces import ScanError
+
+USUAL_SIZE = 256
+TRIAL = np.vstack([np.eye(3), -np.eye(3)])
+"""A cloud to try the options with."""
+
+
+class Previewer:
+    """Draws clouds for a log: call it with points and hand the result to TensorBoard's `add_image`.
+
+    The weights are loaded once, here. A cloud that cannot be drawn (NaN, collapsed to a point) becomes a grey picture
+    that says why, for training must go on. torch's generator and settings are left as they were.
+    """
+
+    def __init__(
+        self, *, size: int | Sequence[int] | None = None, resolution: int | Sequence[int] | None = None, most: int = 16,
+        background: Any = "white", **options: Any,
+    ) -> None:
+        """Previewer of at most the first `most` clouds of a batch, 256 pixels each without `size` or `resolution`.
+
+        `options` are those of `z2p_core.render`.
+
+        The view is fixed (30 degrees to the side, 20 above) unless `view` or `camera` is given.
+
+        Raises:
+            ValueError: an option that cannot be; better now than after hours of training.
+        """
+        self._size = chosen_size(size, resolution, USUAL_SIZE)
+        self._options = {"view": (30.0, 20.0), **options, "size": self._size, "background": background}
+        self._most = most
+        self.error: str | None = None
+        """Why the newest call could not draw some cloud; None when it could."""
+        with suppress(ScanError), warnings.catch_warnings():  # a camera for other data: not the options' fault
+            warnings.simplefilter("ignore", RenderWarning)
+            render(TRIAL, **self._options)
+
+    def __call__(self, points: Any) -> np.ndarray:
+        """Picture (3, H, W) uint8 of a cloud (N, 3), or a sheet of a batch (B, N, 3) or of a list of clouds."""
+        return np.ascontiguousarray(self.picture(points)[..., :3].transpose(2, 0, 1))
+
+    def picture(self, points: Any) -> np.ndarray:
+        """The same as (H, W, 4) uint8, as `matplotlib.pyplot.imshow` and `wandb.Image` take it."""
+        self.error = None
+        try:
+            rank = len(points.shape) if hasattr(points, "shape") else 0
+            batch = rank == 3 or (isinstance(points, list | tuple) and np.ndim(points[0] if points else 0) != 1)
+            clouds = list(points[: self._most]) if batch else [points]
+        except Exception as error:  # whatever a stranger's tensor raises: see the class
+            return self._notice(error)
+        pictures = [self._drawn(cloud) for cloud in clouds]
+        return sheet(pictures) if pictures else self._notice(ValueError("an empty batch"))
+
+    def _drawn(self, cloud: Any) -> np.ndarray:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RenderWarning)  # once a call would drown the training's own lines
+                return render(cloud, **self._options).array
+        except Exception as error:  # the class's promise
+            return self._notice(error)
+
+    def _notice(self, error: Exception) -> np.ndarray:
+        self.error = " ".join(str(error).split()) or type(error).__name__
+        with suppress(RenderWarning):  # where warnings were made errors
+            warnings.warn(f"preview: {self.error}", RenderWarning, stacklevel=4)
+        return studio().notice(self.error, self._size)

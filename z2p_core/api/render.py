@@ -1,0 +1,261 @@
+"""`render`: points in, a picture out. The whole of z2p for those who live in Python."""
+
+from __future__ import annotations
+
+import inspect
+import reprlib
+import warnings
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from z2p_core import registry
+from z2p_core.api.backend import Request, studio
+from z2p_core.api.picture import Picture, sheet
+from z2p_core.api.point_arrays import point_arrays
+from z2p_core.errors.did_you_mean import meant
+from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.placement.viewpoint import Viewpoint
+
+SIDES = (32, 4096)
+"""Smallest and largest side of a picture, pixels."""
+_MOST_TOLD = 4
+"""Mean colours that a warning names."""
+
+
+USUAL_SIZE = 512
+
+
+class RenderWarning(UserWarning):
+    """Something was left out or replaced on the way to the picture; the message says what and what to do."""
+
+
+def render(
+    points: Any,
+    colors: Any = None,
+    *,
+    up: str | None = None,
+    view: str | float | tuple[float, float] = "auto",
+    azimuth: float = 0.0,
+    camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None,
+    color: str | Sequence[float] | None = None,
+    light: str | Sequence[float] | None = None,
+    elevation: float | None = None,
+    metallic: float | None = None,
+    roughness: float | None = None,
+    size: int | tuple[int, int] | None = None,
+    resolution: int | tuple[int, int] | None = None,
+    background: str | Sequence[float] | None = None,
+    supersample: int = 1,
+    fit: str = "frame",
+    margin: float | str | None = None,
+    keep_outliers: bool = False,
+    cut_top: float = 0.0,
+    smooth: str | float = "auto",
+    weights: str | Path = "auto",
+    **controls: Any,
+) -> Picture:
+    """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
+
+    Args:
+        points: array or tensor (N, 3 or more), of which x, y, z count, or a batch (B, N, 3 or more); a cloud of
+            open3d, trimesh, pyvista or laspy; a list of these; or the path of a file. Any unit, any offset.
+        colors: per-point colours (N, 3), for a batch (B, N, 3) or a list of (N, 3). The weights know none: a cloud's
+            mean becomes the colour of the whole object, with a warning, unless `color` is given. Floats in [0, 1], or
+            integers to 255 (to 1 if none is larger).
+        up: the data's axis that points up, ``+Z`` (or ``Z``), ``-Y``, ...; ``auto`` looks for a depth camera's own,
+            then weighs the shape against what is usual for the format. None: ``auto`` for a file, as in `z2p
+            render`, else ``+Z``.
+        view: ``auto`` (a three-quarter side that shows most), ``front``, ``sensor``, or degrees from the front:
+            azimuth, or (azimuth, elevation).
+        azimuth: degrees that the object is turned by on top of that.
+        camera: another picture or its `picture.camera`, or a file that --save-camera wrote; the object keeps its true
+            size and place before it. Replaces `up` and `view`.
+        color: CSS name, ``#hex`` or sRGB triple in [0, 1].
+        light: distance 3 to 4.5, azimuth -90 to 90 (0 behind the camera, positive to the right), elevation 25 to 75.
+        elevation: the camera's, 0 to 80 degrees above the horizon.
+        metallic, roughness: 0 to 1, for weights that carry them; so with the other `controls`.
+        size, resolution: two names for one thing, pixels: one number or (width, height), 32 to 4096; None: 512.
+        background: None for transparent, or like `color`.
+        supersample: draw this many times as large and average down.
+        fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to what is to be seen, the shadow included).
+        margin: what is left free around the object's bounding sphere, or with ``tight`` around what is to be seen: a
+            share of the shorter side, 0 to 0.45, or percent as in ``"10%"``. None: 0.1, or 0.02 with ``tight``.
+        keep_outliers: keep stray points that make the object small, and what lies far behind a depth camera's subject.
+        cut_top: percent of the height to cut off from above, to look into a room.
+        smooth: make the surface smooth over patches of that radius, 0 to 0.3 of the frame's; ``auto``: only a depth
+            camera's noisy clouds, of which it closes small gaps as well; 0: neither.
+        weights: a shipped name or a .safetensors file; ``auto`` takes of the shipped ones those that carry the controls
+            asked for, and for noisy clouds those made for noise.
+
+    Raises:
+        ScanError: the points are no cloud (a ValueError).
+        SettingError: a setting that cannot be (a ValueError).
+        WeightsError: no such weights (a ValueError).
+    """
+    _check_names(controls)
+    wishes = {"color": color, "light": light, "elevation": elevation, "metallic": metallic, "roughness": roughness}
+    table, notes = None if colors is None else _color_table(colors), []
+    if up is None:
+        up = "auto" if isinstance(points, str | Path) else "+Z"
+    request = Request(up, view, azimuth, camera, {**wishes, **controls}, chosen_size(size, resolution), background,
+                      _factor(supersample), _tight(fit), _switch("keep_outliers", keep_outliers), _percent(cut_top),
+                      smooth, margin, _weights(weights))  # fmt: skip
+    if isinstance(points, str | Path):
+        request, told = _colored(request, table, [])
+        pictures, batched = studio().draw_file(Path(points), request), False
+    else:
+        given = point_arrays(points)
+        request, told = _colored(request, table, given.clouds)
+        if given.unused_columns:
+            notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): no normals or per-point "
+                         "colours are drawn")
+        elif given.coloured and table is None:
+            notes.append("the cloud's colours were left out: no per-point colours are drawn; color= chooses one for it")
+        pictures, batched = studio().draw(given.clouds, request), given.batched
+    for note in dict.fromkeys([*told, *notes, *(note for picture in pictures for note in picture.notes)]):
+        warnings.warn(note, RenderWarning, stacklevel=2)
+    if not pictures:
+        raise ScanError("expected clouds, got an empty batch")
+    if not batched and len(pictures) == 1:
+        return pictures[0]
+    record = {**pictures[0].record, "batch": len(pictures)}
+    return Picture(sheet([picture.array for picture in pictures]), record, parts=tuple(pictures))
+
+
+def _check_names(controls: Collection[str]) -> None:
+    """
+    Raises:
+        SettingError: a name that is neither an argument of `render` nor an installed control.
+    """
+    unknown = sorted(set(controls) - set(registry.names("controls")))
+    if unknown:
+        known = [name for name in inspect.signature(render).parameters if name != "controls"]
+        like = meant(unknown[0], [name.replace("_", "-") for name in known])
+        guess = "" if like is None else f" (did you mean {like.split()[0].replace('-', '_')}?)"
+        expected = f"{', '.join(known)}, or an installed control"
+        raise SettingError(f"unknown argument {unknown[0]!r}{guess}; expected {expected}")
+
+
+def _colored(request: Request, table: np.ndarray | None, clouds: Sequence[np.ndarray]) -> tuple[Request, list[str]]:
+    """The request with one colour a cloud in place of per-point ones (N, 3), and what to say about it."""
+    if table is None:
+        return request, []
+    means = _mean_colors(table, clouds)
+    unknown = "these weights draw no per-point colours: the whole object has "
+    if request.controls["color"] is not None:
+        return request, [f"{unknown}the colour given"]
+    told = list(dict.fromkeys("#" + "".join(f"{round(255 * channel):02x}" for channel in mean) for mean in means))
+    named = ", ".join(told[:_MOST_TOLD]) + (", ..." if len(told) > _MOST_TOLD else "")
+    return replace(request, colors=means), [f"{unknown}their mean, {named}; choose another with color="]
+
+
+def _color_table(colors: Any) -> np.ndarray:
+    """Colours (N, 3) as floats of per-point colours (..., 3 or 4), in whichever numbers they came.
+
+    Integers count to 255, but mean what floats do where none is above 1.
+    """
+    try:
+        parts = [_plain(part) for part in colors] if isinstance(colors, Sequence) else []
+        many = bool(parts) and all(part.ndim == 2 for part in parts)
+        table = np.concatenate(parts) if many else _plain(colors)
+    except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
+        reason = " ".join(str(error).split())
+        raise SettingError(f"expected colors (N, 3) as numbers, got {type(colors).__name__} ({reason})") from error
+    if table.size == 0 or table.ndim < 2 or table.shape[-1] not in (3, 4) or table.dtype.kind not in "fiu":
+        raise SettingError(f"expected colors (N, 3) as numbers, got {table.shape} {table.dtype}")
+    bytes_ = table.dtype.kind in "iu" and table.max() > 1
+    return table[..., :3].reshape(-1, 3) / (255.0 if bytes_ else 1.0)
+
+
+def _plain(colors: Any) -> np.ndarray:
+    return np.asarray(colors.detach().cpu().numpy() if hasattr(colors, "detach") else colors)
+
+
+def _mean_colors(table: np.ndarray, clouds: Sequence[np.ndarray]) -> tuple[tuple[float, ...], ...]:
+    """Mean sRGB of each cloud's points, of colours (N, 3) of all their points; or one, of colours that all share.
+
+    Raises:
+        SettingError: there is a colour neither for each point of all clouds nor for each one of every cloud, or a mean
+            lies outside [0, 1].
+    """
+    points = sum(map(len, clouds))
+    if len(table) == points:
+        parts = np.split(table, np.cumsum([len(cloud) for cloud in clouds])[:-1])
+    elif any(len(cloud) != len(table) for cloud in clouds):
+        raise SettingError(f"expected a color for each of the {points} points, got {len(table)}; leave colors out, or "
+                           "give one color=")
+    else:
+        parts = [table]
+    means = [part.mean(0, dtype=np.float64) if len(part) else np.zeros(3) for part in parts]  # none: refused later on
+    for mean in means:
+        if not ((mean >= 0) & (mean <= 1)).all():
+            raise SettingError(f"expected colors as floats from 0 to 1 or integers to 255, got a mean of "
+                               f"{mean.tolist()}")
+    return tuple(tuple(mean.tolist()) for mean in means)
+
+
+def chosen_size(size: Any, resolution: Any, usual: int = USUAL_SIZE) -> tuple[int, int]:
+    """Width and height in pixels by whichever of the two names was used.
+
+    Raises:
+        SettingError: both were, or it is no size.
+    """
+    if size is not None and resolution is not None:
+        raise SettingError(f"size and resolution are two names for one thing, got {size!r} and {resolution!r}; leave "
+                           "one out")
+    given = resolution if size is None else size
+    return pixel_size(usual if given is None else given)
+
+
+def pixel_size(size: Any) -> tuple[int, int]:
+    """Width and height in pixels, of one number or two.
+
+    Raises:
+        SettingError: no whole numbers, or not from 32 to 4096.
+    """
+    try:
+        sides = list(size) if np.ndim(size) else [size, size]
+        whole = [int(side) for side in sides if not isinstance(side, bool | str | bytes) and int(side) == side]
+    except (TypeError, ValueError, ArithmeticError, RuntimeError):  # no numbers, nan, infinity, a tensor of others
+        sides, whole = [], []
+    if not (len(whole) == len(sides) == 2 and all(SIDES[0] <= side <= SIDES[1] for side in whole)):
+        raise SettingError(f"expected a size of one or two whole numbers from {SIDES[0]} to {SIDES[1]} pixels, got "
+                           f"{reprlib.repr(size)}")
+    return whole[0], whole[1]
+
+
+def _switch(name: str, wish: Any) -> bool:
+    if not isinstance(wish, bool | np.bool_):
+        raise SettingError(f"expected {name} True or False, got {wish!r}")
+    return bool(wish)
+
+
+def _factor(supersample: Any) -> int:
+    if isinstance(supersample, bool) or not (isinstance(supersample, Real) and supersample in (1, 2, 3, 4)):
+        raise SettingError(f"expected a supersample of 1, 2, 3 or 4, got {supersample!r}")
+    return int(float(supersample))
+
+
+def _tight(fit: Any) -> bool:
+    if not (isinstance(fit, str) and fit in ("frame", "tight")):
+        raise SettingError(f"expected fit 'frame' or 'tight', got {fit!r}")
+    return bool(fit == "tight")
+
+
+def _weights(weights: Any) -> str | Path:
+    if not isinstance(weights, str | Path):
+        raise SettingError(f"expected weights as 'auto', a shipped name or the path of a .safetensors file, got "
+                           f"{weights!r}")
+    return weights
+
+
+def _percent(cut_top: Any) -> float:
+    number = isinstance(cut_top, Real) and not isinstance(cut_top, bool)
+    if not (number and 0 <= cut_top < 100):
+        raise SettingError(f"expected cut_top from 0 to below 100 percent, got {cut_top!r}")
+    return float(cut_top)

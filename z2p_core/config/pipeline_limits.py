@@ -1,0 +1,172 @@
+"""Limits of every value in a configuration of the pipeline: checked when the plan is made, and not hours later."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from z2p_core import registry
+from z2p_core.config import ConfigError, PipelineConfig, training_fault
+from z2p_core.errors.value_limits import (
+    Choice,
+    Count,
+    Fields,
+    Limit,
+    LimitError,
+    Many,
+    Maybe,
+    Number,
+    Switch,
+    Text,
+    check,
+)
+from z2p_core.meshes.synthetic_noise import KINDS
+from z2p_core.network.tensor_shapes import KINDS as NETWORKS
+from z2p_core.network.tensor_shapes import SIZE_LIMITS, network_fault
+
+DENOISE = ("off", "fast", "balanced", "high")
+PASSES = ("depth", "normal", "shadow")
+SMALLEST_SIDE, LARGEST_SIDE = 11, 8192
+"""Pixels: structural similarity needs a window of 11."""
+SEED = Count(0, 2**32 - 1)
+SIDE = Count(SMALLEST_SIDE, LARGEST_SIDE)
+SAMPLES = Count(1, 65_536)
+POINTS = Count(1, 20_000_000)
+DEGREES = Number(0, 89)
+FOLDER = Text("a folder, as text without control characters")
+NAME = Text("a plain folder name of up to 100 characters", r"[^./\\\x00-\x1f\x7f-][^/\\\x00-\x1f\x7f]*", 100)
+_WEIGHT = Number(0, 1e6)
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """The name of an installed plugin of some groups, or another name."""
+
+    groups: tuple[str, ...]
+    also: tuple[str, ...] = ()
+
+    @property
+    def known(self) -> list[str]:
+        return [*(name for group in self.groups for name in registry.names(group)), *self.also]
+
+    @property
+    def expected(self) -> str:
+        return f"an installed {self.groups[0][:-1]} ({', '.join(self.known) or 'there is none'})"
+
+    def holds(self, value: Any) -> bool:
+        return isinstance(value, str) and value in self.known
+
+
+SAMPLE: dict[str, Limit | Fields] = {"sampler": Plugin(("samplers",)), "points": POINTS, "seed": SEED}
+RENDER: dict[str, Limit | Fields] = {
+    "controls": Many(Plugin(("controls",)), 1, 100, distinct=True),
+    "views": Count(1, 100_000),
+    "chunk": Count(1, 100_000),
+    "resolution": SIDE,
+    "samples": SAMPLES,
+    "denoise": Choice(DENOISE),
+    "bounces": Count(0, 1024),
+    "upright": Number(0, 1),
+    "passes": Many(Choice(PASSES), 0, len(PASSES), distinct=True),
+    "seed": SEED,
+}
+SHARD: dict[str, Limit | Fields] = {"resolution": SIDE}
+NETWORK: dict[str, Limit | Fields] = {
+    "kind": Choice(NETWORKS),
+    **SIZE_LIMITS,
+    "zbuffer": Plugin(("zbuffers",)),
+    "gbuffer": Plugin(("gbuffers",)),
+    "encoder": Plugin(("encoders",)),
+}
+LOSS: dict[str, Limit | Fields] = {
+    **dict.fromkeys(
+        ("color_l2", "magnitude_l1", "alpha_l1", "color_l1", "ssim", "gradient_l1", "visible", "flip", "foreground"),
+        _WEIGHT,
+    ),
+    "masked": Switch(),
+}
+TRAIN: dict[str, Limit | Fields] = {
+    "network": Fields(NETWORK),
+    "loss": Fields(LOSS),
+    "start": Text("the name or file of weights"),
+    "teacher": Text("the name or file of weights"),
+    "teacher_share": Number(0, 1),
+    "haze": Number(0, 1),
+    "resolutions": Many(SIDE, 0, 1000),
+    "steps": Count(1, 100_000_000),
+    "batch": Count(1, 4096),
+    "learning_rate": Number(1e-12, 10),
+    "warmup": Count(0, 100_000_000),
+    "points": Many(POINTS, 2, 2),
+    "reuse": Count(1, 1_000_000),
+    "even": Number(0, 1),
+    "holes": Number(0, 1),
+    "cropped": Switch(),
+    "mirror": Switch(),
+    "noise": Choice(KINDS),
+    "noise_scale": Number(0, 10),
+    "average": Number(0, 1 - 1e-9),
+    "validate_every": Count(1, 100_000_000),
+    "validation_share": Number(0, 0.9),
+    "checkpoint_every": Count(1, 100_000_000),
+    "seed": SEED,
+}
+EVALUATE: dict[str, Limit | Fields] = {
+    "views": Count(1, 100_000),
+    "points": POINTS,
+    "noise": Number(0, 10),
+    "sampler": Plugin(("samplers",)),
+    "resolution": SIDE,
+    "samples": SAMPLES,
+    "denoise": Choice(DENOISE),
+    "bounces": Count(0, 1024),
+    "supersample": Count(1, 8),
+    "elevation": Maybe(DEGREES),
+    "seed": SEED,
+    "seeds": Count(1, 10_000),
+}
+PIPELINE: dict[str, Limit | Fields] = {
+    "name": NAME,
+    "meshes": FOLDER,
+    "evaluate_meshes": FOLDER,
+    "sample": Fields(SAMPLE),
+    "render": Fields(RENDER),
+    "shard": Fields(SHARD),
+    "train": Fields(TRAIN),
+    "evaluate": Fields(EVALUATE),
+}
+
+
+def check_values(config: PipelineConfig) -> None:
+    """Nothing, when each value is within its limits and all of them fit together.
+
+    Raises:
+        ConfigError: one is not, or they do not; the message names the key.
+        PluginError: a plugin is not installed.
+    """
+    limited(config, PIPELINE)
+    if config.render.resolution % config.shard.resolution:
+        raise ConfigError(
+            f"shard.resolution: expected a divisor of render.resolution ({config.render.resolution}), "
+            f"got {config.shard.resolution}"
+        )
+    if fault := training_fault(config.train, config.shard.resolution):
+        raise ConfigError(f"train.{fault}")
+    terms = [name for name in LOSS if name not in ("foreground", "masked")]
+    if not any(getattr(config.train.loss, name) for name in terms):
+        raise ConfigError(f"train.loss: expected a weight above 0 for one of {', '.join(terms)}")
+    if fault := network_fault(config.train.network):
+        raise ConfigError(f"train.network.{fault}")
+
+
+def limited(config: Any, limits: dict[str, Limit | Fields], prefix: str = "") -> None:
+    """Nothing, when each value of a config dataclass is within its limits.
+
+    Raises:
+        ConfigError: one is not; the message names the key.
+        PluginError: a plugin is not installed.
+    """
+    try:
+        check(config, limits, prefix)
+    except LimitError as error:
+        raise (registry.PluginError if isinstance(error.limit, Plugin) else ConfigError)(str(error)) from None

@@ -1,0 +1,79 @@
+"""Limits of every value in a configuration of the report on the paper's evaluation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from z2p_core.config.pipeline_limits import DENOISE, FOLDER, NAME, POINTS, SAMPLES, SEED, Plugin
+from z2p_core.errors.value_limits import Choice, Count, Fields, Limit, Many, Number, Text
+
+_MESHES = Count(0, 100_000)
+_MATERIAL = Text("metallic and roughness, each 0 to 1, as in 1,0.3", r"(0(\.\d+)?|1(\.0+)?),(0(\.\d+)?|1(\.0+)?)", 40)
+
+
+@dataclass(frozen=True)
+class _Colour:
+    """An opaque colour."""
+
+    expected: str = "a CSS colour name or #hex"
+
+    def holds(self, value: Any) -> bool:
+        from PIL import ImageColor  # late: reports alone have colours
+
+        if not isinstance(value, str) or len(value) > 100:
+            return False
+        try:
+            return len(ImageColor.getrgb(value)) == 3
+        except ValueError:
+            return False
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """Levels of one kind, and how many meshes take part."""
+
+    level: Limit
+
+    @property
+    def fields(self) -> Fields:
+        return Fields({"levels": Many(self.level, 0, 100, distinct=True), "meshes": _MESHES})
+
+
+SWEEPS: dict[str, Limit] = {
+    "base": Number(0, 0),
+    "noise": Number(0, 10),
+    "density": Number(1, 20_000_000),
+    "sampling": Plugin(("samplers",), ("non-uniform",)),
+    "inner": Number(0, 0.9),
+    "scale": Number(0.01, 1),
+    "single": Choice(("clean", "noise", "holes")),
+    "lift": Number(0, 10),
+    "light": Number(-90, 90),
+    "color": _Colour(),
+    "turning": Number(-360, 360),
+    "material": _MATERIAL,
+    "sheet": Number(0, 1),
+    "scene": Number(1, 100),
+    "bumps": Number(1, 128),
+    "gap": Number(0, 2, above=True),
+}
+"""What a level of each sweep may be."""
+
+REPORT: dict[str, Limit | Fields] = {
+    "name": NAME,
+    "meshes": FOLDER,
+    "scans": FOLDER,
+    "weights": Many(Text("the name or file of weights"), 0, 100),
+    "baselines": Many(Plugin(("baselines", "painters")), 0, 100, distinct=True),
+    "views": Count(1, 100_000),
+    "points": POINTS,
+    "resolution": Count(32, 8192),
+    "samples": SAMPLES,
+    "denoise": Choice(DENOISE),
+    "seed": SEED,
+    "time_repeats": Count(1, 1000),
+    "trust_draws": Count(0, 1000),
+    "trust_meshes": _MESHES,
+    **{name: _Sweep(level).fields for name, level in SWEEPS.items()},
+}

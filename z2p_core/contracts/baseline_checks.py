@@ -1,0 +1,68 @@
+"""The contract of baselines and painters, part of `z2p_core.testing`: a sphere's points, the same result every time."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+
+from z2p_core.camera import Camera
+from z2p_core.contracts.assertions import check_array, check_class, expect, refuses, same
+from z2p_core.contracts.baseline import Baseline, Painter
+from z2p_core.interfaces import ScanError
+from z2p_core.scene import SceneDescription
+
+
+def check_baseline(baseline_class: type[Baseline]) -> None:
+    """None when the class keeps what `Baseline` promises: a mesh where the cloud is, the same one every time.
+
+    Raises:
+        AssertionError: it does not; the message says what was expected and what came.
+    """
+    check_class("baselines", baseline_class, Baseline)
+    baseline, name = baseline_class(), baseline_class.name
+    cloud = _sphere(800)
+    given = cloud.copy()
+    vertices, faces = baseline.reconstruct(cloud, np.random.default_rng(1))
+    check_array(vertices, (len(vertices), 3), np.float64, f"{name}: vertices")
+    whole = isinstance(faces, np.ndarray) and np.issubdtype(faces.dtype, np.integer)
+    expect(whole and faces.ndim == 2 and faces.shape[1] == 3 and len(faces) > 0,
+           f"{name}: expected triangles (M, 3) int, M >= 1, got {faces!r}")  # fmt: skip
+    known = faces.min() >= 0 and faces.max() < len(vertices)
+    expect(bool(known), f"{name}: triangles use vertices {faces.min()} to {faces.max()}, there are {len(vertices)}")
+    off = np.abs(np.linalg.norm(vertices[faces.ravel()], axis=1) - 0.9).max()
+    expect(off < 0.2, f"{name}: a vertex lies {off:.2g} off the sphere that the cloud is on")
+    seen = baseline.reconstruct_for(cloud, Camera(1, 1).position, np.random.default_rng(1))
+    expect(len(seen[1]) > 0, f"{name}: reconstruct_for gives no triangle")
+    again = baseline.reconstruct(cloud, np.random.default_rng(1))
+    same(again[0], vertices, f"{name}: the same cloud and rng, vertices")
+    same(again[1], faces, f"{name}: the same cloud and rng, triangles")
+    same(cloud, given, f"{name}: the cloud given to reconstruct")
+    refuses(lambda: baseline.reconstruct(cloud[:0], np.random.default_rng(1)), ScanError, f"{name}: an empty cloud")
+
+
+def check_painter(painter_class: type[Painter]) -> None:
+    """None when the class keeps what `Painter` promises: the object where the cloud is, the same picture every time.
+
+    Raises:
+        AssertionError: it does not; the message says what was expected and what came.
+    """
+    check_class("painters", painter_class, Painter)
+    painter, name, scene = painter_class(), painter_class.name, SceneDescription()
+    cloud, camera, described = _sphere(2000).astype(np.float32), Camera(80, 64), copy.deepcopy(scene)
+    given = cloud.copy()
+    picture = painter.paint(cloud, camera, scene)
+    check_array(picture, (64, 80, 4), np.float32, f"{name}: paint")
+    expect(bool(picture.min() >= 0 and picture.max() <= 1), f"{name}: expected values in [0, 1]")
+    expect(bool(picture[32, 40, 3] > 0.5), f"{name}: expected the sphere in the middle, got alpha {picture[32, 40, 3]}")
+    expect(bool(picture[:4, :4, 3].max() < 0.1), f"{name}: expected nothing in the corner above the object")
+    same(painter_class().paint(cloud, camera, scene), picture, f"{name}: the same cloud painted twice")
+    same(cloud, given, f"{name}: the cloud given to paint")
+    expect(scene == described, f"{name}: paint changes the scene given to it")
+    refuses(lambda: painter.paint(cloud[:0], camera, scene), ScanError, f"{name}: an empty cloud")
+
+
+def _sphere(count: int) -> np.ndarray:
+    """Points (count, 3) float64 on a sphere of radius 0.9."""
+    directions = np.random.default_rng(0).normal(size=(count, 3))
+    return 0.9 * directions / np.linalg.norm(directions, axis=1, keepdims=True)

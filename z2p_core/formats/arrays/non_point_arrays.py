@@ -1,0 +1,44 @@
+"""Arrays whose shape could be that of points, and that are none: depth maps, pictures, a camera's poses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from z2p_core.formats.arrays.image_grids import GRID_ADVICE, is_grid, is_picture
+from z2p_core.formats.tables.camera_poses import pose_kind
+from z2p_core.interfaces import ScanError
+
+_MOST_ROWS = 1000
+"""Rows of an array that are looked at."""
+
+
+@np.errstate(all="ignore")  # of numbers that are no coordinates
+def refuse_other_arrays(array: np.ndarray) -> None:
+    """None for numbers (N, C) or (B, N, C) that may be points.
+
+    Raises:
+        ScanError: they are matrices of cameras or a list of poses, a depth map, a grid of heights or a colour picture.
+    """
+    if told := pose_array_kind(array):
+        raise ScanError(f"numbers {array.shape} are no points but {told}; give points (N, 3)")
+    if array.ndim == 2 and is_grid(array):
+        raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; "
+                        f"{GRID_ADVICE}")
+    if array.ndim == 3 and is_picture(array):
+        raise ScanError(f"numbers {array.shape} look like a colour picture, not like points; give the x y z of its "
+                        "pixels instead")
+
+
+def pose_array_kind(array: np.ndarray) -> str:
+    """What numbers are, if poses or matrices of cameras, one or many; empty if they are none."""
+    return pose_kind(_rows_of_poses(array))
+
+
+def _rows_of_poses(array: np.ndarray) -> np.ndarray:
+    """The array as it would be a list of poses, some matrices a row each; without rows where it can be none."""
+    if array.ndim == 3 and array.shape[1:] in ((4, 4), (3, 4)):
+        array = array.reshape(len(array), array.shape[1] * 4)
+    elif array.ndim == 3 and array.shape[1:] == (3, 3):
+        array = np.concatenate([array, np.zeros((len(array), 3, 1))], axis=2).reshape(len(array), 12)
+    with np.errstate(invalid="ignore"):  # NaN of the kind that signals
+        return array[:_MOST_ROWS].astype(np.float64) if array.ndim == 2 else np.empty((0, 3))

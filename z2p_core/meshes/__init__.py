@@ -1,0 +1,1 @@
+"""Points sampled on triangle meshes, and noise added to them."""

@@ -1,0 +1,171 @@
+"""Kernels that draw: points and discs into buffers, and the finished picture's bytes."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import NamedTuple
+
+import numpy as np
+
+from z2p_core.camera import Camera
+from z2p_core.native.library import call, floats, place, widest
+from z2p_core.parallel import over_rows
+
+SHORTEST = 400
+"""Rows of a picture below which one core converts them."""
+FEWEST = 64
+"""Rows below which one core goes over them with convolutions."""
+GROUP = 4
+"""Channels that those kernels write at a time."""
+
+
+class Convolution(NamedTuple):
+    """A 3x3 convolution for `touched`: weights (O / 4, I, 9, 4) and bias (O / 4, 4), float32."""
+
+    weights: np.ndarray
+    bias: np.ndarray
+
+
+def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
+    """Depth (H + 2 margin, W + 2 margin) of the nearest of points (N, 3) in each pixel, infinity where there is none.
+
+    A point falls into the pixel that holds its projection; `margin` pixels beyond each border are kept.
+    """
+    height, width = camera.height + 2 * margin, camera.width + 2 * margin
+    depths = np.full(height * width + 1, np.inf, np.float32)  # the last takes the points that are not seen
+    view = np.concatenate([camera.rotation.ravel(), camera.position])
+    call(
+        "z2p_nearest_depth", floats(cloud), ctypes.c_int64(len(cloud)), floats(view), ctypes.c_float(camera.focal),
+        width, height, margin, depths,
+    )  # fmt: skip
+    return depths[:-1].reshape(height, width)
+
+
+def window_minimum(picture: np.ndarray, size: int) -> np.ndarray:
+    """Minimum (H - size + 1, W - size + 1) of every size x size window of (H, W)."""
+    height, width = picture.shape
+    out = np.empty((height - size + 1, width - size + 1), np.float32)
+    call("z2p_window_minimum", floats(picture), height, width, size, out)
+    return out
+
+
+def showing(points: np.ndarray, turns: np.ndarray, elevation: float, side: int) -> tuple[np.ndarray, np.ndarray]:
+    """What views from afar show of points (N, 3) in the unit sphere: cells covered (V,) int32, and breadth (V,).
+
+    A view turns the points about Z by an angle of `turns` (V,), and looks at them from the elevation, all in radians.
+    Cells are those of a picture (side, side), each point a dot of 3 x 3.
+    """
+    covered, breadth = np.empty(len(turns), np.int32), np.empty(len(turns), np.float32)
+    ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    tilt = np.array([np.sin(elevation), np.cos(elevation)])
+    call("z2p_showing", floats(points), len(points), floats(ways), len(turns), floats(tilt), side, covered, breadth)
+    return covered, breadth
+
+
+def intensity(depth: np.ndarray, alpha: float, beta: float, out: np.ndarray) -> None:
+    """Draws into `out` (H, W) exp((alpha - depth) / beta) of depths (H, W), whose rows may lie apart; 0 of infinity."""
+    if depth.dtype != np.float32 or depth.strides[1] != 4:
+        raise ValueError(f"expected float32 depths whose rows are whole, got {depth.dtype}, strides {depth.strides}")
+    height, width = depth.shape
+    call(
+        "z2p_intensity", depth, ctypes.c_int64(depth.strides[0] // 4), height, width, ctypes.c_float(alpha),
+        ctypes.c_float(beta), place(out, (height, width)),
+    )  # fmt: skip
+
+
+def surfels(
+    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, clips: np.ndarray, features: np.ndarray, camera: Camera,
+    slack: float, sure: float, full: float, near: float, far: float, out: np.ndarray,
+    rows: tuple[int, int] | None = None,
+) -> None:  # fmt: skip
+    """Draws discs into `out` (9, H, W): coverage, density, depth and six features; 0 off the discs.
+
+    Points (N, 3), normals (N, 3), which face it, and the planes `clips` (N, 4, 4) that end discs (see
+    `z2p_core.native.clips`) are in the camera's axes; features are (N, 6). A pixel is the mean of four samples. Where
+    discs overlap, those at most `slack` of their radius behind the nearest are averaged, by weights w that fall from 1
+    to 0 towards a disc's rim. Of their sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes
+    from 1 at `near` to 0 at `far`. Samples count as far as they are covered. Only `rows` from the first up to the last,
+    that one excluded, are drawn.
+    """
+    first, last = rows or (0, camera.height)
+    call(
+        "z2p_surfels", floats(points), floats(normals), floats(radii), floats(clips), floats(features),
+        len(points), ctypes.c_float(camera.focal), camera.width, camera.height, first, last, ctypes.c_float(slack),
+        ctypes.c_float(sure), ctypes.c_float(full), ctypes.c_float(near), ctypes.c_float(far),
+        place(out, (9, camera.height, camera.width)),
+    )  # fmt: skip
+
+
+def reconcile(picture: np.ndarray, coverage: np.ndarray, colors: np.ndarray, trust: float, most: float) -> None:
+    """Moves a picture (4, H, W), colour times alpha and alpha, towards given straight colours (3, H, W), in place.
+
+    By the share `trust`, and where they differ by more than `most` by that of it; in the midst of what both coverage
+    (H, W) and alpha show whole, and nowhere else. All are float32 and contiguous.
+    """
+    _, height, width = picture.shape
+    planes = (place(picture, (4, height, width)), floats(coverage), floats(colors), ctypes.c_int64(height * width))
+
+    def move(top: int, bottom: int) -> None:
+        rows = (ctypes.c_int64(top * width), ctypes.c_int64(bottom * width))
+        call("z2p_reconcile", *planes, *rows, ctypes.c_float(trust), ctypes.c_float(most))
+
+    over_rows(move, height, SHORTEST, parts=2)
+
+
+def reconcile_shadow(alpha: np.ndarray, coverage: np.ndarray, shadow: np.ndarray, trust: float, most: float) -> None:
+    """Moves a picture's alpha (H, W) towards a given shadow's (H, W), in place, where coverage (H, W) shows nothing.
+
+    By the share `trust` where they differ by up to `most`, less where by more, and not at all from twice that on. All
+    are float32 and contiguous.
+    """
+    height, width = alpha.shape
+    planes = (place(alpha, (height, width)), floats(coverage), floats(shadow))
+
+    def move(top: int, bottom: int) -> None:
+        rows = (ctypes.c_int64(top * width), ctypes.c_int64(bottom * width))
+        call("z2p_reconcile_shadow", *planes, *rows, ctypes.c_float(trust), ctypes.c_float(most))
+
+    over_rows(move, height, SHORTEST, parts=2)
+
+
+def straight_bytes(picture: np.ndarray) -> np.ndarray:
+    """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
+    _, height, width = picture.shape
+    out = np.empty((height, width, 4), np.uint8)
+    planes = (floats(picture), ctypes.c_int64(height * width))
+
+    def convert(top: int, bottom: int) -> None:
+        call("z2p_straight_bytes", *planes, ctypes.c_int64(top * width), ctypes.c_int64(bottom * width), out)
+
+    over_rows(convert, height, SHORTEST, parts=2)
+    return out
+
+
+def packed(weights: np.ndarray, bias: np.ndarray) -> Convolution:
+    """A 3x3 convolution of weights (O, I, 3, 3) and bias (O,), as kernels take it."""
+    groups = weights.reshape(-1, GROUP, weights.shape[1], weights.shape[2] * weights.shape[3])
+    return Convolution(floats(groups.transpose(0, 2, 3, 1)), floats(bias.reshape(-1, GROUP)))
+
+
+def touched(
+    cells: np.ndarray, buffers: np.ndarray, cell: int, look: Convolution, touch: Convolution, out: np.ndarray
+) -> None:
+    """Draws into `out` (4, H, W) a picture, and what two convolutions see in it and in buffers (C, H, W) add to it.
+
+    The picture comes in cells (4 cell^2, H / cell, W / cell), as torch's `pixel_unshuffle` folds it. `look` reads it
+    before the buffers, `touch` what is positive of that. Beyond the borders all is 0; the sum is clipped to [0, 1].
+    """
+    channels, height, width = buffers.shape
+    fits = (cells.shape, len(look.weights[0]), len(touch.weights[0])) == (
+        (GROUP * cell**2, height / cell, width / cell), GROUP + channels, look.bias.size
+    )  # fmt: skip
+    if not fits or touch.bias.size != GROUP:
+        raise ValueError(
+            f"expected cells of {cell} pixels a side, buffers and convolutions that fit each other, got {cells.shape}, "
+            f"{buffers.shape}, {look.weights.shape} and {touch.weights.shape}"
+        )
+    drawn = (floats(cells), floats(buffers), channels, height, width, cell)
+    layers = (look.weights, look.bias, len(look.weights), touch.weights, touch.bias)
+    picture = place(out, (GROUP, height, width))
+    kernel = widest("z2p_touch")
+    over_rows(lambda top, bottom: call(kernel, *drawn, *layers, top, bottom, picture), height, FEWEST)

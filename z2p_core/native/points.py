@@ -1,0 +1,203 @@
+"""Kernels that find a bare cloud's neighbours, and the planes and patches through them."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+
+import numpy as np
+
+from z2p_core.native.library import call, floats, widest
+from z2p_core.parallel import over_rows
+
+MOST_CLIPS = 4
+"""Planes that end a disc."""
+
+
+class Grid:
+    """A cloud (N, 3), N >= 1, whose points are sorted by place, so that neighbours are found at once.
+
+    Attributes:
+        points: (N, 3) float32, in an order that does not depend on the cloud's.
+    """
+
+    def __init__(self, cloud: np.ndarray) -> None:
+        self._handle = np.zeros(1, np.uint64)  # first: what refuses the cloud leaves a grid to be deleted
+        if not np.isfinite(cloud).all():
+            raise ValueError("expected a cloud of finite points, got some that are not")
+        self.points = np.empty((len(cloud), 3), np.float32)
+        call("z2p_grid", floats(cloud), len(cloud), self.points, self._handle)
+
+    def __del__(self) -> None:
+        if self._handle[0]:
+            call("z2p_grid_free", ctypes.c_void_p(int(self._handle[0])))
+
+    def neighbours(self, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of `points` (M, count) int32, count <= 64, nearest to the points asked for (M,) int32, and spacing (M,).
+
+        A point is its own neighbour, and the last neighbour is repeated where a cloud has fewer. Spacing is the side of
+        the square patch of surface that is a point's share, by its 12 nearest points.
+        """
+        return self._nearest(self.points, np.ascontiguousarray(asked, np.int32), count)
+
+    def around(self, places: np.ndarray, count: int) -> np.ndarray:
+        """Rows of `points` (M, count) int32, count <= 64, nearest to places (M, 3) that need be none of them.
+
+        The last one is repeated where fewer are near.
+        """
+        return self._nearest(floats(places), np.arange(len(places), dtype=np.int32), count)[0]
+
+    def _nearest(self, places: np.ndarray, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
+        grid = (ctypes.c_void_p(int(self._handle[0])), places)
+
+        def find(begin: int, end: int) -> None:
+            call("z2p_neighbours", *grid, asked[begin:end], end - begin, count, found[begin:end], spacing[begin:end])
+
+        over_rows(find, len(asked))
+        return found, spacing
+
+
+def planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Planes through the neighbours found (M, K) among points (N, 3): normals (M, 3), of either sign, and spread (M,).
+
+    Spread is the neighbours' standard deviation off the plane.
+    """
+    count = len(found)
+    normals, spread = np.empty((count, 3), np.float32), np.empty(count, np.float32)
+
+    def fit(begin: int, end: int) -> None:
+        rows = slice(begin, end)
+        call("z2p_planes", points, found[rows], end - begin, found.shape[1], normals[rows], spread[rows])
+
+    over_rows(fit, count)
+    return normals, spread
+
+
+def slabs(points: np.ndarray, asked: np.ndarray, found: np.ndarray, held: int) -> tuple[np.ndarray, np.ndarray]:
+    """The thinnest slabs that hold so many of the neighbours found (M, K <= 16) of points (N, 3): half widths (M,).
+
+    And the share (M,) of neighbours that lie above or below the point, by that slab, rather than beside it. The points
+    asked for (M,) int32 are each the first of their own neighbours; a slab lies along two of the nearest six others.
+    """
+    widths, steep = np.empty((2, len(asked)), np.float32)
+    rows = (np.ascontiguousarray(asked, np.int32), np.ascontiguousarray(found, np.int32))
+    call("z2p_slabs", points, *rows, len(asked), found.shape[1], held, widths, steep)
+    return widths, steep
+
+
+def jets(
+    points: np.ndarray, before: np.ndarray, asked: np.ndarray, found: np.ndarray, tolerance: np.ndarray,
+    scale: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Normals (M, 3) of curved patches through the neighbours found (M, K) of points asked for (M,), and heights (M,).
+
+    A height is how far the point lies above its patch, along the normal. Those neighbours count most that lie near the
+    plane by its normal of `before` (N, 3), within tolerances (M,), that agree with it, and that are near by scale (M,).
+    """
+    normals, heights = np.empty((len(asked), 3), np.float32), np.empty(len(asked), np.float32)
+
+    def fit(begin: int, end: int) -> None:
+        of_rows = (array[begin:end] for array in (tolerance, scale, normals, heights))
+        call("z2p_jets", points, before, asked[begin:end], found[begin:end], end - begin, found.shape[1], *of_rows)
+
+    over_rows(fit, len(asked))
+    return normals, heights
+
+
+def refine(
+    points: np.ndarray, normals: np.ndarray, found: np.ndarray, scale: np.ndarray, noise: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (N, 3) moved onto their patches and unit normals (N, 3), as each agrees with its neighbours found (N, K).
+
+    A small graph network (`scripts/learn_patches.py`) that passes messages some times, from points (N, 3), unit
+    normals (N, 3) of either sign and the noise in spacings. Steps are measured in scale (N,), above 0.
+    """
+    count, (rounds, width) = len(points), network_size()
+    memory, told = np.empty((2, count, width), np.float32)
+    call("z2p_refine_begin", ctypes.c_float(noise), count, memory, told)
+    state: tuple[np.ndarray, ...] = (floats(points), floats(normals), memory, told)
+    scale, found = floats(scale), np.ascontiguousarray(found, np.int32)
+    for which in range(rounds):
+        state = _next_round(which, state, found, scale)
+    return state[0], state[1]
+
+
+@lru_cache(maxsize=1)
+def network_size() -> tuple[int, int]:
+    """Rounds of messages in `refine`, and how many numbers W a point remembers from one to the next."""
+    rounds, width = np.zeros((2, 1), np.intc)
+    call("z2p_refine_size", rounds, width)
+    return int(rounds[0]), int(width[0])
+
+
+def _next_round(
+    which: int, state: tuple[np.ndarray, ...], found: np.ndarray, scale: np.ndarray
+) -> tuple[np.ndarray, ...]:
+    """The points, normals, memory (N, W) and what is told (N, W) after that round, from those before it."""
+    after = tuple(np.empty_like(array) for array in state)
+    kernel = widest("z2p_refine")
+
+    def send(begin: int, end: int) -> None:
+        call(kernel, which, *state, found, scale, begin, end, found.shape[1], *after)
+
+    over_rows(send, len(found))
+    return after
+
+
+def centres(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Centres (N, 3) float32 of flat discs of radii (N,), so that they lie on average where the surface does.
+
+    About points (N, 3) with unit normals (N, 3) of a bent surface they would all stand out of it. How it bends tell the
+    nearest of the neighbours found (N, K).
+    """
+    moved = np.empty((len(points), 3), np.float32)
+    discs = (floats(points), floats(normals), floats(radii), found)
+    over_rows(lambda begin, end: call("z2p_centres", *discs, begin, end, found.shape[1], moved), len(points))
+    return moved
+
+
+def clips(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Planes (N, 4, 4) that end the discs of radii (N,) about points (N, 3) at creases and outlines.
+
+    Each plane is a unit normal, and how far along it nothing is left of the disc: that of one of the neighbours found
+    (N, K) towards which the surface bends away. The nearest end comes first, and planes that end nothing last.
+    """
+    planes = np.empty((len(points), MOST_CLIPS, 4), np.float32)
+    discs = (floats(points), floats(normals), floats(radii), found)
+    over_rows(lambda begin, end: call("z2p_clips", *discs, begin, end, found.shape[1], planes), len(points))
+    return planes
+
+
+def cells(
+    points: np.ndarray, normals: np.ndarray, asked: np.ndarray, found: np.ndarray, solid: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far the Voronoi cells of the points asked for (M,) int32 reach in the planes of their normals: (M,), float32.
+
+    They are cells of points (N, 3) with unit normals (N, 3), bounded by the neighbours found (M, K), laid into the
+    plane, but for those far off it; or, if `solid`, what the plane cuts out of the cells in space, which the neighbours
+    beyond a crease bound as well. Where no neighbour bounds a cell, as at a border, it reaches very far, or inf. The
+    places (M, 3) that they reach as well.
+    """
+    reaches, ends = np.empty(len(asked), np.float32), np.empty((len(asked), 3), np.float32)
+    cloud = (floats(points), floats(normals), asked, found)
+
+    def reach(begin: int, end: int) -> None:
+        call("z2p_cells", *cloud, begin, end, found.shape[1], int(solid), reaches, ends)
+
+    over_rows(reach, len(asked))
+    return reaches, ends
+
+
+def holes(
+    points: np.ndarray, normals: np.ndarray, places: np.ndarray, facing: np.ndarray, reaches: np.ndarray,
+    found: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Radii (M,) of discs that close the small holes of a surface of points (N, 3) at places (M, 3), 0 where is none.
+
+    A hole reaches so far (M,) from its place, has none of the neighbours found (M, K) much nearer, and has them on all
+    sides; `facing` (M, 3) are normals of points at its rim. Also the places and normals (M, 3) of the discs.
+    """
+    placed, normal, radii = floats(places).copy(), floats(facing).copy(), np.empty(len(places), np.float32)
+    call("z2p_holes", points, normals, found, len(places), found.shape[1], floats(reaches), placed, normal, radii)
+    return radii, placed, normal

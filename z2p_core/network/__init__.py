@@ -1,0 +1,1 @@
+"""The conditioned U-Net and what running it needs."""

@@ -1,0 +1,135 @@
+"""What a cloud's picture is of: a depth camera's subject without the wall behind it, a room without its ceiling."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from z2p_core.interfaces import Sensor
+from z2p_core.linalg import along, extent
+from z2p_core.surface.subsampling import even_share
+
+GAP = 1.15
+"""How many times as far from the sensor as its subject's farthest point the background must begin."""
+EMPTY = 0.003
+"""Share of all points that may stray within the gap."""
+LEAST_SUBJECT = 0.1
+"""Share of all points that the subject must hold; what is less is no subject but a scrap."""
+DEPTHS = 400
+
+PLANES, MOST_TRIED, FEWEST_TRIED = 600, 3000, 200
+"""Planes through three points that are tried, points that each is tried on, and the fewest that make a try worth it."""
+MOST_LEAN = 65.0
+"""Degrees between a table's normal and the camera's own up."""
+THICKNESS, STANDING = 0.01, 0.05
+"""Half a plane's thickness, and what clearly stands on it, in lengths of the cloud's diagonal."""
+LEAST_PLANE, LEAST_STANDING, MOST_BELOW = 0.25, 0.01, 0.03
+"""Shares of the points on the plane, above it, and below it."""
+
+SLAB, COVERED = 0.12, 0.35
+"""Floor and ceiling: slabs of this share of the height that each hold points over this share of the footprint."""
+FULL = 0.8
+"""Half way up, a room's walls and furniture stand on this share of the footprint at most."""
+ROOM_HEIGHT, ROOM_BREADTH = (1.9, 12.0), 2.5
+"""A room's height, metres; and its narrower side at the least."""
+
+
+def depths(points: np.ndarray, sensor: Sensor) -> np.ndarray:
+    """How far ahead of a sensor, along its axis, points (N, 3) lie: (N,)."""
+    return along(points - sensor.position, sensor.rotation[:, 2])
+
+
+def subject(points: np.ndarray, sensor: Sensor) -> np.ndarray:
+    """Mask (N,) bool of points (N, 3): False for what lies behind the first wide gap in depth from a depth camera.
+
+    All True when there is no such gap, or too few points before it.
+    """
+    depth = depths(points, sensor)
+    whole = np.ones(len(points), dtype=bool)
+    near = float(np.quantile(depth, EMPTY))
+    if near <= 0:
+        return whole
+    # steps that grow with depth, so that the gap is the same number of them everywhere
+    step = np.floor(np.log(np.maximum(depth, near) / near) / math.log(GAP) * (DEPTHS / 40)).astype(np.int64)
+    count = np.bincount(step)
+    before = np.concatenate([[0], np.cumsum(count)])
+    width = DEPTHS // 40
+    for first in range(1, len(count) - width + 1):
+        strays = before[first + width] - before[first]
+        if before[first] >= max(LEAST_SUBJECT * len(points), FEWEST_TRIED) and strays <= EMPTY * len(points):
+            behind = before[-1] - before[first + width]
+            rim = next((edge for edge in range(first, first + width) if count[edge] == 0), first)
+            return step < rim if behind > EMPTY * len(points) else whole
+    return whole
+
+
+def support(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> np.ndarray | None:
+    """Unit normal (3,) of the table or floor that things stand on in a depth camera's points (N, 3); None without one.
+
+    `up` (3,) is the camera's own up, which is wrong by as much as it was tilted. The plane holds a quarter of the
+    points, leans by less than 65 degrees from that, and nearly all else stands on its upper side, the camera too: the
+    front of a box has all else behind it, and a wall leans too much.
+    """
+    sample = even_share(points, MOST_TRIED)
+    if len(sample) < FEWEST_TRIED:
+        return None
+    size = float(np.linalg.norm(sample.max(0) - sample.min(0)))
+    corner = np.random.default_rng(0).integers(0, len(sample), size=(PLANES, 3))  # the same tries for every cloud
+    first, second, third = (sample[corner[:, place]] for place in range(3))
+    normals = np.cross(second - first, third - first)
+    length = np.linalg.norm(normals, axis=1)
+    fine = length > 1e-4 * size**2
+    normals = normals[fine] / length[fine, None]
+    normals *= np.where(normals @ up < 0, -1.0, 1.0)[:, None]
+    seen = (normals * (sensor.position - first[fine])).sum(1) > 0
+    likely = seen & (normals @ up > math.cos(math.radians(MOST_LEAN)))
+    normals, through = normals[likely], first[fine][likely]
+    if len(normals) == 0:
+        return None
+    height = normals @ sample.T - (normals * through).sum(1)[:, None]
+    within = np.abs(height) < THICKNESS * size
+    best = int(within.sum(1).argmax())
+    below = (height[best] < -THICKNESS * size).mean()
+    above = (height[best] > STANDING * size).mean()
+    if within[best].mean() < LEAST_PLANE or above < LEAST_STANDING or below > MOST_BELOW:
+        return None
+    inside = sample[within[best]]
+    normal: np.ndarray = np.linalg.svd(inside - inside.mean(0), full_matrices=False)[2][2]
+    return normal if normal @ up > 0 else -normal
+
+
+def upright(rotation: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3), turned on by the least angle that brings the data's direction `normal` (3,) to +Z."""
+    toward = rotation @ normal
+    axis = np.cross(toward, [0.0, 0.0, 1.0])
+    sin, cos = float(np.linalg.norm(axis)), float(toward[2])
+    if sin < 1e-12:
+        return rotation
+    x, y, z = axis / sin
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: np.ndarray = (np.eye(3) + sin * cross + (1 - cos) * cross @ cross) @ rotation
+    return turned
+
+
+def is_room(points: np.ndarray) -> bool:
+    """Whether points (N, 3), +Z up, look like a room in metres: a floor and a ceiling, and a person fits between.
+
+    A solid thing fills the middle of its height, and a ring has no floor at its centre.
+    """
+    low, high = extent(points)
+    if (high - low)[2] < ROOM_HEIGHT[0]:  # told at once for most things; what follows takes longer
+        return False
+    low, high = np.quantile(points, [0.002, 0.998], axis=0)
+    breadth, height = float((high - low)[:2].min()), float((high - low)[2])
+    if not ROOM_HEIGHT[0] <= height <= ROOM_HEIGHT[1] or breadth < max(ROOM_BREADTH, height / 2):
+        return False
+    cell = np.clip((points[:, :2] - low[:2]) / (high - low)[:2] * 20, 0, 19.999).astype(np.int64)
+    footprint = cell[:, 0] * 20 + cell[:, 1]
+    taken = len(np.unique(footprint))
+    level = (points[:, 2] - low[2]) / height
+    floor, ceiling, middle = (len(np.unique(footprint[slab])) for slab in
+                              (level < SLAB, level > 1 - SLAB, np.abs(level - 0.5) < SLAB))  # fmt: skip
+    centre = np.median(np.unique(cell, axis=0), axis=0)
+    central = (np.abs(cell - centre) <= 1.5).all(1).any()
+    return bool(central) and min(floor, ceiling) >= COVERED * taken and middle <= FULL * taken

@@ -1,0 +1,128 @@
+"""One camera for many clouds: how the data's coordinates become the world that the camera looks at.
+
+A point p of the data stands at ``rotation @ (p - centre) / radius`` in the world of `z2p_core.camera`: +Z up, the
+camera on the -Y side at `DISTANCE`, `elevation` degrees above the horizon, looking at the origin. Clouds seen from one
+viewpoint therefore keep their true sizes and places beside each other.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
+from z2p_core.errors.value_limits import told
+from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.linalg import turned
+from z2p_core.placement.bounding_sphere import bounding_sphere
+
+FORMAT = 1
+"""Of the JSON form; raised when its meaning changes."""
+SMALLEST, LARGEST = 1e-150, 1e150
+"""Lengths whose squares are numbers still."""
+SQUARENESS = 1e-6
+"""How far a loaded rotation's rows may be from unit length and right angles."""
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """Place, scale and turn of the data before the camera, and the camera's height."""
+
+    centre: tuple[float, float, float]
+    """Point of the data at the middle of the picture, in the data's units."""
+    radius: float
+    """Length in the data's units that is 1 in the world: the sphere that fits the picture."""
+    rotation: tuple[tuple[float, ...], ...]
+    """Matrix (3, 3), rows, from the data's axes to the world's."""
+    elevation: float
+    """Of the camera above the horizon, degrees."""
+    floor: float | None = None
+    """Height of the floor in world units, for clouds that share one; None: each stands on its own lowest point."""
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        """Cloud (N, 3) float32 in world units of points (N, 3) in the data's; float64 inside, so UTM keeps digits."""
+        placed = points.astype(np.float64)
+        placed -= self.centre
+        placed /= self.radius
+        world: np.ndarray = turned(placed, np.array(self.rotation)).astype(np.float32)
+        return world
+
+    def taken_back(self, cloud: np.ndarray) -> np.ndarray:
+        """Points (N, 3) float64 in the data's units, which `place` makes a cloud (N, 3) in the world's of."""
+        points: np.ndarray = turned(cloud.astype(np.float64), np.array(self.rotation).T) * self.radius + self.centre
+        return points
+
+    def to_json(self) -> dict[str, Any]:
+        """The viewpoint as plain numbers, with the constants of the camera that it holds for."""
+        return {
+            "z2p_camera": FORMAT,
+            "centre": list(self.centre),
+            "radius": self.radius,
+            "rotation": [list(row) for row in self.rotation],
+            "elevation": self.elevation,
+            "floor": self.floor,
+            "distance": DISTANCE,
+            "field_of_view": FIELD_OF_VIEW,
+        }
+
+
+def frame(points: np.ndarray, rotation: np.ndarray, elevation: float) -> Viewpoint:
+    """The viewpoint that fits the bounding sphere of points (N, 3) float64, finite, in any unit.
+
+    `rotation` (3, 3) goes from the data's axes to the world's.
+
+    Raises:
+        ScanError: there is no extent to scale: no points, or all in one place.
+    """
+    if len(points) == 0:
+        raise ScanError("expected points, got none; check the file")
+    sphere = bounding_sphere(points)
+    if not SMALLEST < sphere.radius < LARGEST:
+        raise ScanError(f"expected points that span a finite volume, got {len(points)} within radius {sphere.radius:g}")
+    return Viewpoint(sphere.centre, sphere.radius, tuple(tuple(row) for row in rotation.tolist()), elevation)
+
+
+def viewpoint_from_json(data: Any) -> Viewpoint:
+    """The viewpoint that `Viewpoint.to_json` told of.
+
+    Raises:
+        SettingError: a number is missing or no number, the rotation is none, or it is for another camera.
+    """
+    if not isinstance(data, Mapping) or type(data.get("z2p_camera")) is not int or data["z2p_camera"] != FORMAT:
+        raise SettingError(f"camera: expected an object with z2p_camera {FORMAT}, got {told(data)}; "
+                           "write one with --save-camera")
+    centre, radius = _numbers(data, "centre", (3,)), float(_numbers(data, "radius", ()))
+    rotation, elevation = _numbers(data, "rotation", (3, 3)), float(_numbers(data, "elevation", ()))
+    if not SMALLEST < radius < LARGEST:
+        raise SettingError(f"camera: expected a radius above 0, got {radius:g}")
+    if not -90 <= elevation <= 90:
+        raise SettingError(f"camera: expected an elevation from -90 to 90 degrees, got {elevation:g}")
+    square = np.abs(rotation @ rotation.T - np.eye(3)).max() <= SQUARENESS and np.linalg.det(rotation) > 0
+    if not square:
+        raise SettingError("camera: expected a rotation matrix (rows of length 1 at right angles, no mirror), got "
+                           f"{rotation.tolist()}")
+    for key, ours in (("distance", DISTANCE), ("field_of_view", FIELD_OF_VIEW)):
+        theirs = float(_numbers(data, key, ())) if key in data else ours
+        if not math.isclose(theirs, ours, rel_tol=1e-6):
+            raise SettingError(f"camera: the weights know only {key} {ours:g}, got {theirs:g}; move the object by "
+                               "centre and radius instead")
+    floor = None if data.get("floor") is None else float(_numbers(data, "floor", ()))
+    x, y, z = centre.tolist()
+    return Viewpoint((x, y, z), radius, tuple(tuple(row) for row in rotation.tolist()), elevation, floor)
+
+
+def _numbers(data: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Float64 array of `shape` under a key, each number up to `LARGEST`."""
+    try:
+        given = np.array(data.get(key))
+    except (TypeError, ValueError, OverflowError, RecursionError):
+        given = np.empty(0)
+    numbers = given.dtype.kind in "iuf" and given.shape == shape  # no texts, booleans, or endless ones
+    if not numbers or not (np.abs(given.astype(np.float64)) < LARGEST).all():
+        kind = "x".join(str(side) for side in shape) + " numbers" if shape else "a number"
+        raise SettingError(f"camera: expected {kind} as {key!r}, got {told(data.get(key))}")
+    return given.astype(np.float64)

@@ -1,0 +1,1 @@
+"""From bare points to a surface: spacing, noise level, normals, and smoothing."""

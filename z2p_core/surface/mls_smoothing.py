@@ -1,0 +1,57 @@
+"""Clouds made smooth, by patches wider than those that shade them.
+
+A depth camera's noise is no chance from point to point: neighbouring pixels err alike, and a surface comes out
+hammered. Wider patches even that out, at the price of true detail as small.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from z2p_core import native
+from z2p_core.surface.normals import AGAIN, MOST_POINTS, scatter, thinned, typical_spacing
+
+NOISY = 0.2
+"""Scatter of a depth camera's points, in spacings, from which on its clouds are made smooth."""
+WIDTH, WIDEST = 50.0, 0.1
+"""Radius of the patches then: in standard deviations of the noise, and at most."""
+NEIGHBOURS, FEWEST = 48, 12
+"""Points that a patch is fitted to, spread over it, and without how many it is left alone."""
+WINDOW, TOLERANCE = 0.44, 0.17
+"""In radii of a patch: how near its points count most, and how far off its plane."""
+TWICE = 2
+"""How often a patch is fitted, each time from the normal before, so that it keeps to its side of a crease."""
+FARTHEST = 2.5
+"""How far a point is moved at most, in the median of all ways: what lies farther off its patch is no noise."""
+
+
+def patch_radius(cloud: np.ndarray) -> float:
+    """Radius of the patches that a depth camera's cloud (N, 3) asks for, in its units; 0 where it is clean."""
+    noise = scatter(cloud)
+    return min(WIDTH * noise * typical_spacing(cloud), WIDEST) if noise >= NOISY else 0.0
+
+
+def smoothed(cloud: np.ndarray, radius: float) -> np.ndarray:
+    """The points (N, 3) float32 of a cloud, each moved onto a curved patch of that radius through those around it.
+
+    Of larger clouds some 40,000 points are left, which stand for all. A patch must hold some points to smooth anything.
+    """
+    points = thinned(np.ascontiguousarray(cloud, np.float32), MOST_POINTS)
+    held = math.pi * (radius / max(typical_spacing(points), 1e-9)) ** 2
+    count = int(min(held, len(points), NEIGHBOURS))
+    if count < FEWEST:
+        return points
+    grid = native.Grid(thinned(points, max(round(len(points) * count / held), NEIGHBOURS), AGAIN))
+    places = np.concatenate([grid.points, points])
+    found = grid.around(places, count)
+    normals, _ = native.planes(places, found)
+    everyone = np.arange(len(places), dtype=np.int32)
+    tolerance, window = (np.full(len(places), radii * radius, np.float32) for radii in (TOLERANCE, WINDOW))
+    for _ in range(TWICE):
+        normals, heights = native.jets(places, normals, everyone, found, tolerance, window)
+    heights, normals = heights[-len(points) :], normals[-len(points) :]
+    farthest = FARTHEST * float(np.median(np.abs(heights)))
+    moved: np.ndarray = points - np.clip(heights, -farthest, farthest)[:, None] * normals
+    return moved
