@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import nullcontext
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -130,7 +129,7 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
     """
     from z2p_renderer.storage.scans.unpack import is_spooled
 
-    stances = [asdict(stance) for stance in outcome.stances]
+    stances = [stance.to_json() for stance in outcome.stances]
     for stance in stances:
         stance["elevation"] = settings["elevation"] if stance["elevation"] is None else stance["elevation"]
     return {

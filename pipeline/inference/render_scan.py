@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -198,7 +198,7 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
         "fit": "tight" if look.tight else "frame",
         "margin": look.margin,
         "placing": {name: getattr(look.placing, name) for name in PLACED},
-        "stance": asdict(drawing.stance),
+        "stance": drawing.stance.to_json(),
         **window,
     }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 SETTLED = "as settled"
 """Stands for up where a camera was settled before."""
@@ -37,6 +38,25 @@ class Stance:
     """Those of the stray points that lie in clusters so far from the largest one that nothing would show."""
     turned: float = 0.0
     """Degrees of the azimuth by which the user turned the view on."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The placement as a picture's record and ``--json`` keep it; the keys belong to these formats."""
+        return {
+            "up": self.up,
+            "up_reason": self.up_reason,
+            "azimuth": self.azimuth,
+            "elevation": self.elevation,
+            "view_reason": self.view_reason,
+            "outliers": self.outliers,
+            "outside": self.outside,
+            "background": self.background,
+            "hint": self.hint,
+            "rounded": self.rounded,
+            "smooth": self.smooth,
+            "added": self.added,
+            "far": self.far,
+            "turned": self.turned,
+        }
 
     @property
     def told(self) -> str:
