@@ -18,6 +18,7 @@ from z2p_core.images import srgb_from_linear
 from z2p_core.linalg import along, products
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
 from z2p_core.shading.area_light import light_lamps, light_square
+from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, MaterialChannel
 from z2p_core.shading.light_transport import GREY, Detail, Lighting
 from z2p_core.shading.principled import INDEX, Principled
 from z2p_renderer.plugins.gbuffers.surfels import FAR, NEAR, Surfels
@@ -91,17 +92,18 @@ class Reflections(Lighting):
     def finish(self, camera: Camera, rows: tuple[int, int], pictures: list[np.ndarray]) -> None:
         """Reckons mirrored lamp, sky and floor for each pixel where the discs agree which way it faces."""
         drawn, more = (picture[:, slice(*rows)] for picture in pictures)
-        shown = drawn[0] > 0
+        shown = drawn[GBufferChannel.COVERAGE] > 0
         of_discs, more = drawn[:, shown], more[:, shown]
-        facing = np.stack([of_discs[3], of_discs[4], more[3]], axis=1)
+        right, down = of_discs[GBufferChannel.NORMAL_RIGHT], of_discs[GBufferChannel.NORMAL_DOWN]
+        facing = np.stack([right, down, more[MaterialChannel.NORMAL_FORWARD]], axis=1)
         length = np.linalg.norm(facing, axis=1)
         normals = (facing / np.maximum(length, 1e-6)[:, None]) @ camera.rotation.astype(np.float32)
-        points = _places(of_discs[2], shown, camera, rows[0])
+        points = _places(of_discs[GBufferChannel.DEPTH], shown, camera, rows[0])
         seen = (points, normals, ways_to(camera.position, points))
-        sent = Sent(more[4:7].T, more[7], more[8])
+        sent = Sent(more[STEADY_RGB].T, more[MaterialChannel.LIGHT_VISIBILITY], more[MaterialChannel.MIRROR_VISIBILITY])
         radiance = sent.steady + self.mirrored(*seen, sent, self.shine(*seen))
         sure = np.clip((length - TORN) / (AGREED - TORN), 0, 1)
-        drawn[6:, shown] += sure * (displayed(radiance).T - of_discs[6:])
+        drawn[RADIANCE_RGB, shown] += sure * (displayed(radiance).T - of_discs[RADIANCE_RGB])
 
     def send(self, rows: np.ndarray, sides: np.ndarray, towards: np.ndarray, mirrors: int) -> tuple[Sent, np.ndarray]:
         """What points of these rows (M,) send in directions (M, 3), which lie on these sides (M,); radiance (M, 3).

@@ -20,6 +20,7 @@ from z2p_core.interfaces import GBuffer
 from z2p_core.linalg import products, turned
 from z2p_core.parallel import beside, over_rows
 from z2p_core.scene import SceneDescription
+from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
 from z2p_core.shading.light_transport import Detail, Lighting
 from z2p_core.shading.surfels import discs
 from z2p_core.surface.normals import MOST_POINTS, tangents, thinned
@@ -69,7 +70,7 @@ class Surfels(GBuffer):
 
     name = "surfels"
     version = "11"
-    channels = 10
+    channels = len(GBufferChannel)
     lighting: ClassVar[type[Lighting]] = Lighting
     detail: ClassVar[Detail] = Detail()
 
@@ -97,11 +98,11 @@ class Surfels(GBuffer):
         seen = turned(centres - camera.position.astype(np.float32), rotation)
         clips = native.clips(seen, facing, radii, found.neighbours)
         lighting.follow()
-        shadow = beside(lighting.draw_shadow, camera, out[-1])
+        shadow = beside(lighting.draw_shadow, camera, out[GBufferChannel.SHADOW])
         kept = partial(with_holes, neighbours=found.neighbours)
         layers = [np.column_stack([facing[:, :2], kept(lighting.colors(camera.position))])]
         layers += [np.column_stack([facing[:, 2], kept(further)]) for further in lighting.further()]
-        pictures = [out[:-1], *(np.empty_like(out[:-1]) for _ in layers[1:])]
+        pictures = [out[RASTERIZED], *(np.empty_like(out[RASTERIZED]) for _ in layers[1:])]
         draw = partial(native.surfels, seen, facing, radii, clips)
 
         def draw_strips(begin: int, end: int) -> None:
@@ -117,16 +118,18 @@ class Surfels(GBuffer):
     def elsewhere(self, features: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray] | None:
         if points < FEWEST_SURE:
             return None
+        shadow = features[GBufferChannel.SHADOW]
         floor = np.zeros((4, *features.shape[1:]), np.float32)
-        floor[3] = features[-1]
-        return features[0] + (features[-1] > SHADED), floor
+        floor[3] = shadow
+        return features[GBufferChannel.COVERAGE] + (shadow > SHADED), floor
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
-        apart = math.sqrt(APART * float(features[0].sum()) / max(min(points, MOST_POINTS), 1))
+        coverage = features[GBufferChannel.COVERAGE]
+        apart = math.sqrt(APART * float(coverage.sum()) / max(min(points, MOST_POINTS), 1))
         trust = min(TRUST * (SPARSE_APART - apart), MOST_TRUST)
         if trust > 0:
-            native.reconcile(picture, features[0], features[6:9], trust, ALIKE)
-        native.reconcile_shadow(picture[3], features[0], features[-1], SHADOW_TRUST, SHADOW_ALIKE)
+            native.reconcile(picture, coverage, features[RADIANCE_RGB], trust, ALIKE)
+        native.reconcile_shadow(picture[3], coverage, features[GBufferChannel.SHADOW], SHADOW_TRUST, SHADOW_ALIKE)
 
 
 def lamp_sets_for(camera: Camera) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 from z2p_core.camera import Camera
 from z2p_core.native.library import call, floats, place, widest
 from z2p_core.parallel import over_rows
+from z2p_core.shading.channels import RASTERIZED
 
 SHORTEST = 400
 """Rows of a picture below which one core converts them."""
@@ -92,7 +93,7 @@ def surfels(
         "z2p_surfels", floats(points), floats(normals), floats(radii), floats(clips), floats(features),
         len(points), ctypes.c_float(camera.focal), camera.width, camera.height, first, last, ctypes.c_float(slack),
         ctypes.c_float(sure), ctypes.c_float(full), ctypes.c_float(near), ctypes.c_float(far),
-        place(out, (9, camera.height, camera.width)),
+        place(out, (RASTERIZED.stop, camera.height, camera.width)),
     )  # fmt: skip
 
 

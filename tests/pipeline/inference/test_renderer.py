@@ -9,6 +9,7 @@ import pytest
 from z2p_core.camera import Camera, turn
 from z2p_core.interfaces import ScanError
 from z2p_core.scene import SceneDescription
+from z2p_core.shading.channels import GBufferChannel
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
 from z2p_renderer.pipeline.inference.loading import load_network
 from z2p_renderer.pipeline.inference.renderer import UP_AXES, Renderer, place_cloud
@@ -148,9 +149,9 @@ def test_weights_that_learnt_from_windows_draw_the_cloud_and_leave_the_floor_to_
     ((top, left),) = corners
     outside = np.ones((192, 256), bool)
     outside[top : top + height, left : left + width] = False
-    assert not features[0][outside].any()
+    assert not features[GBufferChannel.COVERAGE][outside].any()
     assert np.array_equal(encoding, inputs[1][:, top // 4 : (top + height) // 4, left // 4 : (left + width) // 4])
-    assert np.abs(picture[..., 3] / 255 - features[-1])[outside].max() < 0.51 / 255
+    assert np.abs(picture[..., 3] / 255 - features[GBufferChannel.SHADOW])[outside].max() < 0.51 / 255
     assert (picture[..., 3][outside] > 0).any()
     renderer.render(placed[::12], None, 256, 192)
     assert given[-1][0].shape[2:] == (192, 256)  # the shadow of so few has gaps

@@ -9,6 +9,7 @@ from sphere_shards import CONTROLS, sphere_record, sphere_shard
 
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
+from z2p_core.shading.channels import RADIANCE_RGB, GBufferChannel
 from z2p_renderer.pipeline.training.augment import draw_cloud
 from z2p_renderer.pipeline.training.dataset import CloudPictures, DatasetError
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
@@ -206,10 +207,10 @@ def test_mirrored_samples_are_those_of_a_mirrored_scene(shards):
     targets = {tuple(plain._record(place, 32).rgba.ravel()) for place in plain.training}
     flipped = [tuple(np.flip(plain._record(place, 32).rgba, 1).ravel()) for place in plain.training]
     assert not targets & set(flipped)
-    shadow_side = batch.buffers[:, -10]  # surfels' coverage
-    seen, drawn = batch.target[:, 3] > 0, shadow_side > 0.5
+    features = batch.buffers[:, -len(GBufferChannel) :]
+    seen, drawn = batch.target[:, 3] > 0, features[:, GBufferChannel.COVERAGE] > 0.5
     assert (drawn & seen).sum() > 0.9 * seen.sum()
-    grey = batch.buffers[:, -4:-1].mean(1)  # the G-buffer's own light agrees with the target's, mirrored or not
+    grey = features[:, RADIANCE_RGB].mean(1)  # the G-buffer's own light agrees with the target's, mirrored or not
     lit = batch.target[:, :3].mean(1)
     for one in range(13):
         inside = drawn[one] & seen[one]

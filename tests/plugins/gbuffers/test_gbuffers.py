@@ -10,13 +10,14 @@ from z2p_core.camera import DISTANCE, Camera
 from z2p_core.images import linear_from_srgb
 from z2p_core.parallel import one_core_each
 from z2p_core.scene import SceneDescription
+from z2p_core.shading.channels import RADIANCE_RGB, GBufferChannel
 from z2p_core.surface.normals import thinned
 from z2p_renderer.plugins.gbuffers import surfels
 from z2p_renderer.plugins.gbuffers.glossy import Glossy
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 CAMERA = Camera(96, 96)
-COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = range(10)
+COVERAGE, DENSITY, DEPTH, RIGHT, DOWN, GREY, RED, GREEN, BLUE, SHADOW = GBufferChannel
 
 
 def sphere_of(count=4000, radius=0.6):
@@ -64,8 +65,8 @@ def test_a_picture_leaves_nothing_for_pythons_collector(kind):
 def reconciled(count, off, shadow=0.0):
     """Features of a sphere of so many points, and how a picture moves that is so much off them in colour and shadow."""
     features = Surfels().draw(sphere_of(count), CAMERA, SCENE)
-    alpha = np.where(features[COVERAGE] > 0, features[COVERAGE], features[-1] + np.float32(shadow))
-    picture = np.concatenate([features[RED : BLUE + 1] + np.float32(off), alpha[None]])
+    alpha = np.where(features[COVERAGE] > 0, features[COVERAGE], features[SHADOW] + np.float32(shadow))
+    picture = np.concatenate([features[RADIANCE_RGB] + np.float32(off), alpha[None]])
     before = picture.copy()
     Surfels().reconcile(picture, features, count)
     return features, picture - before
@@ -234,9 +235,9 @@ def test_the_penumbra_of_a_thin_thing_falls_in_finer_steps_in_larger_pictures(mo
     turn = np.random.default_rng(1).uniform(0, 2 * np.pi, 1500)
     pole = np.column_stack([0.02 * np.cos(turn), 0.02 * np.sin(turn), height]).astype(np.float32)
     scene = SceneDescription(light=(3.5, -60.0, 40.0))
-    fine = Surfels().draw(pole, Camera(800, 800), scene)[-1]
+    fine = Surfels().draw(pole, Camera(800, 800), scene)[SHADOW]
     monkeypatch.setattr(surfels, "lamp_sets_for", lambda camera: 1)
-    coarse = Surfels().draw(pole, Camera(800, 800), scene)[-1]
+    coarse = Surfels().draw(pole, Camera(800, 800), scene)[SHADOW]
     assert fine.sum() == pytest.approx(coarse.sum(), rel=0.02)
     steps = [np.abs(np.diff(shadow[:, 500:], axis=0)).sum() for shadow in (fine, coarse)]
     assert steps[0] < 0.8 * steps[1]
@@ -247,8 +248,8 @@ def test_beside_the_cloud_and_its_dark_shadow_the_picture_is_what_was_cast():
     beside = Surfels().elsewhere(features, 4000)
     assert beside is not None
     shown, floor = beside
-    assert (shown[features[COVERAGE] > 0] > 0).all() and (shown[features[-1] > surfels.SHADED] > 0).all()
+    assert (shown[features[COVERAGE] > 0] > 0).all() and (shown[features[SHADOW] > surfels.SHADED] > 0).all()
     left = shown == 0
-    assert features[-1][left].max() > 0.02 and left.mean() > 0.3
-    assert not floor[:3].any() and np.array_equal(floor[3], features[-1])
+    assert features[SHADOW][left].max() > 0.02 and left.mean() > 0.3
+    assert not floor[:3].any() and np.array_equal(floor[3], features[SHADOW])
     assert Surfels().elsewhere(features, 400) is None  # so few cast a shadow with gaps

@@ -8,12 +8,13 @@ import pytest
 from z2p_core.camera import Camera
 from z2p_core.parallel import one_core_each
 from z2p_core.scene import SceneDescription
+from z2p_core.shading.channels import NORMAL_XY, RADIANCE, GBufferChannel
 from z2p_renderer.plugins.gbuffers.sketch import Sketch
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 CAMERA = Camera(128, 128)
 SCENE = SceneDescription(material={"Base Color": (0.5, 0.25, 0.0, 1.0)})
-COVERAGE, COLORS, SHADOW = 0, slice(5, 9), 9
+COVERAGE, DEPTH, SHADOW = GBufferChannel.COVERAGE, GBufferChannel.DEPTH, GBufferChannel.SHADOW
 
 
 def sphere(count: int) -> np.ndarray:
@@ -42,13 +43,13 @@ def test_discs_lie_where_the_careful_ones_do(careful: np.ndarray, quick: np.ndar
     assert np.abs(quick[COVERAGE] - careful[COVERAGE]).mean() < 0.002
     inside = (careful[COVERAGE] == 1) & (quick[COVERAGE] == 1)
     off = np.abs(quick - careful)[:, inside]
-    assert off[2].mean() < 0.002  # depth
-    assert off[3:5].mean() < 0.01  # normals
+    assert off[DEPTH].mean() < 0.002
+    assert off[NORMAL_XY].mean() < 0.01
 
 
 def test_light_and_shadow_are_about_the_same(careful: np.ndarray, quick: np.ndarray) -> None:
     inside = (careful[COVERAGE] == 1) & (quick[COVERAGE] == 1)
-    off = (quick - careful)[COLORS, inside]
+    off = (quick - careful)[RADIANCE, inside]
     assert np.abs(off.mean()) < 0.01 and np.abs(off).mean() < 0.02
     outside = careful[COVERAGE] == 0
     off = (quick - careful)[SHADOW, outside]
