@@ -31,7 +31,7 @@ from z2p_core.camera import Camera
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_cloud import Placing, place
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
 from z2p_renderer.storage.images.image_files import encode
 from z2p_renderer.storage.models.checkpoints import WeightsError, resolve
 from z2p_renderer.storage.scans.clouds import read_clouds
@@ -172,7 +172,7 @@ def _whole(options: Any, weights: Path, folder: Path) -> list[Figure]:
     figures = [
         measure("read, 5k points, .xyz", partial(read_clouds, scan)),
         measure("read, 5k points, .npy", partial(read_clouds, folder / "scan.npy")),
-        measure("place, 5k points", partial(place, read_clouds(scan)[0], ".xyz", Placing())),
+        measure("place, 5k points", partial(place_scan, read_clouds(scan)[0], ".xyz", PlacementOptions())),
     ]
     engines = _engines(weights, options.threads)
     for side, limit in PICTURE_LIMITS.items():

@@ -23,7 +23,7 @@ from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.render_scan import Look, draw
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.animation import flicker
-from z2p_renderer.pipeline.placement.place_cloud import Placing
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
 from z2p_renderer.storage.meshes import Mesh, calls_for_smooth, read_mesh
 from z2p_renderer.storage.scans.clouds import usable
@@ -103,7 +103,7 @@ def _frame(
     for part in range(steady):
         angle = asked.step * (number + (part + 0.5) / steady - 0.5)
         rotation = tuple(tuple(row) for row in turn(angle).tolist())
-        placing = Placing(keep_outliers=True, viewpoint=Viewpoint((0.0, 0.0, 0.0), 1.0, rotation, 20.0))
+        placing = PlacementOptions(keep_outliers=True, viewpoint=Viewpoint((0.0, 0.0, 0.0), 1.0, rotation, 20.0))
         look = replace(Look({"color": GREY_BLUE, "light": LIGHT}, placing), width=asked.resolution,
                        height=asked.resolution, supersample=supersample)  # fmt: skip
         shots.append(premultiplied_from_straight(unit_from_bytes(draw(renderer, usable(cloud), "", look).picture)))

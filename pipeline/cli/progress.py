@@ -24,12 +24,12 @@ def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict
         "weights": options["weights"],
         "controls": controls,
         "elevation": elevation[0],
-        "up": look.placing.up,
+        "up": look.placement_options.up,
         "view": options["view"],
-        "azimuth": look.placing.azimuth,
-        "keep_outliers": look.placing.keep_outliers,
-        "cut_top": look.placing.cut_top,
-        "smooth": look.placing.smooth,
+        "azimuth": look.placement_options.azimuth,
+        "keep_outliers": look.placement_options.keep_outliers,
+        "cut_top": look.placement_options.cut_top,
+        "smooth": look.placement_options.smooth,
         "resolution": [look.width, look.height],
         "background": "transparent" if look.background is None else list(look.background),
         "supersample": look.supersample,
@@ -99,8 +99,8 @@ def _told(outcome: Outcome) -> str:
     read = told_read(outcome.points, outcome.total, outcome.dropped, outcome.repeated)
     note = f"; {outcome.note}" if outcome.note else ""
     stances = list(dict.fromkeys(
-        "; ".join(filter(None, (stance.told, choice)))
-        for stance, choice in zip(outcome.stances, outcome.choices, strict=True)
+        "; ".join(filter(None, (stance.description, choice)))
+        for stance, choice in zip(outcome.placements, outcome.choices, strict=True)
     ))  # fmt: skip
     others = "; its other clouds otherwise" if len(stances) > 1 else ""
     return f"rendered: {name} -> {pictures} ({read}, {outcome.seconds:.2f} s{note}; {stances[0]}{others})"
@@ -129,7 +129,7 @@ def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
     """
     from z2p_renderer.storage.scans.unpack import is_spooled
 
-    stances = [stance.to_json() for stance in outcome.stances]
+    stances = [stance.to_json() for stance in outcome.placements]
     for stance in stances:
         stance["elevation"] = settings["elevation"] if stance["elevation"] is None else stance["elevation"]
     return {

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from z2p_core.errors.did_you_mean import closest, meant
+from z2p_core.errors.did_you_mean import closest_name, suggest_name
 
 DRAW_COMMAND = "render"
 _COMMANDS = {
@@ -54,7 +54,7 @@ def unknown_option(error: click.NoSuchOption) -> click.UsageError:
     flags = [flag for parameter in error.ctx.command.get_params(error.ctx) for flag in parameter.opts]
     known = {flag.removeprefix("--"): flag for flag in flags if flag.startswith("--")}
     plain = name.replace("_", "-").lower()
-    found = meant(plain, known)
+    found = suggest_name(plain, known)
     note = None if found is None else f"Did you mean --{found}?"
     if note is None:
         note = next((told for told, names in _NOTES.items() if plain in names.split()), None)
@@ -70,7 +70,7 @@ def unknown_command(words: Sequence[str], commands: Iterable[str]) -> str:
         return f"{word!r} is no command but an input. Did you mean: z2p {DRAW_COMMAND} {shlex.join(words)}"
     named = word.lower().replace("_", "-")
     found = next((command for command, words in _COMMANDS.items() if named in words.split()), None)
-    found = found or closest(named, known)
+    found = found or closest_name(named, known)
     if named in known or found:
         return f"No such command: {word}. Did you mean: z2p {named if named in known else found}"
     if Path(word).suffix or "/" in word:
@@ -80,7 +80,7 @@ def unknown_command(words: Sequence[str], commands: Iterable[str]) -> str:
 
 def misplaced_option(error: click.NoSuchOption) -> click.UsageError:
     """The error of an option in front of the command."""
-    name = closest(error.option_name, ("--help", "--version"))
+    name = closest_name(error.option_name, ("--help", "--version"))
     if name is not None:
         return click.UsageError(f"No such option: {error.option_name}. Did you mean {name}?", error.ctx)
     return click.UsageError(f"No such option: {error.option_name}. Options of a command stand behind its name, as in "

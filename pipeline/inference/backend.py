@@ -30,7 +30,7 @@ from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, draw, rec
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.weight_selection import AUTO, renderer_for
 from z2p_renderer.pipeline.placement.hints import in_python
-from z2p_renderer.pipeline.placement.place_cloud import Placing
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.images.image_files import OPAQUE, WHITE, encode, write_picture
 from z2p_renderer.storage.models.checkpoints import resolve
@@ -129,7 +129,7 @@ def look_for(renderer: Renderer, request: Request) -> Look:
         wishes["elevation"] = view[1]
     if camera is not None and request.margin is not None and not request.tight:
         raise SettingError("camera and margin both choose how large the object is; leave one out")
-    placing = Placing(up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
+    placing = PlacementOptions(up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
                       request.keep_outliers, request.cut_top, camera, smooth_from(request.smooth))
     return Look(_settings(renderer, wishes), placing, *request.size, background_from(request.background),
                 request.supersample, request.tight, margin=margin_from(request.margin))  # fmt: skip
@@ -193,24 +193,24 @@ def _requests(request: Request, clouds: int) -> list[Request]:
 
 def _notes(scan: Scan, drawing: Drawing, look: Look) -> Iterator[str]:
     """What a user should know of how the picture came about."""
-    stance = drawing.stance
+    stance = drawing.placement
     if scan.dropped:
         yield f"{scan.dropped} points that are not finite were dropped"
     if scan.note:
         yield scan.note
     if scan.repeated:
         yield f"{scan.repeated} points that repeat others, or stand for missing ones, were dropped"
-    if stance.outliers:
-        yield f"{stance.told_strays} left out of the frame; keep_outliers=True keeps all"
-    if stance.background:
-        yield (f"{stance.background} points far behind the depth camera's subject were left out; "
+    if stance.outlier_count:
+        yield f"{stance.outliers_message} left out of the frame; keep_outliers=True keeps all"
+    if stance.background_count:
+        yield (f"{stance.background_count} points far behind the depth camera's subject were left out; "
                "keep_outliers=True keeps them")
-    if stance.smooth and look.placing.smooth == "auto":
+    if stance.smoothing_radius and look.placement_options.smooth == "auto":
         yield "the depth camera's noisy cloud was made smooth; smooth=0 leaves it as it is"
-    if stance.rounded:
-        yield stance.told_rounded
-    if stance.outside:
-        yield f"{stance.outside} points lie beyond the camera's frame"
+    if stance.rounding_step:
+        yield stance.rounding_message
+    if stance.outside_count:
+        yield f"{stance.outside_count} points lie beyond the camera's frame"
     if stance.hint:
         yield in_python(stance.hint)
 

@@ -20,7 +20,7 @@ from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, draw, record
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.existing_outputs import told_if_kept
-from z2p_renderer.pipeline.placement.place_cloud import Stance
+from z2p_renderer.pipeline.placement.place_scan import Placement
 from z2p_renderer.storage.files.printable_names import printable, without_gz
 from z2p_renderer.storage.images.image_files import PictureError, write_picture
 from z2p_renderer.storage.results.fingerprints import file_digest
@@ -66,7 +66,7 @@ class Outcome:
     """How many points the file has, if those read only stand for them."""
     note: str = ""
     """What its reader took for granted or left out, in words."""
-    stances: list[Stance] = field(default_factory=list)
+    placements: list[Placement] = field(default_factory=list)
     """Of each picture that was drawn."""
     viewpoints: list[Viewpoint] = field(default_factory=list)
     """Of each picture that was drawn."""
@@ -252,7 +252,7 @@ class _File:
         look, outcome = self._look_at(cloud), self.outcome
         drawing: Drawing = draw(self.renderer, scan, format_suffix(self.task.scan), look)
         write_picture(drawing.picture, output, look.background, record(drawing, look, self._source_of(output, cloud)))
-        outcome.stances.append(drawing.stance)
+        outcome.placements.append(drawing.placement)
         outcome.viewpoints.append(drawing.viewpoint)
         outcome.weights.append(drawing.renderer.weights["name"])
         outcome.choices.append(drawing.choice)

@@ -16,7 +16,7 @@ from z2p_core.placement.viewpoint import Viewpoint, frame
 from z2p_core.surface.subsampling import even_share
 from z2p_renderer.pipeline.inference.render_scan import FAINTEST, Crop, Look, content_box, draw
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_cloud import Placed, Placing, place, shown_points
+from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, PlacementOptions, place_scan, select_points
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_each
 
@@ -59,26 +59,26 @@ class Series:
 
 
 def common_viewpoint(
-    scans: Iterable[Path], placing: Placing, elevation: float, free: tuple[float, float] | None,
+    scans: Iterable[Path], placement_options: PlacementOptions, elevation: float, free: tuple[float, float] | None,
     columns: tuple[str, ...] | None = None,
 ) -> Series:
     """The viewpoint that fits the clouds of all files; up, view and weights are those that suit the first cloud.
 
     Beside the first cloud only one file at a time is in memory. Files that cannot be read are passed over:
-    they fail again, and are told, when their turn to be drawn comes. `elevation` and `free` are as for `place`.
+    they fail again, and are told, when their turn to be drawn comes. `elevation` and `free` are as for `place_scan`.
 
     Raises:
         ScanError: no file can be read, or the first cloud has no sensor though its view is asked for.
     """
     reach: list[tuple[str, np.ndarray]] = []
-    first: Placed | None = None
+    first: PlacedCloud | None = None
     faults: list[str] = []
     for path in scans:
         try:
             found = _usable_ones(path, columns)
-            first = first or place(found[0], format_suffix(path), placing, elevation, free)
-            settled = replace(placing, viewpoint=first.viewpoint)  # as they will be drawn: its up tells what lies below
-            shown = [shown_points(scan, format_suffix(path), settled) for scan in found]
+            first = first or place_scan(found[0], format_suffix(path), placement_options, elevation, free)
+            settled = replace(placement_options, viewpoint=first.viewpoint)  # as they will be drawn: its up tells what lies below
+            shown = [select_points(scan, format_suffix(path), settled) for scan in found]
         except (ScanError, OSError, MemoryError) as error:  # told by name when its turn to be drawn comes
             faults.append(str(error))
             continue
@@ -94,7 +94,7 @@ def common_viewpoint(
     shared = replace(shared, floor=float(shared.place(together)[:, 2].min()))  # what hovers in one cloud hovers
     sizes = [(name, bounding_sphere(points).radius / shared.radius) for name, points in reach]
     specks = tuple((name, size) for name, size in sizes if size < SPECK)
-    return Series(shared, first.stance.told_view, first.cloud, len(reach), specks, grounded)
+    return Series(shared, first.placement.view_description, first.cloud, len(reach), specks, grounded)
 
 
 def common_crop(

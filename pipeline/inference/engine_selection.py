@@ -9,7 +9,7 @@ from typing import NoReturn
 from weakref import WeakSet
 
 from z2p_core import registry
-from z2p_core.errors.install_advice import ENGINES, install_advice
+from z2p_core.errors.install_advice import ENGINE_EXTRAS, install_advice
 from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.network.final_convs import Touch
 from z2p_renderer.pipeline.inference.loading import LoadedWeights
@@ -113,7 +113,7 @@ def _advice(engine: type[Engine]) -> str:
     ours = engine.__module__.startswith("z2p_renderer.plugins.")
     if not ours:
         return f"pip install {engine.package}"
-    return install_advice(engine.package if engine.package in ENGINES else "")
+    return install_advice(engine.package if engine.package in ENGINE_EXTRAS else "")
 
 
 def _export(file: Path) -> str:

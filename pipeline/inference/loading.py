@@ -10,7 +10,7 @@ import numpy as np
 
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, from_dict
-from z2p_core.errors.value_limits import told
+from z2p_core.errors.value_limits import describe_value
 from z2p_core.interfaces import Control, GBuffer, PositionalEncoder, ZBuffer
 from z2p_core.network.tensor_shapes import network_fault, network_shapes
 from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, check, load_weights, resolve
@@ -162,10 +162,10 @@ def _encoder(weights: Weights) -> PositionalEncoder:
         fits = features.shape == (encoder.channels, 2, 2) and bool(np.isfinite(features).all())
     except Exception as error:  # whatever a plugin stumbles over in a stranger's numbers
         raise WeightsError(f"{_named(weights)}: card.encoder.state: expected what encoder {entry['name']!r} saves, got "
-                           f"{told(entry['state'])} ({type(error).__name__}: {error})") from error
+                           f"{describe_value(entry['state'])} ({type(error).__name__}: {error})") from error
     if not fits or encoder.channels > MOST_FEATURES:
         raise WeightsError(f"{_named(weights)}: card.encoder.state: expected what encoder {entry['name']!r} saves, got "
-                           f"{told(entry['state'])}")
+                           f"{describe_value(entry['state'])}")
     return encoder
 
 

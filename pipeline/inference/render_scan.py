@@ -16,7 +16,7 @@ from z2p_core.placement.margin import size_with, with_margin
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.shadow_fade import faded
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_cloud import Placing, Stance, place
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, Placement, place_scan
 from z2p_renderer.storage.images.image_files import OPAQUE, WHITE
 from z2p_renderer.storage.scans.clouds import Scan
 
@@ -29,7 +29,7 @@ Box = tuple[int, int, int, int]
 RECORD = 1
 """Format of the record; raised when its meaning changes."""
 PLACED = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
-"""What the record keeps of the `Placing` that was asked for; the camera tells the rest."""
+"""What the record keeps of the `PlacementOptions` that was asked for; the camera tells the rest."""
 FAINTEST, LONE = 8, 2
 """Alpha, of 255, from which on a pixel is part of the picture when it is trimmed, above the haze that weights may leave
 at its borders; and how many such pixels in a row or column are none, as in a corner."""
@@ -45,7 +45,7 @@ class Look:
 
     values: dict[str, Value] = field(default_factory=dict)
     """Control -> value; the sliders' defaults for the others."""
-    placing: Placing = field(default_factory=Placing)
+    placement_options: PlacementOptions = field(default_factory=PlacementOptions)
     width: int = 512
     height: int = 512
     background: Color | None = None
@@ -96,7 +96,7 @@ class Drawing:
 
     picture: np.ndarray
     """(H, W, 4) uint8, straight sRGB RGBA."""
-    stance: Stance
+    placement: Placement
     viewpoint: Viewpoint
     values: dict[str, Value]
     """Every control of the weights."""
@@ -115,10 +115,10 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
         ScanError: the cloud has no extent, or no sensor though its view is asked for.
     """
     elevation, free = elevation_of(renderer, look.values)
-    placed = place(scan, suffix, look.placing, elevation, free)
+    placed = place_scan(scan, suffix, look.placement_options, elevation, free)
     values = dict(look.values)
-    if placed.stance.elevation is not None:
-        values["elevation"] = (placed.stance.elevation,)
+    if placed.placement.elevation is not None:
+        values["elevation"] = (placed.placement.elevation,)
     chosen = not look.settled and renderer.sole_weights is None
     renderer, choice = (renderer, "") if look.settled else renderer.suited(placed.cloud)
     viewpoint, cloud = with_margin(placed.viewpoint, look.frame_margin), placed.cloud
@@ -127,7 +127,7 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     picture = _drawn(renderer, cloud, values, look, viewpoint.floor)
     if look.tight:
         picture = trimmed(picture, look.margin) if look.crop is None else cut(picture, look.crop)
-    return Drawing(picture, placed.stance, viewpoint, renderer.settings(values), renderer, choice, chosen)
+    return Drawing(picture, placed.placement, viewpoint, renderer.settings(values), renderer, choice, chosen)
 
 
 def _drawn(
@@ -197,8 +197,8 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
         "margin": look.margin,
-        "placing": {name: getattr(look.placing, name) for name in PLACED},
-        "stance": drawing.stance.to_json(),
+        "placing": {name: getattr(look.placement_options, name) for name in PLACED},
+        "stance": drawing.placement.to_json(),
         **window,
     }
 

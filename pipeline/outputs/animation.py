@@ -22,7 +22,7 @@ from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.surface.mls_smoothing import smoothed
 from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, content_box, draw, part
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_cloud import Placing, shown_points
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, select_points
 from z2p_renderer.storage.scans.clouds import Scan
 
 LIGHT_SWING = 80.0
@@ -62,12 +62,12 @@ def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: M
     renderer = first.renderer
     if motion.kind == "light" and "light" not in renderer.controls:
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
-    points = shown_points(scan, suffix, look.placing).points  # chosen and made smooth once, not for every frame
-    if first.stance.smooth:
+    points = select_points(scan, suffix, look.placement_options).points  # chosen and made smooth once, not for every frame
+    if first.placement.smoothing_radius:
         base = without_margin(first.viewpoint, look.frame_margin)  # radii are in the frame's
-        points = base.taken_back(smoothed(base.place(points), first.stance.smooth))
+        points = base.taken_back(smoothed(base.place(points), first.placement.smoothing_radius))
     scan = replace(scan, points=points)
-    look = replace(look, placing=Placing("+Z", "front", keep_outliers=True, smooth=0.0), settled=True)
+    look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0), settled=True)
     shots = (_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
     if not look.tight:
         yield from shots
@@ -98,8 +98,8 @@ def _frame(
     for offset in offsets:
         share = (number + offset) / motion.frames
         values, viewpoint = _moved(look.values, first, motion.kind, share)
-        placing = replace(look.placing, viewpoint=viewpoint, azimuth=0.0)
-        shown = replace(look, values=values, placing=placing, tight=False, margin=None)  # the viewpoint has it
+        placing = replace(look.placement_options, viewpoint=viewpoint, azimuth=0.0)
+        shown = replace(look, values=values, placement_options=placing, tight=False, margin=None)  # the viewpoint has it
         shots.append(draw(renderer, scan, suffix, shown).picture)
     if len(shots) == 1:
         return shots[0]

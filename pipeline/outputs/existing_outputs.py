@@ -10,7 +10,7 @@ from typing import Any
 from z2p_core.placement.margin import with_margin
 from z2p_renderer.pipeline.inference.render_scan import PLACED, Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_cloud import SETTLED
+from z2p_renderer.pipeline.placement.place_scan import FIXED_CAMERA
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.images.image_files import PictureError, is_cut, is_whole, read_record
 
@@ -66,12 +66,12 @@ def _moved(drawn: Mapping[str, Any] | None, asked: Mapping[str, Any] | None) -> 
 def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, renderer: Renderer) -> list[str]:
     """What of the settings a picture was drawn with otherwise."""
     others = _controls(record, look, renderer)
-    viewpoint, placed = look.placing.viewpoint, record.get("placing", {})
+    viewpoint, placed = look.placement_options.viewpoint, record.get("placing", {})
     if _other_camera(record, look):
         others.append("camera")
     replaced = () if viewpoint is None else ("up", "view")
     others += [name.replace("_", "-") for name in PLACED
-               if name in placed and name not in replaced and placed[name] != getattr(look.placing, name)]  # fmt: skip
+               if name in placed and name not in replaced and placed[name] != getattr(look.placement_options, name)]  # fmt: skip
     background = "transparent" if look.background is None else list(look.background)
     asked_for = {"resolution": [look.width, look.height], "background": background, "supersample": look.supersample,
                  "fit": "tight" if look.tight else "frame", "margin": look.margin}  # fmt: skip
@@ -95,11 +95,11 @@ def _controls(record: Mapping[str, Any], look: Look, renderer: Renderer) -> list
 
 def _other_camera(record: Mapping[str, Any], look: Look) -> bool:
     """Whether a picture was taken by another camera than the given one; or by a given one, where now none is."""
-    viewpoint = with_margin(look.placing.viewpoint, look.frame_margin) if look.placing.viewpoint else None
+    viewpoint = with_margin(look.placement_options.viewpoint, look.frame_margin) if look.placement_options.viewpoint else None
     if viewpoint is None:
-        return bool(record.get("stance", {}).get("up") == SETTLED)
+        return bool(record.get("stance", {}).get("up") == FIXED_CAMERA)
     drawn, asked = record.get("camera", {}), viewpoint.to_json()
-    turned = look.placing.azimuth or record.get("placing", {}).get("azimuth")
+    turned = look.placement_options.azimuth or record.get("placing", {}).get("azimuth")
     return any(drawn.get(name) != asked[name] for name in ("centre", "radius", *(() if turned else ("rotation",))))
 
 

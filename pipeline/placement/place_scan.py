@@ -20,8 +20,8 @@ from z2p_core.surface.mls_smoothing import patch_radius, smoothed
 from z2p_core.surface.subsampling import with_fixed_start
 from z2p_renderer.pipeline.placement.few_points import FEWEST_FOR_SURFACE, as_balls
 from z2p_renderer.pipeline.placement.hints import few_hint, hint_for, hint_for_placed, hint_for_settled, rounding
-from z2p_renderer.pipeline.placement.stance import SETTLED, Stance
-from z2p_renderer.pipeline.placement.view import Placing, allowed_elevation, choose_side, set_upright
+from z2p_renderer.pipeline.placement.placement_record import FIXED_CAMERA, Placement
+from z2p_renderer.pipeline.placement.view import PlacementOptions, allowed_elevation, choose_side, set_upright
 from z2p_renderer.storage.scans.clouds import FEWEST_POINTS, Scan
 
 __all__ = ["SETTLED", "Placed", "Placing", "Shown", "Stance", "place", "shown_points"]
@@ -33,23 +33,23 @@ TOO_NEAR, MOST_NEAR = 0.7, 0.02
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedCloud:
     """A cloud ready to be drawn."""
 
     cloud: np.ndarray
     """Points (N, 3) float32 in world units."""
-    stance: Stance
+    placement: Placement
     viewpoint: Viewpoint
     """What placed it, with the camera's elevation."""
 
 
-def place(
+def place_scan(
     scan: Scan,
     suffix: str,
-    placing: Placing,
+    placement_options: PlacementOptions,
     elevation: float = DEFAULT_ELEVATION,
     free: tuple[float, float] | None = None,
-) -> Placed:
+) -> PlacedCloud:
     """The scan of a file with that suffix (lower-case, with its dot), placed as asked.
 
     `elevation` is the camera's in degrees, unless the view from a sensor brings its own: it may within the range
@@ -58,26 +58,26 @@ def place(
     Raises:
         ScanError: there is no extent to scale, or a sensor's view is asked of a cloud without one.
     """
-    shown = shown_points(scan, suffix, placing)
+    shown = select_points(scan, suffix, placement_options)
     points, up = shown.points, shown.up
-    if placing.viewpoint is not None:
-        return _as_settled(shown, placing.viewpoint, placing, elevation, free)
-    azimuth, wished, reason = choose_side(points, up, scan, placing, elevation)
+    if placement_options.viewpoint is not None:
+        return _as_settled(shown, placement_options.viewpoint, placement_options, elevation, free)
+    azimuth, wished, reason = choose_side(points, up, scan, placement_options, elevation)
     wished, beyond = allowed_elevation(wished, free)
-    azimuth += placing.azimuth
+    azimuth += placement_options.azimuth
     viewpoint = frame(with_fixed_start(points), turn(azimuth) @ up.rotation, elevation if wished is None else wished)
-    cloud, smooth = _smoothed(viewpoint.place(points), shown, placing)
-    by_itself = (placing.up, placing.view) == ("auto", "auto")
-    hint = few_hint(shown.few) if shown.few else hint_for(points, up, by_itself, whole=not placing.cut_top)
-    if not placing.keep_outliers and not shown.few:
+    cloud, smooth = _smoothed(viewpoint.place(points), shown, placement_options)
+    by_itself = (placement_options.up, placement_options.view) == ("auto", "auto")
+    hint = few_hint(shown.few) if shown.few else hint_for(points, up, by_itself, whole=not placement_options.cut_top)
+    if not placement_options.keep_outliers and not shown.few:
         hint = "; ".join(filter(None, (hint_for_placed(cloud), hint)))
-    stance = Stance(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
-                    rounding(points), smooth, shown.added, shown.far, placing.azimuth)  # fmt: skip
-    return Placed(cloud, stance, viewpoint)
+    stance = Placement(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
+                    rounding(points), smooth, shown.added, shown.far, placement_options.azimuth)  # fmt: skip
+    return PlacedCloud(cloud, stance, viewpoint)
 
 
 @dataclass(frozen=True)
-class Shown:
+class SelectedPoints:
     """The points that are to be drawn, and what was left out."""
 
     points: np.ndarray
@@ -93,24 +93,24 @@ class Shown:
     """How many they were, where they were so few that each became a ball of points."""
 
 
-def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
+def select_points(scan: Scan, suffix: str, placement_options: PlacementOptions) -> SelectedPoints:
     """The scan without strays, without what lies far behind a depth camera's subject, and without the top cut off.
 
     Raises:
         ScanError: nothing is left below the cut.
     """
-    points, far = (scan.points, 0) if placing.keep_outliers else _without_strays(scan.points)
-    up = set_upright(points, scan, suffix, placing)
+    points, far = (scan.points, 0) if placement_options.keep_outliers else _without_strays(scan.points)
+    up = set_upright(points, scan, suffix, placement_options)
     background, put_in = 0, points[:0]
-    if up.sensor is None and not placing.keep_outliers:
-        kept = clip_below(points, along(points, _upward(up, placing)))
+    if up.sensor is None and not placement_options.keep_outliers:
+        kept = clip_below(points, along(points, _upward(up, placement_options)))
         points = points[kept] if not kept.all() else points
     if up.sensor is not None:
-        put_in = points[:0] if placing.smooth == 0 else dropouts(points, up.sensor)
-        if not placing.keep_outliers:
+        put_in = points[:0] if placement_options.smooth == 0 else dropouts(points, up.sensor)
+        if not placement_options.keep_outliers:
             points, background = _subject(points, up.sensor)
             put_in = put_in[depths(put_in, up.sensor) <= depths(points, up.sensor).max()]
-    if up.sensor is not None and placing.up == "auto":
+    if up.sensor is not None and placement_options.up == "auto":
         normal = support(points, up.rotation[2], up.sensor)
         if normal is not None:
             up = replace(up, rotation=upright(up.rotation, normal), axis="the table's normal",
@@ -118,14 +118,14 @@ def shown_points(scan: Scan, suffix: str, placing: Placing) -> Shown:
     outliers = len(scan.points) - background - len(points)
     added = len(put_in)
     points = np.concatenate([points, put_in]) if added else points
-    if placing.cut_top:
-        height = along(points, _upward(up, placing))
-        low = height <= height.max() - placing.cut_top / 100 * np.ptp(height)
+    if placement_options.cut_top:
+        height = along(points, _upward(up, placement_options))
+        low = height <= height.max() - placement_options.cut_top / 100 * np.ptp(height)
         points, added = points[low], int(low[len(low) - added :].sum())
         if len(points) < FEWEST_POINTS:
-            raise ScanError(f"--cut-top {placing.cut_top:g} leaves {len(points)} points; cut off less")
+            raise ScanError(f"--cut-top {placement_options.cut_top:g} leaves {len(points)} points; cut off less")
     few = len(points) if len(points) < FEWEST_FOR_SURFACE else 0
-    return Shown(as_balls(points) if few else points, up, outliers, background, 0 if few else added, far, few)
+    return SelectedPoints(as_balls(points) if few else points, up, outliers, background, 0 if few else added, far, few)
 
 
 def _without_strays(points: np.ndarray) -> tuple[np.ndarray, int]:
@@ -153,24 +153,24 @@ def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
     return points, background
 
 
-def _upward(up: Up, placing: Placing) -> np.ndarray:
+def _upward(up: Up, placement_options: PlacementOptions) -> np.ndarray:
     """The direction (3,) in the file's axes that points up in the picture."""
-    rotation = up.rotation if placing.viewpoint is None else np.array(placing.viewpoint.rotation)
+    rotation = up.rotation if placement_options.viewpoint is None else np.array(placement_options.viewpoint.rotation)
     upward: np.ndarray = rotation[2]
     return upward
 
 
 def _as_settled(
-    shown: Shown, viewpoint: Viewpoint, placing: Placing, elevation: float, free: tuple[float, float] | None
-) -> Placed:
+    shown: SelectedPoints, viewpoint: Viewpoint, placement_options: PlacementOptions, elevation: float, free: tuple[float, float] | None
+) -> PlacedCloud:
     """The points before a camera that was settled before, turned on as asked."""
     wished, beyond = allowed_elevation(viewpoint.elevation, free)
-    azimuth = placing.azimuth
+    azimuth = placement_options.azimuth
     rotation = turn(azimuth) @ np.array(viewpoint.rotation) if azimuth else np.array(viewpoint.rotation)
     viewpoint = replace(viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()),
                         elevation=elevation if wished is None else wished)
     cloud = viewpoint.place(shown.points)
-    if placing.grounded and viewpoint.floor is not None:
+    if placement_options.grounded and viewpoint.floor is not None:
         drop = (float(cloud[:, 2].min()) - viewpoint.floor) * viewpoint.radius
         x, y, z = (np.array(viewpoint.centre) + drop * rotation[2]).tolist()
         viewpoint = replace(viewpoint, centre=(x, y, z))
@@ -182,11 +182,11 @@ def _as_settled(
     hint = hint_for_settled(cloud, viewpoint)
     if beyond:
         hint = "; ".join(filter(None, (f"the camera's elevation was changed{beyond}", hint)))
-    cloud, smooth = _smoothed(cloud, shown, placing)
-    stance = Stance(SETTLED, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
+    cloud, smooth = _smoothed(cloud, shown, placement_options)
+    stance = Placement(FIXED_CAMERA, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
                     outside, shown.background, hint, rounding(shown.points), smooth, shown.added,
                     shown.far)  # fmt: skip
-    return Placed(cloud, stance, viewpoint)
+    return PlacedCloud(cloud, stance, viewpoint)
 
 
 def _check_before(cloud: np.ndarray, viewpoint: Viewpoint) -> None:
@@ -202,9 +202,9 @@ def _check_before(cloud: np.ndarray, viewpoint: Viewpoint) -> None:
                         f"camera's centre; make the camera's radius ({viewpoint.radius:g}) larger, or move the centre")
 
 
-def _smoothed(cloud: np.ndarray, shown: Shown, placing: Placing) -> tuple[np.ndarray, float]:
+def _smoothed(cloud: np.ndarray, shown: SelectedPoints, placement_options: PlacementOptions) -> tuple[np.ndarray, float]:
     """The placed cloud (N, 3), made as smooth as asked, and over which radius; 0 where it was left as it is."""
-    radius = placing.smooth
+    radius = placement_options.smooth
     if not isinstance(radius, float):
         measured = cloud[: len(cloud) - shown.added]
         radius = 0.0 if shown.up.sensor is None else patch_radius(measured)

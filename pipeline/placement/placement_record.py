@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-SETTLED = "as settled"
+FIXED_CAMERA = "as settled"
 """Stands for up where a camera was settled before."""
 
 
 @dataclass(frozen=True)
-class Stance:
+class Placement:
     """How a cloud came to stand in its picture, and why."""
 
     up: str
@@ -20,23 +20,23 @@ class Stance:
     elevation: float | None
     """Degrees that the view asks of the camera; None leaves it to the settings."""
     view_reason: str
-    outliers: int
+    outlier_count: int
     """Stray points left out."""
-    outside: int = 0
+    outside_count: int = 0
     """Points beyond the frame of a camera that was settled before."""
-    background: int = 0
+    background_count: int = 0
     """Points left out that lie far behind a depth camera's subject."""
     hint: str = ""
     """What the user may want to try."""
-    rounded: float = 0.0
+    rounding_step: float = 0.0
     """Step, in the data's units, to which float32 has rounded it far from the origin; 0 where that does not show."""
-    smooth: float = 0.0
+    smoothing_radius: float = 0.0
     """Radius, in the frame's, of the patches that points were moved onto; 0 where they were not."""
-    added: int = 0
+    filled_count: int = 0
     """Points put into gaps of what a depth camera measured."""
-    far: int = 0
+    far_count: int = 0
     """Those of the stray points that lie in clusters so far from the largest one that nothing would show."""
-    turned: float = 0.0
+    user_azimuth: float = 0.0
     """Degrees of the azimuth by which the user turned the view on."""
 
     def to_json(self) -> dict[str, Any]:
@@ -47,55 +47,55 @@ class Stance:
             "azimuth": self.azimuth,
             "elevation": self.elevation,
             "view_reason": self.view_reason,
-            "outliers": self.outliers,
-            "outside": self.outside,
-            "background": self.background,
+            "outliers": self.outlier_count,
+            "outside": self.outside_count,
+            "background": self.background_count,
             "hint": self.hint,
-            "rounded": self.rounded,
-            "smooth": self.smooth,
-            "added": self.added,
-            "far": self.far,
-            "turned": self.turned,
+            "rounded": self.rounding_step,
+            "smooth": self.smoothing_radius,
+            "added": self.filled_count,
+            "far": self.far_count,
+            "turned": self.user_azimuth,
         }
 
     @property
-    def told(self) -> str:
+    def description(self) -> str:
         """Part of a line that says it."""
         parts = (
-            self.told_view,
-            f"{self.told_strays} left out of the frame" if self.outliers else "",
-            "--keep-outliers keeps all" if self.far else "",
-            f"{self.background} points far behind it left out" if self.background else "",
-            f"{self.outside} points beyond the camera's frame" if self.outside else "",
-            f"{self.added} put into small gaps of it" if self.added else "",
-            self.told_rounded if self.rounded else "",
-            f"made smooth over {self.smooth:.2g} of its radius" if self.smooth else "",
+            self.view_description,
+            f"{self.outliers_message} left out of the frame" if self.outlier_count else "",
+            "--keep-outliers keeps all" if self.far_count else "",
+            f"{self.background_count} points far behind it left out" if self.background_count else "",
+            f"{self.outside_count} points beyond the camera's frame" if self.outside_count else "",
+            f"{self.filled_count} put into small gaps of it" if self.filled_count else "",
+            self.rounding_message if self.rounding_step else "",
+            f"made smooth over {self.smoothing_radius:.2g} of its radius" if self.smoothing_radius else "",
             self.hint,
         )
         return "; ".join(filter(None, parts))
 
     @property
-    def told_view(self) -> str:
+    def view_description(self) -> str:
         """Up and view, with their reasons; azimuths count from the file's own front, but for what turns a camera on."""
         height = "" if self.elevation is None else f", elevation {round(self.elevation)}"
-        if self.up == SETTLED:
+        if self.up == FIXED_CAMERA:
             on = f", turned on by {round(self.azimuth)} from there" if self.azimuth else ""
             return f"{self.view_reason}{height}{on}"
-        on = f", turned on by {round(self.turned)}" if self.turned else ""
+        on = f", turned on by {round(self.user_azimuth)}" if self.user_azimuth else ""
         return (f"up {self.up}: {self.up_reason}; azimuth {round(self.azimuth)} from the file's front{height}: "
                 f"{self.view_reason}{on}")
 
     @property
-    def told_strays(self) -> str:
+    def outliers_message(self) -> str:
         """How many were left out."""
-        few = self.outliers == 1
-        if not self.far:
-            return f"{self.outliers} stray point{'' if few else 's'}"
-        near = "" if self.far == self.outliers else f"{self.outliers - self.far} stray points, and "
-        return f"{near}{self.far} point{'' if few else 's'} so far off that next to nothing would show,"
+        few = self.outlier_count == 1
+        if not self.far_count:
+            return f"{self.outlier_count} stray point{'' if few else 's'}"
+        near = "" if self.far_count == self.outlier_count else f"{self.outlier_count - self.far_count} stray points, and "
+        return f"{near}{self.far_count} point{'' if few else 's'} so far off that next to nothing would show,"
 
     @property
-    def told_rounded(self) -> str:
+    def rounding_message(self) -> str:
         """What a `rounded` that is not 0 means."""
-        return (f"its float32 numbers, so far from the origin, are rounded to steps of {self.rounded:g}: save float64, "
+        return (f"its float32 numbers, so far from the origin, are rounded to steps of {self.rounding_step:g}: save float64, "
                 "or subtract an offset first")

@@ -36,7 +36,7 @@ ELEVATION_TOLERANCE = 0.5
 
 
 @dataclass(frozen=True)
-class Placing:
+class PlacementOptions:
     """What the user asks of the view."""
 
     up: str = "auto"
@@ -59,45 +59,45 @@ class Placing:
     """Sets the cloud down onto the floor of `viewpoint`, wherever it was."""
 
 
-def set_upright(points: np.ndarray, scan: Scan, suffix: str, placing: Placing) -> Up:
+def set_upright(points: np.ndarray, scan: Scan, suffix: str, placement_options: PlacementOptions) -> Up:
     """How the cloud is set upright, with the depth camera that it may be seen from."""
     sensor = scan.sensor
-    if placing.up == "auto" and scan.up and scan.up_certain:
+    if placement_options.up == "auto" and scan.up and scan.up_certain:
         rotation = np.array(UP_AXES[scan.up], dtype=np.float64)
         if scan.upward is not None:
             return Up(upright(rotation, scan.upward), f"near {scan.up}", scan.up_reason)
         return Up(rotation, scan.up, scan.up_reason)
-    units = ANY_UNIT if placing.view == "sensor" else (METRES,)
-    if placing.up == "auto":
+    units = ANY_UNIT if placement_options.view == "sensor" else (METRES,)
+    if placement_options.up == "auto":
         return choose_up(points, sensor, suffix, units, (scan.up, scan.up_reason))
     wanted = None
-    if placing.view == "sensor":
+    if placement_options.view == "sensor":
         wanted = implied_sensor(points, ANY_UNIT) if sensor is None else sensor if is_camera(points, sensor) else None
-    return Up(np.array(UP_AXES[placing.up], dtype=np.float64), placing.up, "as asked", wanted)
+    return Up(np.array(UP_AXES[placement_options.up], dtype=np.float64), placement_options.up, "as asked", wanted)
 
 
 def choose_side(
-    points: np.ndarray, up: Up, scan: Scan, placing: Placing, elevation: float
+    points: np.ndarray, up: Up, scan: Scan, placement_options: PlacementOptions, elevation: float
 ) -> tuple[float, float | None, str]:
     """Azimuth from the file's front, the elevation that goes with it or None, and why.
 
     Raises:
         ScanError: a sensor's view is asked for and there is none.
     """
-    if placing.view == "front":
+    if placement_options.view == "front":
         return 0.0, None, "the front"
-    if isinstance(placing.view, float):
-        return placing.view, None, "as asked"
+    if isinstance(placement_options.view, float):
+        return placement_options.view, None, "as asked"
     place = scan.seen_from if up.sensor is None else up.sensor.position
     if place is not None:
         centre = np.array(bounding_sphere(points).centre)
         azimuth, height = sensor_view(up.rotation @ (place - centre))
         return azimuth, height, "from the sensor" if up.sensor is not None else "from where one of its cameras stood"
-    if scan.sensor is not None and (placing.view == "sensor" or (scan.up and scan.up_certain)):
+    if scan.sensor is not None and (placement_options.view == "sensor" or (scan.up and scan.up_certain)):
         found = _from_scanner(points, up, scan.sensor)
         if found is not None:
             return found
-    elif placing.view == "sensor":
+    elif placement_options.view == "sensor":
         raise ScanError("has no sensor to look from: expected an organised cloud or a VIEWPOINT; use --view auto")
     azimuth, reason = choose_view(turned(points, up.rotation), elevation)
     return azimuth, None, reason

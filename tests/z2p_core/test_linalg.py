@@ -32,7 +32,7 @@ import sys, time
 from pathlib import Path
 import numpy as np
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
-from z2p_renderer.pipeline.placement.place_cloud import Placing, place
+from z2p_renderer.pipeline.placement.place_scan import Placing, place
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 from z2p_renderer.plugins.zbuffers.splats import SplatPyramid
 from z2p_renderer.storage.scans.clouds import Scan

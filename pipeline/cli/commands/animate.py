@@ -159,7 +159,7 @@ class _Loop:
         made_by = {**record(first, self.look, self.source), "motion": self.moves}
         write_animation(drawn, self.task.output, self.rate, self.look.background, made_by)
         read = told_read(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)
-        return "; ".join(filter(None, (read, cloud.note, first.stance.told, first.choice)))
+        return "; ".join(filter(None, (read, cloud.note, first.placement.description, first.choice)))
 
 
 def _plan(

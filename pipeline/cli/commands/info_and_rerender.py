@@ -140,7 +140,7 @@ def _drawn_again(
         made_by["weights_chosen"] = record.get("weights_chosen", False)
     if options["load_camera"] is None:
         if not options["azimuth"]:  # why it stands as it stands is known from the first time
-            made_by["stance"] = {**record["stance"], "smooth": drawing.stance.smooth}
+            made_by["stance"] = {**record["stance"], "smooth": drawing.placement.smoothing_radius}
         if "azimuth" in record["placing"]:  # once it was not told
             made_by["placing"]["azimuth"] = record["placing"]["azimuth"] + options["azimuth"]
     return drawing.picture, look, made_by
@@ -171,7 +171,7 @@ def _look(
     from z2p_core.placement.viewpoint import viewpoint_from_json
     from z2p_renderer.pipeline.inference.look import background_from, settings_for
     from z2p_renderer.pipeline.inference.render_scan import Look
-    from z2p_renderer.pipeline.placement.place_cloud import Placing
+    from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
     from z2p_renderer.storage.cameras import read_camera
 
     if options["weights"] is None and renderer.weights["sha256"] != record["weights"]["sha256"]:
@@ -192,7 +192,7 @@ def _look(
         values.pop("elevation", None)  # the loaded camera has its own
     asked = record["placing"]
     smooth = asked.get("smooth", 0.0) if options["smooth"] is None else options["smooth"]  # once nothing was made so
-    placing = Placing(asked["up"], asked["view"], options["azimuth"], asked["keep_outliers"], asked["cut_top"], camera,
+    placing = PlacementOptions(asked["up"], asked["view"], options["azimuth"], asked["keep_outliers"], asked["cut_top"], camera,
                       smooth)  # fmt: skip
     background = record["background"] if options["background"] is None else options["background"]
     width, height = options["resolution"] or record["resolution"]

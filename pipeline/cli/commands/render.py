@@ -191,14 +191,14 @@ def _same_frame(
     from z2p_renderer.pipeline.inference.common_view import common_crop, common_viewpoint
     from z2p_renderer.pipeline.inference.render_scan import elevation_of
 
-    if look.placing.viewpoint is None:  # a loaded camera is one for all already
-        series = common_viewpoint(scans, look.placing, *elevation_of(renderer, look.values), columns)
+    if look.placement_options.viewpoint is None:  # a loaded camera is one for all already
+        series = common_viewpoint(scans, look.placement_options, *elevation_of(renderer, look.values), columns)
         renderer, choice = renderer.suited(series.first)
         if not quiet:
             told = "; ".join(filter(None, (series.told, choice)))
             click.echo("\n".join([f"one frame for {series.clouds} clouds: {told}", *series.notes]), err=True)
-        placing = replace(look.placing, viewpoint=series.viewpoint, azimuth=0.0, grounded=series.grounded)
-        look = replace(look, placing=placing, settled=True)
+        placing = replace(look.placement_options, viewpoint=series.viewpoint, azimuth=0.0, grounded=series.grounded)
+        look = replace(look, placement_options=placing, settled=True)
     if look.tight:
         look = replace(look, crop=common_crop(scans, renderer, look, columns))
     return renderer, look
@@ -248,8 +248,8 @@ def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> li
     from z2p_renderer.storage.cameras import read_camera, write_camera
 
     viewpoints = [viewpoint for outcome in done for viewpoint in outcome.viewpoints]
-    if options["same_frame"] and look.placing.viewpoint is not None:
-        viewpoints = [with_margin(look.placing.viewpoint, look.frame_margin)]
+    if options["same_frame"] and look.placement_options.viewpoint is not None:
+        viewpoints = [with_margin(look.placement_options.viewpoint, look.frame_margin)]
     if not viewpoints and done[0].status == "skipped":
         viewpoints = [read_camera(done[0].outputs[0])]
     if len(viewpoints) > 1:

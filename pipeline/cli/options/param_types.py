@@ -11,8 +11,8 @@ from typing import Any
 
 import click
 
-SIDES = (32, 4096)
-"""Smallest and largest side of a picture, pixels."""
+from z2p_core.scene import IMAGE_SIDE_LIMITS
+
 HIGHEST = 80
 """Elevation of a camera above the horizon that weights know at most, degrees."""
 LONGEST_NAME = 255
@@ -188,8 +188,8 @@ class Resolution(click.ParamType):
             return value
         match = re.fullmatch(r"\s*(\d{1,6})\s*(?:[,xX]\s*(\d{1,6})\s*)?", value)
         width, height = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
-        if not (SIDES[0] <= width <= SIDES[1] and SIDES[0] <= height <= SIDES[1]):
-            self.fail(f"expected W or W,H with sides from {SIDES[0]} to {SIDES[1]} pixels, got {value!r}", param, ctx)
+        if not (IMAGE_SIDE_LIMITS[0] <= width <= IMAGE_SIDE_LIMITS[1] and IMAGE_SIDE_LIMITS[0] <= height <= IMAGE_SIDE_LIMITS[1]):
+            self.fail(f"expected W or W,H with sides from {IMAGE_SIDE_LIMITS[0]} to {IMAGE_SIDE_LIMITS[1]} pixels, got {value!r}", param, ctx)
         return width, height
 
 

@@ -100,14 +100,14 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
     """
     from z2p_renderer.pipeline.inference.look import settings_for
     from z2p_renderer.pipeline.inference.render_scan import Look
-    from z2p_renderer.pipeline.placement.place_cloud import Placing
+    from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
     from z2p_renderer.storage.cameras import read_camera
 
     view, file = options["view"], options["load_camera"]
     if isinstance(view, tuple):
         given = {**given, "elevation": (view[1],)}
     viewpoint = None if file is None else read_camera(file)
-    placing = Placing(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
+    placing = PlacementOptions(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
                       options["keep_outliers"], options["cut_top"], viewpoint, options["smooth"])
     background = None if options["background"] == "transparent" else options["background"]
     width, height = options["resolution"]

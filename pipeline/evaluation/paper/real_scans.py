@@ -17,7 +17,7 @@ from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import render_set
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, MADE_LOOK, Case
 from z2p_renderer.pipeline.evaluation.paper.measure import ROWS, points_picture
 from z2p_renderer.pipeline.evaluation.paper.methods import WEIGHTS, Method, cloud_digest, load_renderer
-from z2p_renderer.pipeline.placement.place_cloud import Placing, place
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
 from z2p_renderer.pipeline.rendering.views import describe, load_controls
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.models.checkpoints import resolve
@@ -57,7 +57,7 @@ def show_scans(
 def _case(path: Path, config: ReportConfig) -> Case:
     """The scan as `z2p run-inference` would place it, seen from 20 degrees."""
     scan = read_clouds(path)[0]
-    placed = place(scan, format_suffix(path), Placing())
+    placed = place_scan(scan, format_suffix(path), PlacementOptions())
     cloud = placed.cloud
     if len(cloud) > MOST_POINTS:
         rng = np.random.default_rng([config.seed, int(file_digest(path)[:16], 16)])

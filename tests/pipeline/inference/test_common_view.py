@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from z2p_renderer.pipeline.inference.common_view import common_viewpoint
-from z2p_renderer.pipeline.placement.place_cloud import Placing, place
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
 from z2p_renderer.storage.scans.clouds import usable
 
 
@@ -25,10 +25,10 @@ def written(folder: Path, clouds: list[np.ndarray]) -> list[Path]:
 
 
 def drawn(folder: Path, clouds: list[np.ndarray]) -> tuple[float, list[np.ndarray]]:
-    series = common_viewpoint(written(folder, clouds), Placing("+Z", "front"), 20.0, None)
-    placing = Placing("+Z", "front", viewpoint=series.viewpoint, grounded=series.grounded)
+    series = common_viewpoint(written(folder, clouds), PlacementOptions("+Z", "front"), 20.0, None)
+    placing = PlacementOptions("+Z", "front", viewpoint=series.viewpoint, grounded=series.grounded)
     assert series.viewpoint.floor is not None
-    return series.viewpoint.floor, [place(usable(points), ".npy", placing).cloud for points in clouds]
+    return series.viewpoint.floor, [place_scan(usable(points), ".npy", placing).cloud for points in clouds]
 
 
 def test_things_that_were_moved_to_one_place_stand_on_one_floor_and_fit(tmp_path: Path) -> None:
@@ -65,7 +65,7 @@ def test_the_order_of_the_points_changes_nothing(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     clouds = [block(rng, 1, 0.6, 0.5), np.add(block(rng, 0.5, 0.6, 0.9), [1.0, 0, 0])]
     (tmp_path / "a").mkdir(), (tmp_path / "b").mkdir()
-    plain, again = (common_viewpoint(written(tmp_path / name, given), Placing(), 20.0, None) for name, given in
+    plain, again = (common_viewpoint(written(tmp_path / name, given), PlacementOptions(), 20.0, None) for name, given in
                     (("a", clouds), ("b", [points[rng.permutation(len(points))] for points in clouds])))  # fmt: skip
     assert plain.viewpoint.rotation == again.viewpoint.rotation and plain.told == again.told
     assert replace(plain.viewpoint, floor=None).radius == pytest.approx(again.viewpoint.radius, rel=1e-9)

@@ -16,7 +16,7 @@ import z2p_core
 from z2p_core.interfaces import SettingError
 from z2p_renderer.pipeline.inference.render_scan import Look, content_box, draw, trimmed
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_cloud import Placing
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.images.image_files import read_record
 from z2p_renderer.storage.scans.clouds import usable
 
@@ -155,7 +155,7 @@ def test_a_trimmed_picture_has_its_margin_even_beyond_the_frame() -> None:
 
 
 def test_what_trains_and_measures_draws_as_before(tiny_weights: Path, cloud: np.ndarray) -> None:
-    renderer, look = Renderer(tiny_weights), Look(width=64, height=64, placing=Placing("+Z", "front"))
+    renderer, look = Renderer(tiny_weights), Look(width=64, height=64, placement_options=PlacementOptions("+Z", "front"))
     drawing = draw(renderer, usable(cloud), "", look)
     raw = renderer.render(drawing.viewpoint.place(cloud), look.values, 64, 64)
     assert not np.array_equal(raw, drawing.picture), "the network's own picture is not faded"

@@ -13,7 +13,7 @@ from z2p_core.images import shrink, unit_from_bytes
 from z2p_core.interfaces import SettingError
 from z2p_renderer.pipeline.inference.render_scan import Look, draw, record, trimmed
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_cloud import Placing
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.scans.clouds import usable
 
 
@@ -48,14 +48,14 @@ def test_supersampling_is_the_large_picture_averaged_in_linear_light(renderer: R
 
 
 def test_the_record_draws_the_same_picture_again(renderer: Renderer, cloud: np.ndarray) -> None:
-    look = Look({"color": (0.5, 0.1, 0.2)}, Placing("+Y", azimuth=12.0), 48, 40)
+    look = Look({"color": (0.5, 0.1, 0.2)}, PlacementOptions("+Y", azimuth=12.0), 48, 40)
     drawing = draw(renderer, usable(cloud), ".ply", look)
     made_by = record(drawing, look, {"name": "a.ply"})
     assert json.loads(json.dumps(made_by, allow_nan=False)) == made_by
     assert made_by["controls"]["color"] == [0.5, 0.1, 0.2] and made_by["controls"]["elevation"] == [20.0]
     assert made_by["weights"] == renderer.weights and len(made_by["weights"]["sha256"]) == 64
     assert (made_by["resolution"], made_by["input"]) == ([48, 40], {"name": "a.ply"})
-    again = draw(renderer, usable(cloud), ".ply", replace(look, placing=Placing(viewpoint=drawing.viewpoint)))
+    again = draw(renderer, usable(cloud), ".ply", replace(look, placement_options=PlacementOptions(viewpoint=drawing.viewpoint)))
     assert np.array_equal(again.picture, drawing.picture)
 
 
@@ -73,6 +73,6 @@ def test_a_shared_floor_is_drawn_at_and_never_above_the_cloud(
     own = draw(renderer, usable(cloud), "", Look(width=40, height=40)).viewpoint
     lowest = float(own.place(cloud)[:, 2].min())
     for floor in (None, lowest - 0.4, lowest + 0.4):
-        look = Look(placing=Placing(viewpoint=replace(own, floor=floor)), width=40, height=40)
+        look = Look(placement_options=PlacementOptions(viewpoint=replace(own, floor=floor)), width=40, height=40)
         draw(renderer, usable(cloud), "", look)
     assert floors == [None, None, pytest.approx(lowest - 0.4), pytest.approx(lowest)]

@@ -18,7 +18,7 @@ from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_renderer.pipeline.inference.batch import Look, Outcome, Task, render_files
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.weight_selection import SuitedRenderer
-from z2p_renderer.pipeline.placement.place_cloud import Placing
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.images.image_files import read_record
 
 LOOK = Look(width=32, height=32)
@@ -91,12 +91,12 @@ def test_the_clouds_of_a_file_are_told_apart(
     [
         (replace(LOOK, values={"color": (0.1, 0.2, 0.3)}), "with another color"),
         (replace(LOOK, width=48), "with another resolution"),
-        (replace(LOOK, placing=Placing(up="-X", view=30.0)), "with another up and another view"),
-        (replace(LOOK, placing=Placing(keep_outliers=True)), "with another keep-outliers"),
-        (replace(LOOK, placing=Placing(azimuth=90.0)), "with another azimuth"),
-        (replace(LOOK, placing=Placing(cut_top=10.0, smooth=0.1)), "with another cut-top and another smooth"),
+        (replace(LOOK, placement_options=PlacementOptions(up="-X", view=30.0)), "with another up and another view"),
+        (replace(LOOK, placement_options=PlacementOptions(keep_outliers=True)), "with another keep-outliers"),
+        (replace(LOOK, placement_options=PlacementOptions(azimuth=90.0)), "with another azimuth"),
+        (replace(LOOK, placement_options=PlacementOptions(cut_top=10.0, smooth=0.1)), "with another cut-top and another smooth"),
         (replace(LOOK, background=(1.0, 1.0, 1.0), tight=True), "with another background and another fit"),
-        (replace(LOOK, placing=Placing(viewpoint=Viewpoint((0.0, 0.0, 0.0), 9.0, tuple(map(tuple, np.eye(3))), 20.0))),
+        (replace(LOOK, placement_options=PlacementOptions(viewpoint=Viewpoint((0.0, 0.0, 0.0), 9.0, tuple(map(tuple, np.eye(3))), 20.0))),
          "with another camera"),
     ],
 )  # fmt: skip
@@ -120,7 +120,7 @@ def test_the_same_place_seen_from_another_side_is_another_camera(
     drawn(renderer, scan, output)
     same = viewpoint_from_json(read_record(output)["camera"])
     turned = replace(same, rotation=tuple(same.rotation[row] for row in (1, 2, 0)))
-    told = {side: drawn(renderer, scan, output, replace(LOOK, placing=Placing(viewpoint=side))).kept
+    told = {side: drawn(renderer, scan, output, replace(LOOK, placement_options=PlacementOptions(viewpoint=side))).kept
             for side in (same, turned)}  # fmt: skip
     assert told == {same: "", turned: "with another camera"}
 
@@ -177,7 +177,7 @@ def test_other_weights_are_told_where_the_cloud_does_not_choose_them(
 
 @pytest.mark.parametrize(
     "other", [{"width": 48}, {"values": {"color": (1.0, 0.0, 0.0)}}, {"background": (1.0, 1.0, 1.0)}, {"tight": True},
-              {"margin": 0.2}, {"supersample": 2}, {"placing": Placing("+Y")}, {"placing": Placing(azimuth=30.0)}],
+              {"margin": 0.2}, {"supersample": 2}, {"placement_options": PlacementOptions("+Y")}, {"placement_options": PlacementOptions(azimuth=30.0)}],
     ids=str,
 )  # fmt: skip
 def test_a_named_picture_is_drawn_again_when_a_setting_changes_or_goes(
@@ -196,7 +196,7 @@ def test_a_named_picture_is_drawn_again_without_the_camera_that_it_had(
     output = tmp_path / "a.png"
     drawn(renderer, scan, output)
     camera = viewpoint_from_json(read_record(output)["camera"])
-    loaded = replace(LOOK, placing=Placing(viewpoint=replace(camera, radius=2 * camera.radius)))
+    loaded = replace(LOOK, placement_options=PlacementOptions(viewpoint=replace(camera, radius=2 * camera.radius)))
     for look, status in ((loaded, "ok"), (loaded, "skipped"), (LOOK, "ok"), (LOOK, "skipped")):
         assert drawn(renderer, scan, output, look, single=True).status == status
 

@@ -12,7 +12,7 @@ from click.testing import Result
 from PIL import Image
 
 from z2p_core.interfaces import ScanError
-from z2p_renderer.pipeline.placement.place_cloud import Placing, place, shown_points
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan, select_points
 from z2p_renderer.storage.images.image_files import read_record
 from z2p_renderer.storage.scans.clouds import Scan, read_clouds
 
@@ -44,16 +44,16 @@ def scene(tmp_path: Path) -> Path:
 
 def test_the_wall_goes_and_the_table_is_level(scene: Path) -> None:
     [scan] = read_clouds(scene)
-    shown = shown_points(scan, ".pcd", Placing())
+    shown = select_points(scan, ".pcd", PlacementOptions())
     assert shown.background > 500 and np.abs(shown.points[:, 2]).max() < 2.5
-    placed = place(scan, ".pcd", Placing(), 20.0, (0.0, 80.0))
-    assert placed.stance.up == "the table's normal" and "set upright" in placed.stance.up_reason
-    assert placed.stance.elevation == pytest.approx(30, abs=6)
+    placed = place_scan(scan, ".pcd", PlacementOptions(), 20.0, (0.0, 80.0))
+    assert placed.placement.up == "the table's normal" and "set upright" in placed.placement.up_reason
+    assert placed.placement.elevation == pytest.approx(30, abs=6)
     low = placed.cloud[:, 2] < placed.cloud[:, 2].min() + 0.05
     assert low.mean() > 0.5  # the table lies flat, and is the lowest
-    kept = place(scan, ".pcd", Placing(keep_outliers=True), 20.0, (0.0, 80.0))
-    assert len(kept.cloud) == len(scan.points) and kept.stance.background == 0
-    assert place(scan, ".pcd", Placing("-Y"), 20.0, (0.0, 80.0)).stance.background == 0  # forced: nothing is chosen
+    kept = place_scan(scan, ".pcd", PlacementOptions(keep_outliers=True), 20.0, (0.0, 80.0))
+    assert len(kept.cloud) == len(scan.points) and kept.placement.background_count == 0
+    assert place_scan(scan, ".pcd", PlacementOptions("-Y"), 20.0, (0.0, 80.0)).placement.background_count == 0  # forced: nothing is chosen
 
 
 def test_a_gap_in_what_the_camera_measured_is_closed(scene: Path) -> None:
@@ -62,27 +62,27 @@ def test_a_gap_in_what_the_camera_measured_is_closed(scene: Path) -> None:
     on_the_ball = (np.abs(ahead - [0.0, 0.02]) < 0.02).all(axis=1)
     assert 16 <= on_the_ball.sum() <= 36
     torn = Scan(scan.points[~on_the_ball], 0, "", scan.sensor)
-    mended = place(torn, ".pcd", Placing(), 20.0, (0.0, 80.0))
-    assert mended.stance.added >= 4 and f"{mended.stance.added} put into small gaps" in mended.stance.told
-    assert len(mended.cloud) == len(torn.points) - mended.stance.background + mended.stance.added
+    mended = place_scan(torn, ".pcd", PlacementOptions(), 20.0, (0.0, 80.0))
+    assert mended.placement.filled_count >= 4 and f"{mended.placement.filled_count} put into small gaps" in mended.placement.description
+    assert len(mended.cloud) == len(torn.points) - mended.placement.background_count + mended.placement.filled_count
     centre = scan.points[on_the_ball].mean(0)
-    added = shown_points(torn, ".pcd", Placing()).points[-mended.stance.added :]
+    added = select_points(torn, ".pcd", PlacementOptions()).points[-mended.placement.filled_count :]
     assert np.linalg.norm(added - centre, axis=1).max() < 0.06
-    left = place(torn, ".pcd", Placing(smooth=0.0), 20.0, (0.0, 80.0))
-    assert left.stance.added == 0 and "gaps" not in left.stance.told
-    assert place(torn, ".pcd", Placing(up="-Y"), 20.0, (0.0, 80.0)).stance.added == 0
+    left = place_scan(torn, ".pcd", PlacementOptions(smooth=0.0), 20.0, (0.0, 80.0))
+    assert left.placement.filled_count == 0 and "gaps" not in left.placement.description
+    assert place_scan(torn, ".pcd", PlacementOptions(up="-Y"), 20.0, (0.0, 80.0)).placement.filled_count == 0
 
 
 def test_the_top_is_cut_off_along_up(scene: Path) -> None:
     [scan] = read_clouds(scene)
-    whole = place(scan, ".pcd", Placing("-Y", "front"), 20.0, None).viewpoint.place(scan.points)
-    cut = shown_points(scan, ".pcd", Placing("-Y", "front", cut_top=40.0)).points
+    whole = place_scan(scan, ".pcd", PlacementOptions("-Y", "front"), 20.0, None).viewpoint.place(scan.points)
+    cut = select_points(scan, ".pcd", PlacementOptions("-Y", "front", cut_top=40.0)).points
     height = -scan.points[:, 1]
     assert -cut[:, 1].min() <= height.max() - 0.4 * np.ptp(height)
     assert 0 < len(cut) < len(whole)
     few = Scan(np.array([[0.0, 0, 0], [1, 0, 1], [0, 1, 1], [1, 1, 1]]), 0, "")
     with pytest.raises(ScanError, match="--cut-top 50 leaves 1 points"):
-        shown_points(few, ".ply", Placing(cut_top=50.0))
+        select_points(few, ".ply", PlacementOptions(cut_top=50.0))
 
 
 def test_the_line_and_the_record_tell_and_the_figure_is_drawn_again_the_same(
@@ -109,7 +109,7 @@ def test_a_series_that_begins_with_a_depth_camera_looks_from_it(
     told = result.stderr.splitlines()[0]
     assert told.startswith("one frame for 2 clouds: up the table's normal: ") and told.endswith(": from the sensor")
     [scan] = read_clouds(scene)
-    alone = place(scan, ".pcd", Placing(), 20.0, (0.0, 80.0)).viewpoint
+    alone = place_scan(scan, ".pcd", PlacementOptions(), 20.0, (0.0, 80.0)).viewpoint
     for name in ("scene", "apart"):
         camera = read_record(tmp_path / "out" / f"{name}.png")["camera"]
         assert camera["rotation"] == [list(row) for row in alone.rotation]

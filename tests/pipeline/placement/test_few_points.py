@@ -7,7 +7,7 @@ import pytest
 
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_renderer.pipeline.placement.few_points import FEWEST_FOR_SURFACE, POINTS_A_BALL, as_balls
-from z2p_renderer.pipeline.placement.place_cloud import Placing, place
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
 from z2p_renderer.storage.scans.clouds import Scan
 
 RNG = np.random.default_rng(0)
@@ -34,20 +34,20 @@ def test_each_point_becomes_a_ball_about_it_that_shows(name: str) -> None:
 def test_all_of_it_lies_in_the_frame_and_it_is_told(name: str) -> None:
     points = FEW[name]
     for sensor in (None, Sensor(points.mean(0) - [0, 0, 30], np.eye(3))):
-        placed = place(Scan(points, 0, "", sensor), ".pcd", Placing())
+        placed = place_scan(Scan(points, 0, "", sensor), ".pcd", PlacementOptions())
         assert np.linalg.norm(placed.cloud, axis=1).max() <= 1 + 1e-5
         assert len(placed.cloud) == POINTS_A_BALL * len(points)
-        assert f"its {len(points)} points are drawn as balls" in placed.stance.told
-        assert placed.stance.outliers == placed.stance.background == 0
+        assert f"its {len(points)} points are drawn as balls" in placed.placement.description
+        assert placed.placement.outlier_count == placed.placement.background_count == 0
 
 
 def test_more_points_are_a_surface() -> None:
     points = RNG.normal(size=(FEWEST_FOR_SURFACE, 3))
-    assert len(place(Scan(points, 0, ""), ".pcd", Placing()).cloud) == FEWEST_FOR_SURFACE
+    assert len(place_scan(Scan(points, 0, ""), ".pcd", PlacementOptions()).cloud) == FEWEST_FOR_SURFACE
 
 
 @pytest.mark.filterwarnings("error")
 def test_points_too_near_each_other_for_floats_are_refused_without_a_warning() -> None:
     for size in (1e-200, 1e-321):
         with pytest.raises(ScanError, match="span a finite volume"):
-            place(Scan(size * RNG.normal(size=(20, 3)), 0, ""), ".pcd", Placing())
+            place_scan(Scan(size * RNG.normal(size=(20, 3)), 0, ""), ".pcd", PlacementOptions())

@@ -163,7 +163,7 @@ def test_the_packages_that_a_stages_code_imports_are_declared(stage):
 
 
 def test_what_placing_a_scan_runs_is_no_part_of_weights_alone():
-    reached, waiting = set(), {"pipeline.placement.place_cloud"}
+    reached, waiting = set(), {"pipeline.placement.place_scan"}
     while waiting:
         part = waiting.pop()
         reached.add(part)
