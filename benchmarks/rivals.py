@@ -13,9 +13,9 @@ import torch.nn.functional as F
 from z2p_core.camera import Camera
 from z2p_core.config import NetworkConfig
 from z2p_core.network.unet import build_network
+from z2p_core.splatting import INTENSITY_ALPHA, INTENSITY_BETA, SPLAT_WINDOW
 from z2p_renderer.pipeline.inference.loading import load_plugins
 
-ALPHA, BETA, WINDOW = 2.6, 0.6, 5
 PAPER_WIDTHS = (64, 128, 256, 512, 1024)
 """As in configs/paper.toml."""
 PAPER_SETTINGS = 7
@@ -25,9 +25,9 @@ def double_loop(cloud: np.ndarray, camera: Camera) -> np.ndarray:
     """The paper's z-buffer (H, W), one point and one pixel of its window at a time."""
     picture = np.zeros((camera.height, camera.width), np.float32)
     pixels, depths = camera.project(cloud)
-    reach = WINDOW // 2
+    reach = SPLAT_WINDOW // 2
     for (x, y), depth in zip(pixels, depths, strict=True):
-        value = math.exp(-(float(depth) - ALPHA) / BETA)
+        value = math.exp(-(float(depth) - INTENSITY_ALPHA) / INTENSITY_BETA)
         for row in range(int(y) - reach, int(y) + reach + 1):
             for column in range(int(x) - reach, int(x) + reach + 1):
                 if 0 <= row < camera.height and 0 <= column < camera.width and value > picture[row, column]:
@@ -45,9 +45,9 @@ def torch_scatter(cloud: np.ndarray, camera: Camera) -> torch.Tensor:
     row = torch.floor(inside[:, 1] / depth * camera.focal + camera.height / 2).long()
     seen = (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height) & (depth > 0)
     picture = torch.zeros(camera.height * camera.width)
-    value = torch.exp((ALPHA - depth[seen]) / BETA)
+    value = torch.exp((INTENSITY_ALPHA - depth[seen]) / INTENSITY_BETA)
     picture.scatter_reduce_(0, row[seen] * camera.width + column[seen], value, "amax")
-    return F.max_pool2d(picture.view(1, 1, camera.height, camera.width), WINDOW, 1, WINDOW // 2)
+    return F.max_pool2d(picture.view(1, 1, camera.height, camera.width), SPLAT_WINDOW, 1, SPLAT_WINDOW // 2)
 
 
 def paper_network(side: int) -> Callable[[], object]:

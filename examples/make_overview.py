@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from z2p_core.camera import Camera
+from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.inference.renderer import place_cloud
@@ -50,7 +50,7 @@ def dots(cloud: np.ndarray, camera: Camera) -> np.ndarray:
     pixels, depth = camera.project(cloud)
     for place in np.argsort(-depth):
         column, row = pixels[place].astype(int)
-        picture[row : row + 2, column : column + 2] = int(40 + 80 * (depth[place] - 2.6))
+        picture[row : row + 2, column : column + 2] = int(40 + 80 * (depth[place] - DEPTH_RANGE[0]))
     return picture
 
 

@@ -13,9 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 DISTANCE = 3.6
+"""From the camera to the origin, in world units."""
+DEPTH_RANGE = (DISTANCE - 1, DISTANCE + 1)
+"""Depths of the nearest and the farthest point of the unit sphere, in world units."""
 FIELD_OF_VIEW = 40.0
 """Degrees across the shorter side of the picture: vertical for square and landscape pictures, so nothing is cut."""
 DEFAULT_ELEVATION = 20.0
+"""Degrees above the horizon."""
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,13 @@ import dataclasses
 from dataclasses import dataclass, field
 from typing import Any
 
+SIDE_LIMITS = (32, 4096)
+"""Smallest and largest width or height of an image that is drawn, pixels. Here, since the command line needs them
+without numpy."""
 LIGHT_SIDE = 1.6
 """Side of the square area light, which faces the origin, in world units."""
 LIGHT_RADIANCE = 18.0
+"""Radiance of the area light, the same in all directions of its front side and in all three colors."""
 AMBIENT = 0.35
 """Radiance of the sky, the same from everywhere."""
 

@@ -7,13 +7,19 @@ from functools import partial
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import Camera
+from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.parallel import cores, in_threads
 
-SHARE = 200_000
-"""Points that are worth a thread of their own."""
-MOST_THREADS = 8
-"""Reading points from memory is what takes the time, and more threads do not make it faster."""
+INTENSITY_ALPHA = DEPTH_RANGE[0]
+"""alpha of Eq. 1: the depth of intensity 1, that of the nearest point of the unit sphere, in world units."""
+INTENSITY_BETA = 0.6
+"""beta of Eq. 1: the distance over which intensity falls to 1/e, in world units."""
+SPLAT_WINDOW = 5
+"""Side in pixels of the square that a point covers (section 3.1)."""
+MIN_POINTS_PER_THREAD = 200_000
+"""Points below which a further thread costs more than it saves."""
+MAX_THREADS = 8
+"""Reading the points from memory is the bottleneck: more threads are not faster."""
 
 
 def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndarray:
@@ -22,7 +28,7 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndar
     Each point of the cloud (N, 3) float32, world units, falls into the one pixel that holds its projection. The margin
     keeps points outside the picture whose window may reach into it. Points behind the camera are dropped.
     """
-    threads = min(MOST_THREADS, cores(), len(cloud) // SHARE)
+    threads = min(MAX_THREADS, cores(), len(cloud) // MIN_POINTS_PER_THREAD)
     if threads < 2:
         return native.nearest_depth(cloud, camera, margin)
     parts = np.array_split(cloud, threads)

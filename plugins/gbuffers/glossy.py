@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import Camera
+from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.images import srgb_from_linear
 from z2p_core.linalg import along, products
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
@@ -21,7 +21,7 @@ from z2p_core.shading.area_light import light_lamps, light_square
 from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, MaterialChannel
 from z2p_core.shading.light_transport import GREY, Detail, Lighting
 from z2p_core.shading.principled import INDEX, Principled
-from z2p_renderer.plugins.gbuffers.surfels import FAR, NEAR, Surfels
+from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 LAMPS, SMOOTHEST = 36, 0.04
 """Points that stand for the reflected light, and the least GGX alpha whose lobe shows them without gaps: smoother
@@ -249,7 +249,8 @@ def matt_share(roughness: float) -> float:
 def _places(depth: np.ndarray, shown: np.ndarray, camera: Camera, top: int) -> np.ndarray:
     """World positions (M, 3) float32 of the pixels `shown` (h, W), in rows from `top` on, by the depths (M,) drawn."""
     row, column = np.nonzero(shown)
-    away = FAR - (FAR - NEAR) * depth
+    near, far = DEPTH_RANGE
+    away = far - (far - near) * depth
     x = (column + 0.5 - camera.width / 2) / camera.focal * away
     y = (row + top + 0.5 - camera.height / 2) / camera.focal * away
     places: np.ndarray = np.stack([x, y, away], axis=1) @ camera.rotation + camera.position

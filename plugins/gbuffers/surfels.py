@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from z2p_core import native
-from z2p_core.camera import Camera
+from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.interfaces import GBuffer
 from z2p_core.linalg import products, turned
 from z2p_core.parallel import beside, over_rows
@@ -32,8 +32,6 @@ SPARSE = 0.6
 SURE, FULL = 15.0, 2.7
 """Of coverage: what discs only touch with their rim stays in doubt. Of density: what discs of that radius add up to
 where they lie all around; about a third of it is the surface's border."""
-NEAR, FAR = 2.6, 4.6
-"""Depths of the unit sphere's near and far end."""
 SMALL, MIDDLING = 600, 900
 """Sides of pictures, in pixels, up to which such lamps stand over the floor once, and twice; over larger ones four
 times, for the steps that they leave in a penumbra grow with the picture."""
@@ -109,7 +107,7 @@ class Surfels(GBuffer):
             for strip in range(begin, end):
                 rows = (strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS)
                 for layer, picture in zip(layers, pictures, strict=True):
-                    draw(layer, camera, SLACK, SURE, FULL, NEAR, FAR, picture, rows)
+                    draw(layer, camera, SLACK, SURE, FULL, *DEPTH_RANGE, picture, rows)
                 lighting.finish(camera, rows, pictures)
 
         over_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)

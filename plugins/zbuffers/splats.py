@@ -1,20 +1,16 @@
-"""A pyramid of splats: the paper's 5x5, single pixels, a wide one that fills holes, and plain depth."""
+"""A pyramid of splats: the paper's 5x5 pixels, single pixels, wide splats that fill holes, and linear depth."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.camera import Camera
+from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.interfaces import ZBuffer
 from z2p_core.native import intensity
-from z2p_core.splatting import nearest_depth, window_minimum
+from z2p_core.splatting import INTENSITY_ALPHA, INTENSITY_BETA, SPLAT_WINDOW, nearest_depth, window_minimum
 
-ALPHA, BETA = 2.6, 0.6
-"""As in Eq. 1 of the paper."""
-MIDDLE, WIDE = 5, 13
-"""Window sides in pixels: dense clouds are read from single pixels, sparse ones from the wide splat."""
-FAR = 4.6
-"""Depth of the far end of the unit sphere; the sphere is 2 deep."""
+WIDE_WINDOW = 13
+"""Side in pixels of the widest splat: sparse clouds are read from it, dense ones from single pixels."""
 
 
 class SplatPyramid(ZBuffer):
@@ -25,18 +21,19 @@ class SplatPyramid(ZBuffer):
     channels = 4
 
     def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
-        picture = np.empty((self.channels, camera.height, camera.width), dtype=np.float32)
-        self.draw_into(picture, cloud, camera)
-        return picture
+        zbuffer = np.empty((self.channels, camera.height, camera.width), dtype=np.float32)
+        self.draw_into(zbuffer, cloud, camera)
+        return zbuffer
 
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera) -> None:
-        margin, inner = WIDE // 2, WIDE // 2 - MIDDLE // 2
+        margin, inner_margin = WIDE_WINDOW // 2, WIDE_WINDOW // 2 - SPLAT_WINDOW // 2
         single = nearest_depth(cloud, camera, margin)
-        middle = window_minimum(single, MIDDLE)
-        wide = window_minimum(middle, WIDE - MIDDLE + 1)  # a window of windows
-        middle = middle[inner:-inner, inner:-inner]
-        for channel, depth in enumerate((middle, single[margin:-margin, margin:-margin], wide)):
-            intensity(depth, ALPHA, BETA, out[channel])
-        np.subtract(FAR, middle, out=out[3])
-        out[3] *= 0.5
+        paper = window_minimum(single, SPLAT_WINDOW)
+        wide = window_minimum(paper, WIDE_WINDOW - SPLAT_WINDOW + 1)  # a minimum over windows of windows
+        paper = paper[inner_margin:-inner_margin, inner_margin:-inner_margin]
+        single = single[margin:-margin, margin:-margin]
+        for channel, depth in enumerate((paper, single, wide)):
+            intensity(depth, INTENSITY_ALPHA, INTENSITY_BETA, out[channel])
+        np.subtract(DEPTH_RANGE[1], paper, out=out[3])
+        out[3] *= 0.5  # one over the depth range, which is 2
         np.clip(out[3], 0.0, 1.0, out=out[3])

@@ -5,8 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from z2p_core.camera import Camera
-from z2p_renderer.plugins.zbuffers.paper import ALPHA, BETA, PaperZBuffer
+from z2p_core.camera import DEPTH_RANGE, DISTANCE, FIELD_OF_VIEW, Camera
+from z2p_core.splatting import INTENSITY_ALPHA as ALPHA
+from z2p_core.splatting import INTENSITY_BETA as BETA
+from z2p_renderer.plugins.zbuffers.paper import PaperZBuffer
 from z2p_renderer.plugins.zbuffers.splats import SplatPyramid
 
 
@@ -37,9 +39,9 @@ def test_paper_equals_eq1_by_loops_also_at_the_border(camera):
 
 def test_window_of_a_point_outside_reaches_into_the_picture():
     camera = Camera(64, 64, 0.0)
-    edge = 3.6 * math.tan(math.radians(20))
+    edge = DISTANCE * math.tan(math.radians(FIELD_OF_VIEW / 2))
     for beside, seen in ((1.5, True), (2.5, False)):
-        point = np.array([[edge + beside * 3.6 / camera.focal, 0, 0]], np.float32)
+        point = np.array([[edge + beside * DISTANCE / camera.focal, 0, 0]], np.float32)
         assert PaperZBuffer().draw(point, camera).any() == seen
 
 
@@ -82,6 +84,6 @@ def test_splats_are_eq1_with_three_windows_and_linear_depth():
     for channel, window in ((middle, 5), (single, 1), (wide, 13)):
         np.testing.assert_allclose(channel, eq1_by_loops(cloud, camera, window), rtol=1e-5)
     covered = middle > 0
-    linear = (4.6 - (ALPHA - BETA * np.log(middle[covered]))) / 2
+    linear = (DEPTH_RANGE[1] - (ALPHA - BETA * np.log(middle[covered]))) / 2
     np.testing.assert_allclose(depth[covered], np.clip(linear, 0, 1), atol=1e-5)
     assert not depth[~covered].any()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.camera import DISTANCE, Camera, light_position, turn
+from z2p_core.camera import DEPTH_RANGE, DISTANCE, Camera, light_position, turn
 
 
 @pytest.mark.parametrize("elevation", [0.0, 20.0, 80.0])
@@ -32,7 +32,11 @@ def test_unit_sphere_fits_whatever_the_shape_of_the_picture(width: int, height: 
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     pixels, depth = Camera(width, height, 35.0).project(points)
     assert (pixels > 0).all() and (pixels < (width, height)).all()
-    assert depth.min() > 2.599 and depth.max() < 4.601
+    assert depth.min() > DEPTH_RANGE[0] - 0.001 and depth.max() < DEPTH_RANGE[1] + 0.001
+
+
+def test_depth_range_is_exact() -> None:
+    assert DEPTH_RANGE == (2.6, 4.6), "weights have learned from depths between exactly these"
 
 
 def test_projection_agrees_with_the_matrices() -> None:

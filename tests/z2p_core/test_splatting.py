@@ -8,7 +8,7 @@ from splatting_reference import nearest_depth as reference_depth
 from splatting_reference import window_minimum as reference_minimum
 
 from z2p_core.camera import Camera
-from z2p_core.splatting import SHARE, nearest_depth, window_minimum
+from z2p_core.splatting import MIN_POINTS_PER_THREAD, nearest_depth, window_minimum
 
 CAMERAS = [Camera(64, 64), Camera(97, 61, 0.0), Camera(33, 130, 75.0), Camera(512, 512, 30.0)]
 
@@ -52,7 +52,7 @@ def test_points_in_the_cameras_plane_are_dropped():
 
 
 def test_threads_draw_what_one_draws(monkeypatch):
-    cloud, camera = cloud_of(3 * SHARE + 17), CAMERAS[3]
+    cloud, camera = cloud_of(3 * MIN_POINTS_PER_THREAD + 17), CAMERAS[3]
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     alone = nearest_depth(cloud, camera, 3)
     monkeypatch.setattr(os, "cpu_count", lambda: 3)

@@ -17,12 +17,11 @@ from z2p_core import registry
 from z2p_core.api.backend import Request, studio
 from z2p_core.api.picture import Picture, sheet
 from z2p_core.api.point_arrays import point_arrays
-from z2p_core.errors.did_you_mean import meant
+from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.scene import SIDE_LIMITS
 
-SIDES = (32, 4096)
-"""Smallest and largest side of a picture, pixels."""
 _MOST_TOLD = 4
 """Mean colours that a warning names."""
 
@@ -135,7 +134,7 @@ def _check_names(controls: Collection[str]) -> None:
     unknown = sorted(set(controls) - set(registry.names("controls")))
     if unknown:
         known = [name for name in inspect.signature(render).parameters if name != "controls"]
-        like = meant(unknown[0], [name.replace("_", "-") for name in known])
+        like = suggest_name(unknown[0], [name.replace("_", "-") for name in known])
         guess = "" if like is None else f" (did you mean {like.split()[0].replace('-', '_')}?)"
         expected = f"{', '.join(known)}, or an installed control"
         raise SettingError(f"unknown argument {unknown[0]!r}{guess}; expected {expected}")
@@ -223,8 +222,9 @@ def pixel_size(size: Any) -> tuple[int, int]:
         whole = [int(side) for side in sides if not isinstance(side, bool | str | bytes) and int(side) == side]
     except (TypeError, ValueError, ArithmeticError, RuntimeError):  # no numbers, nan, infinity, a tensor of others
         sides, whole = [], []
-    if not (len(whole) == len(sides) == 2 and all(SIDES[0] <= side <= SIDES[1] for side in whole)):
-        raise SettingError(f"expected a size of one or two whole numbers from {SIDES[0]} to {SIDES[1]} pixels, got "
+    least, most = SIDE_LIMITS
+    if not (len(whole) == len(sides) == 2 and all(least <= side <= most for side in whole)):
+        raise SettingError(f"expected a size of one or two whole numbers from {least} to {most} pixels, got "
                            f"{reprlib.repr(size)}")
     return whole[0], whole[1]
 

@@ -12,7 +12,7 @@ import click
 from z2p_core.config import EvaluateConfig
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.errors.missing_system_libraries import SystemLibraryError
-from z2p_core.scene import IMAGE_SIDE_LIMITS
+from z2p_core.scene import SIDE_LIMITS
 from z2p_renderer.pipeline.cli import Failure
 from z2p_renderer.pipeline.cli.options.param_types import Elevation, FiniteRange
 
@@ -42,7 +42,7 @@ def _split(context: click.Context, parameter: click.Parameter, text: str) -> tup
 @click.option("--seed", default=0, type=click.IntRange(min=0), metavar="K", help="Seed of views, clouds and noise.")
 @click.option("--seeds", default=1, type=click.IntRange(min=1), metavar="N",
               help="How many seeds, from --seed on: means over all, and their spread.")
-@click.option("--resolution", default=256, type=click.IntRange(*IMAGE_SIDE_LIMITS), metavar="R", help="Side of the pictures.")
+@click.option("--resolution", default=256, type=click.IntRange(*SIDE_LIMITS), metavar="R", help="Side of the pictures.")
 @click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples a pixel.")
 @click.option("--bounces", default=3, type=click.IntRange(min=0), metavar="N",
               help="How often light may bounce; 6 for what is glossy.")

@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from z2p_core.scene import IMAGE_SIDE_LIMITS
+from z2p_core.scene import SIDE_LIMITS
 
 HIGHEST = 80
 """Elevation of a camera above the horizon that weights know at most, degrees."""
@@ -188,8 +188,9 @@ class Resolution(click.ParamType):
             return value
         match = re.fullmatch(r"\s*(\d{1,6})\s*(?:[,xX]\s*(\d{1,6})\s*)?", value)
         width, height = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
-        if not (IMAGE_SIDE_LIMITS[0] <= width <= IMAGE_SIDE_LIMITS[1] and IMAGE_SIDE_LIMITS[0] <= height <= IMAGE_SIDE_LIMITS[1]):
-            self.fail(f"expected W or W,H with sides from {IMAGE_SIDE_LIMITS[0]} to {IMAGE_SIDE_LIMITS[1]} pixels, got {value!r}", param, ctx)
+        least, most = SIDE_LIMITS
+        if not (least <= width <= most and least <= height <= most):
+            self.fail(f"expected W or W,H with sides from {least} to {most} pixels, got {value!r}", param, ctx)
         return width, height
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from z2p_core.camera import DISTANCE, Camera
+from z2p_core.camera import DEPTH_RANGE, DISTANCE, Camera
 from z2p_core.images import linear_from_srgb
 from z2p_core.parallel import one_core_each
 from z2p_core.scene import SceneDescription
@@ -33,12 +33,12 @@ def test_a_sphere_is_covered_and_its_normals_point_outwards():
     pixel, _ = CAMERA.project(np.zeros((1, 3)))
     rows, columns = np.mgrid[:96, :96] + 0.5
     reach = np.hypot(columns - pixel[0, 0], rows - pixel[0, 1])
-    edge = CAMERA.focal * np.tan(np.arcsin(0.6 / 3.6))
+    edge = CAMERA.focal * np.tan(np.arcsin(0.6 / DISTANCE))
     assert picture[COVERAGE][reach < edge - 2].mean() > 0.995 and not picture[COVERAGE][reach > edge + 2].any()
     inner = reach < 0.7 * edge
     assert np.abs(picture[RIGHT] - (columns - pixel[0, 0]) / edge)[inner].mean() < 0.06
     assert np.abs(picture[DOWN] - (rows - pixel[0, 1]) / edge)[inner].mean() < 0.06
-    assert picture[DEPTH][48, 48] == pytest.approx((4.6 - 3.0) / 2, abs=0.02)
+    assert picture[DEPTH][48, 48] == pytest.approx((DEPTH_RANGE[1] - 3.0) / 2, abs=0.02)
 
 
 @pytest.mark.parametrize("side", [5, 96, 257])
@@ -171,7 +171,7 @@ def test_density_is_about_a_third_at_the_border_of_a_sheet():
     wall = np.column_stack([rng.uniform(-0.6, 0.6, 6000), np.zeros(6000), rng.uniform(-0.6, 0.6, 6000)])
     camera = Camera(512, 512, 0.0)
     picture = Surfels().draw(wall.astype(np.float32), camera, SCENE)
-    border = 0.6 / 3.6 * camera.focal
+    border = 0.6 / DISTANCE * camera.focal
     rows, columns = np.mgrid[:512, :512] + 0.5 - 256
     beside = (np.abs(rows) < border - 12) & (np.abs(np.abs(columns) - border) < 0.7)
     within = (np.abs(rows) < border - 12) & (np.abs(columns) < border - 12)
