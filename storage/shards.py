@@ -17,8 +17,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from z2p_core.errors.one_line import UsersError
-from z2p_core.errors.value_limits import Count, Each, Either, Keys, Many, Maybe, Number, Text, check_value
+from z2p_core.errors.messages import UserError
+from z2p_core.errors.value_limits import AnyOf, Count, JsonObject, ListOf, MappingOf, Number, OrNone, Text, check_value
 from z2p_core.scene import SceneDescription
 from z2p_renderer.storage.files.atomic_write import whole
 
@@ -26,15 +26,15 @@ SCHEMA = 3
 SCENE_BYTES = 1024
 """Room for a scene as JSON: fixed-length strings read the same from every thread."""
 _NUMBER, _NAME = Number(-1e9, 1e9), Text("a line of text")
-ATTRIBUTES = Keys({
+ATTRIBUTES = JsonObject({
     "schema": Count(SCHEMA, SCHEMA), "mesh": _NAME, "resolution": Count(1, 1 << 16),
-    "controls": Many(Keys({"name": _NAME, "version": _NAME, "size": Count(1, 1000)}), 1, 1000),
+    "controls": ListOf(JsonObject({"name": _NAME, "version": _NAME, "size": Count(1, 1000)}), 1, 1000),
 })  # fmt: skip
 """What a shard's attributes may be; more may be there."""
-SCENE = Keys(
-    {"elevation": _NUMBER, "light": Many(_NUMBER, 3, 3), "rotation": Many(Many(_NUMBER, 3, 3), 3, 3), "lift": _NUMBER,
-     "material": Each(Either((_NUMBER, Many(_NUMBER, 1, 4))))},
-    {"floor": Maybe(_NUMBER)},
+SCENE = JsonObject(
+    {"elevation": _NUMBER, "light": ListOf(_NUMBER, 3, 3), "rotation": ListOf(ListOf(_NUMBER, 3, 3), 3, 3), "lift": _NUMBER,
+     "material": MappingOf(AnyOf((_NUMBER, ListOf(_NUMBER, 1, 4))))},
+    {"floor": OrNone(_NUMBER)},
 )  # fmt: skip
 LIBRARY = ("v110", "v110")
 """Oldest and newest HDF5 that must understand the file: that of 1.10 is the oldest format whose bookkeeping all has
@@ -44,7 +44,7 @@ INFLATION = 1200
 """More than gzip can pack bytes (about 1,030 to 1); a file that declares more lies about its size."""
 
 
-class ShardError(UsersError):
+class ShardError(UserError):
     """A shard that cannot be used; the message names the file, what was expected and what came."""
 
 

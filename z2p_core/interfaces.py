@@ -34,7 +34,7 @@ from z2p_core.contracts.baseline import Baseline as Baseline
 from z2p_core.contracts.baseline import Painter as Painter
 from z2p_core.contracts.engine import Engine as Engine
 from z2p_core.contracts.engine import TrainedNetwork as TrainedNetwork
-from z2p_core.errors.one_line import UsersError
+from z2p_core.errors.messages import UserError
 from z2p_core.scene import SceneDescription
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ Value = tuple[float, ...]
 """What a control is set to: one float for each component of its slider, in the slider's units."""
 
 
-class SettingError(UsersError):
+class SettingError(UserError):
     """A setting that no control can take; the message says what was expected, what came, and how to mend it."""
 
 
@@ -316,5 +316,5 @@ class Reader(ABC):
         """
 
 
-class ScanError(UsersError):
+class ScanError(UserError):
     """A scan that cannot be used; the message says what was expected, what came, and what to do."""

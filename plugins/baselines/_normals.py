@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import ScanError
 
 NEIGHBOURS = 16
@@ -21,7 +21,7 @@ def oriented(cloud: np.ndarray) -> Any:
     Raises:
         ScanError: too few points, or points that have no surface.
     """
-    with loading("open3d"):
+    with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
 
     if len(cloud) <= NEIGHBOURS:

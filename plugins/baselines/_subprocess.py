@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from typing import Any
 
-from z2p_core.errors.one_line import reason_of
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import ScanError
 
 
@@ -79,4 +79,4 @@ def _serve(function: Callable[..., Any], pipe: Any) -> None:
         try:
             pipe.send((function(*arguments), ""))
         except Exception as error:
-            pipe.send((None, reason_of(error)))
+            pipe.send((None, error_reason(error)))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
 from z2p_renderer.plugins.baselines._normals import arrays, oriented
 from z2p_renderer.plugins.baselines._subprocess import Apart
@@ -46,7 +46,7 @@ def pivoting(points: np.ndarray, normals: np.ndarray, radii: list[float]) -> Any
     Raises:
         ScanError: they leave no triangle.
     """
-    with loading("open3d"):
+    with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
 
     scan = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.camera import Camera
-from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
 from z2p_renderer.plugins.baselines._normals import arrays
 
@@ -35,7 +35,7 @@ class VisibleTriangles(Baseline):
         Raises:
             ScanError: too few points, or points in one plane with the viewer.
         """
-        with loading("open3d"):
+        with explain_missing_libraries("open3d"):
             import open3d  # late: the pipeline extra
 
         if len(cloud) < 5:

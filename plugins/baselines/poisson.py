@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline
 from z2p_renderer.plugins.baselines._normals import arrays, oriented
 
@@ -27,7 +27,7 @@ class Poisson(Baseline):
         Raises:
             ScanError: too few points, or no surface found.
         """
-        with loading("open3d"):
+        with explain_missing_libraries("open3d"):
             import open3d  # late: the pipeline extra
 
         with self.timed("normals"):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
 
 NEIGHBOURS = 12
@@ -48,7 +48,7 @@ class Splats(Baseline):
 
 def _tangents(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Two unit tangents (N, 3) each and the spacing (N,) of points (N, 3), by their nearest ones."""
-    with loading("open3d"):
+    with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
 
     places = open3d.core.Tensor.from_numpy(points)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.errors.install_advice import install_advice
-from z2p_core.errors.one_line import reason_of
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._helpers.lazy_import import late
@@ -85,4 +85,4 @@ def _description(path: Path) -> bytes:
 
 
 def _unreadable(error: Exception) -> ScanError:
-    return ScanError(f"the E57 file cannot be read ({reason_of(error)}); export it again")
+    return ScanError(f"the E57 file cannot be read ({error_reason(error)}); export it again")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.errors.install_advice import install_advice
-from z2p_core.errors.one_line import reason_of
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.array_clouds import (
     KEYS,
@@ -64,7 +64,7 @@ def _with_file(path: Path, work: Callable[[Any], Any]) -> Any:
     except ScanError:
         raise
     except Exception as error:  # the library raises whatever its parsing stumbles over
-        raise ScanError(f"the HDF5 file cannot be read ({reason_of(error)}); save it again") from error
+        raise ScanError(f"the HDF5 file cannot be read ({error_reason(error)}); save it again") from error
 
 
 def _clouds(file: Any) -> list[RawCloud | np.ndarray]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.errors.one_line import reason_of
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._helpers.gltf import readable_glb
@@ -56,7 +56,7 @@ class Meshes(Reader):
         except (ScanError, ImportError):  # no fault of the file
             raise
         except Exception as error:  # the library raises whatever its parsing stumbles over
-            raise ScanError(f"the vertices cannot be read ({reason_of(error)}); export the file again") from error
+            raise ScanError(f"the vertices cannot be read ({error_reason(error)}); export the file again") from error
         first = np.unique(points, axis=0, return_index=True)[1]
         return [RawCloud(points[np.sort(first)], note=note)]
 

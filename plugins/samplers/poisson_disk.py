@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Sampler
 from z2p_core.meshes.triangle_sampling import uniform_points
 
@@ -25,7 +25,7 @@ class PoissonDisk(Sampler):
         Raises:
             ScanError: no triangle has an area above 0.
         """
-        with loading("open3d"):
+        with explain_missing_libraries("open3d"):
             import open3d  # late: the pipeline extra
 
         dense = uniform_points(vertices, faces, count * DENSITY, rng)

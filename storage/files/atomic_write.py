@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from z2p_core.errors.one_line import UsersError
+from z2p_core.errors.messages import UserError
 from z2p_renderer.storage.files.printable_names import printable
 
 
@@ -41,7 +41,7 @@ def whole(path: Path, *, lasting: bool = False) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
-class NoFileError(UsersError, OSError):
+class NoFileError(UserError, OSError):
     """A folder, device or pipe where a file is to be written, which a rename would fail on or, worse, replace."""
 
 

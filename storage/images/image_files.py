@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.errors.one_line import UsersError
+from z2p_core.errors.messages import UserError
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_renderer.storage.files.atomic_write import NoFileError, kind_of, write_whole
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
@@ -30,7 +30,7 @@ DESCRIPTION = 0x010E
 WHITE = (1.0, 1.0, 1.0)
 
 
-class PictureError(UsersError):
+class PictureError(UserError):
     """A picture file that cannot be used; the message says what was expected, what came, and what to do."""
 
 

@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from z2p_core.errors.value_limits import Count, Either, Fields, Keys, Limit, Many, Maybe, Number, Switch, Text
+from z2p_core.errors.value_limits import (
+    AnyOf,
+    Boolean,
+    Count,
+    DataclassFields,
+    JsonObject,
+    Limit,
+    ListOf,
+    Number,
+    OrNone,
+    Text,
+)
 from z2p_core.network.tensor_shapes import SIZE_LIMITS
 
 _NAME = Text("the name of a plugin", r"[^\x00-\x1f\x7f]{1,200}")
 _VERSION = Text("a version", r"[^\x00-\x1f\x7f]{1,200}")
-_PLUGIN = Keys({"name": _NAME, "version": _VERSION})
+_PLUGIN = JsonObject({"name": _NAME, "version": _VERSION})
 
-NETWORK: dict[str, Limit | Fields] = {
+NETWORK: dict[str, Limit | DataclassFields] = {
     "kind": Text("the name of a network", r"\w{1,100}"),
     **SIZE_LIMITS,
     "zbuffer": _NAME,
@@ -18,15 +29,15 @@ NETWORK: dict[str, Limit | Fields] = {
 }
 """Of the network that a card describes: absurd sizes are refused before anything is made of them."""
 
-CARD = Keys(
+CARD = JsonObject(
     {
-        "network": Keys({}, NETWORK),
+        "network": JsonObject({}, NETWORK),
         "zbuffer": _PLUGIN,
         "gbuffer": _PLUGIN,
-        "encoder": Keys({"name": _NAME, "version": _VERSION, "state": Keys({})}),
-        "controls": Many(Keys({"name": _NAME, "version": _VERSION, "size": Count(1, 1000)}), 1, 100),
-        "resolution": Either((Count(1, 65_536), Many(Count(1, 65_536), 1, 1000))),
-        "fixed_elevation": Maybe(Number(-90, 90)),
-        "training": Keys({}, {"cropped": Switch()}),
+        "encoder": JsonObject({"name": _NAME, "version": _VERSION, "state": JsonObject({})}),
+        "controls": ListOf(JsonObject({"name": _NAME, "version": _VERSION, "size": Count(1, 1000)}), 1, 100),
+        "resolution": AnyOf((Count(1, 65_536), ListOf(Count(1, 65_536), 1, 1000))),
+        "fixed_elevation": OrNone(Number(-90, 90)),
+        "training": JsonObject({}, {"cropped": Boolean()}),
     }
 )

@@ -14,8 +14,8 @@ import numpy as np
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save
 
-from z2p_core.errors.one_line import UsersError
-from z2p_core.errors.value_limits import LimitError, check_value, told
+from z2p_core.errors.messages import UserError
+from z2p_core.errors.value_limits import LimitError, check_value, describe_value
 from z2p_renderer.storage.files.atomic_write import whole
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.files.printable_names import is_file, is_there
@@ -31,7 +31,7 @@ MOST_CARD = 64 << 20
 CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
-class WeightsError(UsersError):
+class WeightsError(UserError):
     """Weights that cannot be used; the message says what was expected, what came, and what to do."""
 
 
@@ -101,7 +101,7 @@ def load_weights(path: Path) -> Weights:
     """
     tensors, card, digest = _read(path)
     if type(card.get("format")) is not int or card["format"] != FORMAT:
-        raise WeightsError(f"{path}: expected weights of format {FORMAT}, got {told(card.get('format'))}; update z2p")
+        raise WeightsError(f"{path}: expected weights of format {FORMAT}, got {describe_value(card.get('format'))}; update z2p")
     missing = [key for key in CARD_KEYS if key not in card]
     if missing:
         raise WeightsError(f"{path}: the card lacks {', '.join(missing)}; these are not weights of z2p")

@@ -14,7 +14,7 @@ from typing import Any
 
 from safetensors import safe_open
 
-from z2p_core.errors.value_limits import Count, Keys, LimitError, Many, Text, check_value
+from z2p_core.errors.value_limits import Count, JsonObject, LimitError, ListOf, Text, check_value
 from z2p_renderer.storage.files.atomic_write import write_whole
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.models.checkpoints import WeightsError
@@ -25,9 +25,9 @@ INT8 = "int8"
 """Form of the network that computes in 8 bits; its graph file is another."""
 _MAGIC = b"z2p graph\n"
 _DIGEST = Text("64 hex digits", "[0-9a-f]{64}")
-_PIECE = Many(Count(0, 1 << 40), 3, 3)
-_HEADER = Keys({"format": Count(FORMAT, FORMAT), "weights": _DIGEST, "sha256": _DIGEST,
-                "pieces": Many(_PIECE, 0, 100_000)})  # fmt: skip
+_PIECE = ListOf(Count(0, 1 << 40), 3, 3)
+_HEADER = JsonObject({"format": Count(FORMAT, FORMAT), "weights": _DIGEST, "sha256": _DIGEST,
+                "pieces": ListOf(_PIECE, 0, 100_000)})  # fmt: skip
 MOST_UNPACKED = 1 << 28
 """Bytes of an ONNX file that are no tensors; ours have some hundred thousand."""
 SMALLEST = 512

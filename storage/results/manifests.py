@@ -17,7 +17,7 @@ from importlib import metadata
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from z2p_core.errors.value_limits import Count, Each, Keys, Text, check_value, told
+from z2p_core.errors.value_limits import Count, JsonObject, MappingOf, Text, check_value, describe_value
 from z2p_renderer.storage.files.atomic_write import kind_of
 from z2p_renderer.storage.files.bounded_json import read_json
 from z2p_renderer.storage.results.fingerprints import file_digest, fingerprint
@@ -28,10 +28,10 @@ NAMED = 32
 MOST_BYTES = 256 << 20
 _NAME = Text("a text", r"(?s:.*)", 10_000)
 _DIGEST = Text("64 hex digits", "[0-9a-f]{64}")
-_MANIFEST = Keys(
-    {"name": _NAME, "fingerprint": _DIGEST, "fields": Keys({}, {"stage": _NAME, "stage_version": Count(0, 10**6)}),
-     "files": Each(Keys({"size": Count(0, 1 << 60), "sha256": _DIGEST}), 10**6)},
-    {"written": _NAME, "listing": _DIGEST, "provenance": Keys({})},
+_MANIFEST = JsonObject(
+    {"name": _NAME, "fingerprint": _DIGEST, "fields": JsonObject({}, {"stage": _NAME, "stage_version": Count(0, 10**6)}),
+     "files": MappingOf(JsonObject({"size": Count(0, 1 << 60), "sha256": _DIGEST}), 10**6)},
+    {"written": _NAME, "listing": _DIGEST, "provenance": JsonObject({})},
 )  # fmt: skip
 
 _PACKAGES = ("z2p-renderer", "numpy", "torch", "bpy", "open3d-cpu", "open3d", "h5py", "trimesh", "kornia", "luigi")
@@ -50,7 +50,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     for name in manifest["files"]:
         path = PurePosixPath(name)
         if path.is_absolute() or ".." in path.parts or "\0" in name or name in ("", ".", MANIFEST):
-            raise ValueError(f"files: expected names of files in the folder, got {told(name)}")
+            raise ValueError(f"files: expected names of files in the folder, got {describe_value(name)}")
     return dict(manifest)
 
 

@@ -147,7 +147,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
 
 NOT_SHAPING: dict[str, str] = {
     "z2p_core.config": "the values that a stage gets are in its fingerprint; what reckons with them is listed",
-    "z2p_core.errors.one_line": "words errors",
+    "z2p_core.errors.messages": "words errors",
     "z2p_core.network.tensor_shapes": "refuses networks, and makes none",
     "z2p_core.errors.value_limits": "refuses values, and changes none",
     "storage.models.card_schema": "refuses cards, and changes none",

@@ -8,15 +8,15 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from z2p_core.errors.value_limits import Keys, Many, Maybe, Text, check_value
+from z2p_core.errors.value_limits import JsonObject, ListOf, OrNone, Text, check_value
 from z2p_renderer.storage.files.atomic_write import write_whole
 from z2p_renderer.storage.files.bounded_json import read_json
 
 NOTE = ".entry.json"
 """Hidden; it goes with other leftovers once the result is published."""
 _LINE = Text("a text", r"(?s:.*)", 100_000)
-_NOTE = Keys({"name": _LINE, "fields": Keys({}),
-              "adopted": Maybe(Keys({"from": _LINE, "differences": Many(_LINE, 0, 100_000)}))})  # fmt: skip
+_NOTE = JsonObject({"name": _LINE, "fields": JsonObject({}),
+              "adopted": OrNone(JsonObject({"from": _LINE, "differences": ListOf(_LINE, 0, 100_000)}))})  # fmt: skip
 
 
 def write_note(folder: Path, name: str, fields: Mapping[str, Any], adopted: Mapping[str, Any] | None = None) -> None:

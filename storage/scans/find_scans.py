@@ -58,12 +58,12 @@ def _advice(path: Path) -> str:
     """What to say of a path that leads nowhere: the name beside it that was meant, where that is sure."""
     if path.suffix.lower() in PICTURE_SUFFIXES:
         return f"a picture that is to be written is named by --output {printable(path)}"
-    from z2p_core.errors.did_you_mean import closest  # late: for this message alone
+    from z2p_core.errors.did_you_mean import closest_name  # late: for this message alone
 
     try:
         beside = [other.name for other in islice(path.parent.iterdir(), MOST_BESIDE)]
         numbers = re.findall(r"\d+", path.name)  # of a series no other one is meant
-        meant = closest(path.name, [name for name in beside if re.findall(r"\d+", name) == numbers])
+        meant = closest_name(path.name, [name for name in beside if re.findall(r"\d+", name) == numbers])
     except OSError:  # the folder is not there either, or is closed
         meant = None
     return "check the path" if meant is None else f"did you mean {printable(path.with_name(meant))}?"

@@ -8,15 +8,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from z2p_core.errors.one_line import UsersError
-from z2p_core.errors.value_limits import told
+from z2p_core.errors.messages import UserError
+from z2p_core.errors.value_limits import describe_value
 from z2p_core.meshes.synthetic_noise import KINDS
 
 FINE_BLOCK = 2
 """Side of the pixel blocks in which the fast network goes over its picture."""
 
 
-class ConfigError(UsersError):
+class ConfigError(UserError):
     """A configuration that cannot be used; the message names the key, what was expected and what came."""
 
 
@@ -268,7 +268,7 @@ def from_dict(kind: type[Any], data: dict[str, Any], source: str = "config") -> 
     hints = typing.get_type_hints(kind)
     unknown = sorted(set(data) - set(hints))
     if unknown:
-        raise ConfigError(f"{source}: unknown key {told(unknown[0])}; known: {', '.join(hints)}")
+        raise ConfigError(f"{source}: unknown key {describe_value(unknown[0])}; known: {', '.join(hints)}")
     return kind(**{key: _read(hints[key], value, f"{source}: {key}") for key, value in data.items()})
 
 
@@ -281,19 +281,19 @@ def _plain(value: Any) -> Any:
 def _read(hint: Any, value: Any, source: str) -> Any:
     if dataclasses.is_dataclass(hint):
         if not isinstance(value, dict):
-            raise ConfigError(f"{source}: expected a table, got {told(value)}")
+            raise ConfigError(f"{source}: expected a table, got {describe_value(value)}")
         return from_dict(typing.cast(type[Any], hint), value, source)
     arguments = typing.get_args(hint)
     if typing.get_origin(hint) is tuple:
         if not isinstance(value, list):
-            raise ConfigError(f"{source}: expected a list, got {told(value)}")
+            raise ConfigError(f"{source}: expected a list, got {describe_value(value)}")
         if Ellipsis not in arguments and len(value) != len(arguments):
-            raise ConfigError(f"{source}: expected {len(arguments)} values, got {told(value)}")
+            raise ConfigError(f"{source}: expected {len(arguments)} values, got {describe_value(value)}")
         return tuple(_read(arguments[0], item, source) for item in value)
     if type(None) in arguments:
         return None if value is None else _read(arguments[0], value, source)
     if hint is float and type(value) is int and abs(value) < 2**1000:  # what is larger is refused below
         return float(value)
     if type(value) is not hint:
-        raise ConfigError(f"{source}: expected {hint.__name__}, got {told(value)}")
+        raise ConfigError(f"{source}: expected {hint.__name__}, got {describe_value(value)}")
     return value

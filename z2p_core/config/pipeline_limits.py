@@ -8,17 +8,17 @@ from typing import Any
 from z2p_core import registry
 from z2p_core.config import ConfigError, PipelineConfig, training_fault
 from z2p_core.errors.value_limits import (
+    Boolean,
     Choice,
     Count,
-    Fields,
+    DataclassFields,
     Limit,
     LimitError,
-    Many,
-    Maybe,
+    ListOf,
     Number,
-    Switch,
+    OrNone,
     Text,
-    check,
+    check_fields,
 )
 from z2p_core.meshes.synthetic_noise import KINDS
 from z2p_core.network.tensor_shapes import KINDS as NETWORKS
@@ -57,9 +57,9 @@ class Plugin:
         return isinstance(value, str) and value in self.known
 
 
-SAMPLE: dict[str, Limit | Fields] = {"sampler": Plugin(("samplers",)), "points": POINTS, "seed": SEED}
-RENDER: dict[str, Limit | Fields] = {
-    "controls": Many(Plugin(("controls",)), 1, 100, distinct=True),
+SAMPLE: dict[str, Limit | DataclassFields] = {"sampler": Plugin(("samplers",)), "points": POINTS, "seed": SEED}
+RENDER: dict[str, Limit | DataclassFields] = {
+    "controls": ListOf(Plugin(("controls",)), 1, 100, distinct=True),
     "views": Count(1, 100_000),
     "chunk": Count(1, 100_000),
     "resolution": SIDE,
@@ -67,42 +67,42 @@ RENDER: dict[str, Limit | Fields] = {
     "denoise": Choice(DENOISE),
     "bounces": Count(0, 1024),
     "upright": Number(0, 1),
-    "passes": Many(Choice(PASSES), 0, len(PASSES), distinct=True),
+    "passes": ListOf(Choice(PASSES), 0, len(PASSES), distinct=True),
     "seed": SEED,
 }
-SHARD: dict[str, Limit | Fields] = {"resolution": SIDE}
-NETWORK: dict[str, Limit | Fields] = {
+SHARD: dict[str, Limit | DataclassFields] = {"resolution": SIDE}
+NETWORK: dict[str, Limit | DataclassFields] = {
     "kind": Choice(NETWORKS),
     **SIZE_LIMITS,
     "zbuffer": Plugin(("zbuffers",)),
     "gbuffer": Plugin(("gbuffers",)),
     "encoder": Plugin(("encoders",)),
 }
-LOSS: dict[str, Limit | Fields] = {
+LOSS: dict[str, Limit | DataclassFields] = {
     **dict.fromkeys(
         ("color_l2", "magnitude_l1", "alpha_l1", "color_l1", "ssim", "gradient_l1", "visible", "flip", "foreground"),
         _WEIGHT,
     ),
-    "masked": Switch(),
+    "masked": Boolean(),
 }
-TRAIN: dict[str, Limit | Fields] = {
-    "network": Fields(NETWORK),
-    "loss": Fields(LOSS),
+TRAIN: dict[str, Limit | DataclassFields] = {
+    "network": DataclassFields(NETWORK),
+    "loss": DataclassFields(LOSS),
     "start": Text("the name or file of weights"),
     "teacher": Text("the name or file of weights"),
     "teacher_share": Number(0, 1),
     "haze": Number(0, 1),
-    "resolutions": Many(SIDE, 0, 1000),
+    "resolutions": ListOf(SIDE, 0, 1000),
     "steps": Count(1, 100_000_000),
     "batch": Count(1, 4096),
     "learning_rate": Number(1e-12, 10),
     "warmup": Count(0, 100_000_000),
-    "points": Many(POINTS, 2, 2),
+    "points": ListOf(POINTS, 2, 2),
     "reuse": Count(1, 1_000_000),
     "even": Number(0, 1),
     "holes": Number(0, 1),
-    "cropped": Switch(),
-    "mirror": Switch(),
+    "cropped": Boolean(),
+    "mirror": Boolean(),
     "noise": Choice(KINDS),
     "noise_scale": Number(0, 10),
     "average": Number(0, 1 - 1e-9),
@@ -111,7 +111,7 @@ TRAIN: dict[str, Limit | Fields] = {
     "checkpoint_every": Count(1, 100_000_000),
     "seed": SEED,
 }
-EVALUATE: dict[str, Limit | Fields] = {
+EVALUATE: dict[str, Limit | DataclassFields] = {
     "views": Count(1, 100_000),
     "points": POINTS,
     "noise": Number(0, 10),
@@ -121,19 +121,19 @@ EVALUATE: dict[str, Limit | Fields] = {
     "denoise": Choice(DENOISE),
     "bounces": Count(0, 1024),
     "supersample": Count(1, 8),
-    "elevation": Maybe(DEGREES),
+    "elevation": OrNone(DEGREES),
     "seed": SEED,
     "seeds": Count(1, 10_000),
 }
-PIPELINE: dict[str, Limit | Fields] = {
+PIPELINE: dict[str, Limit | DataclassFields] = {
     "name": NAME,
     "meshes": FOLDER,
     "evaluate_meshes": FOLDER,
-    "sample": Fields(SAMPLE),
-    "render": Fields(RENDER),
-    "shard": Fields(SHARD),
-    "train": Fields(TRAIN),
-    "evaluate": Fields(EVALUATE),
+    "sample": DataclassFields(SAMPLE),
+    "render": DataclassFields(RENDER),
+    "shard": DataclassFields(SHARD),
+    "train": DataclassFields(TRAIN),
+    "evaluate": DataclassFields(EVALUATE),
 }
 
 
@@ -159,7 +159,7 @@ def check_values(config: PipelineConfig) -> None:
         raise ConfigError(f"train.network.{fault}")
 
 
-def limited(config: Any, limits: dict[str, Limit | Fields], prefix: str = "") -> None:
+def limited(config: Any, limits: dict[str, Limit | DataclassFields], prefix: str = "") -> None:
     """Nothing, when each value of a config dataclass is within its limits.
 
     Raises:
@@ -167,6 +167,6 @@ def limited(config: Any, limits: dict[str, Limit | Fields], prefix: str = "") ->
         PluginError: a plugin is not installed.
     """
     try:
-        check(config, limits, prefix)
+        check_fields(config, limits, prefix)
     except LimitError as error:
         raise (registry.PluginError if isinstance(error.limit, Plugin) else ConfigError)(str(error)) from None

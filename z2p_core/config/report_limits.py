@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from z2p_core.config.pipeline_limits import DENOISE, FOLDER, NAME, POINTS, SAMPLES, SEED, Plugin
-from z2p_core.errors.value_limits import Choice, Count, Fields, Limit, Many, Number, Text
+from z2p_core.errors.value_limits import Choice, Count, DataclassFields, Limit, ListOf, Number, Text
 
 _MESHES = Count(0, 100_000)
 _MATERIAL = Text("metallic and roughness, each 0 to 1, as in 1,0.3", r"(0(\.\d+)?|1(\.0+)?),(0(\.\d+)?|1(\.0+)?)", 40)
@@ -36,8 +36,8 @@ class _Sweep:
     level: Limit
 
     @property
-    def fields(self) -> Fields:
-        return Fields({"levels": Many(self.level, 0, 100, distinct=True), "meshes": _MESHES})
+    def fields(self) -> DataclassFields:
+        return DataclassFields({"levels": ListOf(self.level, 0, 100, distinct=True), "meshes": _MESHES})
 
 
 SWEEPS: dict[str, Limit] = {
@@ -60,12 +60,12 @@ SWEEPS: dict[str, Limit] = {
 }
 """What a level of each sweep may be."""
 
-REPORT: dict[str, Limit | Fields] = {
+REPORT: dict[str, Limit | DataclassFields] = {
     "name": NAME,
     "meshes": FOLDER,
     "scans": FOLDER,
-    "weights": Many(Text("the name or file of weights"), 0, 100),
-    "baselines": Many(Plugin(("baselines", "painters")), 0, 100, distinct=True),
+    "weights": ListOf(Text("the name or file of weights"), 0, 100),
+    "baselines": ListOf(Plugin(("baselines", "painters")), 0, 100, distinct=True),
     "views": Count(1, 100_000),
     "points": POINTS,
     "resolution": Count(32, 8192),

@@ -64,16 +64,16 @@ _MEANINGS: dict[str, list[str]] = {}
 for _option, _words in _SYNONYMS.items():
     for _word in _words.split():
         _MEANINGS.setdefault(_word, []).append(_option)
-FEWEST_LETTERS, LETTERS_FOR_TWO = 4, 8
+MIN_LETTERS, MIN_LETTERS_FOR_TWO_SLIPS = 4, 8
 """Letters of a name in which one slip is told from another name, and of one that may hold two."""
 
 
-def closest(name: str, known: Iterable[str]) -> str | None:
+def closest_name(name: str, known: Iterable[str]) -> str | None:
     """The known name that a name is, but for a slip of the keys, or two in a long one; None if none or several are."""
-    if len(name) < FEWEST_LETTERS:
+    if len(name) < MIN_LETTERS:
         return None
     near = [(edit_distance(name, other), other) for other in known if abs(len(other) - len(name)) < 3]
-    near = sorted(found for found in near if found[0] <= (2 if min(len(name), len(found[1])) >= LETTERS_FOR_TWO else 1))
+    near = sorted(found for found in near if found[0] <= (2 if min(len(name), len(found[1])) >= MIN_LETTERS_FOR_TWO_SLIPS else 1))
     alone = len(near) == 1 or (len(near) > 1 and near[0][0] < near[1][0])
     return near[0][1] if alone else None
 
@@ -91,7 +91,7 @@ def edit_distance(one: str, other: str) -> int:
     return rows[-1][-1]
 
 
-def meant(name: str, known: Iterable[str]) -> str | None:
+def suggest_name(name: str, known: Iterable[str]) -> str | None:
     """Which of the known names, and with which value, somebody means by an unknown one; None where nothing is sure.
 
     Words are joined by dashes, without any in front: ``output-dir`` means ``output``, ``transparent`` means
@@ -106,8 +106,8 @@ def meant(name: str, known: Iterable[str]) -> str | None:
         return options[0]
     if name in _MEANINGS or name in _SYNONYMS or len(name) < 3:  # a word with a meaning that nothing here has
         return None
-    like = closest(name, known)
+    like = closest_name(name, known)
     if like is not None:
         return like
-    slipped = closest(name, _MEANINGS)
-    return None if slipped is None else meant(slipped, known)
+    slipped = closest_name(name, _MEANINGS)
+    return None if slipped is None else suggest_name(slipped, known)

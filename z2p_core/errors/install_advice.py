@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-ENGINES = frozenset({"openvino", "torch"})
+ENGINE_EXTRAS = frozenset({"openvino", "torch"})
 """Packages of engines that are extras of the same name; the others come with z2p itself."""
 
 

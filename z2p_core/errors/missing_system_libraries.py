@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from z2p_core.errors.one_line import one_line
+from z2p_core.errors.messages import one_line
 
 _FILE = re.compile(r"[\w.+-]+\.(?:so(?:\.\d+)*|dylib|dll)\b")
-PACKAGES = "libusb-1.0-0 libgl1 libegl1 libx11-6"
+DEBIAN_PACKAGES = "libusb-1.0-0 libgl1 libegl1 libx11-6"
 """What scripts/system_libraries.sh installs."""
 
 
@@ -18,7 +18,7 @@ class SystemLibraryError(ImportError):
 
 
 @contextmanager
-def loading(package: str) -> Iterator[None]:
+def explain_missing_libraries(package: str) -> Iterator[None]:
     """Around the import of a package such as open3d, which loads libraries that pip does not bring.
 
     Raises:
@@ -34,5 +34,5 @@ def loading(package: str) -> Iterator[None]:
             raise
         raise SystemLibraryError(one_line(
             f"{package} loads the system library {named.group()}, which cannot be loaded here ({error}); in a clone of "
-            f"z2p: sh scripts/system_libraries.sh (Debian, Ubuntu: apt-get install {PACKAGES})"
+            f"z2p: sh scripts/system_libraries.sh (Debian, Ubuntu: apt-get install {DEBIAN_PACKAGES})"
         )) from error  # fmt: skip

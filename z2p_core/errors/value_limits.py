@@ -1,6 +1,6 @@
 """What values may be: limits that tell what was expected, for every field of settings, and every key of JSON objects.
 
-A table names a limit for each field or key; `check` compares, and refuses with the key, what was expected and what
+A table names a limit for each field or key; `check_fields` compares, and refuses with the key, what was expected and what
 came. One mechanism serves configurations, the cards of weights, pictures' records and cameras. It is our own, as its
 messages are those of settings, and libraries for schemas cost a start of 25 to 66 ms (msgspec, jsonschema) beside the
 quarter of a second that a picture takes.
@@ -15,14 +15,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-MOST_TOLD = 60
+MAX_SHOWN_CHARACTERS = 60
 """Characters of a value that a message shows."""
 
 
 class LimitError(ValueError):
     """A value outside its limits; the message names the key, what was expected and what came."""
 
-    def __init__(self, message: str, limit: Limit | Fields | Keys) -> None:
+    def __init__(self, message: str, limit: Limit | DataclassFields | JsonObject) -> None:
         super().__init__(message)
         self.limit = limit
 
@@ -100,7 +100,7 @@ class Text:
 
 
 @dataclass(eq=False, repr=False)
-class Switch:
+class Boolean:
     """True or false."""
 
     expected: str = "true or false"
@@ -110,10 +110,10 @@ class Switch:
 
 
 @dataclass(eq=False, repr=False)
-class Maybe:
+class OrNone:
     """Nothing, or what another limit holds."""
 
-    limit: Limit | Keys
+    limit: Limit | JsonObject
 
     @property
     def expected(self) -> str:
@@ -124,7 +124,7 @@ class Maybe:
 
 
 @dataclass(eq=False, repr=False)
-class Either:
+class AnyOf:
     """What any of some limits holds."""
 
     limits: tuple[Limit, ...]
@@ -134,14 +134,14 @@ class Either:
         return " or ".join(limit.expected for limit in self.limits)
 
     def holds(self, value: Any) -> bool:
-        return any(_all_holds(limit, value) for limit in self.limits)
+        return any(_is_within(limit, value) for limit in self.limits)
 
 
 @dataclass(eq=False, repr=False)
-class Many:
+class ListOf:
     """A list of so many values, each within a limit."""
 
-    limit: Limit | Keys
+    limit: Limit | JsonObject
     least: int = 0
     most: int = 1000
     distinct: bool = False
@@ -158,10 +158,10 @@ class Many:
 
 
 @dataclass(eq=False, repr=False)
-class Fields:
+class DataclassFields:
     """Another dataclass, with a table of its own."""
 
-    limits: Mapping[str, Limit | Fields]
+    limits: Mapping[str, Limit | DataclassFields]
     expected: str = "a table"
 
     def holds(self, value: Any) -> bool:
@@ -169,11 +169,11 @@ class Fields:
 
 
 @dataclass(eq=False, repr=False)
-class Keys:
+class JsonObject:
     """A JSON object: some keys that must be there, some that may be; others are let through."""
 
-    required: Mapping[str, Limit | Fields | Keys]
-    optional: Mapping[str, Limit | Fields | Keys] = dataclasses.field(default_factory=dict)
+    required: Mapping[str, Limit | DataclassFields | JsonObject]
+    optional: Mapping[str, Limit | DataclassFields | JsonObject] = dataclasses.field(default_factory=dict)
     expected: str = "an object"
 
     def holds(self, value: Any) -> bool:
@@ -181,10 +181,10 @@ class Keys:
 
 
 @dataclass(eq=False, repr=False)
-class Each:
+class MappingOf:
     """A JSON object of any keys, up to some, whose values are all within one limit."""
 
-    limit: Limit | Keys
+    limit: Limit | JsonObject
     most: int = 1000
     expected: str = "an object"
 
@@ -192,7 +192,7 @@ class Each:
         return isinstance(value, Mapping) and len(value) <= self.most
 
 
-def check(settings: Any, limits: Mapping[str, Limit | Fields], prefix: str = "") -> None:
+def check_fields(settings: Any, limits: Mapping[str, Limit | DataclassFields], prefix: str = "") -> None:
     """Nothing, when every field of a dataclass is within its limit.
 
     Raises:
@@ -202,29 +202,29 @@ def check(settings: Any, limits: Mapping[str, Limit | Fields], prefix: str = "")
         check_value(getattr(settings, field.name), limits[field.name], prefix + field.name)
 
 
-def check_value(value: Any, limit: Limit | Fields | Keys, key: str) -> None:
+def check_value(value: Any, limit: Limit | DataclassFields | JsonObject, key: str) -> None:
     """Nothing, when a value is within its limit, and all that it holds.
 
     Raises:
         LimitError: it is not; what is wrong is told with `key` before it.
     """
     if not limit.holds(value):
-        raise LimitError(f"{key}: expected {limit.expected}, got {told(value)}".removeprefix(": "), limit)
-    if isinstance(limit, Maybe) and value is not None:
+        raise LimitError(f"{key}: expected {limit.expected}, got {describe_value(value)}".removeprefix(": "), limit)
+    if isinstance(limit, OrNone) and value is not None:
         check_value(value, limit.limit, key)
-    if isinstance(limit, Fields):
-        check(value, limit.limits, f"{key}.")
-    if isinstance(limit, Many):
+    if isinstance(limit, DataclassFields):
+        check_fields(value, limit.limits, f"{key}.")
+    if isinstance(limit, ListOf):
         for index, item in enumerate(value):
             check_value(item, limit.limit, f"{key}[{index}]")
-    if isinstance(limit, Each):
+    if isinstance(limit, MappingOf):
         for name, item in value.items():
-            check_value(item, limit.limit, f"{key}.{told(name).strip(chr(39))}")
-    if isinstance(limit, Keys):
+            check_value(item, limit.limit, f"{key}.{describe_value(name).strip(chr(39))}")
+    if isinstance(limit, JsonObject):
         _check_keys(value, limit, key)
 
 
-def _all_holds(limit: Limit, value: Any) -> bool:
+def _is_within(limit: Limit, value: Any) -> bool:
     """Whether a value is within a limit, and all that it holds."""
     try:
         check_value(value, limit, "")
@@ -233,7 +233,7 @@ def _all_holds(limit: Limit, value: Any) -> bool:
     return True
 
 
-def _check_keys(value: Mapping[str, Any], limit: Keys, key: str) -> None:
+def _check_keys(value: Mapping[str, Any], limit: JsonObject, key: str) -> None:
     before = f"{key}." if key else ""
     for name, one in limit.required.items():
         if name not in value:
@@ -244,7 +244,7 @@ def _check_keys(value: Mapping[str, Any], limit: Keys, key: str) -> None:
             check_value(value[name], one, before + name)
 
 
-def told(value: Any) -> str:
+def describe_value(value: Any) -> str:
     """A value for a message, shortened: it may hold millions of digits."""
     if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 200:
         return f"a number of {int(value.bit_length() * math.log10(2)):,} digits"
@@ -252,4 +252,4 @@ def told(value: Any) -> str:
         text = repr(list(value) if isinstance(value, tuple) else value)
     except (ValueError, RecursionError):
         return f"a {type(value).__name__}"
-    return text if len(text) <= MOST_TOLD else f"{text[:MOST_TOLD]}..."
+    return text if len(text) <= MAX_SHOWN_CHARACTERS else f"{text[:MAX_SHOWN_CHARACTERS]}..."

@@ -10,14 +10,14 @@ from itertools import pairwise
 from math import prod
 
 from z2p_core.config import FINE_BLOCK, NetworkConfig
-from z2p_core.errors.value_limits import Choice, Count, Limit, Many
+from z2p_core.errors.value_limits import Choice, Count, Limit, ListOf
 
 MOST_WEIGHTS = 500_000_000
 """Numbers in all tensors of a network; the largest that ships has 3 million."""
 KINDS = ("unshuffle_unet", "adain_unet")
 CONDITIONINGS = ("adain", "input")
 SIZE_LIMITS: dict[str, Limit] = {
-    "widths": Many(Count(1, 4096), 2, 10),
+    "widths": ListOf(Count(1, 4096), 2, 10),
     "unshuffle": Count(1, 64),
     "fine": Count(0, 4096),
     "refine": Count(0, 4096),

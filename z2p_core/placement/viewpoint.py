@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
-from z2p_core.errors.value_limits import told
+from z2p_core.errors.value_limits import describe_value
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.linalg import turned
 from z2p_core.placement.bounding_sphere import bounding_sphere
@@ -93,7 +93,7 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
         SettingError: a number is missing or no number, the rotation is none, or it is for another camera.
     """
     if not isinstance(data, Mapping) or type(data.get("z2p_camera")) is not int or data["z2p_camera"] != FORMAT:
-        raise SettingError(f"camera: expected an object with z2p_camera {FORMAT}, got {told(data)}; "
+        raise SettingError(f"camera: expected an object with z2p_camera {FORMAT}, got {describe_value(data)}; "
                            "write one with --save-camera")
     centre, radius = _numbers(data, "centre", (3,)), float(_numbers(data, "radius", ()))
     rotation, elevation = _numbers(data, "rotation", (3, 3)), float(_numbers(data, "elevation", ()))
@@ -124,5 +124,5 @@ def _numbers(data: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> np.nd
     numbers = given.dtype.kind in "iuf" and given.shape == shape  # no texts, booleans, or endless ones
     if not numbers or not (np.abs(given.astype(np.float64)) < LARGEST).all():
         kind = "x".join(str(side) for side in shape) + " numbers" if shape else "a number"
-        raise SettingError(f"camera: expected {kind} as {key!r}, got {told(data.get(key))}")
+        raise SettingError(f"camera: expected {kind} as {key!r}, got {describe_value(data.get(key))}")
     return given.astype(np.float64)

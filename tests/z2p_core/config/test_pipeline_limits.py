@@ -9,7 +9,7 @@ from z2p_core.config import ConfigError, PipelineConfig, from_dict, to_dict
 from z2p_core.config.pipeline_limits import PIPELINE, check_values, limited
 from z2p_core.config.report import ReportConfig, checked
 from z2p_core.config.report_limits import REPORT
-from z2p_core.errors.value_limits import Fields
+from z2p_core.errors.value_limits import DataclassFields
 from z2p_core.registry import PluginError
 
 CONFIGS = ((PipelineConfig(), PIPELINE), (ReportConfig(), REPORT))
@@ -40,7 +40,7 @@ def edited(config, path, value):
 def tables(config, limits):
     yield type(config), set(limits), {field.name for field in dataclasses.fields(config)}
     for name, limit in limits.items():
-        if isinstance(limit, Fields):
+        if isinstance(limit, DataclassFields):
             yield from tables(getattr(config, name), limit.limits)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from z2p_core.errors.did_you_mean import closest, edit_distance, meant
+from z2p_core.errors.did_you_mean import closest_name, edit_distance, suggest_name
 
 KNOWN = ("output", "format", "up", "view", "azimuth", "load-camera", "resolution", "size", "background", "fit",
          "margin", "same-frame", "palette", "overwrite", "json", "jobs", "color", "light", "metallic")  # fmt: skip
@@ -18,7 +18,7 @@ KNOWN = ("output", "format", "up", "view", "azimuth", "load-camera", "resolution
      ("crop", "fit tight"), ("same_frame", "same-frame"), ("UP_AXIS", "up")],
 )  # fmt: skip
 def test_a_word_of_others_is_the_option_of_that_meaning(name: str, guess: str) -> None:
-    assert meant(name, KNOWN) == guess
+    assert suggest_name(name, KNOWN) == guess
 
 
 @pytest.mark.parametrize(
@@ -27,17 +27,17 @@ def test_a_word_of_others_is_the_option_of_that_meaning(name: str, guess: str) -
      ("backgrund", "background"), ("resoltuoin", "resolution"), ("overwirte", "overwrite")],
 )  # fmt: skip
 def test_a_slip_of_the_keys_is_seen_through(name: str, guess: str) -> None:
-    assert meant(name, KNOWN) == guess
+    assert suggest_name(name, KNOWN) == guess
 
 
 @pytest.mark.parametrize("name", ["frames", "noise", "views", "points", "seed", "blubb", "x", "", "dpi"])
 def test_a_word_of_another_meaning_is_no_slip(name: str) -> None:
-    assert meant(name, KNOWN) is None
+    assert suggest_name(name, KNOWN) is None
 
 
 def test_what_is_as_near_to_two_names_is_neither() -> None:
-    assert closest("lath", ["path", "lathe"]) is None
-    assert closest("lathee", ["path", "lathe"]) == "lathe"
+    assert closest_name("lath", ["path", "lathe"]) is None
+    assert closest_name("lathee", ["path", "lathe"]) == "lathe"
 
 
 def test_slips_are_counted_once_each() -> None:

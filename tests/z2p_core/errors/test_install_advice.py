@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from z2p_core.errors.install_advice import ENGINES, install_advice
+from z2p_core.errors.install_advice import ENGINE_EXTRAS, install_advice
 
 ROOT = Path(__file__).resolve().parents[3]
 CODE = [path for folder in ("z2p_core", "pipeline", "storage", "workflows", "plugins", "z2p_renderer", "shims")
@@ -19,7 +19,7 @@ EXTRAS = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["op
 def test_advice_is_what_works_in_a_clone() -> None:
     assert install_advice("video").endswith('pip install -c constraints.txt ".[video]"')
     assert install_advice().endswith('pip install -c constraints.txt "."')
-    assert (ROOT / "constraints.txt").exists() and ENGINES <= EXTRAS
+    assert (ROOT / "constraints.txt").exists() and ENGINE_EXTRAS <= EXTRAS
 
 
 @pytest.mark.parametrize("path", CODE, ids=lambda path: path.relative_to(ROOT).as_posix())

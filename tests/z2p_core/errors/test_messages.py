@@ -5,16 +5,16 @@ import pickle
 import pytest
 
 from z2p_core.config import ConfigError
-from z2p_core.errors.one_line import MOST_CHARACTERS, MOST_REASON, UsersError, one_line, reason_of
+from z2p_core.errors.messages import MAX_MESSAGE_CHARACTERS, MAX_REASON_CHARACTERS, UserError, error_reason, one_line
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_renderer.storage.images.image_files import PictureError
 from z2p_renderer.storage.models.checkpoints import WeightsError
 from z2p_renderer.storage.shards import ShardError
 
 
-@pytest.mark.parametrize("text", ["", "expected x, got 'é' — 点群", "a" * MOST_CHARACTERS])
+@pytest.mark.parametrize("text", ["", "expected x, got 'é' — 点群", "a" * MAX_MESSAGE_CHARACTERS])
 def test_what_can_be_shown_stays_as_it_is(text):
-    assert one_line(text) == text == str(UsersError(text))
+    assert one_line(text) == text == str(UserError(text))
 
 
 def test_signs_that_no_terminal_shows_are_escaped():
@@ -23,18 +23,18 @@ def test_signs_that_no_terminal_shows_are_escaped():
 
 def test_of_a_long_message_the_beginning_and_the_end_stay():
     told = one_line("expected a number, got " + "9" * 10_000 + "; give one")
-    assert len(told) == MOST_CHARACTERS
+    assert len(told) == MAX_MESSAGE_CHARACTERS
     assert told.startswith("expected a number, got 99") and told.endswith("99; give one")
 
 
 @pytest.mark.parametrize("kind", [ScanError, SettingError, ConfigError, WeightsError, PictureError, ShardError])
 def test_every_error_of_ours_is_one_line_and_survives_a_pickle(kind):
     error = kind("got\n" + "x" * 5000)
-    assert "\n" not in str(error) and len(str(error)) == MOST_CHARACTERS and isinstance(error, ValueError)
+    assert "\n" not in str(error) and len(str(error)) == MAX_MESSAGE_CHARACTERS and isinstance(error, ValueError)
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
 
 
 def test_a_librarys_error_is_quoted_in_short_or_by_its_type() -> None:
-    assert reason_of(ValueError("bad\n  header")) == "bad header"
-    assert reason_of(KeyError()) == "KeyError"
-    assert len(reason_of(ValueError("long " * 1000))) <= MOST_REASON
+    assert error_reason(ValueError("bad\n  header")) == "bad header"
+    assert error_reason(KeyError()) == "KeyError"
+    assert len(error_reason(ValueError("long " * 1000))) <= MAX_REASON_CHARACTERS

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW, turn
-from z2p_core.errors.missing_system_libraries import loading
+from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import ScanError
 from z2p_core.meshes.triangle_sampling import uniform_points
 from z2p_renderer.storage.meshes import Mesh
@@ -42,7 +42,7 @@ def inner_points(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray
 
     A mesh that encloses hardly anything, as an open sheet, gets points between random pairs of its surface's instead.
     """
-    with loading("open3d"):
+    with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
 
     if count == 0:
@@ -73,7 +73,7 @@ def single_view(
         ValueError: an unknown kind.
         ScanError: the camera sees nothing.
     """
-    with loading("open3d"):
+    with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
 
     if kind not in ("clean", "noise", "holes"):
@@ -113,7 +113,7 @@ def _sensor(rotation: np.ndarray, elevation: float) -> tuple[np.ndarray, np.ndar
 
 
 def _ray_scene(mesh: Mesh) -> Any:
-    with loading("open3d"):
+    with explain_missing_libraries("open3d"):
         import open3d
 
     scene = open3d.t.geometry.RaycastingScene()

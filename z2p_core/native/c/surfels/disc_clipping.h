@@ -1,3 +1,5 @@
-/* What a disc ends at. */
+/* Clip planes per disc; see disc_clipping.c. */
 
-#define CLIPS 4 /* planes at most, by the nearest end first, each four numbers: a unit normal and how far along it */
+#pragma once
+
+#define MAX_CLIP_PLANES 4 /* per disc, nearest to its center first; a plane is four floats: unit normal and offset */

@@ -1,4 +1,8 @@
-/* A disc as it is drawn: where it lies in the picture, and what its rows show. */
+/* Perspective projection of a disc: its ellipse on the screen, and which samples of a row it covers, at what depth.
+ *
+ * Discs are in camera axes: x right, y down, z forward; screen positions are in samples, several per pixel.
+ * Perspective within a disc is neglected: the local affine approximation of Zwicker et al., "Surface Splatting",
+ * 2001. */
 
 #pragma once
 
@@ -9,102 +13,113 @@
 #include "common/simd.h"
 #include "common/lanes.h"
 
-#define NEAREST_PLANE 0.1f
-#define EDGE 0.02f /* cosine of the angle to the ray from which on a disc shows nothing but its edge */
+#define NEAR_PLANE 0.1f         /* smallest depth that is drawn, in world units */
+#define MIN_COS_TO_VIEWER 0.02f /* discs seen at a smaller cosine are edge-on and not drawn */
 
-/* A disc as it is drawn, in samples from its middle: an ellipse xx x^2 + 2 xy x y + yy y^2 < 1, whose depth changes
- * evenly, as do the heights over the planes that end it. Perspective within a disc is left out, the local
- * affine approximation of Zwicker et al., "Surface Splatting", 2001. */
+/* A projected disc, relative to its center: the ellipse xx x^2 + 2 xy x y + yy y^2 < 1, with depth and the signed
+ * distances from the clip planes linear in x and y. */
 typedef struct {
-    float x, y, depth, across, down; /* depth at its middle, and its change from sample to sample */
-    float xx, xy, yy, area;          /* area: xx yy - xy^2 */
-    float radius, behind;            /* behind: the nearest, at most, where it counts */
-    float over[CLIPS][3];            /* heights at its middle, and their change */
-    int top, bottom, point, ends;
+    float x, y, depth, depth_dx, depth_dy; /* center, depth there, and the depth's change from sample to sample */
+    float xx, xy, yy, determinant;         /* determinant: xx yy - xy^2 */
+    float radius, blend_depth;             /* blend_depth: how far behind the nearest surface it is still blended */
+    float clip_distance[MAX_CLIP_PLANES][3]; /* from each plane: at the center, and the change along x and y */
+    int top, bottom, point, plane_count;   /* rows [top, bottom); index of its point; number of clip planes */
 } Disc;
 
+/* A rectangle of samples; right and bottom are exclusive. */
 typedef struct {
-    int left, top, right, bottom; /* the samples that discs reach, those of the last two excluded */
+    int left, top, right, bottom;
 } Box;
 
+/* The image and the rows [first, last) of it that are drawn; all in samples, focal as well. */
 typedef struct {
     float focal;
-    int width, height, first, last; /* of the picture, and the rows that are drawn, in samples */
-} View;
+    int width, height, first, last;
+} Viewport;
 
-static int clamp_sample(float value, int low, int high) {
+static int clamp_to_int(float value, int low, int high) {
     return value < (float)low ? low : value > (float)high ? high : (int)value;
 }
 
-/* Fills in what is drawn of a disc, and what of the picture it reaches; 0 when it shows nothing. */
-static int place_disc(Disc *disc, const float *p, const float *n, float radius, const float *clips, const View *view,
-                      Box *reach) {
-    float focal = view->focal, x = p[0] / p[2], y = p[1] / p[2], slant = n[0] * x + n[1] * y + n[2];
-    if (!(p[2] >= NEAREST_PLANE && slant <= -EDGE)) return 0; /* normals face the camera */
-    float far = radius * focal * (1 + y * y) / larger(p[2] - radius, NEAREST_PLANE);
+/* Projects the disc at p with normal n, which faces the camera, and clip planes (MAX_CLIP_PLANES, 4). Fills `disc`,
+ * except for `point`, `radius` and `blend_depth`, and the box of samples that it may cover; returns 0 if it covers
+ * none. */
+static int project_disc(Disc *disc, const float *p, const float *n, float radius, const float *planes,
+                        const Viewport *view, Box *bounds) {
+    float focal = view->focal, x = p[0] / p[2], y = p[1] / p[2], n_dot_ray = n[0] * x + n[1] * y + n[2];
+    if (!(p[2] >= NEAR_PLANE && n_dot_ray <= -MIN_COS_TO_VIEWER)) return 0;
+    float max_extent = radius * focal * (1 + y * y) / larger(p[2] - radius, NEAR_PLANE);
     disc->y = y * focal + 0.5f * (float)view->height;
-    if (disc->y + far < (float)view->first || disc->y - far >= (float)view->last) return 0;
+    if (disc->y + max_extent < (float)view->first || disc->y - max_extent >= (float)view->last) return 0;
     disc->x = x * focal + 0.5f * (float)view->width;
-    float step = p[2] / focal, across = -step * n[0] / slant, down = -step * n[1] / slant;
-    float u[3] = {step + x * across, y * across, across}, v[3] = {x * down, step + y * down, down};
+    float step = p[2] / focal, depth_dx = -step * n[0] / n_dot_ray, depth_dy = -step * n[1] / n_dot_ray;
+    /* movement on the disc's plane for a step of one sample along x and along y */
+    float u[3] = {step + x * depth_dx, y * depth_dx, depth_dx}, v[3] = {x * depth_dy, step + y * depth_dy, depth_dy};
     float scale = 1 / (radius * radius);
-    disc->depth = p[2], disc->across = across, disc->down = down;
+    disc->depth = p[2], disc->depth_dx = depth_dx, disc->depth_dy = depth_dy;
     disc->xx = dot(u, u) * scale, disc->xy = dot(u, v) * scale, disc->yy = dot(v, v) * scale;
-    disc->area = disc->xx * disc->yy - disc->xy * disc->xy;
-    float wide = sqrtf(disc->yy / disc->area), high = sqrtf(disc->xx / disc->area);
-    if (disc->x + wide < 0 || disc->x - wide >= (float)view->width) return 0;
-    disc->top = clamp_sample(ceilf(disc->y - high - 0.5f), view->first, view->last);
-    disc->bottom = clamp_sample(floorf(disc->y + high + 0.5f), view->first, view->last);
+    disc->determinant = disc->xx * disc->yy - disc->xy * disc->xy;
+    float half_width = sqrtf(disc->yy / disc->determinant), half_height = sqrtf(disc->xx / disc->determinant);
+    if (disc->x + half_width < 0 || disc->x - half_width >= (float)view->width) return 0;
+    disc->top = clamp_to_int(ceilf(disc->y - half_height - 0.5f), view->first, view->last);
+    disc->bottom = clamp_to_int(floorf(disc->y + half_height + 0.5f), view->first, view->last);
     if (disc->top >= disc->bottom) return 0;
-    for (disc->ends = 0; disc->ends < CLIPS && clips[4 * disc->ends + 3] < INFINITY; disc->ends++) {
-        const float *clip = clips + 4 * disc->ends;
-        float *over = disc->over[disc->ends];
-        over[0] = dot(clip, p) - clip[3], over[1] = dot(clip, u), over[2] = dot(clip, v);
+    for (disc->plane_count = 0; disc->plane_count < MAX_CLIP_PLANES && planes[4 * disc->plane_count + 3] < INFINITY;
+         disc->plane_count++) {
+        const float *plane = planes + 4 * disc->plane_count;
+        float *distance = disc->clip_distance[disc->plane_count];
+        distance[0] = dot(plane, p) - plane[3], distance[1] = dot(plane, u), distance[2] = dot(plane, v);
     }
     int right = view->width - 1;
-    reach->left = clamp_sample(disc->x - wide, 0, right), reach->right = clamp_sample(disc->x + wide, 0, right) + 1;
-    reach->top = disc->top, reach->bottom = disc->bottom;
+    bounds->left = clamp_to_int(disc->x - half_width, 0, right);
+    bounds->right = clamp_to_int(disc->x + half_width, 0, right) + 1;
+    bounds->top = disc->top, bounds->bottom = disc->bottom;
     return 1;
 }
 
-/* A row of a disc: its samples from `left` to `right`; how far the first is from its middle; and what changes along it:
- * 1 - (distance from the middle / radius)^2, depth, and heights over the planes that end the disc. */
+/* The samples [left, right] (inclusive) of a row that a disc covers, and what varies along it with x, the distance from
+ * the center: inside + x (inside_dx + x inside_dx2) is 1 - (distance from the center / radius)^2; depth and the
+ * distances from the clip planes are linear. */
 typedef struct {
     int left, right;
-    float x, inside, slope, curve, depth, across, over[CLIPS], aside[CLIPS];
+    float x, inside, inside_dx, inside_dx2, depth, depth_dx; /* x: of the first sample */
+    float clip_distance[MAX_CLIP_PLANES], clip_dx[MAX_CLIP_PLANES];
 } Row;
 
-/* Fills in what a row of samples shows of a disc; 0 when that is nothing. */
-INLINE int cut_row(const Disc *disc, int y, const View *view, Row *row) {
-    float down = (float)y + 0.5f - disc->y, rest = disc->xx - disc->area * down * down;
-    if (rest < 0) return 0;
-    float inverse = 1 / disc->xx, middle = disc->x - 0.5f - disc->xy * down * inverse, half = sqrtf(rest) * inverse;
+/* Fills the row of samples that a disc covers at height y; returns 0 if there are none. */
+INLINE int intersect_row(const Disc *disc, int y, const Viewport *view, Row *row) {
+    float dy = (float)y + 0.5f - disc->y, discriminant = disc->xx - disc->determinant * dy * dy;
+    if (discriminant < 0) return 0;
+    float inverse = 1 / disc->xx, middle = disc->x - 0.5f - disc->xy * dy * inverse;
+    float half = sqrtf(discriminant) * inverse;
     if (middle + half < 0 || middle - half > (float)(view->width - 1)) return 0;
     row->left = (int)ceilf(larger(middle - half, 0));
     row->right = (int)smaller(middle + half, (float)(view->width - 1));
     row->x = (float)row->left + 0.5f - disc->x;
-    row->inside = 1 - disc->yy * down * down;
-    row->slope = -2 * disc->xy * down;
-    row->curve = -disc->xx;
-    row->depth = disc->depth + disc->down * down;
-    row->across = disc->across;
-    for (int e = 0; e < disc->ends; e++) {
-        row->over[e] = disc->over[e][0] + disc->over[e][2] * down;
-        row->aside[e] = disc->over[e][1];
+    row->inside = 1 - disc->yy * dy * dy;
+    row->inside_dx = -2 * disc->xy * dy;
+    row->inside_dx2 = -disc->xx;
+    row->depth = disc->depth + disc->depth_dy * dy;
+    row->depth_dx = disc->depth_dx;
+    for (int k = 0; k < disc->plane_count; k++) {
+        row->clip_distance[k] = disc->clip_distance[k][0] + disc->clip_distance[k][2] * dy;
+        row->clip_dx[k] = disc->clip_distance[k][1];
     }
     return row->left <= row->right;
 }
 
-/* Which of LANES samples, `x` from its middle, a disc is met at; and how far inside, at what depth, and whether over a
- * plane that ends it. So many are met at a time, beyond the disc's rim too. */
-INLINE Masks meet(const Row *row, int ends, Lanes x, Lanes *depth, Lanes *inside, Masks *over) {
-    *inside = row->inside + x * (row->slope + x * row->curve);
-    *depth = row->depth + x * row->across;
-    *over = (Masks){0};
-    for (int e = 0; e < ends; e++) *over |= row->over[e] + x * row->aside[e] > 0;
+/* Evaluates a row at LANES samples at a time, x from the center: returns which of them lie within the disc's rim, and
+ * writes their depths, how far inside the rim they lie (1 at the center, 0 at the rim) and whether a plane clips
+ * them. */
+INLINE Masks evaluate_row(const Row *row, int plane_count, Lanes x, Lanes *depth, Lanes *inside, Masks *clipped) {
+    *inside = row->inside + x * (row->inside_dx + x * row->inside_dx2);
+    *depth = row->depth + x * row->depth_dx;
+    *clipped = (Masks){0};
+    for (int k = 0; k < plane_count; k++) *clipped |= row->clip_distance[k] + x * row->clip_dx[k] > 0;
     return *inside > 0;
 }
 
+/* x of the row's first LANES samples. */
 INLINE Lanes first_lanes(const Row *row) {
     Lanes x;
     for (int i = 0; i < LANES; i++) x[i] = row->x + (float)i;

@@ -1,4 +1,9 @@
-/* Surfels: each point as a small disc in its tangent plane, drawn where the nearest ones are seen and blended there. */
+/* Rasterization of surfels: discs in the tangent planes of points, visible where they are nearest and blended with
+ * those just behind. Input: points, normals, radii, clip planes and six features per surfel, in camera axes; output:
+ * coverage, density, depth and the averaged features per pixel.
+ *
+ * Two passes over a supersampled image (after Zwicker et al., "Surface Splatting", 2001): the first finds the nearest
+ * depth of every sample, the second sums weights, depths and features of the surfels near it. */
 
 #include <math.h>
 #include <stdlib.h>
@@ -7,90 +12,99 @@
 #include "surfels/disc_projection.h"
 #include "common/simd.h"
 
-#define SIDE 2 /* samples along a pixel's side; resolve() adds them up in pairs */
-#define SUMS 8 /* for each sample, in as many lines a row: weight, depth and six features */
-#define BAND 8 /* rows of pixels whose sums are kept at a time: they stay in the core's own cache */
-#define ROW 64 /* pixels that are resolved at a time */
-#define DOUBT 0.02f /* weight beyond a disc's end: it hides nothing there, but shows where nothing else does */
-#define HIDDEN 1.0f /* radii that a disc's middle lies behind what is nearest there, from which on it is not drawn */
+#define SAMPLES_PER_SIDE 2        /* of a pixel; resolve_rows() and add_pairs() rely on two */
+#define SUMS_PER_SAMPLE 8         /* weight, depth and six features, each in a line of its own per row of samples */
+#define BAND_PIXEL_ROWS 8         /* rows of pixels that are summed at a time: the sums stay in the core's cache */
+#define RESOLVE_PIXELS 64         /* pixels of a row that are resolved at a time */
+#define CLIPPED_WEIGHT 0.02f      /* weight factor beyond clip planes: negligible, but visible where nothing else is */
+#define OCCLUDED_DEPTH_RADII 1.0f /* a disc whose center lies so far behind the nearest surface is dropped */
 
-/* The discs that the picture may show, how many they are, and the box that holds them all. */
-INLINE int place_all(const float *points, const float *normals, const float *radii, const float *clips, int count,
-                     float slack, const View *view, Disc *discs, Box *box) {
-    int placed = 0;
+/* Image size in pixels and what the weights mean; see z2p_rasterize_surfels. Mirrored by z2p_core/native/surfels.py. */
+typedef struct {
+    int width, height, first_row, last_row;
+    float focal, blend_depth_radii, coverage_gain, full_weight, near_depth, far_depth;
+} RasterSettings;
+
+/* Projects all surfels; returns how many discs may be visible, and the box of whole pixels, in samples, around them. */
+INLINE int project_discs(const float *points, const float *normals, const float *radii, const float *planes, int count,
+                         float blend_depth_radii, const Viewport *view, Disc *discs, Box *box) {
+    int disc_count = 0;
     *box = (Box){view->width, view->height, 0, 0};
     for (int i = 0; i < count; i++) {
-        Disc *disc = discs + placed;
-        Box reach;
-        if (!place_disc(disc, points + 3 * (size_t)i, normals + 3 * (size_t)i, radii[i], clips + 4 * CLIPS * (size_t)i,
-                        view, &reach)) continue;
+        Disc *disc = discs + disc_count;
+        Box bounds;
+        if (!project_disc(disc, points + 3 * (size_t)i, normals + 3 * (size_t)i, radii[i],
+                          planes + 4 * MAX_CLIP_PLANES * (size_t)i, view, &bounds)) continue;
         disc->point = i;
-        disc->radius = radii[i], disc->behind = slack * radii[i];
-        placed++;
-        if (reach.left < box->left) box->left = reach.left;
-        if (reach.right > box->right) box->right = reach.right;
-        if (reach.top < box->top) box->top = reach.top;
-        if (reach.bottom > box->bottom) box->bottom = reach.bottom;
+        disc->radius = radii[i], disc->blend_depth = blend_depth_radii * radii[i];
+        disc_count++;
+        if (bounds.left < box->left) box->left = bounds.left;
+        if (bounds.right > box->right) box->right = bounds.right;
+        if (bounds.top < box->top) box->top = bounds.top;
+        if (bounds.bottom > box->bottom) box->bottom = bounds.bottom;
     }
-    box->left -= box->left % SIDE, box->top -= box->top % SIDE; /* to whole pixels */
-    box->right += -box->right & (SIDE - 1), box->bottom += -box->bottom & (SIDE - 1);
-    return placed;
+    box->left -= box->left % SAMPLES_PER_SIDE, box->top -= box->top % SAMPLES_PER_SIDE;
+    box->right += -box->right & (SAMPLES_PER_SIDE - 1), box->bottom += -box->bottom & (SAMPLES_PER_SIDE - 1);
+    return disc_count;
 }
 
-/* Keeps the depth of what is nearest in a row of samples. */
-INLINE void keep_nearest(const Row *row, int ends, float *nearest) {
+/* Depth test of a row: lowers nearest depths to the disc's where it covers a sample and no plane clips it. */
+INLINE void lower_nearest_depths(const Row *row, int plane_count, float *nearest) {
     Lanes x = first_lanes(row), depth, inside;
-    Masks over;
+    Masks clipped;
     for (int i = row->left; i <= row->right; i += LANES, x += (float)LANES) {
-        Masks shows = meet(row, ends, x, &depth, &inside, &over) & ~over;
+        Masks passes = evaluate_row(row, plane_count, x, &depth, &inside, &clipped) & ~clipped;
         Lanes known = lanes(nearest + i);
-        shows &= depth < known;
-        known = (Lanes)((shows & (Masks)depth) | (~shows & (Masks)known));
+        passes &= depth < known;
+        known = (Lanes)((passes & (Masks)depth) | (~passes & (Masks)known));
         memcpy(nearest + i, &known, sizeof known);
     }
 }
 
-/* Whether a disc's middle lies far behind what is seen there, as far as this strip of the picture knows. What is hidden so
- * is left out with its rim, which might show: that keeps gaps in what lies before it open. */
-INLINE int hidden(const Disc *disc, const float *front, int stride, const Box *box) {
+/* Whether a disc's center lies well behind the nearest surface found so far. Such discs are dropped as a whole: their
+ * rims would otherwise show through gaps in the surface before them. */
+INLINE int is_occluded(const Disc *disc, const float *nearest, int stride, const Box *box) {
     float x = disc->x, y = disc->y;
     if (!(x >= (float)box->left && x < (float)box->right && y >= (float)box->top && y < (float)box->bottom)) return 0;
-    return disc->depth > front[(size_t)((int)y - box->top) * stride + (int)x - box->left] + HIDDEN * disc->radius;
+    float front = nearest[(size_t)((int)y - box->top) * stride + (int)x - box->left];
+    return disc->depth > front + OCCLUDED_DEPTH_RADII * disc->radius;
 }
 
-/* Keeps the depths of what is nearest in `front`, of the nearer half of the discs first, and leaves out those that are
- * hidden; how many are left. */
-INLINE int find_front(Disc *discs, int placed, const View *view, const Box *box, int stride, float *front) {
-    float middle = 0;
+/* First pass: writes the nearest depth of every sample of the box, beginning with the nearer half of the discs, and
+ * removes occluded discs; returns how many are left. */
+INLINE int find_nearest_depths(Disc *discs, int disc_count, const Viewport *view, const Box *box, int stride,
+                               float *nearest) {
+    float mean_depth = 0;
     Row row;
-    for (int i = 0; i < placed; i++) middle += discs[i].depth / (float)placed;
-    for (int farther = 0; farther < 2; farther++)
-        for (int i = 0; i < placed; i++) {
+    for (int i = 0; i < disc_count; i++) mean_depth += discs[i].depth / (float)disc_count;
+    for (int far_half = 0; far_half < 2; far_half++)
+        for (int i = 0; i < disc_count; i++) {
             const Disc *disc = discs + i;
-            if ((disc->depth > middle) != farther || hidden(disc, front, stride, box)) continue;
+            if ((disc->depth > mean_depth) != far_half || is_occluded(disc, nearest, stride, box)) continue;
             for (int y = disc->top; y < disc->bottom; y++)
-                if (cut_row(disc, y, view, &row))
-                    keep_nearest(&row, disc->ends, front + (size_t)(y - box->top) * stride - box->left);
+                if (intersect_row(disc, y, view, &row))
+                    lower_nearest_depths(&row, disc->plane_count,
+                                         nearest + (size_t)(y - box->top) * stride - box->left);
         }
-    int left = 0;
-    for (int i = 0; i < placed; i++)
-        if (!hidden(discs + i, front, stride, box)) discs[left++] = discs[i];
-    return left;
+    int kept = 0;
+    for (int i = 0; i < disc_count; i++)
+        if (!is_occluded(discs + i, nearest, stride, box)) discs[kept++] = discs[i];
+    return kept;
 }
 
-/* Adds a disc's row to the sums, lines `stride` apart, of those samples where it lies little enough behind the nearest.
- * What goes beyond its rim, to whole LANES, counts 0. */
+/* Adds a disc's row to the sums, lines `stride` apart, of the samples where it lies at most blend_depth behind the
+ * nearest surface. Samples beyond its rim, up to whole LANES, get weight 0. */
 INLINE void add_row(const Row *row, const Disc *disc, const float *nearest, const float *features, int stride,
                     float *sums) {
     Lanes x = first_lanes(row), depth, inside;
-    Masks over;
+    Masks clipped;
     for (int i = row->left; i <= row->right; i += LANES, x += (float)LANES) {
-        Masks shows = meet(row, disc->ends, x, &depth, &inside, &over);
-        shows &= depth <= lanes(nearest + i) + disc->behind;
-        Lanes weight = where(shows, inside + 1e-3f);
-        weight = where(~over, weight) + where(over, weight * DOUBT);
+        Masks blends = evaluate_row(row, disc->plane_count, x, &depth, &inside, &clipped);
+        blends &= depth <= lanes(nearest + i) + disc->blend_depth;
+        Lanes weight = where(blends, inside + 1e-3f);
+        weight = where(~clipped, weight) + where(clipped, weight * CLIPPED_WEIGHT);
         float *line = sums + i;
-        for (int c = 0; c < SUMS; c++, line += stride) {
+        for (int c = 0; c < SUMS_PER_SAMPLE; c++, line += stride) {
             Lanes sum = lanes(line);
             sum += c == 0 ? weight : c == 1 ? weight * depth : weight * features[c - 2];
             memcpy(line, &sum, sizeof sum);
@@ -98,43 +112,49 @@ INLINE void add_row(const Row *row, const Disc *disc, const float *nearest, cons
     }
 }
 
-/* Adds all discs to the sums of the rows of samples from `top` to `bottom` - 1, in front of which `nearest` lies. */
-INLINE void add_band(const Disc *discs, int placed, const float *features, const View *view, const float *nearest,
-                     int stride, int top, int bottom, float *sums) {
+/* Second pass, for the rows of samples [top, bottom): adds all discs to the sums. `nearest` begins at row `top`. */
+INLINE void add_band(const Disc *discs, int disc_count, const float *features, const Viewport *view,
+                     const float *nearest, int stride, int top, int bottom, float *sums) {
     Row row;
-    for (int i = 0; i < placed; i++) {
+    for (int i = 0; i < disc_count; i++) {
         const Disc *disc = discs + i;
         int first = disc->top > top ? disc->top : top, last = disc->bottom < bottom ? disc->bottom : bottom;
         for (int y = first; y < last; y++)
-            if (cut_row(disc, y, view, &row))
-                add_row(&row, disc, nearest + (size_t)(y - top) * stride, features + (size_t)disc->point * (SUMS - 2),
-                        stride, sums + (size_t)(y - top) * SUMS * stride);
+            if (intersect_row(disc, y, view, &row))
+                add_row(&row, disc, nearest + (size_t)(y - top) * stride,
+                        features + (size_t)disc->point * (SUMS_PER_SAMPLE - 2), stride,
+                        sums + (size_t)(y - top) * SUMS_PER_SAMPLE * stride);
     }
 }
 
-/* Sums of pairs: of what the samples of a row of pixels have, once those above each other are added up. */
+/* pixels[x] = samples[2 x] + samples[2 x + 1]: the horizontal sum, once samples above each other have been added. */
 INLINE void add_pairs(const float *samples, int count, float *pixels) {
     for (int x = 0; x < count; x++) pixels[x] = samples[2 * x] + samples[2 * x + 1];
 }
 
-/* Turns `high` rows of sums, two to a row of pixels, into the picture's planes (9, height, width): coverage, density,
- * depth and features. */
-INLINE void resolve(const float *sums, int stride, int wide, int high, size_t plane, int width, float sure, float full,
-                    float near, float far, float *picture) {
-    float scale = 1 / (far - near), share[2][2 * ROW], samples[2 * ROW], dense[2 * ROW], inverse[ROW];
+/* Resolves samples to pixels: turns the sums of `high` rows of `wide` pixels into the image's planes (9, height,
+ * width): coverage, density, depth and features. A plane has `plane` pixels. */
+INLINE void resolve_rows(const float *sums, int stride, int wide, int high, size_t plane,
+                         const RasterSettings *settings, float *image) {
+    int width = settings->width;
+    float gain = settings->coverage_gain, full = settings->full_weight, far = settings->far_depth;
+    float depth_scale = 1 / (far - settings->near_depth);
+    float share[2][2 * RESOLVE_PIXELS]; /* coverage / weight of the samples of both rows: normalizes weighted sums */
+    float samples[2 * RESOLVE_PIXELS], dense[2 * RESOLVE_PIXELS], inverse[RESOLVE_PIXELS];
     for (int y = 0; y < high; y++)
-        for (int first = 0; first < wide; first += ROW) {
-            const float *upper = sums + (size_t)2 * y * SUMS * stride + 2 * first;
-            const float *lower = upper + (size_t)SUMS * stride;
-            float *row = picture + (size_t)y * width + first;
-            int count = wide - first < ROW ? wide - first : ROW;
+        for (int first = 0; first < wide; first += RESOLVE_PIXELS) {
+            const float *upper = sums + (size_t)2 * y * SUMS_PER_SAMPLE * stride + 2 * first;
+            const float *lower = upper + (size_t)SUMS_PER_SAMPLE * stride;
+            float *row = image + (size_t)y * width + first;
+            int count = wide - first < RESOLVE_PIXELS ? wide - first : RESOLVE_PIXELS;
             for (int x = 0; x < 2 * count; x++) {
-                float above = 1 - exp_fast(-sure * upper[x]), below = 1 - exp_fast(-sure * lower[x]);
-                float thick = upper[x] > full ? full : upper[x], thin = lower[x] > full ? full : lower[x];
-                share[0][x] = upper[x] > 0 ? above / upper[x] : 0;
-                share[1][x] = lower[x] > 0 ? below / lower[x] : 0;
-                samples[x] = above + below;
-                dense[x] = above * thick + below * thin;
+                float upper_coverage = 1 - exp_fast(-gain * upper[x]), lower_coverage = 1 - exp_fast(-gain * lower[x]);
+                float upper_weight = upper[x] > full ? full : upper[x];
+                float lower_weight = lower[x] > full ? full : lower[x];
+                share[0][x] = upper[x] > 0 ? upper_coverage / upper[x] : 0;
+                share[1][x] = lower[x] > 0 ? lower_coverage / lower[x] : 0;
+                samples[x] = upper_coverage + lower_coverage;
+                dense[x] = upper_coverage * upper_weight + lower_coverage * lower_weight;
             }
             add_pairs(samples, count, row);
             add_pairs(dense, count, row + plane);
@@ -143,53 +163,60 @@ INLINE void resolve(const float *sums, int stride, int wide, int high, size_t pl
                 row[x] *= 0.25f;
                 row[plane + x] *= inverse[x] / full;
             }
-            for (int c = 1; c < SUMS; c++) {
-                const float *up = upper + (size_t)c * stride, *low = lower + (size_t)c * stride;
+            for (int c = 1; c < SUMS_PER_SAMPLE; c++) {
+                const float *above = upper + (size_t)c * stride, *below = lower + (size_t)c * stride;
                 float *out = row + (size_t)(c + 1) * plane;
-                for (int x = 0; x < 2 * count; x++) samples[x] = up[x] * share[0][x] + low[x] * share[1][x];
+                for (int x = 0; x < 2 * count; x++) samples[x] = above[x] * share[0][x] + below[x] * share[1][x];
                 add_pairs(samples, count, out);
                 for (int x = 0; x < count; x++) out[x] *= inverse[x];
             }
             for (int x = 0; x < count; x++) {
-                float *depth = row + 2 * plane + x, found = inverse[x] > 0 ? (far - *depth) * scale : 0;
-                *depth = found < 0 ? 0 : found > 1 ? 1 : found;
+                float *depth = row + 2 * plane + x, nearness = inverse[x] > 0 ? (far - *depth) * depth_scale : 0;
+                *depth = nearness < 0 ? 0 : nearness > 1 ? 1 : nearness;
             }
         }
 }
 
-/* Rows from `first` to `last` - 1 of picture (9, height, width), whatever is there before: coverage, the mean over a
- * pixel's samples of 1 - exp(-sure x weight); and means over the covered ones of density, weight / full up to 1, of
- * depth from 1 at `near` to 0 at `far`, and of six features, averaged over what the nearest surfels show; 0 where
- * there is none. Points and normals are in the camera's axes, normals facing it, and so are the planes `clips`
- * (count, CLIPS, 4) that nothing of a disc lies over; features (count, 6). A surfel counts where it lies at most
- * `slack` of its radius behind the nearest. */
-FAST int z2p_surfels(const float *points, const float *normals, const float *radii, const float *clips,
-                     const float *features, int count, float focal, int width, int height, int first, int last,
-                     float slack, float sure, float full, float near, float far, float *picture) {
+/* Draws rows [first_row, last_row) of image (9, height, width), overwriting what is there; 0 where there is no disc:
+ *   0     coverage: mean over the pixel's samples of 1 - exp(-coverage_gain w), w the sum of weights
+ *   1     density: w / full_weight, at most 1
+ *   2     depth: 1 at near_depth, 0 at far_depth
+ *   3..8  features
+ * Planes 1 to 8 are means over the samples, weighted by their coverage. A disc's weight falls from 1 at its center to 0
+ * at its rim; it counts where it lies at most blend_depth_radii of its radius behind the nearest surface.
+ * points and normals (count, 3), the latter facing the camera, and clip planes (count, MAX_CLIP_PLANES, 4) are in
+ * camera axes; radii (count); features (count, 6). */
+FAST int z2p_rasterize_surfels(const float *points, const float *normals, const float *radii, const float *clip_planes,
+                               const float *features, int count, const RasterSettings *settings, float *image) {
     Disc *discs = malloc(sizeof(Disc) * ((size_t)count + 1));
     if (!discs) return 0;
+    int width = settings->width, height = settings->height, first = settings->first_row, last = settings->last_row;
     size_t plane = (size_t)width * height;
-    for (int c = 0; c <= SUMS; c++)
-        memset(picture + c * plane + (size_t)first * width, 0, sizeof(float) * (size_t)(last - first) * width);
-    View view = {focal * SIDE, width * SIDE, height * SIDE, first * SIDE, last * SIDE};
+    for (int c = 0; c <= SUMS_PER_SAMPLE; c++)
+        memset(image + c * plane + (size_t)first * width, 0, sizeof(float) * (size_t)(last - first) * width);
+    Viewport view = {settings->focal * SAMPLES_PER_SIDE, width * SAMPLES_PER_SIDE, height * SAMPLES_PER_SIDE,
+                     first * SAMPLES_PER_SIDE, last * SAMPLES_PER_SIDE};
     Box box;
-    int placed = place_all(points, normals, radii, clips, count, slack, &view, discs, &box);
-    if (!placed) { free(discs); return 1; }
+    int disc_count =
+        project_discs(points, normals, radii, clip_planes, count, settings->blend_depth_radii, &view, discs, &box);
+    if (!disc_count) { free(discs); return 1; }
     int wide = box.right - box.left, high = box.bottom - box.top;
-    int stride = wide + LANES; /* rows are met in whole lanes */
-    size_t samples = (size_t)stride * high, kept = (size_t)stride * SUMS * BAND * SIDE;
-    float *front = malloc(sizeof(float) * samples), *sums = malloc(sizeof(float) * kept);
-    int fine = front && sums;
-    for (size_t i = 0; fine && i < samples; i++) front[i] = INFINITY;
-    if (fine) placed = find_front(discs, placed, &view, &box, stride, front);
-    for (int top = box.top; fine && top < box.bottom; top += BAND * SIDE) {
-        int bottom = top + BAND * SIDE < box.bottom ? top + BAND * SIDE : box.bottom;
-        const float *nearest = front + (size_t)(top - box.top) * stride - box.left;
-        memset(sums, 0, sizeof(float) * kept);
-        add_band(discs, placed, features, &view, nearest, stride, top, bottom, sums - box.left);
-        resolve(sums, stride, wide / SIDE, (bottom - top) / SIDE, plane, width, sure, full, near, far,
-                picture + (size_t)(top / SIDE) * width + box.left / SIDE);
+    int stride = wide + LANES; /* rows are evaluated in whole lanes */
+    size_t samples = (size_t)stride * high;
+    size_t band_sums = (size_t)stride * SUMS_PER_SAMPLE * BAND_PIXEL_ROWS * SAMPLES_PER_SIDE;
+    float *nearest = malloc(sizeof(float) * samples), *sums = malloc(sizeof(float) * band_sums);
+    int allocated = nearest && sums;
+    for (size_t i = 0; allocated && i < samples; i++) nearest[i] = INFINITY;
+    if (allocated) disc_count = find_nearest_depths(discs, disc_count, &view, &box, stride, nearest);
+    for (int top = box.top; allocated && top < box.bottom; top += BAND_PIXEL_ROWS * SAMPLES_PER_SIDE) {
+        int bottom = top + BAND_PIXEL_ROWS * SAMPLES_PER_SIDE;
+        if (bottom > box.bottom) bottom = box.bottom;
+        memset(sums, 0, sizeof(float) * band_sums);
+        add_band(discs, disc_count, features, &view, nearest + (size_t)(top - box.top) * stride - box.left, stride,
+                 top, bottom, sums - box.left);
+        resolve_rows(sums, stride, wide / SAMPLES_PER_SIDE, (bottom - top) / SAMPLES_PER_SIDE, plane, settings,
+                     image + (size_t)(top / SAMPLES_PER_SIDE) * width + box.left / SAMPLES_PER_SIDE);
     }
-    free(discs); free(front); free(sums);
-    return fine;
+    free(discs); free(nearest); free(sums);
+    return allocated;
 }
