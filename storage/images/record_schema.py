@@ -19,12 +19,12 @@ from z2p_core.errors.value_limits import (
     check_value,
 )
 
-_LINE = Text("a text", r"(?s:.*)", most=10_000)  # files may have a newline in their names
+_LINE = Text("a text", r"(?s:.*)", maximum=10_000)  # files may have a newline in their names
 _SIZE = Number(-1e150, 1e150)
 _WHOLE = Count(0, 1 << 50)
 _ROW = ListOf(Number(-2, 2), 3, 3)
 CAMERA = JsonObject(
-    {"centre": ListOf(_SIZE, 3, 3), "radius": Number(0, 1e150, above=True), "rotation": ListOf(_ROW, 3, 3),
+    {"centre": ListOf(_SIZE, 3, 3), "radius": Number(0, 1e150, exclude_minimum=True), "rotation": ListOf(_ROW, 3, 3),
      "elevation": Number(-90, 90)},
     {"floor": OrNone(_SIZE), "distance": _SIZE, "field_of_view": _SIZE},
 )  # fmt: skip

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from z2p_core.config import ConfigError, PipelineConfig, TrainConfig, from_dict, to_dict, toml_tables
+from z2p_core.config.pipeline import ConfigError, PipelineConfig, TrainConfig, from_dict, to_dict, toml_tables
 
 BASE = "base"
 """Name of the base among the variants."""

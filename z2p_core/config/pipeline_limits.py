@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from z2p_core import registry
-from z2p_core.config import ConfigError, PipelineConfig, training_fault
+from z2p_core.config.pipeline import ConfigError, PipelineConfig, training_fault
 from z2p_core.errors.value_limits import (
     Boolean,
     Choice,
@@ -53,7 +53,7 @@ class Plugin:
     def expected(self) -> str:
         return f"an installed {self.groups[0][:-1]} ({', '.join(self.known) or 'there is none'})"
 
-    def holds(self, value: Any) -> bool:
+    def allows(self, value: Any) -> bool:
         return isinstance(value, str) and value in self.known
 
 

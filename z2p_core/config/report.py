@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-from z2p_core.config import ConfigError, from_dict, toml_tables
+from z2p_core.config.pipeline import ConfigError, from_dict, toml_tables
 from z2p_core.config.pipeline_limits import limited
 from z2p_core.config.report_limits import REPORT
 

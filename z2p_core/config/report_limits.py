@@ -18,7 +18,7 @@ class _Colour:
 
     expected: str = "a CSS colour name or #hex"
 
-    def holds(self, value: Any) -> bool:
+    def allows(self, value: Any) -> bool:
         from PIL import ImageColor  # late: reports alone have colours
 
         if not isinstance(value, str) or len(value) > 100:
@@ -56,7 +56,7 @@ SWEEPS: dict[str, Limit] = {
     "sheet": Number(0, 1),
     "scene": Number(1, 100),
     "bumps": Number(1, 128),
-    "gap": Number(0, 2, above=True),
+    "gap": Number(0, 2, exclude_minimum=True),
 }
 """What a level of each sweep may be."""
 

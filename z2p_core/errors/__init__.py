@@ -1,1 +1,1 @@
-"""Limits of values, and the words of error messages: one line each, with the fix."""
+"""Limits of values, and error messages: one line each, with the fix."""

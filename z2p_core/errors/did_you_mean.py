@@ -1,4 +1,4 @@
-"""What somebody meant who wrote a name that is not there: by what it means elsewhere, or by a slip of the keys."""
+"""Suggestions for an unknown option or name: from synonyms that other programs use, and from typing errors."""
 
 from __future__ import annotations
 
@@ -59,55 +59,64 @@ _SYNONYMS = {
     "samples": "spp cycles-samples",
     "help": "usage",
 }  # fmt: skip
-"""Option, and a value that makes it what is meant -> what others call it."""
-_MEANINGS: dict[str, list[str]] = {}
+"""Option, or option and value -> the names that other programs give it."""
+_OPTIONS_OF_SYNONYM: dict[str, list[str]] = {}
 for _option, _words in _SYNONYMS.items():
     for _word in _words.split():
-        _MEANINGS.setdefault(_word, []).append(_option)
-MIN_LETTERS, MIN_LETTERS_FOR_TWO_SLIPS = 4, 8
-"""Letters of a name in which one slip is told from another name, and of one that may hold two."""
-
-
-def closest_name(name: str, known: Iterable[str]) -> str | None:
-    """The known name that a name is, but for a slip of the keys, or two in a long one; None if none or several are."""
-    if len(name) < MIN_LETTERS:
-        return None
-    near = [(edit_distance(name, other), other) for other in known if abs(len(other) - len(name)) < 3]
-    near = sorted(found for found in near if found[0] <= (2 if min(len(name), len(found[1])) >= MIN_LETTERS_FOR_TWO_SLIPS else 1))
-    alone = len(near) == 1 or (len(near) > 1 and near[0][0] < near[1][0])
-    return near[0][1] if alone else None
-
-
-def edit_distance(one: str, other: str) -> int:
-    """Letters left out, put in, exchanged, or swapped with the next, that make one word of another."""
-    rows = [list(range(len(other) + 1))]
-    for i, letter in enumerate(one):
-        row = [i + 1]
-        for j, theirs in enumerate(other):
-            row.append(min(rows[-1][j + 1] + 1, row[j] + 1, rows[-1][j] + (letter != theirs)))
-            if i and j and (letter, one[i - 1]) == (other[j - 1], theirs):
-                row[-1] = min(row[-1], rows[-2][j - 1] + 1)
-        rows.append(row)
-    return rows[-1][-1]
+        _OPTIONS_OF_SYNONYM.setdefault(_word, []).append(_option)
+MIN_LETTERS = 4
+"""Shorter names are not corrected: one changed letter may make another name of them."""
+MIN_LETTERS_FOR_TWO_SLIPS = 8
+"""Names of this length or more may hold two typing errors, shorter ones one."""
 
 
 def suggest_name(name: str, known: Iterable[str]) -> str | None:
-    """Which of the known names, and with which value, somebody means by an unknown one; None where nothing is sure.
+    """The known name, with a value if need be, that an unknown name most likely stands for; None if it is not clear.
 
-    Words are joined by dashes, without any in front: ``output-dir`` means ``output``, ``transparent`` means
-    ``background transparent``. A slip may not lead to a name of another meaning.
+    Names are joined by dashes and have none in front: ``output-dir`` gives ``output``, ``transparent`` gives
+    ``background transparent``. A word with a meaning of its own is not corrected to a name that means something else.
     """
     known = list(known)
     name = name.strip("-").replace("_", "-").lower()
     if name in known:
         return name
-    options = [option for option in _MEANINGS.get(name, ()) if option.split()[0] in known]
+    options = [option for option in _OPTIONS_OF_SYNONYM.get(name, ()) if option.split()[0] in known]
     if options:
         return options[0]
-    if name in _MEANINGS or name in _SYNONYMS or len(name) < 3:  # a word with a meaning that nothing here has
+    if name in _OPTIONS_OF_SYNONYM or name in _SYNONYMS or len(name) < 3:  # its meaning has no option here
         return None
-    like = closest_name(name, known)
-    if like is not None:
-        return like
-    slipped = closest_name(name, _MEANINGS)
-    return None if slipped is None else suggest_name(slipped, known)
+    corrected = closest_name(name, known)
+    if corrected is not None:
+        return corrected
+    synonym = closest_name(name, _OPTIONS_OF_SYNONYM)
+    return None if synonym is None else suggest_name(synonym, known)
+
+
+def closest_name(name: str, known: Iterable[str]) -> str | None:
+    """The known name that differs by one typing error, or by two in a long name; None if none or several do."""
+    if len(name) < MIN_LETTERS:
+        return None
+    candidates = [(edit_distance(name, other), other) for other in known if abs(len(other) - len(name)) < 3]
+    near = sorted((distance, other) for distance, other in candidates if distance <= _max_slips(name, other))
+    is_unique = len(near) == 1 or (len(near) > 1 and near[0][0] < near[1][0])
+    return near[0][1] if is_unique else None
+
+
+def _max_slips(name: str, other: str) -> int:
+    return 2 if min(len(name), len(other)) >= MIN_LETTERS_FOR_TWO_SLIPS else 1
+
+
+def edit_distance(one: str, other: str) -> int:
+    """Number of insertions, deletions, substitutions and swaps of neighboring letters that turn one word into another.
+
+    This is the restricted Damerau-Levenshtein distance (optimal string alignment).
+    """
+    rows = [list(range(len(other) + 1))]
+    for i, letter in enumerate(one):
+        row = [i + 1]
+        for j, other_letter in enumerate(other):
+            row.append(min(rows[-1][j + 1] + 1, row[j] + 1, rows[-1][j] + (letter != other_letter)))
+            if i and j and (letter, one[i - 1]) == (other[j - 1], other_letter):
+                row[-1] = min(row[-1], rows[-2][j - 1] + 1)
+        rows.append(row)
+    return rows[-1][-1]

@@ -1,12 +1,12 @@
-"""How to get what an extra brings: one sentence for every message that gives such advice."""
+"""The one sentence by which messages say how to install an extra of z2p."""
 
 from __future__ import annotations
 
 ENGINE_EXTRAS = frozenset({"openvino", "torch"})
-"""Packages of engines that are extras of the same name; the others come with z2p itself."""
+"""Engines whose package is an extra of the same name; the packages of the others are installed with z2p."""
 
 
 def install_advice(extra: str = "") -> str:
-    """What to type for an extra of z2p, or for the whole of it: in a clone, for z2p stands on no package index."""
-    place = f".[{extra}]" if extra else "."
-    return f'to get it, in a clone of z2p: pip install -c constraints.txt "{place}"'
+    """The command that installs an extra of z2p, or all of z2p, in a clone (z2p is not on a package index)."""
+    target = f".[{extra}]" if extra else "."
+    return f'to get it, in a clone of z2p: pip install -c constraints.txt "{target}"'

@@ -1,9 +1,9 @@
-"""What values may be: limits that tell what was expected, for every field of settings, and every key of JSON objects.
+"""Limits of values: a small schema language for the fields of settings and the keys of JSON objects.
 
-A table names a limit for each field or key; `check_fields` compares, and refuses with the key, what was expected and what
-came. One mechanism serves configurations, the cards of weights, pictures' records and cameras. It is our own, as its
-messages are those of settings, and libraries for schemas cost a start of 25 to 66 ms (msgspec, jsonschema) beside the
-quarter of a second that a picture takes.
+A table gives each field or key a limit; `check_fields` and `check_value` compare, and raise an error that names the
+key, what was expected and the value. Configurations, cards of weights, records in pictures and cameras are checked in
+this way. Schema libraries are not used because importing them takes 25 to 66 ms (msgspec, jsonschema), which is much
+beside the quarter of a second that a picture takes.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 MAX_SHOWN_CHARACTERS = 60
-"""Characters of a value that a message shows."""
+"""Longer values are cut in messages."""
 
 
 class LimitError(ValueError):
-    """A value outside its limits; the message names the key, what was expected and what came."""
+    """A value outside its limits; the message names the key, what was expected and the value."""
 
     def __init__(self, message: str, limit: Limit | DataclassFields | JsonObject) -> None:
         super().__init__(message)
@@ -28,49 +28,51 @@ class LimitError(ValueError):
 
 
 class Limit(Protocol):
-    """What one value may be."""
+    """The values that are allowed."""
 
     @property
     def expected(self) -> str:
-        """In words, as they follow "expected"."""
+        """The allowed values in words, as they follow "expected" in a message."""
 
-    def holds(self, value: Any) -> bool:
-        """Whether a value is within the limit; never an error."""
+    def allows(self, value: Any) -> bool:
+        """Whether a value is within the limit; raises nothing, whatever the value is."""
 
 
 @dataclass(eq=False, repr=False)
 class Number:
     """A finite number in a range."""
 
-    least: float
-    most: float
-    above: bool = False
-    """Whether the least itself is left out."""
+    minimum: float
+    maximum: float
+    exclude_minimum: bool = False
+    """Whether the minimum itself is outside the range."""
 
     @property
     def expected(self) -> str:
-        start = f"above {self.least:g} and" if self.above else f"from {self.least:g}"
-        return f"a number {start} {'up to' if self.above else 'to'} {self.most:g}"
+        start = f"above {self.minimum:g} and" if self.exclude_minimum else f"from {self.minimum:g}"
+        return f"a number {start} {'up to' if self.exclude_minimum else 'to'} {self.maximum:g}"
 
-    def holds(self, value: Any) -> bool:
+    def allows(self, value: Any) -> bool:
         if isinstance(value, bool) or not isinstance(value, int | float):
             return False
-        return self.least <= value <= self.most and math.isfinite(value) and not (self.above and value == self.least)
+        if not self.minimum <= value <= self.maximum or not math.isfinite(value):
+            return False
+        return not (self.exclude_minimum and value == self.minimum)
 
 
 @dataclass(eq=False, repr=False)
 class Count:
     """A whole number in a range."""
 
-    least: int
-    most: int
+    minimum: int
+    maximum: int
 
     @property
     def expected(self) -> str:
-        return f"a whole number from {self.least:,} to {self.most:,}"
+        return f"a whole number from {self.minimum:,} to {self.maximum:,}"
 
-    def holds(self, value: Any) -> bool:
-        return type(value) is int and self.least <= value <= self.most
+    def allows(self, value: Any) -> bool:
+        return type(value) is int and self.minimum <= value <= self.maximum
 
 
 @dataclass(eq=False, repr=False)
@@ -83,20 +85,21 @@ class Choice:
     def expected(self) -> str:
         return f"one of {', '.join(name or repr(name) for name in self.names)}"
 
-    def holds(self, value: Any) -> bool:
+    def allows(self, value: Any) -> bool:
         return isinstance(value, str) and value in self.names
 
 
 @dataclass(eq=False, repr=False)
 class Text:
-    """A line of text that a pattern fits as a whole."""
+    """A text that matches a pattern from its beginning to its end."""
 
     expected: str
     pattern: str = r"[^\x00-\x1f\x7f]*"
-    most: int = 4096
+    maximum: int = 4096
+    """Characters."""
 
-    def holds(self, value: Any) -> bool:
-        return isinstance(value, str) and len(value) <= self.most and re.fullmatch(self.pattern, value) is not None
+    def allows(self, value: Any) -> bool:
+        return isinstance(value, str) and len(value) <= self.maximum and re.fullmatch(self.pattern, value) is not None
 
 
 @dataclass(eq=False, repr=False)
@@ -105,13 +108,13 @@ class Boolean:
 
     expected: str = "true or false"
 
-    def holds(self, value: Any) -> bool:
+    def allows(self, value: Any) -> bool:
         return type(value) is bool
 
 
 @dataclass(eq=False, repr=False)
 class OrNone:
-    """Nothing, or what another limit holds."""
+    """None, or a value that another limit allows."""
 
     limit: Limit | JsonObject
 
@@ -119,13 +122,13 @@ class OrNone:
     def expected(self) -> str:
         return f"{self.limit.expected}, or none"
 
-    def holds(self, value: Any) -> bool:
-        return value is None or self.limit.holds(value)
+    def allows(self, value: Any) -> bool:
+        return value is None or self.limit.allows(value)
 
 
 @dataclass(eq=False, repr=False)
 class AnyOf:
-    """What any of some limits holds."""
+    """A value that at least one of several limits allows."""
 
     limits: tuple[Limit, ...]
 
@@ -133,82 +136,82 @@ class AnyOf:
     def expected(self) -> str:
         return " or ".join(limit.expected for limit in self.limits)
 
-    def holds(self, value: Any) -> bool:
+    def allows(self, value: Any) -> bool:
         return any(_is_within(limit, value) for limit in self.limits)
 
 
 @dataclass(eq=False, repr=False)
 class ListOf:
-    """A list of so many values, each within a limit."""
+    """A list or tuple of `minimum` to `maximum` values, each within one limit."""
 
     limit: Limit | JsonObject
-    least: int = 0
-    most: int = 1000
+    minimum: int = 0
+    maximum: int = 1000
     distinct: bool = False
 
     @property
     def expected(self) -> str:
-        number = f"{self.least:,}" if self.least == self.most else f"{self.least:,} to {self.most:,}"
+        number = f"{self.minimum:,}" if self.minimum == self.maximum else f"{self.minimum:,} to {self.maximum:,}"
         return f"a list of {number}{' different' * self.distinct} values"
 
-    def holds(self, value: Any) -> bool:
-        if not isinstance(value, list | tuple) or not self.least <= len(value) <= self.most:
+    def allows(self, value: Any) -> bool:
+        if not isinstance(value, list | tuple) or not self.minimum <= len(value) <= self.maximum:
             return False
         return not self.distinct or len(set(map(repr, value))) == len(value)
 
 
 @dataclass(eq=False, repr=False)
 class DataclassFields:
-    """Another dataclass, with a table of its own."""
+    """A dataclass, with a table of limits for its fields."""
 
     limits: Mapping[str, Limit | DataclassFields]
     expected: str = "a table"
 
-    def holds(self, value: Any) -> bool:
+    def allows(self, value: Any) -> bool:
         return dataclasses.is_dataclass(value)
 
 
 @dataclass(eq=False, repr=False)
 class JsonObject:
-    """A JSON object: some keys that must be there, some that may be; others are let through."""
+    """A JSON object with required and optional keys; other keys are allowed and not checked."""
 
     required: Mapping[str, Limit | DataclassFields | JsonObject]
     optional: Mapping[str, Limit | DataclassFields | JsonObject] = dataclasses.field(default_factory=dict)
     expected: str = "an object"
 
-    def holds(self, value: Any) -> bool:
+    def allows(self, value: Any) -> bool:
         return isinstance(value, Mapping)
 
 
 @dataclass(eq=False, repr=False)
 class MappingOf:
-    """A JSON object of any keys, up to some, whose values are all within one limit."""
+    """A JSON object of at most `maximum` keys of any name, whose values are all within one limit."""
 
     limit: Limit | JsonObject
-    most: int = 1000
+    maximum: int = 1000
     expected: str = "an object"
 
-    def holds(self, value: Any) -> bool:
-        return isinstance(value, Mapping) and len(value) <= self.most
+    def allows(self, value: Any) -> bool:
+        return isinstance(value, Mapping) and len(value) <= self.maximum
 
 
 def check_fields(settings: Any, limits: Mapping[str, Limit | DataclassFields], prefix: str = "") -> None:
-    """Nothing, when every field of a dataclass is within its limit.
+    """Checks that every field of a dataclass is within its limit.
 
     Raises:
-        LimitError: one is not; its key is told with `prefix` before it.
+        LimitError: a field is not; the message names it, with `prefix` before it.
     """
     for field in dataclasses.fields(settings):
         check_value(getattr(settings, field.name), limits[field.name], prefix + field.name)
 
 
 def check_value(value: Any, limit: Limit | DataclassFields | JsonObject, key: str) -> None:
-    """Nothing, when a value is within its limit, and all that it holds.
+    """Checks that a value, and all values inside it, are within the limit.
 
     Raises:
-        LimitError: it is not; what is wrong is told with `key` before it.
+        LimitError: one is not; the message names its place by `key` and the keys and indices below it.
     """
-    if not limit.holds(value):
+    if not limit.allows(value):
         raise LimitError(f"{key}: expected {limit.expected}, got {describe_value(value)}".removeprefix(": "), limit)
     if isinstance(limit, OrNone) and value is not None:
         check_value(value, limit.limit, key)
@@ -225,7 +228,7 @@ def check_value(value: Any, limit: Limit | DataclassFields | JsonObject, key: st
 
 
 def _is_within(limit: Limit, value: Any) -> bool:
-    """Whether a value is within a limit, and all that it holds."""
+    """Whether a value, and all values inside it, are within the limit."""
     try:
         check_value(value, limit, "")
     except LimitError:
@@ -234,18 +237,18 @@ def _is_within(limit: Limit, value: Any) -> bool:
 
 
 def _check_keys(value: Mapping[str, Any], limit: JsonObject, key: str) -> None:
-    before = f"{key}." if key else ""
-    for name, one in limit.required.items():
+    prefix = f"{key}." if key else ""
+    for name, item_limit in limit.required.items():
         if name not in value:
-            raise LimitError(f"{before}{name}: expected {one.expected}, got none", one)
-        check_value(value[name], one, before + name)
-    for name, one in limit.optional.items():
+            raise LimitError(f"{prefix}{name}: expected {item_limit.expected}, got none", item_limit)
+        check_value(value[name], item_limit, prefix + name)
+    for name, item_limit in limit.optional.items():
         if name in value:
-            check_value(value[name], one, before + name)
+            check_value(value[name], item_limit, prefix + name)
 
 
 def describe_value(value: Any) -> str:
-    """A value for a message, shortened: it may hold millions of digits."""
+    """A value as text for a message, shortened: settings may hold numbers of millions of digits."""
     if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 200:
         return f"a number of {int(value.bit_length() * math.log10(2)):,} digits"
     try:
