@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from z2p_core.errors.messages import error_reason
 from z2p_core.formats.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.files.printable_names import is_folder, printable
@@ -53,8 +54,8 @@ def read_mesh(path: Path) -> Mesh:
     except ScanError as error:
         raise ScanError(f"{printable(path)}: {error}") from error
     except Exception as error:  # trimesh raises whatever its parsing stumbles over
-        reason = " ".join(str(error).split())[:160] or type(error).__name__
-        raise ScanError(f"{printable(path)}: not a readable {suffix} mesh ({reason}); export it again") from error
+        message = f"{printable(path)}: not a readable {suffix} mesh ({error_reason(error)}); export it again"
+        raise ScanError(message) from error
     if suffix in (".stl", ".obj", ".glb"):
         vertices, faces = _welded(vertices, faces)
     return Mesh(vertices, faces, calls_for_smooth(vertices, faces))

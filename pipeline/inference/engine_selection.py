@@ -10,6 +10,7 @@ from weakref import WeakSet
 
 from z2p_core import registry
 from z2p_core.errors.install_advice import ENGINE_EXTRAS, install_advice
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.network.final_convs import Touch
 from z2p_renderer.pipeline.inference.loading import LoadedWeights
@@ -57,9 +58,8 @@ def start_engine(
     except (WeightsError, registry.PluginError, ImportError, MemoryError):
         raise
     except Exception as error:  # whatever an engine's library makes of a stranger's network
-        reason = " ".join(str(error).split())[:200]
-        raise WeightsError(f"{file}: engine {chosen.name!r} cannot run its network ({type(error).__name__}: {reason}); "
-                           f"write its export again: {_export(file)}") from error
+        raise WeightsError(f"{file}: engine {chosen.name!r} cannot run its network ({type(error).__name__}: "
+                           f"{error_reason(error)}); write its export again: {_export(file)}") from error
     _started.add(engine)
     if chosen.reads_onnx and (chosen.reads_int8 or whole is None):  # graph files leave out the last of a network
         engine.last = Touch.of(loaded.weights.tensors, loaded.config)

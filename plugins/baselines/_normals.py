@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from z2p_core.errors.messages import error_reason
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import ScanError
 
@@ -34,8 +35,8 @@ def oriented(cloud: np.ndarray) -> Any:
     try:
         scan.orient_normals_consistent_tangent_plane(NEIGHBOURS)
     except RuntimeError as error:  # its triangulation refuses points in one plane
-        reason = " ".join(str(error).split())[:160]
-        raise ScanError(f"the normals cannot be oriented ({reason}); expected points that span a volume") from error
+        message = f"the normals cannot be oriented ({error_reason(error)}); expected points that span a volume"
+        raise ScanError(message) from error
     return scan
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.camera import Camera
+from z2p_core.errors.messages import error_reason
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
 from z2p_renderer.plugins.baselines._normals import arrays
@@ -44,8 +45,7 @@ class VisibleTriangles(Baseline):
         try:
             mesh, _ = scan.hidden_point_removal(np.asarray(viewer, np.float64), FLIP)
         except RuntimeError as error:  # its convex hull refuses points in one plane
-            reason = " ".join(str(error).split())[:160]
-            message = f"the visible points cannot be found ({reason}); expected points that span a volume"
+            message = f"the visible points cannot be found ({error_reason(error)}); expected points that span a volume"
             raise ScanError(message) from error
         vertices, faces = arrays(mesh)
         corners = vertices[faces]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from z2p_core.errors.messages import error_reason
 from z2p_core.formats.geographic import metres_of_degrees
 from z2p_core.formats.row_subsampling import MOST_ROWS
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
@@ -154,4 +155,4 @@ def _take(chunk: Any, told: _Told, step: int, rng: np.random.Generator) -> None:
 
 
 def _unreadable(error: BaseException) -> ScanError:
-    return ScanError(f"the LAS file cannot be read ({' '.join(str(error).split())[:160]}); export it again")
+    return ScanError(f"the LAS file cannot be read ({error_reason(error)}); export it again")

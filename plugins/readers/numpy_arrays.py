@@ -8,6 +8,7 @@ from typing import IO
 
 import numpy as np
 
+from z2p_core.errors.messages import error_reason
 from z2p_core.formats.arrays.depth_maps import depth_and_camera, seen_points
 from z2p_core.formats.row_subsampling import BLOCK, MOST_ROWS, spread_points
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
@@ -78,7 +79,7 @@ class NumpyArrays(Reader):
         except ScanError:
             raise
         except Exception as error:  # zipfile, zlib and numpy raise whatever their parsing stumbles over
-            raise ScanError(f"expected a numpy file ({' '.join(str(error).split())[:160]}); "
+            raise ScanError(f"expected a numpy file ({error_reason(error)}); "
                             "save it again with numpy.save or numpy.savez") from error
         return list(clouds_of(array, key))
 

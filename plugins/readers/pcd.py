@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
 from z2p_core.rotations import quaternion_rotations
 from z2p_renderer.plugins.readers._helpers.color_note import colours_note
@@ -226,8 +227,7 @@ def _load(header: _Header, blob: bytes) -> np.ndarray:
         rows = np.atleast_1d(library.PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(blob))).pc_data)
         points = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
     except Exception as error:  # the library raises whatever its parsing stumbles over
-        reason = " ".join(str(error).split())[:160]
-        raise ScanError(f"the PCD points cannot be read ({reason}); export the file again") from error
+        raise ScanError(f"the PCD points cannot be read ({error_reason(error)}); export the file again") from error
     if points.shape != (header.points, 3):
         raise ScanError(f"expected {header.points} PCD points, got an array {points.shape}; export the file again")
     return points

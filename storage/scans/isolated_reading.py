@@ -21,6 +21,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 
 SPARE_BYTES = 3 << 30
@@ -128,8 +129,7 @@ def serve() -> None:
 
 def failure_message(name: str, error: BaseException) -> str:
     """What is said of a reader that failed in a way of its own."""
-    reason = " ".join(str(error).split())[:160]
-    return f"the reader {name!r} failed ({type(error).__name__}: {reason})"
+    return f"the reader {name!r} failed ({type(error).__name__}: {error_reason(error)})"
 
 
 def _limit_memory(size: int) -> None:

@@ -21,7 +21,7 @@ GROUP = "z2p.studio"
 
 
 @dataclass(frozen=True)
-class Request:
+class RenderRequest:
     """How pictures are to look, in the user's own words and numbers; the studio checks them."""
 
     up: str = "+Z"
@@ -42,13 +42,13 @@ class Request:
     """sRGB in [0, 1] of each cloud, or one for all of them, in place of the control's."""
 
 
-class Studio(Protocol):
+class Backend(Protocol):
     """Draws and encodes pictures; keeps the weights that it has loaded."""
 
-    def draw(self, clouds: Sequence[np.ndarray], request: Request) -> list[Picture]:
+    def draw(self, clouds: Sequence[np.ndarray], request: RenderRequest) -> list[Picture]:
         """A picture of each cloud (N, 3) float64; rows that are not finite are dropped and noted."""
 
-    def draw_file(self, path: Path, request: Request) -> list[Picture]:
+    def draw_file(self, path: Path, request: RenderRequest) -> list[Picture]:
         """A picture of each cloud in a file."""
 
     def save(self, picture: Picture, path: Path) -> Path:
@@ -65,7 +65,7 @@ class Studio(Protocol):
 
 
 @cache
-def studio() -> Studio:
+def load_backend() -> Backend:
     """The installed studio.
 
     Raises:
@@ -75,5 +75,5 @@ def studio() -> Studio:
     if not found:
         raise LookupError("z2p_core is here, but nothing that draws is installed; "
                           f"{install_advice()}")
-    drawing: Studio = found[0].load()()
+    drawing: Backend = found[0].load()()
     return drawing

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api.backend import studio
+from z2p_core.api.backend import load_backend
 from z2p_core.interfaces import SettingError
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 
@@ -44,11 +44,11 @@ class Picture:
         if not isinstance(path, str | os.PathLike):
             raise SettingError(f"expected a path to save the picture to, got {type(path).__name__}; pillow writes to "
                                "others: PIL.Image.fromarray(picture.array).save(...)")
-        return studio().save(self, Path(path))
+        return load_backend().save(self, Path(path))
 
     def on(self, background: str | Sequence[float]) -> Picture:
         """The same picture over a background: a CSS name, #hex or three numbers in [0, 1]; alpha is 255 throughout."""
-        return studio().over(self, background)
+        return load_backend().over(self, background)
 
     def __repr__(self) -> str:
         height, width = self.array.shape[:2]
@@ -69,7 +69,7 @@ class Picture:
 
     def _repr_png_(self) -> bytes:
         """PNG for a notebook."""
-        return studio().png(self)
+        return load_backend().png(self)
 
 
 def sheet(pictures: Sequence[np.ndarray], columns: int | None = None) -> np.ndarray:

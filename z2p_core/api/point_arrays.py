@@ -8,21 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api.point_cloud_objects import NUMBERS, has_colours, held, is_holder
-from z2p_core.api.point_cloud_objects import of_records as plain
+from z2p_core.api.point_cloud_objects import NUMERIC_KINDS, extract_array, has_colors, is_cloud_object
+from z2p_core.api.point_cloud_objects import records_to_points as plain
+from z2p_core.errors.messages import error_reason
 from z2p_core.formats.arrays.non_point_arrays import refuse_other_arrays
 from z2p_core.interfaces import ScanError
 
-MOST_COLUMNS = 128
-SMALLEST_MAP = 16
+MAX_COLUMNS = 128
+MIN_MAP_SIDE = 16
 """Rows and columns of a point map at least."""
-MOST_LOOKED_AT = 512
+MAX_TESTED_LINES = 512
 """Rows and columns of an array that are looked at to tell whether it is a point map."""
-MAPS_SPREAD = 0.05
+MAX_SPREAD_SHARE = 0.05
 """How far x/z may vary within the columns of a point map, and y/z within its rows, of what they do across."""
-FEWEST_EACH = 8
+MIN_POINTS_PER_LINE = 8
 """Points that a column or row which has any must have on average, or chance might line them up."""
-MAPS_BULGE = 0.1
+MAX_LINE_BULGE_SHARE = 0.1
 """How far a point map's rows and columns may be from flat, of what the whole is."""
 
 
@@ -55,15 +56,15 @@ def point_arrays(points: Any) -> PointArrays:
     if array.dtype.names:
         raise ScanError(f"expected records with fields x, y and z, got {', '.join(array.dtype.names)}")
     flat = array.ndim in (2, 3) and shape[-2] == 3 != shape[-1]
-    if array.ndim not in (2, 3) or flat or not 3 <= shape[-1] <= MOST_COLUMNS:
+    if array.ndim not in (2, 3) or flat or not 3 <= shape[-1] <= MAX_COLUMNS:
         hint = "; transpose it, e.g. points.swapaxes(-1, -2)" if flat else ""
         raise ScanError(f"expected points (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
-    if array.dtype.kind not in NUMBERS:
+    if array.dtype.kind not in NUMERIC_KINDS:
         raise ScanError(f"expected points as numbers, got dtype {array.dtype}")
     refuse_other_arrays(array)
     batch = as_batch(array)
     clouds = [np.array(cloud[:, :3], dtype=np.float64) for cloud in batch]
-    return PointArrays(clouds, array.ndim == 3 and batch is array, shape[-1] - 3, has_colours(points))
+    return PointArrays(clouds, array.ndim == 3 and batch is array, shape[-1] - 3, has_colors(points))
 
 
 def as_batch(array: np.ndarray) -> np.ndarray:
@@ -80,9 +81,9 @@ def _is_point_map(array: np.ndarray) -> bool:
     Then the column tells x/z and the row y/z, as it does in no batch: its clouds' points would have to share them. In
     other axes than the camera's, each row and each column lies in a plane, while the whole does not.
     """
-    if min(array.shape[:2]) < SMALLEST_MAP:
+    if min(array.shape[:2]) < MIN_MAP_SIDE:
         return False
-    rows, columns = (np.linspace(0, side - 1, min(side, MOST_LOOKED_AT)).astype(int) for side in array.shape[:2])
+    rows, columns = (np.linspace(0, side - 1, min(side, MAX_TESTED_LINES)).astype(int) for side in array.shape[:2])
     points = array[rows[:, None], columns, :3].astype(np.float64)
     x, y, z = np.moveaxis(points, -1, 0)
     with np.errstate(all="ignore"):  # missing points are 0 0 0 or no numbers
@@ -91,14 +92,14 @@ def _is_point_map(array: np.ndarray) -> bool:
     if _told_by_column(across, seen) and _told_by_column(down.T, seen.T):
         return True
     whole = _bulges(points.reshape(1, -1, 3), seen.reshape(1, -1))
-    return all(np.median(_bulges(*lines)) < MAPS_BULGE * whole.max(initial=0)
+    return all(np.median(_bulges(*lines)) < MAX_LINE_BULGE_SHARE * whole.max(initial=0)
                for lines in ((points, seen), (points.swapaxes(0, 1), seen.T)))  # fmt: skip
 
 
 def _bulges(points: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """How far points (L, M, 3), those `seen`, stand out of each line's best plane: (K,), of lines with many."""
     counts = seen.sum(1)
-    used = counts >= FEWEST_EACH
+    used = counts >= MIN_POINTS_PER_LINE
     if not used.any():
         return np.array([np.inf])
     counts, weights = counts[used, None], seen[used, :, None]
@@ -114,13 +115,13 @@ def _told_by_column(values: np.ndarray, seen: np.ndarray) -> bool:
     """Whether values (H, W), those that are `seen`, vary far less within the columns than from one to the other."""
     counts = seen.sum(0)
     used = counts > 0
-    if used.sum() < 2 or counts[used].mean() < FEWEST_EACH:
+    if used.sum() < 2 or counts[used].mean() < MIN_POINTS_PER_LINE:
         return False
     values = np.where(seen, values, 0.0)[:, used]
     means = values.sum(0) / counts[used]
     within = np.where(seen[:, used], (values - means) ** 2, 0.0).sum()
     between = (counts[used] * (means - (counts[used] * means).sum() / counts.sum()) ** 2).sum()
-    return bool(within < MAPS_SPREAD**2 * between)
+    return bool(within < MAX_SPREAD_SHARE**2 * between)
 
 
 def _member(part: Any, index: int) -> PointArrays:
@@ -139,11 +140,11 @@ def _array(points: Any) -> np.ndarray:
     """
     expected = f"expected points as an array (N, 3), a cloud object or one path, got {_kind(points)}"
     try:
-        array = held(points)
+        array = extract_array(points)
     except ScanError:
         raise
     except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
-        raise ScanError(f"{expected} ({' '.join(str(error).split())})") from error
+        raise ScanError(f"{expected} ({error_reason(error)})") from error
     if not isinstance(points, np.ndarray) and (array.ndim == 0 or array.dtype.kind in "OUS"):
         raise ScanError(expected)
     return array
@@ -159,4 +160,4 @@ def _rank(part: Any) -> int:
     """Axes of one member of a list: 2 for a cloud, so that the list is a batch."""
     if hasattr(part, "shape"):
         return len(part.shape)
-    return 2 if is_holder(part) else 0
+    return 2 if is_cloud_object(part) else 0

@@ -13,18 +13,18 @@ ATTRIBUTES = ("xyz", "points", "vertices", "pos", "positions")
 """Where other libraries keep their clouds: laspy (whose `points` are records), open3d and pyvista, trimesh, torch's."""
 KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord")
 """Names under which a dict has them; the first counts that it has."""
-COLOURS = frozenset({"red", "r", "rgb", "rgba", "diffuse_red", "color", "colors", "colour", "colours", "color_0",
+COLOR_NAMES = frozenset({"red", "r", "rgb", "rgba", "diffuse_red", "color", "colors", "colour", "colours", "color_0",
                      "packed_color"})  # fmt: skip
 """Names of colours, or of the first of them."""
-NUMBERS = "fiu"
+NUMERIC_KINDS = "fiu"
 
 
-def names_colours(names: Iterable[object]) -> bool:
+def names_include_color(names: Iterable[object]) -> bool:
     """Whether one of the names is a colour's."""
-    return any(str(name).strip().lower() in COLOURS for name in names)
+    return any(str(name).strip().lower() in COLOR_NAMES for name in names)
 
 
-def is_holder(thing: Any) -> bool:
+def is_cloud_object(thing: Any) -> bool:
     """Whether something holds one cloud, and is no array."""
     if hasattr(thing, "shape"):
         return False
@@ -32,27 +32,27 @@ def is_holder(thing: Any) -> bool:
         hasattr(thing, attribute) for attribute in (*ATTRIBUTES, "point", "pc_data"))  # fmt: skip
 
 
-def has_colours(thing: Any) -> bool:
+def has_colors(thing: Any) -> bool:
     """Whether it has a colour for each point beside its place."""
     if isinstance(thing, Mapping):
-        return names_colours(thing)
+        return names_include_color(thing)
     if callable(getattr(thing, "has_colors", None)):  # open3d
         return bool(thing.has_colors())
     for holder in ("point", "point_data"):  # open3d's tensor clouds, pyvista
         if hasattr(thing, holder):
             return _names_of(getattr(thing, holder))
     if hasattr(thing, "pc_data"):  # pypcd4
-        return names_colours(thing.pc_data.dtype.names or ())
+        return names_include_color(thing.pc_data.dtype.names or ())
     if is_scene(thing):
-        return any(has_colours(part) for part in thing.geometry.values())
+        return any(has_colors(part) for part in thing.geometry.values())
     visual = getattr(thing, "visual", None)  # trimesh
     if visual is not None and not hasattr(thing, "faces"):
         return np.size(getattr(thing, "colors", ())) > 0
     if visual is not None:
         return bool(getattr(visual, "defined", False)) and getattr(visual, "kind", None) is not None
     if hasattr(thing, "columns") and hasattr(thing, "to_numpy"):
-        return names_colours(thing.columns)
-    return names_colours(getattr(getattr(thing, "dtype", None), "names", None) or ()) or hasattr(thing, "red")
+        return names_include_color(thing.columns)
+    return names_include_color(getattr(getattr(thing, "dtype", None), "names", None) or ()) or hasattr(thing, "red")
 
 
 def _names_of(holder: Any) -> bool:
@@ -63,7 +63,7 @@ def _names_of(holder: Any) -> bool:
         return False
 
 
-def held(thing: Any) -> np.ndarray:
+def extract_array(thing: Any) -> np.ndarray:
     """Array of what holds points, or of what numpy can read; it may be none of points."""
     if isinstance(thing, Mapping):
         return _of_mapping(thing)
@@ -77,7 +77,7 @@ def held(thing: Any) -> np.ndarray:
         return _vertices(thing)
     if hasattr(thing, "columns") and hasattr(thing, "to_numpy"):  # pandas and polars
         return _of_table(thing)
-    if isinstance(thing, np.ma.MaskedArray) and thing.dtype.kind in NUMBERS:
+    if isinstance(thing, np.ma.MaskedArray) and thing.dtype.kind in NUMERIC_KINDS:
         return np.asarray(np.ma.filled(thing.astype(np.float64), np.nan))
     if not isinstance(thing, np.ndarray):
         for attribute in ATTRIBUTES:
@@ -96,9 +96,9 @@ def _of_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
     names = {str(name).strip().lower(): name for name in mapping}
     for key in KEYS:
         if key in names:
-            return held(mapping[names[key]])
+            return extract_array(mapping[names[key]])
     if names.keys() >= set("xyz"):
-        columns = [np.asarray(held(mapping[names[axis]])) for axis in "xyz"]
+        columns = [np.asarray(extract_array(mapping[names[axis]])) for axis in "xyz"]
         if len({column.shape for column in columns}) > 1:
             shapes = ", ".join(str(column.shape) for column in columns)
             raise ScanError(f"expected x, y and z of one shape, got {shapes}")
@@ -123,7 +123,7 @@ def _of_table(table: Any) -> np.ndarray:
     return np.asarray(table.to_numpy())
 
 
-def of_records(array: np.ndarray) -> np.ndarray:
+def records_to_points(array: np.ndarray) -> np.ndarray:
     """Numbers (..., 3) float64 of records that have fields x, y and z; any other array as it is.
 
     Raises:
@@ -141,7 +141,7 @@ def _checked(column: np.ndarray) -> np.ndarray:
     Raises:
         ScanError: it holds no numbers.
     """
-    if column.dtype.kind not in NUMBERS:
+    if column.dtype.kind not in NUMERIC_KINDS:
         raise ScanError(f"expected x, y and z as numbers, got dtype {column.dtype}")
     return column
 

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api.backend import studio
+from z2p_core.api.backend import load_backend
 from z2p_core.api.picture import sheet
 from z2p_core.api.render import RenderWarning, chosen_size, render
 from z2p_core.interfaces import ScanError
 
-USUAL_SIZE = 256
-TRIAL = np.vstack([np.eye(3), -np.eye(3)])
+DEFAULT_SIDE = 256
+TRIAL_CLOUD = np.vstack([np.eye(3), -np.eye(3)])
 """A cloud to try the options with."""
 
 
@@ -39,14 +39,14 @@ class Previewer:
         Raises:
             ValueError: an option that cannot be; better now than after hours of training.
         """
-        self._size = chosen_size(size, resolution, USUAL_SIZE)
+        self._size = chosen_size(size, resolution, DEFAULT_SIDE)
         self._options = {"view": (30.0, 20.0), **options, "size": self._size, "background": background}
         self._most = most
         self.error: str | None = None
         """Why the newest call could not draw some cloud; None when it could."""
         with suppress(ScanError), warnings.catch_warnings():  # a camera for other data: not the options' fault
             warnings.simplefilter("ignore", RenderWarning)
-            render(TRIAL, **self._options)
+            render(TRIAL_CLOUD, **self._options)
 
     def __call__(self, points: Any) -> np.ndarray:
         """Picture (3, H, W) uint8 of a cloud (N, 3), or a sheet of a batch (B, N, 3) or of a list of clouds."""
@@ -76,4 +76,4 @@ class Previewer:
         self.error = " ".join(str(error).split()) or type(error).__name__
         with suppress(RenderWarning):  # where warnings were made errors
             warnings.warn(f"preview: {self.error}", RenderWarning, stacklevel=4)
-        return studio().notice(self.error, self._size)
+        return load_backend().notice(self.error, self._size)

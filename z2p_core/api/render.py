@@ -14,19 +14,20 @@ from typing import Any
 import numpy as np
 
 from z2p_core import registry
-from z2p_core.api.backend import Request, studio
+from z2p_core.api.backend import RenderRequest, load_backend
 from z2p_core.api.picture import Picture, sheet
 from z2p_core.api.point_arrays import point_arrays
 from z2p_core.errors.did_you_mean import suggest_name
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SIDE_LIMITS
 
-_MOST_TOLD = 4
+MAX_NAMED_COLORS = 4
 """Mean colours that a warning names."""
 
 
-USUAL_SIZE = 512
+DEFAULT_SIDE = 512
 
 
 class RenderWarning(UserWarning):
@@ -101,12 +102,12 @@ def render(
     table, notes = None if colors is None else _color_table(colors), []
     if up is None:
         up = "auto" if isinstance(points, str | Path) else "+Z"
-    request = Request(up, view, azimuth, camera, {**wishes, **controls}, chosen_size(size, resolution), background,
+    request = RenderRequest(up, view, azimuth, camera, {**wishes, **controls}, chosen_size(size, resolution), background,
                       _factor(supersample), _tight(fit), _switch("keep_outliers", keep_outliers), _percent(cut_top),
                       smooth, margin, _weights(weights))  # fmt: skip
     if isinstance(points, str | Path):
         request, told = _colored(request, table, [])
-        pictures, batched = studio().draw_file(Path(points), request), False
+        pictures, batched = load_backend().draw_file(Path(points), request), False
     else:
         given = point_arrays(points)
         request, told = _colored(request, table, given.clouds)
@@ -115,7 +116,7 @@ def render(
                          "colours are drawn")
         elif given.coloured and table is None:
             notes.append("the cloud's colours were left out: no per-point colours are drawn; color= chooses one for it")
-        pictures, batched = studio().draw(given.clouds, request), given.batched
+        pictures, batched = load_backend().draw(given.clouds, request), given.batched
     for note in dict.fromkeys([*told, *notes, *(note for picture in pictures for note in picture.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)
     if not pictures:
@@ -140,7 +141,7 @@ def _check_names(controls: Collection[str]) -> None:
         raise SettingError(f"unknown argument {unknown[0]!r}{guess}; expected {expected}")
 
 
-def _colored(request: Request, table: np.ndarray | None, clouds: Sequence[np.ndarray]) -> tuple[Request, list[str]]:
+def _colored(request: RenderRequest, table: np.ndarray | None, clouds: Sequence[np.ndarray]) -> tuple[RenderRequest, list[str]]:
     """The request with one colour a cloud in place of per-point ones (N, 3), and what to say about it."""
     if table is None:
         return request, []
@@ -149,7 +150,7 @@ def _colored(request: Request, table: np.ndarray | None, clouds: Sequence[np.nda
     if request.controls["color"] is not None:
         return request, [f"{unknown}the colour given"]
     told = list(dict.fromkeys("#" + "".join(f"{round(255 * channel):02x}" for channel in mean) for mean in means))
-    named = ", ".join(told[:_MOST_TOLD]) + (", ..." if len(told) > _MOST_TOLD else "")
+    named = ", ".join(told[:MAX_NAMED_COLORS]) + (", ..." if len(told) > MAX_NAMED_COLORS else "")
     return replace(request, colors=means), [f"{unknown}their mean, {named}; choose another with color="]
 
 
@@ -163,8 +164,8 @@ def _color_table(colors: Any) -> np.ndarray:
         many = bool(parts) and all(part.ndim == 2 for part in parts)
         table = np.concatenate(parts) if many else _plain(colors)
     except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
-        reason = " ".join(str(error).split())
-        raise SettingError(f"expected colors (N, 3) as numbers, got {type(colors).__name__} ({reason})") from error
+        message = f"expected colors (N, 3) as numbers, got {type(colors).__name__} ({error_reason(error)})"
+        raise SettingError(message) from error
     if table.size == 0 or table.ndim < 2 or table.shape[-1] not in (3, 4) or table.dtype.kind not in "fiu":
         raise SettingError(f"expected colors (N, 3) as numbers, got {table.shape} {table.dtype}")
     bytes_ = table.dtype.kind in "iu" and table.max() > 1
@@ -198,7 +199,7 @@ def _mean_colors(table: np.ndarray, clouds: Sequence[np.ndarray]) -> tuple[tuple
     return tuple(tuple(mean.tolist()) for mean in means)
 
 
-def chosen_size(size: Any, resolution: Any, usual: int = USUAL_SIZE) -> tuple[int, int]:
+def chosen_size(size: Any, resolution: Any, usual: int = DEFAULT_SIDE) -> tuple[int, int]:
     """Width and height in pixels by whichever of the two names was used.
 
     Raises:

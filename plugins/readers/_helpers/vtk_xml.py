@@ -13,6 +13,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import ScanError
 
 _TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4",
@@ -47,8 +48,8 @@ def points_of_xml(blob: bytes) -> tuple[np.ndarray, list[str]]:
     except ScanError:
         raise
     except (ElementTree.ParseError, ValueError, KeyError, binascii.Error, zlib.error, lzma.LZMAError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise ScanError(f"the VTK file cannot be read ({reason}); it is damaged: export it again") from error
+        message = f"the VTK file cannot be read ({error_reason(error)}); it is damaged: export it again"
+        raise ScanError(message) from error
     return np.concatenate([np.empty((0, 3)), *parts]), names
 
 
