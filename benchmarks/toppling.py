@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.linalg import along, extent, turned
-from z2p_core.up_axis.support_polygon import area_of, hull, margin
+from z2p_core.linalg import dot_axis, bounding_box, rotate_points
+from z2p_core.up_axis.support_polygon import polygon_area, convex_hull, distance_inside
 
 SLAB = 0.03
 """Share of the height from below within which a point touches the ground."""
@@ -20,7 +20,7 @@ LYING = 0.3
 MOST_POINTS, FEWEST_POINTS = 8000, 500
 
 
-def topples(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bool:
+def would_topple(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bool:
     """Whether a thing of points (N, 3) would topple over with the unit vector `usual` up, and stand firmly on `other`.
 
     True only on strong evidence: most things that stand would stand on another side too.
@@ -28,30 +28,30 @@ def topples(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bool:
     points = points[:: -(-len(points) // MOST_POINTS)]
     if len(points) < FEWEST_POINTS:
         return False
-    span = [float(np.ptp(along(points, axis))) for axis in (usual, other)]
-    low, high = extent(points)
+    span = [float(np.ptp(dot_axis(points, axis))) for axis in (usual, other)]
+    low, high = bounding_box(points)
     if min(span) < LYING * float((high - low).max()):
         return False
-    margin, area = stance(points, other)
+    margin, area = support_margin(points, other)
     if margin < FIRM_MARGIN or area < FIRM_AREA:
         return False
-    margin, area = stance(points, usual)
+    margin, area = support_margin(points, usual)
     return margin < SHAKY_MARGIN and area < SHAKY_AREA
 
 
-def stance(points: np.ndarray, up: np.ndarray) -> tuple[float, float]:
+def support_margin(points: np.ndarray, up: np.ndarray) -> tuple[float, float]:
     """How far inside the hull of its feet the centre of points (N, 3) lies, and the area of that hull.
 
     Both are relative to the footprint, the hull of all points seen along `up` (3,). A thing on a point or a line gets
     (-1, 0).
     """
-    height = along(points, up)
+    height = dot_axis(points, up)
     low = float(np.quantile(height, 0.001))  # a stray or two must not hold it up
     across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     across /= np.linalg.norm(across)
-    flat = turned(points, np.stack([across, np.cross(up, across)]))
-    feet = hull(flat[height < low + SLAB * (height.max() - low)])
-    footprint = area_of(hull(flat))
+    flat = rotate_points(points, np.stack([across, np.cross(up, across)]))
+    feet = convex_hull(flat[height < low + SLAB * (height.max() - low)])
+    footprint = polygon_area(convex_hull(flat))
     if len(feet) < 3 or footprint <= 0:
         return -1.0, 0.0
-    return margin(flat.mean(0), feet) / footprint**0.5, area_of(feet) / footprint
+    return distance_inside(flat.mean(0), feet) / footprint**0.5, polygon_area(feet) / footprint

@@ -20,11 +20,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
 
-from toppling import topples
+from toppling import would_topple
 from upright_clouds import Labelled, made, meshes
 
-from z2p_core.placement.view_selection import UP_AXES
-from z2p_core.up_axis.choose import guess_up
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
+from z2p_core.up_axis.choose import guess_up_axis
 
 TURNED = ("+Z", "+Y", "-Y", "-Z")
 SUFFIXES = (".ply", ".pcd", ".xyz")
@@ -40,13 +40,13 @@ def always_z(points: np.ndarray, suffix: str) -> tuple[str, str]:
 
 def toppling(points: np.ndarray, suffix: str) -> tuple[str, str]:
     """z2p's rule until 2026: +Z, unless a .ply would topple over so and stand firmly with +Y up."""
-    turned_over = suffix == ".ply" and topples(points, np.eye(3)[2], np.eye(3)[1])
+    turned_over = suffix == ".ply" and would_topple(points, np.eye(3)[2], np.eye(3)[1])
     return ("+Y" if turned_over else "+Z"), ""
 
 
 def by_shape(points: np.ndarray, suffix: str) -> tuple[str, str]:
     """What z2p does."""
-    guess = guess_up(points, suffix)
+    guess = guess_up_axis(points, suffix)
     return guess.axis, guess.other
 
 
@@ -95,7 +95,7 @@ def outcome(clouds: list[Labelled], rule: Rule) -> tuple[np.ndarray, np.ndarray]
     hits, named = np.zeros((2, len(clouds), len(TURNED)), dtype=bool)
     for row, cloud in enumerate(clouds):
         for column, axis in enumerate(TURNED):
-            chosen, other = rule(cloud.points @ np.array(UP_AXES[axis], dtype=float), SUFFIXES[row % len(SUFFIXES)])
+            chosen, other = rule(cloud.points @ np.array(UP_ROTATIONS[axis], dtype=float), SUFFIXES[row % len(SUFFIXES)])
             hits[row, column], named[row, column] = chosen == axis, other == axis
     return hits, named
 

@@ -15,7 +15,7 @@ from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.inference.renderer import place_cloud
-from z2p_renderer.pipeline.inference.weight_selection import renderer_for
+from z2p_renderer.pipeline.inference.weight_selection import load_renderer
 from z2p_renderer.storage.scans.clouds import read_clouds
 
 SIDE = 320
@@ -36,7 +36,7 @@ def main(out: Path) -> None:
     for name, (azimuth, values) in LOOKS.items():
         cloud = place_cloud(read_clouds(Path(__file__).parents[1] / "samples" / name)[0].points, azimuth=azimuth)
         camera = Camera(SIDE, SIDE, values.get("elevation", (20.0,))[0])
-        renderer, _ = renderer_for("auto", values).suited(cloud)
+        renderer, _ = load_renderer("auto", values).suited(cloud)
         picture = unit_from_bytes(renderer.render(cloud, values, 2 * SIDE, 2 * SIDE))
         small = np.asarray(Image.fromarray(bytes_from_unit(composite(picture, WHITE))).resize((SIDE, SIDE)))
         columns.append(np.concatenate([dots(cloud, camera), small]))

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from upright_clouds import made, meshes, shapeless
 
-from z2p_core.up_axis.shape_features import MARKS, marks
+from z2p_core.up_axis.shape_features import FEATURE_NAMES, axis_features
 
 OUT = Path(__file__).parents[1] / "z2p_core" / "upright_weights.py"
 UP = 4
@@ -64,18 +64,18 @@ def main() -> None:
     weight = np.array([1 / count[cloud.name] for cloud in standing] + [SHAPELESS / len(others)] * len(others))
     wanted = np.full((len(weight), 6), 1 / 6)
     wanted[: len(standing)] = np.eye(6)[UP]
-    table = np.array([marks(cloud.points) for cloud in standing + others])
+    table = np.array([axis_features(cloud.points) for cloud in standing + others])
     OUT.write_text(fitted(table, wanted, weight, asked.hidden, asked.seed))
 
 
 def fitted(table: np.ndarray, wanted: np.ndarray, weight: np.ndarray, hidden: int, seed: int) -> str:
     """The module's text, of marks (N, 6, M), how likely each axis should be (N, 6) and what a cloud counts (N,)."""
     torch.manual_seed(seed)
-    middle, spread = table.reshape(-1, len(MARKS)).mean(0), table.reshape(-1, len(MARKS)).std(0) + 1e-9
+    middle, spread = table.reshape(-1, len(FEATURE_NAMES)).mean(0), table.reshape(-1, len(FEATURE_NAMES)).std(0) + 1e-9
     given = torch.tensor((table - middle) / spread, dtype=torch.float32)
     goal = torch.tensor(wanted, dtype=torch.float32)
     counts = torch.tensor(weight / weight.mean(), dtype=torch.float32)
-    network = torch.nn.Sequential(torch.nn.Linear(len(MARKS), hidden), torch.nn.Tanh(), torch.nn.Linear(hidden, 1))
+    network = torch.nn.Sequential(torch.nn.Linear(len(FEATURE_NAMES), hidden), torch.nn.Tanh(), torch.nn.Linear(hidden, 1))
     optimizer = torch.optim.AdamW(network.parameters(), lr=0.01, weight_decay=DECAY)
     for _ in range(ROUNDS):
         optimizer.zero_grad()

@@ -28,7 +28,7 @@ from torch import nn
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 from tqdm import tqdm
 
-from z2p_core.parallel import one_core_each
+from z2p_core.parallel import without_second_core
 from z2p_core.surface.normals import fitted
 from z2p_renderer.storage.meshes import find_meshes
 
@@ -96,7 +96,7 @@ class Groups(IterableDataset[Patches]):
         rng = np.random.default_rng([self.seed, worker.id if worker else 0])
         while True:
             drawings = (drawn(self.shapes[rng.integers(len(self.shapes))], rng) for _ in range(GROUP * SORTED))
-            with one_core_each() if worker else nullcontext():
+            with without_second_core() if worker else nullcontext():
                 clouds = sorted((patches_of(*each) for each in drawings), key=lambda cloud: cloud.found.shape[1])
             for number in rng.permutation(SORTED):
                 yield together(clouds[GROUP * number : GROUP * (number + 1)])

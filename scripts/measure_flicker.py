@@ -20,7 +20,7 @@ from z2p_core.images import bytes_from_unit, premultiplied_from_straight, straig
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.inference.render_scan import Look, draw
+from z2p_renderer.pipeline.inference.render_scan import Look, render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.animation import flicker
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
@@ -106,7 +106,7 @@ def _frame(
         placing = PlacementOptions(keep_outliers=True, viewpoint=Viewpoint((0.0, 0.0, 0.0), 1.0, rotation, 20.0))
         look = replace(Look({"color": GREY_BLUE, "light": LIGHT}, placing), width=asked.resolution,
                        height=asked.resolution, supersample=supersample)  # fmt: skip
-        shots.append(premultiplied_from_straight(unit_from_bytes(draw(renderer, usable(cloud), "", look).picture)))
+        shots.append(premultiplied_from_straight(unit_from_bytes(render_scan(renderer, usable(cloud), "", look).picture)))
     return bytes_from_unit(straight_from_premultiplied(np.mean(shots, axis=0)))
 
 

@@ -12,8 +12,8 @@ from mesh_parts import TURN, Part, box, joined, tube
 
 from z2p_core.camera import turn
 from z2p_core.meshes.triangle_sampling import uniform_points
-from z2p_core.placement.bounding_sphere import random_rotation
-from z2p_core.placement.view_selection import UP_AXES
+from z2p_core.rotations import random_rotation
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
 from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.meshes import read_mesh
 
@@ -58,7 +58,7 @@ def meshes(folder: Path, each: int, seed: int, stretch: float = 1.0) -> list[Lab
     for path in sorted(folder.glob("*.*")):
         if path.stem in STANDING:
             mesh = read_mesh(path)
-            upright = np.asarray(mesh.vertices) @ np.array(UP_AXES[STANDING[path.stem]], dtype=float).T
+            upright = np.asarray(mesh.vertices) @ np.array(UP_ROTATIONS[STANDING[path.stem]], dtype=float).T
             for number in range(each):
                 rng = np.random.default_rng([seed, number, *path.stem.encode()])
                 factors = stretch ** rng.uniform(-1, 1, 3)

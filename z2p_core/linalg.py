@@ -1,30 +1,40 @@
-"""Clouds turned and measured, by one thread each.
+"""Products of small matrices with whole clouds, and their bounding boxes, each computed by the calling thread alone.
 
-numpy's own products of matrices go to BLAS, which shares out those of a few thousand points; its threads then wait for
-more work by spinning, a tenth of a second long, on the very core that the kernels and the network count on.
+numpy's own matrix products go to BLAS, which splits those of a few thousand points across its threads. These then spin
+for a tenth of a second while they wait for more work, on the very core that the kernels and the network need.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+CHUNK_POINTS = 1 << 14
+"""Points whose bounding box is computed at a time: their coordinates fit the processor's cache."""
 
-def turned(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Points (N, 3) after a rotation (3, 3), or what its first M rows (M, 3) make of them: (N, M)."""
+
+def rotate_points(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Points (N, 3) multiplied by a rotation (3, 3), or by its first M rows (M, 3): (N, M)."""
     return np.einsum("na,ma->nm", points, rotation)
 
 
-def along(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """How far points (N, 3) lie along an axis (3,): (N,)."""
+def dot_axis(points: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Scalar products (N,) of points (N, 3) with one axis (3,)."""
     return np.einsum("na,a->n", points, axis)
 
 
-def products(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Scalar products (N,) of vectors (N, 3) with as many others (N, 3)."""
+def row_dots(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """Scalar products (N,) of vectors (N, 3) with the vectors (N, 3) in the same rows."""
     return np.einsum("na,na->n", first, second)
 
 
-def extent(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest coordinates (3,) each of points (N, 3); numpy takes ten times as long along so short a row."""
-    columns = np.ascontiguousarray(points.T)
-    return columns.min(1), columns.max(1)
+def bounding_box(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest coordinates (3,) each of points (N, 3), N >= 1.
+
+    Reduces transposed chunks: ``points.min(axis=0)`` takes ten times as long along rows of three numbers.
+    """
+    lows, highs = [], []
+    for start in range(0, len(points), CHUNK_POINTS):
+        columns = np.ascontiguousarray(points[start : start + CHUNK_POINTS].T)
+        lows.append(columns.min(1))
+        highs.append(columns.max(1))
+    return np.min(lows, axis=0), np.max(highs, axis=0)

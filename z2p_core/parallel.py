@@ -3,11 +3,11 @@
 Beside the threads that ask, a process has one more, the *second core*, which does one piece of work at a time; `idle`
 of `_Core` is held by whoever has it. Work gets there in two ways:
 
-- `beside` hands it one piece of work whole, or does that at once where the core is not idle;
-- `over_rows`, `rows_beside` and `all_of` cut work into parts. Whoever asked and the second core each take the next part
+- `run_async` hands it one piece of work whole, or does that at once where the core is not idle;
+- `parallel_rows`, `begin_parallel_rows` and `parallel_map` cut work into parts. Whoever asked and the second core each take the next part
   that is left, the second core from the moment on that it is idle. So nobody waits for a core that others keep.
 
-Within `one_core_each` no work goes there: several pictures are drawn at a time, one on each core.
+Within `without_second_core` no work goes there: several pictures are drawn at a time, one on each core.
 
 The second core is a daemon thread of our own and not an executor's: those take no more work once the main thread has
 ended, while other threads still draw. Where no thread can be started, because the interpreter ends or the system has
@@ -29,18 +29,18 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-SMALLEST = 1000
+MIN_PARALLEL_ROWS = 1000
 """Rows below which a second thread costs more than it saves."""
-PARTS = 6
+PART_COUNT = 6
 """Parts that work is shared out in."""
 
 
-def cores() -> int:
+def core_count() -> int:
     """How many this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
+def run_async(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
     """What the work gives, done on a second core meanwhile; or at once, where that core is still at other work."""
     core = _second_core(os.getpid())
     if not core.kept_away and core.idle.acquire(blocking=False):
@@ -54,7 +54,7 @@ def beside(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
 
 
 @contextmanager
-def one_core_each() -> Iterator[None]:
+def without_second_core() -> Iterator[None]:
     """Meanwhile work is done at once, in one go: for those who keep all cores busy anyway, with a picture on each."""
     second = _second_core(os.getpid())
     taken = second.idle.acquire(blocking=False)
@@ -69,15 +69,15 @@ def one_core_each() -> Iterator[None]:
             second.idle.release()
 
 
-def over_rows(work: Callable[[int, int], object], count: int, smallest: int = SMALLEST, parts: int = PARTS) -> None:
+def parallel_rows(work: Callable[[int, int], object], count: int, smallest: int = MIN_PARALLEL_ROWS, parts: int = PART_COUNT) -> None:
     """Does the work for rows from 0 up to `count` in parts, with a second core from the moment on that it is idle."""
     if count < smallest or _second_core(os.getpid()).kept_away:
         work(0, count)
         return
-    rows_beside(work, count, parts)()
+    begin_parallel_rows(work, count, parts)()
 
 
-def all_of(works: Sequence[Callable[[], T]]) -> list[T]:
+def parallel_map(works: Sequence[Callable[[], T]]) -> list[T]:
     """What each of the works gives, in their order; a second core does some, from the moment on that it is idle."""
     given: list[Any] = [None] * len(works)
 
@@ -85,11 +85,11 @@ def all_of(works: Sequence[Callable[[], T]]) -> list[T]:
         for i in range(begin, end):
             given[i] = works[i]()
 
-    over_rows(do, len(works), smallest=2, parts=len(works))
+    parallel_rows(do, len(works), smallest=2, parts=len(works))
     return given
 
 
-def rows_beside(work: Callable[[int, int], object], count: int, parts: int = PARTS) -> Callable[[], None]:
+def begin_parallel_rows(work: Callable[[int, int], object], count: int, parts: int = PART_COUNT) -> Callable[[], None]:
     """Has a second core begin the work for rows from 0 up to `count`, as soon as it is idle.
 
     What comes back does all that is left, together with that core.
@@ -98,7 +98,7 @@ def rows_beside(work: Callable[[int, int], object], count: int, parts: int = PAR
     return partial(_finished, go_on, None if core.kept_away else core.begin(core.help, go_on))
 
 
-def in_threads(works: Sequence[Callable[[], T]]) -> list[T]:
+def run_in_threads(works: Sequence[Callable[[], T]]) -> list[T]:
     """What each of the works gives, in their order, each in a thread of its own as far as threads can be started."""
     given: list[Future[T]] = [Future() for _ in works]
     threads = []

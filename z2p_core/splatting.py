@@ -8,7 +8,7 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, Camera
-from z2p_core.parallel import cores, in_threads
+from z2p_core.parallel import core_count, run_in_threads
 
 INTENSITY_ALPHA = DEPTH_RANGE[0]
 """alpha of Eq. 1: the depth of intensity 1, that of the nearest point of the unit sphere, in world units."""
@@ -28,11 +28,11 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndar
     Each point of the cloud (N, 3) float32, world units, falls into the one pixel that holds its projection. The margin
     keeps points outside the picture whose window may reach into it. Points behind the camera are dropped.
     """
-    threads = min(MAX_THREADS, cores(), len(cloud) // MIN_POINTS_PER_THREAD)
+    threads = min(MAX_THREADS, core_count(), len(cloud) // MIN_POINTS_PER_THREAD)
     if threads < 2:
         return native.nearest_depth(cloud, camera, margin)
     parts = np.array_split(cloud, threads)
-    pictures = in_threads([partial(native.nearest_depth, part, camera, margin) for part in parts])
+    pictures = run_in_threads([partial(native.nearest_depth, part, camera, margin) for part in parts])
     nearest = pictures[0]
     for other in pictures[1:]:
         np.minimum(nearest, other, out=nearest)

@@ -43,7 +43,7 @@ COMMANDS = {
 
 USERS_ERRORS = (
     "z2p_core.registry:PluginError",
-    "z2p_core.config:ConfigError",
+    "z2p_core.config.pipeline:ConfigError",
     "z2p_core.interfaces:ScanError",
     "z2p_core.interfaces:SettingError",
     "z2p_renderer.storage.models.checkpoints:WeightsError",

@@ -28,7 +28,7 @@ from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.render import RenderSettings, read_render
 from z2p_renderer.pipeline.rendering.ground_truth import render_references
 from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
-from z2p_renderer.pipeline.rendering.views import View, describe, draw_view, view_rng
+from z2p_renderer.pipeline.rendering.views import View, describe, draw_view, in_scene, view_rng
 from z2p_renderer.storage.files.atomic_write import write_whole
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 from z2p_renderer.storage.models.checkpoints import resolve
@@ -191,13 +191,6 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "means": _over(rows, np.mean), "spread": _over(rows, np.std), "spread_over_seeds": spread,
         "meshes": meshes, "seeds": seeds,
     }  # fmt: skip
-
-
-def in_scene(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
-    """Normalised cloud (N, 3) turned and lifted as the scene's mesh is, (N, 3) float32."""
-    turned = cloud.astype(np.float64) @ np.array(scene.rotation).T
-    turned[:, 2] += scene.lift
-    return turned.astype(np.float32)
 
 
 def _read_subject(name: str, path: Path) -> Subject:

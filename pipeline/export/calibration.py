@@ -9,10 +9,9 @@ import numpy as np
 from z2p_core.meshes.synthetic_noise import add_noise
 from z2p_core.meshes.triangle_sampling import uniform_points
 from z2p_core.placement.bounding_sphere import bounding_sphere
-from z2p_renderer.pipeline.evaluation.evaluate import in_scene
 from z2p_renderer.pipeline.export.graph_rewrite import Inputs
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.rendering.views import draw_view
+from z2p_renderer.pipeline.rendering.views import draw_view, in_scene
 from z2p_renderer.pipeline.shapes import SUZANNE, TRAINING_SHAPES, shape
 
 POINTS = 1_000, 20_000

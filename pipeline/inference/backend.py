@@ -16,19 +16,18 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api.backend import Request
+from z2p_core.api.backend import RenderRequest
 from z2p_core.api.picture import Picture
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import ScanError, SettingError, Value
-from z2p_core.placement.margin import margin_from
-from z2p_core.placement.view_selection import UP_AXES
+from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
-from z2p_core.up_axis.axis_words import up_from
-from z2p_renderer.pipeline.inference.batch import path_beside, source_of
-from z2p_renderer.pipeline.inference.look import background_from, settings_for, smooth_from
-from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, draw, record
+from z2p_core.up_axis.axis_names import UP_ROTATIONS, parse_up_axis
+from z2p_renderer.pipeline.inference.batch import path_relative_to, describe_source
+from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
+from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, render_scan, build_record
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.inference.weight_selection import AUTO, renderer_for
+from z2p_renderer.pipeline.inference.weight_selection import AUTO, load_renderer
 from z2p_renderer.pipeline.placement.hints import in_python
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.cameras import read_camera
@@ -36,14 +35,14 @@ from z2p_renderer.storage.images.image_files import OPAQUE, WHITE, encode, write
 from z2p_renderer.storage.models.checkpoints import resolve
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_clouds, usable
 
-VIEWS = ("auto", "front", "sensor")
-NOTICE, NOTICE_INK = (228, 228, 228, 255), (90, 90, 90, 255)
+NAMED_VIEWS = ("auto", "front", "sensor")
+MESSAGE_COLOR, MESSAGE_TEXT_COLOR = (228, 228, 228, 255), (90, 90, 90, 255)
 
 
-class DrawingStudio:
+class RenderBackend:
     """Draws for Python: the studio of `z2p_core.api.backend`. torch's generator and default device are left alone."""
 
-    def draw(self, clouds: Sequence[np.ndarray], request: Request) -> list[Picture]:
+    def draw(self, clouds: Sequence[np.ndarray], request: RenderRequest) -> list[Picture]:
         """A picture of each cloud (N, 3) float64; rows that are not finite are dropped and noted.
 
         Raises:
@@ -56,7 +55,7 @@ class DrawingStudio:
                    for index, cloud in enumerate(clouds)]  # fmt: skip
         return _pictures(scans, sources, "", request)
 
-    def draw_file(self, path: Path, request: Request) -> list[Picture]:
+    def draw_file(self, path: Path, request: RenderRequest) -> list[Picture]:
         """A picture of each cloud in a file.
 
         Raises:
@@ -64,7 +63,7 @@ class DrawingStudio:
             SettingError: a setting that cannot be.
         """
         scans = read_clouds(path)
-        source = source_of(path, Path("picture"))
+        source = describe_source(path, Path("picture"))
         if source["path"] is not None:  # as a whole: only when it is saved is known what it is to be relative to
             source["path"] = path.absolute().as_posix()
         sources = [{**source, "cloud": index} for index in range(len(scans))]
@@ -81,7 +80,7 @@ class DrawingStudio:
 
     def over(self, picture: Picture, background: Any) -> Picture:
         """The picture made opaque; the members of a batch too."""
-        color = background_from(background)
+        color = parse_background(background)
         if color is None:
             return picture
         opaque = _opaque(picture.array, color)
@@ -92,7 +91,7 @@ class DrawingStudio:
         """Picture (H, W, 4) uint8 that says the text, in place of one that could not be drawn."""
         from PIL import Image, ImageDraw, ImageFont
 
-        image, font = Image.new("RGBA", size, NOTICE), ImageFont.load_default(max(10, size[0] // 20))
+        image, font = Image.new("RGBA", size, MESSAGE_COLOR), ImageFont.load_default(max(10, size[0] // 20))
         pen, lines, line = ImageDraw.Draw(image), [], ""
         for word in text.split():
             if line and pen.textlength(f"{line} {word}", font) > 0.9 * size[0]:
@@ -100,7 +99,7 @@ class DrawingStudio:
                 line = word
             else:
                 line = f"{line} {word}".strip()
-        pen.multiline_text((size[0] // 20, size[1] // 20), "\n".join([*lines, line]), NOTICE_INK, font)
+        pen.multiline_text((size[0] // 20, size[1] // 20), "\n".join([*lines, line]), MESSAGE_TEXT_COLOR, font)
         return np.asarray(image)
 
 
@@ -108,20 +107,20 @@ def _record_beside(record: Mapping[str, Any], picture: Path) -> dict[str, Any]:
     """The record as it stands in a picture's file: its scan is named from there, so that the two can move together."""
     source = dict(record["input"])
     if source.get("path") is not None:
-        source["path"] = path_beside(Path(source["path"]), picture)
+        source["path"] = path_relative_to(Path(source["path"]), picture)
     clear = record["background"] == "transparent" and picture.suffix.lower() in OPAQUE
     return {**record, "input": source, **({"background": list(WHITE)} if clear else {})}
 
 
-def look_for(renderer: Renderer, request: Request) -> Look:
+def look_for(renderer: Renderer, request: RenderRequest) -> Look:
     """The look that a request stands for.
 
     Raises:
         SettingError: a setting that cannot be, or that the weights do not carry.
     """
-    up = up_from(request.up)
+    up = parse_up_axis(request.up)
     if up is None:
-        raise SettingError(f"expected up auto, {', '.join(UP_AXES)}, got {request.up!r}")
+        raise SettingError(f"expected up auto, {', '.join(UP_ROTATIONS)}, got {request.up!r}")
     wishes, view, camera = dict(request.controls), _view(request.view), _camera(request.camera)
     if isinstance(view, tuple) and camera is None:
         if (other := wishes.get("elevation")) not in (None, view[1], (view[1],)):
@@ -130,29 +129,29 @@ def look_for(renderer: Renderer, request: Request) -> Look:
     if camera is not None and request.margin is not None and not request.tight:
         raise SettingError("camera and margin both choose how large the object is; leave one out")
     placing = PlacementOptions(up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
-                      request.keep_outliers, request.cut_top, camera, smooth_from(request.smooth))
-    return Look(_settings(renderer, wishes), placing, *request.size, background_from(request.background),
-                request.supersample, request.tight, margin=margin_from(request.margin))  # fmt: skip
+                      request.keep_outliers, request.cut_top, camera, parse_smoothing(request.smooth))
+    return Look(_settings(renderer, wishes), placing, *request.size, parse_background(request.background),
+                request.supersample, request.tight, margin=parse_margin(request.margin))  # fmt: skip
 
 
 def _settings(renderer: Renderer, wishes: Mapping[str, Any]) -> dict[str, Value]:
     """The control settings; what is wrong with them is told in Python's words, not in the command line's."""
     try:
-        return settings_for(renderer, wishes)
+        return parse_controls(renderer, wishes)
     except SettingError as error:
         raise SettingError(str(error).removeprefix("--")) from None
 
 
 def _view(view: Any) -> str | float | tuple[float, float]:
     """A known word, an azimuth in degrees, or with the elevation."""
-    if isinstance(view, str) and view in VIEWS:
+    if isinstance(view, str) and view in NAMED_VIEWS:
         return view
     if isinstance(view, Real):
         return _angle("azimuth of view", view)
     try:
         azimuth, elevation = view
     except (TypeError, ValueError):
-        raise SettingError(f"expected view {', '.join(VIEWS)}, an azimuth or (azimuth, elevation), got "
+        raise SettingError(f"expected view {', '.join(NAMED_VIEWS)}, an azimuth or (azimuth, elevation), got "
                            f"{view!r}") from None
     return _angle("azimuth of view", azimuth), _angle("elevation of view", elevation)
 
@@ -167,7 +166,7 @@ def _angle(what: str, degrees: Any) -> float:
     return angle
 
 
-def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: Request) -> list[Picture]:
+def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: RenderRequest) -> list[Picture]:
     asked = frozenset(name for name, wish in request.controls.items() if wish is not None)
     if request.colors:
         asked |= {"color"}
@@ -179,11 +178,11 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
             look = look_for(renderer, own)
             drawing = _drawn(renderer, scan, suffix, look)
             array = drawing.picture if look.background is None else _opaque(drawing.picture, look.background)
-            pictures.append(Picture(array, record(drawing, look, source), tuple(_notes(scan, drawing, look))))
+            pictures.append(Picture(array, build_record(drawing, look, source), tuple(_notes(scan, drawing, look))))
     return pictures
 
 
-def _requests(request: Request, clouds: int) -> list[Request]:
+def _requests(request: RenderRequest, clouds: int) -> list[RenderRequest]:
     """What is asked of each cloud."""
     if not request.colors:
         return [request] * clouds
@@ -216,9 +215,9 @@ def _notes(scan: Scan, drawing: Drawing, look: Look) -> Iterator[str]:
 
 
 def _drawn(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
-    """As `draw` does it; an error names which cloud of the batch it was."""
+    """As `render_scan` does it; an error names which cloud of the batch it was."""
     try:
-        return draw(renderer, scan, suffix, look)
+        return render_scan(renderer, scan, suffix, look)
     except ScanError as error:
         raise ScanError(f"cloud {scan.label}: {error}" if scan.label else str(error)) from error
 
@@ -236,7 +235,7 @@ def _unnoticed() -> Iterator[None]:
 
 @lru_cache(maxsize=2)
 def _renderer(weights: str | Path, asked: frozenset[str], changed: int) -> Renderer:
-    return renderer_for(weights, asked)
+    return load_renderer(weights, asked)
 
 
 os.register_at_fork(after_in_child=_renderer.cache_clear)  # its engines have no threads in a fork; see pipeline.inference.engine_selection

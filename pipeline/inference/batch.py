@@ -15,9 +15,9 @@ from threading import Lock
 from typing import Any
 
 from z2p_core.interfaces import ScanError, SettingError, Value
-from z2p_core.parallel import cores, one_core_each
+from z2p_core.parallel import core_count, without_second_core
 from z2p_core.placement.viewpoint import Viewpoint
-from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, draw, record
+from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, render_scan, build_record
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.existing_outputs import told_if_kept
 from z2p_renderer.pipeline.placement.place_scan import Placement
@@ -32,7 +32,7 @@ __all__ = ["Look", "Outcome", "Task", "path_beside", "plan_outputs", "render_fil
 
 SWITCH_INTERVAL = 0.0003
 """Seconds that Python lets a thread go on while another waits: 0.005, as usual, are long beside kernels of 0.0002."""
-HEAVY = 100_000_000
+LARGE_FILE_BYTES = 100_000_000
 """Bytes of a file's content from which on it is read and drawn while no other such file is."""
 
 
@@ -110,7 +110,7 @@ def render_files(
 ) -> Iterator[Outcome]:
     """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only.
 
-    Files of more than `HEAVY` bytes wait for one another, so that no two of them are in memory. `columns` names those
+    Files of more than `LARGE_FILE_BYTES` bytes wait for one another, so that no two of them are in memory. `columns` names those
     of text files; `drawn` is told of every picture, for a file may hold thousands of clouds.
     """
     planned = frozenset(task.output for task in tasks)
@@ -128,7 +128,7 @@ def render_files(
     pool = ThreadPoolExecutor(jobs)
     interval = sys.getswitchinterval()
     sys.setswitchinterval(SWITCH_INTERVAL)
-    with one_core_each() if jobs >= cores() else nullcontext():
+    with without_second_core() if jobs >= core_count() else nullcontext():
         try:
             yield from pool.map(work, tasks)
         finally:  # an interrupt drops the files not yet begun
@@ -136,7 +136,7 @@ def render_files(
             sys.setswitchinterval(interval)
 
 
-def source_of(
+def describe_source(
     scan: Path, output: Path, cloud: int = 0, columns: tuple[str, ...] | None = None
 ) -> dict[str, Any]:
     """Where a picture's cloud is, for its record: the file's name, digest and place beside the picture.
@@ -144,19 +144,19 @@ def source_of(
     `cloud` counts within the file. The path is relative to the picture, so that the two can move together; what came
     through standard input has none.
     """
-    source = {"name": scan.name, "path": path_beside(scan, output), "sha256": file_digest(scan), "cloud": cloud}
+    source = {"name": scan.name, "path": path_relative_to(scan, output), "sha256": file_digest(scan), "cloud": cloud}
     if columns is not None:
         source["columns"] = list(columns)
     return {**source, "path": None} if is_spooled(scan) else source
 
 
-def path_beside(scan: Path, output: Path) -> str:
+def path_relative_to(scan: Path, output: Path) -> str:
     """Where a scan lies, as seen from the folder of a picture."""
     path = os.path.relpath(os.path.abspath(scan), os.path.abspath(output.parent))  # noqa: PTH100 - keeps links
     return Path(path).as_posix()
 
 
-def told_fault(error: Exception, scan: Path) -> str:
+def fault_message(error: Exception, scan: Path) -> str:
     """One line on why a file failed, without the file's name, which the caller says."""
     if os.environ.get("Z2P_DEBUG") == "1":
         traceback.print_exception(error)
@@ -171,7 +171,7 @@ def told_fault(error: Exception, scan: Path) -> str:
 
 def _is_heavy(scan: Path) -> bool:
     try:
-        return content_size(scan) > HEAVY
+        return content_size(scan) > LARGE_FILE_BYTES
     except OSError:  # told when it is read
         return False
 
@@ -208,7 +208,7 @@ class _File:
             if not self._stays(self.task.output, 0):
                 self._render_clouds(planned)
         except Exception as error:  # whatever a file or a stranger's reader brings up, the other files go on
-            outcome.status, outcome.error = "failed", told_fault(error, self.task.scan)
+            outcome.status, outcome.error = "failed", fault_message(error, self.task.scan)
         outcome.seconds = time.perf_counter() - started
         return outcome
 
@@ -224,13 +224,13 @@ class _File:
                 if self._stays(output, cloud):
                     continue
                 if isinstance(scan, ScanError):
-                    faults.append(told_fault(scan, self.task.scan))
+                    faults.append(fault_message(scan, self.task.scan))
                     continue
                 self._draw(scan, cloud, output)
                 outcome.status = "ok"
             except Exception as error:  # as above
                 where = f"cloud {scan.label}: " if isinstance(scan, Scan) and scan.label else ""
-                faults.append(where + told_fault(error, self.task.scan))
+                faults.append(where + fault_message(error, self.task.scan))
         if faults:
             outcome.status = "failed"
             outcome.error = faults[0] + (f" (and {len(faults) - 1} more clouds failed)" if len(faults) > 1 else "")
@@ -250,8 +250,8 @@ class _File:
 
     def _draw(self, scan: Scan, cloud: int, output: Path) -> None:
         look, outcome = self._look_at(cloud), self.outcome
-        drawing: Drawing = draw(self.renderer, scan, format_suffix(self.task.scan), look)
-        write_picture(drawing.picture, output, look.background, record(drawing, look, self._source_of(output, cloud)))
+        drawing: Drawing = render_scan(self.renderer, scan, format_suffix(self.task.scan), look)
+        write_picture(drawing.picture, output, look.background, build_record(drawing, look, self._source_of(output, cloud)))
         outcome.placements.append(drawing.placement)
         outcome.viewpoints.append(drawing.viewpoint)
         outcome.weights.append(drawing.renderer.weights["name"])
@@ -264,7 +264,7 @@ class _File:
 
     def _source_of(self, output: Path, cloud: int) -> dict[str, Any]:
         if not self._source:  # once a file, for its digest takes time
-            self._source.update(source_of(self.task.scan, output, columns=self.columns))
+            self._source.update(describe_source(self.task.scan, output, columns=self.columns))
         return {**self._source, "cloud": cloud}
 
 

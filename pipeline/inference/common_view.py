@@ -10,27 +10,28 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import ScanError
-from z2p_core.linalg import along, extent
-from z2p_core.placement.bounding_sphere import bounding_sphere, random_rotation
-from z2p_core.placement.viewpoint import Viewpoint, frame
+from z2p_core.linalg import bounding_box, dot_axis
+from z2p_core.placement.bounding_sphere import bounding_sphere
+from z2p_core.placement.viewpoint import Viewpoint, frame_points
+from z2p_core.rotations import random_rotation
 from z2p_core.surface.subsampling import even_share
-from z2p_renderer.pipeline.inference.render_scan import FAINTEST, Crop, Look, content_box, draw
+from z2p_renderer.pipeline.inference.render_scan import MIN_VISIBLE_ALPHA, Crop, Look, content_box, render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, PlacementOptions, place_scan, select_points
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_each
 
-DIRECTIONS = 3 * 170
+OUTLINE_DIRECTIONS = 3 * 170
 """A cloud's reach is kept as its farthest points along so many directions, whatever its size."""
-DRAFT = 256
+DRAFT_SIDE = 256
 """Shorter side of the pictures in which the common crop is looked for, pixels: such as the weights know."""
-SPECK = 0.02
+SPECK_RADIUS_SHARE = 0.02
 """Radius of a cloud, of the common frame's, below which little of it shows."""
-CENTRED = 0.02
+MAX_CENTER_SPREAD = 0.02
 """How far apart, in the widest cloud's sides, the middles of clouds may lie that were moved to one place."""
-MOST_TOLD = 5
+MAX_NAMED_SPECKS = 5
 """Specks that are told by name."""
-MOST_EACH = 2000
+MAX_OUTLINE_POINTS = 2000
 """Points of each cloud that the choice of the view looks at."""
 
 
@@ -53,8 +54,8 @@ class Series:
     def notes(self) -> list[str]:
         """Lines that warn of the specks."""
         lines = [f"note: {name} spans {100 * share:.2g} % of the common frame, too little to be seen; if its units or "
-                 "offset are others than the rest's, render it by itself" for name, share in self.specks[:MOST_TOLD]]
-        more = len(self.specks) - MOST_TOLD
+                 "offset are others than the rest's, render it by itself" for name, share in self.specks[:MAX_NAMED_SPECKS]]
+        more = len(self.specks) - MAX_NAMED_SPECKS
         return [*lines, f"note: so do {more} more clouds"] if more > 0 else lines
 
 
@@ -90,10 +91,10 @@ def common_viewpoint(
     outlines = [points for _, points in reach]
     grounded = _all_about_one_place(outlines)
     together = np.vstack(_on_one_floor(outlines, rotation[2]) if grounded else outlines)
-    shared = frame(together, rotation, first.viewpoint.elevation)
+    shared = frame_points(together, rotation, first.viewpoint.elevation)
     shared = replace(shared, floor=float(shared.place(together)[:, 2].min()))  # what hovers in one cloud hovers
     sizes = [(name, bounding_sphere(points).radius / shared.radius) for name, points in reach]
-    specks = tuple((name, size) for name, size in sizes if size < SPECK)
+    specks = tuple((name, size) for name, size in sizes if size < SPECK_RADIUS_SHARE)
     return Series(shared, first.placement.view_description, first.cloud, len(reach), specks, grounded)
 
 
@@ -105,7 +106,7 @@ def common_crop(
     It is found in small pictures, drawn first and thrown away. Clouds that cannot be drawn are passed over: they fail
     again, and are told, when their turn comes.
     """
-    share = min(1.0, DRAFT / min(look.width, look.height))
+    share = min(1.0, DRAFT_SIDE / min(look.width, look.height))
     width, height = (max(32, round(side * share)) for side in (look.width, look.height))
     draft = replace(look.untrimmed, width=width, height=height, supersample=1)
     alpha = np.zeros((height, width), dtype=np.uint8)
@@ -113,8 +114,8 @@ def common_crop(
         with suppress(Exception):  # whatever a file brings up, the others count
             for scan in _usable_ones(path, columns):
                 with suppress(Exception):
-                    np.maximum(alpha, draw(renderer, scan, format_suffix(path), draft).picture[..., 3], out=alpha)
-    if not (alpha >= FAINTEST).any():
+                    np.maximum(alpha, render_scan(renderer, scan, format_suffix(path), draft).picture[..., 3], out=alpha)
+    if not (alpha >= MIN_VISIBLE_ALPHA).any():
         return None
     top, bottom, left, right = content_box(alpha, look.margin)
     return left / width, top / height, right / width, bottom / height
@@ -138,24 +139,24 @@ def _all_about_one_place(outlines: list[np.ndarray]) -> bool:
 
     What such a thing's place says of the floor is nothing: half of it would lie below the ground that it stood on.
     """
-    extents = [extent(points) for points in outlines]
+    extents = [bounding_box(points) for points in outlines]
     middles = np.array([(low + high) / 2 for low, high in extents])
     widest = max(float((high - low).max()) for low, high in extents)
-    alike = float(np.ptp(middles, axis=0).max()) <= CENTRED * widest
+    alike = float(np.ptp(middles, axis=0).max()) <= MAX_CENTER_SPREAD * widest
     spans = np.array([high - low for low, high in extents])
-    return alike and len(outlines) > 1 and bool(np.ptp(spans, axis=0).max() > CENTRED * widest)
+    return alike and len(outlines) > 1 and bool(np.ptp(spans, axis=0).max() > MAX_CENTER_SPREAD * widest)
 
 
 def _on_one_floor(outlines: list[np.ndarray], upward: np.ndarray) -> list[np.ndarray]:
     """The clouds, each moved down along `upward` (3,) to where the lowest one stands."""
-    lows = [float(along(points, upward).min()) for points in outlines]
+    lows = [float(dot_axis(points, upward).min()) for points in outlines]
     return [points - (low - min(lows)) * upward for points, low in zip(outlines, lows, strict=True)]
 
 
 def _outline(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Farthest points of a cloud along fixed directions and the axes of `rotation` (3, 3), and an even share of all."""
     rng = np.random.default_rng(0)
-    directions = np.vstack([rotation, *(random_rotation(rng) for _ in range(DIRECTIONS // 3))])
+    directions = np.vstack([rotation, *(random_rotation(rng) for _ in range(OUTLINE_DIRECTIONS // 3))])
     centred = points - points[0]
     farthest = [int(np.argmax(sign * (centred @ direction))) for direction in directions for sign in (1, -1)]
-    return np.vstack([points[np.unique(farthest)], even_share(points, MOST_EACH)])
+    return np.vstack([points[np.unique(farthest)], even_share(points, MAX_OUTLINE_POINTS)])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from torch import nn
 
 
-MOST_FEATURES = 4096
+MAX_ENCODER_CHANNELS = 4096
 """Channels that an encoder may give."""
 
 
@@ -163,7 +163,7 @@ def _encoder(weights: Weights) -> PositionalEncoder:
     except Exception as error:  # whatever a plugin stumbles over in a stranger's numbers
         raise WeightsError(f"{_named(weights)}: card.encoder.state: expected what encoder {entry['name']!r} saves, got "
                            f"{describe_value(entry['state'])} ({type(error).__name__}: {error})") from error
-    if not fits or encoder.channels > MOST_FEATURES:
+    if not fits or encoder.channels > MAX_ENCODER_CHANNELS:
         raise WeightsError(f"{_named(weights)}: card.encoder.state: expected what encoder {entry['name']!r} saves, got "
                            f"{describe_value(entry['state'])}")
     return encoder

@@ -14,11 +14,11 @@ if TYPE_CHECKING:  # reading a colour needs no torch
     from z2p_renderer.pipeline.inference.renderer import Renderer
 
 Color = tuple[float, float, float]
-WIDEST_SMOOTH = 0.3
+MAX_SMOOTHING_RADIUS = 0.3
 """Radius of the patches that clouds are made smooth over, at most, in that of the frame."""
 
 
-def settings_for(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Value]:
+def parse_controls(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Value]:
     """Value of each control that was given, as text, a number or a sequence of numbers; None counts as not given.
 
     Raises:
@@ -41,8 +41,8 @@ def settings_for(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Valu
     return values
 
 
-def smooth_from(wish: Any) -> str | float:
-    """``auto``, or a radius from 0 to `WIDEST_SMOOTH`.
+def parse_smoothing(wish: Any) -> str | float:
+    """``auto``, or a radius from 0 to `MAX_SMOOTHING_RADIUS`.
 
     Raises:
         SettingError: it is neither.
@@ -53,12 +53,12 @@ def smooth_from(wish: Any) -> str | float:
         radius = math.nan if isinstance(wish, bool) else float(wish)
     except (TypeError, ValueError, OverflowError):
         radius = math.nan
-    if not 0 <= radius <= WIDEST_SMOOTH:
-        raise SettingError(f"smooth: expected auto, or a radius from 0 to {WIDEST_SMOOTH:g}, got {wish!r}")
+    if not 0 <= radius <= MAX_SMOOTHING_RADIUS:
+        raise SettingError(f"smooth: expected auto, or a radius from 0 to {MAX_SMOOTHING_RADIUS:g}, got {wish!r}")
     return radius
 
 
-def background_from(wish: Any) -> Color | None:
+def parse_background(wish: Any) -> Color | None:
     """sRGB triple in [0, 1] of a CSS name, ``#hex`` or three numbers in [0, 1], as text (``0.9,0.9,1``) or as such.
 
     None for ``transparent`` or None.

@@ -12,7 +12,7 @@ import numpy as np
 from z2p_core import __version__
 from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import SettingError, Value
-from z2p_core.placement.margin import size_with, with_margin
+from z2p_core.placement.margin import radius_with_margin, with_margin
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.shadow_fade import faded
 from z2p_renderer.pipeline.inference.renderer import Renderer
@@ -26,16 +26,16 @@ Crop = tuple[float, float, float, float]
 Box = tuple[int, int, int, int]
 """First row, the row behind the last, and columns likewise."""
 
-RECORD = 1
+RECORD_FORMAT = 1
 """Format of the record; raised when its meaning changes."""
-PLACED = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
+RECORDED_OPTIONS = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
 """What the record keeps of the `PlacementOptions` that was asked for; the camera tells the rest."""
-FAINTEST, LONE = 8, 2
+MIN_VISIBLE_ALPHA, MAX_STRAY_PIXELS = 8, 2
 """Alpha, of 255, from which on a pixel is part of the picture when it is trimmed, above the haze that weights may leave
 at its borders; and how many such pixels in a row or column are none, as in a corner."""
 TRIM_MARGIN = 0.02
 """Share of the frame's shorter side that is left around a trimmed picture."""
-LARGEST_SIDE = 8192
+MAX_NETWORK_SIDE = 8192
 """Pixels along a side that the network is given at most."""
 
 
@@ -68,8 +68,8 @@ class Look:
         Raises:
             SettingError: it is.
         """
-        if max(self.width, self.height) * self.supersample > LARGEST_SIDE:
-            raise SettingError(f"expected at most {LARGEST_SIDE} pixels a side to draw, got {self.width},{self.height} "
+        if max(self.width, self.height) * self.supersample > MAX_NETWORK_SIDE:
+            raise SettingError(f"expected at most {MAX_NETWORK_SIDE} pixels a side to draw, got {self.width},{self.height} "
                                f"times a supersample of {self.supersample}; make one of them smaller")
 
     @property
@@ -108,13 +108,13 @@ class Drawing:
     """Whether the weights were chosen to suit the cloud, and not named by the user."""
 
 
-def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
+def render_scan(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     """The scan of a file with that suffix (lower-case, with its dot; empty for none) as the look has it.
 
     Raises:
         ScanError: the cloud has no extent, or no sensor though its view is asked for.
     """
-    elevation, free = elevation_of(renderer, look.values)
+    elevation, free = camera_elevation(renderer, look.values)
     placed = place_scan(scan, suffix, look.placement_options, elevation, free)
     values = dict(look.values)
     if placed.placement.elevation is not None:
@@ -123,10 +123,10 @@ def draw(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     renderer, choice = (renderer, "") if look.settled else renderer.suited(placed.cloud)
     viewpoint, cloud = with_margin(placed.viewpoint, look.frame_margin), placed.cloud
     if look.frame_margin is not None:
-        cloud = cloud * np.float32(size_with(look.frame_margin))
+        cloud = cloud * np.float32(radius_with_margin(look.frame_margin))
     picture = _drawn(renderer, cloud, values, look, viewpoint.floor)
     if look.tight:
-        picture = trimmed(picture, look.margin) if look.crop is None else cut(picture, look.crop)
+        picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
     return Drawing(picture, placed.placement, viewpoint, renderer.settings(values), renderer, choice, chosen)
 
 
@@ -143,19 +143,19 @@ def _drawn(
     return faded(picture)
 
 
-def trimmed(picture: np.ndarray, margin: float | None = None) -> np.ndarray:
+def trim_to_content(picture: np.ndarray, margin: float | None = None) -> np.ndarray:
     """The part (H', W', 4) of a straight RGBA picture (H, W, 4) uint8 that shows something, as `content_box` has it."""
-    return part(picture, content_box(picture[..., 3], margin))
+    return crop_box(picture, content_box(picture[..., 3], margin))
 
 
-def cut(picture: np.ndarray, crop: Crop) -> np.ndarray:
+def crop_frame(picture: np.ndarray, crop: Crop) -> np.ndarray:
     """The part (H', W', 4) of a picture (H, W, 4) that a crop shows: equal sizes are cut to equal sizes."""
     (height, width), (left, top, right, bottom) = picture.shape[:2], crop
-    return part(picture, (math.floor(top * height), math.ceil(bottom * height),
+    return crop_box(picture, (math.floor(top * height), math.ceil(bottom * height),
                           math.floor(left * width), math.ceil(right * width)))  # fmt: skip
 
 
-def part(picture: np.ndarray, box: Box) -> np.ndarray:
+def crop_box(picture: np.ndarray, box: Box) -> np.ndarray:
     """The part (H', W', 4) of a picture (H, W, 4) in a box; transparent where the box reaches beyond the picture."""
     (height, width), (top, bottom, left, right) = picture.shape[:2], box
     inside = picture[max(top, 0) : bottom, max(left, 0) : right]
@@ -169,8 +169,8 @@ def content_box(alpha: np.ndarray, margin: float | None = None) -> Box:
     A share of the shorter side is left around it: `margin`, even beyond the picture, or a narrow one within it.
     """
     height, width = alpha.shape
-    visible = alpha >= FAINTEST
-    rows, columns = (np.flatnonzero(visible.sum(axis) > LONE) for axis in (1, 0))
+    visible = alpha >= MIN_VISIBLE_ALPHA
+    rows, columns = (np.flatnonzero(visible.sum(axis) > MAX_STRAY_PIXELS) for axis in (1, 0))
     if not (len(rows) and len(columns)):
         return 0, height, 0, width
     wide = round((TRIM_MARGIN if margin is None else margin) * min(height, width))
@@ -180,11 +180,11 @@ def content_box(alpha: np.ndarray, margin: float | None = None) -> Box:
     return int(top), int(bottom), int(left), int(right)
 
 
-def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:
+def build_record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str, Any]:
     """All that made a picture, JSON-able; `source` tells of the cloud: name, path, sha256, place in its file."""
     window = {} if look.crop is None else {"window": list(look.crop)}
     return {
-        "record": RECORD,
+        "record": RECORD_FORMAT,
         "version": __version__,
         "input": dict(source),
         "camera": drawing.viewpoint.to_json(),
@@ -197,13 +197,13 @@ def record(drawing: Drawing, look: Look, source: Mapping[str, Any]) -> dict[str,
         "supersample": look.supersample,
         "fit": "tight" if look.tight else "frame",
         "margin": look.margin,
-        "placing": {name: getattr(look.placement_options, name) for name in PLACED},
+        "placing": {name: getattr(look.placement_options, name) for name in RECORDED_OPTIONS},
         "stance": drawing.placement.to_json(),
         **window,
     }
 
 
-def elevation_of(renderer: Renderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
+def camera_elevation(renderer: Renderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
     """The camera's elevation, degrees, and the range in which a view may choose another: None when it is settled."""
     if renderer.fixed_elevation is not None:
         return renderer.fixed_elevation, None

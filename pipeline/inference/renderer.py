@@ -12,11 +12,11 @@ from z2p_core.camera import DEFAULT_ELEVATION, Camera, turn
 from z2p_core.interfaces import Control, Engine, Value
 from z2p_core.native import straight_bytes
 from z2p_core.network.crop_window import window_of
-from z2p_core.parallel import over_rows
-from z2p_core.placement.view_selection import UP_AXES
-from z2p_core.placement.viewpoint import frame
+from z2p_core.parallel import parallel_rows
+from z2p_core.placement.viewpoint import frame_points
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.inference.adaptive_resolution import drawn_size, enlarged
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
+from z2p_renderer.pipeline.inference.adaptive_resolution import render_size, upsampled
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
@@ -102,11 +102,11 @@ class Renderer:
         The floor lies at that height; None puts it under the lowest point. Of a sparse cloud a smaller picture is drawn
         and enlarged.
         """
-        buffers, encoding, settings = self.inputs(cloud, values, *drawn_size(cloud, width, height), floor)
+        buffers, encoding, settings = self.inputs(cloud, values, *render_size(cloud, width, height), floor)
         features = buffers[0, self._loaded.zbuffer.channels :]
         drawn = self._drawn(buffers, features, encoding, settings, len(cloud))
         self._loaded.gbuffer.reconcile(drawn, features, len(cloud))
-        return straight_bytes(enlarged(drawn, width, height))
+        return straight_bytes(upsampled(drawn, width, height))
 
     def _drawn(
         self, buffers: np.ndarray, features: np.ndarray, encoding: np.ndarray, settings: np.ndarray, points: int
@@ -133,7 +133,7 @@ class Renderer:
         def fill(begin: int, end: int) -> None:
             copy[:, begin:end] = window[:, begin:end]
 
-        over_rows(fill, window.shape[1], smallest=2, parts=2)  # half of the channels on each core
+        parallel_rows(fill, window.shape[1], smallest=2, parts=2)  # half of the channels on each core
         return copy
 
     def inputs(
@@ -175,5 +175,5 @@ def place_cloud(points: np.ndarray, up: str | np.ndarray = "+Z", azimuth: float 
     Raises:
         ScanError: there is no extent to scale: no points, or all in one place.
     """
-    upright = np.asarray(UP_AXES[up] if isinstance(up, str) else up, dtype=np.float64)
-    return frame(points, turn(azimuth) @ upright, DEFAULT_ELEVATION).place(points)
+    upright = np.asarray(UP_ROTATIONS[up] if isinstance(up, str) else up, dtype=np.float64)
+    return frame_points(points, turn(azimuth) @ upright, DEFAULT_ELEVATION).place(points)

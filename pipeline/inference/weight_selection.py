@@ -16,21 +16,21 @@ from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import shipped
 
 AUTO = "auto"
-USUAL, NOISY = "regular", "denoise"
+DEFAULT_WEIGHTS, NOISY_CLOUD_WEIGHTS = "regular", "denoise"
 """Of the shipped weights, those for clean clouds and those for noisy ones; both carry the same controls."""
-NOISE = 0.2
+MIN_NOISE_TO_SPACING = 0.2
 """Scatter of a cloud's points about their surface, in spacings, from which on it counts as noisy. Up to 0.16 (5,000
 points, noise of 0.005) the usual weights are as good on the whole and better on the object; from 0.3 on the others are
 better."""
 
 
-class SuitedRenderer(Renderer):
+class AutoRenderer(Renderer):
     """The usual weights, and for noisy clouds those made for noise; each starts when the first cloud asks for it."""
 
     def __init__(self, threads: int | None = None, engine: str | None = None) -> None:
         if engine is not None:
             check_engine(engine)
-        super().__init__(USUAL, threads, engine, lazy=True)
+        super().__init__(DEFAULT_WEIGHTS, threads, engine, lazy=True)
         self._options, self._lock = (threads, engine), Lock()
 
     @property
@@ -41,17 +41,17 @@ class SuitedRenderer(Renderer):
         """The renderer for a placed cloud (N, 3) float32, and why it is not the usual one, or nothing."""
         noise = scatter(cloud)
         with self._lock:  # of several threads, one starts an engine
-            if noise < NOISE or NOISY not in shipped():
+            if noise < MIN_NOISE_TO_SPACING or NOISY_CLOUD_WEIGHTS not in shipped():
                 self._engine  # noqa: B018
                 return self, ""
-            return self._noisy, f"weights {NOISY}: its points scatter by {noise:.1f} of their spacing"
+            return self._noisy, f"weights {NOISY_CLOUD_WEIGHTS}: its points scatter by {noise:.1f} of their spacing"
 
     @cached_property
     def _noisy(self) -> Renderer:
-        return Renderer(NOISY, *self._options)
+        return Renderer(NOISY_CLOUD_WEIGHTS, *self._options)
 
 
-def renderer_for(
+def load_renderer(
     weights: str | Path, asked: Collection[str], threads: int | None = None, engine: str | None = None
 ) -> Renderer:
     """Renderer of `weights`, a shipped name or a file; or, for ``auto``, of shipped ones that carry the controls asked.
@@ -62,11 +62,11 @@ def renderer_for(
     """
     if str(weights) != AUTO:
         return Renderer(weights, threads, engine)
-    usual = SuitedRenderer(threads, engine)
+    usual = AutoRenderer(threads, engine)
     if set(asked) - {"elevation"} <= set(usual.controls):
         return usual
     for name in shipped():
-        if name not in (USUAL, NOISY):
+        if name not in (DEFAULT_WEIGHTS, NOISY_CLOUD_WEIGHTS):
             renderer = Renderer(name, threads, engine)
             if set(asked) <= set(renderer.controls):
                 return renderer

@@ -20,7 +20,7 @@ from z2p_core.interfaces import SettingError, Value
 from z2p_core.placement.margin import without_margin
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.surface.mls_smoothing import smoothed
-from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, content_box, draw, part
+from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, content_box, render_scan, crop_box
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, select_points
 from z2p_renderer.storage.scans.clouds import Scan
@@ -47,7 +47,7 @@ def opening(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
         ScanError: the cloud has no extent, or no sensor though its view is asked for.
     """
     sketch = replace(look.untrimmed, width=64, height=64, supersample=1)
-    return draw(renderer, scan, suffix, sketch)
+    return render_scan(renderer, scan, suffix, sketch)
 
 
 def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
@@ -65,7 +65,7 @@ def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: M
     points = select_points(scan, suffix, look.placement_options).points  # chosen and made smooth once, not for every frame
     if first.placement.smoothing_radius:
         base = without_margin(first.viewpoint, look.frame_margin)  # radii are in the frame's
-        points = base.taken_back(smoothed(base.place(points), first.placement.smoothing_radius))
+        points = base.unplace(smoothed(base.place(points), first.placement.smoothing_radius))
     scan = replace(scan, points=points)
     look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0), settled=True)
     shots = (_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
@@ -74,7 +74,7 @@ def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: M
         return
     drawn = list(shots)
     box = content_box(np.max([frame[..., 3] for frame in drawn], axis=0), look.margin)
-    yield from (part(frame, box) for frame in drawn)
+    yield from (crop_box(frame, box) for frame in drawn)
 
 
 def flicker(frames: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
@@ -100,7 +100,7 @@ def _frame(
         values, viewpoint = _moved(look.values, first, motion.kind, share)
         placing = replace(look.placement_options, viewpoint=viewpoint, azimuth=0.0)
         shown = replace(look, values=values, placement_options=placing, tight=False, margin=None)  # the viewpoint has it
-        shots.append(draw(renderer, scan, suffix, shown).picture)
+        shots.append(render_scan(renderer, scan, suffix, shown).picture)
     if len(shots) == 1:
         return shots[0]
     mean = np.mean([premultiplied_from_straight(unit_from_bytes(shot)) for shot in shots], axis=0)

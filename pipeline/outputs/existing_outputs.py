@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from z2p_core.placement.margin import with_margin
-from z2p_renderer.pipeline.inference.render_scan import PLACED, Look
+from z2p_renderer.pipeline.inference.render_scan import RECORDED_OPTIONS, Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.placement.place_scan import FIXED_CAMERA
 from z2p_renderer.storage.files.printable_names import printable
@@ -70,7 +70,7 @@ def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, re
     if _other_camera(record, look):
         others.append("camera")
     replaced = () if viewpoint is None else ("up", "view")
-    others += [name.replace("_", "-") for name in PLACED
+    others += [name.replace("_", "-") for name in RECORDED_OPTIONS
                if name in placed and name not in replaced and placed[name] != getattr(look.placement_options, name)]  # fmt: skip
     background = "transparent" if look.background is None else list(look.background)
     asked_for = {"resolution": [look.width, look.height], "background": background, "supersample": look.supersample,

@@ -6,12 +6,13 @@ import re
 
 import numpy as np
 
-from z2p_core.linalg import extent, turned
+from z2p_core.linalg import bounding_box, rotate_points
 from z2p_core.placement.background import is_room
+from z2p_core.placement.depth_camera import MILLIMETRES, implied_sensor
 from z2p_core.placement.outliers import few_of
-from z2p_core.placement.view_selection import MILLIMETRES, Up, implied_sensor
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.surface.subsampling import even_share
+from z2p_core.up_axis.choose import UpChoice
 
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
 MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
@@ -35,7 +36,7 @@ COARSE = 1000
 """Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
 
 
-def hint_for(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
+def hint_for(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) -> str:
     """What the user may want to try or to know of points (N, 3) that stand so, or nothing.
 
     `by_itself`: z2p chose up and view; `whole`: nothing was cut off.
@@ -50,14 +51,14 @@ def few_hint(count: int) -> str:
     return f"its {count} points are drawn as balls, for {FEW_HINT}"
 
 
-def _other_up(up: Up) -> str:
+def _other_up(up: UpChoice) -> str:
     """What to try where another axis may be up."""
     return f"up may be {up.other}: --up {up.other} turns it so" if up.other else ""
 
 
-def _shape_hint(points: np.ndarray, up: Up, by_itself: bool, whole: bool) -> str:
+def _shape_hint(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) -> str:
     """What the shape of points (N, 3) suggests to try, or nothing."""
-    upright_points = turned(points, up.rotation)
+    upright_points = rotate_points(points, up.rotation)
     if whole and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
         return ROOM_HINT
     if by_itself and up.sensor is None and implied_sensor(points, (MILLIMETRES,)):
@@ -74,7 +75,7 @@ def hint_for_placed(cloud: np.ndarray) -> str:
 
 def hint_for_settled(cloud: np.ndarray, viewpoint: Viewpoint) -> str:
     """What to say where a camera that was settled before shows next to nothing of placed points (N, 3), or no floor."""
-    low, high = extent(cloud)
+    low, high = bounding_box(cloud)
     tiny = (high - low).max() < 2 * TINY
     floor = low[2] if viewpoint.floor is None else viewpoint.floor
     away = FLOOR_ABOVE if floor > low[2] + SUNK * (high - low)[2] else FLOOR_BELOW if floor < low[2] - AFAR else ""
@@ -93,7 +94,7 @@ def rounding(points: np.ndarray) -> float:
     A grid whose own steps are wider has lost nothing, nor has a raster, each place of which comes once.
     """
     with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
-        low, high = extent(points)
+        low, high = bounding_box(points)
         step = float(np.spacing(np.float32(max(high.max(), -low.min()))))
         if (high - low).max() >= COARSE * step or not np.array_equal(points, points.astype(np.float32)):
             return 0.0
@@ -120,7 +121,7 @@ def _stepped(points: np.ndarray) -> str:
         return ""
     some = even_share(points, FEWEST_STEPPED)
     different = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
-    low, high = extent(points)
+    low, high = bounding_box(points)
     width = high - low
     stepped = (width > WIDE * width.max()) & (width * STEPS > different * width.max())
     if not stepped.any() or different.max() < 5 * STEPS:  # a grid of voxels has steps along all axes

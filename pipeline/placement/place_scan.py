@@ -9,15 +9,16 @@ import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, DISTANCE, turn
 from z2p_core.interfaces import ScanError, Sensor
-from z2p_core.linalg import along
-from z2p_core.placement.background import depths, subject, support, upright
-from z2p_core.placement.depth_gaps import dropouts
-from z2p_core.placement.isolated_points import clip_lone
-from z2p_core.placement.outliers import clip_below, clip_far, clip_outliers
-from z2p_core.placement.view_selection import Up
-from z2p_core.placement.viewpoint import Viewpoint, frame
+from z2p_core.linalg import dot_axis
+from z2p_core.placement.background import foreground_mask, sensor_depths, support_plane_normal
+from z2p_core.placement.depth_gaps import fill_depth_gaps
+from z2p_core.placement.isolated_points import non_isolated_mask
+from z2p_core.placement.outliers import above_low_outliers_mask, inlier_mask, visible_cluster_mask
+from z2p_core.placement.viewpoint import Viewpoint, frame_points
+from z2p_core.rotations import align_to_vertical
 from z2p_core.surface.mls_smoothing import patch_radius, smoothed
 from z2p_core.surface.subsampling import with_fixed_start
+from z2p_core.up_axis.choose import UpChoice
 from z2p_renderer.pipeline.placement.few_points import FEWEST_FOR_SURFACE, as_balls
 from z2p_renderer.pipeline.placement.hints import few_hint, hint_for, hint_for_placed, hint_for_settled, rounding
 from z2p_renderer.pipeline.placement.placement_record import FIXED_CAMERA, Placement
@@ -65,7 +66,7 @@ def place_scan(
     azimuth, wished, reason = choose_side(points, up, scan, placement_options, elevation)
     wished, beyond = allowed_elevation(wished, free)
     azimuth += placement_options.azimuth
-    viewpoint = frame(with_fixed_start(points), turn(azimuth) @ up.rotation, elevation if wished is None else wished)
+    viewpoint = frame_points(with_fixed_start(points), turn(azimuth) @ up.rotation, elevation if wished is None else wished)
     cloud, smooth = _smoothed(viewpoint.place(points), shown, placement_options)
     by_itself = (placement_options.up, placement_options.view) == ("auto", "auto")
     hint = few_hint(shown.few) if shown.few else hint_for(points, up, by_itself, whole=not placement_options.cut_top)
@@ -82,7 +83,7 @@ class SelectedPoints:
 
     points: np.ndarray
     """(N, 3) float64 in the file's axes."""
-    up: Up
+    up: UpChoice
     outliers: int
     background: int
     added: int
@@ -103,23 +104,23 @@ def select_points(scan: Scan, suffix: str, placement_options: PlacementOptions) 
     up = set_upright(points, scan, suffix, placement_options)
     background, put_in = 0, points[:0]
     if up.sensor is None and not placement_options.keep_outliers:
-        kept = clip_below(points, along(points, _upward(up, placement_options)))
+        kept = above_low_outliers_mask(points, dot_axis(points, _upward(up, placement_options)))
         points = points[kept] if not kept.all() else points
     if up.sensor is not None:
-        put_in = points[:0] if placement_options.smooth == 0 else dropouts(points, up.sensor)
+        put_in = points[:0] if placement_options.smooth == 0 else fill_depth_gaps(points, up.sensor)
         if not placement_options.keep_outliers:
             points, background = _subject(points, up.sensor)
-            put_in = put_in[depths(put_in, up.sensor) <= depths(points, up.sensor).max()]
+            put_in = put_in[sensor_depths(put_in, up.sensor) <= sensor_depths(points, up.sensor).max()]
     if up.sensor is not None and placement_options.up == "auto":
-        normal = support(points, up.rotation[2], up.sensor)
+        normal = support_plane_normal(points, up.rotation[2], up.sensor)
         if normal is not None:
-            up = replace(up, rotation=upright(up.rotation, normal), axis="the table's normal",
+            up = replace(up, rotation=align_to_vertical(up.rotation, normal), axis="the table's normal",
                          reason=f"{up.reason}, set upright by the plane that things stand on")
     outliers = len(scan.points) - background - len(points)
     added = len(put_in)
     points = np.concatenate([points, put_in]) if added else points
     if placement_options.cut_top:
-        height = along(points, _upward(up, placement_options))
+        height = dot_axis(points, _upward(up, placement_options))
         low = height <= height.max() - placement_options.cut_top / 100 * np.ptp(height)
         points, added = points[low], int(low[len(low) - added :].sum())
         if len(points) < FEWEST_POINTS:
@@ -130,14 +131,14 @@ def select_points(scan: Scan, suffix: str, placement_options: PlacementOptions) 
 
 def _without_strays(points: np.ndarray) -> tuple[np.ndarray, int]:
     """The points (M, 3) without strays and without what lies too far from the others, and how many of these it is."""
-    kept = clip_outliers(points)
+    kept = inlier_mask(points)
     points = points[kept] if not kept.all() else points
-    near = clip_far(points)
+    near = visible_cluster_mask(points)
     far = len(near) - int(near.sum())
     if far:
         points = points[near]
-        points = points[clip_outliers(points)]
-    near = clip_lone(points)
+        points = points[inlier_mask(points)]
+    near = non_isolated_mask(points)
     return points[near] if not near.all() else points, far
 
 
@@ -145,15 +146,15 @@ def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
     """The points (M, 3) of a depth camera's subject, without strays, and how many lie far behind it."""
     if len(points) < FEWEST_FOR_SURFACE:  # a gap between a few points says nothing
         return points, 0
-    before = subject(points, sensor)
+    before = foreground_mask(points, sensor)
     background = int(len(before) - before.sum())
     if background:
         points = points[before]
-        points = points[clip_outliers(points)]
+        points = points[inlier_mask(points)]
     return points, background
 
 
-def _upward(up: Up, placement_options: PlacementOptions) -> np.ndarray:
+def _upward(up: UpChoice, placement_options: PlacementOptions) -> np.ndarray:
     """The direction (3,) in the file's axes that points up in the picture."""
     rotation = up.rotation if placement_options.viewpoint is None else np.array(placement_options.viewpoint.rotation)
     upward: np.ndarray = rotation[2]
@@ -195,7 +196,7 @@ def _check_before(cloud: np.ndarray, viewpoint: Viewpoint) -> None:
         ScanError: the placed cloud (N, 3) reaches the place where the camera stands, or beyond.
     """
     angle = math.radians(viewpoint.elevation)
-    depth = DISTANCE - along(cloud.astype(np.float64), np.array([0.0, -math.cos(angle), math.sin(angle)]))
+    depth = DISTANCE - dot_axis(cloud.astype(np.float64), np.array([0.0, -math.cos(angle), math.sin(angle)]))
     if (depth < TOO_NEAR).mean() > MOST_NEAR:
         reach = float(np.sqrt((cloud**2).sum(1)).max())
         raise ScanError(f"reaches the camera or lies behind it: its farthest point lies {reach:.3g} radii from the "

@@ -7,22 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core.interfaces import ScanError, Sensor
-from z2p_core.linalg import extent, turned
-from z2p_core.placement.background import upright
+from z2p_core.linalg import bounding_box, rotate_points
 from z2p_core.placement.bounding_sphere import bounding_sphere
-from z2p_core.placement.view_selection import (
-    METRES,
-    MILLIMETRES,
-    UP_AXES,
-    Up,
-    choose_up,
-    choose_view,
-    implied_sensor,
-    is_camera,
-    sensor_view,
-)
+from z2p_core.placement.depth_camera import METRES, MILLIMETRES, implied_sensor, is_depth_camera
+from z2p_core.placement.view_selection import choose_view, view_from_sensor
 from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.rotations import align_to_vertical
 from z2p_core.surface.subsampling import even_share
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
+from z2p_core.up_axis.choose import UpChoice, choose_up
 from z2p_renderer.storage.scans.clouds import Scan
 
 ANY_UNIT = (METRES, MILLIMETRES)
@@ -59,25 +52,25 @@ class PlacementOptions:
     """Sets the cloud down onto the floor of `viewpoint`, wherever it was."""
 
 
-def set_upright(points: np.ndarray, scan: Scan, suffix: str, placement_options: PlacementOptions) -> Up:
+def set_upright(points: np.ndarray, scan: Scan, suffix: str, placement_options: PlacementOptions) -> UpChoice:
     """How the cloud is set upright, with the depth camera that it may be seen from."""
     sensor = scan.sensor
     if placement_options.up == "auto" and scan.up and scan.up_certain:
-        rotation = np.array(UP_AXES[scan.up], dtype=np.float64)
+        rotation = np.array(UP_ROTATIONS[scan.up], dtype=np.float64)
         if scan.upward is not None:
-            return Up(upright(rotation, scan.upward), f"near {scan.up}", scan.up_reason)
-        return Up(rotation, scan.up, scan.up_reason)
+            return UpChoice(align_to_vertical(rotation, scan.upward), f"near {scan.up}", scan.up_reason)
+        return UpChoice(rotation, scan.up, scan.up_reason)
     units = ANY_UNIT if placement_options.view == "sensor" else (METRES,)
     if placement_options.up == "auto":
         return choose_up(points, sensor, suffix, units, (scan.up, scan.up_reason))
     wanted = None
     if placement_options.view == "sensor":
-        wanted = implied_sensor(points, ANY_UNIT) if sensor is None else sensor if is_camera(points, sensor) else None
-    return Up(np.array(UP_AXES[placement_options.up], dtype=np.float64), placement_options.up, "as asked", wanted)
+        wanted = implied_sensor(points, ANY_UNIT) if sensor is None else sensor if is_depth_camera(points, sensor) else None
+    return UpChoice(np.array(UP_ROTATIONS[placement_options.up], dtype=np.float64), placement_options.up, "as asked", wanted)
 
 
 def choose_side(
-    points: np.ndarray, up: Up, scan: Scan, placement_options: PlacementOptions, elevation: float
+    points: np.ndarray, up: UpChoice, scan: Scan, placement_options: PlacementOptions, elevation: float
 ) -> tuple[float, float | None, str]:
     """Azimuth from the file's front, the elevation that goes with it or None, and why.
 
@@ -91,7 +84,7 @@ def choose_side(
     place = scan.seen_from if up.sensor is None else up.sensor.position
     if place is not None:
         centre = np.array(bounding_sphere(points).centre)
-        azimuth, height = sensor_view(up.rotation @ (place - centre))
+        azimuth, height = view_from_sensor(up.rotation @ (place - centre))
         return azimuth, height, "from the sensor" if up.sensor is not None else "from where one of its cameras stood"
     if scan.sensor is not None and (placement_options.view == "sensor" or (scan.up and scan.up_certain)):
         found = _from_scanner(points, up, scan.sensor)
@@ -99,23 +92,23 @@ def choose_side(
             return found
     elif placement_options.view == "sensor":
         raise ScanError("has no sensor to look from: expected an organised cloud or a VIEWPOINT; use --view auto")
-    azimuth, reason = choose_view(turned(points, up.rotation), elevation)
+    azimuth, reason = choose_view(rotate_points(points, up.rotation), elevation)
     return azimuth, None, reason
 
 
-def _from_scanner(points: np.ndarray, up: Up, sensor: Sensor) -> tuple[float, None, str] | None:
+def _from_scanner(points: np.ndarray, up: UpChoice, sensor: Sensor) -> tuple[float, None, str] | None:
     """The side on which a scanner that sees all around stood, or, amid its points, ahead as it looked; or None.
 
     The camera's elevation stays: from the scanner's own height a scene around it is one line.
     """
     middle = np.median(even_share(points, MEDIAN_SAMPLE), axis=0)
-    low, high = extent(points)
+    low, high = bounding_box(points)
     aside = up.rotation @ (sensor.position - middle)
     if np.hypot(*aside[:2]) > CENTRAL_SHARE * float((high - low).max()):
-        return sensor_view(aside)[0], None, "from its sensor's side"
+        return view_from_sensor(aside)[0], None, "from its sensor's side"
     ahead = up.rotation @ sensor.rotation[:, 2]
     if np.hypot(*ahead[:2]) > LEVEL_COSINE:
-        return sensor_view(-ahead)[0], None, "ahead as its sensor looks"
+        return view_from_sensor(-ahead)[0], None, "ahead as its sensor looks"
     return None
 
 

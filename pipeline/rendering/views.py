@@ -13,7 +13,7 @@ from z2p_core import registry
 from z2p_core.camera import turn
 from z2p_core.config import RenderConfig
 from z2p_core.interfaces import Control, Value
-from z2p_core.placement.bounding_sphere import random_rotation
+from z2p_core.rotations import random_rotation
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.render import RenderSettings, render_scenes
 
@@ -44,6 +44,13 @@ def describe(controls: dict[str, Control], values: dict[str, Value], rotation: n
     for name, control in controls.items():
         control.apply(values[name], scene)
     return scene
+
+
+def in_scene(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
+    """Cloud (N, 3) in the unit sphere, rotated and lifted as the scene's mesh is: (N, 3) float32."""
+    turned = cloud.astype(np.float64) @ np.array(scene.rotation).T
+    turned[:, 2] += scene.lift
+    return turned.astype(np.float32)
 
 
 def view_rng(seed: int, identity: str, index: int) -> np.random.Generator:

@@ -8,7 +8,7 @@ import numpy as np
 
 from z2p_core.config import TrainConfig
 from z2p_core.meshes.synthetic_noise import add_noise
-from z2p_core.placement.bounding_sphere import random_rotation
+from z2p_core.rotations import random_rotation
 from z2p_renderer.storage.shards import Record
 
 CHOICE = 8

@@ -16,10 +16,10 @@ import numpy as np
 import torch
 
 from z2p_core.camera import Camera
-from z2p_core.config import TrainConfig, batch_size, training_fault
+from z2p_core.config.pipeline import TrainConfig, batch_size, training_fault
 from z2p_core.images import bytes_from_unit
 from z2p_core.interfaces import GBuffer, ZBuffer
-from z2p_core.linalg import along, turned
+from z2p_core.linalg import dot_axis, rotate_points
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
 from z2p_renderer.pipeline.training.augment import draw_cloud, mirrored
@@ -189,8 +189,8 @@ class CloudPictures:
         rotation = np.array(record.scene.rotation, dtype=np.float32)
         scene = record.scene
         if scene.floor is None:  # the mesh's own: the pool is dense enough to tell it
-            scene = replace(scene, floor=float(along(pool, rotation[2]).min()))
-        cloud = turned(draw_cloud(pool, self.config, rng), rotation)
+            scene = replace(scene, floor=float(dot_axis(pool, rotation[2]).min()))
+        cloud = rotate_points(draw_cloud(pool, self.config, rng), rotation)
         cloud[:, 2] += scene.lift
         if in_mirror:
             cloud[:, 0] *= -1

@@ -15,7 +15,7 @@ import torch
 from torch import nn
 from tqdm import tqdm
 
-from z2p_core.config import TrainConfig, samples_until
+from z2p_core.config.pipeline import TrainConfig, samples_until
 from z2p_core.quality.losses import total_loss
 from z2p_renderer.pipeline.export import check_exporter, export_onnx
 from z2p_renderer.pipeline.training.cropping import cropped

@@ -11,7 +11,7 @@ import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.network.per_size_cache import once_each
-from z2p_core.parallel import cores
+from z2p_core.parallel import core_count
 
 STARTING = threading.Lock()
 """Held over OpenVINO's first question for a type, which fills a table: two threads that ask at once wait for ever."""
@@ -33,7 +33,7 @@ class OpenVino(Engine):
             "INFERENCE_PRECISION_HINT": self.precision, "PERFORMANCE_HINT": "LATENCY",
         }  # fmt: skip
         if threads is not None:  # one stream draws one picture after the other, so as many as the cores have room for
-            streams = max(1, cores() // threads)
+            streams = max(1, core_count() // threads)
             self._options |= {"NUM_STREAMS": streams, "INFERENCE_NUM_THREADS": streams * threads}
         with STARTING:
             openvino.Type.f32.to_dtype()

@@ -15,7 +15,7 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.linalg import along, products
+from z2p_core.linalg import dot_axis, row_dots
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
 from z2p_core.shading.area_light import light_lamps, light_square
 from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, MaterialChannel
@@ -112,7 +112,7 @@ class Reflections(Lighting):
         one the floor beneath the thing is not seen, for it would be the thing itself that hides it from the sky.
         """
         points, normals = self.points[rows], self.normals[rows] * np.where(sides, -1, 1).astype(np.float32)[:, None]
-        facing = np.maximum(products(normals, towards), 1e-3)
+        facing = np.maximum(row_dots(normals, towards), 1e-3)
         rays = 2 * facing[:, None] * normals - towards
         direct = self.direct[sides, rows]
         clear = np.full(len(rows), 1 - self.matt, np.float32)
@@ -139,7 +139,7 @@ class Reflections(Lighting):
         met = native.mirror_hits(self.points, self.normals, rows, rays, *self.sizes)
         meeting = np.flatnonzero(met >= 0)
         others, back = met[meeting], -rays[meeting]
-        sides = (products(self.normals[others], back) < 0).astype(np.intp)
+        sides = (row_dots(self.normals[others], back) < 0).astype(np.intp)
         around[meeting] *= self.matt
         around[meeting] += (1 - self.matt) * self.send(others, sides, back, mirrors)[1]
         clear[meeting] *= self.matt
@@ -164,7 +164,7 @@ class Reflections(Lighting):
         self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray, sent: Sent, shine: np.ndarray
     ) -> np.ndarray:
         """Radiance (M, 3) of lamp, sky and floor in surfaces at points (M, 3), as seen from directions (M, 3)."""
-        facing = np.maximum(products(normals, towards), 1e-3)
+        facing = np.maximum(row_dots(normals, towards), 1e-3)
         lobes = leaning(2 * facing[:, None] * normals - towards, normals, self.roughness)
         around = self.surroundings_in(points, lobes) * sent.clear
         lamp = self.surface.gloss(sent.lit[:, None] * shine, facing)
@@ -177,7 +177,7 @@ class Reflections(Lighting):
         place, no_lamp, no_sky = self.floor_met(points, lower)
         away = floor.lamps.mean(0) - place
         square = (away**2).sum(1)
-        lit = floor.power * np.maximum(-along(away, floor.axis), 0) * away[:, 2] / (square * square * math.pi)
+        lit = floor.power * np.maximum(-dot_axis(away, floor.axis), 0) * away[:, 2] / (square * square * math.pi)
         lit_floor = floor.albedo * (lit * (1 - no_lamp) + floor.sky * (1 - no_sky))
         radiance: np.ndarray = AMBIENT * upwards + lit_floor * (1 - upwards)
         return radiance

@@ -17,8 +17,8 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.interfaces import GBuffer
-from z2p_core.linalg import products, turned
-from z2p_core.parallel import beside, over_rows
+from z2p_core.linalg import row_dots, rotate_points
+from z2p_core.parallel import run_async, parallel_rows
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
 from z2p_core.shading.light_transport import Detail, Lighting
@@ -91,12 +91,12 @@ class Surfels(GBuffer):
         lighting.shade(found, radii, lamp_sets_for(camera))
         normals = faced(found.points, found.normals, camera.position)
         rotation = camera.rotation.astype(np.float32)
-        facing = turned(normals, rotation)
+        facing = rotate_points(normals, rotation)
         centres = native.centres(found.points, normals, radii, found.neighbours)
-        seen = turned(centres - camera.position.astype(np.float32), rotation)
+        seen = rotate_points(centres - camera.position.astype(np.float32), rotation)
         clips = native.clips(seen, facing, radii, found.neighbours)
         lighting.follow()
-        shadow = beside(lighting.draw_shadow, camera, out[GBufferChannel.SHADOW])
+        shadow = run_async(lighting.draw_shadow, camera, out[GBufferChannel.SHADOW])
         kept = partial(with_holes, neighbours=found.neighbours)
         layers = [np.column_stack([facing[:, :2], kept(lighting.colors(camera.position))])]
         layers += [np.column_stack([facing[:, 2], kept(further)]) for further in lighting.further()]
@@ -110,7 +110,7 @@ class Surfels(GBuffer):
                     draw(layer, camera, SLACK, SURE, FULL, *DEPTH_RANGE, picture, rows)
                 lighting.finish(camera, rows, pictures)
 
-        over_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
+        parallel_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
         shadow.result()
 
     def elsewhere(self, features: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray] | None:
@@ -158,5 +158,5 @@ def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.nda
         towards = viewer.astype(np.float32) - points
         towards -= (towards @ line)[:, None] * line
         return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-6)
-    away = products(points - viewer.astype(np.float32), normals) > 0
+    away = row_dots(points - viewer.astype(np.float32), normals) > 0
     return normals * np.where(away, np.float32(-1), np.float32(1))[:, None]

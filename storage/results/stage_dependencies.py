@@ -72,9 +72,9 @@ _CASES = (
     *(f"pipeline.evaluation.paper.cases.{name}" for name in ("sweeps", "synthetic_scans", "synthetic_shapes",
                                                               "ground_truth")),
     "pipeline.evaluation.paper.methods", "pipeline.evaluation.baselines",
-    *(f"pipeline.evaluation.evaluate:{name}" for name in ("draw_views", "in_scene", "UPRIGHT")),
+    *(f"pipeline.evaluation.evaluate:{name}" for name in ("draw_views", "UPRIGHT")),
     "pipeline.rendering.mesh_samples:draw_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",
-    "pipeline.shapes", "z2p_core.placement.view_selection:UP_AXES", "z2p_core.meshes.synthetic_noise",
+    "pipeline.shapes", "z2p_core.placement.view_selection:UP_ROTATIONS", "z2p_core.meshes.synthetic_noise",
     "z2p_core.meshes.triangle_sampling", *_RENDERER, *_RENDERS, *_NETWORK, *_CONTROLS,
 )
 _PAPER = "pipeline.evaluation.paper"
@@ -98,8 +98,9 @@ SHAPING: dict[str, tuple[str, ...]] = {
         *(f"pipeline.training.{name}" for name in ("train", "state", "dataset", "augment", "distillation", "cropping",
                                                    "learning_curve", "shadow_debias")),
         "pipeline.training.make_shard:shrink_pictures", "pipeline.export", "pipeline.export.fp16_constants",
-        "pipeline.inference.engine_selection", *_EXPORTED_FILES, "storage.shards", "z2p_core.config:batch_size",
-        "z2p_core.config:samples_until", "z2p_core.images", "z2p_core.placement.bounding_sphere",
+        "pipeline.inference.engine_selection", *_EXPORTED_FILES, "storage.shards",
+        "z2p_core.config.pipeline:batch_size", "z2p_core.config.pipeline:samples_until", "z2p_core.images",
+        "z2p_core.placement.bounding_sphere",
         *(f"z2p_core.quality.{name}" for name in ("flip_loss", "losses", "metrics:PIXELS_A_DEGREE",
                                                   "separable_filter")),
         "z2p_core.meshes.synthetic_noise", *_NETWORK,
@@ -108,7 +109,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
         "workflows.stages:Evaluate", "pipeline.evaluation.evaluate", "pipeline.evaluation.baselines:on_true_floor",
         "pipeline.evaluation.comparison_sheet", "pipeline.outputs.point_preview", "pipeline.outputs.sheet_files",
         "pipeline.rendering.mesh_samples:draw_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",
-        "z2p_core.placement.view_selection:UP_AXES", "z2p_core.quality.metrics", "z2p_core.meshes.synthetic_noise",
+        "z2p_core.placement.view_selection:UP_ROTATIONS", "z2p_core.quality.metrics", "z2p_core.meshes.synthetic_noise",
         "z2p_core.meshes.triangle_sampling", *_RENDERER, *_RENDERS, *_NETWORK, *_CONTROLS,
     ),
     "reference": ("pipeline.rendering.ground_truth", "z2p_core.scene", *_RENDERS),
@@ -139,14 +140,15 @@ SHAPING: dict[str, tuple[str, ...]] = {
     "compare": (
         "workflows.ablation.stages:Compare",
         *(f"pipeline.evaluation.ablation.{name}" for name in ("page", "curves", "outcomes")),
-        "storage.models.checkpoints", "z2p_core.config.ablation", "z2p_core.config:batch_size",
-        "z2p_core.config:samples_until", "z2p_core.quality.metrics:NAMES",
+        "storage.models.checkpoints", "z2p_core.config.ablation", "z2p_core.config.pipeline:batch_size",
+        "z2p_core.config.pipeline:samples_until", "z2p_core.quality.metrics:NAMES",
     ),
 }
 """Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
 
 NOT_SHAPING: dict[str, str] = {
-    "z2p_core.config": "the values that a stage gets are in its fingerprint; what reckons with them is listed",
+    "z2p_core.config": "hands on the names of its pipeline module",
+    "z2p_core.config.pipeline": "the values that a stage gets are in its fingerprint; what reckons with them is listed",
     "z2p_core.errors.messages": "words errors",
     "z2p_core.network.tensor_shapes": "refuses networks, and makes none",
     "z2p_core.errors.value_limits": "refuses values, and changes none",

@@ -10,7 +10,7 @@ from typing import Any
 
 from z2p_core.formats.tables.header_lines import COMMENT_SIGNS, text_encoding
 from z2p_core.interfaces import RawCloud
-from z2p_core.up_axis.axis_words import up_from
+from z2p_core.up_axis.axis_names import parse_up_axis
 from z2p_core.up_axis.choose import STANDARD_AXES
 from z2p_core.up_axis.header_comments import UpHint, axis_of_vector, up_of_comments
 from z2p_renderer.storage.files.bounded_json import MOST_BYTES, read_json
@@ -133,7 +133,7 @@ def _axis_in_json(path: Path) -> str:
 def _axis_of(value: Any) -> str:
     """The axis that a value in JSON stands for: ``"Y"``, ``"Z_UP"`` or [0, 0, 1]; empty for any other."""
     if isinstance(value, str) and len(value) <= _LONGEST_VALUE:
-        axis = up_from(value) or ""
+        axis = parse_up_axis(value) or ""
         return "" if axis == "auto" else axis
     if isinstance(value, list) and len(value) == 3 and all(type(number) in (int, float) for number in value):
         return axis_of_vector(value)

@@ -31,7 +31,7 @@ def test_things_stand_on_the_floor_and_are_new_for_each_number(kind: str) -> Non
 
 def test_clouds_have_their_labels_and_are_the_same_for_a_seed(tmp_path: Path) -> None:
     vertices, faces = joined(build_standing.chair(np.random.default_rng(0)))
-    write_mesh(tmp_path / "cow.ply", vertices @ np.array(upright_clouds.UP_AXES["+Y"], dtype=float), faces)
+    write_mesh(tmp_path / "cow.ply", vertices @ np.array(upright_clouds.UP_ROTATIONS["+Y"], dtype=float), faces)
     write_mesh(tmp_path / "stranger.ply", vertices, faces)
     first, again = (upright_clouds.meshes(tmp_path, 4, 1) for _ in range(2))
     assert [cloud.name for cloud in first] == ["cow"] * 4

@@ -9,7 +9,7 @@ import numpy as np
 
 from z2p_core.camera import DISTANCE, Camera, light_position
 from z2p_core.images import linear_from_srgb
-from z2p_core.placement.bounding_sphere import random_rotation
+from z2p_core.rotations import random_rotation
 from z2p_core.scene import SceneDescription
 from z2p_renderer.storage.shards import Record, write_shard
 

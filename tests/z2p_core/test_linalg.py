@@ -7,22 +7,22 @@ import sys
 import numpy as np
 import pytest
 
-from z2p_core.linalg import along, extent, turned
+from z2p_core.linalg import dot_axis, bounding_box, rotate_points
 
 
 @pytest.mark.parametrize("kind, close", [(np.float32, 1e-6), (np.float64, 1e-14)])
 def test_they_are_the_products_of_matrices(kind, close):
     rng = np.random.default_rng(0)
     points, rotation = rng.normal(size=(1000, 3)).astype(kind), rng.normal(size=(3, 3)).astype(kind)
-    assert turned(points, rotation).dtype == along(points, rotation[0]).dtype == kind
-    np.testing.assert_allclose(turned(points, rotation), points @ rotation.T, atol=20 * close)
-    np.testing.assert_allclose(turned(points, rotation[:2]), points @ rotation[:2].T, atol=20 * close)
-    np.testing.assert_allclose(along(points, rotation[1]), points @ rotation[1], atol=20 * close)
+    assert rotate_points(points, rotation).dtype == dot_axis(points, rotation[0]).dtype == kind
+    np.testing.assert_allclose(rotate_points(points, rotation), points @ rotation.T, atol=20 * close)
+    np.testing.assert_allclose(rotate_points(points, rotation[:2]), points @ rotation[:2].T, atol=20 * close)
+    np.testing.assert_allclose(dot_axis(points, rotation[1]), points @ rotation[1], atol=20 * close)
 
 
 def test_the_extent_is_the_least_and_the_largest_of_each_axis():
     points = np.random.default_rng(0).normal(size=(100, 3))
-    low, high = extent(points)
+    low, high = bounding_box(points)
     np.testing.assert_array_equal(low, points.min(0))
     np.testing.assert_array_equal(high, points.max(0))
 

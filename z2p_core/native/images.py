@@ -2,15 +2,52 @@
 
 from __future__ import annotations
 
-import ctypes
 from typing import NamedTuple
 
 import numpy as np
 
 from z2p_core.camera import Camera
-from z2p_core.native.library import call, floats, place, widest
-from z2p_core.parallel import over_rows
+from z2p_core.native.library import (
+    BYTES_OUT,
+    FLOAT,
+    FLOAT_ROWS,
+    FLOATS,
+    FLOATS_OUT,
+    INT,
+    INT64,
+    call,
+    declare,
+    floats,
+    place,
+    widest,
+)
+from z2p_core.parallel import parallel_rows
 from z2p_core.shading.channels import RASTERIZED
+
+declare(
+    "z2p_reconcile", planes=FLOATS_OUT, coverage=FLOATS, colors=FLOATS, pixels=INT64, first=INT64, last=INT64,
+    trust=FLOAT, most=FLOAT,
+)  # fmt: skip
+declare(
+    "z2p_reconcile_shadow", alpha=FLOATS_OUT, coverage=FLOATS, given=FLOATS, first=INT64, last=INT64, trust=FLOAT,
+    most=FLOAT,
+)  # fmt: skip
+declare("z2p_straight_bytes", planes=FLOATS, pixels=INT64, first=INT64, last=INT64, rgba=BYTES_OUT)
+declare(
+    "z2p_touch", cells=FLOATS, buffers=FLOATS, channels=INT, height=INT, width=INT, unshuffle=INT, look_weights=FLOATS,
+    look_bias=FLOATS, groups=INT, touch_weights=FLOATS, touch_bias=FLOATS, begin=INT, end=INT, picture=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_nearest_depth", points=FLOATS, count=INT64, camera=FLOATS, focal=FLOAT, width=INT, height=INT, margin=INT,
+    depths=FLOATS_OUT,
+)  # fmt: skip
+declare("z2p_window_minimum", picture=FLOATS, height=INT, width=INT, size=INT, out=FLOATS_OUT)
+declare("z2p_intensity", depth=FLOAT_ROWS, stride=INT64, height=INT, width=INT, alpha=FLOAT, beta=FLOAT, out=FLOATS_OUT)
+declare(
+    "z2p_surfels", points=FLOATS, normals=FLOATS, radii=FLOATS, clips=FLOATS, features=FLOATS, count=INT, focal=FLOAT,
+    width=INT, height=INT, first=INT, last=INT, slack=FLOAT, sure=FLOAT, full=FLOAT, near=FLOAT, far=FLOAT,
+    picture=FLOATS_OUT,
+)  # fmt: skip
 
 SHORTEST = 400
 """Rows of a picture below which one core converts them."""
@@ -36,7 +73,7 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
     depths = np.full(height * width + 1, np.inf, np.float32)  # the last takes the points that are not seen
     view = np.concatenate([camera.rotation.ravel(), camera.position])
     call(
-        "z2p_nearest_depth", floats(cloud), ctypes.c_int64(len(cloud)), floats(view), ctypes.c_float(camera.focal),
+        "z2p_nearest_depth", floats(cloud), len(cloud), floats(view), camera.focal,
         width, height, margin, depths,
     )  # fmt: skip
     return depths[:-1].reshape(height, width)
@@ -69,8 +106,8 @@ def intensity(depth: np.ndarray, alpha: float, beta: float, out: np.ndarray) -> 
         raise ValueError(f"expected float32 depths whose rows are whole, got {depth.dtype}, strides {depth.strides}")
     height, width = depth.shape
     call(
-        "z2p_intensity", depth, ctypes.c_int64(depth.strides[0] // 4), height, width, ctypes.c_float(alpha),
-        ctypes.c_float(beta), place(out, (height, width)),
+        "z2p_intensity", depth, depth.strides[0] // 4, height, width, alpha,
+        beta, place(out, (height, width)),
     )  # fmt: skip
 
 
@@ -91,8 +128,8 @@ def surfels(
     first, last = rows or (0, camera.height)
     call(
         "z2p_surfels", floats(points), floats(normals), floats(radii), floats(clips), floats(features),
-        len(points), ctypes.c_float(camera.focal), camera.width, camera.height, first, last, ctypes.c_float(slack),
-        ctypes.c_float(sure), ctypes.c_float(full), ctypes.c_float(near), ctypes.c_float(far),
+        len(points), camera.focal, camera.width, camera.height, first, last, slack,
+        sure, full, near, far,
         place(out, (RASTERIZED.stop, camera.height, camera.width)),
     )  # fmt: skip
 
@@ -104,13 +141,13 @@ def reconcile(picture: np.ndarray, coverage: np.ndarray, colors: np.ndarray, tru
     (H, W) and alpha show whole, and nowhere else. All are float32 and contiguous.
     """
     _, height, width = picture.shape
-    planes = (place(picture, (4, height, width)), floats(coverage), floats(colors), ctypes.c_int64(height * width))
+    planes = (place(picture, (4, height, width)), floats(coverage), floats(colors), height * width)
 
     def move(top: int, bottom: int) -> None:
-        rows = (ctypes.c_int64(top * width), ctypes.c_int64(bottom * width))
-        call("z2p_reconcile", *planes, *rows, ctypes.c_float(trust), ctypes.c_float(most))
+        rows = (top * width, bottom * width)
+        call("z2p_reconcile", *planes, *rows, trust, most)
 
-    over_rows(move, height, SHORTEST, parts=2)
+    parallel_rows(move, height, SHORTEST, parts=2)
 
 
 def reconcile_shadow(alpha: np.ndarray, coverage: np.ndarray, shadow: np.ndarray, trust: float, most: float) -> None:
@@ -123,22 +160,22 @@ def reconcile_shadow(alpha: np.ndarray, coverage: np.ndarray, shadow: np.ndarray
     planes = (place(alpha, (height, width)), floats(coverage), floats(shadow))
 
     def move(top: int, bottom: int) -> None:
-        rows = (ctypes.c_int64(top * width), ctypes.c_int64(bottom * width))
-        call("z2p_reconcile_shadow", *planes, *rows, ctypes.c_float(trust), ctypes.c_float(most))
+        rows = (top * width, bottom * width)
+        call("z2p_reconcile_shadow", *planes, *rows, trust, most)
 
-    over_rows(move, height, SHORTEST, parts=2)
+    parallel_rows(move, height, SHORTEST, parts=2)
 
 
 def straight_bytes(picture: np.ndarray) -> np.ndarray:
     """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
     _, height, width = picture.shape
     out = np.empty((height, width, 4), np.uint8)
-    planes = (floats(picture), ctypes.c_int64(height * width))
+    planes = (floats(picture), height * width)
 
     def convert(top: int, bottom: int) -> None:
-        call("z2p_straight_bytes", *planes, ctypes.c_int64(top * width), ctypes.c_int64(bottom * width), out)
+        call("z2p_straight_bytes", *planes, top * width, bottom * width, out)
 
-    over_rows(convert, height, SHORTEST, parts=2)
+    parallel_rows(convert, height, SHORTEST, parts=2)
     return out
 
 
@@ -169,4 +206,4 @@ def touched(
     layers = (look.weights, look.bias, len(look.weights), touch.weights, touch.bias)
     picture = place(out, (GROUP, height, width))
     kernel = widest("z2p_touch")
-    over_rows(lambda top, bottom: call(kernel, *drawn, *layers, top, bottom, picture), height, FEWEST)
+    parallel_rows(lambda top, bottom: call(kernel, *drawn, *layers, top, bottom, picture), height, FEWEST)

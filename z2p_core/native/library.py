@@ -13,9 +13,9 @@ and calls it by position, by name, or both:
 dtype and memory order: `FLOATS` float32, `DOUBLES` float64, `INTS` int32, `INT64S` int64, `BYTES` uint8; all contiguous
 in C order. `..._OUT` kinds are written to, so they refuse read-only arrays. `FLOATS_OR_NONE` takes None for NULL and
 `FLOAT_ROWS` rows that lie apart. Plain Python numbers are passed for `INT`, `INT64` and `FLOAT`, without `ctypes`.
-Values that go by the dozen are one structure: a `ctypes.Structure` named like the C typedef, declared as `Struct(Floor)`
-and passed as an instance. Shapes are not checked here: the binding knows them. A binding that draws into a caller's
-array checks it by `check_output`.
+Values that go by the dozen are one structure: a `ctypes.Structure`, declared as `Struct(FloorStruct, "Floor")` with the
+name of the C typedef, and passed as an instance. Shapes are not checked here: the binding knows them. A binding that
+draws into a caller's array checks it by `check_output`.
 
 `tests/z2p_core/native/test_signatures.py` compares all declarations, and the fields of structures, with the C files.
 
@@ -28,8 +28,7 @@ every start and checks neither dtypes nor contiguity. Calls hold no lock, so thr
 from __future__ import annotations
 
 import ctypes
-import operator
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -67,18 +66,14 @@ class Integer(ArgumentType):
     def __init__(self, c_type: str, bits: int) -> None:
         self.c_type, self.bits = c_type, bits
         self.ctypes_type = {32: ctypes.c_int32, 64: ctypes.c_int64}[bits]
-        self.limit = 2 ** (bits - 1)
+        self.least, self.greatest = -(2 ** (bits - 1)), 2 ** (bits - 1) - 1
 
     def convert(self, value: Any) -> int:
-        number: int | None = None
-        if not isinstance(value, np.ndarray):
-            try:
-                number = operator.index(value)
-            except TypeError:
-                pass
-        if number is None or not -self.limit <= number < self.limit:
-            raise TypeError(f"expected an integer of {self.bits} bits, got {_describe(value)}")
-        return number
+        if type(value) is int and self.least <= value <= self.greatest:
+            return value
+        if isinstance(value, (int, np.integer)) and self.least <= value <= self.greatest:
+            return int(value)
+        raise TypeError(f"expected an integer of {self.bits} bits, got {_describe(value)}")
 
 
 class Float(ArgumentType):
@@ -138,12 +133,17 @@ class Array(ArgumentType):
 
 
 class Struct(ArgumentType):
-    """A pointer to a structure that the kernel reads: a subclass of `ctypes.Structure`, named like the C typedef."""
+    """A pointer to a structure that the kernel reads.
+
+    Args:
+        structure: the subclass of `ctypes.Structure` that mirrors it.
+        c_name: name of the C typedef, if it differs from the class's.
+    """
 
     ctypes_type = ctypes.c_void_p
 
-    def __init__(self, structure: type[ctypes.Structure]) -> None:
-        self.structure, self.c_type = structure, f"const {structure.__name__}*"
+    def __init__(self, structure: type[ctypes.Structure], c_name: str = "") -> None:
+        self.structure, self.c_type = structure, f"const {c_name or structure.__name__}*"
 
     def convert(self, value: Any) -> Any:
         if not isinstance(value, self.structure):
@@ -206,9 +206,10 @@ def call(kernel: str, /, *arguments: Any, **named: Any) -> None:
     if named:
         arguments = _in_order(kernel, parameters, arguments, named)
     if len(arguments) != len(converters):
-        raise TypeError(f"{kernel}: expected {len(converters)} arguments ({', '.join(parameters)}), got {len(arguments)}")
+        expected = f"{len(converters)} arguments ({', '.join(parameters)})"
+        raise TypeError(f"{kernel}: expected {expected}, got {len(arguments)}")
     try:
-        converted = [convert(argument) for convert, argument in zip(converters, arguments)]
+        converted = [convert(argument) for convert, argument in zip(converters, arguments, strict=True)]
     except TypeError:
         _raise_for_the_wrong_one(kernel, parameters, arguments)
         raise
@@ -216,10 +217,10 @@ def call(kernel: str, /, *arguments: Any, **named: Any) -> None:
         raise MemoryError(f"{kernel}: not enough memory")
 
 
-@lru_cache(maxsize=None)
+@cache
 def _bind(kernel: str) -> tuple[Any, dict[str, ArgumentType], list[Any]]:
     """The C function, its parameters, and what converts an argument for each of them."""
-    parameters = SIGNATURES[kernel.removesuffix(WIDE_SUFFIX)]
+    parameters = SIGNATURES.get(kernel) or SIGNATURES[kernel.removesuffix(WIDE_SUFFIX)]
     function = getattr(load_library(), kernel, None)
     if function is None:
         raise ImportError(f"z2p's compiled kernels are older than its code: {kernel} is missing; install z2p again")
@@ -234,8 +235,8 @@ def _in_order(
     """All arguments by position: those given so, then those given by name."""
     left = list(parameters)[len(arguments) :]
     if left != list(named) and set(left) != set(named):
-        wrong = sorted(set(left) ^ set(named))
-        raise TypeError(f"{kernel}: {', '.join(wrong)} missing, unknown or given twice; it takes {', '.join(parameters)}")
+        wrong = ", ".join(sorted(set(left) ^ set(named)))
+        raise TypeError(f"{kernel}: {wrong} missing, unknown or given twice; it takes {', '.join(parameters)}")
     return (*arguments, *(named[name] for name in left))
 
 

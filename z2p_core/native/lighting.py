@@ -9,8 +9,82 @@ from typing import Any
 import numpy as np
 
 from z2p_core.camera import Camera
-from z2p_core.native.library import call, floats, place
-from z2p_core.parallel import over_rows
+from z2p_core.native.library import (
+    FLOAT,
+    FLOATS,
+    FLOATS_OR_NONE,
+    FLOATS_OUT,
+    INT,
+    INTS,
+    INTS_OUT,
+    Struct,
+    call,
+    declare,
+    floats,
+    place,
+)
+from z2p_core.parallel import parallel_rows
+
+
+class FloorStruct(ctypes.Structure):
+    """The C structure `Floor` (`c/lighting/floor.h`)."""
+
+    _fields_ = [
+        ("height", ctypes.c_float),
+        ("half", ctypes.c_float),
+        ("lamps", ctypes.c_float * 3 * 4),
+        ("axis", ctypes.c_float * 3),
+        ("power", ctypes.c_float),
+        ("sky", ctypes.c_float),
+        ("albedo", ctypes.c_float),
+    ]
+
+
+FLOOR = Struct(FloorStruct, "Floor")
+
+declare(
+    "z2p_mirror_hits", points=FLOATS, normals=FLOATS, count=INT, asked=INTS, begin=INT, end=INT, rays=FLOATS,
+    reach=FLOAT, spacing=FLOAT, radius=FLOAT, hit=INTS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_floor_shade", points=FLOATS, count=INT, lamps=FLOATS, lamp_count=INT, square=FLOATS_OR_NONE, floor=FLOAT,
+    half=FLOAT, side=INT, ball=FLOAT, narrowed=FLOAT, soft=INT, shade=FLOATS_OUT,
+)  # fmt: skip
+declare("z2p_other_cells", grid=FLOATS, side=INT, wide=INT, out=FLOATS_OUT)
+declare(
+    "z2p_floor_shadow", lamp_shade=FLOATS, sky_shade=FLOATS, side=INT, mirror_shade=FLOATS, half_side=INT, cloud=FLOATS,
+    coarse=INT, floor=FLOOR, rotation=FLOATS, place=FLOATS, focal=FLOAT, width=INT, height=INT,
+    alpha=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_gloss", points=FLOATS, normals=FLOATS, towards=FLOATS, begin=INT, end=INT, lamps=FLOATS, lamp_count=INT,
+    axis=FLOATS, power=FLOAT, square=FLOAT, index=FLOAT, shine=FLOATS_OUT, matt=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_image", points=FLOATS, normals=FLOATS, towards=FLOATS, begin=INT, end=INT, light=FLOATS, radiance=FLOAT,
+    blur=FLOAT, index=FLOAT, shine=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_gather_open", points=FLOATS, normals=FLOATS, count=INT, begin=INT, end=INT, axes=FLOATS, axis_count=INT,
+    hit=INTS, floor=FLOOR, lamp_shade=FLOATS, sky_shade=FLOATS, side=INT, light=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_gather_bounced", points=FLOATS, normals=FLOATS, count=INT, begin=INT, end=INT, axes=FLOATS, axis_count=INT,
+    hit=INTS, floor=FLOOR, glow=FLOATS, side=INT, light=FLOATS, bounced=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_floor_hits", points=FLOATS, normals=FLOATS, count=INT, axes=FLOATS, axis_count=INT, floor=FLOAT, half=FLOAT,
+    side=INT, seen=INTS_OUT,
+)  # fmt: skip
+declare("z2p_floor_glow", light=FLOATS, count=INT, axis_count=INT, seen=INTS, share=FLOAT, side=INT, glow=FLOATS_OUT)
+declare(
+    "z2p_illuminate", points=FLOATS, normals=FLOATS, count=INT, places=FLOATS, owners=INTS, place_count=INT,
+    lamps=FLOATS, axes=FLOATS, powers=FLOATS, lamp_count=INT, spacing=FLOAT, cell=FLOAT, radius=FLOAT, light=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_first_hits", points=FLOATS, normals=FLOATS, count=INT, axes=FLOATS, axis_count=INT, spacing=FLOAT,
+    radius=FLOAT, hit=INTS_OUT,
+)  # fmt: skip
 
 MOST_LIT = 0xFFFF
 """Points whose numbers fit into shadow maps."""
@@ -44,11 +118,13 @@ class Floor:
     albedo: float
 
     @property
-    def numbers(self) -> np.ndarray:
-        """The fields (20,) float32 in their order, as the kernels read them."""
-        return np.array(
-            [self.height, self.half, *self.lamps.ravel(), *self.axis, self.power, self.sky, self.albedo], np.float32
-        )
+    def struct(self) -> FloorStruct:
+        """The fields as the kernels read them."""
+        lamps, axis = np.asarray(self.lamps, np.float32), np.asarray(self.axis, np.float32)
+        floor = FloorStruct(self.height, self.half, power=self.power, sky=self.sky, albedo=self.albedo)
+        np.ctypeslib.as_array(floor.lamps)[:] = lamps
+        np.ctypeslib.as_array(floor.axis)[:] = axis
+        return floor
 
 
 def illuminate(
@@ -70,7 +146,7 @@ def illuminate(
     call(
         "z2p_illuminate", floats(points), floats(normals), len(points), floats(casters.places),
         np.ascontiguousarray(casters.owners, np.int32), len(casters.places), floats(lamps), floats(axes),
-        floats(powers), len(lamps), *map(ctypes.c_float, (spacing, casters.cell, radius)), light,
+        floats(powers), len(lamps), spacing, casters.cell, radius, light,
     )  # fmt: skip
     return light
 
@@ -91,8 +167,8 @@ def floor_shade(
     shade = np.empty((side, side), np.float32)
     call(
         "z2p_floor_shade", floats(points), len(points), floats(lamps), len(lamps),
-        None if square is None else floats(square), ctypes.c_float(floor), ctypes.c_float(half), side,
-        ctypes.c_float(ball * side / (2 * half)), ctypes.c_float(narrowed), soft, shade,
+        None if square is None else floats(square), floor, half, side,
+        ball * side / (2 * half), narrowed, soft, shade,
     )  # fmt: skip
     return shade
 
@@ -114,7 +190,7 @@ def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacin
     hits = np.empty((2 * len(axes), len(points)), np.int32)
     call(
         "z2p_first_hits", floats(points), floats(normals), len(points), floats(axes), len(axes),
-        ctypes.c_float(spacing), ctypes.c_float(radius), hits,
+        spacing, radius, hits,
     )  # fmt: skip
     return hits
 
@@ -130,8 +206,8 @@ def mirror_hits(
     """
     hits, asked = np.empty(len(asked), np.int32), np.ascontiguousarray(asked, np.int32)
     cloud = (floats(points), floats(normals), len(points), asked)
-    rest = (floats(rays), ctypes.c_float(reach), ctypes.c_float(spacing), ctypes.c_float(radius), hits)
-    over_rows(lambda begin, end: call("z2p_mirror_hits", *cloud, begin, end, *rest), len(asked), parts=2)
+    rest = (floats(rays), reach, spacing, radius, hits)
+    parallel_rows(lambda begin, end: call("z2p_mirror_hits", *cloud, begin, end, *rest), len(asked), parts=2)
     return hits
 
 
@@ -147,8 +223,8 @@ def gloss(
     """
     shine, matt = np.empty((len(points), 3), np.float32), np.empty(len(points), np.float32)
     seen = (floats(points), floats(normals), floats(towards))
-    rest = (floats(lamps), len(lamps), floats(axis), *map(ctypes.c_float, (power, alpha**2, index)), shine, matt)
-    over_rows(lambda begin, end: call("z2p_gloss", *seen, begin, end, *rest), len(points))
+    rest = (floats(lamps), len(lamps), floats(axis), power, alpha**2, index, shine, matt)
+    parallel_rows(lambda begin, end: call("z2p_gloss", *seen, begin, end, *rest), len(points))
     return shine, matt
 
 
@@ -163,8 +239,8 @@ def image(
     """
     shine = np.empty((len(points), 3), np.float32)
     seen = (floats(points), floats(normals), floats(towards))
-    rest = (floats(light), *map(ctypes.c_float, (radiance, blur, index)), shine)
-    over_rows(lambda begin, end: call("z2p_image", *seen, begin, end, *rest), len(points))
+    rest = (floats(light), radiance, blur, index, shine)
+    parallel_rows(lambda begin, end: call("z2p_image", *seen, begin, end, *rest), len(points))
     return shine
 
 
@@ -179,7 +255,7 @@ def gather_open(
     """
     light = np.array(direct, np.float32)
     _gather(
-        "z2p_gather_open", points, normals, axes, hits, floor.numbers, floats(lamp_shade), floats(sky_shade),
+        "z2p_gather_open", points, normals, axes, hits, floor.struct, floats(lamp_shade), floats(sky_shade),
         len(sky_shade), light,
     )  # fmt: skip
     return light
@@ -196,7 +272,7 @@ def gather_bounced(
     """
     bounced = np.empty((2, len(points)), np.float32)
     _gather(
-        "z2p_gather_bounced", points, normals, axes, hits, floor.numbers, floats(glow), len(glow), floats(light),
+        "z2p_gather_bounced", points, normals, axes, hits, floor.struct, floats(glow), len(glow), floats(light),
         bounced,
     )  # fmt: skip
     return bounced
@@ -212,12 +288,12 @@ def floor_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, floor:
 
     def find(begin: int, end: int) -> None:
         call(
-            "z2p_floor_hits", *cloud, floats(axes[begin:end]), end - begin, ctypes.c_float(floor.height),
-            ctypes.c_float(floor.half), side, seen[begin:end],
+            "z2p_floor_hits", *cloud, floats(axes[begin:end]), end - begin, floor.height,
+            floor.half, side, seen[begin:end],
         )  # fmt: skip
 
     cloud = (floats(points), floats(normals), len(points))
-    over_rows(find, len(axes), smallest=2)
+    parallel_rows(find, len(axes), smallest=2)
     return seen
 
 
@@ -229,7 +305,7 @@ def floor_glow(light: np.ndarray, seen: np.ndarray, side: int) -> np.ndarray:
     """
     glow = np.empty((side, side), np.float32)
     count = len(seen)
-    call("z2p_floor_glow", floats(light), light.shape[1], count, seen, ctypes.c_float(1 / count), side, glow)
+    call("z2p_floor_glow", floats(light), light.shape[1], count, seen, 1 / count, side, glow)
     return glow
 
 
@@ -244,8 +320,8 @@ def floor_shadow(
     """
     call(
         "z2p_floor_shadow", floats(lamp_shade), floats(sky_shade), len(sky_shade), floats(mirror_shade),
-        len(mirror_shade), floats(cloud), len(cloud), floor.numbers, floats(camera.rotation), floats(camera.position),
-        ctypes.c_float(camera.focal), camera.width, camera.height, place(out, (camera.height, camera.width)),
+        len(mirror_shade), floats(cloud), len(cloud), floor.struct, floats(camera.rotation), floats(camera.position),
+        camera.focal, camera.width, camera.height, place(out, (camera.height, camera.width)),
     )  # fmt: skip
 
 
@@ -260,4 +336,4 @@ def _gather(
     def gather(begin: int, end: int) -> None:
         call(kernel, *cloud, begin, end, *seen, *rest)
 
-    over_rows(gather, count)
+    parallel_rows(gather, count)

@@ -7,7 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from z2p_core.native.library import call
+from z2p_core.native.library import BYTES, DOUBLES_OUT, INT64S, INT64S_OUT, INTS, call, declare
+
+declare(
+    "z2p_rows", file=BYTES, bounds=INT64S, kinds=INTS, lengths=INTS, places=INTS, values=DOUBLES_OUT, end=INT64S_OUT,
+)  # fmt: skip
 
 _KINDS = ("i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8")
 

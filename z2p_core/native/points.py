@@ -7,8 +7,63 @@ from functools import lru_cache
 
 import numpy as np
 
-from z2p_core.native.library import call, floats, widest
-from z2p_core.parallel import over_rows
+from z2p_core.native.library import (
+    FLOAT,
+    FLOATS,
+    FLOATS_OUT,
+    INT,
+    INTS,
+    INTS_OUT,
+    Handle,
+    call,
+    declare,
+    floats,
+    widest,
+)
+from z2p_core.parallel import parallel_rows
+
+GRID, GRID_TO_FREE = Handle("const Grid*"), Handle("Grid*")
+GRID_OUT = Handle("Grid**", is_output=True)
+
+declare(
+    "z2p_jets", points=FLOATS, before=FLOATS, asked=INTS, found=INTS, count=INT, most=INT, tolerance=FLOATS,
+    scale=FLOATS, normals=FLOATS_OUT, heights=FLOATS_OUT,
+)  # fmt: skip
+declare("z2p_refine_size", rounds=INTS_OUT, width=INTS_OUT)
+declare("z2p_refine_begin", noise=FLOAT, count=INT, memory=FLOATS_OUT, told=FLOATS_OUT)
+declare(
+    "z2p_refine", which=INT, points=FLOATS, normals=FLOATS, memory=FLOATS, told=FLOATS, found=INTS, scale=FLOATS,
+    begin=INT, end=INT, most=INT, points_after=FLOATS_OUT, normals_after=FLOATS_OUT, memory_after=FLOATS_OUT,
+    told_after=FLOATS_OUT,
+)  # fmt: skip
+declare("z2p_grid", points=FLOATS, count=INT, sorted=FLOATS_OUT, handle=GRID_OUT)
+declare("z2p_grid_free", grid=GRID_TO_FREE)
+declare("z2p_neighbours", grid=GRID, points=FLOATS, asked=INTS, count=INT, most=INT, found=INTS_OUT, spacing=FLOATS_OUT)
+declare("z2p_planes", points=FLOATS, found=INTS, count=INT, most=INT, normals=FLOATS_OUT, spread=FLOATS_OUT)
+declare(
+    "z2p_slabs", points=FLOATS, asked=INTS, found=INTS, count=INT, most=INT, held=INT, widths=FLOATS_OUT,
+    steep=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_showing", points=FLOATS, count=INT, turns=FLOATS, views=INT, tilt=FLOATS, side=INT, covered=INTS_OUT,
+    breadth=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_clips", points=FLOATS, normals=FLOATS, radii=FLOATS, found=INTS, begin=INT, end=INT, most=INT,
+    clips=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_centres", points=FLOATS, normals=FLOATS, radii=FLOATS, found=INTS, begin=INT, end=INT, most=INT,
+    centres=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_holes", points=FLOATS, normals=FLOATS, found=INTS, count=INT, most=INT, reaches=FLOATS, places=FLOATS_OUT,
+    facing=FLOATS_OUT, radii=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_cells", points=FLOATS, normals=FLOATS, asked=INTS, found=INTS, begin=INT, end=INT, most=INT, solid=INT,
+    reaches=FLOATS_OUT, ends=FLOATS_OUT,
+)  # fmt: skip
 
 MOST_CLIPS = 4
 """Planes that end a disc."""
@@ -22,15 +77,15 @@ class Grid:
     """
 
     def __init__(self, cloud: np.ndarray) -> None:
-        self._handle = np.zeros(1, np.uint64)  # first: what refuses the cloud leaves a grid to be deleted
+        self._handle = ctypes.c_void_p()  # first: what refuses the cloud leaves a grid to be deleted
         if not np.isfinite(cloud).all():
             raise ValueError("expected a cloud of finite points, got some that are not")
         self.points = np.empty((len(cloud), 3), np.float32)
         call("z2p_grid", floats(cloud), len(cloud), self.points, self._handle)
 
     def __del__(self) -> None:
-        if self._handle[0]:
-            call("z2p_grid_free", ctypes.c_void_p(int(self._handle[0])))
+        if self._handle:
+            call("z2p_grid_free", self._handle)
 
     def neighbours(self, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Rows of `points` (M, count) int32, count <= 64, nearest to the points asked for (M,) int32, and spacing (M,).
@@ -49,12 +104,12 @@ class Grid:
 
     def _nearest(self, places: np.ndarray, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
-        grid = (ctypes.c_void_p(int(self._handle[0])), places)
+        grid = (self._handle, places)
 
         def find(begin: int, end: int) -> None:
             call("z2p_neighbours", *grid, asked[begin:end], end - begin, count, found[begin:end], spacing[begin:end])
 
-        over_rows(find, len(asked))
+        parallel_rows(find, len(asked))
         return found, spacing
 
 
@@ -70,7 +125,7 @@ def planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarra
         rows = slice(begin, end)
         call("z2p_planes", points, found[rows], end - begin, found.shape[1], normals[rows], spread[rows])
 
-    over_rows(fit, count)
+    parallel_rows(fit, count)
     return normals, spread
 
 
@@ -101,7 +156,7 @@ def jets(
         of_rows = (array[begin:end] for array in (tolerance, scale, normals, heights))
         call("z2p_jets", points, before, asked[begin:end], found[begin:end], end - begin, found.shape[1], *of_rows)
 
-    over_rows(fit, len(asked))
+    parallel_rows(fit, len(asked))
     return normals, heights
 
 
@@ -115,7 +170,7 @@ def refine(
     """
     count, (rounds, width) = len(points), network_size()
     memory, told = np.empty((2, count, width), np.float32)
-    call("z2p_refine_begin", ctypes.c_float(noise), count, memory, told)
+    call("z2p_refine_begin", noise, count, memory, told)
     state: tuple[np.ndarray, ...] = (floats(points), floats(normals), memory, told)
     scale, found = floats(scale), np.ascontiguousarray(found, np.int32)
     for which in range(rounds):
@@ -141,7 +196,7 @@ def _next_round(
     def send(begin: int, end: int) -> None:
         call(kernel, which, *state, found, scale, begin, end, found.shape[1], *after)
 
-    over_rows(send, len(found))
+    parallel_rows(send, len(found))
     return after
 
 
@@ -153,7 +208,7 @@ def centres(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: n
     """
     moved = np.empty((len(points), 3), np.float32)
     discs = (floats(points), floats(normals), floats(radii), found)
-    over_rows(lambda begin, end: call("z2p_centres", *discs, begin, end, found.shape[1], moved), len(points))
+    parallel_rows(lambda begin, end: call("z2p_centres", *discs, begin, end, found.shape[1], moved), len(points))
     return moved
 
 
@@ -165,7 +220,7 @@ def clips(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.
     """
     planes = np.empty((len(points), MOST_CLIPS, 4), np.float32)
     discs = (floats(points), floats(normals), floats(radii), found)
-    over_rows(lambda begin, end: call("z2p_clips", *discs, begin, end, found.shape[1], planes), len(points))
+    parallel_rows(lambda begin, end: call("z2p_clips", *discs, begin, end, found.shape[1], planes), len(points))
     return planes
 
 
@@ -185,7 +240,7 @@ def cells(
     def reach(begin: int, end: int) -> None:
         call("z2p_cells", *cloud, begin, end, found.shape[1], int(solid), reaches, ends)
 
-    over_rows(reach, len(asked))
+    parallel_rows(reach, len(asked))
     return reaches, ends
 
 

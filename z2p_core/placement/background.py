@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from z2p_core.interfaces import Sensor
-from z2p_core.linalg import along, extent
+from z2p_core.linalg import bounding_box, dot_axis
 from z2p_core.surface.subsampling import even_share
 
 GAP = 1.15
@@ -35,17 +35,17 @@ ROOM_HEIGHT, ROOM_BREADTH = (1.9, 12.0), 2.5
 """A room's height, metres; and its narrower side at the least."""
 
 
-def depths(points: np.ndarray, sensor: Sensor) -> np.ndarray:
+def sensor_depths(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     """How far ahead of a sensor, along its axis, points (N, 3) lie: (N,)."""
-    return along(points - sensor.position, sensor.rotation[:, 2])
+    return dot_axis(points - sensor.position, sensor.rotation[:, 2])
 
 
-def subject(points: np.ndarray, sensor: Sensor) -> np.ndarray:
+def foreground_mask(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     """Mask (N,) bool of points (N, 3): False for what lies behind the first wide gap in depth from a depth camera.
 
     All True when there is no such gap, or too few points before it.
     """
-    depth = depths(points, sensor)
+    depth = sensor_depths(points, sensor)
     whole = np.ones(len(points), dtype=bool)
     near = float(np.quantile(depth, EMPTY))
     if near <= 0:
@@ -64,7 +64,7 @@ def subject(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     return whole
 
 
-def support(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> np.ndarray | None:
+def support_plane_normal(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> np.ndarray | None:
     """Unit normal (3,) of the table or floor that things stand on in a depth camera's points (N, 3); None without one.
 
     `up` (3,) is the camera's own up, which is wrong by as much as it was tilted. The plane holds a quarter of the
@@ -99,25 +99,12 @@ def support(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> np.ndarray | 
     return normal if normal @ up > 0 else -normal
 
 
-def upright(rotation: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3), turned on by the least angle that brings the data's direction `normal` (3,) to +Z."""
-    toward = rotation @ normal
-    axis = np.cross(toward, [0.0, 0.0, 1.0])
-    sin, cos = float(np.linalg.norm(axis)), float(toward[2])
-    if sin < 1e-12:
-        return rotation
-    x, y, z = axis / sin
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: np.ndarray = (np.eye(3) + sin * cross + (1 - cos) * cross @ cross) @ rotation
-    return turned
-
-
 def is_room(points: np.ndarray) -> bool:
     """Whether points (N, 3), +Z up, look like a room in metres: a floor and a ceiling, and a person fits between.
 
     A solid thing fills the middle of its height, and a ring has no floor at its centre.
     """
-    low, high = extent(points)
+    low, high = bounding_box(points)
     if (high - low)[2] < ROOM_HEIGHT[0]:  # told at once for most things; what follows takes longer
         return False
     low, high = np.quantile(points, [0.002, 0.998], axis=0)

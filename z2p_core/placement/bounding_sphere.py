@@ -1,4 +1,4 @@
-"""Where an object sits in the world: its bounding sphere and random rotations. Float64 until the very end."""
+"""The smallest sphere around an object, in float64, which is scaled to the unit sphere of the world."""
 
 from __future__ import annotations
 
@@ -42,18 +42,6 @@ def bounding_sphere(points: np.ndarray, tolerance: float = 1e-9) -> Sphere:
         support, centre, radius = _ball_of_few(np.vstack([support, points[farthest]]))
     radius = float(_distances(points, centre).max())
     return Sphere(tuple((centre * scale + origin).tolist()), radius * scale)
-
-
-def random_rotation(rng: np.random.Generator) -> np.ndarray:
-    """Rotation matrix (3, 3) uniform over all rotations, from a normalised random quaternion."""
-    w, x, y, z = (lambda q: q / np.linalg.norm(q))(rng.normal(size=4))
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
 
 
 def _distances(points: np.ndarray, centre: np.ndarray) -> np.ndarray:

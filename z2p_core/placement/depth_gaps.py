@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core.interfaces import Sensor
-from z2p_core.linalg import turned
+from z2p_core.linalg import rotate_points
 from z2p_core.surface.normals import MOST_POINTS, thinned, typical_spacing
 
 PIXELS = (1.5, 2.5, 4.0)
@@ -31,9 +31,9 @@ WIDEST = 2.0
 """Tangent of the angle off the sensor's axis within which all points lie, if it is a camera."""
 
 
-def dropouts(points: np.ndarray, sensor: Sensor) -> np.ndarray:
+def fill_depth_gaps(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     """Points (M, 3) float64, one a pixel, for the gaps in surfaces of points (N, 3) as their depth camera sees them."""
-    view = turned(points - sensor.position, sensor.rotation.T)
+    view = rotate_points(points - sensor.position, sensor.rotation.T)
     none = np.empty((0, 3))
     if not len(view) or view[:, 2].min() <= 0:
         return none
@@ -44,7 +44,7 @@ def dropouts(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     for side in PIXELS:
         found, share = _between(across, depth, side * spacing, int(WIDTH / side))
         if share <= BY_CHANCE:
-            moved: np.ndarray = turned(found, sensor.rotation) + sensor.position
+            moved: np.ndarray = rotate_points(found, sensor.rotation) + sensor.position
             return moved
     return none
 

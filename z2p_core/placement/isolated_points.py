@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core import native
-from z2p_core.surface.subsampling import bounds, even_share
+from z2p_core.linalg import bounding_box
+from z2p_core.surface.subsampling import even_share
 
 FEWEST_POINTS, FEWEST_LONE = 500, 5
 """Points of a cloud that is looked at, and lone ones that are left out; one or two are told by `z2p_core.placement.outliers`."""
@@ -26,7 +27,7 @@ FIRST_SAMPLE, FEW_LONE = 500, 0.2
 """Points that are asked first, and the share of lone ones from which on all are."""
 
 
-def clip_lone(points: np.ndarray) -> np.ndarray:
+def non_isolated_mask(points: np.ndarray) -> np.ndarray:
     """Mask (N,) bool of finite points (N, 3): False for lone points far outside the core of the cloud.
 
     A mast or a pole is thin and high as well, but its points lie close to each other.
@@ -50,7 +51,7 @@ def _outside_core(points: np.ndarray) -> np.ndarray:
     width = CORE_MARGIN * (high - low)
     thin = width <= 1e-9 * float(width.max())  # a plane or a line has no core to be outside of
     width[thin] = np.inf
-    least, most = bounds(points)
+    least, most = bounding_box(points)
     if (least >= low - width).all() and (most <= high + width).all():
         return np.zeros(len(points), dtype=bool)
     outer: np.ndarray = ((points < low - width) | (points > high + width)).any(axis=1)
@@ -59,13 +60,13 @@ def _outside_core(points: np.ndarray) -> np.ndarray:
 
 def _is_smaller_without(points: np.ndarray, without: np.ndarray) -> bool:
     """Whether the cloud is clearly smaller along an axis without those points."""
-    whole, rest = (np.subtract(*bounds(some)[::-1]) for some in (points, points[~without]))
+    whole, rest = (np.subtract(*bounding_box(some)[::-1]) for some in (points, points[~without]))
     return bool((rest < (1 - LEAST_SHRINKAGE) * whole).any())
 
 
 def _lone_among(points: np.ndarray, outer: np.ndarray) -> np.ndarray:
     """Mask (N,) of those outer points whose neighbours are far away."""
-    low, high = bounds(points)
+    low, high = bounding_box(points)
     placed = ((points - (low + high) / 2) / float((high - low).max())).astype(np.float32)
     grid = native.Grid(even_share(placed, NEIGHBOUR_SAMPLE))  # as sparse everywhere as it was
     core = even_share(placed[~outer], FIRST_SAMPLE)

@@ -11,15 +11,15 @@ from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
 from z2p_core.interfaces import SettingError
 from z2p_core.placement.viewpoint import Viewpoint
 
-WIDEST_MARGIN = 0.45
+MAX_MARGIN = 0.45
 """Share of the shorter side that a margin takes at most, on each side of the object."""
 HALF_WIDTH = math.tan(math.radians(FIELD_OF_VIEW / 2))
 """Half the width of what the camera sees, at a distance of 1."""
-USUAL_MARGIN = (1 - math.tan(math.asin(1 / DISTANCE)) / HALF_WIDTH) / 2
+DEFAULT_MARGIN = (1 - math.tan(math.asin(1 / DISTANCE)) / HALF_WIDTH) / 2
 """The margin around a sphere of radius 1, which every object is brought to: 0.103."""
 
 
-def margin_from(wish: Any) -> float | None:
+def parse_margin(wish: Any) -> float | None:
     """The margin as a share of the shorter side, from a share (0.1) or percent (10, ``10%``); None stays None.
 
     Raises:
@@ -34,13 +34,13 @@ def margin_from(wish: Any) -> float | None:
         margin = math.nan
     if text.endswith("%") or margin >= 1:
         margin /= 100
-    if not 0 <= margin <= WIDEST_MARGIN or not (text or isinstance(wish, Real)):
-        raise SettingError(f"margin: expected a share of the shorter side from 0 to {WIDEST_MARGIN:g}, or percent "
+    if not 0 <= margin <= MAX_MARGIN or not (text or isinstance(wish, Real)):
+        raise SettingError(f"margin: expected a share of the shorter side from 0 to {MAX_MARGIN:g}, or percent "
                            f"as in 10%, got {wish!r}")  # fmt: skip
     return margin
 
 
-def size_with(margin: float | None) -> float:
+def radius_with_margin(margin: float | None) -> float:
     """Radius in the world, 1 by itself, of the sphere that leaves such a margin around it."""
     if margin is None:
         return 1.0
@@ -49,12 +49,12 @@ def size_with(margin: float | None) -> float:
 
 def with_margin(viewpoint: Viewpoint, margin: float | None) -> Viewpoint:
     """The viewpoint from which what fits the picture leaves such a margin."""
-    return _resized(viewpoint, size_with(margin))
+    return _resized(viewpoint, radius_with_margin(margin))
 
 
 def without_margin(viewpoint: Viewpoint, margin: float | None) -> Viewpoint:
     """The viewpoint that `with_margin` was given."""
-    return _resized(viewpoint, 1 / size_with(margin))
+    return _resized(viewpoint, 1 / radius_with_margin(margin))
 
 
 def _resized(viewpoint: Viewpoint, factor: float) -> Viewpoint:

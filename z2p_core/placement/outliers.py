@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from z2p_core.linalg import extent
+from z2p_core.linalg import bounding_box
 from z2p_core.placement.bounding_sphere import bounding_sphere
-from z2p_core.surface.subsampling import bounds, even_share
+from z2p_core.surface.subsampling import even_share
 
 MOST_LOOKED_AT = 20_000
 """A larger cloud is thinned to this many points before it is weighed as a whole."""
@@ -43,7 +43,7 @@ def few_of(points: np.ndarray) -> np.ndarray:
     return even_share(points, MOST_LOOKED_AT)
 
 
-def clip_outliers(points: np.ndarray) -> np.ndarray:
+def inlier_mask(points: np.ndarray) -> np.ndarray:
     """Mask (N,) bool of finite points (N, 3): False for strays that would make the object small in its sphere.
 
     Strays are clusters of under 1 % of the points, apart from the rest by a cell or more of a coarse grid. They go only
@@ -62,7 +62,7 @@ def clip_outliers(points: np.ndarray) -> np.ndarray:
     return kept
 
 
-def clip_far(points: np.ndarray) -> np.ndarray:
+def visible_cluster_mask(points: np.ndarray) -> np.ndarray:
     """Mask (N,) bool of finite points (N, 3): False for clusters so far from the largest one that nothing would show.
 
     Clusters far from each other are specks in a picture of them all. The one with the most points is kept then, with
@@ -104,7 +104,7 @@ def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
 
 def _spread_out(points: np.ndarray) -> bool:
     """Whether most of points (N, 3) take up more of the space about them than specks in it do; told at once."""
-    low, high = bounds(points)
+    low, high = bounding_box(points)
     step = max(float((high - low).max()), LEAST_SPAN) / 24
     some = points[:: -(-len(points) // MOST_LOOKED_AT)]  # no order makes many cells of few
     place = ((some - low) / step).astype(np.int64)
@@ -115,7 +115,7 @@ def _spread_out(points: np.ndarray) -> bool:
     return bool(np.partition(count, -MANY_CELLS)[-MANY_CELLS:].sum() < MOST * len(some))
 
 
-def clip_below(points: np.ndarray, height: np.ndarray) -> np.ndarray:
+def above_low_outliers_mask(points: np.ndarray, height: np.ndarray) -> np.ndarray:
     """Mask (N,) bool of finite points (N, 3) and their heights (N,): False for strays that would lift the thing up.
 
     The floor touches the lowest point, so a few wrong ones below, as lidar has, leave the rest to hover above it.
@@ -195,7 +195,7 @@ def _clusters(points: np.ndarray) -> np.ndarray:
 
     Cells are a 24th of the widest side, or wider where the cloud is sparse: four points in a taken cell on average.
     """
-    low, high = extent(points)
+    low, high = bounding_box(points)
     span = max(float((high - low).max()), LEAST_SPAN)
     for cells in (24, 16, 12, 8, 6):
         place = ((points - low) * (cells / span * (1 - 1e-9))).astype(np.int64)

@@ -14,11 +14,11 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DEFAULT_ELEVATION
 from z2p_core.interfaces import Sensor
-from z2p_core.linalg import turned
-from z2p_core.surface.subsampling import bounds, even_share
-from z2p_core.up_axis.choose import guess_up
+from z2p_core.linalg import bounding_box, rotate_points
+from z2p_core.surface.subsampling import even_share
+from z2p_core.up_axis.choose import guess_up_axis
 
-UP_AXES = {
+UP_ROTATIONS = {
     "+Z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     "-Z": ((-1, 0, 0), (0, 1, 0), (0, 0, -1)),
     "+Y": ((1, 0, 0), (0, 0, -1), (0, 1, 0)),
@@ -49,7 +49,7 @@ TIE, NOISE = 0.03, 0.005
 
 
 @dataclass(frozen=True)
-class Up:
+class UpChoice:
     """How a cloud is set upright."""
 
     rotation: np.ndarray
@@ -70,23 +70,23 @@ METRES, MILLIMETRES = 1.0, 1000.0
 def choose_up(
     points: np.ndarray, sensor: Sensor | None, suffix: str, units: Sequence[float] = (METRES,),
     usual: tuple[str, str] = ("", ""),
-) -> Up:  # fmt: skip
+) -> UpChoice:  # fmt: skip
     """Which way is up in finite points (N, 3) of a file with that suffix (lower-case, with its dot), and why.
 
-    A depth camera's own up, else what `guess_up` makes of the cloud's shape, of its format, and of the axis that is
+    A depth camera's own up, else what `guess_up_axis` makes of the cloud's shape, of its format, and of the axis that is
     `usual` for such files, with the reason. A sensor that sees all around (a laser scanner) says nothing about up.
     Without a sensor the points may look like a depth camera's in one of the `units` to a metre.
     """
     reason = "as its depth camera stood"
-    if sensor is not None and not is_camera(points, sensor):
+    if sensor is not None and not is_depth_camera(points, sensor):
         sensor = None
     elif sensor is None:
         sensor, reason = implied_sensor(points, units), "it looks like a depth camera's view from the origin"
     if sensor is not None:
-        rotation = np.array(UP_AXES["-Y"], dtype=np.float64) @ sensor.rotation.T
-        return Up(rotation, _axis_name(rotation[2]), reason, sensor)
-    guess = guess_up(points, suffix, *usual)
-    return Up(np.array(UP_AXES[guess.axis], dtype=np.float64), guess.axis, guess.reason, other=guess.other)
+        rotation = np.array(UP_ROTATIONS["-Y"], dtype=np.float64) @ sensor.rotation.T
+        return UpChoice(rotation, _axis_name(rotation[2]), reason, sensor)
+    guess = guess_up_axis(points, suffix, *usual)
+    return UpChoice(np.array(UP_ROTATIONS[guess.axis], dtype=np.float64), guess.axis, guess.reason, other=guess.other)
 
 
 def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Sensor | None:
@@ -117,7 +117,7 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
     return Sensor(np.zeros(3), np.diag([1.0, sign, sign]))
 
 
-def sensor_view(towards_sensor: np.ndarray) -> tuple[float, float]:
+def view_from_sensor(towards_sensor: np.ndarray) -> tuple[float, float]:
     """Azimuth and elevation, degrees, that look from the sensor.
 
     `towards_sensor` (3,) goes from the cloud's centre to the sensor, in axes with +Z up. The azimuth turns the sensor's
@@ -135,7 +135,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     `AZIMUTHS` views from `elevation` are weighed. What differs by under 3 % is a tie, won by the view nearest to the
     file's own front (azimuth 0), so that noise does not choose between two sides; from there it goes uphill.
     """
-    low, high = bounds(points)
+    low, high = bounding_box(points)
     points = even_share(points, MOST_LOOKED_AT) - (low + high) / 2
     reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
     shown = _showing(points / reach, elevation)
@@ -150,9 +150,9 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     return (azimuth - THREE_QUARTER if azimuth > 0 else azimuth + THREE_QUARTER), "shows most"
 
 
-def is_camera(points: np.ndarray, sensor: Sensor) -> bool:
+def is_depth_camera(points: np.ndarray, sensor: Sensor) -> bool:
     """True when nearly all points lie in the cone before the sensor."""
-    seen = turned(even_share(points, MOST_LOOKED_AT) - sensor.position, sensor.rotation.T)
+    seen = rotate_points(even_share(points, MOST_LOOKED_AT) - sensor.position, sensor.rotation.T)
     inside = np.hypot(seen[:, 0], seen[:, 1]) <= math.tan(math.radians(CAMERA_CONE)) * seen[:, 2]
     return bool(inside.mean() > 0.98)
 

@@ -17,7 +17,7 @@ import numpy as np
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW
 from z2p_core.errors.value_limits import describe_value
 from z2p_core.interfaces import ScanError, SettingError
-from z2p_core.linalg import turned
+from z2p_core.linalg import rotate_points
 from z2p_core.placement.bounding_sphere import bounding_sphere
 
 FORMAT = 1
@@ -48,12 +48,12 @@ class Viewpoint:
         placed = points.astype(np.float64)
         placed -= self.centre
         placed /= self.radius
-        world: np.ndarray = turned(placed, np.array(self.rotation)).astype(np.float32)
+        world: np.ndarray = rotate_points(placed, np.array(self.rotation)).astype(np.float32)
         return world
 
-    def taken_back(self, cloud: np.ndarray) -> np.ndarray:
+    def unplace(self, cloud: np.ndarray) -> np.ndarray:
         """Points (N, 3) float64 in the data's units, which `place` makes a cloud (N, 3) in the world's of."""
-        points: np.ndarray = turned(cloud.astype(np.float64), np.array(self.rotation).T) * self.radius + self.centre
+        points: np.ndarray = rotate_points(cloud.astype(np.float64), np.array(self.rotation).T) * self.radius + self.centre
         return points
 
     def to_json(self) -> dict[str, Any]:
@@ -70,7 +70,7 @@ class Viewpoint:
         }
 
 
-def frame(points: np.ndarray, rotation: np.ndarray, elevation: float) -> Viewpoint:
+def frame_points(points: np.ndarray, rotation: np.ndarray, elevation: float) -> Viewpoint:
     """The viewpoint that fits the bounding sphere of points (N, 3) float64, finite, in any unit.
 
     `rotation` (3, 3) goes from the data's axes to the world's.

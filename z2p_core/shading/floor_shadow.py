@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from z2p_core import native
-from z2p_core.parallel import all_of
+from z2p_core.parallel import parallel_map
 from z2p_core.shading.area_light import floor_sky, lamp_sets, light_square
 from z2p_core.shading.surfels import PLACES, spread_out
 from z2p_core.surface.normals import Tangents
@@ -82,7 +82,7 @@ def floor_shades(
     cast_by = partial(native.floor_shade, casters.places, floor=height, half=FLOOR_HALF, side=side, narrowed=narrowed,
                       ball=ball * spacing, soft=SOFT, square=light_square(light))  # fmt: skip
     lamps: Shading = [partial(cast_by, places) for places in lamp_sets(light, FLOOR_LAMPS, sets)]
-    *shades, first, second = all_of(lamps + _sky_halves(points, spacing, height, sky_count))
+    *shades, first, second = parallel_map(lamps + _sky_halves(points, spacing, height, sky_count))
     sky = native.in_other_cells((first + second) / np.float32(2), side)
     return sum(shades[1:], shades[0]) / np.float32(sets), sky
 

@@ -10,8 +10,8 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.linalg import products
-from z2p_core.parallel import rows_beside
+from z2p_core.linalg import row_dots
+from z2p_core.parallel import begin_parallel_rows
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.shading.area_light import floor_sky, light_lamps, light_square, sky_axes
 from z2p_core.shading.floor_shadow import FLOOR_HALF, FLOOR_SKY, casters_of, floor_shades, lie_apart, narrowed_share
@@ -66,7 +66,7 @@ class Lighting:
         self.points, self.normals, self.spacing, self.light_at = points, normals, spacing, scene.light
         self.detail = detail
         self.color = np.array(base_color(scene), dtype=np.float32)
-        self.radius = radius = math.sqrt(products(points, points).max()) + spacing
+        self.radius = radius = math.sqrt(row_dots(points, points).max()) + spacing
         square = light_square(scene.light)
         lamps = light_lamps(scene.light, LAMPS)
         quarters = square[0] + QUARTERS @ square[1:]
@@ -83,7 +83,7 @@ class Lighting:
             """
             seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
 
-        self.look_around = rows_beside(look_around, len(axes), parts=8)
+        self.look_around = begin_parallel_rows(look_around, len(axes), parts=8)
         from_below, floor = floor_sky(2 * detail.below)[::2], self.floor
         self.below = below = np.empty((len(from_below), 2, len(points)), np.int32)
 
@@ -91,7 +91,7 @@ class Lighting:
             """What the floor sees of the points along some directions, in the meantime as well."""
             below[begin:end] = native.floor_hits(points, normals, from_below[begin:end], floor, GLOW_CELLS)
 
-        self.look_up = rows_beside(look_up, len(from_below), parts=4)
+        self.look_up = begin_parallel_rows(look_up, len(from_below), parts=4)
 
     def shade(self, found: Tangents, radii: np.ndarray, sets: int) -> None:
         """Casts the shadows of discs with those radii (M,) on the points and the floor.

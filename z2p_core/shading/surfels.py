@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from z2p_core import native
-from z2p_core.linalg import products
+from z2p_core.linalg import row_dots
 from z2p_core.surface.normals import Tangents
 
 OVERLAP = 1.45
@@ -59,7 +59,7 @@ def spread_out(found: Tangents, radii: np.ndarray) -> np.ndarray:
     normals = found.normals
     aside = np.eye(3, dtype=np.float32)[np.abs(normals).argmin(axis=1)]
     first = np.cross(normals, aside)
-    first *= (ABOUT / OVERLAP * radii / np.sqrt(products(first, first)))[:, None].astype(np.float32)
+    first *= (ABOUT / OVERLAP * radii / np.sqrt(row_dots(first, first)))[:, None].astype(np.float32)
     second, middles = np.cross(normals, first), found.points
     places = np.stack([middles, middles + first, middles - first, middles + second, middles - second], axis=1)
     return places.reshape(-1, 3)  # a disc's stay together, as their shadows do in memory

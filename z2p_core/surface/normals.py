@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core import native
-from z2p_core.parallel import beside
+from z2p_core.parallel import run_async
 
 FEWEST, MOST, MORE = 16, 64, 75.0
 """Neighbours of a clean cloud, of the noisiest one, and how many more for noise as large as the spacing."""
@@ -114,7 +114,7 @@ def fitted(cloud: np.ndarray) -> Fitted:
     found, spacing = grid.neighbours(everyone, FEWEST)
     typical = max(float(np.median(spacing)), 1e-9)
     asked = probes(len(cloud))
-    measured = beside(noise_of, grid, asked, found[asked], typical)
+    measured = run_async(noise_of, grid, asked, found[asked], typical)
     normals, _ = native.planes(grid.points, found)  # as most clouds are so clean that these neighbours will do
     noise = measured.result()
     count = neighbours_for(noise / typical)

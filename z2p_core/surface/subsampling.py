@@ -43,16 +43,6 @@ def with_fixed_start(points: np.ndarray) -> np.ndarray:
     return np.concatenate([points[least : least + 1], points])
 
 
-def bounds(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest coordinates (3,) each of points (N, 3), N >= 1; `extent` takes three times as long for many."""
-    lows, highs = [], []
-    for start in range(0, len(points), CHUNK_POINTS):
-        columns = np.ascontiguousarray(points[start : start + CHUNK_POINTS].T)
-        lows.append(columns.min(1))
-        highs.append(columns.max(1))
-    return np.min(lows, axis=0), np.max(highs, axis=0)
-
-
 def _weak_hashes(points: np.ndarray) -> np.ndarray:
     """A number (N,) uint64 for each of points (N, 3), in a third of the time, and good enough to choose many by."""
     keys = np.empty(len(points), np.uint64)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from z2p_core.surface.subsampling import bounds
-from z2p_core.up_axis.feature_weights import scores
-from z2p_core.up_axis.shape_features import marks
+from z2p_core.linalg import bounding_box
+from z2p_core.up_axis.feature_weights import up_axis_scores
+from z2p_core.up_axis.shape_features import axis_features
 
 AXES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 
@@ -41,7 +41,7 @@ TELLING_ODDS = 1.5
 
 
 @dataclass(frozen=True)
-class Guess:
+class AxisGuess:
     """The axis that is most likely up, why, and the other one that may be, if any."""
 
     axis: str
@@ -49,22 +49,22 @@ class Guess:
     other: str = ""
 
 
-def guess_up(points: np.ndarray, suffix: str, usual: str = "", usual_reason: str = "") -> Guess:
+def guess_up_axis(points: np.ndarray, suffix: str, usual: str = "", usual_reason: str = "") -> AxisGuess:
     """Which axis of finite points (N, 3) is up in a file with that suffix (lower-case, with its dot).
 
     `usual` is the axis that is usual for files with such marks as this one has, if any, and `usual_reason` says which.
     The order of the points does not count.
     """
     if not usual and suffix in STANDARD_AXES:
-        return Guess(STANDARD_AXES[suffix], f"the convention of {suffix}")
-    low, high = bounds(points)
+        return AxisGuess(STANDARD_AXES[suffix], f"the convention of {suffix}")
+    low, high = bounding_box(points)
     size = float((high - low).max())
     if float(np.abs(low + high)[:2].max()) / 2 > max(MAP_COORDINATE, MAP_DISTANCE * size):
-        return Guess("+Z", "a map's coordinates")
+        return AxisGuess("+Z", "a map's coordinates")
     prior = _prior(suffix, usual)
     shape = np.full(6, 1 / 6)
     if len(points) >= FEWEST_POINTS and size > 0:
-        told = scores(marks(points))
+        told = up_axis_scores(axis_features(points))
         likely = np.exp(told - told.max())
         shape = (1 - SHAPE_UNCERTAINTY) * likely / likely.sum() + SHAPE_UNCERTAINTY / 6
     grounded = np.where(np.abs(np.stack([low, -high], axis=1).ravel()) < ORIGIN_TOLERANCE * size, GROUNDED_FACTOR, 1.0)
@@ -85,19 +85,19 @@ def _prior(suffix: str, usual: str) -> np.ndarray:
     return share
 
 
-def _told(chance: np.ndarray, prior: np.ndarray, usual_reason: str) -> Guess:
+def _told(chance: np.ndarray, prior: np.ndarray, usual_reason: str) -> AxisGuess:
     """The guess in words, of how likely each axis is, with its shape (6,) and before (6,)."""
     first, second = (int(place) for place in np.argsort(-chance, kind="stable")[:2])
     expected = int(prior.argmax())
     other = AXES[second] if chance[second] >= POSSIBLE_CHANCE else ""
     if first == expected and _odds(chance[first]) < TELLING_ODDS * _odds(prior[first]):
         doubt = "" if prior[first] >= USUAL_BY_FILE else ", of which its shape tells little"
-        return Guess(AXES[first], usual_reason + doubt, other)
+        return AxisGuess(AXES[first], usual_reason + doubt, other)
     sure = "clearly" if chance[first] >= CLEAR_CHANCE else "probably"
     reason = f"{sure}, by its shape"
     if first == expected and usual_reason != "the usual axis":
         reason = f"{usual_reason}, and its shape says so"
-    return Guess(AXES[first], reason, other)
+    return AxisGuess(AXES[first], reason, other)
 
 
 def _odds(chance: float) -> float:

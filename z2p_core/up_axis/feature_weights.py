@@ -52,7 +52,7 @@ SCORE = np.array([-1.31, -1.28, 0.671, 1.16, 1.05, 1.09, 0.72, -0.803, -1.04, -1
 """What each hidden unit counts (H,)."""
 
 
-def scores(marks: np.ndarray) -> np.ndarray:
+def up_axis_scores(marks: np.ndarray) -> np.ndarray:
     """Logarithms (6,), but for a sum that all share, of how likely axes with such marks (6, M) are up."""
     told: np.ndarray = np.tanh((marks - MIDDLE) / SPREAD @ HIDDEN.T + HIDDEN_BIAS) @ SCORE
     return told

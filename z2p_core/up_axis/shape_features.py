@@ -1,7 +1,7 @@
 """What a cloud's shape says of each of its six axes: how likely it is that this one points up.
 
 Things stand on something flat or on feet, are heavier below, and are symmetrical about upright planes; floors are level
-and walls upright. Each such mark is one number for each axis (`marks`); `z2p_core.up_axis.feature_weights` holds how much each
+and walls upright. Each such mark is one number for each axis (`axis_features`); `z2p_core.up_axis.feature_weights` holds how much each
 counts.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.surface.subsampling import even_share
-from z2p_core.up_axis.support_polygon import area_of, hull, margin
+from z2p_core.up_axis.support_polygon import convex_hull, distance_inside, polygon_area
 
 MOST_POINTS, MOST_MIRRORED = 1500, 300
 """Points of a cloud that are looked at, and those of them that are mirrored."""
@@ -29,15 +29,15 @@ LEAST_EXTENT = 1e-300
 """Extent of a cloud whose places are still numbers when they are divided by it."""
 FLOOR_CELLS = 16
 """Cells along each side of the ground plan, at most."""
-MARKS = (
+FEATURE_NAMES = (
     "low mass", "low middle", "flat below", "level below", "held below", "feet's hull", "feet's share", "narrow feet",
     "taper", "cut below", "upright mirror", "level mirror", "turned alike", "level faces", "upright faces", "height",
     "height squared", "one layer", "level slab", "margin", "level above",
 )  # fmt: skip
-"""Names of the marks, as `marks` gives them."""
+"""Names of the marks, as `axis_features` gives them."""
 
 
-def marks(points: np.ndarray) -> np.ndarray:
+def axis_features(points: np.ndarray) -> np.ndarray:
     """The marks (6, M) of the axes +X, -X, +Y, -Y, +Z, -Z of finite points (N, 3), whatever their order.
 
     Each is about 0 to 1, and independent of the cloud's size and place.
@@ -63,7 +63,7 @@ def marks(points: np.ndarray) -> np.ndarray:
         for sign in (1.0, -1.0):
             share = np.clip(0.5 + sign * points[:, axis] / span[axis], -0.05, 1.05)
             odd = _standing(plan, share, facing)
-            rows.append([{**even, **odd}[name] for name in MARKS])
+            rows.append([{**even, **odd}[name] for name in FEATURE_NAMES])
     return np.array(rows)
 
 
@@ -88,7 +88,7 @@ class Plan:
         column, row = np.clip((places.T + 0.55) / 1.1 * cells, 0, cells - 1).astype(np.int64)
         cell = column * cells + row
         taken = int(np.count_nonzero(np.bincount(cell)))
-        return cls(places, places.mean(0), max(area_of(hull(places)), 1e-9), cell, taken)
+        return cls(places, places.mean(0), max(polygon_area(convex_hull(places)), 1e-9), cell, taken)
 
     def covered(self, which: np.ndarray) -> float:
         """Share of the taken cells that hold some of those points."""
@@ -116,10 +116,10 @@ def _standing(plan: Plan, share: np.ndarray, facing: np.ndarray) -> dict[str, fl
 
     `share` (N,) is the height from that end, 0 to 1, and `facing` (N,) how level the face is there.
     """
-    feet = hull(plan.places[share < 0.04])
-    held = margin(plan.middle, feet) / math.sqrt(plan.area) if len(feet) > 2 else -0.3
+    feet = convex_hull(plan.places[share < 0.04])
+    held = distance_inside(plan.middle, feet) / math.sqrt(plan.area) if len(feet) > 2 else -0.3
     covered = plan.covered(share < 0.08)
-    wide = area_of(hull(plan.places[share < 0.12])) / plan.area
+    wide = polygon_area(convex_hull(plan.places[share < 0.12])) / plan.area
     below, above = (_breadth(plan.places[(share >= at) & (share < at + 1 / 3)]) for at in (0.0, 2 / 3))
     lowest, count = share[share < 0.5], len(share)
     slabs = np.bincount(np.clip((lowest * 20).astype(np.int64), 0, 9))
@@ -132,7 +132,7 @@ def _standing(plan: Plan, share: np.ndarray, facing: np.ndarray) -> dict[str, fl
         "level above": (np.count_nonzero((share > 0.9) & level) / count) ** 0.5,
         "held below": 1.0 if held > 0.03 else 0.0,
         "margin": max(-0.3, min(0.3, held)),
-        "feet's hull": area_of(feet) / plan.area,
+        "feet's hull": polygon_area(feet) / plan.area,
         "feet's share": covered,
         "narrow feet": max(0.0, wide - 2.0 * covered),
         "taper": max(-1.5, min(1.5, math.log((below + 0.02) / (above + 0.02)))),

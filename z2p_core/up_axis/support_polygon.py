@@ -8,7 +8,7 @@ DIRECTIONS = 64
 """In which a hull's corners are looked for: of a disc's hull, all but 0.2 % of its area."""
 
 
-def hull(points: np.ndarray) -> np.ndarray:
+def convex_hull(points: np.ndarray) -> np.ndarray:
     """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise: the farthest ones in `DIRECTIONS`."""
     if not len(points):
         return points
@@ -19,7 +19,7 @@ def hull(points: np.ndarray) -> np.ndarray:
     return corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]  # one is the farthest in many directions
 
 
-def area_of(corners: np.ndarray) -> float:
+def polygon_area(corners: np.ndarray) -> float:
     """Area of a polygon (M, 2), counter-clockwise."""
     if len(corners) < 3:
         return 0.0
@@ -27,7 +27,7 @@ def area_of(corners: np.ndarray) -> float:
     return 0.5 * float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum())
 
 
-def margin(middle: np.ndarray, feet: np.ndarray) -> float:
+def distance_inside(middle: np.ndarray, feet: np.ndarray) -> float:
     """How far inside a polygon (M, 2), M >= 3, counter-clockwise, a place (2,) lies; below 0 where it lies outside."""
     edge = np.roll(feet, -1, axis=0) - feet
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(edge, axis=1, keepdims=True)

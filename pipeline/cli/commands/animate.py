@@ -74,12 +74,12 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     values = ctx.meta.get(SETTINGS, {})
     check_view(ctx, values, options)
     scans = found_scans(ctx, inputs, options, columns is not None)
-    from z2p_renderer.pipeline.inference.batch import told_fault
-    from z2p_renderer.pipeline.inference.weight_selection import renderer_for
+    from z2p_renderer.pipeline.inference.batch import fault_message
+    from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.pipeline.outputs.animation import Motion
     from z2p_renderer.storage.files.printable_names import printable
 
-    renderer = renderer_for(options["weights"], values, engine=options["engine"])
+    renderer = load_renderer(options["weights"], values, engine=options["engine"])
     look = look_from(renderer, values, options)
     motion = Motion(options["motion"], options["frames"], options["steady"])
     failed = False
@@ -97,7 +97,7 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
                         f"{time.perf_counter() - started:.1f} s; {how})")
         except Exception as error:  # whatever a file brings up, the other files go on
             failed = True
-            click.echo(f"failed: {name}: {told_fault(error, task.scan)}", err=True)
+            click.echo(f"failed: {name}: {fault_message(error, task.scan)}", err=True)
             continue
         if not options["quiet"]:
             click.echo(told, err=True)
@@ -123,9 +123,9 @@ class _Loop:
     @cached_property
     def source(self) -> dict[str, Any]:
         """The cloud, for the record."""
-        from z2p_renderer.pipeline.inference.batch import source_of
+        from z2p_renderer.pipeline.inference.batch import describe_source
 
-        return source_of(self.task.scan, self.task.output, 0, self.columns)
+        return describe_source(self.task.scan, self.task.output, 0, self.columns)
 
     def told_if_kept(self, renderer: Renderer) -> str | None:
         """What to say of the loop that is there and stays; None where it is to be made anew.
@@ -140,7 +140,7 @@ class _Loop:
     def write(self, renderer: Renderer, quiet: bool) -> str:
         """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
         from z2p_core.interfaces import ScanError
-        from z2p_renderer.pipeline.inference.render_scan import record
+        from z2p_renderer.pipeline.inference.render_scan import build_record
         from z2p_renderer.pipeline.outputs.animation import moving_frames, opening
         from z2p_renderer.storage.images.animations import write_animation
         from z2p_renderer.storage.scans.clouds import format_suffix, read_clouds
@@ -156,7 +156,7 @@ class _Loop:
 
             frames = tqdm(frames, total=self.motion.frames, unit="frame", file=sys.stderr, leave=False)
         drawn = list(frames)
-        made_by = {**record(first, self.look, self.source), "motion": self.moves}
+        made_by = {**build_record(first, self.look, self.source), "motion": self.moves}
         write_animation(drawn, self.task.output, self.rate, self.look.background, made_by)
         read = told_read(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)
         return "; ".join(filter(None, (read, cloud.note, first.placement.description, first.choice)))

@@ -113,10 +113,10 @@ def _drawn_again(
 ) -> tuple[Any, Look, dict[str, Any]]:
     """The new picture, the look it has and the record of it."""
     from z2p_core.interfaces import ScanError
-    from z2p_renderer.pipeline.inference.batch import source_of
-    from z2p_renderer.pipeline.inference.render_scan import draw
-    from z2p_renderer.pipeline.inference.render_scan import record as record_of
-    from z2p_renderer.pipeline.inference.weight_selection import renderer_for
+    from z2p_renderer.pipeline.inference.batch import describe_source
+    from z2p_renderer.pipeline.inference.render_scan import render_scan
+    from z2p_renderer.pipeline.inference.render_scan import build_record as record_of
+    from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.storage.models.checkpoints import shipped
     from z2p_renderer.storage.scans.clouds import format_suffix, read_each
 
@@ -124,7 +124,7 @@ def _drawn_again(
     if options["weights"] is None and name not in shipped():
         raise Failure(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
                       "--weights")
-    renderer = renderer_for(name, values, engine=_engine(record, options["engine"]))
+    renderer = load_renderer(name, values, engine=_engine(record, options["engine"]))
     look = _look(record, renderer, name, values, options).written_as(output.suffix.lower())
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
@@ -134,8 +134,8 @@ def _drawn_again(
     cloud = clouds[source["cloud"]]
     if isinstance(cloud, ScanError):
         raise cloud
-    drawing = draw(renderer, cloud, format_suffix(scan), look)
-    made_by = record_of(drawing, look, source_of(scan, output, source["cloud"], columns))
+    drawing = render_scan(renderer, cloud, format_suffix(scan), look)
+    made_by = record_of(drawing, look, describe_source(scan, output, source["cloud"], columns))
     if options["weights"] is None:
         made_by["weights_chosen"] = record.get("weights_chosen", False)
     if options["load_camera"] is None:
@@ -167,9 +167,9 @@ def _look(
     record: Mapping[str, Any], renderer: Renderer, name: str, given: dict[str, Value], options: dict[str, Any]
 ) -> Look:
     """The look of the record with the changes."""
-    from z2p_core.placement.margin import margin_from, without_margin
+    from z2p_core.placement.margin import parse_margin, without_margin
     from z2p_core.placement.viewpoint import viewpoint_from_json
-    from z2p_renderer.pipeline.inference.look import background_from, settings_for
+    from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls
     from z2p_renderer.pipeline.inference.render_scan import Look
     from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
     from z2p_renderer.storage.cameras import read_camera
@@ -180,14 +180,14 @@ def _look(
     if options["load_camera"] is not None:
         camera = read_camera(options["load_camera"])
     elif record.get("fit") != "tight":
-        camera = without_margin(camera, margin_from(record.get("margin")))  # once it was not told: the usual one
+        camera = without_margin(camera, parse_margin(record.get("margin")))  # once it was not told: the usual one
     if "elevation" in given:
         camera = replace(camera, elevation=given["elevation"][0])
     before = {key: value for key, value in record["controls"].items() if key in renderer.controls}
     dropped = sorted(set(record["controls"]) - set(before))
     if dropped and not options["quiet"]:
         click.echo(f"note: the weights {name!r} have no {' or '.join(dropped)}; the picture's is left out", err=True)
-    values = settings_for(renderer, {**before, **given})
+    values = parse_controls(renderer, {**before, **given})
     if options["load_camera"] is not None and "elevation" not in given:
         values.pop("elevation", None)  # the loaded camera has its own
     asked = record["placing"]
@@ -197,7 +197,7 @@ def _look(
     background = record["background"] if options["background"] is None else options["background"]
     width, height = options["resolution"] or record["resolution"]
     supersample, fit = (options[name] or record[name] for name in ("supersample", "fit"))
-    return Look(values, placing, width, height, background_from(background), supersample, fit == "tight",
+    return Look(values, placing, width, height, parse_background(background), supersample, fit == "tight",
                 _crop(record, given, options), margin=margin)  # fmt: skip
 
 
@@ -207,7 +207,7 @@ def _margin(record: Mapping[str, Any], options: dict[str, Any]) -> float | None:
     Raises:
         click.UsageError: a loaded camera chooses how large the object is.
     """
-    from z2p_core.placement.margin import margin_from
+    from z2p_core.placement.margin import parse_margin
 
     before, fit = record.get("fit"), options["fit"] or record.get("fit")
     if options["margin"] is not None:
@@ -215,7 +215,7 @@ def _margin(record: Mapping[str, Any], options: dict[str, Any]) -> float | None:
             raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out")
         return float(options["margin"])
     kept = fit == before and (fit == "tight" or options["load_camera"] is None)
-    return margin_from(record.get("margin")) if kept else None
+    return parse_margin(record.get("margin")) if kept else None
 
 
 def _crop(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Crop | None:

@@ -88,13 +88,13 @@ def _run(
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
     check_view(ctx, values, options)
     scans = found_scans(ctx, inputs, options, columns is not None)
-    from z2p_core.parallel import cores
+    from z2p_core.parallel import core_count
     from z2p_renderer.pipeline.inference.batch import render_files
-    from z2p_renderer.pipeline.inference.weight_selection import renderer_for
+    from z2p_renderer.pipeline.inference.weight_selection import load_renderer
 
-    jobs = min(options["jobs"] or cores(), len(scans))
-    threads = None if jobs == 1 else max(1, cores() // jobs)
-    renderer = renderer_for(options["weights"], values, threads, options["engine"])
+    jobs = min(options["jobs"] or core_count(), len(scans))
+    threads = None if jobs == 1 else max(1, core_count() // jobs)
+    renderer = load_renderer(options["weights"], values, threads, options["engine"])
     look = look_from(renderer, values, options)
     tasks = _plan(ctx, scans, inputs, output, options)
     _check_extras(ctx, tasks, output, options)
@@ -189,10 +189,10 @@ def _same_frame(
 ) -> tuple[Renderer, Look]:
     """The weights for all, and the look with the one camera that fits all clouds, and one crop if they are trimmed."""
     from z2p_renderer.pipeline.inference.common_view import common_crop, common_viewpoint
-    from z2p_renderer.pipeline.inference.render_scan import elevation_of
+    from z2p_renderer.pipeline.inference.render_scan import camera_elevation
 
     if look.placement_options.viewpoint is None:  # a loaded camera is one for all already
-        series = common_viewpoint(scans, look.placement_options, *elevation_of(renderer, look.values), columns)
+        series = common_viewpoint(scans, look.placement_options, *camera_elevation(renderer, look.values), columns)
         renderer, choice = renderer.suited(series.first)
         if not quiet:
             told = "; ".join(filter(None, (series.told, choice)))

@@ -69,9 +69,9 @@ class UpAxis(click.Choice):
         super().__init__(["auto", "+Z", "-Z", "+Y", "-Y", "+X", "-X"])
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from z2p_core.up_axis.axis_words import up_from
+        from z2p_core.up_axis.axis_names import parse_up_axis
 
-        return super().convert(up_from(value) or value, param, ctx)
+        return super().convert(parse_up_axis(value) or value, param, ctx)
 
 
 class View(click.ParamType):
@@ -113,22 +113,22 @@ class Format(click.Choice):
 
 
 class Margin(click.ParamType):
-    """A share of the picture's shorter side; see `z2p_core.placement.margin.margin_from`."""
+    """A share of the picture's shorter side; see `z2p_core.placement.margin.parse_margin`."""
 
     name = "SHARE"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float | None:
         from z2p_core.interfaces import SettingError
-        from z2p_core.placement.margin import margin_from
+        from z2p_core.placement.margin import parse_margin
 
         try:
-            return margin_from(value)
+            return parse_margin(value)
         except SettingError as error:
             self.fail(str(error).removeprefix("margin: "), param, ctx)
 
 
 class Smooth(click.ParamType):
-    """``auto``, or a radius; see `pipeline.inference.look.smooth_from`."""
+    """``auto``, or a radius; see `pipeline.inference.parse_settings.parse_smoothing`."""
 
     name = "auto|R"
 
@@ -138,10 +138,10 @@ class Smooth(click.ParamType):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
         from z2p_core.interfaces import SettingError
-        from z2p_renderer.pipeline.inference.look import smooth_from
+        from z2p_renderer.pipeline.inference.parse_settings import parse_smoothing
 
         try:
-            return smooth_from(value)
+            return parse_smoothing(value)
         except SettingError as error:
             self.fail(str(error), param, ctx)
 
@@ -205,10 +205,10 @@ class Background(click.ParamType):
         if isinstance(value, tuple):
             return value
         from z2p_core.interfaces import SettingError
-        from z2p_renderer.pipeline.inference.look import background_from
+        from z2p_renderer.pipeline.inference.parse_settings import parse_background
 
         try:
-            return background_from(value) or "transparent"
+            return parse_background(value) or "transparent"
         except SettingError as error:
             self.fail(str(error), param, ctx)
 

@@ -98,7 +98,7 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
     Raises:
         SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
     """
-    from z2p_renderer.pipeline.inference.look import settings_for
+    from z2p_renderer.pipeline.inference.parse_settings import parse_controls
     from z2p_renderer.pipeline.inference.render_scan import Look
     from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
     from z2p_renderer.storage.cameras import read_camera
@@ -111,7 +111,7 @@ def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, An
                       options["keep_outliers"], options["cut_top"], viewpoint, options["smooth"])
     background = None if options["background"] == "transparent" else options["background"]
     width, height = options["resolution"]
-    return Look(settings_for(renderer, given), placing, width, height, background, options["supersample"],
+    return Look(parse_controls(renderer, given), placing, width, height, background, options["supersample"],
                 options["fit"] == "tight", margin=options["margin"])  # fmt: skip
 
 

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.config import samples_until
 from z2p_core.config.ablation import BASE, AblationsConfig, Variant
+from z2p_core.config.pipeline import samples_until
 from z2p_core.quality.metrics import NAMES
 from z2p_renderer.storage.models.checkpoints import load_weights
 

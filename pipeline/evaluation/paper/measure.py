@@ -15,11 +15,11 @@ from z2p_core.camera import Camera
 from z2p_core.config.report import ReportConfig
 from z2p_core.images import bytes_from_unit, composite
 from z2p_core.quality.metrics import picture_metrics
-from z2p_renderer.pipeline.evaluation.evaluate import in_scene
 from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import references
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case, Subject, sweep_cases
 from z2p_renderer.pipeline.evaluation.paper.methods import TRUTH, Drawn, Method, draw_cases
 from z2p_renderer.pipeline.outputs.point_preview import dots
+from z2p_renderer.pipeline.rendering.views import in_scene
 
 ROWS = "rows.json"
 WHITE = (1.0, 1.0, 1.0)

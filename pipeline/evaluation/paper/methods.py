@@ -16,12 +16,12 @@ from z2p_core import registry
 from z2p_core.config.report import ReportConfig
 from z2p_core.images import unit_from_bytes
 from z2p_renderer.pipeline.evaluation.baselines import load_baselines, on_true_floor, rebuild_scenes
-from z2p_renderer.pipeline.evaluation.evaluate import in_scene
 from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import render_settings
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case
 from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.rendering.views import in_scene
 from z2p_renderer.storage.models.checkpoints import resolve
 from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
 

@@ -19,14 +19,13 @@ from z2p_core.config.report import ReportConfig
 from z2p_core.interfaces import Engine, ScanError
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation.baselines import load_baselines
-from z2p_renderer.pipeline.evaluation.evaluate import in_scene
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, MADE_LOOK, UNIT, Subject
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, WEIGHTS, Method
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.loading import LoadedWeights, load_plugins
 from z2p_renderer.pipeline.render import RenderSettings, render_mesh
 from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
-from z2p_renderer.pipeline.rendering.views import describe, load_controls
+from z2p_renderer.pipeline.rendering.views import describe, in_scene, load_controls
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.models.checkpoints import resolve
 

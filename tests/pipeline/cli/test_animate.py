@@ -14,7 +14,7 @@ from click.testing import Result
 from PIL import Image, ImageSequence
 
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.inference.render_scan import Look, draw
+from z2p_renderer.pipeline.inference.render_scan import Look, render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.animation import Motion, flicker, moving_frames, opening
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
@@ -39,14 +39,14 @@ def test_a_turn_is_the_still_picture_turned_on(renderer: Renderer, cloud: np.nda
     frames = list(loop(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
     for number, frame in enumerate(frames):
         still = replace(look, placement_options=PlacementOptions("+Y", view=10.0, azimuth=90.0 * number))
-        assert np.abs(frame.astype(int) - draw(renderer, usable(cloud), ".ply", still).picture).max() <= 2
+        assert np.abs(frame.astype(int) - render_scan(renderer, usable(cloud), ".ply", still).picture).max() <= 2
 
 
 def test_a_smoothed_turn_begins_with_the_still_picture(renderer: Renderer, cloud: np.ndarray) -> None:
     look = replace(LOOK, placement_options=PlacementOptions("+Z", view=10.0, smooth=0.3))
     first = next(loop(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
     looks = (look, replace(look, placement_options=PlacementOptions("+Z", view=10.0, smooth=0.0)))
-    still, plain = (draw(renderer, usable(cloud), ".ply", one).picture for one in looks)
+    still, plain = (render_scan(renderer, usable(cloud), ".ply", one).picture for one in looks)
     assert np.abs(first.astype(int) - still).mean() < 0.3 * np.abs(first.astype(int) - plain).mean()
 
 

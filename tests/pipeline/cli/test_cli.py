@@ -17,7 +17,7 @@ from click.testing import Result
 
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig
-from z2p_core.up_axis.axis_words import up_from
+from z2p_core.up_axis.axis_names import parse_up_axis
 from z2p_renderer.pipeline.cli import COMMANDS
 
 
@@ -106,7 +106,7 @@ def test_a_format_goes_by_its_suffix_too(
                         ("AUTO", "auto"), ("yz", None), ("W", None), ("--y", None), ("", None)],
 )  # fmt: skip
 def test_up_goes_by_its_usual_spellings(words: str, axis: str | None) -> None:
-    assert up_from(words) == axis
+    assert parse_up_axis(words) == axis
 
 
 def test_an_option_of_another_meaning_is_not_guessed(z2p: Callable[..., Result]) -> None:

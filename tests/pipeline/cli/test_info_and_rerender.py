@@ -234,6 +234,6 @@ def test_where_nothing_can_be_written_is_told_before_it_is_drawn(
     rerender: Callable[..., Result], figure: Path, tmp_path: Path, output: str, told: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("z2p_renderer.pipeline.inference.render_scan.draw", None)  # not called
+    monkeypatch.setattr("z2p_renderer.pipeline.inference.render_scan.render_scan", None)  # not called
     result = rerender(figure, "-o", tmp_path / output)
     assert result.exit_code == 2 and told in result.stderr

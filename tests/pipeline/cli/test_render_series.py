@@ -14,7 +14,7 @@ from click.testing import Result
 from PIL import Image
 
 from pipeline.cli.options.palettes import PALETTES, palette
-from z2p_renderer.pipeline.inference.render_scan import FAINTEST, cut
+from z2p_renderer.pipeline.inference.render_scan import MIN_VISIBLE_ALPHA, crop_frame
 from z2p_renderer.pipeline.outputs.contact_sheet import write_contact_sheets
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.images.image_files import read_record
@@ -54,10 +54,10 @@ def test_cameras_that_cannot_be(render: Callable[..., Result], scans: Path, tmp_
 
 
 def write_camera_far(folder: Path) -> Path:
-    from z2p_core.placement.viewpoint import frame
+    from z2p_core.placement.viewpoint import frame_points
     from z2p_renderer.storage.cameras import write_camera
 
-    write_camera(frame(np.eye(3) * 1e-3, np.eye(3), 20.0), folder / "far.json")
+    write_camera(frame_points(np.eye(3) * 1e-3, np.eye(3), 20.0), folder / "far.json")
     return folder / "far.json"
 
 
@@ -100,9 +100,9 @@ def test_a_series_is_trimmed_alike(render: Callable[..., Result], tmp_path: Path
     window = read_record(tmp_path / "tight" / "a.png")["window"]
     for name in names:
         whole, part = (pixels(tmp_path / kind / f"{name}.png") for kind in ("frame", "tight"))
-        shown = cut(whole, window)
+        shown = crop_frame(whole, window)
         assert np.array_equal(part, shown) and part.size < whole.size
-        assert (part[..., 3] >= FAINTEST).sum() == (whole[..., 3] >= FAINTEST).sum()
+        assert (part[..., 3] >= MIN_VISIBLE_ALPHA).sum() == (whole[..., 3] >= MIN_VISIBLE_ALPHA).sum()
 
 
 def test_a_redrawn_picture_keeps_the_crop_of_its_series_while_nothing_moves(

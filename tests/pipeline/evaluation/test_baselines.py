@@ -21,9 +21,10 @@ from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation import baselines as module
 from z2p_renderer.pipeline.evaluation import evaluate as evaluation
 from z2p_renderer.pipeline.evaluation.baselines import on_true_floor, rebuild, rebuild_scenes
-from z2p_renderer.pipeline.evaluation.evaluate import evaluate, in_scene
+from z2p_renderer.pipeline.evaluation.evaluate import evaluate
 from z2p_renderer.pipeline.render import RenderError, RenderSettings, render_mesh, render_scenes
 from z2p_renderer.pipeline.rendering import ground_truth
+from z2p_renderer.pipeline.rendering.views import in_scene
 from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.results.fingerprints import fingerprint, plugin_fields

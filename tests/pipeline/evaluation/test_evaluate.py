@@ -22,12 +22,13 @@ from z2p_core.quality.metrics import NAMES
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline import render
 from z2p_renderer.pipeline.evaluation.comparison_sheet import CELL, ROWS_A_SHEET, sheet_row, write_sheets
-from z2p_renderer.pipeline.evaluation.evaluate import draw_views, evaluate, in_scene, summarise
+from z2p_renderer.pipeline.evaluation.evaluate import draw_views, evaluate, summarise
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.render import RenderSettings
 from z2p_renderer.pipeline.rendering import ground_truth
 from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
+from z2p_renderer.pipeline.rendering.views import in_scene
 from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.models.checkpoints import WeightsError
 from z2p_renderer.storage.results.fingerprints import file_digest

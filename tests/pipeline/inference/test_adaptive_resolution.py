@@ -7,7 +7,13 @@ import pytest
 
 from z2p_core.camera import DISTANCE, Camera, turn
 from z2p_core.surface.normals import typical_spacing
-from z2p_renderer.pipeline.inference.adaptive_resolution import CLOSE, SMALLEST, STEPS, drawn_size, enlarged
+from z2p_renderer.pipeline.inference.adaptive_resolution import (
+    MIN_PIXELS_PER_SPACING,
+    MIN_SHORTER_SIDE,
+    REDUCTION_FACTORS,
+    render_size,
+    upsampled,
+)
 from z2p_renderer.pipeline.inference.renderer import Renderer
 
 
@@ -29,13 +35,13 @@ def test_spacing_is_the_side_of_a_points_share_of_the_surface(count: int) -> Non
 def test_points_are_close_in_a_picture_that_is_drawn_smaller(count: int, side: int) -> None:
     """As close as the next step would not leave them, but not closer; unless it would become too small."""
     cloud = sphere(count)
-    drawn, _ = drawn_size(cloud, side, side)
+    drawn, _ = render_size(cloud, side, side)
     apart = typical_spacing(cloud) * Camera(side, side).focal / DISTANCE
     factor = side / drawn
-    assert any(abs(side / step - drawn) <= 0.5 for step in (1, *STEPS))
-    assert drawn == side or (apart / factor >= 0.99 * CLOSE and drawn >= SMALLEST)
-    further = min((step for step in STEPS if step > factor + 0.1), default=None)
-    assert further is None or apart / further < 1.01 * CLOSE or side / further < SMALLEST
+    assert any(abs(side / step - drawn) <= 0.5 for step in (1, *REDUCTION_FACTORS))
+    assert drawn == side or (apart / factor >= 0.99 * MIN_PIXELS_PER_SPACING and drawn >= MIN_SHORTER_SIDE)
+    further = min((step for step in REDUCTION_FACTORS if step > factor + 0.1), default=None)
+    assert further is None or apart / further < 1.01 * MIN_PIXELS_PER_SPACING or side / further < MIN_SHORTER_SIDE
 
 
 def test_the_size_does_not_depend_on_how_a_cloud_is_turned_or_ordered() -> None:
@@ -43,18 +49,18 @@ def test_the_size_does_not_depend_on_how_a_cloud_is_turned_or_ordered() -> None:
     for count in (150, 700, 2500):
         cloud = rng.normal(size=(count, 3))
         cloud /= np.linalg.norm(cloud, axis=1, keepdims=True)
-        sizes = {drawn_size((rng.permutation(cloud) @ turn(angle).T).astype(np.float32), 1024, 768)
+        sizes = {render_size((rng.permutation(cloud) @ turn(angle).T).astype(np.float32), 1024, 768)
                  for angle in np.linspace(0, 180, 9)}  # fmt: skip
         assert len(sizes) == 1
 
 
 def test_a_dense_cloud_is_drawn_in_full() -> None:
-    assert drawn_size(sphere(5000), 512, 512) == (512, 512)
-    assert drawn_size(sphere(80_000), 1024, 768) == (1024, 768)
+    assert render_size(sphere(5000), 512, 512) == (512, 512)
+    assert render_size(sphere(80_000), 1024, 768) == (1024, 768)
 
 
 def test_the_shape_of_a_picture_stays() -> None:
-    width, height = drawn_size(sphere(300), 1200, 900)
+    width, height = render_size(sphere(300), 1200, 900)
     assert (width, height) != (1200, 900)
     assert width / height == pytest.approx(4 / 3, abs=0.01)
 
@@ -64,7 +70,7 @@ def test_what_changes_little_survives(size: tuple[int, int]) -> None:
     width, height = size
     y, x = np.mgrid[:40, :60] + 0.5
     small = np.stack([x / 60, y / 40, np.cos(x / 9) * np.sin(y / 7), np.ones_like(x)]).astype(np.float32)
-    large = enlarged(small, width, height)
+    large = upsampled(small, width, height)
     y, x = (np.mgrid[:height, :width] + 0.5) * np.array([40 / height, 60 / width])[:, None, None]
     expected = np.stack([x / 60, y / 40, np.cos(x / 9) * np.sin(y / 7), np.ones_like(x)])
     assert large.shape == (4, height, width)
@@ -76,12 +82,12 @@ def test_what_changes_little_survives(size: tuple[int, int]) -> None:
 
 def test_a_picture_that_has_its_size_is_itself() -> None:
     picture = np.random.default_rng(0).random((4, 20, 30), dtype=np.float32)
-    assert enlarged(picture, 30, 20) is picture
+    assert upsampled(picture, 30, 20) is picture
 
 
 def test_a_sparse_clouds_picture_is_the_smaller_one_enlarged() -> None:
     renderer, cloud = Renderer("regular"), sphere(200)
-    assert drawn_size(cloud, 300, 260) == (150, 130)
+    assert render_size(cloud, 300, 260) == (150, 130)
     picture, small = (renderer.render(cloud, None, *size).astype(float) for size in ((300, 260), (150, 130)))
     assert picture.shape == (260, 300, 4)
     halved = picture.reshape(130, 2, 150, 2, 4).mean((1, 3))

@@ -121,7 +121,7 @@ def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
             at_work.remove(path.stem)
 
     monkeypatch.setattr(batch, "read_each", watched)
-    monkeypatch.setattr(batch, "HEAVY", 5_000)
+    monkeypatch.setattr(batch, "LARGE_FILE_BYTES", 5_000)
     for name, count in {"light1": 50, "light2": 60, "heavy1": 900, "heavy2": 901, "heavy3": 902}.items():
         np.save(tmp_path / f"{name}.npy", np.random.default_rng(count).normal(size=(count, 3)))
     packed = tmp_path / "heavy4.npy.gz"  # it is what it unpacks to that counts

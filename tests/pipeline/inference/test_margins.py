@@ -14,7 +14,7 @@ from PIL import Image, ImageSequence
 
 import z2p_core
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.inference.render_scan import Look, content_box, draw, trimmed
+from z2p_renderer.pipeline.inference.render_scan import Look, content_box, render_scan, trim_to_content
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.images.image_files import read_record
@@ -145,10 +145,10 @@ def test_a_margin_and_a_camera_choose_the_size_twice(
 def test_a_trimmed_picture_has_its_margin_even_beyond_the_frame() -> None:
     picture = np.zeros((100, 120, 4), np.uint8)
     picture[0:60, 30:90] = 255
-    assert trimmed(picture).shape == (62, 64, 4), "as far as the frame goes"
+    assert trim_to_content(picture).shape == (62, 64, 4), "as far as the frame goes"
     for margin in (0.0, 0.02, 0.3):
         wide = round(100 * margin)
-        part = trimmed(picture, margin)
+        part = trim_to_content(picture, margin)
         assert part.shape == (60 + 2 * wide, 60 + 2 * wide, 4)
         assert (part[wide : wide + 60, wide : wide + 60] == 255).all() and part.sum() == 255 * 60 * 60 * 4
     assert content_box(picture[..., 3], 0.1) == (-10, 70, 20, 100)
@@ -156,9 +156,9 @@ def test_a_trimmed_picture_has_its_margin_even_beyond_the_frame() -> None:
 
 def test_what_trains_and_measures_draws_as_before(tiny_weights: Path, cloud: np.ndarray) -> None:
     renderer, look = Renderer(tiny_weights), Look(width=64, height=64, placement_options=PlacementOptions("+Z", "front"))
-    drawing = draw(renderer, usable(cloud), "", look)
+    drawing = render_scan(renderer, usable(cloud), "", look)
     raw = renderer.render(drawing.viewpoint.place(cloud), look.values, 64, 64)
     assert not np.array_equal(raw, drawing.picture), "the network's own picture is not faded"
     middle = slice(7, -7)
     assert np.array_equal(raw[middle, middle], drawing.picture[middle, middle])
-    assert np.array_equal(draw(renderer, usable(cloud), "", replace(look, margin=None)).picture, drawing.picture)
+    assert np.array_equal(render_scan(renderer, usable(cloud), "", replace(look, margin=None)).picture, drawing.picture)

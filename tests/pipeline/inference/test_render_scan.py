@@ -11,7 +11,7 @@ import pytest
 
 from z2p_core.images import shrink, unit_from_bytes
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.inference.render_scan import Look, draw, record, trimmed
+from z2p_renderer.pipeline.inference.render_scan import Look, build_record, render_scan, trim_to_content
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.scans.clouds import usable
@@ -27,19 +27,19 @@ def test_trimming_keeps_all_that_shows_and_a_margin() -> None:
     picture[40:60, 30:90] = 255
     picture[70, 50:54, 3] = 10  # a faint shadow
     picture[5, 5, 3] = 14  # a lone pixel at the border
-    cut = trimmed(picture)
+    cut = trim_to_content(picture)
     assert cut.shape == (31 + 4, 60 + 4, 4)
     assert np.array_equal(cut, picture[38:73, 28:92])
     edge = np.full((10, 10, 4), 255, np.uint8)
-    assert np.array_equal(trimmed(edge), edge)
+    assert np.array_equal(trim_to_content(edge), edge)
     empty = np.zeros((10, 10, 4), np.uint8)
-    assert np.array_equal(trimmed(empty), empty)
+    assert np.array_equal(trim_to_content(empty), empty)
 
 
 def test_supersampling_is_the_large_picture_averaged_in_linear_light(renderer: Renderer, cloud: np.ndarray) -> None:
     scan, look = usable(cloud), Look(width=40, height=32)
-    large = draw(renderer, scan, "", replace(look, width=120, height=96)).picture
-    small = draw(renderer, scan, "", replace(look, supersample=3)).picture
+    large = render_scan(renderer, scan, "", replace(look, width=120, height=96)).picture
+    small = render_scan(renderer, scan, "", replace(look, supersample=3)).picture
     assert small.shape == (32, 40, 4)
     inside = slice(4, -4)  # where no shadow fades
     assert np.abs(small - 255 * shrink(unit_from_bytes(large), 3))[inside, inside].max() <= 0.51
@@ -49,13 +49,13 @@ def test_supersampling_is_the_large_picture_averaged_in_linear_light(renderer: R
 
 def test_the_record_draws_the_same_picture_again(renderer: Renderer, cloud: np.ndarray) -> None:
     look = Look({"color": (0.5, 0.1, 0.2)}, PlacementOptions("+Y", azimuth=12.0), 48, 40)
-    drawing = draw(renderer, usable(cloud), ".ply", look)
-    made_by = record(drawing, look, {"name": "a.ply"})
+    drawing = render_scan(renderer, usable(cloud), ".ply", look)
+    made_by = build_record(drawing, look, {"name": "a.ply"})
     assert json.loads(json.dumps(made_by, allow_nan=False)) == made_by
     assert made_by["controls"]["color"] == [0.5, 0.1, 0.2] and made_by["controls"]["elevation"] == [20.0]
     assert made_by["weights"] == renderer.weights and len(made_by["weights"]["sha256"]) == 64
     assert (made_by["resolution"], made_by["input"]) == ([48, 40], {"name": "a.ply"})
-    again = draw(renderer, usable(cloud), ".ply", replace(look, placement_options=PlacementOptions(viewpoint=drawing.viewpoint)))
+    again = render_scan(renderer, usable(cloud), ".ply", replace(look, placement_options=PlacementOptions(viewpoint=drawing.viewpoint)))
     assert np.array_equal(again.picture, drawing.picture)
 
 
@@ -70,9 +70,9 @@ def test_a_shared_floor_is_drawn_at_and_never_above_the_cloud(
         return original(placed, *rest, **named)
 
     monkeypatch.setattr(renderer, "render", render)
-    own = draw(renderer, usable(cloud), "", Look(width=40, height=40)).viewpoint
+    own = render_scan(renderer, usable(cloud), "", Look(width=40, height=40)).viewpoint
     lowest = float(own.place(cloud)[:, 2].min())
     for floor in (None, lowest - 0.4, lowest + 0.4):
         look = Look(placement_options=PlacementOptions(viewpoint=replace(own, floor=floor)), width=40, height=40)
-        draw(renderer, usable(cloud), "", look)
+        render_scan(renderer, usable(cloud), "", look)
     assert floors == [None, None, pytest.approx(lowest - 0.4), pytest.approx(lowest)]

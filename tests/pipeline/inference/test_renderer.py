@@ -12,7 +12,7 @@ from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import GBufferChannel
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
 from z2p_renderer.pipeline.inference.loading import load_network
-from z2p_renderer.pipeline.inference.renderer import UP_AXES, Renderer, place_cloud
+from z2p_renderer.pipeline.inference.renderer import UP_ROTATIONS, Renderer, place_cloud
 from z2p_renderer.storage.models.checkpoints import WeightsError
 
 
@@ -27,9 +27,9 @@ def axis(name: str) -> np.ndarray:
     return vector
 
 
-@pytest.mark.parametrize("up", UP_AXES)
+@pytest.mark.parametrize("up", UP_ROTATIONS)
 def test_up_axes_are_rotations_that_bring_the_axis_to_plus_z(up: str) -> None:
-    rotation = np.array(UP_AXES[up], dtype=float)
+    rotation = np.array(UP_ROTATIONS[up], dtype=float)
     assert np.allclose(rotation @ rotation.T, np.eye(3))
     assert np.isclose(np.linalg.det(rotation), 1.0)
     assert np.array_equal(rotation @ axis(up), [0, 0, 1])
@@ -38,7 +38,7 @@ def test_up_axes_are_rotations_that_bring_the_axis_to_plus_z(up: str) -> None:
 @pytest.mark.parametrize(("up", "front"), [("+Z", "-Y"), ("+Y", "+Z"), ("-Y", "-Z"), ("-Z", "-Y"), ("+X", "-Y")])
 def test_the_front_of_the_data_faces_the_camera(up: str, front: str) -> None:
     toward_camera = Camera(64, 64, 0.0).position / np.linalg.norm(Camera(64, 64, 0.0).position)
-    assert np.allclose(np.array(UP_AXES[up]) @ axis(front), toward_camera)
+    assert np.allclose(np.array(UP_ROTATIONS[up]) @ axis(front), toward_camera)
 
 
 def test_a_placed_cloud_fills_the_unit_sphere(cloud: np.ndarray) -> None:

@@ -8,7 +8,12 @@ import pytest
 from z2p_core.interfaces import SettingError
 from z2p_renderer.pipeline.inference import weight_selection
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.inference.weight_selection import NOISY, USUAL, SuitedRenderer, renderer_for
+from z2p_renderer.pipeline.inference.weight_selection import (
+    DEFAULT_WEIGHTS,
+    NOISY_CLOUD_WEIGHTS,
+    AutoRenderer,
+    load_renderer,
+)
 from z2p_renderer.storage.models.checkpoints import shipped
 
 
@@ -20,31 +25,31 @@ def sphere_of(count: int, noise: float = 0.0) -> np.ndarray:
 
 
 def test_clean_clouds_get_the_usual_weights_and_noisy_ones_those_made_for_noise() -> None:
-    renderer = renderer_for("auto", ())
+    renderer = load_renderer("auto", ())
     chosen, why = renderer.suited(sphere_of(5000))
-    assert chosen.weights["name"] == USUAL and not why
+    assert chosen.weights["name"] == DEFAULT_WEIGHTS and not why
     chosen, why = renderer.suited(sphere_of(5000, 0.012))
-    assert chosen.weights["name"] == NOISY and "scatter" in why and NOISY in why
+    assert chosen.weights["name"] == NOISY_CLOUD_WEIGHTS and "scatter" in why and NOISY_CLOUD_WEIGHTS in why
     assert renderer.suited(sphere_of(5000, 0.02))[0] is chosen, "loaded once"
 
 
 def test_a_choice_made_stays_made() -> None:
-    chosen, _ = renderer_for("auto", ()).suited(sphere_of(5000, 0.012))
+    chosen, _ = load_renderer("auto", ()).suited(sphere_of(5000, 0.012))
     assert chosen.suited(sphere_of(5000))[0] is chosen
 
 
 def test_weights_that_were_named_are_taken_whatever_comes(tiny_weights: Path) -> None:
-    renderer = renderer_for(tiny_weights, ("color",))
-    assert not isinstance(renderer, SuitedRenderer)
+    renderer = load_renderer(tiny_weights, ("color",))
+    assert not isinstance(renderer, AutoRenderer)
     assert renderer.suited(sphere_of(5000, 0.02)) == (renderer, "")
 
 
 def test_controls_choose_among_the_shipped_weights() -> None:
-    assert isinstance(renderer_for("auto", {"color", "light", "elevation"}), SuitedRenderer)
+    assert isinstance(load_renderer("auto", {"color", "light", "elevation"}), AutoRenderer)
     if "material" in shipped():
-        assert renderer_for("auto", {"metallic"}).weights["name"] == "material"
+        assert load_renderer("auto", {"metallic"}).weights["name"] == "material"
     with pytest.raises(SettingError, match="no weights that come with z2p carry sparkle"):
-        renderer_for("auto", {"color", "sparkle"})
+        load_renderer("auto", {"color", "sparkle"})
 
 
 def test_an_engine_starts_with_the_first_cloud_that_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,9 +61,9 @@ def test_an_engine_starts_with_the_first_cloud_that_needs_it(monkeypatch: pytest
         return original(renderer)
 
     monkeypatch.setattr(weight_selection.Renderer.__dict__["_engine"], "func", counted)
-    renderer = renderer_for("auto", ())
+    renderer = load_renderer("auto", ())
     assert started == []
     renderer.suited(sphere_of(3000, 0.02))
-    assert started == [NOISY]
+    assert started == [NOISY_CLOUD_WEIGHTS]
     renderer.suited(sphere_of(3000))
-    assert started == [NOISY, USUAL]
+    assert started == [NOISY_CLOUD_WEIGHTS, DEFAULT_WEIGHTS]

@@ -17,7 +17,7 @@ from PIL import Image
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_renderer.pipeline.inference.batch import Look, Outcome, Task, render_files
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.inference.weight_selection import SuitedRenderer
+from z2p_renderer.pipeline.inference.weight_selection import AutoRenderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.images.image_files import read_record
 
@@ -169,10 +169,10 @@ def test_other_weights_are_told_where_the_cloud_does_not_choose_them(
     output = tmp_path / "a.png"
     assert drawn(renderer, scan, output).status == "ok"
     assert drawn(Renderer(make_weights(cropped=True)), scan, output).kept == "with another choice of weights"
-    assert drawn(SuitedRenderer(), scan, output).kept == "with another choice of weights", "z2p was to choose them"
+    assert drawn(AutoRenderer(), scan, output).kept == "with another choice of weights", "z2p was to choose them"
     by_choice = tmp_path / "b.png"
-    assert drawn(SuitedRenderer(), scan, by_choice).status == "ok"
-    assert drawn(SuitedRenderer(), scan, by_choice).kept == ""
+    assert drawn(AutoRenderer(), scan, by_choice).status == "ok"
+    assert drawn(AutoRenderer(), scan, by_choice).kept == ""
 
 
 @pytest.mark.parametrize(

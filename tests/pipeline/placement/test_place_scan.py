@@ -9,8 +9,8 @@ import pytest
 
 from z2p_core.camera import Camera
 from z2p_core.interfaces import ScanError, Sensor
-from z2p_core.placement.bounding_sphere import random_rotation
-from z2p_renderer.pipeline.inference.renderer import UP_AXES, place_cloud
+from z2p_core.rotations import random_rotation
+from z2p_renderer.pipeline.inference.renderer import UP_ROTATIONS, place_cloud
 from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, PlacementOptions, place_scan
 from z2p_renderer.storage.scans.clouds import Scan
 
@@ -29,7 +29,7 @@ def seen(lift: float = 0.0) -> np.ndarray:
     return points[points[:, 2] <= 0] * 0.8 + [0.0, lift, 3.0]
 
 
-@pytest.mark.parametrize("axis", UP_AXES)
+@pytest.mark.parametrize("axis", UP_ROTATIONS)
 def test_forced_up_and_front_are_the_plain_placement_bit_for_bit(axis: str, cloud: np.ndarray) -> None:
     sensor = Sensor(np.zeros(3), np.eye(3))
     placed = place_scan(scan(cloud, sensor), ".pcd", PlacementOptions(axis, "front", 33.0), 20.0, FREE)

@@ -8,7 +8,7 @@ import pytest
 
 from z2p_core.camera import DEPTH_RANGE, DISTANCE, Camera
 from z2p_core.images import linear_from_srgb
-from z2p_core.parallel import one_core_each
+from z2p_core.parallel import without_second_core
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, GBufferChannel
 from z2p_core.surface.normals import thinned
@@ -46,7 +46,7 @@ def test_one_core_draws_what_two_draw(side):
     cloud = np.concatenate([sphere_of(4000, 0.6), sphere_of(3000, 0.3) + np.float32([0.2, -0.7, 0.1])])
     camera = Camera(side, side)
     shared = Surfels().draw(cloud, camera, SCENE)
-    with one_core_each():
+    with without_second_core():
         np.testing.assert_array_equal(Surfels().draw(cloud, camera, SCENE), shared)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from z2p_core.camera import Camera
-from z2p_core.parallel import one_core_each
+from z2p_core.parallel import without_second_core
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import NORMAL_XY, RADIANCE, GBufferChannel
 from z2p_renderer.plugins.gbuffers.sketch import Sketch
@@ -68,5 +68,5 @@ def test_any_number_of_points_is_drawn(count: int) -> None:
 
 
 def test_one_core_draws_what_two_draw(quick: np.ndarray) -> None:
-    with one_core_each():
+    with without_second_core():
         np.testing.assert_array_equal(Sketch().draw(two_balls(), CAMERA, SCENE), quick)

@@ -14,7 +14,7 @@ from reader_files import PLY_TYPES, cloud, ply, read, refused
 
 from z2p_core import registry
 from z2p_core.interfaces import Sensor
-from z2p_core.placement.background import subject
+from z2p_core.placement.background import foreground_mask
 from z2p_renderer.plugins.readers.pcd import Pcd
 
 
@@ -328,7 +328,7 @@ def test_few_points_before_a_sensor_are_all_kept(tmp_path: Path, height: int) ->
     head = pcd(b"", points=6, width=6 // height, data="binary").replace(b"HEIGHT 2", b"HEIGHT %d" % height)
     (tmp_path / "a.pcd").write_bytes(head.replace(b"VIEWPOINT 0 0 0 1", b"VIEWPOINT 0 0 -1 1") + rows.tobytes())
     [told] = Pcd().read(tmp_path / "a.pcd")
-    assert told.sensor is not None and subject(told.points, told.sensor).all()
+    assert told.sensor is not None and foreground_mask(told.points, told.sensor).all()
 
 
 @pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian", "ascii"])

@@ -10,7 +10,7 @@ from PIL import Image
 
 from z2p_core.camera import turn
 from z2p_core.interfaces import SettingError
-from z2p_core.placement.viewpoint import frame
+from z2p_core.placement.viewpoint import frame_points
 from z2p_renderer.storage.cameras import read_camera, write_camera
 from z2p_renderer.storage.images.image_files import FORMATS, PictureError, encode, read_record, write_picture
 
@@ -55,7 +55,7 @@ def test_a_picture_without_a_record_is_told_apart(tmp_path: Path) -> None:
 
 
 def test_a_camera_comes_from_json_or_from_a_picture(tmp_path: Path) -> None:
-    viewpoint = frame(np.random.default_rng(1).normal(size=(50, 3)) + 5e6, turn(20.0), 31.0)
+    viewpoint = frame_points(np.random.default_rng(1).normal(size=(50, 3)) + 5e6, turn(20.0), 31.0)
     write_camera(viewpoint, tmp_path / "cam.json")
     write_picture(PICTURE, tmp_path / "fig.png", record={"record": 1, "camera": viewpoint.to_json()})
     assert read_camera(tmp_path / "cam.json") == read_camera(tmp_path / "fig.png") == viewpoint

@@ -7,9 +7,10 @@ import pytest
 
 from z2p_core.camera import turn
 from z2p_core.interfaces import Sensor
-from z2p_core.placement.background import is_room, subject, support, upright
-from z2p_core.placement.bounding_sphere import random_rotation
-from z2p_core.placement.view_selection import UP_AXES, choose_up
+from z2p_core.placement.background import foreground_mask, is_room, support_plane_normal
+from z2p_core.rotations import align_to_vertical, random_rotation
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
+from z2p_core.up_axis.choose import choose_up
 
 RNG = np.random.default_rng(0)
 ORIGIN = Sensor(np.zeros(3), np.eye(3))
@@ -38,10 +39,10 @@ def table(tilt: float, things: int = 1500) -> np.ndarray:
 
 def test_a_wall_behind_the_subject_goes_and_nothing_of_the_subject() -> None:
     points = np.vstack([ball(2000, 0.3, 0.0, 0.0, 1.0), wall(5000, 2.5), ball(5, 0.01, 0.1, 0.0, 1.8)])
-    kept = subject(points, ORIGIN)
+    kept = foreground_mask(points, ORIGIN)
     assert kept[:2000].all() and not kept[2000:].any()
     rotation = random_rotation(np.random.default_rng(3))
-    moved = subject(points @ rotation.T + 7.0, Sensor(np.full(3, 7.0), rotation))
+    moved = foreground_mask(points @ rotation.T + 7.0, Sensor(np.full(3, 7.0), rotation))
     assert np.array_equal(moved, kept)
 
 
@@ -53,7 +54,7 @@ def test_a_wall_behind_the_subject_goes_and_nothing_of_the_subject() -> None:
     ids=["no wall", "wall close behind", "a scrap before a wall", "wall alone", "evenly deep"],
 )  # fmt: skip
 def test_without_a_clear_gap_all_stays(points: np.ndarray) -> None:
-    assert subject(points, ORIGIN).all()
+    assert foreground_mask(points, ORIGIN).all()
 
 
 @pytest.mark.parametrize("tilt", [0.0, 20.0, 45.0, 60.0])
@@ -62,10 +63,10 @@ def test_the_table_tells_up_whatever_the_cameras_tilt(tilt: float) -> None:
     true_up = np.array([0.0, -np.cos(angle), -np.sin(angle)])
     points = table(tilt)
     up = choose_up(points, ORIGIN, ".pcd")
-    normal = support(points, up.rotation[2], ORIGIN)
+    normal = support_plane_normal(points, up.rotation[2], ORIGIN)
     assert normal is not None
     assert normal @ true_up > np.cos(np.radians(2))
-    rotation = upright(up.rotation, normal)
+    rotation = align_to_vertical(up.rotation, normal)
     np.testing.assert_allclose(rotation @ normal, [0, 0, 1], atol=1e-12)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-12)
 
@@ -84,12 +85,12 @@ def turn_about_y(angle: float) -> np.ndarray:
 @pytest.mark.parametrize("points", [ball(3000, 0.3, 0.0, 0.2, 1.0), wall(3000, 2.0), box_corner()],
                          ids=["ball", "wall", "box"])  # fmt: skip
 def test_no_table_is_seen_where_none_is(points: np.ndarray) -> None:
-    assert support(points, np.array([0.0, -1.0, 0.0]), ORIGIN) is None
+    assert support_plane_normal(points, np.array([0.0, -1.0, 0.0]), ORIGIN) is None
 
 
 def test_setting_upright_what_is_upright_changes_nothing() -> None:
-    rotation = turn(30.0) @ np.array(UP_AXES["+Y"], dtype=float)
-    assert np.array_equal(upright(rotation, rotation.T @ [0.0, 0.0, 1.0]), rotation)
+    rotation = turn(30.0) @ np.array(UP_ROTATIONS["+Y"], dtype=float)
+    assert np.array_equal(align_to_vertical(rotation, rotation.T @ [0.0, 0.0, 1.0]), rotation)
 
 
 def room(height: float, *sides: float) -> np.ndarray:

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from z2p_core.placement.bounding_sphere import Sphere, bounding_sphere, random_rotation
+from z2p_core.placement.bounding_sphere import Sphere, bounding_sphere
+from z2p_core.rotations import random_rotation
 
 clouds = hnp.arrays(np.float64, st.tuples(st.integers(1, 40), st.just(3)), elements=st.floats(-1000, 1000, width=32))
 UTM = np.array([5e6, -5e6, 5e6])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_clouds import box, chair, lamppost, moved, sphere
 
-from z2p_core.placement.isolated_points import clip_lone
+from z2p_core.placement.isolated_points import non_isolated_mask
 
 RNG = np.random.default_rng(0)
 
@@ -25,11 +25,11 @@ def strewn(count: int, low: float, high: float, side: float = 200.0) -> np.ndarr
 def test_what_is_strewn_above_and_below_a_tile_goes(share: float, low: float, high: float) -> None:
     ground = tile()
     points = np.vstack([ground, strewn(int(share * len(ground)), low, high)])
-    kept = clip_lone(points)
+    kept = non_isolated_mask(points)
     assert kept[: len(ground)].all()
     assert np.ptp(points[kept][:, 2]) < 80  # a slab as high as a tree or two above the ground
     order = RNG.permutation(len(points))
-    assert np.array_equal(clip_lone(points[order]), kept[order])
+    assert np.array_equal(non_isolated_mask(points[order]), kept[order])
 
 
 MAST = np.column_stack([RNG.normal(100, 0.2, (300, 2)), RNG.uniform(0, 150, 300)])
@@ -41,4 +41,4 @@ WHOLE = {"ball": sphere(5000), "chair": chair(1500), "lamppost": lamppost(2000),
 
 @pytest.mark.parametrize("name", WHOLE)
 def test_parts_of_a_thing_stay(name: str) -> None:
-    assert clip_lone(WHOLE[name]).all()
+    assert non_isolated_mask(WHOLE[name]).all()

@@ -8,16 +8,11 @@ from made_clouds import box, chair, lamppost, moved, sphere
 
 from z2p_core.camera import turn
 from z2p_core.interfaces import Sensor
-from z2p_core.placement.bounding_sphere import random_rotation
-from z2p_core.placement.view_selection import (
-    METRES,
-    MILLIMETRES,
-    UP_AXES,
-    choose_up,
-    choose_view,
-    implied_sensor,
-    sensor_view,
-)
+from z2p_core.placement.depth_camera import METRES, MILLIMETRES, implied_sensor
+from z2p_core.placement.view_selection import choose_view, view_from_sensor
+from z2p_core.rotations import random_rotation
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
+from z2p_core.up_axis.choose import choose_up
 
 
 def depth_picture(rotation: np.ndarray | None = None) -> np.ndarray:
@@ -36,7 +31,7 @@ def test_up_by_convention() -> None:
     for suffix, axis in {".obj": "+Y", ".glb": "+Y", ".gltf": "+Y", ".ply": "+Z", ".xyz": "+Z"}.items():
         up = choose_up(sphere(1000), None, suffix)
         assert (up.axis, up.sensor) == (axis, None)
-        assert np.array_equal(up.rotation, UP_AXES[axis])
+        assert np.array_equal(up.rotation, UP_ROTATIONS[axis])
         assert up.reason
 
 
@@ -118,12 +113,12 @@ def test_another_axis_that_may_be_up_is_passed_on() -> None:
 
 def test_a_sensors_view_has_the_sensor_behind_the_camera() -> None:
     for towards in np.random.default_rng(5).normal(size=(20, 3)):
-        azimuth, elevation = sensor_view(towards)
+        azimuth, elevation = view_from_sensor(towards)
         turned = turn(azimuth) @ towards
         angle = np.radians(elevation)
         np.testing.assert_allclose(turned / np.linalg.norm(turned), [0, -np.cos(angle), np.sin(angle)], atol=1e-9)
-    assert sensor_view(np.array([0.0, -2.0, 0.0])) == (0.0, 0.0)
-    assert sensor_view(np.array([0.0, 0.0, 2.0])) == (0.0, 90.0)
+    assert view_from_sensor(np.array([0.0, -2.0, 0.0])) == (0.0, 0.0)
+    assert view_from_sensor(np.array([0.0, 0.0, 2.0])) == (0.0, 90.0)
 
 
 @pytest.mark.parametrize("own", [0.0, 40.0, -75.0])

@@ -7,9 +7,9 @@ import pytest
 from made_clouds import box, chair, moved, sphere
 
 from z2p_core.camera import turn
-from z2p_core.placement.view_selection import UP_AXES
-from z2p_core.up_axis.choose import guess_up
-from z2p_core.up_axis.shape_features import MARKS, marks
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
+from z2p_core.up_axis.choose import guess_up_axis
+from z2p_core.up_axis.shape_features import FEATURE_NAMES, axis_features
 
 RNG = np.random.default_rng(0)
 
@@ -38,69 +38,69 @@ THINGS = {"chair": chair(1500), "table": table(), "chair on a floor": seated()}
 @pytest.mark.parametrize("name", THINGS)
 def test_what_stands_is_stood_up_whatever_its_axes_and_its_format(name: str, axis: str) -> None:
     for azimuth in (0.0, 35.0, 250.0):
-        points = THINGS[name] @ turn(azimuth).T @ np.array(UP_AXES[axis], dtype=float)
+        points = THINGS[name] @ turn(azimuth).T @ np.array(UP_ROTATIONS[axis], dtype=float)
         for suffix in (".ply", ".pcd", ".npy", ".xyz", ".pts", ".txt"):
-            assert guess_up(points + 0.37, suffix).axis == axis
+            assert guess_up_axis(points + 0.37, suffix).axis == axis
 
 
 @pytest.mark.parametrize("axis", ["+Z", "+Y", "-Y"])
 def test_what_might_stand_on_its_head_is_stood_up_or_its_axis_named(axis: str) -> None:
-    guess = guess_up(bust() @ np.array(UP_AXES[axis], dtype=float), ".ply")
+    guess = guess_up_axis(bust() @ np.array(UP_ROTATIONS[axis], dtype=float), ".ply")
     assert axis in (guess.axis, guess.other)
 
 
 def test_sure_ones_are_called_so_and_name_no_other() -> None:
-    guess = guess_up(chair(1500) @ np.array(UP_AXES["+Y"], dtype=float), ".ply")
+    guess = guess_up_axis(chair(1500) @ np.array(UP_ROTATIONS["+Y"], dtype=float), ".ply")
     assert (guess.axis, guess.reason, guess.other) == ("+Y", "clearly, by its shape", "")
 
 
 @pytest.mark.parametrize("points", [sphere(2000), box(4000, 1, 1, 1), sphere(60)], ids=["ball", "cube", "few"])
 def test_what_has_no_upright_takes_the_usual_axis_and_names_another(points: np.ndarray) -> None:
     for suffix, axis, other in ((".ply", "+Z", "+Y"), (".obj", "+Y", "+Z")):
-        guess = guess_up(points, suffix)
+        guess = guess_up_axis(points, suffix)
         assert (guess.axis, guess.other) == (axis, other)
         assert "its shape tells little" in guess.reason
 
 
 @pytest.mark.parametrize(("suffix", "axis"), [(".las", "+Z"), (".laz", "+Z"), (".e57", "+Z"), (".glb", "+Y")])
 def test_standards_hold_whatever_the_shape(suffix: str, axis: str) -> None:
-    for turned in UP_AXES:
-        assert guess_up(chair(1500) @ np.array(UP_AXES[turned], dtype=float), suffix).axis == axis
+    for turned in UP_ROTATIONS:
+        assert guess_up_axis(chair(1500) @ np.array(UP_ROTATIONS[turned], dtype=float), suffix).axis == axis
 
 
 def test_the_axes_of_a_family_win_where_the_shape_tells_little_and_yield_where_it_is_clear() -> None:
-    guess = guess_up(sphere(2000), ".ply", "-Y", "usual for such files")
+    guess = guess_up_axis(sphere(2000), ".ply", "-Y", "usual for such files")
     assert guess.axis == "-Y" and guess.reason.startswith("usual for such files")
-    assert guess_up(chair(1500), ".ply", "-Y", "usual for such files").axis == "+Z"
+    assert guess_up_axis(chair(1500), ".ply", "-Y", "usual for such files").axis == "+Z"
 
 
 def test_coordinates_of_a_map_have_their_heights_along_z() -> None:
     tile = np.column_stack([RNG.uniform(0, 300, (5000, 2)), RNG.normal(0, 2, 5000)])
-    assert guess_up(np.add(tile, [512_000, 5_403_000, 300]), ".xyz").reason == "a map's coordinates"
-    family = guess_up(np.add(tile, [512_000, 5_403_000, 300]), ".ply", "-Y", "usual for such files")
+    assert guess_up_axis(np.add(tile, [512_000, 5_403_000, 300]), ".xyz").reason == "a map's coordinates"
+    family = guess_up_axis(np.add(tile, [512_000, 5_403_000, 300]), ".ply", "-Y", "usual for such files")
     assert (family.axis, family.reason) == ("+Z", "a map's coordinates")
 
 
 def test_a_thing_that_stands_at_height_0_is_the_likelier_to_stand_so() -> None:
     brick = box(4000, 1, 1, 1)
-    assert guess_up(moved(brick, 0.3, 1.0, 0.4), ".ply").axis == "+Y"
-    assert guess_up(moved(brick, 0.3, 0.5, 0.4), ".ply").axis == "+Z"
+    assert guess_up_axis(moved(brick, 0.3, 1.0, 0.4), ".ply").axis == "+Y"
+    assert guess_up_axis(moved(brick, 0.3, 0.5, 0.4), ".ply").axis == "+Z"
 
 
 def test_marks_depend_neither_on_order_nor_on_size_and_place() -> None:
     points = chair(3000)
-    plain = marks(points)
-    assert plain.shape == (6, len(MARKS)) and np.isfinite(plain).all()
-    assert np.array_equal(marks(points[RNG.permutation(len(points))]), plain)
-    np.testing.assert_allclose(marks(points[:1400] * 8 + 64), marks(points[:1400]), atol=2e-2)
+    plain = axis_features(points)
+    assert plain.shape == (6, len(FEATURE_NAMES)) and np.isfinite(plain).all()
+    assert np.array_equal(axis_features(points[RNG.permutation(len(points))]), plain)
+    np.testing.assert_allclose(axis_features(points[:1400] * 8 + 64), axis_features(points[:1400]), atol=2e-2)
 
 
 def test_marks_turn_with_the_cloud() -> None:
     points = chair(200)[:1400]  # all are looked at, so that the same ones are
-    plain = marks(points)
-    turned = marks(points @ np.array(UP_AXES["+Y"], dtype=float))
+    plain = axis_features(points)
+    turned = axis_features(points @ np.array(UP_ROTATIONS["+Y"], dtype=float))
     for mark in ("level faces", "height", "level mirror", "low mass", "feet's hull"):
-        column = MARKS.index(mark)
+        column = FEATURE_NAMES.index(mark)
         np.testing.assert_allclose(turned[2:4, column], plain[4:6, column], atol=0.02, err_msg=mark)
 
 
@@ -112,4 +112,4 @@ def test_marks_turn_with_the_cloud() -> None:
 )  # fmt: skip
 def test_flat_and_odd_clouds_get_an_axis_without_ado(points: np.ndarray) -> None:
     with np.errstate(all="raise", under="ignore"):
-        assert guess_up(points, ".ply").axis in UP_AXES
+        assert guess_up_axis(points, ".ply").axis in UP_ROTATIONS

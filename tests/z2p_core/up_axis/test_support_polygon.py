@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from z2p_core.up_axis.support_polygon import area_of, hull, margin
+from z2p_core.up_axis.support_polygon import polygon_area, convex_hull, distance_inside
 
 RNG = np.random.default_rng(0)
 
@@ -15,16 +15,16 @@ RNG = np.random.default_rng(0)
 def test_the_margin_is_the_way_to_the_nearest_edge_and_negative_outside() -> None:
     square = np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]])
     for place, expected in (([1.0, 0.5], 0.5), ([1.0, 0.9], 0.1), ([1.0, 1.0], 0.0), ([3.0, 0.5], -1.0)):
-        assert margin(np.array(place), square) == pytest.approx(expected)
+        assert distance_inside(np.array(place), square) == pytest.approx(expected)
 
 
 def test_hulls() -> None:
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
     inside = RNG.uniform(0.01, 0.99, (200, 2))
-    found = hull(np.vstack([inside, square, square]))
+    found = convex_hull(np.vstack([inside, square, square]))
     assert {tuple(corner) for corner in found} == {tuple(corner) for corner in square}
-    assert area_of(found) == pytest.approx(1)
-    assert area_of(hull(np.array([[0.0, 0], [1, 1], [2, 2]]))) == 0
+    assert polygon_area(found) == pytest.approx(1)
+    assert polygon_area(convex_hull(np.array([[0.0, 0], [1, 1], [2, 2]]))) == 0
 
 
 def exact_hull(points: np.ndarray) -> np.ndarray:
@@ -59,6 +59,6 @@ def test_the_hull_is_nearly_the_exact_one_and_its_corners_are_points(count: int,
         points = rng.integers(0, 9, (count, 2)).astype(float)
     elif kind == "far":
         points = points * 1e-3 + 5e6
-    found, area = hull(points), area_of(exact_hull(points) - points[0])
+    found, area = convex_hull(points), polygon_area(exact_hull(points) - points[0])
     assert {tuple(corner) for corner in found} <= {tuple(point) for point in points}
-    assert 0.99 * area - 1e-9 <= area_of(found - points[0]) <= area * (1 + 1e-6) + 1e-9
+    assert 0.99 * area - 1e-9 <= polygon_area(found - points[0]) <= area * (1 + 1e-6) + 1e-9
