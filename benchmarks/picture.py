@@ -33,7 +33,7 @@ from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
 from z2p_renderer.storage.images.image_files import encode
-from z2p_renderer.storage.models.checkpoints import WeightsError, resolve
+from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights
 from z2p_renderer.storage.scans.clouds import read_clouds
 
 FEW = 5_000
@@ -108,7 +108,7 @@ def _zbuffers(options: Any, weights: Path) -> list[Figure]:
 
 def _buffers(weights: Path) -> tuple[Any, Any]:
     """The z-buffer and the G-buffer that the weights know."""
-    loaded = load_plugins(resolve(weights))
+    loaded = load_plugins(find_weights(weights))
     return loaded.zbuffer, loaded.gbuffer
 
 

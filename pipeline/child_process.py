@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 
-from z2p_renderer.storage.results.code_digest import CORE
+from z2p_renderer.storage.results.code_digest import CORE_FOLDER
 
 
 def child_environment() -> dict[str, str]:
     """Environment in which ``python -m`` runs this installation's packages, and nothing of the working folder."""
     earlier = os.environ.get("PYTHONPATH")
-    paths = os.pathsep.join([str(CORE.parent.resolve()), *([earlier] if earlier else [])])
+    paths = os.pathsep.join([str(CORE_FOLDER.parent.resolve()), *([earlier] if earlier else [])])
     return {**os.environ, "PYTHONSAFEPATH": "1", "PYTHONPATH": paths}

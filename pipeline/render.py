@@ -24,8 +24,8 @@ from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_pre
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.child_process import child_environment
-from z2p_renderer.storage.files.atomic_write import whole, write_whole
-from z2p_renderer.storage.files.disk_errors import DiskError, disk_refusal, full_disk
+from z2p_renderer.storage.files.atomic_write import atomic_path, atomic_write
+from z2p_renderer.storage.files.disk_errors import DiskError, disk_error_message, full_disk_message
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 
 PASSES = ("depth", "normal", "shadow")
@@ -115,7 +115,7 @@ def render_mesh(
     with tempfile.TemporaryDirectory(prefix=".blender-", dir=out) as folder:
         job = Path(folder)
         vertices = mesh.vertices.astype(np.float32)
-        write_whole(_packed(vertices=vertices, faces=mesh.faces, smooth=mesh.smooth), job / "mesh.npz")
+        atomic_write(_packed(vertices=vertices, faces=mesh.faces, smooth=mesh.smooth), job / "mesh.npz")
         described = [(stem, scene.to_json()) for stem, scene in missing]
         (job / "job.json").write_text(json.dumps({"settings": asdict(settings), "scenes": described}))
         started = time.perf_counter()
@@ -179,7 +179,7 @@ def _run_blender(job: Path, name: str) -> Iterator[str]:
 
 def _failure(folder: Path, told: str) -> RenderError | DiskError:
     """The error for a failure of Blender, which writes into `folder`: a full disk shows in it in many ways."""
-    refused = disk_refusal(told, folder) or full_disk(folder)
+    refused = disk_error_message(told, folder) or full_disk_message(folder)
     return DiskError(refused) if refused else RenderError(told)
 
 
@@ -195,7 +195,7 @@ def _develop(exr: Path, out: Path, stem: str) -> None:
     _save_png(bytes_from_unit(coverage), out / f"{stem}.coverage.png")
     passes = _passes(channels, coverage)
     if passes:
-        write_whole(_packed(np.savez_compressed, **passes), out / f"{stem}.passes.npz", lasting=True)
+        atomic_write(_packed(np.savez_compressed, **passes), out / f"{stem}.passes.npz", durable=True)
     straight = straight_from_premultiplied(np.clip(channels["Combined"], 0, None))
     straight[..., :3] = srgb_from_linear(straight[..., :3])
     _save_png(bytes_from_unit(straight), out / f"{stem}.png")
@@ -223,5 +223,5 @@ def _passes(channels: dict[str, np.ndarray], coverage: np.ndarray) -> dict[str, 
 
 
 def _save_png(picture: np.ndarray, path: Path) -> None:
-    with whole(path, lasting=True) as temporary:
+    with atomic_path(path, durable=True) as temporary:
         Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)

@@ -25,7 +25,7 @@ from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.animation import flicker
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
-from z2p_renderer.storage.meshes import Mesh, calls_for_smooth, read_mesh
+from z2p_renderer.storage.meshes import Mesh, is_smooth_surface, read_mesh
 from z2p_renderer.storage.scans.clouds import usable
 
 LIGHT = (3.6, -40.0, 50.0)
@@ -69,7 +69,7 @@ def _mesh(path: Path | None) -> Mesh:
             export_suzanne(Path(folder) / "suzanne.npz")
             with np.load(Path(folder) / "suzanne.npz") as arrays:
                 vertices, faces = trimesh.remesh.subdivide_loop(arrays["vertices"].astype(float), arrays["faces"], 2)
-    return Mesh(bounding_sphere(vertices).normalise(vertices), faces, calls_for_smooth(vertices, faces))
+    return Mesh(bounding_sphere(vertices).normalise(vertices), faces, is_smooth_surface(vertices, faces))
 
 
 def _truth(mesh: Mesh, asked: argparse.Namespace, folder: Path) -> tuple[np.ndarray, np.ndarray]:

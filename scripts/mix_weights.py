@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from z2p_renderer.storage.models.checkpoints import WeightsError, load_weights, resolve, save_weights
+from z2p_renderer.storage.models.checkpoints import WeightsError, load_weights, find_weights, save_weights
 
 
 def main() -> None:
@@ -38,7 +38,7 @@ def mix(before: str, after: str, out: Path, share: float) -> None:
     """
     if not 0 <= share <= 1:
         raise ValueError(f"expected a share from 0 to 1, got {share:g}")
-    old, new = (load_weights(resolve(one)) for one in (before, after))
+    old, new = (load_weights(find_weights(one)) for one in (before, after))
     for part in ("network", "gbuffer", "zbuffer", "encoder", "controls"):
         if old.card.get(part) != new.card.get(part):
             raise ValueError(f"expected weights of the same {part}, got {old.card.get(part)} in {before} and "

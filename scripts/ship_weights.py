@@ -26,7 +26,7 @@ from z2p_renderer.pipeline.export.graph_rewrite import quantised, streamlined
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.meshes import find_meshes
-from z2p_renderer.storage.models.checkpoints import SHIPPED, load_weights, save_weights
+from z2p_renderer.storage.models.checkpoints import SHIPPED_FOLDER, load_weights, save_weights
 from z2p_renderer.storage.models.onnx_deltas import INT8, graph_path, save_graph
 from z2p_renderer.storage.results.fingerprints import file_digest
 
@@ -66,16 +66,16 @@ def main(run: Path, name: str, meshes: Path | None, truth: Path | None, begun: s
     """Ship `run/weights.safetensors` under `name`; its figures come from `run/metrics.json`."""
     weights = load_weights(run / "weights.safetensors")
     metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
-    shipped = SHIPPED / f"{name}.safetensors"
+    shipped = SHIPPED_FOLDER / f"{name}.safetensors"
     weights.card["training"]["start"] = Path(weights.card["training"].get("start", "")).stem
     save_weights(shipped, weights.tensors, weights.card, half=True)
     engines = export_graphs(shipped, metrics["settings"]["config"], meshes, truth)
     fingerprint = (run / "weights.safetensors").resolve().parent.name
     text = describe(name, run.name, weights.card, metrics, fingerprint, file_digest(shipped), begun) + engines
     shipped.with_suffix(".md").write_text(text, encoding="utf-8")
-    for file in sorted(SHIPPED.glob(f"{name}.*")):
+    for file in sorted(SHIPPED_FOLDER.glob(f"{name}.*")):
         print(f"{file} ({file.stat().st_size / 1e6:.2f} MB)")
-    total = sum(file.stat().st_size for file in SHIPPED.iterdir())
+    total = sum(file.stat().st_size for file in SHIPPED_FOLDER.iterdir())
     print(f"all that is shipped: {total / 1e6:.1f} MB of {LARGEST / 1e6:.0f} MB")
     if total > LARGEST:
         sys.exit(f"Error: {name} does not fit: expected at most {LARGEST / 1e6:.0f} MB in all; leave out another set")

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from z2p_core.interfaces import SettingError
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
-from z2p_renderer.storage.files.atomic_write import kind_of, write_whole
+from z2p_renderer.storage.files.atomic_write import file_kind, atomic_write
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
-from z2p_renderer.storage.files.printable_names import is_file, is_folder, is_there, printable
+from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_exists, printable
 from z2p_renderer.storage.images.image_files import FORMATS, PictureError, read_record
 
 MOST_BYTES = 1 << 16
@@ -33,13 +33,13 @@ def check_camera_place(path: Path, taken: Iterable[Path] = ()) -> None:
         raise SettingError(f"{told}, got a picture's; each picture holds its camera anyway, see --load-camera")
     if any(_same(path, other) for other in taken):
         raise SettingError(f"{told}, got a file that this run reads or writes; choose another")
-    if is_there(path) and not _is_camera(path):
+    if path_exists(path) and not _is_camera(path):
         raise SettingError(f"{told}, got a file that is there already and no camera of z2p; choose another")
 
 
 def write_camera(viewpoint: Viewpoint, path: Path) -> None:
     """Write a viewpoint as a JSON file, whole or not at all."""
-    write_whole((json.dumps(viewpoint.to_json(), indent=2) + "\n").encode(), path)
+    atomic_write((json.dumps(viewpoint.to_json(), indent=2) + "\n").encode(), path)
 
 
 def read_camera(path: Path) -> Viewpoint:
@@ -71,8 +71,8 @@ def _camera_text(path: Path) -> bytes:
         OSError: there is no such file.
         SettingError: it is none.
     """
-    if is_there(path) and not is_file(path):
-        raise SettingError(f"expected a JSON file or a picture, got {kind_of(path)}")
+    if path_exists(path) and not is_file(path):
+        raise SettingError(f"expected a JSON file or a picture, got {file_kind(path)}")
     try:
         with path.open("rb") as file:
             return file.read(MOST_BYTES + 1)
@@ -83,7 +83,7 @@ def _camera_text(path: Path) -> bytes:
 def _same(path: Path, other: Path) -> bool:
     """Whether two names lead to one file, be it there already or not."""
     return os.path.realpath(path) == os.path.realpath(other) or (
-        is_there(path) and is_there(other) and path.samefile(other)
+        path_exists(path) and path_exists(other) and path.samefile(other)
     )
 
 

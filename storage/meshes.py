@@ -16,9 +16,9 @@ from z2p_renderer.storage.files.printable_names import is_folder, printable
 
 MESH_SUFFIXES = (".ply", ".obj", ".off", ".stl", ".glb")
 
-FLAT_FROM_DEGREES = 23.0
-FLAT_BELOW_FACES = 20_000
-"""`calls_for_smooth`: facets are meant from this typical angle on, and visible as such below this count of faces."""
+MIN_FACET_ANGLE_DEGREES = 23.0
+MAX_FACETED_FACES = 20_000
+"""`is_smooth_surface`: facets are meant from this typical angle on, and visible as such below this count of faces."""
 
 
 @dataclass(frozen=True)
@@ -50,15 +50,15 @@ def read_mesh(path: Path) -> Mesh:
     try:
         check_openable(path)
         vertices, faces = _load(path, suffix)
-        faces = _checked(vertices, faces)
+        faces = _check_faces(vertices, faces)
     except ScanError as error:
         raise ScanError(f"{printable(path)}: {error}") from error
     except Exception as error:  # trimesh raises whatever its parsing stumbles over
         message = f"{printable(path)}: not a readable {suffix} mesh ({error_reason(error)}); export it again"
         raise ScanError(message) from error
     if suffix in (".stl", ".obj", ".glb"):
-        vertices, faces = _welded(vertices, faces)
-    return Mesh(vertices, faces, calls_for_smooth(vertices, faces))
+        vertices, faces = _merge_vertices(vertices, faces)
+    return Mesh(vertices, faces, is_smooth_surface(vertices, faces))
 
 
 def find_meshes(folder: Path) -> dict[str, Path]:
@@ -77,24 +77,24 @@ def find_meshes(folder: Path) -> dict[str, Path]:
     return {path.stem if taken[path.stem] == 1 else path.name: path for path in paths}
 
 
-def calls_for_smooth(vertices: np.ndarray, faces: np.ndarray) -> bool:
+def is_smooth_surface(vertices: np.ndarray, faces: np.ndarray) -> bool:
     """Whether triangles faces (M, 3) int of vertices (V, 3) float64 stand for a curved surface.
 
     They do unless the typical angle between neighbouring faces (median over shared edges, weighted by their length) is
-    `FLAT_FROM_DEGREES` or more and there are fewer than `FLAT_BELOW_FACES`: a dense scan with large angles is noisy,
+    `MIN_FACET_ANGLE_DEGREES` or more and there are fewer than `MAX_FACETED_FACES`: a dense scan with large angles is noisy,
     not faceted. A curved surface cut into that few triangles shows its facets however it is shaded. Flat sides with
     sharp edges between them (most CAD) count as smooth: their triangles meet at 0 degrees, and the renderer parts the
     normals at sharp edges anyway.
     """
-    if len(faces) >= FLAT_BELOW_FACES:
+    if len(faces) >= MAX_FACETED_FACES:
         return True
-    angles, lengths = _edge_angles(*_welded(vertices, faces))
+    angles, lengths = _edge_angles(*_merge_vertices(vertices, faces))
     if len(angles) == 0:
         return True
     order = np.argsort(angles, kind="stable")
     reached = np.cumsum(lengths[order])
     median = angles[order][np.searchsorted(reached, reached[-1] / 2)]
-    return bool(median < np.radians(FLAT_FROM_DEGREES))
+    return bool(median < np.radians(MIN_FACET_ANGLE_DEGREES))
 
 
 def write_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
@@ -228,7 +228,7 @@ def _values(blob: bytes, dtype: np.dtype, count: int, offset: int) -> np.ndarray
     return np.frombuffer(blob, dtype, count, offset)
 
 
-def _checked(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _check_faces(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """The faces as int64, once they are known to be safe: Blender crashes on an index out of range."""
     if len(faces) == 0:
         raise ScanError("the file has no faces; a mesh is expected here, not a point cloud")
@@ -240,18 +240,18 @@ def _checked(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
         raise ScanError(f"faces use vertices {faces.min()} to {faces.max()}, there are 0 to {len(vertices) - 1}; "
                         "repair the mesh")
     extent = np.ptp(vertices[faces.ravel()], axis=0).max()
-    if not (np.linalg.norm(_crossed(vertices, faces), axis=1) > 1e-14 * extent**2).any():
+    if not (np.linalg.norm(_face_normals(vertices, faces), axis=1) > 1e-14 * extent**2).any():
         raise ScanError(f"none of the {len(faces)} faces has an area; repair the mesh")
     return faces
 
 
-def _crossed(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Normals (M, 3), as long as twice the triangle's area."""
     a, b, c = (vertices[faces[:, corner]] for corner in range(3))
     return np.cross(b - a, c - a)
 
 
-def _welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _merge_vertices(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The same triangles over vertices of which no two are at the same place."""
     places, which = np.unique(vertices, axis=0, return_inverse=True)
     return places, which.reshape(-1)[faces]
@@ -259,7 +259,7 @@ def _welded(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 def _edge_angles(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Angle in radians and length (E,) of each edge between exactly two faces with an area; winding does not matter."""
-    normals = _crossed(vertices, faces)
+    normals = _face_normals(vertices, faces)
     size = np.linalg.norm(normals, axis=1)
     solid = size > 0
     faces, normals = faces[solid], normals[solid] / size[solid, None]

@@ -20,10 +20,10 @@ import numpy as np
 from z2p_core.errors.messages import UserError
 from z2p_core.errors.value_limits import AnyOf, Count, JsonObject, ListOf, MappingOf, Number, OrNone, Text, check_value
 from z2p_core.scene import SceneDescription
-from z2p_renderer.storage.files.atomic_write import whole
+from z2p_renderer.storage.files.atomic_write import atomic_path
 
 SCHEMA = 3
-SCENE_BYTES = 1024
+MAX_SCENE_BYTES = 1024
 """Room for a scene as JSON: fixed-length strings read the same from every thread."""
 _NUMBER, _NAME = Number(-1e9, 1e9), Text("a line of text")
 ATTRIBUTES = JsonObject({
@@ -36,11 +36,11 @@ SCENE = JsonObject(
      "material": MappingOf(AnyOf((_NUMBER, ListOf(_NUMBER, 1, 4))))},
     {"floor": OrNone(_NUMBER)},
 )  # fmt: skip
-LIBRARY = ("v110", "v110")
+HDF5_FORMAT = ("v110", "v110")
 """Oldest and newest HDF5 that must understand the file: that of 1.10 is the oldest format whose bookkeeping all has
 checksums, and every h5py that can be installed reads it. The ``latest`` changes with the library that writes: what
 HDF5 2.0 calls so, no 1.14 can open."""
-INFLATION = 1200
+MAX_COMPRESSION_RATIO = 1200
 """More than gzip can pack bytes (about 1,030 to 1); a file that declares more lies about its size."""
 
 
@@ -76,8 +76,8 @@ def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attribu
     kept = list(records)
     attributes = {"schema": SCHEMA, **attributes}
     layout = _layout(len(kept), len(pool), attributes, path)
-    with whole(path) as temporary:
-        with h5py.File(temporary, "w", libver=LIBRARY) as file:
+    with atomic_path(path) as temporary:
+        with h5py.File(temporary, "w", libver=HDF5_FORMAT) as file:
             file.attrs["z2p"] = np.bytes_(json.dumps(attributes, sort_keys=True).encode())
             for name, (shape, dtype) in layout.items():
                 chunk = shape if name == "pool" else (1, *shape[1:])
@@ -91,8 +91,8 @@ def write_shard(path: Path, records: Iterable[Record], pool: np.ndarray, attribu
                     for row, record in enumerate(kept):
                         where = f"{path}: record {row}: {name}"
                         value = _scene_bytes(record.scene, where) if name == "scene" else getattr(record, name)
-                        data[row] = _fitting(value, shape[1:], where)
-        digest = _settle(temporary)
+                        data[row] = _check_shape(value, shape[1:], where)
+        digest = _fsync_and_digest(temporary)
     return digest
 
 
@@ -204,15 +204,15 @@ def _layout(
         "coverage": ((count, side, side), np.uint8),
         "settings": ((count, settings), np.float32),
         "mirrored_settings": ((count, settings), np.float32),
-        "scene": ((count,), np.dtype(f"S{SCENE_BYTES}")),
+        "scene": ((count,), np.dtype(f"S{MAX_SCENE_BYTES}")),
         "pool": ((points, 3), np.float32),
     }
 
 
 def _scene_bytes(scene: SceneDescription, where: str) -> bytes:
     text = json.dumps(scene.to_json(), separators=(",", ":")).encode()
-    if len(text) > SCENE_BYTES:
-        raise ShardError(f"{where}: expected at most {SCENE_BYTES} bytes of JSON, got {len(text)}")
+    if len(text) > MAX_SCENE_BYTES:
+        raise ShardError(f"{where}: expected at most {MAX_SCENE_BYTES} bytes of JSON, got {len(text)}")
     return text
 
 
@@ -231,13 +231,13 @@ def _check_finite(array: np.ndarray, where: str) -> None:
         raise ValueError(f"{where} holds numbers that are not finite")
 
 
-def _fitting(value: Any, shape: tuple[int, ...], where: str) -> Any:
+def _check_shape(value: Any, shape: tuple[int, ...], where: str) -> Any:
     if np.shape(value) != shape:
         raise ShardError(f"{where}: expected shape {shape}, got {np.shape(value)}")
     return value
 
 
-def _settle(path: Path) -> str:
+def _fsync_and_digest(path: Path) -> str:
     """SHA-256 of a finished file whose bytes are on the disk."""
     with path.open("rb") as file:
         os.fsync(file.fileno())
@@ -265,7 +265,7 @@ def _check_layout(file: h5py.File, attributes: dict[str, Any], path: Path) -> in
             raise ShardError(f"{path}: {name} lies in other files; shards hold their own data only")
         if data.shape != shape or data.dtype != dtype:
             raise ShardError(f"{path}: {name}: expected {shape} {np.dtype(dtype)}, got {data.shape} {data.dtype}")
-        if data.nbytes > size * INFLATION:
+        if data.nbytes > size * MAX_COMPRESSION_RATIO:
             raise ShardError(f"{path}: {name} declares {data.nbytes} bytes, more than {size} bytes of file can hold")
         chunks = 1 if name == "pool" else count
         if data.chunks is None or data.id.get_num_chunks() != chunks:

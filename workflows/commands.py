@@ -20,11 +20,11 @@ import luigi.cmdline
 
 from z2p_core.config.ablation import BASE
 from z2p_renderer.pipeline.cli.options.workspace import command
-from z2p_renderer.storage.files.disk_errors import TEMPORARY_FAILURE, disk_refusal
+from z2p_renderer.storage.files.disk_errors import TEMPORARY_FAILURE, disk_error_message
 from z2p_renderer.storage.results.adoption import adopt as take_over
-from z2p_renderer.storage.results.adoption import candidates
+from z2p_renderer.storage.results.adoption import find_candidates
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS
-from z2p_renderer.storage.results.manifests import faults
+from z2p_renderer.storage.results.manifests import find_faults
 from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.workflows import apply_settings
 from z2p_renderer.workflows.ablation.plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
@@ -62,8 +62,8 @@ def verify(workspace: Path) -> None:
     for store in (Store(workspace.absolute()), Store(workspace.absolute() / TRUTH)):
         for folder in (folder for stage in store.stages() for folder in store.folders(stage)):
             checked += 1
-            found = faults(folder, every_digest=True)
-            if found and os.path.lexists(folder) and not store.is_held(folder.parent.name, folder.name):
+            found = find_faults(folder, verify_digests=True)
+            if found and os.path.lexists(folder) and not store.is_locked(folder.parent.name, folder.name):
                 damaged += 1
                 click.echo(f"DAMAGED {found[0]}\n        put aside in {store.quarantine(folder)}")
     click.echo(f"{checked} results read, {damaged} damaged")
@@ -94,7 +94,7 @@ def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool,
     source = _source(**where)
     store, plan = Store(workspace.absolute()), _plan(source)
     wanted = stages or tuple(STAGE_VERSIONS)
-    found = candidates(store, [step.entry for step in plan.steps.values()], wanted)
+    found = find_candidates(store, [step.entry for step in plan.steps.values()], wanted)
     truth = Store(store.root / TRUTH)
     measured = plan.plans[BASE] if isinstance(plan, AblationPlan) else plan  # all variants on the same pictures
     pictures = truth_candidates(measured, store, truth) if isinstance(measured, Plan) and "reference" in wanted else []
@@ -163,7 +163,7 @@ def run() -> None:
         click.echo(f"Error: {error}", err=True)
         sys.exit(1)
     except OSError as error:
-        refused = disk_refusal(error, Path(str(error.filename)).parent if error.filename else None)
+        refused = disk_error_message(error, Path(str(error.filename)).parent if error.filename else None)
         if refused is None:
             raise
         click.echo(f"Error: {refused}", err=True)

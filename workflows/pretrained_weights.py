@@ -10,7 +10,7 @@ from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, TrainConfig
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.training.distillation import teaching_engine
-from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, load_weights, resolve
+from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, load_weights, find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
 from z2p_renderer.storage.results.stage_dependencies import installed_version
 
@@ -29,7 +29,7 @@ def prior_fields(config: TrainConfig, controls: Sequence[str]) -> dict[str, Any]
     for name in PRIOR:
         if weights := getattr(config, name):
             loaded = _known(name, weights, controls)
-            fields[name] = file_digest(resolve(weights))
+            fields[name] = file_digest(find_weights(weights))
             if name == "teacher":
                 plugins = _teachers_own(loaded, config.network)
                 fields |= {"teacher_engine": _engine_fields(teaching_engine())}
@@ -39,12 +39,12 @@ def prior_fields(config: TrainConfig, controls: Sequence[str]) -> dict[str, Any]
 
 def prior_files(config: TrainConfig, fields: Mapping[str, Any]) -> tuple[tuple[Path, str], ...]:
     """File and digest of each of the weights that `prior_fields` tell of."""
-    return tuple((resolve(getattr(config, name)).absolute(), fields[name]) for name in PRIOR if name in fields)
+    return tuple((find_weights(getattr(config, name)).absolute(), fields[name]) for name in PRIOR if name in fields)
 
 
 def _known(name: str, weights: str, controls: Sequence[str]) -> Weights:
     try:
-        found = load_weights(resolve(weights))
+        found = load_weights(find_weights(weights))
     except WeightsError as error:
         raise ConfigError(f"train.{name}: {error}") from error
     known = [entry["name"] for entry in found.card["controls"]]

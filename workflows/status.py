@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from z2p_renderer.storage.results.adoption import RANGE
-from z2p_renderer.storage.results.differences import differences
+from z2p_renderer.storage.results.adoption import VIEW_RANGE
+from z2p_renderer.storage.results.differences import compare_fields
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS
 from z2p_renderer.storage.results.manifests import MANIFEST
 from z2p_renderer.storage.results.store import Store
@@ -80,7 +80,7 @@ def as_json(found: Sequence[State]) -> str:
 
 def _reasons(before: Mapping[str, Any], step: Step, plan: Planned, earlier: _Earlier) -> list[str]:
     """Why the step's result of before does not do, the causes upstream by name."""
-    found = differences(_shared(before["fields"]), _shared(step.entry.fields))
+    found = compare_fields(_shared(before["fields"]), _shared(step.entry.fields))
     if not found:
         other = before["fields"] != dict(step.entry.fields)
         return ["views are cut into other chunks" if other else "damaged, and put aside in .quarantine"]
@@ -100,7 +100,7 @@ class _Earlier:
     """Results in the store, by what they are called."""
 
     def __init__(self, store: Store) -> None:
-        found = [pair for stage in STAGE_VERSIONS for pair in store.remains(stage)]
+        found = [pair for stage in STAGE_VERSIONS for pair in store.iter_all_manifests(stage)]
         found.sort(key=lambda pair: (str(pair[1].get("written")), (pair[0] / MANIFEST).stat().st_mtime_ns))
         self._newest = {str(manifest.get("name")): manifest for _, manifest in found}
 
@@ -116,10 +116,10 @@ class _Earlier:
         """Whether a result with those fields, as JSON, was made of another result than the step's."""
         before = self.like(step)
         if step.entry.stage in ("render", "shapes"):  # what follows knows them by their meshes, not by a fingerprint
-            return before is None or bool(differences(_shared(before["fields"]), _shared(step.entry.fields)))
+            return before is None or bool(compare_fields(_shared(before["fields"]), _shared(step.entry.fields)))
         return step.entry.fingerprint not in known
 
 
 def _shared(fields: Mapping[str, Any]) -> dict[str, Any]:
     """The fields that all chunks of a mesh's renders share."""
-    return {key: value for key, value in fields.items() if key not in RANGE}
+    return {key: value for key, value in fields.items() if key not in VIEW_RANGE}

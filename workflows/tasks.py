@@ -21,7 +21,7 @@ from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config
 from z2p_core.native.source_digest import outdated
 from z2p_core.registry import PluginError
 from z2p_renderer.storage.configs import config_text
-from z2p_renderer.storage.files.disk_errors import disk_refusal
+from z2p_renderer.storage.files.disk_errors import disk_error_message
 from z2p_renderer.storage.results.fingerprints import changed_plugins, file_digest
 from z2p_renderer.storage.results.stage_dependencies import changed_parts
 from z2p_renderer.storage.results.store import Store
@@ -111,7 +111,7 @@ class StageTask(luigi.Task):
         faults = self.store.verify(self.step.entry)
         if faults:
             say(f"{self.step_name}: damaged, made again: {faults[0]}")
-            self.store.put_aside(self.step.entry)
+            self.store.quarantine_if_damaged(self.step.entry)
             self.run()
 
     def _check_code(self) -> None:
@@ -144,7 +144,7 @@ class StageTask(luigi.Task):
                 shutil.copyfile(self.log, shown)
 
     def on_failure(self, exception: BaseException) -> Any:
-        refused = disk_refusal(exception, self.store.root)
+        refused = disk_error_message(exception, self.store.root)
         reason = refused or f"{type(exception).__name__}: {exception}"
         tell_failure(self, reason, bool(refused) or isinstance(exception, USERS_ERRORS), passing=bool(refused))
         return super().on_failure(exception)
@@ -279,7 +279,7 @@ def broken_told(task: luigi.Task) -> Iterator[None]:
 def tell_broken(task: luigi.Task, exception: BaseException) -> None:
     """Say why a task cannot be planned: one line for what a user can mend or what may pass, all for the rest."""
     root = getattr(task, "workspace", None)
-    refused = disk_refusal(exception, Path(absolute(root)) if root else None)
+    refused = disk_error_message(exception, Path(absolute(root)) if root else None)
     if refused is None and not isinstance(exception, (*USERS_ERRORS, OSError)):
         say("".join(traceback.format_exception(exception)))
     name = getattr(task, "step_name", task.task_family)

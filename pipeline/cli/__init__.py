@@ -123,9 +123,9 @@ class LazyGroup(click.Group):
             broken_pipe = isinstance(error, OSError) and error.errno == errno.EPIPE  # click ends quietly on it
             if debugging() or broken_pipe:
                 raise
-            from z2p_renderer.storage.files.disk_errors import disk_refusal  # late, as all but click
+            from z2p_renderer.storage.files.disk_errors import disk_error_message  # late, as all but click
 
-            if refused := disk_refusal(error):
+            if refused := disk_error_message(error):
                 raise Refusal(refused) from None
             raise Failure(_told(error)) from None
 

@@ -23,9 +23,9 @@ from z2p_core.images import bytes_from_unit
 from z2p_core.interfaces import ScanError
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.render import RenderError, RenderSettings, read_render, render_mesh
-from z2p_renderer.storage.files.atomic_write import whole, write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_path, atomic_write
 from z2p_renderer.storage.meshes import Mesh
-from z2p_renderer.storage.results.code_digest import part_digest
+from z2p_renderer.storage.results.code_digest import cached_part_digest
 from z2p_renderer.storage.results.fingerprints import fingerprint, plugin_fields, stage_fields
 from z2p_renderer.storage.results.store import Entry, Store
 
@@ -110,14 +110,14 @@ def rebuild_scenes(
             own = np.random.default_rng([drawn, int(fingerprint({"viewer": viewer})[:16], 16)])
             told = _made(rival, cloud, own, jobs, folder, settings, log)
             for stem, _ in jobs:
-                write_whole(json.dumps(told).encode(), folder / f"{stem}.json", lasting=True)
+                atomic_write(json.dumps(told).encode(), folder / f"{stem}.json", durable=True)
     return [_kept(folder, stem, settings) for stem in stems]
 
 
 def _fields(rival: Rival, settings: RenderSettings) -> dict[str, Any]:
     """What shapes a rival's pictures of any cloud and scene: the renderer, the plugin, and what stands between them."""
     fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": settings.shaping()}
-    fields["code"] = {**fields["code"], "pipeline.evaluation.baselines": part_digest("pipeline.evaluation.baselines")}
+    fields["code"] = {**fields["code"], "pipeline.evaluation.baselines": cached_part_digest("pipeline.evaluation.baselines")}
     return fields
 
 
@@ -194,7 +194,7 @@ def _painted(painter: Painter, cloud: np.ndarray, scene: SceneDescription, setti
 
 
 def _save(picture: np.ndarray, path: Path) -> None:
-    with whole(path, lasting=True) as temporary:
+    with atomic_path(path, durable=True) as temporary:
         Image.fromarray(picture).save(temporary, format="PNG")
 
 

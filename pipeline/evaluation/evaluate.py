@@ -29,9 +29,9 @@ from z2p_renderer.pipeline.render import RenderSettings, read_render
 from z2p_renderer.pipeline.rendering.ground_truth import render_references
 from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
 from z2p_renderer.pipeline.rendering.views import View, describe, draw_view, in_scene, view_rng
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.meshes import Mesh, read_mesh
-from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields, stage_fields
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def _settings(
     """What was measured, and on what."""
     return {
         "config": to_dict(config),
-        "weights": {"name": Path(weights).name, "sha256": file_digest(resolve(weights))},
+        "weights": {"name": Path(weights).name, "sha256": file_digest(find_weights(weights))},
         "engine": engine,
         "meshes": {subject.name: subject.identity for subject in subjects},
         "baselines": [plugin_fields(plugin) for plugin in rivals.values()],
@@ -287,4 +287,4 @@ def _number(value: float) -> float | None:
 
 
 def _write_json(path: Path, data: dict[str, Any]) -> Path:
-    return write_whole((json.dumps(data, indent=1) + "\n").encode(), path)
+    return atomic_write((json.dumps(data, indent=1) + "\n").encode(), path)

@@ -32,7 +32,7 @@ from z2p_renderer.pipeline.placement.hints import in_python
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.images.image_files import OPAQUE, WHITE, encode, write_picture
-from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_clouds, usable
 
 NAMED_VIEWS = ("auto", "front", "sensor")
@@ -170,7 +170,7 @@ def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, req
     asked = frozenset(name for name, wish in request.controls.items() if wish is not None)
     if request.colors:
         asked |= {"color"}
-    changed = 0 if str(request.weights) == AUTO else resolve(request.weights).stat().st_mtime_ns
+    changed = 0 if str(request.weights) == AUTO else find_weights(request.weights).stat().st_mtime_ns
     with _unnoticed():
         renderer = _renderer(request.weights, asked if str(request.weights) == AUTO else frozenset(), changed)
         pictures = []

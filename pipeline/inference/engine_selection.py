@@ -15,7 +15,7 @@ from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.network.final_convs import Touch
 from z2p_renderer.pipeline.inference.loading import LoadedWeights
 from z2p_renderer.storage.models.checkpoints import WeightsError
-from z2p_renderer.storage.models.engine_cache import users_shelf
+from z2p_renderer.storage.models.engine_cache import user_cache
 from z2p_renderer.storage.models.onnx_deltas import INT8, graph_path, load_graph
 from z2p_renderer.storage.models.onnx_files import load_onnx
 
@@ -49,7 +49,7 @@ def start_engine(
     whole = load_onnx(file, digest)
     onnx, int8 = whole or load_graph(file, digest), load_graph(file, digest, INT8)
     network = TrainedNetwork(
-        loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8, users_shelf(),
+        loaded.buffer_channels, loaded.encoder.channels, loaded.settings, onnx, loaded.build, int8, user_cache(),
         loaded.windows,
     )  # fmt: skip
     chosen = _chosen(name, network, file, exact)

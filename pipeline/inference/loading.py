@@ -13,7 +13,7 @@ from z2p_core.config import ConfigError, NetworkConfig, from_dict
 from z2p_core.errors.value_limits import describe_value
 from z2p_core.interfaces import Control, GBuffer, PositionalEncoder, ZBuffer
 from z2p_core.network.tensor_shapes import network_fault, network_shapes
-from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, check, load_weights, resolve
+from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, check_tensors, load_weights, find_weights
 
 if TYPE_CHECKING:
     from torch import nn
@@ -106,11 +106,11 @@ def load_plugins(weights: Weights | str | Path, *, to_train: bool = False) -> Lo
         PluginError: a plugin that they need is not installed.
     """
     if not isinstance(weights, Weights):
-        weights = load_weights(resolve(weights))
+        weights = load_weights(find_weights(weights))
     loaded = _with_plugins(weights, to_train)
     if fault := network_fault(loaded.config):
         raise WeightsError(f"{_named(weights)} for a network that this z2p cannot build: {fault}")
-    check(weights, network_shapes(loaded.config, loaded.buffer_channels, loaded.encoder.channels, loaded.settings))
+    check_tensors(weights, network_shapes(loaded.config, loaded.buffer_channels, loaded.encoder.channels, loaded.settings))
     return loaded
 
 

@@ -92,9 +92,9 @@ def parse_background(wish: Any) -> Color | None:
 
 def _carriers(control: str) -> str:
     """Which shipped weights carry a control, in words."""
-    from z2p_renderer.storage.models.checkpoints import load_weights, shipped
+    from z2p_renderer.storage.models.checkpoints import load_weights, shipped_weights
 
-    found = [name for name, path in shipped().items()
+    found = [name for name, path in shipped_weights().items()
              if control in [one["name"] for one in load_weights(path).card["controls"]]]  # fmt: skip
     return f"weights that do: {', '.join(found)}" if found else "no shipped weights do, so train some that do"
 

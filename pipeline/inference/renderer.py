@@ -20,7 +20,7 @@ from z2p_renderer.pipeline.inference.adaptive_resolution import render_size, ups
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
-from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
 
 
@@ -39,7 +39,7 @@ class Renderer:
             WeightsError: no such weights, or a file that cannot be them, or that no installed engine can run.
             PluginError: they need a plugin that is not installed or fails to load; or the engine is.
         """
-        self._file = file = resolve(weights)
+        self._file = file = find_weights(weights)
         self._loaded = load_plugins(file)
         self._start = partial(start_engine, self._loaded, file, engine, threads)
         self._last_encoding: tuple[tuple[int, int], np.ndarray] = ((0, 0), np.empty(0, np.float32))

@@ -13,7 +13,7 @@ from z2p_core.interfaces import SettingError
 from z2p_core.surface.normals import scatter
 from z2p_renderer.pipeline.inference.engine_selection import check_engine
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.storage.models.checkpoints import shipped
+from z2p_renderer.storage.models.checkpoints import shipped_weights
 
 AUTO = "auto"
 DEFAULT_WEIGHTS, NOISY_CLOUD_WEIGHTS = "regular", "denoise"
@@ -41,7 +41,7 @@ class AutoRenderer(Renderer):
         """The renderer for a placed cloud (N, 3) float32, and why it is not the usual one, or nothing."""
         noise = scatter(cloud)
         with self._lock:  # of several threads, one starts an engine
-            if noise < MIN_NOISE_TO_SPACING or NOISY_CLOUD_WEIGHTS not in shipped():
+            if noise < MIN_NOISE_TO_SPACING or NOISY_CLOUD_WEIGHTS not in shipped_weights():
                 self._engine  # noqa: B018
                 return self, ""
             return self._noisy, f"weights {NOISY_CLOUD_WEIGHTS}: its points scatter by {noise:.1f} of their spacing"
@@ -65,7 +65,7 @@ def load_renderer(
     usual = AutoRenderer(threads, engine)
     if set(asked) - {"elevation"} <= set(usual.controls):
         return usual
-    for name in shipped():
+    for name in shipped_weights():
         if name not in (DEFAULT_WEIGHTS, NOISY_CLOUD_WEIGHTS):
             renderer = Renderer(name, threads, engine)
             if set(asked) <= set(renderer.controls):

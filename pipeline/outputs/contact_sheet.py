@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from z2p_renderer.pipeline.outputs.sheet_files import MARK, check_places, drop_later, sheet_path
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.images.png import png
 
@@ -36,7 +36,7 @@ def write_contact_sheets(pictures: Sequence[Path], folder: Path, columns: int, r
     for first in range(0, len(pictures), columns * rows):
         path = sheet_path(folder, len(sheets) + 1)
         page = _page(pictures[first : first + columns * rows], columns, cell)
-        write_whole(png(page, {MARK: path.name}), path)
+        atomic_write(png(page, {MARK: path.name}), path)
         sheets.append(path)
     drop_later(folder, len(sheets))
     return sheets

@@ -13,7 +13,7 @@ from urllib.parse import quote
 from PIL import Image
 
 from z2p_core import __version__
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.images.image_files import PictureError, read_record
 from z2p_renderer.storage.scans.silenced_libraries import quiet
@@ -42,7 +42,7 @@ def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path
     page = environment.get_template("gallery.html").render(
         title=title or f"{_text(path.absolute().parent.name)} - z2p", cards=cards, version=__version__
     )
-    write_whole(page.encode(errors="xmlcharrefreplace"), path)  # records may hold halves of a pair
+    atomic_write(page.encode(errors="xmlcharrefreplace"), path)  # records may hold halves of a pair
     return path
 
 

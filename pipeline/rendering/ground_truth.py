@@ -38,7 +38,7 @@ def render_references(
     whole = Entry("reference", mesh_path.stem, _shared(identity, settings))
     with store.lock(whole):
         for entry in entries:
-            store.put_aside(entry)
+            store.quarantine_if_damaged(entry)
         pairs = list(zip(entries, scenes, strict=True))
         missing = {stem(scene): scene for entry, scene in pairs if not store.complete(entry)}
         work = store.work_folder(whole)

@@ -15,7 +15,7 @@ from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
-from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.models.checkpoints import find_weights
 
 QUICK_ENGINE = "openvino-bf16"
 """Twice as quick as an exact one, and what it rounds is far less than what a teacher errs."""
@@ -47,7 +47,7 @@ class Teacher:
             PluginError: they need a plugin that is not installed.
             TeacherError: they have other controls.
         """
-        file = resolve(weights)
+        file = find_weights(weights)
         self._loaded, self.resolution = load_plugins(file), resolution
         wanted = [[control["name"], control["version"]] for control in controls]
         known = [[control["name"], control["version"]] for control in self._loaded.card["controls"]]

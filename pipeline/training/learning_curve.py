@@ -14,7 +14,7 @@ from torch import Tensor
 
 from z2p_core.images import bytes_from_unit
 from z2p_core.quality.losses import grey_on_white, rgb_on_white, ssim
-from z2p_renderer.storage.files.atomic_write import whole, write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_path, atomic_write
 
 Row = dict[str, float]
 
@@ -42,7 +42,7 @@ def write_strips(path: Path, buffers: Tensor, prediction: Tensor, target: Tensor
     shown = [drawn, rgb_on_white(prediction), rgb_on_white(target)]
     columns = torch.cat(shown, dim=3).clamp(0, 1).cpu()  # (B, 3, H, 3W)
     picture = np.concatenate([row.permute(1, 2, 0).numpy() for row in columns])
-    with whole(path) as temporary:
+    with atomic_path(path) as temporary:
         Image.fromarray(bytes_from_unit(picture)).save(temporary, format="PNG")
 
 
@@ -53,7 +53,7 @@ def write_curve(folder: Path, rows: Sequence[Row]) -> None:
     writer = csv.DictWriter(text, columns, lineterminator="\n")
     writer.writeheader()
     writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in rows)
-    write_whole(text.getvalue().encode(), folder / "curve.csv")
+    atomic_write(text.getvalue().encode(), folder / "curve.csv")
     _draw(folder / "curve.png", rows, columns)
 
 
@@ -73,5 +73,5 @@ def _draw(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> None:
     for axes in (left, right):
         if axes.lines:
             axes.legend(fontsize=8)
-    with whole(path) as temporary:
+    with atomic_path(path) as temporary:
         figure.savefig(temporary, format="png", dpi=100)

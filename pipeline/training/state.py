@@ -20,7 +20,7 @@ from z2p_core.network.unet import build_network
 from z2p_renderer.pipeline.inference.loading import load_network
 from z2p_renderer.pipeline.training.dataset import CloudPictures
 from z2p_renderer.pipeline.training.learning_curve import Row
-from z2p_renderer.storage.models.checkpoints import load_checkpoint, resolve
+from z2p_renderer.storage.models.checkpoints import load_checkpoint, find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
 
 BETAS = (0.9, 0.99)
@@ -188,7 +188,7 @@ def _identity(run: Run) -> dict[str, Any]:
     shards = [[shard.attributes["mesh"], len(shard)] for shard in run.data.shards]
     config = _semantic(run.config)
     for name in ("start", "teacher"):  # the same file may lie elsewhere by now
-        config[name] = config[name] and file_digest(resolve(config[name]))
+        config[name] = config[name] and file_digest(find_weights(config[name]))
     return {"config": config, "shards": shards, "resolution": run.data.resolution, **_plugins(run)}
 
 

@@ -17,9 +17,9 @@ from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.images import srgb_from_linear
 from z2p_core.linalg import dot_axis, row_dots
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
-from z2p_core.shading.area_light import light_lamps, light_square
+from z2p_core.shading.area_light import area_light_samples, area_light_quad
 from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, MaterialChannel
-from z2p_core.shading.light_transport import GREY, Detail, Lighting
+from z2p_core.shading.light_transport import GREY_ALBEDO, Quality, Lighting
 from z2p_core.shading.principled import INDEX, Principled
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
@@ -68,11 +68,11 @@ class Reflections(Lighting):
 
     def __init__(
         self, points: np.ndarray, normals: np.ndarray, spacing: float, scene: SceneDescription, height: float,
-        detail: Detail,
+        detail: Quality,
     ) -> None:  # fmt: skip
         super().__init__(points, normals, spacing, scene, height, detail)
-        places, axes, powers = light_lamps(scene.light, LAMPS)
-        self.lamps, self.square = (places, axes[0], float(powers[0])), light_square(scene.light)
+        places, axes, powers = area_light_samples(scene.light, LAMPS)
+        self.lamps, self.square = (places, axes[0], float(powers[0])), area_light_quad(scene.light)
         self.roughness = _number(scene, "Roughness", 1.0)
         metallic, specular = _number(scene, "Metallic", 0.0), _number(scene, "Specular IOR Level", 0.0)
         self.surface = Principled(self.color, metallic, specular, self.roughness)
@@ -83,7 +83,7 @@ class Reflections(Lighting):
         """Radiance (N, 4) that the points send to the viewer (3,), sRGB: grey and diffuse, then as the surface is."""
         everyone, towards = np.arange(len(self.points)), ways_to(viewer, self.points)
         self.sent, shining = self.send(everyone, np.zeros_like(everyone), towards, MIRRORS)
-        grey = GREY * self.light(np.array([GREY]))
+        grey = GREY_ALBEDO * self.light(np.array([GREY_ALBEDO]))
         return displayed(np.column_stack([grey, shining]))
 
     def further(self) -> list[np.ndarray]:

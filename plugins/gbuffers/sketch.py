@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from z2p_core.shading.light_transport import Detail
+from z2p_core.shading.light_transport import Quality
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 
@@ -12,4 +12,4 @@ class Sketch(Surfels):
     name = "sketch"
     version = "1"
     refines = "surfels"
-    detail = Detail(sky=8, below=8, mirrored=16, floor_sky=64, discs=False, agreed=False)
+    detail = Quality(sky=8, below=8, mirrored=16, floor_sky=64, discs=False, agreed=False)

@@ -21,7 +21,7 @@ from z2p_core.linalg import row_dots, rotate_points
 from z2p_core.parallel import run_async, parallel_rows
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
-from z2p_core.shading.light_transport import Detail, Lighting
+from z2p_core.shading.light_transport import Quality, Lighting
 from z2p_core.shading.surfels import discs
 from z2p_core.surface.normals import MOST_POINTS, tangents, thinned
 
@@ -70,7 +70,7 @@ class Surfels(GBuffer):
     version = "11"
     channels = len(GBufferChannel)
     lighting: ClassVar[type[Lighting]] = Lighting
-    detail: ClassVar[Detail] = Detail()
+    detail: ClassVar[Quality] = Quality()
 
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
         picture = np.empty((self.channels, camera.height, camera.width), dtype=np.float32)
@@ -92,16 +92,16 @@ class Surfels(GBuffer):
         normals = faced(found.points, found.normals, camera.position)
         rotation = camera.rotation.astype(np.float32)
         facing = rotate_points(normals, rotation)
-        centres = native.centres(found.points, normals, radii, found.neighbours)
+        centres = native.offset_disc_centers(found.points, normals, radii, found.neighbours)
         seen = rotate_points(centres - camera.position.astype(np.float32), rotation)
-        clips = native.clips(seen, facing, radii, found.neighbours)
+        clips = native.disc_clip_planes(seen, facing, radii, found.neighbours)
         lighting.follow()
         shadow = run_async(lighting.draw_shadow, camera, out[GBufferChannel.SHADOW])
         kept = partial(with_holes, neighbours=found.neighbours)
         layers = [np.column_stack([facing[:, :2], kept(lighting.colors(camera.position))])]
         layers += [np.column_stack([facing[:, 2], kept(further)]) for further in lighting.further()]
         pictures = [out[RASTERIZED], *(np.empty_like(out[RASTERIZED]) for _ in layers[1:])]
-        draw = partial(native.surfels, seen, facing, radii, clips)
+        draw = partial(native.rasterize_surfels, seen, facing, radii, clips)
 
         def draw_strips(begin: int, end: int) -> None:
             for strip in range(begin, end):

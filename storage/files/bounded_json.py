@@ -9,17 +9,17 @@ import json
 import math
 from typing import Any
 
-MOST_BYTES = 1 << 20
-DEEPEST = 32
+MAX_BYTES = 1 << 20
+MAX_DEPTH = 32
 """Objects and lists within each other; a picture's record has seven."""
-MOST_DIGITS = 40
+MAX_DIGITS = 40
 
 
 class JsonError(ValueError):
     """A text that is no JSON, or none that anybody would write; the message says what it is."""
 
 
-def read_json(text: str | bytes, most_bytes: int = MOST_BYTES) -> Any:
+def read_json(text: str | bytes, most_bytes: int = MAX_BYTES) -> Any:
     """What a JSON text holds: objects, lists, texts, booleans, none, and finite numbers.
 
     Raises:
@@ -28,11 +28,11 @@ def read_json(text: str | bytes, most_bytes: int = MOST_BYTES) -> Any:
     if len(text) > most_bytes:
         raise JsonError(f"expected JSON of at most {most_bytes:,} bytes, got {len(text):,}")
     try:
-        found = json.loads(text, parse_constant=_refused, parse_int=_whole, parse_float=_finite)
+        found = json.loads(text, parse_constant=_refuse_constant, parse_int=_parse_int, parse_float=_parse_float)
     except JsonError:
         raise
     except RecursionError:
-        raise JsonError(f"expected JSON nested at most {DEEPEST} deep") from None
+        raise JsonError(f"expected JSON nested at most {MAX_DEPTH} deep") from None
     except ValueError as error:  # UnicodeDecodeError is one
         raise JsonError(f"not JSON ({error})") from error
     _check_depth(found)
@@ -41,26 +41,26 @@ def read_json(text: str | bytes, most_bytes: int = MOST_BYTES) -> Any:
 
 def _check_depth(found: Any) -> None:
     level = [found]
-    for _ in range(DEEPEST + 1):
+    for _ in range(MAX_DEPTH + 1):
         inside = [one.values() if isinstance(one, dict) else one for one in level if isinstance(one, dict | list)]
         level = [item for items in inside for item in items]
         if not level:
             return
-    raise JsonError(f"expected JSON nested at most {DEEPEST} deep")
+    raise JsonError(f"expected JSON nested at most {MAX_DEPTH} deep")
 
 
-def _refused(name: str) -> float:
+def _refuse_constant(name: str) -> float:
     raise JsonError(f"expected finite numbers, got {name}")
 
 
-def _whole(digits: str) -> int:
-    if len(digits) > MOST_DIGITS:
-        raise JsonError(f"expected numbers of at most {MOST_DIGITS} digits, got {len(digits):,} of them")
+def _parse_int(digits: str) -> int:
+    if len(digits) > MAX_DIGITS:
+        raise JsonError(f"expected numbers of at most {MAX_DIGITS} digits, got {len(digits):,} of them")
     return int(digits)
 
 
-def _finite(digits: str) -> float:
+def _parse_float(digits: str) -> float:
     number = float(digits)
     if not math.isfinite(number):
-        raise JsonError(f"expected finite numbers, got {digits[:MOST_DIGITS]}")
+        raise JsonError(f"expected finite numbers, got {digits[:MAX_DIGITS]}")
     return number

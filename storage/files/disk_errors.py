@@ -31,7 +31,7 @@ _PERMISSION_ERRORS = (errno.EACCES, errno.EPERM)
 _LIBRARY_WORDS = {"No space left on device": errno.ENOSPC, "Disk quota exceeded": errno.EDQUOT,
           "Read-only file system": errno.EROFS}  # fmt: skip
 """How errors that libraries make of these tell it."""
-LEAST_FREE_BYTES = 1 << 16
+MIN_FREE_BYTES = 1 << 16
 """A disk with fewer bytes left counts as full."""
 
 
@@ -39,13 +39,13 @@ class DiskError(OSError):
     """A disk's refusal, put into words while it lasted: room may be there again when it is told."""
 
 
-def disk_refusal(error: BaseException | str, folder: Path | None = None) -> str | None:
+def disk_error_message(error: BaseException | str, folder: Path | None = None) -> str | None:
     """What a disk refused, in words, as an error or a program's last lines tell; None where it was something else.
 
     `folder` is where the one who asks writes.
     """
     texts = [error] if isinstance(error, str) else []
-    for one in _chain(error) if isinstance(error, BaseException) else ():
+    for one in _iter_causes(error) if isinstance(error, BaseException) else ():
         texts.append(str(one))
         if isinstance(one, DiskError):
             return str(one)
@@ -53,31 +53,31 @@ def disk_refusal(error: BaseException | str, folder: Path | None = None) -> str 
             continue
         named = Path(os.fsdecode(one.filename)) if isinstance(one.filename, str | bytes | os.PathLike) else None
         if one.errno in _REFUSALS:
-            return _told(one.errno, named or folder)
+            return _disk_message(one.errno, named or folder)
         if one.errno in _PERMISSION_ERRORS and named and folder and _lies_in(named, folder):
             return f"no permission for {named}; {_MAKE_WRITABLE}"
     number = next((number for words, number in _LIBRARY_WORDS.items() if any(words in text for text in texts)), None)
-    return None if number is None else _told(number, folder)
+    return None if number is None else _disk_message(number, folder)
 
 
-def full_disk(folder: Path) -> str | None:
+def full_disk_message(folder: Path) -> str | None:
     """Words for a disk that has no room left, be it of bytes or of inodes; None where there is some."""
     try:
         disk = os.statvfs(folder)
     except OSError:
         return None
-    room = disk.f_bavail * disk.f_frsize >= LEAST_FREE_BYTES and not _without_inodes(folder)
-    return None if room else _told(errno.ENOSPC, folder)
+    room = disk.f_bavail * disk.f_frsize >= MIN_FREE_BYTES and not _has_no_inodes(folder)
+    return None if room else _disk_message(errno.ENOSPC, folder)
 
 
-def _told(number: int, place: Path | None) -> str:
+def _disk_message(number: int, place: Path | None) -> str:
     reason, advice = _REFUSALS[number]
-    if number == errno.ENOSPC and place is not None and _without_inodes(place):
+    if number == errno.ENOSPC and place is not None and _has_no_inodes(place):
         reason = _NO_INODES
     return f"{reason} of {place}; {advice}" if place is not None else f"{reason}; {advice}"
 
 
-def _without_inodes(path: Path) -> bool:
+def _has_no_inodes(path: Path) -> bool:
     place = next((one for one in (path, *path.absolute().parents) if one.exists()), None)
     if place is None:
         return False
@@ -89,7 +89,7 @@ def _lies_in(path: Path, folder: Path) -> bool:
     return folder.absolute() in (path.absolute(), *path.absolute().parents)
 
 
-def _chain(error: BaseException | None) -> Iterator[BaseException]:
+def _iter_causes(error: BaseException | None) -> Iterator[BaseException]:
     """The error, and those that it came of."""
     seen: set[int] = set()
     while error is not None and id(error) not in seen:

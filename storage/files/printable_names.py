@@ -27,6 +27,6 @@ def is_folder(path: str | Path) -> bool:
     return os.path.isdir(path)  # noqa: PTH112
 
 
-def is_there(path: str | Path) -> bool:
+def path_exists(path: str | Path) -> bool:
     """The same for anything."""
     return os.path.exists(path)  # noqa: PTH110

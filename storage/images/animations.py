@@ -13,7 +13,7 @@ import numpy as np
 
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-from z2p_renderer.storage.files.atomic_write import NoFileError, check_file_place, write_whole
+from z2p_renderer.storage.files.atomic_write import NotAFileError, check_file_target, atomic_write
 from z2p_renderer.storage.images.image_files import OPAQUE, WHITE, PictureError, described
 
 SUFFIXES = (".webp", ".gif", ".mp4")
@@ -45,8 +45,8 @@ def write_animation(
     suffix = path.suffix.lower()
     check_suffix(suffix)
     try:
-        check_file_place(path)
-    except NoFileError as error:
+        check_file_target(path)
+    except NotAFileError as error:
         raise PictureError(str(error)) from None
     if background is None and suffix in OPAQUE:
         background = WHITE
@@ -54,12 +54,12 @@ def write_animation(
         frames = [bytes_from_unit(composite(unit_from_bytes(frame), background)) for frame in frames]
     match suffix:
         case ".webp":
-            write_whole(_webp(frames, rate, record), path)
+            atomic_write(_webp(frames, rate, record), path)
         case ".gif":
             behind = bytes_from_unit(np.array(background))
-            write_whole(_gif(frames, rate, behind, record), path)
+            atomic_write(_gif(frames, rate, behind, record), path)
         case _:
-            write_whole(_mp4(frames, rate, record), path)
+            atomic_write(_mp4(frames, rate, record), path)
 
 
 def check_suffix(suffix: str) -> None:

@@ -12,9 +12,9 @@ import numpy as np
 
 from z2p_core.errors.messages import UserError
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-from z2p_renderer.storage.files.atomic_write import NoFileError, kind_of, write_whole
+from z2p_renderer.storage.files.atomic_write import NotAFileError, file_kind, atomic_write
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
-from z2p_renderer.storage.files.printable_names import is_file, is_there, printable
+from z2p_renderer.storage.files.printable_names import is_file, path_exists, printable
 from z2p_renderer.storage.images.png import png
 from z2p_renderer.storage.images.record_schema import record_fault
 from z2p_renderer.storage.scans.silenced_libraries import quiet
@@ -49,8 +49,8 @@ def write_picture(
     """
     encoded = encode(picture, path.suffix.lower(), background, record)
     try:
-        write_whole(encoded, path)
-    except NoFileError as error:
+        atomic_write(encoded, path)
+    except NotAFileError as error:
         raise PictureError(str(error)) from None
 
 
@@ -114,8 +114,8 @@ def _record_text(path: Path) -> str | None:
     """The text of the record, where there is one."""
     from PIL import Image
 
-    if is_there(path) and not is_file(path):  # a pipe would be waited for
-        raise PictureError(f"{printable(path)}: expected a picture written by z2p, got {kind_of(path)}")
+    if path_exists(path) and not is_file(path):  # a pipe would be waited for
+        raise PictureError(f"{printable(path)}: expected a picture written by z2p, got {file_kind(path)}")
     try:
         with quiet(), Image.open(path) as image:
             text = image.info.get(KEY)

@@ -16,19 +16,19 @@ from safetensors.numpy import save
 
 from z2p_core.errors.messages import UserError
 from z2p_core.errors.value_limits import LimitError, check_value, describe_value
-from z2p_renderer.storage.files.atomic_write import whole
+from z2p_renderer.storage.files.atomic_write import atomic_path
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
-from z2p_renderer.storage.files.printable_names import is_file, is_there
+from z2p_renderer.storage.files.printable_names import is_file, path_exists
 from z2p_renderer.storage.models.card_schema import CARD
 
 FORMAT = 1
-SHIPPED = Path(__file__).parents[1] / "weights"
+SHIPPED_FOLDER = Path(__file__).parents[1] / "weights"
 CARD_KEYS = ("network", "zbuffer", "gbuffer", "encoder", "controls", "resolution", "fixed_elevation", "training")
-KINDS = ("F64", "F32", "F16", "I64", "I32", "I16", "I8", "U64", "U32", "U16", "U8", "BOOL")
+TENSOR_DTYPES = ("F64", "F32", "F16", "I64", "I32", "I16", "I8", "U64", "U32", "U16", "U8", "BOOL")
 """Of tensors in checkpoints; weights have floats alone."""
-MOST_CARD = 64 << 20
+MAX_CARD_BYTES = 64 << 20
 """Bytes of a card; a checkpoint's holds all rows of a learning curve."""
-CHECKPOINT, PREVIOUS = "checkpoint.safetensors", "checkpoint.previous.safetensors"
+CHECKPOINT, PREVIOUS_CHECKPOINT = "checkpoint.safetensors", "checkpoint.previous.safetensors"
 
 
 class WeightsError(UserError):
@@ -53,18 +53,18 @@ class Weights:
     """Where they came from, for messages."""
 
 
-def shipped() -> dict[str, Path]:
+def shipped_weights() -> dict[str, Path]:
     """The weights that come with z2p, by name."""
-    return {path.stem: path for path in sorted(SHIPPED.glob("*.safetensors"))}
+    return {path.stem: path for path in sorted(SHIPPED_FOLDER.glob("*.safetensors"))}
 
 
-def resolve(name_or_path: str | Path) -> Path:
+def find_weights(name_or_path: str | Path) -> Path:
     """File of shipped weights, or of a path.
 
     Raises:
         WeightsError: neither.
     """
-    known = shipped()
+    known = shipped_weights()
     if str(name_or_path) in known:
         return known[str(name_or_path)]
     if is_file(name_or_path):
@@ -84,11 +84,11 @@ def save_weights(path: Path, tensors: Mapping[str, Any], card: dict[str, Any], h
         raise WeightsError(f"{path}: the card lacks {', '.join(missing)}")
     kind = np.float16 if half else np.float32
     with np.errstate(over="ignore"):  # told below
-        arrays: dict[str, np.ndarray] = {name: _array(tensor).astype(kind) for name, tensor in tensors.items()}
+        arrays: dict[str, np.ndarray] = {name: _to_numpy(tensor).astype(kind) for name, tensor in tensors.items()}
     for name, array in arrays.items():
         if not np.isfinite(array).all():
             raise WeightsError(f"{path}: {name} holds values that are not finite in {np.dtype(kind)}")
-    with whole(path) as temporary:
+    with atomic_path(path) as temporary:
         _write(temporary, arrays, {"format": FORMAT, **card})
 
 
@@ -117,7 +117,7 @@ def load_weights(path: Path) -> Weights:
     return Weights(arrays, card, digest, str(path))
 
 
-def check(weights: Weights, expected: Mapping[str, tuple[int, ...]]) -> None:
+def check_tensors(weights: Weights, expected: Mapping[str, tuple[int, ...]]) -> None:
     """Nothing, when the tensors' names and shapes are those that the network of the card has.
 
     Raises:
@@ -136,10 +136,10 @@ def check(weights: Weights, expected: Mapping[str, tuple[int, ...]]) -> None:
 def save_checkpoint(folder: Path, tensors: Mapping[str, Any], state: dict[str, Any]) -> None:
     """Write the newest training checkpoint into `folder` and keep the one before it; a kill at any time leaves one."""
     newest = folder / CHECKPOINT
-    with whole(newest) as temporary:
-        _write(temporary, {name: _array(tensor) for name, tensor in tensors.items()}, state)
+    with atomic_path(newest) as temporary:
+        _write(temporary, {name: _to_numpy(tensor) for name, tensor in tensors.items()}, state)
         if newest.exists():
-            newest.replace(folder / PREVIOUS)
+            newest.replace(folder / PREVIOUS_CHECKPOINT)
 
 
 def load_checkpoint(folder: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], list[str]] | None:
@@ -148,8 +148,8 @@ def load_checkpoint(folder: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]
     None when there is no checkpoint; no tensors and no state when all are damaged.
     """
     warnings: list[str] = []
-    for path in (folder / CHECKPOINT, folder / PREVIOUS):
-        if is_there(path):
+    for path in (folder / CHECKPOINT, folder / PREVIOUS_CHECKPOINT):
+        if path_exists(path):
             try:
                 tensors, state, _ = _read(path)
                 return tensors, state, warnings
@@ -158,7 +158,7 @@ def load_checkpoint(folder: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]
     return ({}, {}, warnings) if warnings else None
 
 
-def _array(tensor: Any) -> np.ndarray:
+def _to_numpy(tensor: Any) -> np.ndarray:
     """Contiguous array of an array or of a torch tensor on any device."""
     return np.asarray(tensor.detach().cpu().numpy() if hasattr(tensor, "detach") else tensor, order="C")
 
@@ -186,7 +186,7 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], str]:
             header = opened.metadata() or {}
             if "z2p" not in header:
                 raise WeightsError(f"{path}: a safetensors file without z2p's card; expected weights made by z2p")
-            metadata = read_json(header["z2p"], MOST_CARD)
+            metadata = read_json(header["z2p"], MAX_CARD_BYTES)
             arrays = {name: _tensor(opened, name, path) for name in opened.keys()}  # noqa: SIM118 - not a dict
     except JsonError as error:
         raise WeightsError(f"{path}: damaged: its card: {error}; get it again") from error
@@ -202,8 +202,8 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any], str]:
 def _tensor(opened: Any, name: str, path: Path) -> np.ndarray:
     """A tensor of an opened file, which makes sure that it holds all of it."""
     kind = opened.get_slice(name).get_dtype()
-    if kind not in KINDS:
-        raise WeightsError(f"{path}: {name}: expected numbers of {', '.join(KINDS)}, got {kind}; export it as float32")
+    if kind not in TENSOR_DTYPES:
+        raise WeightsError(f"{path}: {name}: expected numbers of {', '.join(TENSOR_DTYPES)}, got {kind}; export it as float32")
     array: np.ndarray = opened.get_tensor(name)
     return array
 

@@ -11,14 +11,14 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-FOLDER = "Z2P_CACHE"
+CACHE_VARIABLE = "Z2P_CACHE"
 """Environment variable that names another folder, or, where empty, keeps nothing."""
-MOST = 8
+MAX_FILES = 8
 """Files that are kept; of more, those that nobody asked for the longest are dropped. One has about 9 MB."""
 _DIGEST = hashlib.sha256().digest_size
 
 
-class Shelf:
+class BlobCache:
     """Bytes by key, in a folder. Several processes may share it, and be killed at any moment."""
 
     def __init__(self, folder: Path | None) -> None:
@@ -61,15 +61,15 @@ class Shelf:
         """Also parts of files whose writers were killed, once they are old."""
         assert self._folder is not None
         files = [path for path in self._folder.iterdir() if path.suffix in (".kept", ".part")]
-        for path in sorted(files, key=lambda path: path.stat().st_mtime, reverse=True)[MOST:]:
+        for path in sorted(files, key=lambda path: path.stat().st_mtime, reverse=True)[MAX_FILES:]:
             path.unlink(missing_ok=True)
 
 
-def users_shelf() -> Shelf:
+def user_cache() -> BlobCache:
     """That of the user's cache folder (Linux: ``~/.cache/z2p``), or where ``Z2P_CACHE`` says."""
-    named = os.environ.get(FOLDER)
+    named = os.environ.get(CACHE_VARIABLE)
     if named is not None:
-        return Shelf(Path(named) if named else None)
+        return BlobCache(Path(named) if named else None)
     from platformdirs import user_cache_path  # late: most engines keep nothing
 
-    return Shelf(user_cache_path("z2p", appauthor=False))
+    return BlobCache(user_cache_path("z2p", appauthor=False))

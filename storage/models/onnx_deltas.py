@@ -15,7 +15,7 @@ from typing import Any
 from safetensors import safe_open
 
 from z2p_core.errors.value_limits import Count, JsonObject, LimitError, ListOf, Text, check_value
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.models.checkpoints import WeightsError
 
@@ -28,9 +28,9 @@ _DIGEST = Text("64 hex digits", "[0-9a-f]{64}")
 _PIECE = ListOf(Count(0, 1 << 40), 3, 3)
 _HEADER = JsonObject({"format": Count(FORMAT, FORMAT), "weights": _DIGEST, "sha256": _DIGEST,
                 "pieces": ListOf(_PIECE, 0, 100_000)})  # fmt: skip
-MOST_UNPACKED = 1 << 28
+MAX_REST_BYTES = 1 << 28
 """Bytes of an ONNX file that are no tensors; ours have some hundred thousand."""
-SMALLEST = 512
+MIN_TENSOR_BYTES = 512
 """Bytes below which a tensor is kept in the graph rather than looked for."""
 
 
@@ -45,11 +45,11 @@ def save_graph(weights: Path, digest: str, onnx: bytes, form: str = "") -> Path:
     `onnx` is an ONNX file made of these weights. Large are only constants that it stores otherwise than they do.
     """
     source = weights.read_bytes()
-    pieces, rest = _split(onnx, source, _tensor_places(weights, source))
+    pieces, rest = _split(onnx, source, _tensor_spans(weights, source))
     packed = zlib.compress(rest, 9)
     header = {"format": FORMAT, "weights": digest, "sha256": hashlib.sha256(onnx).hexdigest(), "pieces": pieces}
     content = _MAGIC + json.dumps(header).encode() + b"\n" + packed
-    return write_whole(content, graph_path(weights, form), lasting=True)
+    return atomic_write(content, graph_path(weights, form), durable=True)
 
 
 def load_graph(weights: Path, digest: str, form: str = "") -> bytes | None:
@@ -70,7 +70,7 @@ def load_graph(weights: Path, digest: str, form: str = "") -> bytes | None:
             f"got {str(header['weights'])[:16]}; {again}"
         )
     source = weights.read_bytes()
-    if not _fit(header["pieces"], len(source), len(rest)):
+    if not _pieces_fit(header["pieces"], len(source), len(rest)):
         raise WeightsError(f"{path}: damaged: its pieces are not those of {weights.name}; {again}")
     onnx = _join(header["pieces"], source, rest)
     if hashlib.sha256(onnx).hexdigest() != header["sha256"]:
@@ -78,14 +78,14 @@ def load_graph(weights: Path, digest: str, form: str = "") -> bytes | None:
     return onnx
 
 
-def _tensor_places(weights: Path, source: bytes) -> list[tuple[int, int]]:
+def _tensor_spans(weights: Path, source: bytes) -> list[tuple[int, int]]:
     """First byte and number of bytes of each tensor that is worth looking for, in the order of the file."""
     with safe_open(weights, framework="np") as opened:  # refuses a header that does not fit the file
         names = set(opened.keys())
     start = 8 + int.from_bytes(source[:8], "little")  # safetensors: length of the header, the header, the tensors
     header = json.loads(source[8:start])
     spans = sorted(header[name]["data_offsets"] for name in names)
-    return [(start + first, last - first) for first, last in spans if last - first >= SMALLEST]
+    return [(start + first, last - first) for first, last in spans if last - first >= MIN_TENSOR_BYTES]
 
 
 def _split(onnx: bytes, source: bytes, places: list[tuple[int, int]]) -> tuple[list[tuple[int, int, int]], bytes]:
@@ -122,15 +122,15 @@ def _read(path: Path, again: str) -> tuple[dict[str, Any], bytes]:
         header = read_json(text)
         check_value(header, _HEADER, "header")
         unpacking = zlib.decompressobj()
-        rest = unpacking.decompress(packed, MOST_UNPACKED)
+        rest = unpacking.decompress(packed, MAX_REST_BYTES)
     except (JsonError, LimitError, zlib.error) as error:
         raise WeightsError(f"{path}: damaged, or of another format than {FORMAT} ({error}); {again}") from error
     if not unpacking.eof or unpacking.unused_data:
-        raise WeightsError(f"{path}: damaged: expected what {MOST_UNPACKED:,} bytes hold at most; {again}")
+        raise WeightsError(f"{path}: damaged: expected what {MAX_REST_BYTES:,} bytes hold at most; {again}")
     return header, rest
 
 
-def _fit(pieces: list[tuple[int, int, int]], source: int, rest: int) -> bool:
+def _pieces_fit(pieces: list[tuple[int, int, int]], source: int, rest: int) -> bool:
     """Whether all pieces lie in files of so many bytes, and are together no more than these."""
     inside = all(first + size <= source for _, first, size in pieces)
     return inside and sum(own for own, _, _ in pieces) <= rest and sum(size for *_, size in pieces) <= source

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from pathlib import Path
 
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.models.checkpoints import WeightsError
 
 FORMAT = "1"
@@ -26,7 +26,7 @@ def onnx_path(weights: Path) -> Path:
 
 def save_onnx(weights: Path, digest: str, model: bytes) -> Path:
     """The ONNX file of `weights`, whose content digest (64 hex digits) it names; written complete or not at all."""
-    return write_whole(model + _seal(digest, model), onnx_path(weights), lasting=True)
+    return atomic_write(model + _digest_property(digest, model), onnx_path(weights), durable=True)
 
 
 def load_onnx(weights: Path, digest: str) -> bytes | None:
@@ -39,12 +39,12 @@ def load_onnx(weights: Path, digest: str) -> bytes | None:
     if path is None:
         return None
     content = path.read_bytes()
-    size = len(_seal(digest, b""))
+    size = len(_digest_property(digest, b""))
     model, seal = content[:-size], content[-size:]
-    if seal == _seal(digest, model):
+    if seal == _digest_property(digest, model):
         return content
     again = f"remove it, or write it again: python -m z2p_renderer.pipeline.export {weights}"
-    if seal[:-129] != _seal(digest, b"")[:-129]:
+    if seal[:-129] != _digest_property(digest, b"")[:-129]:
         raise WeightsError(f"{path}: damaged, or not an ONNX file of this z2p; {again}")
     if seal[-128:-64] != digest.encode():
         raise WeightsError(
@@ -54,13 +54,13 @@ def load_onnx(weights: Path, digest: str) -> bytes | None:
     raise WeightsError(f"{path}: damaged: its content does not match its digest; {again}")
 
 
-def _seal(weights: str, model: bytes) -> bytes:
+def _digest_property(weights: str, model: bytes) -> bytes:
     """The metadata property; always as long, whatever it names."""
     value = f"{FORMAT} {weights}{hashlib.sha256(model).hexdigest()}".encode()
-    return _field(_METADATA, _field(_KEY, _NAME) + _field(_VALUE, value))
+    return _protobuf_field(_METADATA, _protobuf_field(_KEY, _NAME) + _protobuf_field(_VALUE, value))
 
 
-def _field(number: int, content: bytes) -> bytes:
+def _protobuf_field(number: int, content: bytes) -> bytes:
     """A length-delimited field in protobuf's wire format."""
     length, left = b"", len(content)
     while left > 127:

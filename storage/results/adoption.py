@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from z2p_renderer.storage.results.differences import CODE_FIELDS, differences
+from z2p_renderer.storage.results.differences import CODE_FIELDS, compare_fields
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, fingerprint
 from z2p_renderer.storage.results.manifests import read_manifest
-from z2p_renderer.storage.results.store import Entry, Store, StoreError, check
+from z2p_renderer.storage.results.store import Entry, Store, StoreError, check_result
 from z2p_renderer.storage.results.work_note import read_note, write_note
 
-RANGE = ("first", "last")
+VIEW_RANGE = ("first", "last")
 """Fields of a render that say which views it holds; results made of renders name them by the other fields."""
 
 
@@ -37,7 +37,7 @@ class Candidate:
     """The folder is a work folder: checkpoints of a training, views of a chunk that is not whole."""
 
 
-def candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) -> list[Candidate]:
+def find_candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) -> list[Candidate]:
     """What can be adopted for the planned entries of some stages that are not complete.
 
     `planned` is a whole plan, upstream first. Of several results that mean the same, the newest of the latest stage
@@ -45,7 +45,7 @@ def candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) ->
     into chunks.
     """
     wanted = set(stages)
-    meanings = _Meanings()
+    meanings = _CodeFreeFingerprints()
     for stage in STAGE_VERSIONS:
         for _, manifest in store.manifests(stage):
             meanings.learn(manifest["fields"])
@@ -55,13 +55,13 @@ def candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) ->
     for stage in STAGE_VERSIONS:
         if stage not in wanted:
             continue
-        asked = {meanings.of(_whole(entry.fields)): entry for entry in planned if entry.stage == stage}
-        for folder, manifest in sorted(store.manifests(stage), key=_age):
-            same = asked.get(meanings.of(_whole(manifest["fields"])))
+        asked = {meanings.of(without_view_range(entry.fields)): entry for entry in planned if entry.stage == stage}
+        for folder, manifest in sorted(store.manifests(stage), key=_preference):
+            same = asked.get(meanings.of(without_view_range(manifest["fields"])))
             candidate = _candidate(folder, manifest, same) if same else None
             if candidate and not store.complete(candidate.entry):
                 found[candidate.entry.fingerprint] = candidate
-        for candidate in _unfinished(store, stage, asked, meanings):
+        for candidate in _unfinished_candidates(store, stage, asked, meanings):
             found.setdefault(candidate.entry.fingerprint, candidate)
     return list(found.values())
 
@@ -90,19 +90,19 @@ def adopt(store: Store, candidate: Candidate, because: str) -> None:
             write_note(candidate.folder, entry.name, entry.fields, adopted)
             candidate.folder.rename(store.work_folder(entry))
     elif candidate.files is None:
-        check(candidate.folder)
+        check_result(candidate.folder)
         names = read_manifest(candidate.folder)["files"]
         store.link({name: candidate.folder / name for name in names}, entry)
     else:
         store.link(candidate.files, entry)
 
 
-def _unfinished(store: Store, stage: str, asked: Mapping[str, Entry], meanings: _Meanings) -> Iterator[Candidate]:
+def _unfinished_candidates(store: Store, stage: str, asked: Mapping[str, Entry], meanings: _CodeFreeFingerprints) -> Iterator[Candidate]:
     """Work that was cut off and that nobody goes on with now, for entries that are neither made nor begun."""
     for folder in store.unfinished(stage):
         note = read_note(folder)
-        same = asked.get(meanings.of(_whole(note["fields"]))) if note else None
-        if note is None or same is None or store.is_held(stage, folder.name):
+        same = asked.get(meanings.of(without_view_range(note["fields"]))) if note else None
+        if note is None or same is None or store.is_locked(stage, folder.name):
             continue
         candidate = _candidate(folder, {**note, "fingerprint": fingerprint(note["fields"])}, same)
         if note["adopted"] and fingerprint(note["fields"])[:32] != folder.name:  # cut off between note and rename
@@ -114,30 +114,30 @@ def _unfinished(store: Store, stage: str, asked: Mapping[str, Entry], meanings: 
 
 def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candidate | None:
     fields = dict(entry.fields)
-    ranged = entry.stage != "render" or all(key in manifest["fields"] for key in RANGE)
+    ranged = entry.stage != "render" or all(key in manifest["fields"] for key in VIEW_RANGE)
     if not ranged or manifest["fields"].get("stage_version", 0) > fields["stage_version"]:
         return None
     name = entry.name
     if entry.stage == "render":
-        fields |= {key: manifest["fields"][key] for key in RANGE}
+        fields |= {key: manifest["fields"][key] for key in VIEW_RANGE}
         name = f"{name.rpartition('/')[0]}/{fields['first']}-{fields['last']}"
     if fingerprint(fields) == manifest["fingerprint"]:
         return None
-    told = tuple(map(str, differences(manifest["fields"], fields)))
+    told = tuple(map(str, compare_fields(manifest["fields"], fields)))
     return Candidate(Entry(entry.stage, name, fields, entry.provenance), folder, manifest["fingerprint"], told)
 
 
-def _age(found: tuple[Path, dict[str, Any]]) -> tuple[int, str]:
+def _preference(found: tuple[Path, dict[str, Any]]) -> tuple[int, str]:
     """Sorts the result that is to be preferred last."""
     return int(found[1]["fields"].get("stage_version", 0)), str(found[1].get("written"))
 
 
-def _whole(fields: Mapping[str, Any]) -> dict[str, Any]:
+def without_view_range(fields: Mapping[str, Any]) -> dict[str, Any]:
     """The fields that all chunks of a mesh's renders share."""
-    return {key: value for key, value in fields.items() if fields.get("stage") != "render" or key not in RANGE}
+    return {key: value for key, value in fields.items() if fields.get("stage") != "render" or key not in VIEW_RANGE}
 
 
-class _Meanings:
+class _CodeFreeFingerprints:
     """Fingerprints of results with all that tells of code left out, back to the meshes."""
 
     def __init__(self) -> None:
@@ -145,7 +145,7 @@ class _Meanings:
 
     def learn(self, fields: Mapping[str, Any]) -> None:
         """Note what a result means, so that results made of it can be compared. Upstream results come first."""
-        for known in (fields, _whole(fields)):
+        for known in (fields, without_view_range(fields)):
             self._known[fingerprint(known)] = self.of(known)
 
     def of(self, fields: Mapping[str, Any]) -> str:

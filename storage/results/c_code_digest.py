@@ -27,11 +27,11 @@ TOKEN = re.compile(
 @lru_cache(maxsize=256)
 def c_digest(source: str) -> str:
     """sha256 (64 hex digits) of C source without comments and layout; literals count as they are."""
-    told = "\n".join(_apart(line) for line in _lines(SPLICE.sub("", source)))
+    told = "\n".join(_join_tokens(line) for line in _token_lines(SPLICE.sub("", source)))
     return hashlib.sha256(told.encode()).hexdigest()
 
 
-def _lines(source: str) -> Iterator[list[str]]:
+def _token_lines(source: str) -> Iterator[list[str]]:
     """The source's tokens: a list for each directive of the preprocessor, which ends with its line, and for each
     stretch of what lies between, whose line ends say nothing."""
     held: list[str] = []
@@ -53,6 +53,6 @@ def _lines(source: str) -> Iterator[list[str]]:
     yield held
 
 
-def _apart(tokens: list[str]) -> str:
+def _join_tokens(tokens: list[str]) -> str:
     """Tokens with what tells where each ends: ``a - -b`` is not ``a--b``, and ``int a`` not ``inta``."""
     return "\0".join(tokens).removesuffix("\0 ")

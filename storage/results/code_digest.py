@@ -13,19 +13,19 @@ from pathlib import Path
 import z2p_core
 from z2p_renderer.storage.results.c_code_digest import c_digest
 
-OURS = "z2p_renderer"
-FOLDERS = Path(__file__).parents[2]
-"""Where `pipeline`, `storage` and the others lie side by side: a checkout, or the installed package `OURS`."""
-CORE = Path(z2p_core.__file__).parent
+INSTALLED_PACKAGE = "z2p_renderer"
+SOURCE_ROOT = Path(__file__).parents[2]
+"""Where `pipeline`, `storage` and the others lie side by side: a checkout, or the installed package `INSTALLED_PACKAGE`."""
+CORE_FOLDER = Path(z2p_core.__file__).parent
 
 
 @lru_cache(maxsize=256)
-def part_digest(name: str) -> str:
-    """`present_digest` when this process first asked for it: a plan is made of one state of the code."""
-    return present_digest(name)
+def cached_part_digest(name: str) -> str:
+    """`current_part_digest` when this process first asked for it: a plan is made of one state of the code."""
+    return current_part_digest(name)
 
 
-def present_digest(name: str) -> str:
+def current_part_digest(name: str) -> str:
     """Digest (64 hex digits) of a module of the project, of a ``module:definition``, or of a ``folder/file``.
 
     Of a file that is not Python or C, every byte counts.
@@ -35,20 +35,20 @@ def present_digest(name: str) -> str:
         ValueError: the module has no such definition.
     """
     if "/" in name:
-        path = CORE.parent / name
+        path = CORE_FOLDER.parent / name
         tell = {".c": c_digest, ".h": c_digest, ".py": code_digest}.get(path.suffix)
         return tell(path.read_text(encoding="utf-8")) if tell else hashlib.sha256(path.read_bytes()).hexdigest()
     module, _, definition = name.partition(":")
-    return code_digest(source_of(module).read_text(encoding="utf-8"), definition)
+    return code_digest(module_file(module).read_text(encoding="utf-8"), definition)
 
 
-def source_of(module: str, root: Path = FOLDERS) -> Path:
+def module_file(module: str, root: Path = SOURCE_ROOT) -> Path:
     """File that holds, or would hold, a module or a package of z2p, or a stranger's below the folder `root`.
 
-    z2p's own may be named with `OURS` or, as in a checkout, without it.
+    z2p's own may be named with `INSTALLED_PACKAGE` or, as in a checkout, without it.
     """
     package, _, below = module.partition(".")
-    home, below = {OURS: (FOLDERS, below), CORE.name: (CORE, below)}.get(package, (root, module))
+    home, below = {INSTALLED_PACKAGE: (SOURCE_ROOT, below), CORE_FOLDER.name: (CORE_FOLDER, below)}.get(package, (root, module))
     path = home / below.replace(".", "/")
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
@@ -63,16 +63,16 @@ def code_digest(source: str, definition: str = "") -> str:
     """
     tree = ast.parse(source)
     if definition:
-        tree.body = [statement for statement in tree.body if definition in defined(statement)]
+        tree.body = [statement for statement in tree.body if definition in defined_names(statement)]
         if not tree.body:
             raise ValueError(f"expected a definition {definition!r} at the top level of the source, found none")
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            node.body = [statement for statement in node.body if not _is_text(statement)]
+            node.body = [statement for statement in node.body if not _is_docstring(statement)]
     return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
 
 
-def defined(statement: ast.stmt) -> set[str]:
+def defined_names(statement: ast.stmt) -> set[str]:
     """Names that a top-level statement defines."""
     if isinstance(statement, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
         return {statement.name}
@@ -80,7 +80,7 @@ def defined(statement: ast.stmt) -> set[str]:
     return {target.id for target in targets if isinstance(target, ast.Name)}
 
 
-def imports(tree: ast.AST, module: str = "") -> set[tuple[str, str]]:
+def list_imports(tree: ast.AST, module: str = "") -> set[tuple[str, str]]:
     """(module, name) for every import in a tree, those inside functions included; no name for ``import module``.
 
     Relative ones are told in full when `module`, the full name of where the tree is from, is given.
@@ -102,11 +102,11 @@ def imported_modules(source: str, module: str) -> frozenset[str]:
     Raises:
         SyntaxError: the source is not Python.
     """
-    found = imports(ast.parse(source), module)
+    found = list_imports(ast.parse(source), module)
     return frozenset({origin for origin, _ in found} | {f"{origin}.{name}" for origin, name in found if name})
 
 
-def _is_text(statement: ast.stmt) -> bool:
+def _is_docstring(statement: ast.stmt) -> bool:
     """Whether a statement is a bare string: a docstring, or a description under an attribute."""
     return (
         isinstance(statement, ast.Expr)

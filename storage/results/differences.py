@@ -34,7 +34,7 @@ class Difference:
         if head == "code":
             return "its code was not yet recorded" if self.old is None and last == "code" else f"code of {last} changed"
         if head == "packages":
-            return f"package {last} {_shown(self.old)} -> {_shown(self.new)}"
+            return f"package {last} {_format_value(self.old)} -> {_format_value(self.new)}"
         if head == "stage_version":
             return f"stage version {self.old} -> {self.new}"
         if head == "mesh":
@@ -44,14 +44,14 @@ class Difference:
         if self.upstream:
             return f"upstream {head} changed"
         if last == "plugin version":
-            return f"plugin {self.path[-2]} version {_shown(self.old)} -> {_shown(self.new)}"
+            return f"plugin {self.path[-2]} version {_format_value(self.old)} -> {_format_value(self.new)}"
         if last == "plugin code":
             return f"plugin {self.path[-2]} code changed"
         name = ".".join(part for part in self.path if part != "parameters")
-        return f"{name} {_shown(self.old)} -> {_shown(self.new)}"
+        return f"{name} {_format_value(self.old)} -> {_format_value(self.new)}"
 
 
-def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Difference]:
+def compare_fields(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Difference]:
     """Every difference between the fields of two results of one stage, in the new one's order."""
     old, new = (json.loads(json.dumps(fields)) for fields in (old, new))  # a tuple is a list in a manifest
     found: list[Difference] = []
@@ -60,12 +60,12 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Differen
             if key != "packages" or "code" in old:  # both came with one schema: told once
                 found.append(Difference((key,), old.get(key), new.get(key)))
         else:
-            found += _between((key,), old[key], new[key])
+            found += _compare_values((key,), old[key], new[key])
     schema = [one for one in found if one.path == ("schema",)]
     return [one for one in found if one not in schema] if len(found) > len(schema) else found
 
 
-def _between(path: tuple[str, ...], old: Any, new: Any) -> Iterator[Difference]:
+def _compare_values(path: tuple[str, ...], old: Any, new: Any) -> Iterator[Difference]:
     if old == new:
         return
     if _is_plugin(old) and _is_plugin(new) and old["name"] == new["name"]:
@@ -79,10 +79,10 @@ def _between(path: tuple[str, ...], old: Any, new: Any) -> Iterator[Difference]:
             if key not in old or key not in new:
                 yield Difference((*path, key), old.get(key), new.get(key))
             else:
-                yield from _between((*path, key), old[key], new[key])
+                yield from _compare_values((*path, key), old[key], new[key])
     elif _are_plugins(old) and _are_plugins(new) and [one["name"] for one in old] == [one["name"] for one in new]:
         for mine, theirs in zip(old, new, strict=True):
-            yield from _between(path, mine, theirs)
+            yield from _compare_values(path, mine, theirs)
     else:
         yield Difference(path, old, new)
 
@@ -96,17 +96,17 @@ def _are_plugins(value: Any) -> bool:
 
 
 def _changed_meshes(old: Any, new: Any) -> list[str]:
-    before, after = (dict(_named(meshes)) for meshes in (old, new))
+    before, after = (dict(_mesh_identities(meshes)) for meshes in (old, new))
     return sorted(name for name in {**before, **after} if before.get(name) != after.get(name))
 
 
-def _named(meshes: Any) -> Iterator[tuple[str, str]]:
+def _mesh_identities(meshes: Any) -> Iterator[tuple[str, str]]:
     """Name and identity of an evaluation's meshes; a report's page knows but their names."""
     for one in meshes or ():
         yield (one, "") if isinstance(one, str) else tuple(one)
 
 
-def _shown(value: Any) -> str:
+def _format_value(value: Any) -> str:
     """A value in a few characters."""
     if value is None:
         return "none"

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from z2p_core import registry
-from z2p_renderer.storage.results.code_digest import code_digest, imported_modules, source_of
+from z2p_renderer.storage.results.code_digest import code_digest, imported_modules, module_file
 from z2p_renderer.storage.results.stage_dependencies import installed_version, stage_code, stage_packages
 
 SCHEMA = 2
@@ -29,7 +29,7 @@ STAGE_VERSIONS: dict[str, int] = {
 """Raised by hand when a stage's code starts to give other results; that stage and what follows become stale."""
 
 
-INIT = "__init__.py"
+PACKAGE_FILE = "__init__.py"
 PLUGIN_KEYS = {"name", "version", "code"}
 """Keys of `plugin_fields`, and of nothing else in an entry's fields."""
 
@@ -96,19 +96,19 @@ def plugin_fields(plugin: type[Any]) -> dict[str, str]:
 
 def changed_plugins(fields: Mapping[str, Any]) -> list[str]:
     """Names of the plugins in an entry's fields that read otherwise on the disk by now, or are gone."""
-    return [one["name"] for one in _plugins_in(fields) if dict(one) not in list(_installed(one["name"]))]
+    return [one["name"] for one in _iter_plugin_fields(fields) if dict(one) not in list(_installed_plugin_fields(one["name"]))]
 
 
-def _plugins_in(value: Any) -> Iterator[Mapping[str, str]]:
+def _iter_plugin_fields(value: Any) -> Iterator[Mapping[str, str]]:
     """Every `plugin_fields` that a value holds, however deep."""
     if isinstance(value, Mapping) and set(value) == PLUGIN_KEYS:
         yield value
     elif isinstance(value, Mapping | list | tuple):
         for one in value.values() if isinstance(value, Mapping) else value:
-            yield from _plugins_in(one)
+            yield from _iter_plugin_fields(one)
 
 
-def _installed(name: str) -> Iterator[dict[str, str]]:
+def _installed_plugin_fields(name: str) -> Iterator[dict[str, str]]:
     """`plugin_fields` of the installed plugins of that name: a z-buffer and a baseline may share it."""
     for group in registry.GROUPS:
         if name in registry.names(group):
@@ -119,7 +119,7 @@ def _installed(name: str) -> Iterator[dict[str, str]]:
 def _package_digests(module: str, path: Path) -> list[str]:
     """Digest of a module's code, then those of the modules that it imports, directly or not, from its own package."""
     package, *below = module.split(".")
-    packaged = path.name == INIT
+    packaged = path.name == PACKAGE_FILE
     root = path.parents[min(len(below) + packaged, len(path.parents) - 1)]
     digests: dict[str, str] = {}
     waiting = {module: path}
@@ -129,8 +129,8 @@ def _package_digests(module: str, path: Path) -> list[str]:
         digests[name] = code_digest(text)
         if not (below or packaged):
             break  # what lies beside a module of its own is no package
-        for imported in imported_modules(text, f"{name}.__init__" if source.name == INIT else name):
-            file = source_of(imported, root)
+        for imported in imported_modules(text, f"{name}.__init__" if source.name == PACKAGE_FILE else name):
+            file = module_file(imported, root)
             if imported.split(".")[0] == package and imported not in digests and file.is_file():
                 waiting[imported] = file
     return [digests.pop(module), *(digests[name] for name in sorted(digests))]

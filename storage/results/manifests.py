@@ -18,14 +18,14 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from z2p_core.errors.value_limits import Count, JsonObject, MappingOf, Text, check_value, describe_value
-from z2p_renderer.storage.files.atomic_write import kind_of
+from z2p_renderer.storage.files.atomic_write import file_kind
 from z2p_renderer.storage.files.bounded_json import read_json
 from z2p_renderer.storage.results.fingerprints import file_digest, fingerprint
 
 MANIFEST = "manifest.json"
-NAMED = 32
+FOLDER_NAME_DIGITS = 32
 """Hex digits of a fingerprint that a result's folder is called by."""
-MOST_BYTES = 256 << 20
+MAX_MANIFEST_BYTES = 256 << 20
 _NAME = Text("a text", r"(?s:.*)", 10_000)
 _DIGEST = Text("64 hex digits", "[0-9a-f]{64}")
 _MANIFEST = JsonObject(
@@ -45,7 +45,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         ValueError: it is not JSON, or not what a manifest holds.
     """
     with (folder / MANIFEST).open("rb") as file:
-        manifest = read_json(file.read(MOST_BYTES + 1), MOST_BYTES)
+        manifest = read_json(file.read(MAX_MANIFEST_BYTES + 1), MAX_MANIFEST_BYTES)
     check_value(manifest, _MANIFEST, "")
     for name in manifest["files"]:
         path = PurePosixPath(name)
@@ -54,14 +54,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return dict(manifest)
 
 
-def faults(
-    folder: Path, expected: str | None = None, *, every_digest: bool = False, unlisted: bool = False
+def find_faults(
+    folder: Path, expected: str | None = None, *, verify_digests: bool = False, allow_unlisted: bool = False
 ) -> list[str]:
     """What is wrong with a result, empty when nothing; `expected` is the fingerprint that it should have.
 
-    Without one, it is what the folder is called by. A file is read and its sha256 compared only where `every_digest`
+    Without one, it is what the folder is called by. A file is read and its sha256 compared only where `verify_digests`
     asks for it, or where the file was written to after its manifest: so looking at a sound result reads nothing but the
-    manifest, and touching a file does no harm. `unlisted` takes manifests from before their list was under a digest.
+    manifest, and touching a file does no harm. `allow_unlisted` takes manifests from before their list was under a digest.
     """
     where = folder / MANIFEST
     try:
@@ -74,19 +74,19 @@ def faults(
         return [f"{folder}: no result"]
     except (OSError, ValueError, TypeError) as error:
         return [f"{where}: unreadable ({type(error).__name__}: {error})"]
-    if actual != (expected or manifest["fingerprint"]) or (len(folder.name) == NAMED and actual[:NAMED] != folder.name):
+    if actual != (expected or manifest["fingerprint"]) or (len(folder.name) == FOLDER_NAME_DIGITS and actual[:FOLDER_NAME_DIGITS] != folder.name):
         return [f"{where}: its fields are not those of this result"]
-    if "listing" not in manifest and not unlisted:
+    if "listing" not in manifest and not allow_unlisted:
         return [f"{where}: written before lists of files were under a digest"]
-    if manifest.get("listing", _listing(actual, manifest["files"])) != _listing(actual, manifest["files"]):
+    if manifest.get("listing", _listing_digest(actual, manifest["files"])) != _listing_digest(actual, manifest["files"]):
         return [f"{where}: its list of files is not the one that was written"]
     strangers = [name for name in inside if f"{name}/{MANIFEST}" not in files]
     if strangers:
         return [f"{folder / strangers[0]}: a result within another one's folder"]
-    return [fault for name, record in files.items() if (fault := _fault(folder / name, *record, sealed, every_digest))]
+    return [fault for name, record in files.items() if (fault := _file_fault(folder / name, *record, sealed, verify_digests))]
 
 
-def _listing(made_of: str, files: Mapping[str, Any]) -> str:
+def _listing_digest(made_of: str, files: Mapping[str, Any]) -> str:
     """Digest of the list of a result's files, with the fingerprint of what it was made of."""
     return fingerprint({"fingerprint": made_of, "files": files})
 
@@ -101,7 +101,7 @@ def seal(
     Raises:
         FileNotFoundError: the folder holds no file.
     """
-    remove(folder / MANIFEST)
+    remove_path(folder / MANIFEST)
     left = {folder / path for path in leftovers}
     kept = [path for path in folder.rglob("*") if not left & {path, *path.parents}]
     paths = sorted(path for path in kept if path.is_file())
@@ -109,25 +109,25 @@ def seal(
         raise FileNotFoundError(f"{name}: the stage wrote no file into {folder}")
     files = {}
     for path in paths:
-        sync(path)
+        fsync_path(path)
         files[path.relative_to(folder).as_posix()] = {"size": path.stat().st_size, "sha256": file_digest(path)}
     manifest = {
         "name": name,
         "fingerprint": fingerprint(fields),
         "fields": dict(fields),
         "files": files,
-        "listing": _listing(fingerprint(fields), files),
+        "listing": _listing_digest(fingerprint(fields), files),
         "provenance": dict(provenance),
         "environment": _environment(),
         "written": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
     }
     (folder / MANIFEST).write_text(json.dumps(manifest, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    sync(folder / MANIFEST)
+    fsync_path(folder / MANIFEST)
     for path in [folder, *(path for path in kept if path.is_dir())]:
-        sync(path)
+        fsync_path(path)
 
 
-def remove(path: Path) -> None:
+def remove_path(path: Path) -> None:
     """Takes away whatever lies at a path, if anything does."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
@@ -135,7 +135,7 @@ def remove(path: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def sync(path: Path) -> None:
+def fsync_path(path: Path) -> None:
     """Bring a file or folder to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
@@ -144,29 +144,29 @@ def sync(path: Path) -> None:
         os.close(descriptor)
 
 
-def _fault(path: Path, size: int, digest: str, sealed: int, every_digest: bool) -> str | None:
+def _file_fault(path: Path, size: int, digest: str, sealed: int, verify_digests: bool) -> str | None:
     try:
         found = path.stat()
     except OSError:
         return f"{path}: expected {size} bytes, found no file"
     if not stat.S_ISREG(found.st_mode):
-        return f"{path}: expected a file, found {kind_of(path)}"
+        return f"{path}: expected a file, found {file_kind(path)}"
     if found.st_size != size:
         return f"{path}: expected {size} bytes, found {found.st_size}"
-    doubted = every_digest or found.st_mtime_ns > sealed
+    doubted = verify_digests or found.st_mtime_ns > sealed
     try:
-        same = not doubted or _digest(path, found.st_mtime_ns, every_digest) == digest
+        same = not doubted or _compared_digest(path, found.st_mtime_ns, verify_digests) == digest
     except OSError as error:
         return f"{path}: cannot be read ({error.strerror})"
     return None if same else f"{path}: its bytes are not those that were written (sha256 differs)"
 
 
-def _digest(path: Path, changed: int, anew: bool) -> str:
-    return file_digest(path) if anew else _known_digest(path, changed)
+def _compared_digest(path: Path, changed: int, anew: bool) -> str:
+    return file_digest(path) if anew else _cached_file_digest(path, changed)
 
 
 @lru_cache(maxsize=10_000)
-def _known_digest(path: Path, changed: int) -> str:
+def _cached_file_digest(path: Path, changed: int) -> str:
     """Digest of a file that was last written to at `changed`: once a process, for results that were copied."""
     return file_digest(path)
 

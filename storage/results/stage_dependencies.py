@@ -1,7 +1,7 @@
 """The code and the packages that shape each stage's result: their digests and versions are in its fingerprint.
 
 Digests are of syntax trees without docstrings, so comments and layout change nothing. The lists are written by hand and
-tested: a module that a stage's code imports must be in `SHAPING` or, with the reason, in `NOT_SHAPING`. A name is a
+tested: a module that a stage's code imports must be in `STAGE_CODE` or, with the reason, in `NOT_IN_FINGERPRINT`. A name is a
 module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code that no
 module imports; of what is not Python or C every byte counts.
 
@@ -15,7 +15,7 @@ from contextlib import suppress
 from functools import lru_cache
 from importlib import metadata
 
-from z2p_renderer.storage.results.code_digest import CORE, part_digest, present_digest, source_of
+from z2p_renderer.storage.results.code_digest import CORE_FOLDER, cached_part_digest, current_part_digest, module_file
 
 WHOLE_PACKAGES = (
     "z2p_core.native", "z2p_core.network", "z2p_core.shading", "z2p_core.surface", "z2p_core.placement",
@@ -28,18 +28,18 @@ WHOLE_PACKAGES = (
 def modules_in(package: str) -> tuple[str, ...]:
     """The modules of one of the `WHOLE_PACKAGES`, its own name first; not those of packages below it."""
     assert package in WHOLE_PACKAGES
-    folder = source_of(package).parent
+    folder = module_file(package).parent
     return (package, *(f"{package}.{path.stem}" for path in sorted(folder.glob("[!_]*.py"))
-                       if f"{package}.{path.stem}" not in BUILDING))  # fmt: skip
+                       if f"{package}.{path.stem}" not in BUILD_MODULES))  # fmt: skip
 
 
-def files_below(folder: str) -> tuple[str, ...]:
+def c_files_below(folder: str) -> tuple[str, ...]:
     """All C files in the folders of a ``folder/folder``, as parts."""
-    root = CORE.parent
+    root = CORE_FOLDER.parent
     return tuple(path.relative_to(root).as_posix() for path in sorted((root / folder).glob("*/*.[ch]")))
 
 
-BUILDING = ("z2p_core.native.build", "z2p_core.native.source_digest", "z2p_core.native.wheels")
+BUILD_MODULES = ("z2p_core.native.build", "z2p_core.native.source_digest", "z2p_core.native.wheels")
 """Modules that no stage imports: they compile the kernels, which the compiler's flags shape, and name wheels."""
 _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.scene")
 _MESHES = ("storage.meshes", "z2p_core.formats.ply_header")
@@ -47,7 +47,7 @@ _RENDERS = (
     "pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.placement.bounding_sphere", "z2p_core.images",
     *_MESHES,
 )
-_KERNELS = (*modules_in("z2p_core.native"), "z2p_core/native/build.py", *files_below("z2p_core/native/c"))
+_KERNELS = (*modules_in("z2p_core.native"), "z2p_core/native/build.py", *c_files_below("z2p_core/native/c"))
 _BUFFERS_AND_NETWORK = (
     "pipeline.inference.input_buffers", "pipeline.inference.loading", "storage.models.checkpoints",
     "z2p_core.splatting", "z2p_core.parallel", "z2p_core.linalg", *modules_in("z2p_core.network"),
@@ -60,9 +60,9 @@ _RENDERER = (
 )
 _NETWORK = ("z2p_core.camera", "z2p_core.scene", *_BUFFERS_AND_NETWORK)
 
-OF_WEIGHTS = (*_RENDERER, *_BUFFERS_AND_NETWORK)
+WEIGHTS_ONLY_CODE = (*_RENDERER, *_BUFFERS_AND_NETWORK)
 """Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
-PLACING = (
+PLACEMENT_CODE = (
     "z2p_core.parallel", "z2p_core.linalg", *modules_in("z2p_core.surface"), "z2p_core.native",
     *(f"z2p_core.native.{name}" for name in ("library", "images", "points")),
     *(part for part in _KERNELS if part.startswith(("z2p_core/native/c/points/", "z2p_core/native/c/common/"))),
@@ -74,12 +74,12 @@ _CASES = (
     "pipeline.evaluation.paper.methods", "pipeline.evaluation.baselines",
     *(f"pipeline.evaluation.evaluate:{name}" for name in ("draw_views", "UPRIGHT")),
     "pipeline.rendering.mesh_samples:draw_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",
-    "pipeline.shapes", "z2p_core.placement.view_selection:UP_ROTATIONS", "z2p_core.meshes.synthetic_noise",
+    "pipeline.shapes", "z2p_core.up_axis.axis_names:UP_ROTATIONS", "z2p_core.meshes.synthetic_noise",
     "z2p_core.meshes.triangle_sampling", *_RENDERER, *_RENDERS, *_NETWORK, *_CONTROLS,
 )
 _PAPER = "pipeline.evaluation.paper"
 
-SHAPING: dict[str, tuple[str, ...]] = {
+STAGE_CODE: dict[str, tuple[str, ...]] = {
     "shapes": (
         "workflows.stages:Shapes", "pipeline.shapes", "pipeline.render:export_suzanne", "pipeline.render:_run_blender",
         "pipeline.blender:export_suzanne", "storage.meshes:write_mesh", "storage.meshes:_vertex_block",
@@ -109,7 +109,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
         "workflows.stages:Evaluate", "pipeline.evaluation.evaluate", "pipeline.evaluation.baselines:on_true_floor",
         "pipeline.evaluation.comparison_sheet", "pipeline.outputs.point_preview", "pipeline.outputs.sheet_files",
         "pipeline.rendering.mesh_samples:draw_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",
-        "z2p_core.placement.view_selection:UP_ROTATIONS", "z2p_core.quality.metrics", "z2p_core.meshes.synthetic_noise",
+        "z2p_core.up_axis.axis_names:UP_ROTATIONS", "z2p_core.quality.metrics", "z2p_core.meshes.synthetic_noise",
         "z2p_core.meshes.triangle_sampling", *_RENDERER, *_RENDERS, *_NETWORK, *_CONTROLS,
     ),
     "reference": ("pipeline.rendering.ground_truth", "z2p_core.scene", *_RENDERS),
@@ -146,7 +146,7 @@ SHAPING: dict[str, tuple[str, ...]] = {
 }
 """Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
 
-NOT_SHAPING: dict[str, str] = {
+NOT_IN_FINGERPRINT: dict[str, str] = {
     "z2p_core.config": "hands on the names of its pipeline module",
     "z2p_core.config.pipeline": "the values that a stage gets are in its fingerprint; what reckons with them is listed",
     "z2p_core.errors.messages": "words errors",
@@ -192,7 +192,7 @@ NOT_SHAPING: dict[str, str] = {
     "z2p_core.errors.install_advice": "tells people how to install what is missing",
     "z2p_core.network.telemetry": "keeps libraries from telling others of their use",
     "z2p_core.placement.viewpoint": "turns users' clouds; the pipeline's views are drawn",
-    "z2p_core.placement.view_selection": "frames users' clouds; the pipeline's are framed by their mesh",
+    "z2p_core.up_axis.axis_names": "reads what users write; the rotations of its axes are listed",
 }
 """Module, or ``stage/module:definition`` -> why it is of no weight although shaping code imports it.
 
@@ -215,22 +215,22 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "compare": ("numpy",),
 }
 """Stage -> the declared packages whose versions shape its result."""
-_OTHERWISE = {"open3d": "open3d-cpu"}
+_DISTRIBUTIONS = {"open3d": "open3d-cpu"}
 """Package -> the distribution that brings it where its own does not."""
 
 
 def stage_code(stage: str) -> dict[str, str]:
-    """Digest (64 hex digits) of each part that `SHAPING` lists for a stage.
+    """Digest (64 hex digits) of each part that `STAGE_CODE` lists for a stage.
 
     Raises:
         KeyError: an unknown stage.
     """
-    return {part: part_digest(part) for part in SHAPING[stage]}
+    return {part: cached_part_digest(part) for part in STAGE_CODE[stage]}
 
 
 def changed_parts(code: Mapping[str, str]) -> list[str]:
     """Those parts of a `stage_code` that read otherwise on the disk by now."""
-    return [part for part, digest in code.items() if present_digest(part) != digest]
+    return [part for part, digest in code.items() if current_part_digest(part) != digest]
 
 
 def stage_packages(stage: str) -> dict[str, str]:
@@ -245,7 +245,7 @@ def stage_packages(stage: str) -> dict[str, str]:
 @lru_cache(maxsize=64)
 def installed_version(package: str) -> str:
     """Version of an installed package, or ``not installed``."""
-    for distribution in (package, _OTHERWISE.get(package, package)):
+    for distribution in (package, _DISTRIBUTIONS.get(package, package)):
         with suppress(metadata.PackageNotFoundError):
             return metadata.version(distribution).partition("+")[0]
     return "not installed"

@@ -28,13 +28,13 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from z2p_renderer.storage.files.disk_errors import DiskError, full_disk
+from z2p_renderer.storage.files.disk_errors import DiskError, full_disk_message
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, fingerprint
-from z2p_renderer.storage.results.manifests import MANIFEST, NAMED, faults, read_manifest, seal, sync
-from z2p_renderer.storage.results.manifests import remove as _remove
+from z2p_renderer.storage.results.manifests import MANIFEST, FOLDER_NAME_DIGITS, find_faults, read_manifest, seal, fsync_path
+from z2p_renderer.storage.results.manifests import remove_path as _remove
 from z2p_renderer.storage.results.work_note import NOTE, read_note, write_note
 
-_RESULT = re.compile(rf"[0-9a-f]{{{NAMED}}}")
+_FOLDER_NAME = re.compile(rf"[0-9a-f]{{{FOLDER_NAME_DIGITS}}}")
 """Name of a result's folder: the fingerprint's first half."""
 
 
@@ -79,11 +79,11 @@ class Store:
 
     def faults(self, entry: Entry) -> list[str]:
         """Why the result is not `complete`; empty when it is."""
-        return faults(self.folder(entry), entry.fingerprint)
+        return find_faults(self.folder(entry), entry.fingerprint)
 
     def verify(self, entry: Entry) -> list[str]:
         """Faults of a result, empty when none; reads every file and compares its sha256."""
-        return faults(self.folder(entry), entry.fingerprint, every_digest=True)
+        return find_faults(self.folder(entry), entry.fingerprint, verify_digests=True)
 
     def manifest(self, entry: Entry) -> dict[str, Any]:
         """The finished entry's manifest.
@@ -102,15 +102,15 @@ class Store:
 
     def folders(self, stage: str) -> list[Path]:
         """Folders of all results of a stage, sound or not."""
-        return sorted(folder for folder in (self.root / stage).glob("*") if _RESULT.fullmatch(folder.name))
+        return sorted(folder for folder in (self.root / stage).glob("*") if _FOLDER_NAME.fullmatch(folder.name))
 
     def manifests(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
         """Folder and manifest of every finished, undamaged entry of a stage; old ones too, which `complete` refuses."""
         for folder in self.folders(stage):
-            if not faults(folder, unlisted=True):
+            if not find_faults(folder, allow_unlisted=True):
                 yield folder, read_manifest(folder)
 
-    def remains(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
+    def iter_all_manifests(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
         """Folder and manifest of every entry, damaged and quarantined ones too: check the sha256 of what you take."""
         for folder in [*self.folders(stage), *sorted((self.root / ".quarantine" / stage).glob("*"))]:
             with suppress(OSError, ValueError):
@@ -122,8 +122,8 @@ class Store:
         """Folder and first fault of every result that is not sound, by a look at its manifest and the files' sizes."""
         for stage in self.stages():
             for folder in self.folders(stage):
-                found = faults(folder)
-                if found and not self.is_held(stage, folder.name):
+                found = find_faults(folder)
+                if found and not self.is_locked(stage, folder.name):
                     yield folder, found[0]
 
     def produce(
@@ -150,7 +150,7 @@ class Store:
                         entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})
                     self.publish(folder, entry, (NOTE, *leftovers))
                 except BaseException as error:
-                    refused = full_disk(folder)  # asked before it goes, which may be all that fills the disk
+                    refused = full_disk_message(folder)  # asked before it goes, which may be all that fills the disk
                     if not resumable:
                         _remove(folder)
                     if refused and isinstance(error, Exception) and not isinstance(error, ValueError):
@@ -182,7 +182,7 @@ class Store:
                 raise
             _remove(folder)
             return False
-        sync(target.parent)
+        fsync_path(target.parent)
         for path in left:
             with suppress(OSError):
                 _remove(target / path)
@@ -201,7 +201,7 @@ class Store:
 
         self.produce(entry, write)
 
-    def put_aside(self, entry: Entry) -> None:
+    def quarantine_if_damaged(self, entry: Entry) -> None:
         """Quarantine the entry's result unless every byte of it is right; one that is being made is waited for."""
         with self.lock(entry):
             if self.verify(entry) and os.path.lexists(self.folder(entry)):
@@ -240,7 +240,7 @@ class Store:
         folder.mkdir(parents=True)
         return folder
 
-    def is_held(self, stage: str, name: str) -> bool:
+    def is_locked(self, stage: str, name: str) -> bool:
         """Whether the result in the folder `name` of a stage is being written by someone."""
         path = self._lock_file(stage, name)
         if not path.exists():
@@ -271,12 +271,12 @@ class Store:
             yield
 
 
-def check(folder: Path) -> None:
+def check_result(folder: Path) -> None:
     """Nothing, when every byte of the result in a folder is right.
 
     Raises:
         StoreError: it is damaged.
     """
-    found = faults(folder, every_digest=True, unlisted=True)
+    found = find_faults(folder, verify_digests=True, allow_unlisted=True)
     if found:
         raise StoreError(found[0])

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from z2p_core.errors.value_limits import JsonObject, ListOf, OrNone, Text, check_value
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.files.bounded_json import read_json
 
 NOTE = ".entry.json"
@@ -21,7 +21,7 @@ _NOTE = JsonObject({"name": _LINE, "fields": JsonObject({}),
 
 def write_note(folder: Path, name: str, fields: Mapping[str, Any], adopted: Mapping[str, Any] | None = None) -> None:
     """Note the result that a work folder is to become, and whose work it was when it was taken over."""
-    write_whole(json.dumps({"name": name, "fields": dict(fields), "adopted": adopted}).encode(), folder / NOTE)
+    atomic_write(json.dumps({"name": name, "fields": dict(fields), "adopted": adopted}).encode(), folder / NOTE)
 
 
 def read_note(folder: Path) -> dict[str, Any] | None:

@@ -13,7 +13,7 @@ from z2p_core.interfaces import RawCloud
 from z2p_core.up_axis.axis_names import parse_up_axis
 from z2p_core.up_axis.choose import STANDARD_AXES
 from z2p_core.up_axis.header_comments import UpHint, axis_of_vector, up_of_comments
-from z2p_renderer.storage.files.bounded_json import MOST_BYTES, read_json
+from z2p_renderer.storage.files.bounded_json import MAX_BYTES, read_json
 from z2p_renderer.storage.files.printable_names import is_file, printable, without_gz
 from z2p_renderer.storage.scans.reader_choice import OURS
 
@@ -117,7 +117,7 @@ def _told_beside(path: Path) -> UpHint | None:
 def _axis_in_json(path: Path) -> str:
     """The axis that a description in JSON names, at its top or in an object there; empty where it names none."""
     try:
-        if not is_file(path) or path.stat().st_size > MOST_BYTES:
+        if not is_file(path) or path.stat().st_size > MAX_BYTES:
             return ""
         read = read_json(path.read_bytes())
     except (OSError, ValueError):  # the points are drawn all the same

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from z2p_renderer.storage.models.checkpoints import load_weights, resolve
+from z2p_renderer.storage.models.checkpoints import load_weights, find_weights
 
 ROOT = Path(__file__).parents[2]
 
@@ -36,7 +36,7 @@ def test_random_weights_have_the_shape_of_the_shipped_ones(tmp_path: Path, monke
     import subjects
 
     monkeypatch.setattr("z2p_renderer.pipeline.export.export_onnx", lambda path: None)
-    ours, shipped = (load_weights(path) for path in (subjects.random_weights(tmp_path), resolve("regular")))
+    ours, shipped = (load_weights(path) for path in (subjects.random_weights(tmp_path), find_weights("regular")))
     assert {name: one.shape for name, one in ours.tensors.items()} == {
         name: one.shape for name, one in shipped.tensors.items()
     }

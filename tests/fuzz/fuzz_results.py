@@ -16,7 +16,7 @@ from click.testing import CliRunner
 
 from z2p_core.config import PipelineConfig, RenderConfig
 from z2p_core.scene import SceneDescription
-from z2p_renderer.storage.results.adoption import candidates
+from z2p_renderer.storage.results.adoption import find_candidates
 from z2p_renderer.storage.results.manifests import MANIFEST
 from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.storage.results.work_note import NOTE
@@ -66,7 +66,7 @@ def check(folder: Path) -> str:
     json.loads(as_json(found))
     with suppress(StoreError):  # a note of what is in use that is damaged
         unneeded(store, ())
-    candidates(store, [step.entry for step in plan.steps.values()], [step.entry.stage for step in plan.steps.values()])
+    find_candidates(store, [step.entry for step in plan.steps.values()], [step.entry.stage for step in plan.steps.values()])
     if edited.name == MANIFEST:
         place = edited.parent
         (state,) = (one.state for one in found if one.fingerprint.startswith(place.name))

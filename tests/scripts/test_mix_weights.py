@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from z2p_renderer.storage.models.checkpoints import load_weights, resolve, save_weights
+from z2p_renderer.storage.models.checkpoints import load_weights, find_weights, save_weights
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import mix_weights
@@ -17,7 +17,7 @@ import mix_weights
 @pytest.fixture
 def after(tmp_path: Path) -> Path:
     """The shipped weights, as a round of training might have moved them."""
-    weights = load_weights(resolve("regular"))
+    weights = load_weights(find_weights("regular"))
     tensors = {name: tensor + np.float32(0.5) for name, tensor in weights.tensors.items()}
     save_weights(tmp_path / "after.safetensors", tensors, weights.card)
     return tmp_path / "after.safetensors"
@@ -25,7 +25,7 @@ def after(tmp_path: Path) -> Path:
 
 def test_each_number_is_the_mean_by_the_share(after: Path, tmp_path: Path) -> None:
     mix_weights.mix("regular", str(after), tmp_path / "mixed.safetensors", 0.25)
-    before, mixed = load_weights(resolve("regular")), load_weights(tmp_path / "mixed.safetensors")
+    before, mixed = load_weights(find_weights("regular")), load_weights(tmp_path / "mixed.safetensors")
     assert mixed.card == before.card
     for name, tensor in mixed.tensors.items():
         np.testing.assert_allclose(tensor, before.tensors[name] + 0.125, atol=1e-5)

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from z2p_core.interfaces import ScanError
-from z2p_renderer.storage.scans.clouds import calls_for_smooth, read_mesh, write_mesh
+from z2p_renderer.storage.scans.clouds import is_smooth_surface, read_mesh, write_mesh
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
@@ -145,31 +145,31 @@ def sphere(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_facets_are_flat_and_curves_are_smooth() -> None:
-    assert not calls_for_smooth(TETRAHEDRON, SIDES)
-    assert not calls_for_smooth(*sphere(0))  # an icosahedron: 42 degrees
-    assert calls_for_smooth(*sphere(2))
+    assert not is_smooth_surface(TETRAHEDRON, SIDES)
+    assert not is_smooth_surface(*sphere(0))  # an icosahedron: 42 degrees
+    assert is_smooth_surface(*sphere(2))
     box = trimesh.creation.box().subdivide().subdivide()
-    assert calls_for_smooth(box.vertices, box.faces)  # flat sides: the renderer splits the sharp edges
+    assert is_smooth_surface(box.vertices, box.faces)  # flat sides: the renderer splits the sharp edges
     cylinder = trimesh.creation.cylinder(radius=1, height=3, sections=32)
-    assert calls_for_smooth(cylinder.vertices, cylinder.faces)
+    assert is_smooth_surface(cylinder.vertices, cylinder.faces)
 
 
 def test_shading_does_not_depend_on_size_place_winding_or_splitting() -> None:
     rng = np.random.default_rng(5)
     for subdivisions, expected in ((0, False), (3, True)):
         vertices, faces = sphere(subdivisions)
-        assert calls_for_smooth(vertices, faces) is expected
-        assert calls_for_smooth(vertices * 1e-3 + 100, faces) is expected
+        assert is_smooth_surface(vertices, faces) is expected
+        assert is_smooth_surface(vertices * 1e-3 + 100, faces) is expected
         flipped = np.where(rng.random(len(faces))[:, None] < 0.5, faces[:, ::-1], faces)
-        assert calls_for_smooth(vertices, flipped) is expected
+        assert is_smooth_surface(vertices, flipped) is expected
         soup = vertices[faces].reshape(-1, 3)
-        assert calls_for_smooth(soup, np.arange(len(soup)).reshape(-1, 3)) is expected
+        assert is_smooth_surface(soup, np.arange(len(soup)).reshape(-1, 3)) is expected
 
 
 def test_dense_noise_stays_smooth_and_lone_triangles_do_not_fail() -> None:
     vertices, faces = sphere(5)
     rough = vertices + np.random.default_rng(6).normal(scale=0.02, size=vertices.shape)
     assert len(faces) == 20_480
-    assert calls_for_smooth(rough, faces)
-    assert not calls_for_smooth(rough, faces[:19_000])
-    assert calls_for_smooth(TETRAHEDRON, SIDES[:1])
+    assert is_smooth_surface(rough, faces)
+    assert not is_smooth_surface(rough, faces[:19_000])
+    assert is_smooth_surface(TETRAHEDRON, SIDES[:1])

@@ -12,7 +12,7 @@ import z2p_renderer.workflows.plan
 import z2p_renderer.workflows.pretrained_weights
 from z2p_core import registry
 from z2p_core.config import PipelineConfig
-from z2p_renderer.storage.results.code_digest import source_of
+from z2p_renderer.storage.results.code_digest import module_file
 from z2p_renderer.workflows.plan import Plan, assemble, make_plan
 
 CONFIGS = Path(__file__).parents[2] / "configs"
@@ -231,7 +231,7 @@ def plugin_edit(tmp_path, monkeypatch, edit):
     """Make the elevation control come from an edited copy of its file."""
     import importlib.util
 
-    text = source_of(registry.load("controls", "elevation").__module__).read_text()
+    text = module_file(registry.load("controls", "elevation").__module__).read_text()
     changed = edit(text)
     assert changed != text
     copy = tmp_path / "elevation_copy.py"

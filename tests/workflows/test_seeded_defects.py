@@ -32,8 +32,8 @@ def rows(config: PipelineConfig, meshes: Any) -> Iterator[tuple[str, Callable[[p
             yield path, lambda patch, path=path, value=value: make_plan(edited(config, path, value)), expected
     for stage, expected in STAGES.items():
         yield f"{stage} version", set_item(config, fingerprints.STAGE_VERSIONS, stage, 99), expected
-        for table in (z2p_renderer.storage.results.stage_dependencies.SHAPING, z2p_renderer.storage.results.stage_dependencies.PACKAGES):
-            parts = (*table[stage], "z2p_core.testing" if table is z2p_renderer.storage.results.stage_dependencies.SHAPING else "luigi")
+        for table in (z2p_renderer.storage.results.stage_dependencies.STAGE_CODE, z2p_renderer.storage.results.stage_dependencies.PACKAGES):
+            parts = (*table[stage], "z2p_core.testing" if table is z2p_renderer.storage.results.stage_dependencies.STAGE_CODE else "luigi")
             yield f"{stage} code", set_item(config, table, stage, parts), expected
     yield "schema", lambda patch: (patch.setattr(fingerprints, "SCHEMA", 99), make_plan(config))[1], EVERYTHING
     for key in ("version", "code"):

@@ -12,7 +12,7 @@ import z2p_renderer.storage.results.stage_dependencies
 import z2p_renderer.workflows.tasks
 from z2p_core import registry
 from z2p_core.config import ConfigError, parse_config
-from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.full_pipeline import RESULTS
 from z2p_renderer.workflows.plan import make_plan
@@ -121,7 +121,7 @@ def test_a_task_whose_inputs_changed_is_another_task(ran):
 def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, capfd):
     assert build() and steps_of(ran)
     shutil.rmtree(next(Path("runs/train").iterdir()))
-    monkeypatch.setattr(z2p_renderer.storage.results.stage_dependencies, "present_digest", lambda part: f"other {part}")
+    monkeypatch.setattr(z2p_renderer.storage.results.stage_dependencies, "current_part_digest", lambda part: f"other {part}")
     assert not build() and steps_of(ran) == []
     assert "FAILED train: ConfigError: train: workflows.stages:Train changed since" in capfd.readouterr().err
 
@@ -152,7 +152,7 @@ def test_a_plugin_that_changed_since_the_plan_was_made_is_refused(ran, monkeypat
 @pytest.mark.parametrize("edit", [lambda path: path.write_bytes(b"others"), Path.unlink])
 def test_weights_to_learn_from_that_changed_since_the_plan_was_made_are_refused(ran, monkeypatch, tmp_path, name, edit):
     weights = tmp_path / "known.safetensors"
-    shutil.copyfile(resolve("regular"), weights)
+    shutil.copyfile(find_weights("regular"), weights)
     (tmp_path / "small.toml").write_text(f"{TOML}[train]\n{name} = 'known.safetensors'\n")
     source = workflows.FullPipeline(config="small.toml").source
     load_plan.cache_clear()

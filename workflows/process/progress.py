@@ -51,7 +51,7 @@ class Progress:
     def line(self) -> str:
         """Such as ``progress: 12 of 34 done; running render/bunny/0-10; 41 images a minute; 12 min left to render``."""
         self._look()
-        running = [step for step in self.steps if self.store.is_held(step.entry.stage, step.entry.fingerprint[:32])]
+        running = [step for step in self.steps if self.store.is_locked(step.entry.stage, step.entry.fingerprint[:32])]
         self.idle = not running
         parts = [f"progress: {len(self.finished)} of {len(self.steps)} done"]
         if running:

@@ -17,9 +17,9 @@ from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, OWN_SH
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.configs import config_text
-from z2p_renderer.storage.models.checkpoints import WeightsError, resolve, shipped
+from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights, shipped_weights
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
-from z2p_renderer.storage.results.stage_dependencies import OF_WEIGHTS, PLACING
+from z2p_renderer.storage.results.stage_dependencies import WEIGHTS_ONLY_CODE, PLACEMENT_CODE
 from z2p_renderer.storage.results.store import Entry
 from z2p_renderer.storage.scans.clouds import find_scans, reader_of
 from z2p_renderer.workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
@@ -141,9 +141,9 @@ def report_methods(config: ReportConfig) -> tuple[Method, ...]:
         PluginError: a baseline is unknown or broken.
     """
     methods = []
-    for name in config.weights or tuple(shipped()):
+    for name in config.weights or tuple(shipped_weights()):
         try:
-            load_plugins(resolve(name))
+            load_plugins(find_weights(name))
         except WeightsError as error:
             raise ConfigError(f"weights: {error}") from error
         methods.append(Method(_called(name), WEIGHTS, name))
@@ -187,7 +187,7 @@ def _run_by(method: Method, fields: dict[str, Any]) -> dict[str, Any]:
     """The fields, without the code of networks where the method has none."""
     if method.kind == WEIGHTS:
         return fields
-    needless = set(OF_WEIGHTS) - set(PLACING if fields["stage"] == "scans" else ())
+    needless = set(WEIGHTS_ONLY_CODE) - set(PLACEMENT_CODE if fields["stage"] == "scans" else ())
     return fields | {"code": {part: digest for part, digest in fields["code"].items() if part not in needless}}
 
 
@@ -211,7 +211,7 @@ def _times(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> 
 
 def _weights_files(methods: Sequence[Method]) -> tuple[tuple[Path, str], ...]:
     """File and digest of all weights, for steps that are of no one method."""
-    found = [(resolve(method.source).absolute(), method_fields(method)) for method in methods if method.kind == WEIGHTS]
+    found = [(find_weights(method.source).absolute(), method_fields(method)) for method in methods if method.kind == WEIGHTS]
     return tuple((path, fields["sha256"]) for path, fields in found)
 
 

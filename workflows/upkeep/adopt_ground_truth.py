@@ -7,7 +7,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from z2p_core.camera import DEFAULT_ELEVATION
-from z2p_renderer.storage.results.adoption import Candidate, candidates
+from z2p_renderer.storage.results.adoption import Candidate, find_candidates
 from z2p_renderer.storage.results.store import Entry, Store
 from z2p_renderer.workflows.plan import Plan
 
@@ -15,7 +15,7 @@ from z2p_renderer.workflows.plan import Plan
 def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
     """Pictures in the store of ground truth that can be adopted for the plan's evaluation."""
     pictures = list(references(plan, store))
-    found = candidates(truth, [entry for entry, _ in pictures], ("reference",))
+    found = find_candidates(truth, [entry for entry, _ in pictures], ("reference",))
     known = {candidate.entry.fingerprint for candidate in found}
     for entry, old in pictures:
         coverage = old.with_suffix(".coverage.png")

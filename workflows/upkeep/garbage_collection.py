@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from z2p_renderer.storage.results.adoption import RANGE
+from z2p_renderer.storage.results.adoption import VIEW_RANGE
 from z2p_renderer.storage.results.fingerprints import fingerprint
 from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.workflows.upkeep.runs_in_use import forget_dead, gate, kept, running
@@ -40,9 +40,9 @@ def unneeded(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
     needed = _needed(store, set(drop))
     found: list[Unneeded] = []
     for stage in store.stages():
-        names = {folder: str(manifest.get("name", "")) for folder, manifest in store.remains(stage)}
+        names = {folder: str(manifest.get("name", "")) for folder, manifest in store.iter_all_manifests(stage)}
         for folder in store.folders(stage):
-            if folder not in needed and not store.is_held(stage, folder.name):
+            if folder not in needed and not store.is_locked(stage, folder.name):
                 found.append(_unneeded(folder, names.get(folder) or f"{stage}, damaged"))
     return found + [_unneeded(path, what) for path, what in _scraps(store, needed)]
 
@@ -90,18 +90,18 @@ def _scraps(store: Store, needed: set[Path]) -> Iterator[tuple[Path, str]]:
     """What killed runs and repairs have left behind, with what it is."""
     for folder in sorted((store.root / ".work").glob("*/*")):
         stage = folder.parent.name
-        if store.root / stage / folder.name not in needed and not store.is_held(stage, folder.name):
+        if store.root / stage / folder.name not in needed and not store.is_locked(stage, folder.name):
             yield folder, f"unfinished {stage}"
     for folder in sorted((store.root / ".tmp").glob("*-*-*")):
         stage, prefix, _ = folder.name.rsplit("-", 2)
         locks = (store.root / ".locks").glob(f"{stage}-{prefix}*")
-        held = any(store.is_held(stage, lock.name.removeprefix(f"{stage}-")) for lock in locks)
+        held = any(store.is_locked(stage, lock.name.removeprefix(f"{stage}-")) for lock in locks)
         if not held and time.time() - folder.stat().st_mtime > TEMPORARY_SECONDS:
             yield folder, f"left by a killed {stage}"
     for log in sorted((store.root / ".logs").glob("*/*.log")):
         stage = log.parent.name
         result = store.root / stage / log.stem
-        if result not in needed and not result.exists() and not store.is_held(stage, log.stem):
+        if result not in needed and not result.exists() and not store.is_locked(stage, log.stem):
             yield log, f"log of a {stage} that is gone"
     for folder in sorted((store.root / ".quarantine").glob("*/*")):
         yield folder, f"damaged {folder.parent.name}"
@@ -119,10 +119,10 @@ class _Origins:
         self._fields: dict[Path, Mapping[str, Any]] = {}
         self._folders: dict[str, set[Path]] = {}
         for stage in store.stages():
-            for folder, manifest in store.remains(stage):
+            for folder, manifest in store.iter_all_manifests(stage):
                 fields = manifest["fields"]
                 self._fields[folder] = fields
-                shared = {key: value for key, value in fields.items() if key not in RANGE}
+                shared = {key: value for key, value in fields.items() if key not in VIEW_RANGE}
                 for known in (fingerprint(fields), fingerprint(shared)):
                     self._folders.setdefault(known, set()).add(folder)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from z2p_renderer.storage.results.adoption import RANGE
+from z2p_renderer.storage.results.adoption import VIEW_RANGE
 from z2p_renderer.storage.results.fingerprints import file_digest, fingerprint
 from z2p_renderer.storage.results.store import Entry, Store
 
@@ -16,7 +16,7 @@ def copy_known_views(store: Store, entry: Entry, views: Iterable[int], out: Path
     """Copy into `out` the entry's views that other renders of the same fields hold, each if all its files are sound."""
     wanted = _without_range(entry.fields)
     stems = [f"view_{index:05d}" for index in views]
-    for folder, manifest in store.remains("render"):
+    for folder, manifest in store.iter_all_manifests("render"):
         if _without_range(manifest["fields"]) != wanted:
             continue
         for stem in stems:
@@ -36,4 +36,4 @@ def _are_sound(folder: Path, files: Mapping[str, Any]) -> bool:
 
 
 def _without_range(fields: Mapping[str, Any]) -> str:
-    return fingerprint({name: value for name, value in fields.items() if name not in RANGE})
+    return fingerprint({name: value for name, value in fields.items() if name not in VIEW_RANGE})

@@ -19,7 +19,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.workflows.plan import Planned
 
@@ -144,4 +144,4 @@ def _is_alive(path: Path) -> bool:
 
 
 def _write(path: Path, note: dict[str, Any]) -> Path:
-    return write_whole((json.dumps(note, indent=1) + "\n").encode(), path, lasting=True)
+    return atomic_write((json.dumps(note, indent=1) + "\n").encode(), path, durable=True)

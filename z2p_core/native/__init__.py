@@ -12,7 +12,6 @@ from z2p_core.native.images import reconcile as reconcile
 from z2p_core.native.images import reconcile_shadow as reconcile_shadow
 from z2p_core.native.images import showing as showing
 from z2p_core.native.images import straight_bytes as straight_bytes
-from z2p_core.native.images import surfels as surfels
 from z2p_core.native.images import touched as touched
 from z2p_core.native.images import window_minimum as window_minimum
 from z2p_core.native.lighting import MOST_LIT as MOST_LIT
@@ -32,11 +31,12 @@ from z2p_core.native.lighting import in_other_cells as in_other_cells
 from z2p_core.native.lighting import mirror_hits as mirror_hits
 from z2p_core.native.list_rows import walk_rows as walk_rows
 from z2p_core.native.points import Grid as Grid
-from z2p_core.native.points import cells as cells
-from z2p_core.native.points import centres as centres
-from z2p_core.native.points import clips as clips
-from z2p_core.native.points import holes as holes
 from z2p_core.native.points import jets as jets
 from z2p_core.native.points import planes as planes
 from z2p_core.native.points import refine as refine
 from z2p_core.native.points import slabs as slabs
+from z2p_core.native.surfels import disc_clip_planes as disc_clip_planes
+from z2p_core.native.surfels import find_hole_discs as find_hole_discs
+from z2p_core.native.surfels import offset_disc_centers as offset_disc_centers
+from z2p_core.native.surfels import rasterize_surfels as rasterize_surfels
+from z2p_core.native.surfels import voronoi_extent as voronoi_extent

@@ -17,12 +17,11 @@ from z2p_core.native.library import (
     INT64,
     call,
     declare,
-    floats,
-    place,
-    widest,
+    as_float32,
+    check_output,
+    select_variant,
 )
 from z2p_core.parallel import parallel_rows
-from z2p_core.shading.channels import RASTERIZED
 
 declare(
     "z2p_reconcile", planes=FLOATS_OUT, coverage=FLOATS, colors=FLOATS, pixels=INT64, first=INT64, last=INT64,
@@ -43,11 +42,6 @@ declare(
 )  # fmt: skip
 declare("z2p_window_minimum", picture=FLOATS, height=INT, width=INT, size=INT, out=FLOATS_OUT)
 declare("z2p_intensity", depth=FLOAT_ROWS, stride=INT64, height=INT, width=INT, alpha=FLOAT, beta=FLOAT, out=FLOATS_OUT)
-declare(
-    "z2p_surfels", points=FLOATS, normals=FLOATS, radii=FLOATS, clips=FLOATS, features=FLOATS, count=INT, focal=FLOAT,
-    width=INT, height=INT, first=INT, last=INT, slack=FLOAT, sure=FLOAT, full=FLOAT, near=FLOAT, far=FLOAT,
-    picture=FLOATS_OUT,
-)  # fmt: skip
 
 SHORTEST = 400
 """Rows of a picture below which one core converts them."""
@@ -73,7 +67,7 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int) -> np.ndarray:
     depths = np.full(height * width + 1, np.inf, np.float32)  # the last takes the points that are not seen
     view = np.concatenate([camera.rotation.ravel(), camera.position])
     call(
-        "z2p_nearest_depth", floats(cloud), len(cloud), floats(view), camera.focal,
+        "z2p_nearest_depth", as_float32(cloud), len(cloud), as_float32(view), camera.focal,
         width, height, margin, depths,
     )  # fmt: skip
     return depths[:-1].reshape(height, width)
@@ -83,7 +77,7 @@ def window_minimum(picture: np.ndarray, size: int) -> np.ndarray:
     """Minimum (H - size + 1, W - size + 1) of every size x size window of (H, W)."""
     height, width = picture.shape
     out = np.empty((height - size + 1, width - size + 1), np.float32)
-    call("z2p_window_minimum", floats(picture), height, width, size, out)
+    call("z2p_window_minimum", as_float32(picture), height, width, size, out)
     return out
 
 
@@ -96,7 +90,7 @@ def showing(points: np.ndarray, turns: np.ndarray, elevation: float, side: int) 
     covered, breadth = np.empty(len(turns), np.int32), np.empty(len(turns), np.float32)
     ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     tilt = np.array([np.sin(elevation), np.cos(elevation)])
-    call("z2p_showing", floats(points), len(points), floats(ways), len(turns), floats(tilt), side, covered, breadth)
+    call("z2p_showing", as_float32(points), len(points), as_float32(ways), len(turns), as_float32(tilt), side, covered, breadth)
     return covered, breadth
 
 
@@ -107,30 +101,7 @@ def intensity(depth: np.ndarray, alpha: float, beta: float, out: np.ndarray) -> 
     height, width = depth.shape
     call(
         "z2p_intensity", depth, depth.strides[0] // 4, height, width, alpha,
-        beta, place(out, (height, width)),
-    )  # fmt: skip
-
-
-def surfels(
-    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, clips: np.ndarray, features: np.ndarray, camera: Camera,
-    slack: float, sure: float, full: float, near: float, far: float, out: np.ndarray,
-    rows: tuple[int, int] | None = None,
-) -> None:  # fmt: skip
-    """Draws discs into `out` (9, H, W): coverage, density, depth and six features; 0 off the discs.
-
-    Points (N, 3), normals (N, 3), which face it, and the planes `clips` (N, 4, 4) that end discs (see
-    `z2p_core.native.clips`) are in the camera's axes; features are (N, 6). A pixel is the mean of four samples. Where
-    discs overlap, those at most `slack` of their radius behind the nearest are averaged, by weights w that fall from 1
-    to 0 towards a disc's rim. Of their sum w, coverage is 1 - exp(-sure w) and density is w / full, up to 1; depth goes
-    from 1 at `near` to 0 at `far`. Samples count as far as they are covered. Only `rows` from the first up to the last,
-    that one excluded, are drawn.
-    """
-    first, last = rows or (0, camera.height)
-    call(
-        "z2p_surfels", floats(points), floats(normals), floats(radii), floats(clips), floats(features),
-        len(points), camera.focal, camera.width, camera.height, first, last, slack,
-        sure, full, near, far,
-        place(out, (RASTERIZED.stop, camera.height, camera.width)),
+        beta, check_output(out, (height, width)),
     )  # fmt: skip
 
 
@@ -141,7 +112,7 @@ def reconcile(picture: np.ndarray, coverage: np.ndarray, colors: np.ndarray, tru
     (H, W) and alpha show whole, and nowhere else. All are float32 and contiguous.
     """
     _, height, width = picture.shape
-    planes = (place(picture, (4, height, width)), floats(coverage), floats(colors), height * width)
+    planes = (check_output(picture, (4, height, width)), as_float32(coverage), as_float32(colors), height * width)
 
     def move(top: int, bottom: int) -> None:
         rows = (top * width, bottom * width)
@@ -157,7 +128,7 @@ def reconcile_shadow(alpha: np.ndarray, coverage: np.ndarray, shadow: np.ndarray
     are float32 and contiguous.
     """
     height, width = alpha.shape
-    planes = (place(alpha, (height, width)), floats(coverage), floats(shadow))
+    planes = (check_output(alpha, (height, width)), as_float32(coverage), as_float32(shadow))
 
     def move(top: int, bottom: int) -> None:
         rows = (top * width, bottom * width)
@@ -170,7 +141,7 @@ def straight_bytes(picture: np.ndarray) -> np.ndarray:
     """Straight RGBA (H, W, 4) uint8 of colour times alpha, and alpha (4, H, W); clipped, colour 0 where alpha is."""
     _, height, width = picture.shape
     out = np.empty((height, width, 4), np.uint8)
-    planes = (floats(picture), height * width)
+    planes = (as_float32(picture), height * width)
 
     def convert(top: int, bottom: int) -> None:
         call("z2p_straight_bytes", *planes, top * width, bottom * width, out)
@@ -182,7 +153,7 @@ def straight_bytes(picture: np.ndarray) -> np.ndarray:
 def packed(weights: np.ndarray, bias: np.ndarray) -> Convolution:
     """A 3x3 convolution of weights (O, I, 3, 3) and bias (O,), as kernels take it."""
     groups = weights.reshape(-1, GROUP, weights.shape[1], weights.shape[2] * weights.shape[3])
-    return Convolution(floats(groups.transpose(0, 2, 3, 1)), floats(bias.reshape(-1, GROUP)))
+    return Convolution(as_float32(groups.transpose(0, 2, 3, 1)), as_float32(bias.reshape(-1, GROUP)))
 
 
 def touched(
@@ -202,8 +173,8 @@ def touched(
             f"expected cells of {cell} pixels a side, buffers and convolutions that fit each other, got {cells.shape}, "
             f"{buffers.shape}, {look.weights.shape} and {touch.weights.shape}"
         )
-    drawn = (floats(cells), floats(buffers), channels, height, width, cell)
+    drawn = (as_float32(cells), as_float32(buffers), channels, height, width, cell)
     layers = (look.weights, look.bias, len(look.weights), touch.weights, touch.bias)
-    picture = place(out, (GROUP, height, width))
-    kernel = widest("z2p_touch")
+    picture = check_output(out, (GROUP, height, width))
+    kernel = select_variant("z2p_touch")
     parallel_rows(lambda top, bottom: call(kernel, *drawn, *layers, top, bottom, picture), height, FEWEST)

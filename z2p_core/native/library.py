@@ -274,32 +274,33 @@ def load_library() -> ctypes.CDLL:
 declare("z2p_is_wide", wide=INTS_OUT)
 
 
-def widest(kernel: str) -> str:
+def select_variant(kernel: str) -> str:
     """Name of the variant of a kernel that suits this processor: with 16 lanes if it has AVX-512, else with 8.
 
     Only for kernels that `c/common/avx512.c` compiles once more.
     """
-    return f"{kernel}{WIDE_SUFFIX}" if _is_wide() else kernel
+    return f"{kernel}{WIDE_SUFFIX}" if has_avx512() else kernel
 
 
 @lru_cache(maxsize=1)
-def _is_wide() -> bool:
+def has_avx512() -> bool:
     wide = np.zeros(1, np.int32)
     call("z2p_is_wide", wide)
     return bool(wide[0])
 
 
-def place(out: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+def check_output(out: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
     """`out` itself, if it is a contiguous float32 array of that shape, which a kernel may write to.
 
     Raises:
         ValueError: it is not.
     """
     if out.shape != shape or out.dtype != np.float32 or not out.flags.c_contiguous:
-        raise ValueError(f"expected a contiguous float32 array {shape} to draw into, got {out.dtype} {out.shape}")
+        expected = tuple(map(int, shape))
+        raise ValueError(f"expected a contiguous float32 array {expected} to draw into, got {out.dtype} {out.shape}")
     return out
 
 
-def floats(array: np.ndarray) -> np.ndarray:
+def as_float32(array: np.ndarray) -> np.ndarray:
     """The array as a contiguous float32 array; itself if it is one."""
     return np.ascontiguousarray(array, dtype=np.float32)

@@ -20,8 +20,8 @@ from z2p_core.native.library import (
     Struct,
     call,
     declare,
-    floats,
-    place,
+    as_float32,
+    check_output,
 )
 from z2p_core.parallel import parallel_rows
 
@@ -144,9 +144,9 @@ def illuminate(
         raise ValueError(f"expected at most {MOST_LIT} points to light, got {len(points)}")
     light = np.empty((2, len(points)), np.float32)
     call(
-        "z2p_illuminate", floats(points), floats(normals), len(points), floats(casters.places),
-        np.ascontiguousarray(casters.owners, np.int32), len(casters.places), floats(lamps), floats(axes),
-        floats(powers), len(lamps), spacing, casters.cell, radius, light,
+        "z2p_illuminate", as_float32(points), as_float32(normals), len(points), as_float32(casters.places),
+        np.ascontiguousarray(casters.owners, np.int32), len(casters.places), as_float32(lamps), as_float32(axes),
+        as_float32(powers), len(lamps), spacing, casters.cell, radius, light,
     )  # fmt: skip
     return light
 
@@ -166,8 +166,8 @@ def floor_shade(
     """
     shade = np.empty((side, side), np.float32)
     call(
-        "z2p_floor_shade", floats(points), len(points), floats(lamps), len(lamps),
-        None if square is None else floats(square), floor, half, side,
+        "z2p_floor_shade", as_float32(points), len(points), as_float32(lamps), len(lamps),
+        None if square is None else as_float32(square), floor, half, side,
         ball * side / (2 * half), narrowed, soft, shade,
     )  # fmt: skip
     return shade
@@ -178,7 +178,7 @@ def in_other_cells(shade: np.ndarray, side: int) -> np.ndarray:
     if len(shade) == side:
         return shade
     out = np.empty((side, side), np.float32)
-    call("z2p_other_cells", floats(shade), len(shade), side, out)
+    call("z2p_other_cells", as_float32(shade), len(shade), side, out)
     return out
 
 
@@ -189,7 +189,7 @@ def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacin
     """
     hits = np.empty((2 * len(axes), len(points)), np.int32)
     call(
-        "z2p_first_hits", floats(points), floats(normals), len(points), floats(axes), len(axes),
+        "z2p_first_hits", as_float32(points), as_float32(normals), len(points), as_float32(axes), len(axes),
         spacing, radius, hits,
     )  # fmt: skip
     return hits
@@ -205,8 +205,8 @@ def mirror_hits(
     that spacing and lies within `radius` of the origin.
     """
     hits, asked = np.empty(len(asked), np.int32), np.ascontiguousarray(asked, np.int32)
-    cloud = (floats(points), floats(normals), len(points), asked)
-    rest = (floats(rays), reach, spacing, radius, hits)
+    cloud = (as_float32(points), as_float32(normals), len(points), asked)
+    rest = (as_float32(rays), reach, spacing, radius, hits)
     parallel_rows(lambda begin, end: call("z2p_mirror_hits", *cloud, begin, end, *rest), len(asked), parts=2)
     return hits
 
@@ -222,8 +222,8 @@ def gloss(
     Nothing hides the lamps (L, 3), which shine along a unit axis (3,), each with that power.
     """
     shine, matt = np.empty((len(points), 3), np.float32), np.empty(len(points), np.float32)
-    seen = (floats(points), floats(normals), floats(towards))
-    rest = (floats(lamps), len(lamps), floats(axis), power, alpha**2, index, shine, matt)
+    seen = (as_float32(points), as_float32(normals), as_float32(towards))
+    rest = (as_float32(lamps), len(lamps), as_float32(axis), power, alpha**2, index, shine, matt)
     parallel_rows(lambda begin, end: call("z2p_gloss", *seen, begin, end, *rest), len(points))
     return shine, matt
 
@@ -238,8 +238,8 @@ def image(
     `blur` of the way to it, a standard deviation.
     """
     shine = np.empty((len(points), 3), np.float32)
-    seen = (floats(points), floats(normals), floats(towards))
-    rest = (floats(light), radiance, blur, index, shine)
+    seen = (as_float32(points), as_float32(normals), as_float32(towards))
+    rest = (as_float32(light), radiance, blur, index, shine)
     parallel_rows(lambda begin, end: call("z2p_image", *seen, begin, end, *rest), len(points))
     return shine
 
@@ -255,7 +255,7 @@ def gather_open(
     """
     light = np.array(direct, np.float32)
     _gather(
-        "z2p_gather_open", points, normals, axes, hits, floor.struct, floats(lamp_shade), floats(sky_shade),
+        "z2p_gather_open", points, normals, axes, hits, floor.struct, as_float32(lamp_shade), as_float32(sky_shade),
         len(sky_shade), light,
     )  # fmt: skip
     return light
@@ -272,7 +272,7 @@ def gather_bounced(
     """
     bounced = np.empty((2, len(points)), np.float32)
     _gather(
-        "z2p_gather_bounced", points, normals, axes, hits, floor.struct, floats(glow), len(glow), floats(light),
+        "z2p_gather_bounced", points, normals, axes, hits, floor.struct, as_float32(glow), len(glow), as_float32(light),
         bounced,
     )  # fmt: skip
     return bounced
@@ -288,11 +288,11 @@ def floor_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, floor:
 
     def find(begin: int, end: int) -> None:
         call(
-            "z2p_floor_hits", *cloud, floats(axes[begin:end]), end - begin, floor.height,
+            "z2p_floor_hits", *cloud, as_float32(axes[begin:end]), end - begin, floor.height,
             floor.half, side, seen[begin:end],
         )  # fmt: skip
 
-    cloud = (floats(points), floats(normals), len(points))
+    cloud = (as_float32(points), as_float32(normals), len(points))
     parallel_rows(find, len(axes), smallest=2)
     return seen
 
@@ -305,7 +305,7 @@ def floor_glow(light: np.ndarray, seen: np.ndarray, side: int) -> np.ndarray:
     """
     glow = np.empty((side, side), np.float32)
     count = len(seen)
-    call("z2p_floor_glow", floats(light), light.shape[1], count, seen, 1 / count, side, glow)
+    call("z2p_floor_glow", as_float32(light), light.shape[1], count, seen, 1 / count, side, glow)
     return glow
 
 
@@ -319,9 +319,9 @@ def floor_shadow(
     `cloud` (G, G) is the cloud's mean radiance as seen from the floor.
     """
     call(
-        "z2p_floor_shadow", floats(lamp_shade), floats(sky_shade), len(sky_shade), floats(mirror_shade),
-        len(mirror_shade), floats(cloud), len(cloud), floor.struct, floats(camera.rotation), floats(camera.position),
-        camera.focal, camera.width, camera.height, place(out, (camera.height, camera.width)),
+        "z2p_floor_shadow", as_float32(lamp_shade), as_float32(sky_shade), len(sky_shade), as_float32(mirror_shade),
+        len(mirror_shade), as_float32(cloud), len(cloud), floor.struct, as_float32(camera.rotation), as_float32(camera.position),
+        camera.focal, camera.width, camera.height, check_output(out, (camera.height, camera.width)),
     )  # fmt: skip
 
 
@@ -330,8 +330,8 @@ def _gather(
 ) -> None:
     """Calls a kernel that works on rows of points, which two cores share out."""
     count = len(points)
-    cloud = (floats(points), floats(normals), count)
-    seen = (floats(axes), len(axes), hits)
+    cloud = (as_float32(points), as_float32(normals), count)
+    seen = (as_float32(axes), len(axes), hits)
 
     def gather(begin: int, end: int) -> None:
         call(kernel, *cloud, begin, end, *seen, *rest)

@@ -17,8 +17,8 @@ from z2p_core.native.library import (
     Handle,
     call,
     declare,
-    floats,
-    widest,
+    as_float32,
+    select_variant,
 )
 from z2p_core.parallel import parallel_rows
 
@@ -48,26 +48,6 @@ declare(
     "z2p_showing", points=FLOATS, count=INT, turns=FLOATS, views=INT, tilt=FLOATS, side=INT, covered=INTS_OUT,
     breadth=FLOATS_OUT,
 )  # fmt: skip
-declare(
-    "z2p_clips", points=FLOATS, normals=FLOATS, radii=FLOATS, found=INTS, begin=INT, end=INT, most=INT,
-    clips=FLOATS_OUT,
-)  # fmt: skip
-declare(
-    "z2p_centres", points=FLOATS, normals=FLOATS, radii=FLOATS, found=INTS, begin=INT, end=INT, most=INT,
-    centres=FLOATS_OUT,
-)  # fmt: skip
-declare(
-    "z2p_holes", points=FLOATS, normals=FLOATS, found=INTS, count=INT, most=INT, reaches=FLOATS, places=FLOATS_OUT,
-    facing=FLOATS_OUT, radii=FLOATS_OUT,
-)  # fmt: skip
-declare(
-    "z2p_cells", points=FLOATS, normals=FLOATS, asked=INTS, found=INTS, begin=INT, end=INT, most=INT, solid=INT,
-    reaches=FLOATS_OUT, ends=FLOATS_OUT,
-)  # fmt: skip
-
-MOST_CLIPS = 4
-"""Planes that end a disc."""
-
 
 class Grid:
     """A cloud (N, 3), N >= 1, whose points are sorted by place, so that neighbours are found at once.
@@ -81,7 +61,7 @@ class Grid:
         if not np.isfinite(cloud).all():
             raise ValueError("expected a cloud of finite points, got some that are not")
         self.points = np.empty((len(cloud), 3), np.float32)
-        call("z2p_grid", floats(cloud), len(cloud), self.points, self._handle)
+        call("z2p_grid", as_float32(cloud), len(cloud), self.points, self._handle)
 
     def __del__(self) -> None:
         if self._handle:
@@ -100,7 +80,7 @@ class Grid:
 
         The last one is repeated where fewer are near.
         """
-        return self._nearest(floats(places), np.arange(len(places), dtype=np.int32), count)[0]
+        return self._nearest(as_float32(places), np.arange(len(places), dtype=np.int32), count)[0]
 
     def _nearest(self, places: np.ndarray, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
@@ -171,8 +151,8 @@ def refine(
     count, (rounds, width) = len(points), network_size()
     memory, told = np.empty((2, count, width), np.float32)
     call("z2p_refine_begin", noise, count, memory, told)
-    state: tuple[np.ndarray, ...] = (floats(points), floats(normals), memory, told)
-    scale, found = floats(scale), np.ascontiguousarray(found, np.int32)
+    state: tuple[np.ndarray, ...] = (as_float32(points), as_float32(normals), memory, told)
+    scale, found = as_float32(scale), np.ascontiguousarray(found, np.int32)
     for which in range(rounds):
         state = _next_round(which, state, found, scale)
     return state[0], state[1]
@@ -191,68 +171,10 @@ def _next_round(
 ) -> tuple[np.ndarray, ...]:
     """The points, normals, memory (N, W) and what is told (N, W) after that round, from those before it."""
     after = tuple(np.empty_like(array) for array in state)
-    kernel = widest("z2p_refine")
+    kernel = select_variant("z2p_refine")
 
     def send(begin: int, end: int) -> None:
         call(kernel, which, *state, found, scale, begin, end, found.shape[1], *after)
 
     parallel_rows(send, len(found))
     return after
-
-
-def centres(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Centres (N, 3) float32 of flat discs of radii (N,), so that they lie on average where the surface does.
-
-    About points (N, 3) with unit normals (N, 3) of a bent surface they would all stand out of it. How it bends tell the
-    nearest of the neighbours found (N, K).
-    """
-    moved = np.empty((len(points), 3), np.float32)
-    discs = (floats(points), floats(normals), floats(radii), found)
-    parallel_rows(lambda begin, end: call("z2p_centres", *discs, begin, end, found.shape[1], moved), len(points))
-    return moved
-
-
-def clips(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Planes (N, 4, 4) that end the discs of radii (N,) about points (N, 3) at creases and outlines.
-
-    Each plane is a unit normal, and how far along it nothing is left of the disc: that of one of the neighbours found
-    (N, K) towards which the surface bends away. The nearest end comes first, and planes that end nothing last.
-    """
-    planes = np.empty((len(points), MOST_CLIPS, 4), np.float32)
-    discs = (floats(points), floats(normals), floats(radii), found)
-    parallel_rows(lambda begin, end: call("z2p_clips", *discs, begin, end, found.shape[1], planes), len(points))
-    return planes
-
-
-def cells(
-    points: np.ndarray, normals: np.ndarray, asked: np.ndarray, found: np.ndarray, solid: bool = False
-) -> tuple[np.ndarray, np.ndarray]:
-    """How far the Voronoi cells of the points asked for (M,) int32 reach in the planes of their normals: (M,), float32.
-
-    They are cells of points (N, 3) with unit normals (N, 3), bounded by the neighbours found (M, K), laid into the
-    plane, but for those far off it; or, if `solid`, what the plane cuts out of the cells in space, which the neighbours
-    beyond a crease bound as well. Where no neighbour bounds a cell, as at a border, it reaches very far, or inf. The
-    places (M, 3) that they reach as well.
-    """
-    reaches, ends = np.empty(len(asked), np.float32), np.empty((len(asked), 3), np.float32)
-    cloud = (floats(points), floats(normals), asked, found)
-
-    def reach(begin: int, end: int) -> None:
-        call("z2p_cells", *cloud, begin, end, found.shape[1], int(solid), reaches, ends)
-
-    parallel_rows(reach, len(asked))
-    return reaches, ends
-
-
-def holes(
-    points: np.ndarray, normals: np.ndarray, places: np.ndarray, facing: np.ndarray, reaches: np.ndarray,
-    found: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
-    """Radii (M,) of discs that close the small holes of a surface of points (N, 3) at places (M, 3), 0 where is none.
-
-    A hole reaches so far (M,) from its place, has none of the neighbours found (M, K) much nearer, and has them on all
-    sides; `facing` (M, 3) are normals of points at its rim. Also the places and normals (M, 3) of the discs.
-    """
-    placed, normal, radii = floats(places).copy(), floats(facing).copy(), np.empty(len(places), np.float32)
-    call("z2p_holes", points, normals, found, len(places), found.shape[1], floats(reaches), placed, normal, radii)
-    return radii, placed, normal

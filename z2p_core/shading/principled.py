@@ -10,9 +10,9 @@ from functools import cached_property
 
 import numpy as np
 
-from z2p_core.shading.microfacet import COSINES, reflected_shares
+from z2p_core.shading.microfacet import TABLE_COSINES, directional_albedo_table
 
-HEAD_ON = 0.08
+F0_PER_SPECULAR_LEVEL = 0.08
 """What a dielectric reflects straight back, for each unit of "Specular IOR Level"."""
 INDEX = 1.5
 """Of refraction, Blender's own: with it that level is 0.5."""
@@ -54,11 +54,11 @@ class Principled:
     @cached_property
     def _head_on(self) -> np.ndarray:
         """What plastic reflects straight back (1,)."""
-        return np.array([HEAD_ON * self.specular])
+        return np.array([F0_PER_SPECULAR_LEVEL * self.specular])
 
     @cached_property
     def _shares(self) -> np.ndarray:
-        return reflected_shares(round(self.roughness, 3), INDEX)
+        return directional_albedo_table(round(self.roughness, 3), INDEX)
 
     @cached_property
     def _more(self) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +68,7 @@ class Principled:
         all later ones, as Cycles has it.
         """
         sent = self._shares.reshape(-1, 2, 2).sum(2)  # of a mirror's (C, 2), by its hills; the mean over all views
-        mean = (2 * sent * COSINES[:, None]).mean(0)
+        mean = (2 * sent * TABLE_COSINES[:, None]).mean(0)
         once = (_mean_fresnel(self.color), _mean_fresnel(self._head_on))
         later = [share * kept / (1 - share * (1 - kept)) for share, kept in zip(once, mean, strict=True)]
         return 1 + later[0] * (1 / sent[:, :1] - 1), 1 + later[1] * (1 / sent[:, 1:] - 1)
@@ -98,10 +98,10 @@ def _mean_fresnel(head_on: np.ndarray) -> np.ndarray:
 
 
 def _between(table: np.ndarray, facing: np.ndarray) -> np.ndarray:
-    """What a table (C, K) at `COSINES` says at cosines (M,): (M, K) float32."""
+    """What a table (C, K) at `TABLE_COSINES` says at cosines (M,): (M, K) float32."""
     table = table.astype(np.float32)
     steps = np.diff(table, axis=0, append=table[-1:])
-    place = np.clip(facing, 0, 1) * np.float32(len(COSINES) - 1)
+    place = np.clip(facing, 0, 1) * np.float32(len(TABLE_COSINES) - 1)
     at = place.astype(np.intp)
     told: np.ndarray = table[at] + (place - at).astype(np.float32)[:, None] * steps[at]
     return told

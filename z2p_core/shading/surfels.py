@@ -37,14 +37,14 @@ def discs(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
     """The discs of a cloud of that spacing: the tangents, with those of discs in holes at the end, and radii (M,)."""
     share = np.clip(found.spacing, NARROWEST * typical, WIDEST * np.maximum(found.around, typical))
     nearby = np.ascontiguousarray(found.neighbours[:, :NEARBY])
-    reaches, _ = native.cells(found.points, found.normals, np.arange(len(share), dtype=np.int32), nearby)
+    reaches, _ = native.voronoi_extent(found.points, found.normals, np.arange(len(share), dtype=np.int32), nearby)
     radii = np.clip(OVERLAP * reaches, SMALLEST * share, LARGEST * share)
     near = np.maximum(np.minimum(found.spacing, found.around), NARROWEST * typical)
     rim = np.flatnonzero(reaches > HOLE * near).astype(np.int32)
     if not len(rim):
         return found, radii
     farther, _ = found.grid.neighbours(rim, FARTHER)
-    solid, ends = native.cells(found.points, found.normals, rim, farther, solid=True)
+    solid, ends = native.voronoi_extent(found.points, found.normals, rim, farther, in_space=True)
     torn = rim[np.minimum(solid, reaches[rim]) > TORN * near[rim]]
     radii[torn] = BORDER * near[torn]
     small = (solid > HOLE * near[rim]) & (solid < TORN * near[rim])
@@ -76,7 +76,7 @@ def closed(
     _, once = np.unique(cells, axis=0, return_index=True)
     rim, reaches, middles = rim[once], reaches[once], middles[once]
     around = found.grid.around(middles, AROUND)
-    own, middles, normals = native.holes(found.points, found.normals, middles, found.normals[rim], reaches, around)
+    own, middles, normals = native.find_hole_discs(found.points, found.normals, middles, found.normals[rim], reaches, around)
     kept = own > 0
     if not kept.any():
         return found, radii

@@ -19,7 +19,7 @@ The camera stands at -Y, so each rotation also decides which side of the data is
 
 - +Y up, (x, y, z) -> (x, -z, y): the side that faces +Z, as in OpenGL's axes;
 - -Y up, (x, y, z) -> (x, z, -y): the side that faces -Z, which a depth camera at the origin sees;
-- the others keep y, apart from -Z, +X and -X turned about it: the side that faces -Y.
+- the others leave y as it is: the side that faces -Y.
 """
 
 _SPELLINGS = re.compile(

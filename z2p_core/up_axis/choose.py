@@ -1,13 +1,16 @@
-"""Which of a cloud's six axes points up: what is usual for its kind of file, weighed against what its shape says."""
+"""Which of a cloud's six axes points up: its depth camera's up, or the likeliest axis by file format and shape."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from z2p_core.interfaces import Sensor
 from z2p_core.linalg import bounding_box
+from z2p_core.placement.depth_camera import METRES, implied_sensor, is_depth_camera
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
 from z2p_core.up_axis.feature_weights import up_axis_scores
 from z2p_core.up_axis.shape_features import axis_features
 
@@ -19,87 +22,139 @@ _SCAN_PRIOR = {"+Z": 0.545, "+Y": 0.27, "-Y": 0.13, "-Z": 0.015, "+X": 0.02, "-X
 PRIORS: Mapping[str, Mapping[str, float]] = {
     ".ply": _PLY_PRIOR, ".off": _SCAN_PRIOR, ".stl": _SCAN_PRIOR, ".obj": _GRAPHICS_PRIOR, ".pcd": _SCAN_PRIOR,
 }  # fmt: skip
-"""Suffix -> how often each axis is up in such files, as far as we know; all others are taken as `_SCAN_PRIOR`."""
+"""Suffix -> estimated share of such files in which each axis is up; all other suffixes use `_SCAN_PRIOR`."""
 STANDARD_AXES = {".glb": "+Y", ".gltf": "+Y", ".las": "+Z", ".laz": "+Z", ".e57": "+Z", ".ptx": "+Z"}
-"""Suffix -> the axis that its standard, or the practice of surveys, holds for up."""
-USUAL_BY_FILE = 0.8
-"""Share of the files with a family's marks that have the family's axis up."""
+"""Suffix -> the axis that is up by the format's standard, or by the practice of surveys."""
+FILE_HINT_PRIOR = 0.8
+"""Prior probability of the axis that the file's own hints (its program or its family of files) name."""
 SHAPE_UNCERTAINTY = 0.05
-"""Share of clouds of which the shape tells nothing, however clear it seems: they may be of a kind not learnt from."""
-LEAST_SHAPE_SUPPORT = 0.3
-"""How likely the shape alone must make an axis at least, to be taken for up before the usual one."""
-FEWEST_POINTS = 100
-"""Fewer tell no shape."""
-ORIGIN_TOLERANCE, GROUNDED_FACTOR = 0.005, 3.0
-"""A thing whose end lies at 0, but for that share of its size, is so many times as likely to stand on that end."""
-MAP_COORDINATE, MAP_DISTANCE = 1000.0, 10.0
-"""Coordinates so large, and so many times the cloud's size, are a map's, which has its heights along z."""
-CLEAR_CHANCE, POSSIBLE_CHANCE = 0.9, 0.15
-"""How likely an axis is that is called clear, and another one that is named at least."""
-TELLING_ODDS = 1.5
-"""How many times as likely as before the shape must make the usual axis, to be said to tell it."""
+"""Share of clouds whose shape says nothing, however clear it seems: they may be of a kind that was not learned from."""
+MIN_SHAPE_SUPPORT = 0.3
+"""Smallest probability by shape alone for an axis that is not the usual one to be chosen."""
+MIN_POINTS = 100
+"""Smallest cloud whose shape is considered."""
+ORIGIN_TOLERANCE = 0.005
+"""An end of the cloud lies at coordinate 0 if it is at most this far away, in the cloud's size."""
+GROUNDED_ODDS = 3.0
+"""Factor by which an object with one end at coordinate 0 is likelier to stand on that end."""
+MIN_MAP_COORDINATE = 1000.0
+"""Coordinates at least this large may belong to a map, whose heights are along z."""
+MIN_MAP_DISTANCE = 10.0
+"""The smallest distance of a map's tile from the origin, in the cloud's size."""
+CLEAR_PROBABILITY = 0.9
+"""Probability from which on the reason says "clearly"."""
+ALTERNATIVE_PROBABILITY = 0.15
+"""Probability from which on the second likeliest axis is named."""
+MIN_SHAPE_ODDS_RATIO = 1.5
+"""Factor by which the shape must raise the odds of the usual axis for the reason to name the shape."""
+
+
+@dataclass(frozen=True)
+class UpChoice:
+    """How a cloud is set upright."""
+
+    rotation: np.ndarray
+    """Matrix (3, 3) from the file's axes to axes with +Z up and the front at -Y."""
+    axis: str
+    """What points up: ``+Y``, or ``the sensor's -Y`` when that is none of the file's axes."""
+    reason: str
+    sensor: Sensor | None = None
+    """The depth camera that took the cloud, given by the file or implied by the points."""
+    other: str = ""
+    """Another of the file's axes that may be up, if the choice is in doubt."""
 
 
 @dataclass(frozen=True)
 class AxisGuess:
-    """The axis that is most likely up, why, and the other one that may be, if any."""
+    """The axis that is most likely up, the reason, and the second likeliest one if it is close."""
 
     axis: str
     reason: str
     other: str = ""
 
 
+def choose_up(
+    points: np.ndarray, sensor: Sensor | None, suffix: str, units: Sequence[float] = (METRES,),
+    usual: tuple[str, str] = ("", ""),
+) -> UpChoice:  # fmt: skip
+    """Which way is up in finite points (N, 3) of a file with that suffix (lower-case, with its dot), and why.
+
+    A depth camera's own up, else `guess_up_axis`. A `sensor` that sees all around (a laser scanner) says nothing about
+    up. Without a sensor, the points may still look like a depth camera's in one of the `units` per metre. `usual` is
+    the axis, with the reason, that hints in the file name.
+    """
+    reason = "as its depth camera stood"
+    if sensor is not None and not is_depth_camera(points, sensor):
+        sensor = None
+    elif sensor is None:
+        sensor, reason = implied_sensor(points, units), "it looks like a depth camera's view from the origin"
+    if sensor is not None:
+        rotation = np.array(UP_ROTATIONS["-Y"], dtype=np.float64) @ sensor.rotation.T
+        return UpChoice(rotation, _axis_name(rotation[2]), reason, sensor)
+    guess = guess_up_axis(points, suffix, *usual)
+    rotation = np.array(UP_ROTATIONS[guess.axis], dtype=np.float64)
+    return UpChoice(rotation, guess.axis, guess.reason, other=guess.other)
+
+
 def guess_up_axis(points: np.ndarray, suffix: str, usual: str = "", usual_reason: str = "") -> AxisGuess:
     """Which axis of finite points (N, 3) is up in a file with that suffix (lower-case, with its dot).
 
-    `usual` is the axis that is usual for files with such marks as this one has, if any, and `usual_reason` says which.
-    The order of the points does not count.
+    Naive Bayes: the format's prior, times what `axis_features` say of the shape, times the odds of an end at
+    coordinate 0. `usual` is the axis that hints in the file name, if any, and `usual_reason` says which. The order of
+    the points does not count.
     """
     if not usual and suffix in STANDARD_AXES:
         return AxisGuess(STANDARD_AXES[suffix], f"the convention of {suffix}")
     low, high = bounding_box(points)
     size = float((high - low).max())
-    if float(np.abs(low + high)[:2].max()) / 2 > max(MAP_COORDINATE, MAP_DISTANCE * size):
+    if float(np.abs(low + high)[:2].max()) / 2 > max(MIN_MAP_COORDINATE, MIN_MAP_DISTANCE * size):
         return AxisGuess("+Z", "a map's coordinates")
     prior = _prior(suffix, usual)
     shape = np.full(6, 1 / 6)
-    if len(points) >= FEWEST_POINTS and size > 0:
-        told = up_axis_scores(axis_features(points))
-        likely = np.exp(told - told.max())
-        shape = (1 - SHAPE_UNCERTAINTY) * likely / likely.sum() + SHAPE_UNCERTAINTY / 6
-    grounded = np.where(np.abs(np.stack([low, -high], axis=1).ravel()) < ORIGIN_TOLERANCE * size, GROUNDED_FACTOR, 1.0)
-    chance = prior * shape * grounded
-    unsupported = (shape * grounded < LEAST_SHAPE_SUPPORT) & (prior < prior.max())
-    chance[unsupported] = np.minimum(chance[unsupported], 0.9 * chance[prior.argmax()])
-    return _told(chance / chance.sum(), prior, usual_reason if usual else "the usual axis")
+    if len(points) >= MIN_POINTS and size > 0:
+        scores = up_axis_scores(axis_features(points))
+        likelihood = np.exp(scores - scores.max())
+        shape = (1 - SHAPE_UNCERTAINTY) * likelihood / likelihood.sum() + SHAPE_UNCERTAINTY / 6
+    grounded = np.where(np.abs(np.stack([low, -high], axis=1).ravel()) < ORIGIN_TOLERANCE * size, GROUNDED_ODDS, 1.0)
+    posterior = prior * shape * grounded
+    unsupported = (shape * grounded < MIN_SHAPE_SUPPORT) & (prior < prior.max())
+    posterior[unsupported] = np.minimum(posterior[unsupported], 0.9 * posterior[prior.argmax()])
+    return _described(posterior / posterior.sum(), prior, usual_reason if usual else "the usual axis")
 
 
 def _prior(suffix: str, usual: str) -> np.ndarray:
-    """How likely each of `AXES` is, before the cloud is looked at (6,)."""
+    """Probability (6,) of each of `AXES` before the cloud is looked at."""
     share = np.array([PRIORS.get(suffix, _SCAN_PRIOR)[axis] for axis in AXES])
     if not usual:
         return share
     share[AXES.index(usual)] = 0.0
-    share *= (1 - USUAL_BY_FILE) / share.sum()
-    share[AXES.index(usual)] = USUAL_BY_FILE
+    share *= (1 - FILE_HINT_PRIOR) / share.sum()
+    share[AXES.index(usual)] = FILE_HINT_PRIOR
     return share
 
 
-def _told(chance: np.ndarray, prior: np.ndarray, usual_reason: str) -> AxisGuess:
-    """The guess in words, of how likely each axis is, with its shape (6,) and before (6,)."""
-    first, second = (int(place) for place in np.argsort(-chance, kind="stable")[:2])
+def _described(posterior: np.ndarray, prior: np.ndarray, usual_reason: str) -> AxisGuess:
+    """The likeliest axis with its reason in words, from the probabilities (6,) after and before the shape was seen."""
+    first, second = (int(place) for place in np.argsort(-posterior, kind="stable")[:2])
     expected = int(prior.argmax())
-    other = AXES[second] if chance[second] >= POSSIBLE_CHANCE else ""
-    if first == expected and _odds(chance[first]) < TELLING_ODDS * _odds(prior[first]):
-        doubt = "" if prior[first] >= USUAL_BY_FILE else ", of which its shape tells little"
+    other = AXES[second] if posterior[second] >= ALTERNATIVE_PROBABILITY else ""
+    if first == expected and _odds(posterior[first]) < MIN_SHAPE_ODDS_RATIO * _odds(prior[first]):
+        doubt = "" if prior[first] >= FILE_HINT_PRIOR else ", of which its shape tells little"
         return AxisGuess(AXES[first], usual_reason + doubt, other)
-    sure = "clearly" if chance[first] >= CLEAR_CHANCE else "probably"
-    reason = f"{sure}, by its shape"
+    certainty = "clearly" if posterior[first] >= CLEAR_PROBABILITY else "probably"
+    reason = f"{certainty}, by its shape"
     if first == expected and usual_reason != "the usual axis":
         reason = f"{usual_reason}, and its shape says so"
     return AxisGuess(AXES[first], reason, other)
 
 
-def _odds(chance: float) -> float:
-    """How many times as likely something is as all else."""
-    return float(chance / max(1 - chance, 1e-9))
+def _odds(probability: float) -> float:
+    return float(probability / max(1 - probability, 1e-9))
+
+
+def _axis_name(up: np.ndarray) -> str:
+    """Name of the file's axis along a unit vector (3,)."""
+    longest = int(np.abs(up).argmax())
+    if abs(up[longest]) < 1 - 1e-6:
+        return "the sensor's -Y"
+    return ("+" if up[longest] > 0 else "-") + "XYZ"[longest]

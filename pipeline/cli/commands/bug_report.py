@@ -54,7 +54,7 @@ def completion(shell: str) -> None:
 
 def _facts() -> dict[str, dict[str, Any]]:
     """Sections of facts; nothing in them tells who or where the user is."""
-    from z2p_renderer.storage.models.checkpoints import shipped
+    from z2p_renderer.storage.models.checkpoints import shipped_weights
     from z2p_renderer.storage.results.fingerprints import file_digest
     from z2p_renderer.storage.scans.memory_limit import free_memory
 
@@ -66,7 +66,7 @@ def _facts() -> dict[str, dict[str, Any]]:
         "python": platform.python_version(),
         "encoding": f"{sys.getfilesystemencoding()}, terminal {getattr(sys.stdout, 'encoding', None)}",
     }
-    weights = {name: f"sha256 {file_digest(path)[:16]}" for name, path in shipped().items()}
+    weights = {name: f"sha256 {file_digest(path)[:16]}" for name, path in shipped_weights().items()}
     return {
         "z2p": {"version": __version__},
         "machine": machine,

@@ -64,14 +64,14 @@ def evaluate(
     from z2p_renderer.pipeline.evaluation.comparison_sheet import sheets_of
     from z2p_renderer.pipeline.outputs.sheet_files import check_places
     from z2p_renderer.storage.meshes import find_meshes
-    from z2p_renderer.storage.models.checkpoints import resolve
+    from z2p_renderer.storage.models.checkpoints import find_weights
 
     if options["elevation"] == "random":
         options["elevation"] = None
     config = EvaluateConfig(**options)
     load_baselines(baseline)
     registry.load("engines", engine)
-    found, file = find_meshes(meshes), resolve(weights)
+    found, file = find_meshes(meshes), find_weights(weights)
     check_places(output, sheets_of(len(found) * config.views * config.seeds))  # before hours of rendering
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if missing:

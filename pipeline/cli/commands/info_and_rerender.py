@@ -117,11 +117,11 @@ def _drawn_again(
     from z2p_renderer.pipeline.inference.render_scan import render_scan
     from z2p_renderer.pipeline.inference.render_scan import build_record as record_of
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
-    from z2p_renderer.storage.models.checkpoints import shipped
+    from z2p_renderer.storage.models.checkpoints import shipped_weights
     from z2p_renderer.storage.scans.clouds import format_suffix, read_each
 
     name = options["weights"] or record["weights"]["name"]
-    if options["weights"] is None and name not in shipped():
+    if options["weights"] is None and name not in shipped_weights():
         raise Failure(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
                       "--weights")
     renderer = load_renderer(name, values, engine=_engine(record, options["engine"]))

@@ -139,8 +139,8 @@ def writable(folder: Path, option: str = "--output") -> None:
     """
     import os
 
-    from z2p_renderer.storage.files.atomic_write import kind_of
-    from z2p_renderer.storage.files.disk_errors import disk_refusal
+    from z2p_renderer.storage.files.atomic_write import file_kind
+    from z2p_renderer.storage.files.disk_errors import disk_error_message
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -148,8 +148,8 @@ def writable(folder: Path, option: str = "--output") -> None:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        if disk_refusal(error):  # of a disk, which is no mistake in the call
+        if disk_error_message(error):  # of a disk, which is no mistake in the call
             raise
         taken = folder.exists() and not folder.is_dir()
-        reason = f"expected a folder or a picture's name, got {kind_of(folder)}" if taken else error.strerror
+        reason = f"expected a folder or a picture's name, got {file_kind(folder)}" if taken else error.strerror
         raise click.UsageError(f"cannot write to {folder}: {reason}; choose another {option}") from None

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from z2p_renderer.pipeline.evaluation.ablation.outcomes import Outcome
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 
 COLUMNS = 4
 BEHIND, OWN = "#b8b8b8", "#00798c"
@@ -36,5 +36,5 @@ def draw_curves(outcomes: Sequence[Outcome], path: Path) -> Path:
     picture.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=2, fontsize=8)
     held = io.BytesIO()
     picture.savefig(held, format="png", dpi=110)
-    write_whole(held.getvalue(), path)
+    atomic_write(held.getvalue(), path)
     return path

@@ -26,7 +26,7 @@ from z2p_renderer.pipeline.evaluation.ablation.outcomes import (
     chance_of,
     read_outcomes,
 )
-from z2p_renderer.storage.files.atomic_write import write_whole
+from z2p_renderer.storage.files.atomic_write import atomic_write
 
 HEAD = ("variant", "what it changes", "object dB", "to the base", "white dB", "to the base", "SSIM", "FLIP",
         "weights", "training", "a picture")  # fmt: skip
@@ -48,7 +48,7 @@ def write_ablations(config: AblationsConfig, folders: Folders, command: str, out
     texts = {"ablations.md": page(config, outcomes, command), "ablations.csv": _as_csv(rows),
              "ablations.json": json.dumps(told, indent=1) + "\n"}  # fmt: skip
     for name, text in texts.items():
-        write_whole(text.encode(), out / name)
+        atomic_write(text.encode(), out / name)
     return [*(out / name for name in texts), draw_curves(outcomes, out / "curves.png")]
 
 

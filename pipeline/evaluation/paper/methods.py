@@ -22,7 +22,7 @@ from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.rendering.views import in_scene
-from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
 
 Log = Callable[[str], None]
@@ -80,7 +80,7 @@ def draw_cases(
 
 def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarray | None = None) -> Drawn:
     """The weights' picture of a case, or of another cloud in its place."""
-    renderer = load_renderer(resolve(method.source))
+    renderer = load_renderer(find_weights(method.source))
     lacking = [name for name in case.needs if name not in renderer.controls]
     if lacking:
         return Drawn(None, error=f"these weights do not carry {' and '.join(lacking)}")
@@ -116,8 +116,8 @@ def method_fields(method: Method) -> dict[str, Any]:
         return {"kind": TRUTH}
     if method.kind == BASELINE:
         return {"kind": BASELINE, "plugin": plugin_fields(load_baselines([method.source])[method.source])}
-    loaded = load_plugins(resolve(method.source))
+    loaded = load_plugins(find_weights(method.source))
     plugins = [registry.load("engines", REFERENCE_ENGINE), type(loaded.zbuffer), type(loaded.gbuffer),
                type(loaded.encoder), *map(type, loaded.controls.values())]  # fmt: skip
-    digest = file_digest(resolve(method.source))
+    digest = file_digest(find_weights(method.source))
     return {"kind": WEIGHTS, "sha256": digest, "plugins": [plugin_fields(plugin) for plugin in plugins]}

@@ -20,7 +20,7 @@ from z2p_renderer.pipeline.evaluation.paper.methods import WEIGHTS, Method, clou
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
 from z2p_renderer.pipeline.rendering.views import describe, load_controls
 from z2p_renderer.storage.meshes import Mesh
-from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
 from z2p_renderer.storage.scans.clouds import format_suffix, read_clouds
 
@@ -73,7 +73,7 @@ def _picture(
     """Picture (H, W, 4) float32 in [0, 1], and what the method said of a scan that it could not use."""
     side = config.resolution
     if method.kind == WEIGHTS:
-        renderer = load_renderer(resolve(method.source))
+        renderer = load_renderer(find_weights(method.source))
         values = {name: value for name, value in case.values.items() if name in renderer.controls}
         return unit_from_bytes(renderer.render(case.cloud, values, side, side, case.scene.floor)), ""
     rival = load_baselines([method.source])[method.source]

@@ -27,7 +27,7 @@ from z2p_renderer.pipeline.render import RenderSettings, render_mesh
 from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
 from z2p_renderer.pipeline.rendering.views import describe, in_scene, load_controls
 from z2p_renderer.storage.meshes import Mesh
-from z2p_renderer.storage.models.checkpoints import resolve
+from z2p_renderer.storage.models.checkpoints import find_weights
 
 WIDTH, HEIGHT = 500, 313
 """The paper's picture."""
@@ -65,7 +65,7 @@ def measure_times(
 
 def _of_weights(method: Method, cloud: np.ndarray, scene: SceneDescription, repeats: int) -> dict[str, Any]:
     """Rows by batch, with the engine that a user gets."""
-    file = resolve(method.source)
+    file = find_weights(method.source)
     loaded = load_plugins(file)
     engine = start_engine(loaded, file)
     rows = [_batch(loaded, engine, cloud, scene, batch, repeats) for batch in BATCHES]

@@ -126,7 +126,7 @@ def test_what_makes_a_baselines_pictures_shapes_them_as_well(rendered, tmp_path,
     assert [made(), made()] == [1, 0]
     settings = replace(settings, threads=1)
     assert made() == 0
-    monkeypatch.setattr(module, "part_digest", lambda part: f"another {part}")
+    monkeypatch.setattr(module, "cached_part_digest", lambda part: f"another {part}")
     assert made() == 1
 
 

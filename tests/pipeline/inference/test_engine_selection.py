@@ -22,7 +22,7 @@ from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer, place_cloud
-from z2p_renderer.storage.models.checkpoints import WeightsError, load_weights, resolve, save_weights
+from z2p_renderer.storage.models.checkpoints import WeightsError, load_weights, find_weights, save_weights
 from z2p_renderer.storage.models.onnx_files import onnx_path
 
 KNOWN = {name: registry.load("engines", name) for name in registry.names("engines")}
@@ -130,7 +130,7 @@ def test_eight_bits_run_unasked_where_the_processor_multiplies_bytes(
         told.write_text(f"model name\t: one of these\nflags\t\t: {flags}\n")
     monkeypatch.setattr(z2p_renderer.plugins.engines.onnxruntime, "CPU_FLAGS", told)
     z2p_renderer.plugins.engines.onnxruntime.multiplies_bytes.cache_clear()
-    file = resolve("regular")
+    file = find_weights("regular")
     loaded = load_plugins(file)
     assert start_engine(loaded, file).name == engine
     assert start_engine(loaded, file, exact=True).name == "onnxruntime"

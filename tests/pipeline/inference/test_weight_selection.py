@@ -14,7 +14,7 @@ from z2p_renderer.pipeline.inference.weight_selection import (
     AutoRenderer,
     load_renderer,
 )
-from z2p_renderer.storage.models.checkpoints import shipped
+from z2p_renderer.storage.models.checkpoints import shipped_weights
 
 
 def sphere_of(count: int, noise: float = 0.0) -> np.ndarray:
@@ -46,7 +46,7 @@ def test_weights_that_were_named_are_taken_whatever_comes(tiny_weights: Path) ->
 
 def test_controls_choose_among_the_shipped_weights() -> None:
     assert isinstance(load_renderer("auto", {"color", "light", "elevation"}), AutoRenderer)
-    if "material" in shipped():
+    if "material" in shipped_weights():
         assert load_renderer("auto", {"metallic"}).weights["name"] == "material"
     with pytest.raises(SettingError, match="no weights that come with z2p carry sparkle"):
         load_renderer("auto", {"color", "sparkle"})

@@ -22,7 +22,7 @@ from z2p_renderer.pipeline.training.state import TrainError
 from z2p_renderer.pipeline.training.train import learning_rate, train
 from z2p_renderer.storage.models.checkpoints import (
     CHECKPOINT,
-    PREVIOUS,
+    PREVIOUS_CHECKPOINT,
     Weights,
     WeightsError,
     load_weights,
@@ -106,7 +106,7 @@ def test_what_a_run_leaves(undisturbed):
     assert names == {
         "weights.safetensors", "weights.onnx", "curve.csv", "curve.png", "validation/step_000003.png",
         "validation/step_000006.png",
-        f"checkpoints/{CHECKPOINT}", f"checkpoints/{PREVIOUS}",
+        f"checkpoints/{CHECKPOINT}", f"checkpoints/{PREVIOUS_CHECKPOINT}",
     }  # fmt: skip
     rows = rows_of(undisturbed)
     assert [int(float(row["step"])) for row in rows] == [1, 2, 3, 4, 5, 6]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from z2p_renderer.storage.files.atomic_write import NoFileError, whole, write_whole
+from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_path, atomic_write
 from z2p_renderer.storage.images.image_files import PictureError, write_picture
 
 
@@ -18,17 +18,17 @@ def names(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("lasting", [False, True])
-def test_the_content_is_there_and_nothing_beside_it(tmp_path: Path, lasting: bool) -> None:
+def test_the_content_is_there_and_nothing_beside_it(tmp_path: Path, durable: bool) -> None:
     path = tmp_path / "new" / "folders" / "one.bin"
     for content in (b"first", b""):
-        assert write_whole(content, path, lasting=lasting) == path
+        assert atomic_write(content, path, durable=durable) == path
         assert path.read_bytes() == content and names(path.parent) == ["one.bin"]
 
 
 def test_a_failure_at_any_point_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "one.bin"
-    write_whole(b"before", path)
-    with pytest.raises(KeyError), whole(path) as temporary:
+    atomic_write(b"before", path)
+    with pytest.raises(KeyError), atomic_path(path) as temporary:
         temporary.write_bytes(b"half")
         assert path.read_bytes() == b"before"
         raise KeyError
@@ -42,18 +42,18 @@ def test_a_failure_at_any_point_leaves_what_was_there(tmp_path: Path, monkeypatc
             if name == "replace":
                 patch.setattr(Path, name, fail)
             with pytest.raises(OSError, match="full"):
-                write_whole(b"after", path, lasting=True)
+                atomic_write(b"after", path, durable=True)
         assert path.read_bytes() == b"before" and names(tmp_path) == ["one.bin"]
 
 
 def test_the_longest_name_that_a_folder_holds_can_be_written(tmp_path: Path) -> None:
-    write_whole(b"x", tmp_path / ("n" * 255))
+    atomic_write(b"x", tmp_path / ("n" * 255))
 
 
 def test_many_writers_of_one_file_leave_one_of_their_contents(tmp_path: Path) -> None:
     path, contents = tmp_path / "one.bin", [bytes([number]) * 50_000 for number in range(8)]
     with ThreadPoolExecutor(4) as pool:
-        list(pool.map(lambda content: write_whole(content, path), contents * 4))
+        list(pool.map(lambda content: atomic_write(content, path), contents * 4))
     assert path.read_bytes() in contents and names(tmp_path) == ["one.bin"]
 
 
@@ -63,11 +63,11 @@ def test_nothing_but_a_file_is_ever_replaced(tmp_path):
     (tmp_path / "null.png").symlink_to("/dev/null")
     before = {path.name: path.lstat().st_ino for path in tmp_path.iterdir()}
     for name, kind in (("pipe.png", "a pipe"), ("folder.png", "a folder"), ("null.png", "a device")):
-        with pytest.raises(NoFileError, match=f"expected the name of a file to write, got {kind}"):
-            write_whole(b"x", tmp_path / name)
+        with pytest.raises(NotAFileError, match=f"expected the name of a file to write, got {kind}"):
+            atomic_write(b"x", tmp_path / name)
         with pytest.raises(PictureError, match=kind):
             write_picture(np.zeros((4, 4, 4), np.uint8), tmp_path / name)
     assert before == {path.name: path.lstat().st_ino for path in tmp_path.iterdir()}
     (tmp_path / "gone.png").symlink_to("nowhere")
-    write_whole(b"x", tmp_path / "gone.png")
+    atomic_write(b"x", tmp_path / "gone.png")
     assert (tmp_path / "gone.png").read_bytes() == b"x"

@@ -2,12 +2,12 @@
 
 import pytest
 
-from z2p_renderer.storage.files.bounded_json import DEEPEST, JsonError, read_json
+from z2p_renderer.storage.files.bounded_json import MAX_DEPTH, JsonError, read_json
 
 
 def test_what_people_write_is_read():
     assert read_json('{"a": [1, -2.5e3, true, null, "[[[["]}') == {"a": [1, -2500.0, True, None, "[[[["]}
-    assert read_json(b"[]") == [] and read_json("[" * DEEPEST + "]" * DEEPEST)
+    assert read_json(b"[]") == [] and read_json("[" * MAX_DEPTH + "]" * MAX_DEPTH)
 
 
 @pytest.mark.parametrize("text, words", [

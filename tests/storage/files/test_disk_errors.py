@@ -6,7 +6,7 @@ import subprocess
 
 import pytest
 
-from z2p_renderer.storage.files.disk_errors import disk_refusal, full_disk
+from z2p_renderer.storage.files.disk_errors import disk_error_message, full_disk_message
 
 
 @pytest.mark.parametrize("number, words", [
@@ -14,10 +14,10 @@ from z2p_renderer.storage.files.disk_errors import disk_refusal, full_disk
     (errno.ESTALE, "network disk"), (errno.EMFILE, "ulimit -n"), (errno.ENFILE, "open files"),
 ])  # fmt: skip
 def test_errors_of_the_disk_are_told_with_their_place(number, words, tmp_path):
-    told = disk_refusal(OSError(number, os.strerror(number), str(tmp_path / "shard.h5")))
+    told = disk_error_message(OSError(number, os.strerror(number), str(tmp_path / "shard.h5")))
     assert words in told and "shard.h5" in told
     unnamed = OSError(number, os.strerror(number))
-    assert str(tmp_path) in disk_refusal(unnamed, tmp_path), "where the error names no file"
+    assert str(tmp_path) in disk_error_message(unnamed, tmp_path), "where the error names no file"
 
 
 def test_errors_that_libraries_make_of_it_are_found_too(tmp_path):
@@ -27,26 +27,26 @@ def test_errors_that_libraries_make_of_it_are_found_too(tmp_path):
         except OSError as error:
             raise KeyError("coverage.X") from error
     except KeyError as error:
-        assert "no space left" in disk_refusal(error)
-    assert "no space left" in disk_refusal(RuntimeError("I/O error: No space left on device (os error 28)"))
-    assert "no space left" in disk_refusal("Error: cannot write\nNo space left on device", tmp_path)
+        assert "no space left" in disk_error_message(error)
+    assert "no space left" in disk_error_message(RuntimeError("I/O error: No space left on device (os error 28)"))
+    assert "no space left" in disk_error_message("Error: cannot write\nNo space left on device", tmp_path)
 
 
 def test_other_errors_are_none_of_the_disk(tmp_path):
     for error in (KeyError("coverage.X"), ValueError("no"), FileNotFoundError(errno.ENOENT, "gone", "a"),
                   OSError("200 requested and 100 written")):  # fmt: skip
-        assert disk_refusal(error, tmp_path) is None
+        assert disk_error_message(error, tmp_path) is None
 
 
 def test_a_denied_permission_counts_only_where_one_writes(tmp_path):
     denied = PermissionError(errno.EACCES, "Permission denied", str(tmp_path / "runs" / ".tmp"))
-    assert "no permission" in disk_refusal(denied, tmp_path / "runs")
-    assert disk_refusal(denied, tmp_path / "meshes") is None and disk_refusal(denied) is None
+    assert "no permission" in disk_error_message(denied, tmp_path / "runs")
+    assert disk_error_message(denied, tmp_path / "meshes") is None and disk_error_message(denied) is None
 
 
 @pytest.mark.parametrize("options, words", [("size=64k", "no space left"), ("size=1m,nr_inodes=4", "no inodes left")])
 def test_a_disk_without_room_is_seen_to_be_full(options, words, tmp_path):
-    assert full_disk(tmp_path) is None
+    assert full_disk_message(tmp_path) is None
     disk = tmp_path / "disk"
     disk.mkdir()
     words_of_mount = ["mount", "-t", "tmpfs", "-o", options, "tmpfs", str(disk)]
@@ -57,11 +57,11 @@ def test_a_disk_without_room_is_seen_to_be_full(options, words, tmp_path):
         with pytest.raises(OSError) as refused:
             for number in range(100):
                 (disk / f"{number}").write_bytes(bytes(4096))
-        assert words in full_disk(disk)
-        assert words in disk_refusal(refused.value, disk)
+        assert words in full_disk_message(disk)
+        assert words in disk_error_message(refused.value, disk)
     finally:
         subprocess.run(["umount", "--lazy", str(disk)], check=True)
 
 
 def test_a_disk_that_nobody_knows_is_not_called_full(tmp_path):
-    assert full_disk(tmp_path / "none") is None
+    assert full_disk_message(tmp_path / "none") is None

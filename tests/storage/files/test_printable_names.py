@@ -8,17 +8,17 @@ from z2p_core.config import ConfigError
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.configs import config_text
-from z2p_renderer.storage.files.printable_names import is_file, is_folder, is_there
+from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_exists
 from z2p_renderer.storage.images.image_files import PictureError, read_record
 from z2p_renderer.storage.meshes import find_meshes
-from z2p_renderer.storage.models.checkpoints import WeightsError, load_checkpoint, load_weights, resolve
+from z2p_renderer.storage.models.checkpoints import WeightsError, load_checkpoint, load_weights, find_weights
 from z2p_renderer.storage.scans.clouds import find_scans, read_clouds
 
 IMPOSSIBLE = ["x" * 3000, "x" * 300 + "/y", "a\0b", "\ud800"]
 TAKERS = {
     "a scan": (read_clouds, ScanError), "scans": (lambda path: find_scans([str(path)], False), ScanError),
     "meshes": (find_meshes, ScanError), "weights": (load_weights, WeightsError),
-    "names of weights": (resolve, WeightsError), "a camera": (read_camera, SettingError),
+    "names of weights": (find_weights, WeightsError), "a camera": (read_camera, SettingError),
     "a record": (read_record, PictureError), "a config": (config_text, ConfigError),
 }  # fmt: skip
 
@@ -35,10 +35,10 @@ def test_an_impossible_name_is_one_of_nothing(taker, name):
 @pytest.mark.parametrize("name", IMPOSSIBLE)
 def test_nothing_is_there(name):
     path = Path(name)
-    assert not is_file(path) and not is_folder(path) and not is_there(path) and load_checkpoint(path) is None
+    assert not is_file(path) and not is_folder(path) and not path_exists(path) and load_checkpoint(path) is None
 
 
 def test_what_is_there_is_told(tmp_path):
     (tmp_path / "a").touch()
-    assert is_file(tmp_path / "a") and not is_folder(tmp_path / "a") and is_there(tmp_path / "a")
-    assert is_folder(tmp_path) and not is_file(tmp_path) and is_there(tmp_path) and not is_there(tmp_path / "b")
+    assert is_file(tmp_path / "a") and not is_folder(tmp_path / "a") and path_exists(tmp_path / "a")
+    assert is_folder(tmp_path) and not is_file(tmp_path) and path_exists(tmp_path) and not path_exists(tmp_path / "b")

@@ -12,13 +12,13 @@ from safetensors.numpy import save_file
 from z2p_renderer.storage.models import checkpoints
 from z2p_renderer.storage.models.checkpoints import (
     CHECKPOINT,
-    PREVIOUS,
+    PREVIOUS_CHECKPOINT,
     Weights,
     WeightsError,
-    check,
+    check_tensors,
     load_checkpoint,
     load_weights,
-    resolve,
+    find_weights,
     save_checkpoint,
     save_weights,
 )
@@ -108,27 +108,27 @@ def test_values_that_do_not_fit_are_refused(tmp_path):
 
 def test_check_names_what_does_not_fit():
     weights = Weights(TENSORS, CARD)
-    check(weights, {"a.weight": (3, 4), "b": (2,)})
+    check_tensors(weights, {"a.weight": (3, 4), "b": (2,)})
     with pytest.raises(WeightsError, match=r"missing \['c'\], unknown \['b'\]"):
-        check(weights, {"a.weight": (3, 4), "c": (2,)})
+        check_tensors(weights, {"a.weight": (3, 4), "c": (2,)})
     with pytest.raises(WeightsError, match=r"b: expected shape \(3,\), got \(2,\)"):
-        check(weights, {"a.weight": (3, 4), "b": (3,)})
+        check_tensors(weights, {"a.weight": (3, 4), "b": (3,)})
 
 
 def test_resolve_knows_shipped_names_and_files(tmp_path, monkeypatch):
-    monkeypatch.setattr(checkpoints, "SHIPPED", tmp_path)
+    monkeypatch.setattr(checkpoints, "SHIPPED_FOLDER", tmp_path)
     save_weights(tmp_path / "regular.safetensors", TENSORS, CARD)
-    assert resolve("regular") == tmp_path / "regular.safetensors"
-    assert resolve(str(tmp_path / "regular.safetensors")) == Path(tmp_path / "regular.safetensors")
+    assert find_weights("regular") == tmp_path / "regular.safetensors"
+    assert find_weights(str(tmp_path / "regular.safetensors")) == Path(tmp_path / "regular.safetensors")
     with pytest.raises(WeightsError, match="unknown weights 'regulr'; shipped: regular"):
-        resolve("regulr")
+        find_weights("regulr")
 
 
 def test_checkpoint_keeps_two_and_falls_back(tmp_path):
     assert load_checkpoint(tmp_path) is None
     for step in (1, 2, 3):
         save_checkpoint(tmp_path, {"x": np.full(50, step, np.float64), "count": np.float32(step)}, {"step": step})
-    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([CHECKPOINT, PREVIOUS])
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([CHECKPOINT, PREVIOUS_CHECKPOINT])
     tensors, state, warnings = load_checkpoint(tmp_path)
     assert state == {"step": 3} and tensors["x"][0] == 3 and tensors["count"].shape == () and not warnings
 
@@ -140,7 +140,7 @@ def test_checkpoint_keeps_two_and_falls_back(tmp_path):
 
     (tmp_path / CHECKPOINT).unlink()  # killed between the two renames
     assert load_checkpoint(tmp_path)[1] == {"step": 2}
-    (tmp_path / PREVIOUS).write_bytes(b"")
+    (tmp_path / PREVIOUS_CHECKPOINT).write_bytes(b"")
     assert load_checkpoint(tmp_path)[1] == {}
 
 

@@ -11,21 +11,21 @@ from pathlib import Path
 
 import pytest
 
-from z2p_renderer.storage.models.engine_cache import MOST, Shelf, users_shelf
+from z2p_renderer.storage.models.engine_cache import MAX_FILES, BlobCache, user_cache
 
 
 def test_what_was_put_comes_back_and_only_under_its_key(tmp_path: Path) -> None:
-    shelf = Shelf(tmp_path / "new" / "folder")
+    shelf = BlobCache(tmp_path / "new" / "folder")
     assert shelf.get("a") is None
     shelf.put("a", b"first")
     shelf.put("a", b"second" * 1000)
-    assert shelf.get("a") == Shelf(tmp_path / "new" / "folder").get("a") == b"second" * 1000
+    assert shelf.get("a") == BlobCache(tmp_path / "new" / "folder").get("a") == b"second" * 1000
     assert shelf.get("b") is None
 
 
 @pytest.mark.parametrize("damage", [lambda old: old[:-1], lambda old: old[:40] + b"?" + old[41:], lambda old: b""])
 def test_a_damaged_file_is_as_though_it_had_never_been_kept(tmp_path: Path, damage) -> None:
-    shelf = Shelf(tmp_path)
+    shelf = BlobCache(tmp_path)
     shelf.put("a", b"content" * 100)
     (file,) = tmp_path.iterdir()
     file.write_bytes(damage(file.read_bytes()))
@@ -35,30 +35,30 @@ def test_a_damaged_file_is_as_though_it_had_never_been_kept(tmp_path: Path, dama
 
 
 def test_what_may_only_be_read_is_used_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    Shelf(tmp_path).put("a", b"content")
+    BlobCache(tmp_path).put("a", b"content")
 
     def refuse(path: Path) -> None:
         raise PermissionError(1, "Operation not permitted")
 
     monkeypatch.setattr(os, "utime", refuse)
-    assert Shelf(tmp_path).get("a") == b"content"
+    assert BlobCache(tmp_path).get("a") == b"content"
 
 
 def test_those_that_nobody_asked_for_the_longest_are_dropped(tmp_path: Path) -> None:
-    shelf = Shelf(tmp_path)
-    for number in range(MOST):
+    shelf = BlobCache(tmp_path)
+    for number in range(MAX_FILES):
         shelf.put(str(number), b"x")
-    for age, number in enumerate(reversed(range(MOST))):
+    for age, number in enumerate(reversed(range(MAX_FILES))):
         os.utime(shelf._path(str(number)), (1000 - age, 1000 - age))
     assert shelf.get("0") == b"x"  # the oldest, asked for
     shelf.put("new", b"y")
     assert [shelf.get(key) for key in ("0", "1", "2", "new")] == [b"x", None, b"x", b"y"]
-    assert len(list(tmp_path.iterdir())) == MOST
+    assert len(list(tmp_path.iterdir())) == MAX_FILES
 
 
 def test_a_disk_that_takes_nothing_stops_nobody(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
-    shelf = Shelf(tmp_path / "file" / "below")
+    shelf = BlobCache(tmp_path / "file" / "below")
     shelf.put("a", b"x")
     assert shelf.get("a") is None
 
@@ -74,17 +74,17 @@ def test_a_writer_that_is_killed_leaves_nothing_half(tmp_path: Path) -> None:
                 time.sleep(0.01)
             time.sleep(pause)
             writer.send_signal(signal.SIGKILL)
-        assert Shelf(tmp_path).get("a") in (b"0" * 3_000_000, b"1" * 3_000_000)
+        assert BlobCache(tmp_path).get("a") in (b"0" * 3_000_000, b"1" * 3_000_000)
 
 
 def test_the_users_folder_can_be_named_or_turned_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("Z2P_CACHE", str(tmp_path))
-    users_shelf().put("a", b"x")
+    user_cache().put("a", b"x")
     assert len(list(tmp_path.iterdir())) == 1
     monkeypatch.setenv("Z2P_CACHE", "")
-    users_shelf().put("b", b"x")
-    assert users_shelf().get("a") is None and len(list(tmp_path.iterdir())) == 1
+    user_cache().put("b", b"x")
+    assert user_cache().get("a") is None and len(list(tmp_path.iterdir())) == 1
     monkeypatch.delenv("Z2P_CACHE")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    users_shelf().put("c", b"x")
+    user_cache().put("c", b"x")
     assert len(list((tmp_path / "cache" / "z2p").iterdir())) == 1

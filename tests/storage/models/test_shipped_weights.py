@@ -10,7 +10,7 @@ import pytest
 from z2p_core import registry
 from z2p_core.images import composite, unit_from_bytes
 from z2p_renderer.pipeline.inference.renderer import Renderer, place_cloud
-from z2p_renderer.storage.models.checkpoints import SHIPPED, load_weights, shipped
+from z2p_renderer.storage.models.checkpoints import SHIPPED_FOLDER, load_weights, shipped_weights
 from z2p_renderer.storage.models.onnx_deltas import INT8, graph_path, load_graph
 from z2p_renderer.storage.results.fingerprints import file_digest
 from z2p_renderer.storage.scans.clouds import read_clouds
@@ -29,27 +29,27 @@ def regular() -> Renderer:
 
 
 def test_regular_is_shipped_and_all_weights_fit_into_forty_megabytes() -> None:
-    assert "regular" in shipped()
-    assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 40e6
-    assert not list(SHIPPED.glob("*.onnx"))  # a graph file says the same in a few kilobytes
+    assert "regular" in shipped_weights()
+    assert sum(path.stat().st_size for path in SHIPPED_FOLDER.iterdir()) < 40e6
+    assert not list(SHIPPED_FOLDER.glob("*.onnx"))  # a graph file says the same in a few kilobytes
 
 
-@pytest.mark.parametrize("name", sorted(shipped()))
+@pytest.mark.parametrize("name", sorted(shipped_weights()))
 def test_each_has_a_card_that_names_this_very_file(name: str) -> None:
-    page = (SHIPPED / f"{name}.md").read_text()
-    assert file_digest(shipped()[name]) in page
-    for control in load_weights(shipped()[name]).card["controls"]:
+    page = (SHIPPED_FOLDER / f"{name}.md").read_text()
+    assert file_digest(shipped_weights()[name]) in page
+    for control in load_weights(shipped_weights()[name]).card["controls"]:
         assert control["name"] in page
 
 
-@pytest.mark.parametrize("name", sorted(shipped()))
+@pytest.mark.parametrize("name", sorted(shipped_weights()))
 def test_each_has_an_export_of_this_very_network(name: str) -> None:
-    assert load_graph(shipped()[name], load_weights(shipped()[name]).digest) is not None
+    assert load_graph(shipped_weights()[name], load_weights(shipped_weights()[name]).digest) is not None
 
 
 @pytest.mark.parametrize("engine", registry.names("engines"))
 def test_every_engine_draws_regular_as_torch_does(suzanne: np.ndarray, engine: str) -> None:
-    if registry.load("engines", engine).reads_int8 and not graph_path(shipped()["regular"], INT8).exists():
+    if registry.load("engines", engine).reads_int8 and not graph_path(shipped_weights()["regular"], INT8).exists():
         pytest.skip("8 bits were not good enough for these weights")
     for side in (256, 512):
         expected = Renderer("regular", engine="torch").render(suzanne, None, side, side)

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from z2p_renderer.storage.results.adoption import adopt, candidates
+from z2p_renderer.storage.results.adoption import adopt, find_candidates
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, fingerprint
 from z2p_renderer.storage.results.store import Entry, Store, StoreError
 
@@ -39,7 +39,7 @@ def make(store, entries):
 
 
 def take_over(store, planned, stages=tuple(STAGE_VERSIONS)):
-    found = candidates(store, planned, stages)
+    found = find_candidates(store, planned, stages)
     for candidate in found:
         adopt(store, candidate, "a refactoring")
     return [candidate.entry.name for candidate in found]
@@ -91,7 +91,7 @@ def test_only_the_stages_asked_for(store):
 
 def test_renders_are_found_under_another_cut_into_chunks(store):
     make(store, chain("old", cut=1)[:4])
-    found = candidates(store, chain("new", cut=4), ("render",))
+    found = find_candidates(store, chain("new", cut=4), ("render",))
     assert sorted(candidate.entry.name for candidate in found) == [f"render/ape/{n}-{n + 1}" for n in range(4)]
 
 
@@ -99,21 +99,21 @@ def test_code_of_a_later_stage_version_is_not_taken_back_and_the_latest_before_i
     for version, code in ((3, "a"), (1, "b"), (2, "c")):
         make(store, [replace(entry, fields=entry.fields | {"stage_version": version}) for entry in chain(code)[:1]])
     planned = [replace(chain("new")[0], fields=chain("new")[0].fields | {"stage_version": 2})]
-    (found,) = candidates(store, planned, ("render",))
+    (found,) = find_candidates(store, planned, ("render",))
     assert not any("version" in difference for difference in found.differences)
     planned = [replace(chain("new")[0], fields=chain("new")[0].fields | {"stage_version": 0})]
-    assert candidates(store, planned, ("render",)) == []
+    assert find_candidates(store, planned, ("render",)) == []
 
 
 def test_a_damaged_result_and_an_empty_reason_are_refused(store):
     make(store, chain("old")[:1])
-    (candidate,) = candidates(store, chain("new"), ("render",))
+    (candidate,) = find_candidates(store, chain("new"), ("render",))
     with pytest.raises(ValueError, match="reason"):
         adopt(store, candidate, "  ")
     (candidate.folder / "result.bin").write_text("other")
     with pytest.raises(StoreError, match=r"result\.bin"):
         adopt(store, candidate, "a refactoring")
-    assert candidates(store, chain("new"), ("render",)) == []
+    assert find_candidates(store, chain("new"), ("render",)) == []
 
 
 def stop_halfway(folder):
@@ -144,11 +144,11 @@ def test_an_adoption_that_is_cut_off_is_offered_again_and_tells_nothing_false(st
     with pytest.raises(KeyboardInterrupt):
         store.produce(old, stop_halfway, resumable=True)
     take_over(store, chain("new")[:-1])
-    (candidate,) = candidates(store, chain("new"), ("train",))
+    (candidate,) = find_candidates(store, chain("new"), ("train",))
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr("pathlib.Path.rename", stop_renaming)
         adopt(store, candidate, "the same")
-    (again,) = candidates(store, chain("new"), ("train",))
+    (again,) = find_candidates(store, chain("new"), ("train",))
     assert (again.old_fingerprint, again.differences) == (candidate.old_fingerprint, candidate.differences)
     store.produce(old, lambda folder: (folder / "weights").write_text("old"), resumable=True)
     assert "adopted" not in store.manifest(old)["provenance"], "it was the old code that finished it"
@@ -165,7 +165,7 @@ def test_work_that_went_on_meanwhile_is_not_adopted(store):
     with pytest.raises(KeyboardInterrupt):
         store.produce(old, stop_halfway, resumable=True)
     take_over(store, chain("new")[:-1])
-    (candidate,) = candidates(store, chain("new"), ("train",))
+    (candidate,) = find_candidates(store, chain("new"), ("train",))
     store.produce(old, lambda folder: (folder / "weights").write_text("whole"), resumable=True)
     with pytest.raises(StoreError, match="has gone on"):
         adopt(store, candidate, "the same")
@@ -177,7 +177,7 @@ def test_work_that_somebody_goes_on_with_or_has_begun_anew_is_left_alone(store):
     with pytest.raises(KeyboardInterrupt):
         store.produce(old, stop_halfway, resumable=True)
     with store.lock(old):
-        assert [one.entry.stage for one in candidates(store, chain("new"), ("train",))] == []
+        assert [one.entry.stage for one in find_candidates(store, chain("new"), ("train",))] == []
     with pytest.raises(KeyboardInterrupt):
         store.produce(new, stop_halfway, resumable=True)
-    assert candidates(store, chain("new"), ("train",)) == []
+    assert find_candidates(store, chain("new"), ("train",)) == []

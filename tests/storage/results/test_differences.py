@@ -2,7 +2,7 @@
 
 import pytest
 
-from z2p_renderer.storage.results.differences import differences
+from z2p_renderer.storage.results.differences import compare_fields
 
 PLUGIN = {"name": "metallic", "version": "1", "code": "a"}
 OLD = {
@@ -13,7 +13,7 @@ OLD = {
 
 
 def told(**changed):
-    return list(map(str, differences(OLD, {**OLD, **changed})))
+    return list(map(str, compare_fields(OLD, {**OLD, **changed})))
 
 
 @pytest.mark.parametrize(
@@ -46,8 +46,8 @@ def test_each_difference_has_a_sentence(changed, expected):
 
 def test_results_of_the_schema_without_code_are_told_once():
     old = {key: value for key, value in OLD.items() if key not in ("code", "packages")} | {"schema": 1}
-    assert list(map(str, differences(old, OLD))) == ["its code was not yet recorded"]
+    assert list(map(str, compare_fields(old, OLD))) == ["its code was not yet recorded"]
 
 
 def test_only_results_made_of_others_differ_upstream():
-    assert [one.upstream for one in differences(OLD, {**OLD, "train": "cc", "stage_version": 2})] == [False, True]
+    assert [one.upstream for one in compare_fields(OLD, {**OLD, "train": "cc", "stage_version": 2})] == [False, True]

@@ -20,7 +20,7 @@ def test_a_look_at_a_lock_leaves_none_in_a_process_forked_meanwhile(tmp_path, mo
 
     monkeypatch.setattr(fcntl, "flock", sharing)
     try:
-        assert not store.is_held(one.stage, one.fingerprint[:32])
+        assert not store.is_locked(one.stage, one.fingerprint[:32])
         (path,) = store.root.glob(".locks/**/*" + one.fingerprint[:32] + "*")
         with path.open("a+") as file:
             flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -13,14 +13,14 @@ import pytest
 import z2p_renderer.storage.results.fingerprints
 from z2p_core import registry
 from z2p_renderer.storage.results.c_code_digest import c_digest
-from z2p_renderer.storage.results.code_digest import code_digest, defined, imports, part_digest, source_of
+from z2p_renderer.storage.results.code_digest import code_digest, defined_names, list_imports, cached_part_digest, module_file
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from z2p_renderer.storage.results.stage_dependencies import (
-    NOT_SHAPING,
-    OF_WEIGHTS,
+    NOT_IN_FINGERPRINT,
+    WEIGHTS_ONLY_CODE,
     PACKAGES,
-    PLACING,
-    SHAPING,
+    PLACEMENT_CODE,
+    STAGE_CODE,
     WHOLE_PACKAGES,
     installed_version,
 )
@@ -61,13 +61,13 @@ READERS = {("train", "h5py"), ("evaluate", "h5py")}
 """Packages with which a stage only reads what another one wrote."""
 
 def listed(stage: str, module: str, name: str) -> bool:
-    parts = SHAPING[stage]
+    parts = STAGE_CODE[stage]
     return module in parts or (bool(name) and f"{module}:{name}" in parts)
 
 
 def excused(stage: str, module: str, name: str) -> bool:
-    counts_somewhere = any(f"{module}:{name}" in parts for parts in SHAPING.values())
-    return f"{stage}/{module}:{name}" in NOT_SHAPING or (module in NOT_SHAPING and not counts_somewhere)
+    counts_somewhere = any(f"{module}:{name}" in parts for parts in STAGE_CODE.values())
+    return f"{stage}/{module}:{name}" in NOT_IN_FINGERPRINT or (module in NOT_IN_FINGERPRINT and not counts_somewhere)
 
 
 def needs(part: str) -> Iterator[tuple[str, str]]:
@@ -75,16 +75,16 @@ def needs(part: str) -> Iterator[tuple[str, str]]:
     if "/" in part:
         return
     module, _, definition = part.partition(":")
-    tree = ast.parse(source_of(module).read_text())
+    tree = ast.parse(module_file(module).read_text())
     if not definition:
-        yield from imports(tree)
+        yield from list_imports(tree)
         return
-    body = ast.Module([one for one in tree.body if definition in defined(one)], [])
+    body = ast.Module([one for one in tree.body if definition in defined_names(one)], [])
     used = {node.id for node in ast.walk(body) if isinstance(node, ast.Name)} - {definition}
-    here = set().union(*(defined(one) for one in tree.body))
+    here = set().union(*(defined_names(one) for one in tree.body))
     yield from ((module, name) for name in used & here if name != "Value" and not name.endswith("Error"))
-    yield from imports(body)
-    for origin, name in imports(ast.Module([one for one in tree.body if not defined(one)], [])):
+    yield from list_imports(body)
+    for origin, name in list_imports(ast.Module([one for one in tree.body if not defined_names(one)], [])):
         if name in used or origin in used:
             yield origin, name
 
@@ -98,7 +98,7 @@ def as_listed(module: str) -> str:
 def needed(part: str) -> frozenset[tuple[str, str]]:
     """What a part needs of the project's own, with ``from package import module`` told as that module."""
     kept = {(as_listed(module), name) for module, name in needs(part) if as_listed(module).split(".")[0] in ROOMS}
-    inner = {(m, n): (f"{m}.{n}", "") for m, n in kept if n and source_of(f"{m}.{n}").is_file()}
+    inner = {(m, n): (f"{m}.{n}", "") for m, n in kept if n and module_file(f"{m}.{n}").is_file()}
     return frozenset(inner.get(one, one) for one in kept)
 
 
@@ -121,11 +121,11 @@ def packages(part: str) -> set[str]:
     return {DISTRIBUTIONS[name] for name in {module.split(".")[0] for module, _ in needs(part)} & set(DISTRIBUTIONS)}
 
 
-@pytest.mark.parametrize("stage", SHAPING)
+@pytest.mark.parametrize("stage", STAGE_CODE)
 def test_everything_that_a_stage_imports_is_listed_or_excused(stage):
     for part in ENTRY[stage]:
         assert listed(stage, *part.split(":")), f"{stage} runs {part}, which its fingerprint does not hold"
-    for part in [*SHAPING[stage], *plugin_modules(stage)]:
+    for part in [*STAGE_CODE[stage], *plugin_modules(stage)]:
         for module, name in needed(part) - {(one, "") for one in ("plugins",)}:
             if module in plugin_modules(stage) or module == "z2p_core":
                 continue
@@ -134,27 +134,27 @@ def test_everything_that_a_stage_imports_is_listed_or_excused(stage):
             )
 
 
-@pytest.mark.parametrize("stage", SHAPING)
+@pytest.mark.parametrize("stage", STAGE_CODE)
 def test_nothing_is_listed_that_no_code_of_the_stage_reaches(stage):
     reached, waiting = set(), [*ENTRY[stage], *plugin_modules(stage)]
     while waiting:
         part = waiting.pop()
         module = part.split(":")[0]
-        for step in ({part} & plugin_modules(stage)) | ({part, module} & set(SHAPING[stage])):
+        for step in ({part} & plugin_modules(stage)) | ({part, module} & set(STAGE_CODE[stage])):
             if step not in reached:
                 reached.add(step)
                 waiting += [f"{origin}:{name}" if name else origin for origin, name in needed(step)]
-    wholly = {part for part in SHAPING[stage] if (package := part.rpartition(".")[0]) in WHOLE_PACKAGES
+    wholly = {part for part in STAGE_CODE[stage] if (package := part.rpartition(".")[0]) in WHOLE_PACKAGES
               and any(module == package or module.startswith(package + ".") for module in reached)}  # fmt: skip
     wholly |= {part for part in WHOLE_PACKAGES if any(module.startswith(part + ".") for module in reached)}
-    beside = {part for part in SHAPING[stage] if "/" in part and part.rpartition("/")[0].replace("/", ".") in reached}
-    beside |= {part for part in SHAPING[stage] if part.startswith("z2p_core/native/") and "z2p_core.native" in reached}
-    assert set(SHAPING[stage]) <= reached | beside | wholly  # what is compiled belongs to the module beside it
+    beside = {part for part in STAGE_CODE[stage] if "/" in part and part.rpartition("/")[0].replace("/", ".") in reached}
+    beside |= {part for part in STAGE_CODE[stage] if part.startswith("z2p_core/native/") and "z2p_core.native" in reached}
+    assert set(STAGE_CODE[stage]) <= reached | beside | wholly  # what is compiled belongs to the module beside it
 
 
-@pytest.mark.parametrize("stage", SHAPING)
+@pytest.mark.parametrize("stage", STAGE_CODE)
 def test_the_packages_that_a_stages_code_imports_are_declared(stage):
-    used = {package for part in SHAPING[stage] for package in packages(part)}
+    used = {package for part in STAGE_CODE[stage] for package in packages(part)}
     for plugin in plugins(stage):  # what it names itself is in its own fields
         used |= packages(plugin.__module__) - set(getattr(plugin, "packages", ()))
     assert {package for package in used if (stage, package) not in READERS} <= set(PACKAGES[stage])
@@ -169,7 +169,7 @@ def test_what_placing_a_scan_runs_is_no_part_of_weights_alone():
         reached.add(part)
         if part != "z2p_core.native":  # its names come from modules that placing does not all call
             waiting |= {module for module, _ in needed(part)} - reached
-    assert reached & set(OF_WEIGHTS) <= set(PLACING) <= set(OF_WEIGHTS) & set(SHAPING["scans"])
+    assert reached & set(WEIGHTS_ONLY_CODE) <= set(PLACEMENT_CODE) <= set(WEIGHTS_ONLY_CODE) & set(STAGE_CODE["scans"])
     kernels = {name: set(re.findall(r"native\.(\w+)", (ROOT / "z2p_core" / f"{name}.py").read_text()))
                for name in ("placement/view_selection", "surface/mls_smoothing")}  # fmt: skip
     assert kernels == {"placement/view_selection": {"showing"}, "surface/mls_smoothing": {"Grid", "jets", "planes"}}  # and what noise is told by
@@ -191,24 +191,24 @@ def test_a_package_may_come_by_another_name(monkeypatch):
 
 
 def test_every_excuse_is_needed_and_every_stage_is_told():
-    assert set(SHAPING) == set(PACKAGES) == set(STAGE_VERSIONS) == set(ENTRY)
-    used = {one for stage in SHAPING for part in [*SHAPING[stage], *plugin_modules(stage)] for m, n in
+    assert set(STAGE_CODE) == set(PACKAGES) == set(STAGE_VERSIONS) == set(ENTRY)
+    used = {one for stage in STAGE_CODE for part in [*STAGE_CODE[stage], *plugin_modules(stage)] for m, n in
             needed(part) for one in (m, f"{stage}/{m}:{n}")}  # fmt: skip
-    assert set(NOT_SHAPING) <= used
+    assert set(NOT_IN_FINGERPRINT) <= used
 
 
 def test_everything_that_is_listed_is_there():
-    for stage in SHAPING:
+    for stage in STAGE_CODE:
         assert all(len(digest) == 64 for digest in stage_fields(stage)["code"].values())
 
 
 def test_code_in_other_languages_and_what_compiles_it_is_listed_as_well():
     kinds = ("c", "cpp", "h", "cu", "pyx")
     sources = [path for room in ROOMS for kind in kinds for path in (ROOT / room).rglob(f"*.{kind}")]
-    listed_files = {part for parts in SHAPING.values() for part in parts if "/" in part}
+    listed_files = {part for parts in STAGE_CODE.values() for part in parts if "/" in part}
     built_with = ROOT / "z2p_core" / "native" / "build.py"  # the compiler's flags, which no module imports
     assert {path.relative_to(ROOT).as_posix() for path in [*sources, built_with]} == listed_files
-    assert part_digest("workflows/luigi.cfg") == file_digest(ROOT / "workflows" / "luigi.cfg")
+    assert cached_part_digest("workflows/luigi.cfg") == file_digest(ROOT / "workflows" / "luigi.cfg")
 
 
 C = '''#include <math.h>
@@ -257,9 +257,9 @@ def test_all_else_in_c_does(old, new):
 
 
 def test_each_kernels_code_counts_and_its_comments_do_not():
-    for part in {part for part in SHAPING["train"] if part.endswith((".c", ".h"))}:
+    for part in {part for part in STAGE_CODE["train"] if part.endswith((".c", ".h"))}:
         source = (ROOT / part).read_text()
-        assert part_digest(part) == c_digest(f"/* new */\n{source}\n\n// new\n") != c_digest(f"{source}\nint new;\n")
+        assert cached_part_digest(part) == c_digest(f"/* new */\n{source}\n\n// new\n") != c_digest(f"{source}\nint new;\n")
 
 
 def test_a_definitions_digest_does_not_hang_on_its_neighbours():
@@ -272,7 +272,7 @@ def test_a_definitions_digest_does_not_hang_on_its_neighbours():
 
 def test_stage_fields_hold_code_and_packages_without_builds():
     fields = stage_fields("train")
-    assert fields["code"]["pipeline.training.train"] == part_digest("pipeline.training.train")
+    assert fields["code"]["pipeline.training.train"] == cached_part_digest("pipeline.training.train")
     assert fields["packages"]["torch"] and "+" not in fields["packages"]["torch"]
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from z2p_renderer.storage.results.manifests import MANIFEST
-from z2p_renderer.storage.results.store import Entry, Store, StoreError, check
+from z2p_renderer.storage.results.store import Entry, Store, StoreError, check_result
 from z2p_renderer.storage.results.work_note import read_note
 
 
@@ -119,7 +119,7 @@ def test_a_quarantined_entry_counts_as_missing_and_its_remains_can_be_found(stor
     folder = store.produce(entry(), write)
     assert store.quarantine(folder).parent == store.root / ".quarantine" / "sample"
     assert not store.complete(entry()) and list(store.manifests("sample")) == []
-    assert [manifest["name"] for _, manifest in store.remains("sample")] == ["sample/bunny"]
+    assert [manifest["name"] for _, manifest in store.iter_all_manifests("sample")] == ["sample/bunny"]
 
 
 def test_linked_files_are_the_same_files(store):
@@ -131,10 +131,10 @@ def test_linked_files_are_the_same_files(store):
 
 def test_a_damaged_result_does_not_pass_the_check(store):
     folder = store.produce(entry(1), write)
-    check(folder)
+    check_result(folder)
     (folder / "pool.npy").write_bytes(b"1123456789")
     with pytest.raises(StoreError, match="sha256"):
-        check(folder)
+        check_result(folder)
 
 
 def test_moving_the_store_leaves_it_complete(store, tmp_path):
@@ -210,7 +210,7 @@ def no_room(*_):
     raise OSError("No space left on device")
 
 
-@pytest.mark.parametrize("broken", ["z2p_renderer.storage.results.manifests.sync", "pathlib.Path.rename"])
+@pytest.mark.parametrize("broken", ["z2p_renderer.storage.results.manifests.fsync_path", "pathlib.Path.rename"])
 def test_what_stops_the_publishing_costs_no_work(store, monkeypatch, broken):
     def train(folder):
         (folder / "checkpoints").mkdir(exist_ok=True)
@@ -239,7 +239,7 @@ def test_leftovers_of_a_kill_right_after_publishing_harm_no_result(store, monkey
     assert (folder / "checkpoints" / "1.pt").exists() and store.complete(entry()) and store.verify(entry()) == []
 
 
-@pytest.mark.parametrize("broken", ["z2p_renderer.storage.results.manifests.sync", "pathlib.Path.rename"])
+@pytest.mark.parametrize("broken", ["z2p_renderer.storage.results.manifests.fsync_path", "pathlib.Path.rename"])
 def test_a_result_that_cannot_be_published_leaves_nothing(store, monkeypatch, broken):
     with monkeypatch.context() as patch, pytest.raises(OSError, match="No space"):
         patch.setattr(broken, no_room)
@@ -326,7 +326,7 @@ def test_a_manifest_that_is_not_the_one_written_is_noticed_and_put_aside(store, 
     DAMAGE[damage](folder)
     assert store.faults(entry()) and store.verify(entry()) and not store.complete(entry())
     assert [path for path, _ in store.damaged()] == [folder]
-    list(store.manifests("sample")), list(store.remains("sample"))  # nothing stumbles over it
+    list(store.manifests("sample")), list(store.iter_all_manifests("sample"))  # nothing stumbles over it
     store.produce(entry(), write)
     assert store.complete(entry()) and not list(store.damaged())
     assert len(list((store.root / ".quarantine" / "sample").iterdir())) == 1
@@ -342,4 +342,4 @@ def test_a_manifest_from_before_lists_had_digests_can_be_vouched_for(store):
     folder = store.produce(entry(), write)
     resealed(folder, lambda one: one.pop("listing"))
     assert not store.complete(entry()) and [path for path, _ in store.manifests("sample")] == [folder]
-    check(folder)
+    check_result(folder)

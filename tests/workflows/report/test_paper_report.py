@@ -200,12 +200,12 @@ def test_code_of_networks_and_buffers_leaves_baselines_and_truths_alone(tmp_path
     np.savetxt(tmp_path / "scans" / "one.xyz", np.eye(3))
     monkeypatch.chdir(tmp_path)
     before = prints()
-    real = stage_dependencies.part_digest
-    monkeypatch.setattr(stage_dependencies, "part_digest", lambda one: "0" * 64 if one == part else real(one))
+    real = stage_dependencies.cached_part_digest
+    monkeypatch.setattr(stage_dependencies, "cached_part_digest", lambda one: "0" * 64 if one == part else real(one))
     changed = {name for name, one in prints().items() if before[name] != one}
     weights = {"denoise", "material", "regular"}
     expected = {name for name in before if name.split("/")[-1] in weights}
-    if part in stage_dependencies.PLACING:  # whoever draws a scan, it is placed first
+    if part in stage_dependencies.PLACEMENT_CODE:  # whoever draws a scan, it is placed first
         expected |= {name for name in before if name.startswith("scans/")}
     assert expected == changed - {"times", "report"}
 

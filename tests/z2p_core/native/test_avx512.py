@@ -36,11 +36,11 @@ def refined(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     return native.refine(own.grid.points, own.normals, own.neighbours, own.scale, own.noise / own.typical)
 
 
-@pytest.mark.skipif(not library._is_wide(), reason="this processor has no registers of sixteen numbers")
+@pytest.mark.skipif(not library.has_avx512(), reason="this processor has no registers of sixteen numbers")
 @pytest.mark.parametrize("kernel", [touched, refined])
 def test_registers_of_any_width_make_the_same_numbers(kernel: Kernel, monkeypatch: pytest.MonkeyPatch) -> None:
     by_sixteen = kernel(np.random.default_rng(1))
-    monkeypatch.setattr(library, "_is_wide", lambda: False)
+    monkeypatch.setattr(library, "has_avx512", lambda: False)
     for wide, narrow in zip(by_sixteen, kernel(np.random.default_rng(1)), strict=True):
         assert np.array_equal(wide, narrow) and wide.std() > 0.01
 

@@ -9,8 +9,8 @@ import pytest
 
 from z2p_core import native
 from z2p_core.scene import LIGHT_RADIANCE
-from z2p_core.shading.area_light import light_lamps, light_square
-from z2p_core.shading.microfacet import COSINES, reflected_shares
+from z2p_core.shading.area_light import area_light_samples, area_light_quad
+from z2p_core.shading.microfacet import TABLE_COSINES, directional_albedo_table
 
 INDEX = 1.5
 UP = np.array([0.0, 0.0, 1.0])
@@ -42,13 +42,13 @@ def under_white_sky(towards: np.ndarray, alpha: float, count: int = 4000) -> np.
 @pytest.mark.parametrize("alpha", [0.3, 0.6, 1.0])
 def test_rough_surfaces_never_send_more_than_they_get(alpha: float) -> None:
     """As a single reflection of GGX does; and another way of adding up the same, by directions, comes to the same."""
-    shares = reflected_shares(math.sqrt(alpha), INDEX)
+    shares = directional_albedo_table(math.sqrt(alpha), INDEX)
     for degrees in (0, 30, 60, 75):
         mirrored, metal, plastic, matt = under_white_sky(slanted(degrees), alpha)
         assert 0.25 < mirrored < 1.01
         assert 0 < metal < mirrored and 0 < plastic < mirrored
         assert matt == pytest.approx(1, abs=0.01)
-        added = [np.interp(math.cos(math.radians(degrees)), COSINES, share) for share in shares.T]
+        added = [np.interp(math.cos(math.radians(degrees)), TABLE_COSINES, share) for share in shares.T]
         assert added == pytest.approx([mirrored - metal, metal, mirrored - plastic, plastic], abs=0.025)
 
 
@@ -90,7 +90,7 @@ def images(mirrors: np.ndarray, blur: float, light: np.ndarray) -> np.ndarray:
 
 def test_a_mirror_shows_the_lights_square_and_nothing_else() -> None:
     """A ray meets the square or it does not, whichever its place on it; by brute force."""
-    light, rng = light_square((3.6, -40.0, 50.0)), np.random.default_rng(0)
+    light, rng = area_light_quad((3.6, -40.0, 50.0)), np.random.default_rng(0)
     places = light[0] + rng.uniform(-1, 1, (4000, 2)) @ light[1:]
     inside = (np.abs((places - light[0]) @ light[1:].T) < 0.5 * (light[1:] ** 2).sum(1)).all(1)
     ways = places / np.linalg.norm(places, axis=1, keepdims=True)
@@ -103,7 +103,7 @@ def test_a_mirror_shows_the_lights_square_and_nothing_else() -> None:
 
 
 def test_blur_moves_the_edges_but_takes_no_light_away() -> None:
-    light = light_square((3.6, -40.0, 50.0))
+    light = area_light_quad((3.6, -40.0, 50.0))
     steps = np.linspace(-1, 1, 401)
     places = light[0] + steps[:, None] * light[1]
     ways = places / np.linalg.norm(places, axis=1, keepdims=True)
@@ -116,7 +116,7 @@ def test_blur_moves_the_edges_but_takes_no_light_away() -> None:
 def test_the_image_and_the_lobe_of_a_smooth_surface_are_as_bright() -> None:
     """Summed over all ways to look at it, either is what the light sends."""
     lit = (3.6, -40.0, 50.0)
-    light, (places, axes, powers) = light_square(lit), light_lamps(lit, 36)
+    light, (places, axes, powers) = area_light_quad(lit), area_light_samples(lit, 36)
     rng = np.random.default_rng(1)
     normals = light[0] / np.linalg.norm(light[0]) + UP + rng.uniform(-0.5, 0.5, (60_000, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
@@ -133,7 +133,7 @@ def test_each_point_is_by_itself(count: int) -> None:
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     lamps = (rng.normal(size=(7, 3)) + 4, np.array([0.0, 0.0, -1.0]), 2.0, 0.2, INDEX)
-    square = (light_square((3.6, -40.0, 50.0)), 5.0, 0.03, INDEX)
+    square = (area_light_quad((3.6, -40.0, 50.0)), 5.0, 0.03, INDEX)
     shine, matt = native.gloss(points, normals, towards, *lamps)
     shown = native.image(points, normals, towards, *square)
     assert matt.shape == (count,) and (matt >= 0).all()

@@ -30,7 +30,7 @@ def surfels_of(points, normals, radius, camera, features=None, slack=2.0, clips=
     radii = np.full(len(points), radius, np.float32)
     drawn = np.zeros((9, camera.height, camera.width), np.float32)
     clips = nothing_ends(points) if clips is None else clips
-    native.surfels(points, normals, radii, clips, features, camera, slack, SURE, FULL, NEAR, FAR, drawn)
+    native.rasterize_surfels(points, normals, radii, clips, features, camera, slack, SURE, FULL, NEAR, FAR, drawn)
     return drawn
 
 
@@ -105,7 +105,7 @@ def test_pixels_on_an_edge_are_covered_in_part_and_show_both_sides():
     radii = np.float32([0.2, 4.0])
     drawn = np.zeros((9, 64, 64), np.float32)
     facing, clips = np.tile(TOWARDS, (2, 1)), nothing_ends(points)
-    native.surfels(points, facing, radii, clips, features, camera, 0.5, 1e4, FULL, NEAR, FAR, drawn)
+    native.rasterize_surfels(points, facing, radii, clips, features, camera, 0.5, 1e4, FULL, NEAR, FAR, drawn)
     np.testing.assert_allclose(drawn[0], 1, atol=1e-6)
     np.testing.assert_allclose(drawn[3] + drawn[4], 1, atol=1e-5)
     assert drawn[3].sum() == pytest.approx(math.pi * (0.2 * camera.focal / 2.0) ** 2, rel=0.02)
@@ -121,12 +121,6 @@ def test_density_is_the_weight_of_the_discs_over_that_of_a_full_surface():
         drawn = surfels_of(points, np.tile(TOWARDS, (count, 1)), 0.5, camera)
         assert drawn[1, 32, 32] == pytest.approx(min(1.0, count / FULL), rel=0.02)  # each weighs 1 in its middle
         assert (drawn[1][drawn[0] == 0] == 0).all() and drawn[1].min() >= 0 and drawn[1].max() <= 1
-
-
-def test_kernels_older_than_the_code_are_told(monkeypatch):
-    monkeypatch.setattr(native.library, "load_library", object)
-    with pytest.raises(ImportError, match="z2p_grid is missing; install z2p again"):
-        native.Grid(sphere_of(10))
 
 
 def test_discs_outside_the_picture_or_behind_the_camera_draw_nothing():
@@ -154,7 +148,7 @@ def test_kernels_draw_only_into_arrays_of_the_right_size_and_kind(shape):
     points, normals = np.float32([[0, 0, 3]]), TOWARDS[None]
     out = np.zeros(shape, np.float64 if shape == (9, 64, 64) else np.float32)
     with pytest.raises(ValueError, match=r"expected a contiguous float32 array \(9, 64, 64\)"):
-        native.surfels(
+        native.rasterize_surfels(
             points, normals, np.float32([1]), nothing_ends(points), np.zeros((1, 6)), Camera(64, 64), 1.0, 25.0, FULL,
             NEAR, FAR, out,
         )  # fmt: skip

@@ -8,7 +8,7 @@ from point_shapes import sphere_of, square_of
 
 from z2p_core import native
 from z2p_core.camera import Camera
-from z2p_core.shading.microfacet import fresnel, hidden, mirror_directions
+from z2p_core.shading.microfacet import fresnel_dielectric, smith_lambda, specular_directions
 
 UP, DOWN = np.float32([0, 0, 1]), np.float32([0, 0, -1])
 
@@ -85,8 +85,8 @@ def albedo_of_gloss(cosine, alpha=0.25, index=1.5):
     viewer = np.array([math.sqrt(1 - cosine**2), 0, cosine])
     middle = (way + viewer) / np.linalg.norm(way + viewer, axis=-1, keepdims=True)
     spread = alpha**2 / (math.pi * (middle[..., 2] ** 2 * (alpha**2 - 1) + 1) ** 2)
-    shown = 1 / (1 + hidden(height, alpha) + hidden(np.array(cosine), alpha))
-    each = spread * fresnel((middle * viewer).sum(-1), index) * shown / (4 * cosine) * 2 * math.pi / height.size
+    shown = 1 / (1 + smith_lambda(height, alpha) + smith_lambda(np.array(cosine), alpha))
+    each = spread * fresnel_dielectric((middle * viewer).sum(-1), index) * shown / (4 * cosine) * 2 * math.pi / height.size
     return each.sum(), (each[..., None] * way).sum((0, 1)) / each.sum()
 
 
@@ -137,7 +137,7 @@ def test_the_floor_mirrors_as_a_surface_of_ggx_does(elevation):
     native.floor_shadow(*[np.full_like(mirrored, 1e-9)] * 2, mirrored, DARK, floor, camera, alpha)
     gloss, mean = albedo_of_gloss(math.sin(math.radians(elevation)))
     assert alpha[32, 32] == pytest.approx(gloss / (gloss + floor.albedo * (1 - gloss)), abs=0.008)
-    ways = mirror_directions(math.sin(math.radians(elevation)), 0.5, 1.5, 64)
+    ways = specular_directions(math.sin(math.radians(elevation)), 0.5, 1.5, 64)
     np.testing.assert_allclose(np.linalg.norm(ways, axis=1), 1, rtol=1e-6)
     assert ways.mean(0) == pytest.approx(mean, abs=0.1) and ways[:, 2].mean() == pytest.approx(mean[2], abs=0.03)
 

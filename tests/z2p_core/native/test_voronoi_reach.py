@@ -12,7 +12,7 @@ def reaches_of(points, normals=None, solid=False):
     grid, everyone = native.Grid(np.float32(points)), np.arange(len(points), dtype=np.int32)
     found, _ = grid.neighbours(everyone, 24)
     normals = np.tile(UP, (len(points), 1)) if normals is None else normals(grid.points)
-    return grid.points, native.cells(grid.points, normals, everyone, found, solid)[0]
+    return grid.points, native.voronoi_extent(grid.points, normals, everyone, found, solid)[0]
 
 
 def sheet_of(side):
@@ -78,7 +78,7 @@ def test_only_those_asked_for_are_measured():
     grid, asked = native.Grid(np.float32(points)), np.array([7, 300, 12], np.int32)
     found, _ = grid.neighbours(asked, 24)
     normals = np.tile(UP, (len(points), 1))
-    found_reaches, ends = native.cells(grid.points, normals, asked, found)
+    found_reaches, ends = native.voronoi_extent(grid.points, normals, asked, found)
     np.testing.assert_array_equal(found_reaches, reaches[asked])
     np.testing.assert_allclose(np.linalg.norm(ends - points[asked], axis=1), reaches[asked], rtol=1e-5)
     assert not ends[:, 2].any()

@@ -5,12 +5,12 @@ import pytest
 
 from z2p_core.camera import light_position
 from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE
-from z2p_core.shading.area_light import floor_sky, lamp_sets, light_lamps, light_square, sky_axes
+from z2p_core.shading.area_light import cosine_hemisphere, jittered_sample_sets, area_light_samples, area_light_quad, hemisphere_axes
 
 
 def test_the_area_light_is_a_square_that_faces_the_origin():
     light = (3.5, -30.0, 60.0)
-    lamps, axes, powers = light_lamps(light, 64)
+    lamps, axes, powers = area_light_samples(light, 64)
     centre = light_position(light)
     np.testing.assert_allclose(lamps.mean(0), centre, atol=1e-9)
     np.testing.assert_allclose((lamps - centre) @ centre, 0, atol=1e-9)
@@ -24,25 +24,25 @@ def test_the_area_light_is_a_square_that_faces_the_origin():
 @pytest.mark.parametrize("sets", [1, 2, 4])
 def test_sets_of_lamps_interlock_on_the_same_square(sets):
     light = (3.5, -30.0, 60.0)
-    middle, *sides = light_square(light)
-    places = np.concatenate(lamp_sets(light, 64, sets)) - middle
+    middle, *sides = area_light_quad(light)
+    places = np.concatenate(jittered_sample_sets(light, 64, sets)) - middle
     np.testing.assert_allclose(places.mean(0), 0, atol=1e-9)
     on_square = places @ np.transpose(sides) / LIGHT_SIDE**2
     assert np.abs(on_square).max() < 0.5
     apart = np.linalg.norm(on_square[:, None] - on_square, axis=2) + 9 * np.eye(len(places))
     np.testing.assert_allclose(apart.min(1), 1 / 8 / np.sqrt(sets), atol=1e-9)
-    assert np.array_equal(lamp_sets(light, 64, 1)[0], light_lamps(light, 64)[0])
+    assert np.array_equal(jittered_sample_sets(light, 64, 1)[0], area_light_samples(light, 64)[0])
 
 
 def test_the_sky_is_above_and_even():
-    sky = sky_axes(24)
+    sky = hemisphere_axes(24)
     np.testing.assert_allclose(np.linalg.norm(sky, axis=1), 1)
     assert (sky[:, 2] > 0).all() and np.abs(sky[:, :2].mean(0)).max() < 0.06
     assert sky[:, 2].mean() == pytest.approx(0.5, abs=1e-6)
 
 
 def test_each_direction_gives_a_floor_as_much_light():
-    directions = floor_sky(4096)
+    directions = cosine_hemisphere(4096)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-12)
     assert directions[:, 2].mean() == pytest.approx(2 / 3, abs=0.01)  # of a density that falls with the cosine
     assert np.abs(directions[:, :2].mean(0)).max() < 0.01

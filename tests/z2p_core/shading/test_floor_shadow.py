@@ -7,8 +7,8 @@ import pytest
 from made_clouds import sphere
 
 from z2p_core import native
-from z2p_core.shading.area_light import floor_sky, light_lamps
-from z2p_core.shading.floor_shadow import FLOOR_HALF, casters_of, floor_shades, lie_apart, narrowed_share
+from z2p_core.shading.area_light import cosine_hemisphere, area_light_samples
+from z2p_core.shading.floor_shadow import FLOOR_HALF_WIDTH, shadow_casters, floor_occlusion, is_sparse, eroded_share
 from z2p_core.shading.surfels import discs, spread_out
 from z2p_core.surface.normals import tangents
 
@@ -20,14 +20,14 @@ def shades_of(count: int) -> tuple[np.ndarray, np.ndarray]:
     found = tangents(np.float32(sphere(count) * RADIUS))
     spacing = float(np.median(found.spacing))
     further, radii = discs(found, spacing)
-    apart = lie_apart(spacing)
-    casters = casters_of(found.points, spacing, further, radii, apart)
-    return floor_shades(found.points, spacing, casters, LIGHT, HEIGHT, 1, apart)
+    apart = is_sparse(spacing)
+    casters = shadow_casters(found.points, spacing, further, radii, apart)
+    return floor_occlusion(found.points, spacing, casters, LIGHT, HEIGHT, 1, apart)
 
 
 def hidden(side: int, step: int, ways: np.ndarray) -> np.ndarray:
     """Share of rays that meet the ball, from every so many of a floor's (side, side) cells along `ways` (L, 3)."""
-    x, y = np.meshgrid(*[(((np.arange(side) + 0.5) / side * 2 - 1) * FLOOR_HALF)[::step]] * 2)
+    x, y = np.meshgrid(*[(((np.arange(side) + 0.5) / side * 2 - 1) * FLOOR_HALF_WIDTH)[::step]] * 2)
     places = np.stack([x, y, np.full_like(x, HEIGHT)], -1).astype(np.float32)
     met = np.zeros(x.shape)
     for way in ways.astype(np.float32):
@@ -43,10 +43,10 @@ def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
     lamp, sky = shades_of(count)
     side, step = len(lamp), 1 + len(lamp) // 256  # some of the cells, evenly spread, stand for all
     lamp, sky = lamp[::step, ::step], sky[::step, ::step]
-    true = hidden(side, step, light_lamps(LIGHT, 256)[0])
+    true = hidden(side, step, area_light_samples(LIGHT, 256)[0])
     assert lamp.sum() == pytest.approx(true.sum(), rel=0.06)
     assert np.abs(lamp - true).sum() < 0.1 * true.sum()
-    clear = hidden(side, step, floor_sky(512))
+    clear = hidden(side, step, cosine_hemisphere(512))
     assert sky.sum() == pytest.approx(clear.sum(), rel=0.1)
     assert np.abs(sky - clear).sum() < 0.25 * clear.sum()
 
@@ -54,8 +54,8 @@ def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
 def test_points_wider_apart_than_the_floor_is_hide_nothing() -> None:
     found = tangents(np.float32(sphere(12) * 100))
     further, radii = discs(found, 100.0)
-    casters = casters_of(found.points, 100.0, further, radii, True)
-    for shade in floor_shades(found.points, 100.0, casters, LIGHT, -100.0, 1, True):
+    casters = shadow_casters(found.points, 100.0, further, radii, True)
+    for shade in floor_occlusion(found.points, 100.0, casters, LIGHT, -100.0, 1, True):
         assert shade.shape == (2, 2) and not shade.any()
 
 
@@ -73,7 +73,7 @@ def test_places_about_a_disc_lie_in_its_plane_on_a_cross() -> None:
 
 
 def test_the_farther_apart_points_lie_the_fewer_shadows_are_narrowed() -> None:
-    shares = [narrowed_share(spacing, 450) for spacing in (0.0, 0.01, 0.03, 1.0)]
+    shares = [eroded_share(spacing, 450) for spacing in (0.0, 0.01, 0.03, 1.0)]
     assert shares[0] == 1 > shares[1] > shares[2] > shares[3] == 0
 
 
@@ -87,8 +87,8 @@ def shade_below_a_plate(count: int, gap: float) -> tuple[np.ndarray, np.ndarray,
     found = tangents(np.float32(np.column_stack([flat, np.where(np.arange(count) < above, 0, -gap)])))
     spacing = float(np.median(found.spacing))
     further, radii = discs(found, spacing)
-    up, lamps = found.normals * np.sign(found.normals[:, 2:]), light_lamps(LIGHT, 16)
-    casters = casters_of(found.points, spacing, further, radii, lie_apart(spacing))
+    up, lamps = found.normals * np.sign(found.normals[:, 2:]), area_light_samples(LIGHT, 16)
+    casters = shadow_casters(found.points, spacing, further, radii, is_sparse(spacing))
     light = native.illuminate(found.points, up, casters, *lamps, spacing, 1.0)[0]
     given, left = np.zeros((2, count))
     for lamp, axis, power in zip(*lamps, strict=True):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.shading.microfacet import COSINES, fresnel, reflected_shares, rise
+from z2p_core.shading.microfacet import TABLE_COSINES, fresnel_dielectric, directional_albedo_table, normalized_fresnel
 from z2p_core.shading.principled import Principled
 
 FACING = np.linspace(0.05, 1, 20, dtype=np.float32)
@@ -39,7 +39,7 @@ def test_nothing_sends_more_than_it_gets(metallic: float, roughness: float) -> N
 
 def test_smooth_plastic_reflects_as_fresnel_says_and_smooth_metal_as_schlick() -> None:
     plastic = surface(0.0, 0.0, 0.0).reflectance(FACING)[:, 0]
-    np.testing.assert_allclose(plastic[2:], fresnel(FACING[2:], 1.5), rtol=0.05)
+    np.testing.assert_allclose(plastic[2:], fresnel_dielectric(FACING[2:], 1.5), rtol=0.05)
     metal = surface(0.4, 1.0, 0.0).reflectance(FACING)[:, 0]
     np.testing.assert_allclose(metal[2:], (0.4 + 0.6 * (1 - FACING) ** 5)[2:], rtol=0.03)
 
@@ -62,9 +62,9 @@ def test_a_lamp_straight_ahead_is_as_bright_as_the_surface_reflects() -> None:
 
 
 def test_shares_of_the_smooth_and_the_roughest_are_what_is_known_of_them() -> None:
-    smooth, rough = reflected_shares(0.0, 1.5), reflected_shares(1.0, 1.5)
+    smooth, rough = directional_albedo_table(0.0, 1.5), directional_albedo_table(1.0, 1.5)
     np.testing.assert_allclose(smooth[5:, :2].sum(1), 1, atol=0.01)
     assert rough[-1, :2].sum() == pytest.approx(1 - np.log(2), abs=0.015), "the integral, by hand"
     assert (np.diff(rough[:, :2].sum(1)) < 0).all(), "rough surfaces hide less of themselves at a slant"
-    np.testing.assert_allclose(smooth[8:, 3], rise(COSINES[8:], 1.5), atol=0.01)
-    assert rise(np.array([1.0, 0.0]), 1.5) == pytest.approx([0, 1], abs=1e-6)
+    np.testing.assert_allclose(smooth[8:, 3], normalized_fresnel(TABLE_COSINES[8:], 1.5), atol=0.01)
+    assert normalized_fresnel(np.array([1.0, 0.0]), 1.5) == pytest.approx([0, 1], abs=1e-6)

@@ -68,7 +68,7 @@ def _render_made(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, 
     }  # fmt: skip
     store = Store(root)
     entry = Entry("reference", "reference/made", fields)
-    store.put_aside(entry)
+    store.quarantine_if_damaged(entry)
     return store.produce(entry, partial(_write, mesh, scene, settings, log)) / PICTURE
 
 

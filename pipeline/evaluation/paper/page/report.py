@@ -31,8 +31,8 @@ from z2p_renderer.pipeline.evaluation.paper.page.tables import (
 )
 from z2p_renderer.pipeline.evaluation.paper.timing import TIMES
 from z2p_renderer.pipeline.evaluation.paper.uncertainty import TRUST
-from z2p_renderer.storage.files.atomic_write import write_whole
-from z2p_renderer.storage.models.checkpoints import load_weights, resolve
+from z2p_renderer.storage.files.atomic_write import atomic_write
+from z2p_renderer.storage.models.checkpoints import load_weights, find_weights
 
 CSV_COLUMNS = ("sweep", "mesh", "view", "level", "x", "method", "points", "psnr_white", "psnr_foreground", "ssim",
                "flip", "alpha_l1", "shadow_l1", "shadow_kept", "contrast_kept", "seconds", "error", "result",
@@ -102,8 +102,8 @@ def write_report(
         "color_errors": {name: [asdict(one) for one in found] for name, found in colors.items()},
         "rows": list(findings.every),
     }  # fmt: skip
-    write_whole((json.dumps(told, indent=1) + "\n").encode(), out / "report.json")
-    write_whole(_csv(findings.every).encode(), out / "report.csv")
+    atomic_write((json.dumps(told, indent=1) + "\n").encode(), out / "report.json")
+    atomic_write(_csv(findings.every).encode(), out / "report.csv")
     return [out / name for name in ("report.html", "report.json", "report.csv")]
 
 
@@ -195,7 +195,7 @@ def _scan_sections(findings: Findings, folders: Mapping[str, Path], command: str
 def _absent(findings: Findings, config: ReportConfig) -> list[tuple[str, str]]:
     """What the paper's evaluation has and this report has not, and what it would take."""
     weights = [method for method in findings.methods if method.kind == WEIGHTS]
-    cards = [load_weights(resolve(method.source)).card for method in weights]  # a name tells nothing for sure
+    cards = [load_weights(find_weights(method.source)).card for method in weights]  # a name tells nothing for sure
     papers = any(card["network"]["kind"] == "adain_unet" for card in cards)
     noise = any(card["training"].get("noise", "none") != "none" for card in cards)
     material = any("psnr_white" in row for method in weights for row in findings.rows("material", method.name))
@@ -225,7 +225,7 @@ def _write_page(
     page = environment.get_template("report.html").render(
         title=config.name, version=__version__, lead=first, facts=facts, sections=sections, absent=absent
     )
-    write_whole(page.encode(), path)
+    atomic_write(page.encode(), path)
 
 
 def _without_sweeps(command: str) -> str:

@@ -1,0 +1,120 @@
+"""How a picture is to look: control values, placement, size, background. Built in one place from what a user asks for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from z2p_core.interfaces import SettingError, Value
+from z2p_core.placement.viewpoint import Viewpoint
+from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
+from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
+from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
+from z2p_renderer.storage.images.image_files import OPAQUE, WHITE
+
+Color = tuple[float, float, float]
+Crop = tuple[float, float, float, float]
+"""Left, top, right and bottom of a part of the frame, each a share of the frame's width or height, from 0 to 1."""
+
+MAX_NETWORK_SIDE = 8192
+"""Largest side, in pixels, of an image that the network is run on."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How every picture of a run looks."""
+
+    values: dict[str, Value] = field(default_factory=dict)
+    """Control name -> value. A control that is not in it has its slider's default."""
+    placement_options: PlacementOptions = field(default_factory=PlacementOptions)
+    width: int = 512
+    """Width of the frame, in pixels."""
+    height: int = 512
+    """Height of the frame, in pixels."""
+    background: Color | None = None
+    """sRGB in [0, 1]; None keeps the picture transparent."""
+    supersample: int = 1
+    """The frame is rendered this many times as large, then averaged down in linear light."""
+    tight: bool = False
+    """Whether the picture is trimmed to its visible part, the shadow included."""
+    crop: Crop | None = None
+    """The part of the frame that a trimmed picture shows, the same for a whole series; None: its own visible part."""
+    margin: float | None = None
+    """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
+    the visible part. None: the default of either."""
+
+    def __post_init__(self) -> None:
+        """Check the size.
+
+        Raises:
+            SettingError: a side times `supersample` is larger than `MAX_NETWORK_SIDE`.
+        """
+        if max(self.width, self.height) * self.supersample > MAX_NETWORK_SIDE:
+            raise SettingError(f"expected at most {MAX_NETWORK_SIDE} pixels a side to draw, got {self.width},"
+                               f"{self.height} times a supersample of {self.supersample}; make one of them smaller")
+
+    @property
+    def frame_margin(self) -> float | None:
+        """The margin around the object in its frame; None in a trimmed picture, whose frame has the default margin."""
+        return None if self.tight else self.margin
+
+    @property
+    def untrimmed(self) -> Look:
+        """The same look, showing the whole frame."""
+        return replace(self, tight=False, margin=self.frame_margin)
+
+    def written_as(self, suffix: str) -> Look:
+        """The look in a file with that suffix (lower-case, with its dot).
+
+        Formats without transparency get a white background, unless the look has one.
+        """
+        return replace(self, background=WHITE) if self.background is None and suffix in OPAQUE else self
+
+
+def build_look(
+    renderer: AnyRenderer,
+    controls: Mapping[str, Any],
+    *,
+    up: str,
+    view: str | float | tuple[float, float],
+    azimuth: float,
+    camera: Viewpoint | None,
+    keep_outliers: bool,
+    cut_top: float,
+    smooth: Any,
+    size: tuple[int, int],
+    background: Any,
+    supersample: int,
+    tight: bool,
+    margin: float | None,
+    crop: Crop | None = None,
+) -> Look:
+    """The `Look` that a command's options, a call of `z2p_core.render` or a picture's record stand for.
+
+    Args:
+        renderer: its weights say which controls there are.
+        controls: control name -> text, number or numbers; None counts as not given.
+        view: ``auto``, ``front``, ``sensor``, azimuth in degrees, or (azimuth, elevation) in degrees.
+        camera: replaces `up` and `view`, the elevation included.
+        smooth, background: see `parse_smoothing` and `parse_background`.
+        size: width and height in pixels.
+
+    The other arguments are fields of `PlacementOptions` and `Look`.
+
+    Raises:
+        SettingError: the weights do not carry a control, or a value is outside its range.
+    """
+    if isinstance(view, tuple):
+        view, elevation = view
+        if camera is None:
+            controls = {**controls, "elevation": elevation}
+    options = PlacementOptions(
+        up=up, view=view, azimuth=azimuth, keep_outliers=keep_outliers, cut_top=cut_top, viewpoint=camera,
+        smooth=parse_smoothing(smooth),
+    )  # fmt: skip
+    width, height = size
+    return Look(
+        values=parse_controls(renderer, controls), placement_options=options, width=width, height=height,
+        background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,
+    )  # fmt: skip

@@ -1,0 +1,210 @@
+"""Bindings of `c/surfels/`: discs in the tangent planes of a cloud's points, their extents, limits and rasterization.
+
+N points, K neighbors of each, as indices. Arrays are float32 unless said otherwise; others are converted. Everything
+is in world units.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from z2p_core.camera import Camera
+from z2p_core.native.library import (
+    FLOATS,
+    FLOATS_OUT,
+    INT,
+    INTS,
+    INTS_OUT,
+    Struct,
+    call,
+    declare,
+    floats,
+    place,
+)
+from z2p_core.parallel import parallel_rows
+from z2p_core.shading.channels import RASTERIZED
+
+MAX_CLIP_PLANES = 4
+"""Clip planes per disc, as in `c/surfels/disc_clipping.h`."""
+
+
+class RasterSettings(ctypes.Structure):
+    """The C structure of that name (`c/surfels/surfel_raster.c`)."""
+
+    _fields_ = [
+        ("width", ctypes.c_int),
+        ("height", ctypes.c_int),
+        ("first_row", ctypes.c_int),
+        ("last_row", ctypes.c_int),
+        ("focal", ctypes.c_float),
+        ("blend_depth_radii", ctypes.c_float),
+        ("coverage_gain", ctypes.c_float),
+        ("full_weight", ctypes.c_float),
+        ("near_depth", ctypes.c_float),
+        ("far_depth", ctypes.c_float),
+    ]
+
+
+declare(
+    "z2p_voronoi_extent", points=FLOATS, normals=FLOATS, query_indices=INTS, neighbors=INTS, begin=INT, end=INT,
+    neighbor_count=INT, in_space=INT, extents=FLOATS_OUT, farthest=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_find_hole_discs", points=FLOATS, normals=FLOATS, neighbors=INTS, count=INT, neighbor_count=INT, extents=FLOATS,
+    positions=FLOATS_OUT, disc_normals=FLOATS_OUT, radii=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_offset_disc_centers", points=FLOATS, normals=FLOATS, radii=FLOATS, neighbors=INTS, begin=INT, end=INT,
+    neighbor_count=INT, centers=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_disc_clip_planes", points=FLOATS, normals=FLOATS, radii=FLOATS, neighbors=INTS, begin=INT, end=INT,
+    neighbor_count=INT, planes=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_rasterize_surfels", points=FLOATS, normals=FLOATS, radii=FLOATS, clip_planes=FLOATS, features=FLOATS,
+    count=INT, settings=Struct(RasterSettings), image=FLOATS_OUT,
+)  # fmt: skip
+
+
+def voronoi_extent(
+    points: np.ndarray, normals: np.ndarray, query_indices: np.ndarray, neighbors: np.ndarray, in_space: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """How far the Voronoi cells of some points reach in their tangent planes: in sixteen directions, the farthest.
+
+    Discs a tenth wider than their cells leave no hole in a surface.
+
+    Args:
+        points: (N, 3) float32.
+        normals: (N, 3) float32, unit length.
+        query_indices: (M,) int32, the points whose cells are measured.
+        neighbors: (M, K) int32, K <= 64, indices of their neighbors, which bound the cells.
+        in_space: measure the cross section of the cells in space with the tangent planes, which neighbors beyond a
+            crease bound as well; else the cells of the neighbors projected into the planes, without those that lie
+            steeply over them.
+
+    Returns:
+        Extents (M,) float32, very large or infinite where neighbors leave a cell open, as at a border of the surface;
+        and the farthest positions of the cells' borders (M, 3) float32.
+    """
+    extents, farthest = np.empty(len(query_indices), np.float32), np.empty((len(query_indices), 3), np.float32)
+    cloud = (points, normals, query_indices, neighbors)
+
+    def measure(begin: int, end: int) -> None:
+        call("z2p_voronoi_extent", *cloud, begin, end, neighbors.shape[1], int(in_space), extents, farthest)
+
+    parallel_rows(measure, len(query_indices))
+    return extents, farthest
+
+
+def find_hole_discs(
+    points: np.ndarray, normals: np.ndarray, positions: np.ndarray, rim_normals: np.ndarray, extents: np.ndarray,
+    neighbors: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Discs that close the small holes of a sampled surface.
+
+    A candidate is a hole if no point is much nearer to it than its extent, and points of the surface surround it.
+
+    Args:
+        points: (N, 3) float32.
+        normals: (N, 3) float32, unit length.
+        positions: (M, 3), candidates for the middles of holes.
+        rim_normals: (M, 3), the normal of a point at each candidate's rim.
+        extents: (M,), distance from each candidate to its rim.
+        neighbors: (M, K) int32, K <= 64, the points nearest to each candidate, nearest first.
+
+    Returns:
+        Radii (M,), 0 where there is no hole; positions (M, 3), moved towards the surface; and normals (M, 3).
+    """
+    discs, disc_normals = floats(positions).copy(), floats(rim_normals).copy()
+    radii = np.empty(len(positions), np.float32)
+    call(
+        "z2p_find_hole_discs", points, normals, neighbors, len(positions), neighbors.shape[1], floats(extents), discs,
+        disc_normals, radii,
+    )  # fmt: skip
+    return radii, discs, disc_normals
+
+
+def offset_disc_centers(
+    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, neighbors: np.ndarray
+) -> np.ndarray:
+    """Centers (N, 3) of flat discs that lie on a curved surface on average, rather than touch it from outside.
+
+    Args:
+        points: (N, 3).
+        normals: (N, 3), unit length, of either sign.
+        radii: (N,), of the discs.
+        neighbors: (N, K) int32, nearest first, each row beginning with the point itself.
+    """
+    centers = np.empty((len(points), 3), np.float32)
+    discs = (floats(points), floats(normals), floats(radii), neighbors)
+
+    def offset(begin: int, end: int) -> None:
+        call("z2p_offset_disc_centers", *discs, begin, end, neighbors.shape[1], centers)
+
+    parallel_rows(offset, len(points))
+    return centers
+
+
+def disc_clip_planes(points: np.ndarray, normals: np.ndarray, radii: np.ndarray, neighbors: np.ndarray) -> np.ndarray:
+    """Planes (N, 4, 4) that clip discs at creases and outlines, where the surface bends away (Zwicker et al., 2004).
+
+    A plane is a unit normal n and an offset d: nothing of the disc lies where n . x > d. It is the tangent plane of one
+    of the neighbors. The plane nearest to the disc's center comes first; unused ones have normal 0 and offset infinity.
+
+    Args:
+        points: (N, 3), the discs' centers.
+        normals: (N, 3), unit length; those of a visible disc and its neighbors face the viewer.
+        radii: (N,), of the discs.
+        neighbors: (N, K) int32.
+    """
+    planes = np.empty((len(points), MAX_CLIP_PLANES, 4), np.float32)
+    discs = (floats(points), floats(normals), floats(radii), neighbors)
+
+    def clip(begin: int, end: int) -> None:
+        call("z2p_disc_clip_planes", *discs, begin, end, neighbors.shape[1], planes)
+
+    parallel_rows(clip, len(points))
+    return planes
+
+
+def rasterize_surfels(
+    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, clip_planes: np.ndarray, features: np.ndarray,
+    camera: Camera, blend_depth_radii: float, coverage_gain: float, full_weight: float, near_depth: float,
+    far_depth: float, out: np.ndarray, rows: tuple[int, int] | None = None,
+) -> None:  # fmt: skip
+    """Draws discs into `out` (9, H, W) float32: coverage, density, depth and six features; 0 where there is none.
+
+    A pixel has 2 x 2 samples. At each sample a disc has a weight, which falls from 1 at its center to 0 at its rim; w
+    is the sum of the weights of the visible discs. Features, density and depth are means over the samples, weighted by
+    their coverage (after Zwicker et al., Surface Splatting, 2001).
+
+    Args:
+        points: (N, 3), the discs' centers in the camera's axes.
+        normals: (N, 3), unit length, in the camera's axes, facing the camera.
+        radii: (N,), of the discs.
+        clip_planes: (N, 4, 4), see `disc_clip_planes`, in the camera's axes.
+        features: (N, 6), averaged over the discs that a sample shows.
+        camera: gives size and focal length of the image.
+        blend_depth_radii: discs this far behind the nearest one are still visible, in units of their own radius.
+        coverage_gain: coverage is 1 - exp(-coverage_gain w).
+        full_weight: density is w / full_weight, at most 1.
+        near_depth: depth that is drawn as 1.
+        far_depth: depth that is drawn as 0.
+        out: C-contiguous.
+        rows: the rows to draw, from the first to the last, which is excluded; all by default.
+
+    Raises:
+        ValueError: `out` has another shape or dtype, or is not contiguous.
+    """
+    first, last = rows or (0, camera.height)
+    settings = RasterSettings(
+        camera.width, camera.height, first, last, camera.focal, blend_depth_radii, coverage_gain, full_weight,
+        near_depth, far_depth,
+    )  # fmt: skip
+    call(
+        "z2p_rasterize_surfels", floats(points), floats(normals), floats(radii), floats(clip_planes), floats(features),
+        len(points), settings, place(out, (RASTERIZED.stop, camera.height, camera.width)),
+    )  # fmt: skip
