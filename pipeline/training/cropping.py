@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from z2p_core.network.crop_window import MARGIN, extent, length_of
+from z2p_core.network.crop_window import CROP_MARGIN, padded_extent, crop_side
 from z2p_renderer.pipeline.training.dataset import Batch
 
-MARGINS = (MARGIN // 2, 2 * MARGIN)
+MARGINS = (CROP_MARGIN // 2, 2 * CROP_MARGIN)
 """Pixels around the clouds of a batch at least and below: not always the same, so that no border is learnt by heart."""
 
 
@@ -27,8 +27,8 @@ def cropped(
     size = shown.shape[-1]
     begins, lengths = [], []
     for across in (2, 1):
-        ends = [extent(lines, margin) for lines in shown.any(dim=across).cpu().numpy()]
-        length = length_of(max(last - first // cell * cell for first, last in ends), stride, size)
+        ends = [padded_extent(lines, margin) for lines in shown.any(dim=across).cpu().numpy()]
+        length = crop_side(max(last - first // cell * cell for first, last in ends), stride, size)
         lengths.append(length)
         begins.append([_begin(first, last, length, size, cell, rng) for first, last in ends])
     places = list(zip(*begins, strict=True))

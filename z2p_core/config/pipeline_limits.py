@@ -22,7 +22,7 @@ from z2p_core.errors.value_limits import (
 )
 from z2p_core.meshes.synthetic_noise import KINDS
 from z2p_core.network.tensor_shapes import KINDS as NETWORKS
-from z2p_core.network.tensor_shapes import SIZE_LIMITS, network_fault
+from z2p_core.network.tensor_shapes import SIZE_LIMITS, network_config_fault
 
 DENOISE = ("off", "fast", "balanced", "high")
 PASSES = ("depth", "normal", "shadow")
@@ -155,7 +155,7 @@ def check_values(config: PipelineConfig) -> None:
     terms = [name for name in LOSS if name not in ("foreground", "masked")]
     if not any(getattr(config.train.loss, name) for name in terms):
         raise ConfigError(f"train.loss: expected a weight above 0 for one of {', '.join(terms)}")
-    if fault := network_fault(config.train.network):
+    if fault := network_config_fault(config.train.network):
         raise ConfigError(f"train.network.{fault}")
 
 
