@@ -1,6 +1,7 @@
 """What the compiled kernels compute, as functions of numpy arrays. They hold no lock, so threads run side by side.
 
-The C files lie in `c/`, by topic; installing the package compiles them. Everything is float32 and the same on every run.
+The C files lie in `c/`, by topic; installing the package compiles them. Arrays are float32 unless said otherwise, and
+results are the same on every run, processor and number of threads.
 """
 
 from z2p_core.native.images import GROUP as GROUP
@@ -17,6 +18,7 @@ from z2p_core.native.images import window_minimum as window_minimum
 from z2p_core.native.lighting import MOST_LIT as MOST_LIT
 from z2p_core.native.lighting import Casters as Casters
 from z2p_core.native.lighting import Floor as Floor
+from z2p_core.native.lighting import direct_lighting as direct_lighting
 from z2p_core.native.lighting import first_hits as first_hits
 from z2p_core.native.lighting import floor_glow as floor_glow
 from z2p_core.native.lighting import floor_hits as floor_hits
@@ -25,10 +27,9 @@ from z2p_core.native.lighting import floor_shadow as floor_shadow
 from z2p_core.native.lighting import gather_bounced as gather_bounced
 from z2p_core.native.lighting import gather_open as gather_open
 from z2p_core.native.lighting import gloss as gloss
-from z2p_core.native.lighting import illuminate as illuminate
 from z2p_core.native.lighting import image as image
 from z2p_core.native.lighting import in_other_cells as in_other_cells
-from z2p_core.native.lighting import mirror_hits as mirror_hits
+from z2p_core.native.lighting import raycast_discs as raycast_discs
 from z2p_core.native.list_rows import walk_rows as walk_rows
 from z2p_core.native.points import Grid as Grid
 from z2p_core.native.points import jets as jets

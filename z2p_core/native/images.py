@@ -15,10 +15,10 @@ from z2p_core.native.library import (
     FLOATS_OUT,
     INT,
     INT64,
-    call,
-    declare,
     as_float32,
+    call,
     check_output,
+    declare,
     select_variant,
 )
 from z2p_core.parallel import parallel_rows
@@ -90,7 +90,17 @@ def showing(points: np.ndarray, turns: np.ndarray, elevation: float, side: int) 
     covered, breadth = np.empty(len(turns), np.int32), np.empty(len(turns), np.float32)
     ways = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     tilt = np.array([np.sin(elevation), np.cos(elevation)])
-    call("z2p_showing", as_float32(points), len(points), as_float32(ways), len(turns), as_float32(tilt), side, covered, breadth)
+    call(
+        "z2p_showing",
+        as_float32(points),
+        len(points),
+        as_float32(ways),
+        len(turns),
+        as_float32(tilt),
+        side,
+        covered,
+        breadth,
+    )
     return covered, breadth
 
 

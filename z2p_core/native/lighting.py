@@ -18,10 +18,10 @@ from z2p_core.native.library import (
     INTS,
     INTS_OUT,
     Struct,
-    call,
-    declare,
     as_float32,
+    call,
     check_output,
+    declare,
 )
 from z2p_core.parallel import parallel_rows
 
@@ -40,11 +40,17 @@ class FloorStruct(ctypes.Structure):
     ]
 
 
+class ShadowMapScale(ctypes.Structure):
+    """The C structure of that name (`c/lighting/shadow_map.c`)."""
+
+    _fields_ = [("spacing", ctypes.c_float), ("cell_size", ctypes.c_float), ("cloud_radius", ctypes.c_float)]
+
+
 FLOOR = Struct(FloorStruct, "Floor")
 
 declare(
-    "z2p_mirror_hits", points=FLOATS, normals=FLOATS, count=INT, asked=INTS, begin=INT, end=INT, rays=FLOATS,
-    reach=FLOAT, spacing=FLOAT, radius=FLOAT, hit=INTS_OUT,
+    "z2p_raycast_discs", points=FLOATS, normals=FLOATS, count=INT, query_indices=INTS, begin=INT, end=INT, rays=FLOATS,
+    disc_radius=FLOAT, spacing=FLOAT, radius=FLOAT, hits=INTS_OUT,
 )  # fmt: skip
 declare(
     "z2p_floor_shade", points=FLOATS, count=INT, lamps=FLOATS, lamp_count=INT, square=FLOATS_OR_NONE, floor=FLOAT,
@@ -78,12 +84,13 @@ declare(
 )  # fmt: skip
 declare("z2p_floor_glow", light=FLOATS, count=INT, axis_count=INT, seen=INTS, share=FLOAT, side=INT, glow=FLOATS_OUT)
 declare(
-    "z2p_illuminate", points=FLOATS, normals=FLOATS, count=INT, places=FLOATS, owners=INTS, place_count=INT,
-    lamps=FLOATS, axes=FLOATS, powers=FLOATS, lamp_count=INT, spacing=FLOAT, cell=FLOAT, radius=FLOAT, light=FLOATS_OUT,
+    "z2p_direct_lighting", points=FLOATS, normals=FLOATS, count=INT, caster_positions=FLOATS, caster_owners=INTS,
+    caster_count=INT, light_positions=FLOATS, light_axes=FLOATS, light_powers=FLOATS, light_count=INT,
+    scale=Struct(ShadowMapScale), irradiance=FLOATS_OUT,
 )  # fmt: skip
 declare(
-    "z2p_first_hits", points=FLOATS, normals=FLOATS, count=INT, axes=FLOATS, axis_count=INT, spacing=FLOAT,
-    radius=FLOAT, hit=INTS_OUT,
+    "z2p_first_visible", points=FLOATS, normals=FLOATS, count=INT, axes=FLOATS, axis_count=INT, spacing=FLOAT,
+    radius=FLOAT, visible=INTS_OUT,
 )  # fmt: skip
 
 MOST_LIT = 0xFFFF
@@ -127,7 +134,7 @@ class Floor:
         return floor
 
 
-def illuminate(
+def direct_lighting(
     points: np.ndarray, normals: np.ndarray, casters: Casters, lamps: np.ndarray, axes: np.ndarray, powers: np.ndarray,
     spacing: float, radius: float,
 ) -> np.ndarray:  # fmt: skip
@@ -144,9 +151,9 @@ def illuminate(
         raise ValueError(f"expected at most {MOST_LIT} points to light, got {len(points)}")
     light = np.empty((2, len(points)), np.float32)
     call(
-        "z2p_illuminate", as_float32(points), as_float32(normals), len(points), as_float32(casters.places),
+        "z2p_direct_lighting", as_float32(points), as_float32(normals), len(points), as_float32(casters.places),
         np.ascontiguousarray(casters.owners, np.int32), len(casters.places), as_float32(lamps), as_float32(axes),
-        as_float32(powers), len(lamps), spacing, casters.cell, radius, light,
+        as_float32(powers), len(lamps), ShadowMapScale(spacing, casters.cell, radius), light,
     )  # fmt: skip
     return light
 
@@ -189,13 +196,13 @@ def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacin
     """
     hits = np.empty((2 * len(axes), len(points)), np.int32)
     call(
-        "z2p_first_hits", as_float32(points), as_float32(normals), len(points), as_float32(axes), len(axes),
+        "z2p_first_visible", as_float32(points), as_float32(normals), len(points), as_float32(axes), len(axes),
         spacing, radius, hits,
     )  # fmt: skip
     return hits
 
 
-def mirror_hits(
+def raycast_discs(
     points: np.ndarray, normals: np.ndarray, asked: np.ndarray, rays: np.ndarray, reach: float, spacing: float,
     radius: float,
 ) -> np.ndarray:  # fmt: skip
@@ -207,7 +214,7 @@ def mirror_hits(
     hits, asked = np.empty(len(asked), np.int32), np.ascontiguousarray(asked, np.int32)
     cloud = (as_float32(points), as_float32(normals), len(points), asked)
     rest = (as_float32(rays), reach, spacing, radius, hits)
-    parallel_rows(lambda begin, end: call("z2p_mirror_hits", *cloud, begin, end, *rest), len(asked), parts=2)
+    parallel_rows(lambda begin, end: call("z2p_raycast_discs", *cloud, begin, end, *rest), len(asked), parts=2)
     return hits
 
 

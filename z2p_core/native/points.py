@@ -15,9 +15,9 @@ from z2p_core.native.library import (
     INTS,
     INTS_OUT,
     Handle,
+    as_float32,
     call,
     declare,
-    as_float32,
     select_variant,
 )
 from z2p_core.parallel import parallel_rows
@@ -48,6 +48,7 @@ declare(
     "z2p_showing", points=FLOATS, count=INT, turns=FLOATS, views=INT, tilt=FLOATS, side=INT, covered=INTS_OUT,
     breadth=FLOATS_OUT,
 )  # fmt: skip
+
 
 class Grid:
     """A cloud (N, 3), N >= 1, whose points are sorted by place, so that neighbours are found at once.

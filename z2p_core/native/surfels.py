@@ -16,12 +16,11 @@ from z2p_core.native.library import (
     FLOATS_OUT,
     INT,
     INTS,
-    INTS_OUT,
     Struct,
+    as_float32,
     call,
+    check_output,
     declare,
-    floats,
-    place,
 )
 from z2p_core.parallel import parallel_rows
 from z2p_core.shading.channels import RASTERIZED
@@ -118,11 +117,11 @@ def find_hole_discs(
     Returns:
         Radii (M,), 0 where there is no hole; positions (M, 3), moved towards the surface; and normals (M, 3).
     """
-    discs, disc_normals = floats(positions).copy(), floats(rim_normals).copy()
+    discs, disc_normals = as_float32(positions).copy(), as_float32(rim_normals).copy()
     radii = np.empty(len(positions), np.float32)
     call(
-        "z2p_find_hole_discs", points, normals, neighbors, len(positions), neighbors.shape[1], floats(extents), discs,
-        disc_normals, radii,
+        "z2p_find_hole_discs", points, normals, neighbors, len(positions), neighbors.shape[1], as_float32(extents),
+        discs, disc_normals, radii,
     )  # fmt: skip
     return radii, discs, disc_normals
 
@@ -139,7 +138,7 @@ def offset_disc_centers(
         neighbors: (N, K) int32, nearest first, each row beginning with the point itself.
     """
     centers = np.empty((len(points), 3), np.float32)
-    discs = (floats(points), floats(normals), floats(radii), neighbors)
+    discs = (as_float32(points), as_float32(normals), as_float32(radii), neighbors)
 
     def offset(begin: int, end: int) -> None:
         call("z2p_offset_disc_centers", *discs, begin, end, neighbors.shape[1], centers)
@@ -161,7 +160,7 @@ def disc_clip_planes(points: np.ndarray, normals: np.ndarray, radii: np.ndarray,
         neighbors: (N, K) int32.
     """
     planes = np.empty((len(points), MAX_CLIP_PLANES, 4), np.float32)
-    discs = (floats(points), floats(normals), floats(radii), neighbors)
+    discs = (as_float32(points), as_float32(normals), as_float32(radii), neighbors)
 
     def clip(begin: int, end: int) -> None:
         call("z2p_disc_clip_planes", *discs, begin, end, neighbors.shape[1], planes)
@@ -205,6 +204,6 @@ def rasterize_surfels(
         near_depth, far_depth,
     )  # fmt: skip
     call(
-        "z2p_rasterize_surfels", floats(points), floats(normals), floats(radii), floats(clip_planes), floats(features),
-        len(points), settings, place(out, (RASTERIZED.stop, camera.height, camera.width)),
+        "z2p_rasterize_surfels", as_float32(points), as_float32(normals), as_float32(radii), as_float32(clip_planes),
+        as_float32(features), len(points), settings, check_output(out, (RASTERIZED.stop, camera.height, camera.width)),
     )  # fmt: skip

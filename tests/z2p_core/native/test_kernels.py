@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from point_shapes import sphere_of
 
 from z2p_core import native
 from z2p_core.camera import Camera

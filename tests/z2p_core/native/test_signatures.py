@@ -90,7 +90,7 @@ READ_ONLY = np.zeros(20, np.float32)
 READ_ONLY.flags.writeable = False
 
 WRONG = {
-    "swapped": ((NEIGHBORS, CLOUD, 20, 8, NORMALS, SPREAD), r"z2p_\w+, argument 1 \(points\): .* float32, got .* int32"),
+    "swapped": ((NEIGHBORS, CLOUD, 20, 8, NORMALS, SPREAD), r"argument 1 \(points\): .* float32, got .* int32"),
     "missing": ((CLOUD, NEIGHBORS, 20, NORMALS, SPREAD), r"expected 6 arguments \(points, .*\), got 5"),
     "another dtype": ((CLOUD.astype(float), NEIGHBORS, 20, 8, NORMALS, SPREAD), r"float32, got .* of float64"),
     "not contiguous": ((CLOUD, NEIGHBORS[:, :4], 20, 4, NORMALS, SPREAD), r"argument 2 .*contiguous .* not contiguous"),
@@ -98,7 +98,7 @@ WRONG = {
     "not an array": ((CLOUD, NEIGHBORS.tolist(), 20, 8, NORMALS, SPREAD), r"argument 2 .*int32, got list"),
     "None": ((CLOUD, None, 20, 8, NORMALS, SPREAD), r"argument 2 .*int32, got NoneType"),
     "a float for an int": ((CLOUD, NEIGHBORS, 20.0, 8, NORMALS, SPREAD), r"argument 3 .*integer .*got float 20.0"),
-    "too large an int": ((CLOUD, NEIGHBORS, 2**31, 8, NORMALS, SPREAD), r"argument 3 .*integer of 32 bits, got int 2147"),
+    "too large an int": ((CLOUD, NEIGHBORS, 2**31, 8, NORMALS, SPREAD), r"argument 3 .*integer of 32 bits, got int 2"),
     "read-only output": ((CLOUD, NEIGHBORS, 20, 8, NORMALS, READ_ONLY), r"argument 6 .*to write to, got .*read-only"),
 }
 
@@ -131,7 +131,7 @@ def test_arguments_are_taken_by_name_in_any_order() -> None:
 
 @pytest.mark.parametrize("named", [{"spread": SPREAD}, {"spread": SPREAD, "normals": NORMALS, "most": 8, "counts": 20}])
 def test_unknown_or_missing_names_are_refused(named: dict[str, Any]) -> None:
-    with pytest.raises(TypeError, match="count.* missing, unknown or given twice; it takes points, "):
+    with pytest.raises(TypeError, match=r"count.* missing, unknown or given twice; it takes points, "):
         call("z2p_planes", CLOUD, NEIGHBORS, **named)
 
 

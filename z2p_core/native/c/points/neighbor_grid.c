@@ -120,7 +120,7 @@ static int fill(Grid *grid, int cells, const float *points, int count, float *so
     return split_axes(grid, count, sorted);
 }
 
-int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted) {
+int build_grid(Grid *grid, const float *points, int count, float *sorted) {
     float high[3], extent[3], longest = 0;
     for (int axis = 0; axis < 3; axis++) {
         grid->low[axis] = high[axis] = points[axis];
@@ -266,7 +266,7 @@ INLINE void look_through_cells(const Grid *grid, const float *p, int most, Crowd
     }
 }
 
-FAST void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near *near) {
+FAST void find_nearest(const Grid *grid, const float *points, int self, Near *near) {
     const float *p = points + 3 * self;
     Crowd crowd;
     crowd.count = 0;

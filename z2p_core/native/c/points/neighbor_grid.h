@@ -26,8 +26,8 @@ typedef struct {
 
 /* Sorts `points` (count, 3) by their cells, or parts of the tree, into `sorted`. Returns 0 when memory is short;
  * grid->start, grid->splits and grid->x, which the other axes lie behind, are to be freed. */
-int z2p_grid_build(Grid *grid, const float *points, int count, float *sorted);
+int build_grid(Grid *grid, const float *points, int count, float *sorted);
 
 /* near->most near points of the place `points[self]`, nearest first, the nearest but for a few at the end: itself among
  * them, where it is one of the grid's. One at least is found. */
-void z2p_grid_nearest(const Grid *grid, const float *points, int self, Near *near);
+void find_nearest(const Grid *grid, const float *points, int self, Near *near);

@@ -53,7 +53,7 @@ FAST void z2p_smallest_axes(float (*m)[LANES], float (*axes)[LANES]) {
 /* The grid of a cloud (count, 3), its points in the grid's order in `sorted`, behind `handle`. */
 int z2p_grid(const float *points, int count, float *sorted, Grid **handle) {
     *handle = calloc(1, sizeof(Grid));
-    return *handle && z2p_grid_build(*handle, points, count, sorted);
+    return *handle && build_grid(*handle, points, count, sorted);
 }
 
 int z2p_grid_free(Grid *grid) {
@@ -72,7 +72,7 @@ int z2p_neighbours(const Grid *grid, const float *points, const int *asked, int 
                    float *spacing) {
     for (int i = 0; i < count; i++, found += most) {
         Near near = {.most = most};
-        z2p_grid_nearest(grid, points, asked[i], &near);
+        find_nearest(grid, points, asked[i], &near);
         int shared = near.count < SHARED ? near.count : SHARED;
         spacing[i] = shared > 1 ? sqrtf(3.14159265f * near.distance[shared - 1] / (float)shared) : 0;
         for (int j = 0; j < most; j++) found[j] = near.found[j < near.count ? j : near.count - 1];
