@@ -40,7 +40,7 @@ COMMANDS = {
     "report": ("bug_report:report", "Print what a bug report needs."),
     "completion": ("completion:completion", "Print the script for Tab completion in a shell."),
 }
-"""Subcommand -> (module:attribute in `cli.commands`, short help): by name, so that `z2p --help` imports none of them."""
+"""Subcommand -> (module:attribute in `cli.commands`, short help): as text, so that `z2p --help` imports none."""
 
 
 class LazyGroup(click.Group):

@@ -46,7 +46,7 @@ _NOTES = {
 """What to say -> of which options that there are not."""
 
 
-def unknown_option(error: click.NoSuchOption) -> click.UsageError:
+def unknown_option_error(error: click.NoSuchOption) -> click.UsageError:
     """The error with the option that was meant, in place of those that merely look alike."""
     if error.ctx is None:
         return error
@@ -63,7 +63,7 @@ def unknown_option(error: click.NoSuchOption) -> click.UsageError:
     return click.UsageError(f"No such option: {error.option_name}" + (f". {note}" if note else ""), error.ctx)
 
 
-def unknown_command(words: Sequence[str], commands: Iterable[str]) -> str:
+def unknown_command_message(words: Sequence[str], commands: Iterable[str]) -> str:
     """What to say of words whose first is no command: that it is a scan, or which command was meant."""
     word, known = words[0], list(commands)
     if Path(word).exists() or (has_magic(word) and glob(word)):  # noqa: PTH207 - takes absolute ones
@@ -78,7 +78,7 @@ def unknown_command(words: Sequence[str], commands: Iterable[str]) -> str:
     return f"No such command: {word}; z2p --help lists them"
 
 
-def misplaced_option(error: click.NoSuchOption) -> click.UsageError:
+def misplaced_option_error(error: click.NoSuchOption) -> click.UsageError:
     """The error of an option in front of the command."""
     name = closest_name(error.option_name, ("--help", "--version"))
     if name is not None:

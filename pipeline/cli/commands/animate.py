@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from z2p_renderer.pipeline.cli import debugging
+from z2p_renderer.pipeline.cli.errors import is_debugging
 from z2p_renderer.pipeline.cli.options.controls import SETTINGS, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import found_scans
 from z2p_renderer.pipeline.cli.options.param_types import FiniteRange, Format, Target, is_folder
@@ -62,7 +62,7 @@ def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options
     Exit status: 0 all made or there before, 1 some files failed (the others are done), 2 wrong usage.
     """
     with warnings.catch_warnings():
-        if not debugging():
+        if not is_debugging():
             warnings.simplefilter("ignore")  # libraries' remarks would bury the one line a file gets
         failed = _run(ctx, inputs, output, options)
     ctx.exit(1 if failed else 0)

@@ -1,4 +1,4 @@
-"""`z2p report` and `z2p completion`: what a bug report needs, and what a shell needs."""
+"""`z2p report`: what a bug report needs."""
 
 from __future__ import annotations
 
@@ -30,26 +30,6 @@ def report(as_json: bool) -> None:
         click.echo(title)
         for name, value in rows.items():
             click.echo(f"  {name:<18} {value}")
-
-
-@click.command()
-@click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
-def completion(shell: str) -> None:
-    """Print the script that completes z2p's commands and options with the Tab key.
-
-    \b
-    bash: echo 'eval "$(z2p completion bash)"' >> ~/.bashrc
-    zsh:  echo 'eval "$(z2p completion zsh)"' >> ~/.zshrc
-    fish: z2p completion fish > ~/.config/fish/completions/z2p.fish
-    """
-    from click.shell_completion import get_completion_class
-
-    from z2p_renderer.pipeline.cli import main
-
-    complete = get_completion_class(shell)
-    if complete is None:
-        raise click.UsageError(f"no completion for {shell}")
-    click.echo(complete(main, {}, "z2p", "_Z2P_COMPLETE").source())
 
 
 def _facts() -> dict[str, dict[str, Any]]:

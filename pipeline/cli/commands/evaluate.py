@@ -13,7 +13,7 @@ from z2p_core.config import EvaluateConfig
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.errors.missing_system_libraries import SystemLibraryError
 from z2p_core.scene import SIDE_LIMITS
-from z2p_renderer.pipeline.cli import Failure
+from z2p_renderer.pipeline.cli.errors import CommandError
 from z2p_renderer.pipeline.cli.options.param_types import Elevation, FiniteRange
 
 PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
@@ -75,15 +75,15 @@ def evaluate(
     check_places(output, sheets_of(len(found) * config.views * config.seeds))  # before hours of rendering
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if missing:
-        raise Failure(f"evaluation needs {', '.join(missing)}; {INSTALL}")
+        raise CommandError(f"evaluation needs {', '.join(missing)}; {INSTALL}")
     try:
         from z2p_renderer.pipeline.evaluation.evaluate import evaluate as measure
 
         measure(found, file, output, config, truth or output / "truth", _say, baseline, engine)
     except SystemLibraryError as error:
-        raise Failure(str(error)) from error
+        raise CommandError(str(error)) from error
     except ImportError as error:
-        raise Failure(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
+        raise CommandError(f"evaluation needs packages that cannot be imported here ({error}); {INSTALL}") from error
     _print_means(json.loads((output / "metrics.json").read_text()))
     click.echo(f"written to {output}", err=True)
 

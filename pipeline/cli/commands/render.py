@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from z2p_core.interfaces import Value
-from z2p_renderer.pipeline.cli import debugging
+from z2p_renderer.pipeline.cli.errors import is_debugging
 from z2p_renderer.pipeline.cli.options.controls import SETTINGS, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import found_scans
 from z2p_renderer.pipeline.cli.options.palettes import PALETTES, palette
@@ -60,7 +60,7 @@ SUFFIX_NAMES = {"jpg": "jpeg", "tif": "tiff"}
               help="Files rendered at the same time.  [default: one a core]")
 @click.option("--quiet", "-q", is_flag=True, help="Tell of failures only.")
 @click.pass_context
-def run_inference(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: Any) -> None:
+def render(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options: Any) -> None:
     """Render point clouds to pictures: each INPUT is a file, a folder, a quoted glob, or - for standard input.
 
     \b
@@ -73,7 +73,7 @@ def run_inference(ctx: click.Context, inputs: tuple[str, ...], output: Path, **o
     Exit status: 0 all rendered or there before, 1 some files failed (the others are done), 2 wrong usage.
     """
     with warnings.catch_warnings():
-        if not debugging():
+        if not is_debugging():
             warnings.simplefilter("ignore")  # libraries' remarks would bury the one line a file gets
         failed = _run(ctx, inputs, output, ctx.meta.get(SETTINGS, {}), options)
     ctx.exit(1 if failed else 0)

@@ -1,8 +1,7 @@
-"""`z2p info` and `z2p rerender`: what made a picture, and the same picture with something changed."""
+"""`z2p rerender`: a picture that z2p wrote, drawn again with something changed."""
 
 from __future__ import annotations
 
-import json
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from z2p_core.interfaces import Value
-from z2p_renderer.pipeline.cli import Failure, debugging
+from z2p_renderer.pipeline.cli.errors import CommandError, is_debugging
 from z2p_renderer.pipeline.cli.options.controls import SETTINGS, RerenderCommand
 from z2p_renderer.pipeline.cli.options.param_types import Background, Degrees, Margin, Resolution, Smooth, Target
 from z2p_renderer.pipeline.cli.options.pictures import writable
@@ -21,35 +20,6 @@ from z2p_renderer.pipeline.cli.progress import tell_opaque
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.inference.render_scan import Crop, Look
     from z2p_renderer.pipeline.inference.renderer import Renderer
-
-
-@click.command()
-@click.argument("figures", nargs=-1, required=True, metavar="FIGURE...", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="The whole record, a JSON line a figure.")
-def info(figures: tuple[Path, ...], as_json: bool) -> None:
-    """Show what made a picture: its scan, camera, controls, weights and version.
-
-    \b
-    z2p info fig.png
-    z2p info fig.png --json
-    """
-    from z2p_renderer.storage.files.printable_names import printable
-    from z2p_renderer.storage.images.image_files import PictureError, read_record
-
-    failed = False
-    for figure in figures:
-        try:
-            record = read_record(figure, complete=not as_json)
-        except PictureError as error:
-            failed = True
-            click.echo(f"failed: {error}", err=True)
-            continue
-        if as_json:
-            click.echo(json.dumps({"figure": str(figure), **record}))
-        else:
-            click.echo("\n".join([printable(figure), *(f"  {key:<11} {text}" for key, text in _rows(record))]))
-    if failed:
-        click.get_current_context().exit(1)
 
 
 @click.command(cls=RerenderCommand, context_settings={"show_default": True})
@@ -87,9 +57,9 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
 
     record = read_record(figure, complete=True)
     if "motion" in record:
-        raise Failure(f"{figure} is a loop; make it again with z2p animate SCAN --load-camera {figure}")
+        raise CommandError(f"{figure} is a loop; make it again with z2p animate SCAN --load-camera {figure}")
     if "batch" in record:
-        raise Failure(f"{figure} is a sheet of {record['batch']} clouds, of which its record tells the first; draw it "
+        raise CommandError(f"{figure} is a sheet of {record['batch']} clouds, of which its record tells the first; draw it "
                       "again in Python, or save and change its pictures one by one, as sheet[0].save(...)")
     output = output or figure.with_stem(f"{figure.stem}_2")
     if output.exists() and not options["overwrite"]:
@@ -99,7 +69,7 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     if options["background"] is None and record["background"] == "transparent" and not options["quiet"]:
         tell_opaque(output.suffix.lower())
     with warnings.catch_warnings():
-        if not debugging():
+        if not is_debugging():
             warnings.simplefilter("ignore")
         picture, look, made_by = _drawn_again(record, _scan(record, figure, scan), output, ctx.meta.get(SETTINGS, {}),
                                               options)  # fmt: skip
@@ -114,15 +84,15 @@ def _drawn_again(
     """The new picture, the look it has and the record of it."""
     from z2p_core.interfaces import ScanError
     from z2p_renderer.pipeline.inference.batch import describe_source
-    from z2p_renderer.pipeline.inference.render_scan import render_scan
     from z2p_renderer.pipeline.inference.render_scan import build_record as record_of
+    from z2p_renderer.pipeline.inference.render_scan import render_scan
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.storage.models.checkpoints import shipped_weights
     from z2p_renderer.storage.scans.clouds import format_suffix, read_each
 
     name = options["weights"] or record["weights"]["name"]
     if options["weights"] is None and name not in shipped_weights():
-        raise Failure(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
+        raise CommandError(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
                       "--weights")
     renderer = load_renderer(name, values, engine=_engine(record, options["engine"]))
     look = _look(record, renderer, name, values, options).written_as(output.suffix.lower())
@@ -130,7 +100,7 @@ def _drawn_again(
     columns = tuple(source["columns"]) if "columns" in source else None
     clouds = read_each(scan, columns)
     if source["cloud"] >= len(clouds):
-        raise Failure(f"{scan} holds {len(clouds)} clouds; the picture shows number {source['cloud'] + 1}")
+        raise CommandError(f"{scan} holds {len(clouds)} clouds; the picture shows number {source['cloud'] + 1}")
     cloud = clouds[source["cloud"]]
     if isinstance(cloud, ScanError):
         raise cloud
@@ -233,54 +203,27 @@ def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
     """The file that the picture's cloud came from, checked against the digest.
 
     Raises:
-        Failure: it is nowhere to be found, or has changed.
+        CommandError: it is nowhere to be found, or has changed.
     """
     from z2p_renderer.storage.results.fingerprints import file_digest
 
     source = record["input"]
     if source.get("name") is None:
-        raise Failure(f"{figure} was drawn from an array in Python, not from a file; draw it there again with "
+        raise CommandError(f"{figure} was drawn from an array in Python, not from a file; draw it there again with "
                       "z2p_core.render(points, camera=...)")
     places = [given] if given else [figure.parent / source["path"]] if source["path"] else []
     places += [] if given else [figure.parent / source["name"], Path(source["name"])]
     found = [place for place in places if place.is_file()]
     if not found:
         if given is None and source["path"] is None:
-            raise Failure("the scan came through standard input, so no file is known; name one with --input")
+            raise CommandError("the scan came through standard input, so no file is known; name one with --input")
         looked = ", ".join(dict.fromkeys(str(place) for place in places))
-        raise Failure(f"the scan {source['name']} is not to be found (looked for {looked}); name it with --input")
+        raise CommandError(f"the scan {source['name']} is not to be found (looked for {looked}); name it with --input")
     for place in found:
         if file_digest(place) == source["sha256"]:
             return place
     if given:
-        raise Failure(f"{given} is not the scan that the picture was drawn from (other content); draw it anew with "
+        raise CommandError(f"{given} is not the scan that the picture was drawn from (other content); draw it anew with "
                       f"z2p run-inference {given} --load-camera {figure}")
-    raise Failure(f"{found[0]} has changed since; draw it anew with z2p run-inference {found[0]} "
+    raise CommandError(f"{found[0]} has changed since; draw it anew with z2p run-inference {found[0]} "
                   f"--load-camera {figure}")
-
-
-def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What people want to know of a record, in words."""
-    from z2p_renderer.pipeline.outputs.gallery import placed_rows
-
-    source, stance, weights = record["input"], record["stance"], record["weights"]
-    rows = [("scan", f"{source.get('name') or 'an array in Python'}  sha256 {source['sha256'][:16]}")]
-    if source["cloud"]:
-        rows.append(("cloud", f"number {source['cloud'] + 1} of the file"))
-    rows += [(name, ", ".join(f"{number:g}" for number in value)) for name, value in record["controls"].items()]
-    rows += [
-        ("up", f"{stance['up']}: {stance['up_reason']}"),
-        ("view", f"azimuth {stance['azimuth']:g}, {stance['view_reason']}"),
-        ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
-                   f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
-        ("left out", f"strays: {stance['outliers']}, points far behind: {stance['background']}"),
-        *placed_rows(record),
-        ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
-        ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
-                 f"fit {record['fit']}"),
-        ("background", record["background"] if isinstance(record["background"], str) else
-         ", ".join(f"{number:g}" for number in record["background"])),
-        ("weights", f"{weights['name']}  sha256 {weights['sha256'][:16]}"),
-        ("z2p", record["version"]),
-    ]  # fmt: skip
-    return rows

@@ -15,7 +15,7 @@ import click
 
 from z2p_core.errors.install_advice import install_advice
 from z2p_renderer.pipeline.child_process import child_environment
-from z2p_renderer.pipeline.cli import Failure
+from z2p_renderer.pipeline.cli.errors import CommandError
 
 PATIENT = ("--worker-keep-alive", "--worker-wait-interval", "1", "--worker-wait-jitter", "1")
 """A worker with nothing to do waits for the others, and asks the scheduler no more than once in a second or two."""
@@ -56,7 +56,7 @@ def pipeline_options(config_help: str, config_default: str) -> Callable[[Callabl
 
 @click.command()
 @pipeline_options("Settings of every stage.", "the quick ones")
-def full_pipeline(**options: Any) -> None:
+def pipeline(**options: Any) -> None:
     """Make weights: sample meshes, render them in Blender, shard, train and evaluate.
 
     Runs `luigi --module workflows FullPipeline --local-scheduler` and ends with its exit status. Only stages whose
@@ -69,7 +69,7 @@ def run_task(task: str, scheduler: str | None, explain: bool, dry_run: bool, **o
     """Run a task of `workflows` in luigi, with the values of `pipeline_options`, and end with its exit status.
 
     Raises:
-        Failure: luigi is not installed.
+        CommandError: luigi is not installed.
     """
     check_luigi()
     command = [sys.executable, "-m", "luigi", "--module", "workflows", task]
@@ -90,10 +90,10 @@ def check_luigi() -> None:
     """Nothing, where luigi is installed.
 
     Raises:
-        Failure: it is not.
+        CommandError: it is not.
     """
     if importlib.util.find_spec("luigi") is None:
-        raise Failure(f"the pipeline needs luigi, which is not installed; {install_advice('pipeline')}")
+        raise CommandError(f"the pipeline needs luigi, which is not installed; {install_advice('pipeline')}")
 
 
 def run_process(command: list[str], environment: dict[str, str]) -> int:
