@@ -19,7 +19,7 @@ from z2p_core.native.lighting import MOST_LIT as MOST_LIT
 from z2p_core.native.lighting import Casters as Casters
 from z2p_core.native.lighting import Floor as Floor
 from z2p_core.native.lighting import direct_lighting as direct_lighting
-from z2p_core.native.lighting import first_hits as first_hits
+from z2p_core.native.lighting import first_visible as first_visible
 from z2p_core.native.lighting import floor_glow as floor_glow
 from z2p_core.native.lighting import floor_hits as floor_hits
 from z2p_core.native.lighting import floor_shade as floor_shade

@@ -189,7 +189,7 @@ def in_other_cells(shade: np.ndarray, side: int) -> np.ndarray:
     return out
 
 
-def first_hits(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacing: float, radius: float) -> np.ndarray:
+def first_visible(points: np.ndarray, normals: np.ndarray, axes: np.ndarray, spacing: float, radius: float) -> np.ndarray:
     """The point (2 A, N) int32 that each of points (N, 3) sees first along unit axes (A, 3), and against each.
 
     -1 where the view is free. The cloud has that spacing and lies within `radius` of the origin.
@@ -257,7 +257,7 @@ def gather_open(
 ) -> np.ndarray:  # fmt: skip
     """Radiance (2, N) of a white diffuse cloud under lamps, sky and the floor that they light, on both sides.
 
-    `direct` (2, N) is what comes straight from the lamps, as a radiance; `hits` those of `first_hits`; the shades
+    `direct` (2, N) is what comes straight from the lamps, as a radiance; `hits` those of `first_visible`; the shades
     (S, S) those of `floor_shade`.
     """
     light = np.array(direct, np.float32)
@@ -274,7 +274,7 @@ def gather_bounced(
 ) -> np.ndarray:  # fmt: skip
     """Radiance (2, N) that white diffuse points get from each other, and once more from the floor that they light.
 
-    `light` (2, N) is what they send back on both sides; `hits` those of `first_hits`; `glow` (G, G) that light's
+    `light` (2, N) is what they send back on both sides; `hits` those of `first_visible`; `glow` (G, G) that light's
     `floor_glow`. Of points with an albedo it is so much for each time that the cloud sent it on.
     """
     bounced = np.empty((2, len(points)), np.float32)

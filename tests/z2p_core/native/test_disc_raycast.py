@@ -27,7 +27,7 @@ def test_rays_meet_the_nearest_sheet_where_they_cross_it() -> None:
     heights, spacing = (-0.5, 0.0, 0.6), 0.8 / math.sqrt(COUNT)
     points = np.concatenate([square_of(COUNT, 0.4, height, seed) for seed, height in enumerate(heights)])
     rays = np.tile(unit(np.float32([0.3, 0.1, 1])), (3 * COUNT, 1))
-    hits = native.mirror_hits(points, np.tile(UP, (3 * COUNT, 1)), everyone(points), rays, spacing, spacing, 1.0)
+    hits = native.raycast_discs(points, np.tile(UP, (3 * COUNT, 1)), everyone(points), rays, spacing, spacing, 1.0)
     assert hits.dtype == np.int32 and (hits[2 * COUNT :] == -1).all(), "above the last one is nothing"
     for number, height in enumerate(heights[1:]):
         own = slice(number * COUNT, (number + 1) * COUNT)
@@ -46,7 +46,7 @@ def test_cell_by_cell_finds_what_trying_every_disc_finds(spread: float) -> None:
     points = (spread * rng.uniform(-1, 1, (400, 3)) / math.sqrt(3)).astype(np.float32)
     normals, rays = unit(rng.normal(size=(400, 3))), unit(rng.normal(size=(400, 3)))
     asked = rng.permutation(400)[:150].astype(np.int32)
-    found = native.mirror_hits(points, normals, asked, rays[asked], reach, 0.01, 1.0)
+    found = native.raycast_discs(points, normals, asked, rays[asked], reach, 0.01, 1.0)
     expected = np.full(len(asked), -1)
     for row, one in enumerate(asked):
         step, ray, normal = points - points[one], rays[one], normals[one]
@@ -64,8 +64,8 @@ def test_cell_by_cell_finds_what_trying_every_disc_finds(spread: float) -> None:
 def test_a_sphere_meets_nothing_outwards_and_its_other_side_inwards() -> None:
     points, spacing = sphere_of(COUNT, radius=0.8), math.sqrt(4 * math.pi * 0.64 / COUNT)
     normals, rows = points / 0.8, everyone(points)
-    outwards = native.mirror_hits(points, normals, rows, normals, 1.3 * spacing, spacing, 0.85)
-    inwards = native.mirror_hits(points, normals, rows, -normals, 1.3 * spacing, spacing, 0.85)
+    outwards = native.raycast_discs(points, normals, rows, normals, 1.3 * spacing, spacing, 0.85)
+    inwards = native.raycast_discs(points, normals, rows, -normals, 1.3 * spacing, spacing, 0.85)
     assert (outwards == -1).all() and (inwards >= 0).mean() > 0.97
     seen = inwards >= 0
     assert np.linalg.norm(points[inwards[seen]] + points[seen], axis=1).max() < 1.5 * spacing
@@ -75,11 +75,11 @@ def test_a_sphere_meets_nothing_outwards_and_its_other_side_inwards() -> None:
 def test_any_extent_and_rays_along_an_axis_come_to_an_end(radius: float) -> None:
     points = radius * sphere_of(50, radius=0.9)
     for ray in (UP, -UP, np.float32([1, 0, 0]), np.float32([0, 0, 0]), np.float32([np.nan, 0, 1])):
-        hits = native.mirror_hits(points, points / radius, everyone(points), np.tile(ray, (50, 1)), 1e-3, 1e-3, radius)
+        hits = native.raycast_discs(points, points / radius, everyone(points), np.tile(ray, (50, 1)), 1e-3, 1e-3, radius)
         assert ((hits >= -1) & (hits < 50)).all()
 
 
 def test_no_points_asked_for_meet_nothing() -> None:
     points = sphere_of(10)
-    found = native.mirror_hits(points, points, np.empty(0, np.int32), np.empty((0, 3)), 0.1, 0.1, 1.0)
+    found = native.raycast_discs(points, points, np.empty(0, np.int32), np.empty((0, 3)), 0.1, 0.1, 1.0)
     assert found.shape == (0,)

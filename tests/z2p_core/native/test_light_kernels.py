@@ -17,7 +17,7 @@ def lit(points, normals, *lamps_and_sizes, casters=None):
     """Light on points that cast their own shadows, in cells of two thirds of their spacing."""
     spacing = lamps_and_sizes[-2]
     own = native.Casters(points, np.arange(len(points)), spacing / 1.5)
-    return native.illuminate(points, normals, casters or own, *lamps_and_sizes)
+    return native.direct_lighting(points, normals, casters or own, *lamps_and_sizes)
 
 
 def test_light_falls_with_distance_and_angle():
@@ -149,7 +149,7 @@ def test_points_see_the_nearest_others_along_an_axis_and_against_it():
     """Three sheets one above the other: each sees its neighbour, whatever lies beyond."""
     heights, count = (0.6, 0.0, -0.5), 3000
     points = np.concatenate([square_of(count, 0.4, height, seed) for seed, height in enumerate(heights)])
-    hits = native.first_hits(points, np.tile(UP, (3 * count, 1)), AXES, 0.8 / math.sqrt(count), 1.0)
+    hits = native.first_visible(points, np.tile(UP, (3 * count, 1)), AXES, 0.8 / math.sqrt(count), 1.0)
     assert hits.shape == (6, 3 * count) and hits.dtype == np.int32
     inner = (np.abs(points[:, :2]) < 0.35).all(1)
     sheet = np.repeat([0, 1, 2], count)
@@ -163,7 +163,7 @@ def test_points_see_the_nearest_others_along_an_axis_and_against_it():
 
 def test_a_sphere_sees_nothing_outwards_and_its_other_side_inwards():
     points = sphere_of(5000, radius=0.8)
-    hits = native.first_hits(points, points / 0.8, AXES[:1], math.sqrt(4 * math.pi * 0.64 / 5000), 0.85)
+    hits = native.first_visible(points, points / 0.8, AXES[:1], math.sqrt(4 * math.pi * 0.64 / 5000), 0.85)
     upper, lower = points[:, 2] > 0.3, points[:, 2] < -0.3
     assert (hits[0][upper] < 0).mean() > 0.99 and (hits[1][lower] < 0).mean() > 0.99
     across = hits[0][lower]
@@ -211,7 +211,7 @@ def test_a_glowing_floor_lights_what_looks_down_on_it():
 def test_many_points_gather_what_each_gathers_alone():
     """Rows are shared between two cores; the answer is the same."""
     points, axes, floor = sphere_of(3000, radius=0.8), AXES, floor_under()
-    hits = native.first_hits(points, points / 0.8, axes, math.sqrt(4 * math.pi * 0.64 / 3000), 0.85)
+    hits = native.first_visible(points, points / 0.8, axes, math.sqrt(4 * math.pi * 0.64 / 3000), 0.85)
     light, none = np.ones((2, 3000), np.float32), np.zeros((8, 8), np.float32)
     together = native.gather_bounced(points, points / 0.8, axes, hits, light, floor, none)
     for one in (0, 1499, 1500, 2999):
@@ -231,7 +231,7 @@ def test_a_sheet_of_random_points_lets_no_light_through():
     points, up = np.concatenate([sheet, below]), np.tile(UP, (count + 1000, 1))
     spacing, lamp = 0.8 / math.sqrt(count), np.float32([[0, 0, 3.5]])
     light = lit(points, up, lamp, DOWN[None], np.float32([1.0]), spacing, 1.5)
-    hits = native.first_hits(points, up, AXES[:1], spacing, 1.0)
+    hits = native.first_visible(points, up, AXES[:1], spacing, 1.0)
     assert not light[0, count:].any() and (hits[0, count:] >= 0).all()
     assert (light[0, :count] > 0).all() and (hits[0, :count] < 0).all()
 
