@@ -16,7 +16,9 @@ from pathlib import Path
 from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.full_pipeline import RESULTS
 from z2p_renderer.workflows.plan import Step
-from z2p_renderer.workflows.tasks import load_plan, source_of, task_of
+from z2p_renderer.workflows.plan_loading import load_pipeline_plan
+from z2p_renderer.workflows.sources import pipeline_source
+from z2p_renderer.workflows.stage_task import create_task
 
 MESHES, VIEWS, CHUNK = 112, 70, 10
 """With a sample, a shard and seven chunks of renders a mesh: 1,010 tasks."""
@@ -27,11 +29,11 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="z2p-benchmark-") as place:
         os.chdir(place)
         _make_inputs()
-        source = source_of("engine.toml", "meshes", "kept")
-        plan, store = load_plan(source), Store(Path("runs").absolute())
+        source = pipeline_source("engine.toml", "meshes", "kept")
+        plan, store = load_pipeline_plan(source), Store(Path("runs").absolute())
         for step in plan.steps.values():
             store.produce(step.entry, lambda folder, step=step: _fill(folder, step))
-        tasks = [task_of(step, source, str(store.root)) for step in plan.steps.values()]
+        tasks = [create_task(step, source, str(store.root)) for step in plan.steps.values()]
         started = time.perf_counter()
         assert all(task.complete() for task in tasks)
         seconds = time.perf_counter() - started

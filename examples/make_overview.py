@@ -11,11 +11,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from z2p_core.camera import DEPTH_RANGE, Camera
+from z2p_core.camera import DEFAULT_ELEVATION, DEPTH_RANGE, Camera, turn
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import Value
-from z2p_renderer.pipeline.inference.renderer import place_cloud
-from z2p_renderer.pipeline.inference.weight_selection import load_renderer
+from z2p_core.placement.viewpoint import frame_points
+from z2p_renderer.pipeline.inference.weight_selection import load_renderer, select_renderer
 from z2p_renderer.storage.scans.clouds import read_clouds
 
 SIDE = 320
@@ -34,9 +34,10 @@ def main(out: Path) -> None:
     """Write the overview, an opaque PNG of two rows."""
     columns = []
     for name, (azimuth, values) in LOOKS.items():
-        cloud = place_cloud(read_clouds(Path(__file__).parents[1] / "samples" / name)[0].points, azimuth=azimuth)
+        points = read_clouds(Path(__file__).parents[1] / "samples" / name)[0].points
+        cloud = frame_points(points, turn(azimuth), DEFAULT_ELEVATION).place(points)
         camera = Camera(SIDE, SIDE, values.get("elevation", (20.0,))[0])
-        renderer, _ = load_renderer("auto", values).suited(cloud)
+        renderer, _ = select_renderer(load_renderer("auto", values), cloud)
         picture = unit_from_bytes(renderer.render(cloud, values, 2 * SIDE, 2 * SIDE))
         small = np.asarray(Image.fromarray(bytes_from_unit(composite(picture, WHITE))).resize((SIDE, SIDE)))
         columns.append(np.concatenate([dots(cloud, camera), small]))

@@ -20,7 +20,8 @@ from z2p_core.images import bytes_from_unit, premultiplied_from_straight, straig
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.inference.render_scan import Look, render_scan
+from z2p_renderer.pipeline.inference.look import Look
+from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.animation import flicker
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from z2p_core.interfaces import SettingError
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
-from z2p_renderer.storage.files.atomic_write import file_kind, atomic_write
+from z2p_renderer.storage.files.atomic_write import atomic_write, file_kind
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_exists, printable
 from z2p_renderer.storage.images.image_files import FORMATS, PictureError, read_record

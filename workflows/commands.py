@@ -27,16 +27,23 @@ from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS
 from z2p_renderer.storage.results.manifests import find_faults
 from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.workflows import apply_settings
-from z2p_renderer.workflows.ablation.plan import AblationPlan, ablation_source, is_ablations, load_ablation_plan
-from z2p_renderer.workflows.plan import USERS_ERRORS, Plan
-from z2p_renderer.workflows.report.plan import ReportPlan, is_report, load_report_plan, report_source
-from z2p_renderer.workflows.status import as_json, states, table
-from z2p_renderer.workflows.tasks import load_plan, source_of
-from z2p_renderer.workflows.upkeep.adopt_ground_truth import truth_candidates
-from z2p_renderer.workflows.upkeep.garbage_collection import Unneeded, sweep, unneeded
-from z2p_renderer.workflows.upkeep.runs_in_use import keep, kept_names
+from z2p_renderer.workflows.ablation.plan import AblationPlan
+from z2p_renderer.workflows.plan import USER_ERRORS, Plan
+from z2p_renderer.workflows.plan_loading import load_plan
+from z2p_renderer.workflows.report.plan import ReportPlan
+from z2p_renderer.workflows.sources import (
+    ablation_source,
+    is_ablation_config,
+    is_report_config,
+    pipeline_source,
+    report_source,
+)
+from z2p_renderer.workflows.status import format_table, statuses_to_json, step_statuses
+from z2p_renderer.workflows.upkeep.adopt_ground_truth import find_truth_candidates
+from z2p_renderer.workflows.upkeep.garbage_collection import Garbage, collect_garbage, find_garbage
+from z2p_renderer.workflows.upkeep.runs_in_use import keep_results, kept_names
 
-TRUTH = "truth"
+TRUTH_FOLDER = "truth"
 """Folder of a workspace that is a store of its own, for ground truth."""
 
 
@@ -47,11 +54,11 @@ def main() -> None:
 
 def status(workspace: Path, in_json: bool, only_stale: bool, **where: Any) -> None:
     """List every step as fresh, stale or missing, with the reason."""
-    found = states(_plan(_source(**where)), Store(workspace.absolute()))
+    found = step_statuses(_load_plan(_plan_source(**where)), Store(workspace.absolute()))
     if in_json:
-        click.echo(as_json([one for one in found if not only_stale or one.state != "fresh"]))
+        click.echo(statuses_to_json([one for one in found if not only_stale or one.state != "fresh"]))
     else:
-        click.echo("\n".join(table(found, every=not only_stale)))
+        click.echo("\n".join(format_table(found, every=not only_stale)))
 
 
 def verify(workspace: Path) -> None:
@@ -59,7 +66,7 @@ def verify(workspace: Path) -> None:
     if not workspace.is_dir():
         raise click.UsageError(f"--workspace {workspace}: expected a folder that z2p pipeline wrote, got none")
     checked, damaged = 0, 0
-    for store in (Store(workspace.absolute()), Store(workspace.absolute() / TRUTH)):
+    for store in (Store(workspace.absolute()), Store(workspace.absolute() / TRUTH_FOLDER)):
         for folder in (folder for stage in store.stages() for folder in store.folders(stage)):
             checked += 1
             found = find_faults(folder, verify_digests=True)
@@ -77,13 +84,13 @@ def gc(workspace: Path, drop: tuple[str, ...], yes: bool) -> None:
     unknown = sorted(name for name in drop if name not in known and not (store.root / name).is_dir())
     if unknown:
         raise click.ClickException(f"--drop: unknown configuration {unknown[0]!r}; kept: {', '.join(known)}")
-    found = sweep(store, drop) if yes else unneeded(store, drop)
+    found = collect_garbage(store, drop) if yes else find_garbage(store, drop)
     for folder, fault in store.damaged():
         if folder not in {one.path for one in found}:
             click.echo(f"DAMAGED {fault}\n        z2p verify, or the next run that needs it, puts it aside")
     for one in found:
         click.echo(f"{one.size / 1e6:9.1f} MB  {one.name:30}  {one.path.relative_to(store.root)}")
-    click.echo(_told(found, yes))
+    click.echo(_summary(found, yes))
 
 
 def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool, **where: Any) -> None:
@@ -91,20 +98,20 @@ def adopt(stages: tuple[str, ...], workspace: Path, because: str, in_json: bool,
     unknown = [stage for stage in stages if stage not in STAGE_VERSIONS]
     if unknown:
         raise click.UsageError(f"unknown stage {unknown[0]!r}; stages: {', '.join(STAGE_VERSIONS)}")
-    source = _source(**where)
-    store, plan = Store(workspace.absolute()), _plan(source)
+    source = _plan_source(**where)
+    store, plan = Store(workspace.absolute()), _load_plan(source)
     wanted = stages or tuple(STAGE_VERSIONS)
     found = find_candidates(store, [step.entry for step in plan.steps.values()], wanted)
-    truth = Store(store.root / TRUTH)
+    truth = Store(store.root / TRUTH_FOLDER)
     measured = plan.plans[BASE] if isinstance(plan, AblationPlan) else plan  # all variants on the same pictures
-    pictures = truth_candidates(measured, store, truth) if isinstance(measured, Plan) and "reference" in wanted else []
+    pictures = find_truth_candidates(measured, store, truth) if isinstance(measured, Plan) and "reference" in wanted else []
     for candidate in found if because else ():
         take_over(store, candidate, because)
     for candidate in pictures if because else ():
         take_over(truth, candidate, because)
     found += pictures
     if because and found:
-        keep(store, plan, source)
+        keep_results(store, plan, source)
     if in_json:
         rows = [{"step": one.entry.name, "fingerprint": one.entry.fingerprint, "from": one.old_fingerprint,
                  "differences": one.differences} for one in found]  # fmt: skip
@@ -125,31 +132,28 @@ def scheduler(address: str, port: int) -> None:
     luigi.cmdline.luigid(["--address", address, "--port", str(port), "--state-path", f"{folder}/state"])
 
 
-for _work in (status, verify, gc, adopt, scheduler):
-    main.add_command(command(_work.__name__, _work))
+for _command in (status, verify, gc, adopt, scheduler):
+    main.add_command(command(_command.__name__, _command))
 
 
-def _source(config: str, meshes: str, evaluate_meshes: str, report: bool, **of_report: str) -> str:
+def _plan_source(config: str, meshes: str, evaluate_meshes: str, report: bool, **of_report: str) -> str:
     """Where config and meshes come from, of a pipeline, of ablations or of a report."""
-    if not (report or any(of_report.values()) or is_report(config)):
-        kind = ablation_source if is_ablations(config) else source_of
+    if not (report or any(of_report.values()) or is_report_config(config)):
+        kind = ablation_source if is_ablation_config(config) else pipeline_source
         return kind(config, meshes, evaluate_meshes)
     if evaluate_meshes:
         raise click.UsageError("--evaluate-meshes is no option of a report; its meshes are those of --meshes")
     return report_source(config, meshes, **of_report)
 
 
-def _plan(source: str) -> Plan | AblationPlan | ReportPlan:
-    where = json.loads(source)
+def _load_plan(source: str) -> Plan | AblationPlan | ReportPlan:
     try:
-        if "ablations" in where:
-            return load_ablation_plan(source)
-        return load_report_plan(source) if "report" in where else load_plan(source)
-    except USERS_ERRORS as error:
+        return load_plan(source)
+    except USER_ERRORS as error:
         raise click.UsageError(str(error)) from error
 
 
-def _told(found: list[Unneeded], removed: bool) -> str:
+def _summary(found: list[Garbage], removed: bool) -> str:
     size = sum(one.size for one in found) / 1e6
     end = "removed" if removed else "not needed; remove them with --yes" if found else "not needed"
     return f"{len(found)} of {size:.1f} MB {end}"

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import luigi
 
-from z2p_renderer.workflows.plan import Planned
-from z2p_renderer.workflows.tasks import load_plan, source_of
-from z2p_renderer.workflows.wrapper_task import Goal
+from z2p_renderer.workflows.plan import AnyPlan
+from z2p_renderer.workflows.plan_loading import load_pipeline_plan
+from z2p_renderer.workflows.plan_task import PlanTask
+from z2p_renderer.workflows.sources import pipeline_source
 
 RESULTS = {
     "weights.safetensors": "train",
@@ -17,7 +18,7 @@ RESULTS = {
 """What a user looks for at the end, and the step that makes it."""
 
 
-class FullPipeline(Goal):
+class FullPipeline(PlanTask):
     """Everything from meshes to weights, picture and metrics; leaves them in ``<workspace>/<config name>/``."""
 
     config = luigi.Parameter(default="", description="TOML file; without one, the quick configuration")
@@ -29,8 +30,8 @@ class FullPipeline(Goal):
     @property
     def source(self) -> str:
         """Where config and meshes come from."""
-        return source_of(self.config, self.meshes, self.evaluate_meshes)
+        return pipeline_source(self.config, self.meshes, self.evaluate_meshes)
 
     @property
-    def plan(self) -> Planned:
-        return load_plan(self.source)
+    def plan(self) -> AnyPlan:
+        return load_pipeline_plan(self.source)

@@ -15,13 +15,13 @@ def mesh_warnings(path: Path) -> list[str]:
     Raises:
         ScanError: the mesh cannot be read.
     """
-    crowded = crowded_edges(read_mesh(path).faces)
+    crowded = count_non_manifold_edges(read_mesh(path).faces)
     if not crowded:
         return []
     return [f"{path.name}: not manifold, {crowded} edges belong to more than two faces; its inside is undefined there"]
 
 
-def crowded_edges(faces: np.ndarray) -> int:
+def count_non_manifold_edges(faces: np.ndarray) -> int:
     """How many edges of triangles (M, 3) int belong to more than two of them."""
     ends = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     _, counts = np.unique(ends, axis=0, return_counts=True)

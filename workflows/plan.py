@@ -25,9 +25,9 @@ from z2p_renderer.storage.results.fingerprints import (
     stage_fields,
 )
 from z2p_renderer.storage.results.store import Entry
-from z2p_renderer.workflows.pretrained_weights import PRIOR, prior_fields, prior_files
+from z2p_renderer.workflows.pretrained_weights import PRETRAINED_KEYS, pretrained_fields, pretrained_files
 
-USERS_ERRORS = (ConfigError, ScanError, registry.PluginError)
+USER_ERRORS = (ConfigError, ScanError, registry.PluginError)
 """Errors that a user can mend, with messages that say how."""
 
 
@@ -61,7 +61,7 @@ class Step:
         return self.entry.name
 
 
-class Named(Protocol):
+class NamedConfig(Protocol):
     """A configuration of any plan."""
 
     @property
@@ -69,11 +69,11 @@ class Named(Protocol):
         """What its results are kept under."""
 
 
-class Planned(Protocol):
+class AnyPlan(Protocol):
     """What any plan is to those that keep its results and tell how it is doing."""
 
     @property
-    def config(self) -> Named:
+    def config(self) -> NamedConfig:
         """What it was made of."""
 
     @property
@@ -101,21 +101,21 @@ def make_plan(config: PipelineConfig) -> Plan:
         PluginError: a plugin that the config names is unknown or broken.
     """
     check_config(config)
-    training, warnings = distinct(_meshes(config.meshes, kept_aside=False))
+    training, warnings = drop_duplicate_meshes(_configured_meshes(config.meshes, kept_aside=False))
     if len(training) * config.render.views < 2:
         raise ConfigError("render.views: expected two renders or more in all, to train on and to validate with, got "
                           f"{config.render.views} of {len(training)} mesh")
     evaluation = training
     if config.evaluate_meshes or config.meshes == "builtin":
-        evaluation, repeated = distinct(_meshes(config.evaluate_meshes or "builtin", kept_aside=True))
+        evaluation, repeated = drop_duplicate_meshes(_configured_meshes(config.evaluate_meshes or "builtin", kept_aside=True))
         warnings += repeated
     else:
         warnings += ["no meshes kept aside for evaluation (--evaluate-meshes): the metrics are taken on the training "
                      "meshes and measure memory rather than quality"]
-    return assemble(config, training, evaluation, warnings)
+    return assemble_plan(config, training, evaluation, warnings)
 
 
-def assemble(
+def assemble_plan(
     config: PipelineConfig,
     training: Sequence[MeshInput],
     evaluation: Sequence[MeshInput],
@@ -127,23 +127,23 @@ def assemble(
         steps.append(Step(Entry("shapes", "shapes", shapes_fields())))
     shards = []
     for mesh in training:
-        chain = _mesh_chain(config, mesh)
+        chain = _mesh_steps(config, mesh)
         shards.append(chain[-1])
         steps += chain
     fields = _train_fields(config, shards)
-    upstream, files = tuple(shard.name for shard in shards), prior_files(config.train, fields["parameters"])
+    upstream, files = tuple(shard.name for shard in shards), pretrained_files(config.train, fields["parameters"])
     train = Step(Entry("train", "train", fields), upstream, files=files)
     evaluate = Step(
         Entry("evaluate", "evaluate", _evaluate_fields(config, train, evaluation)),
-        (train.name, *_shapes_of(evaluation)),
+        (train.name, *_shapes_upstream(evaluation)),
     )
     steps += [train, evaluate]
     return Plan(config, {step.name: step for step in steps}, tuple(training), tuple(evaluation), tuple(warnings))
 
 
-def _mesh_chain(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
+def _mesh_steps(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
     """A mesh's own steps: its pool of points, its chunks of renders, and last its shard."""
-    shapes = _shapes_of([mesh])
+    shapes = _shapes_upstream([mesh])
     where = {"mesh": str(mesh.path or "builtin")}
     pool = Step(Entry("sample", f"sample/{mesh.name}", _sample_fields(config, mesh), where), shapes, mesh)
     render = _render_fields(config, mesh)
@@ -159,7 +159,7 @@ def _mesh_chain(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
         "views": config.render.views,
         "sample": pool.entry.fingerprint,
         "parameters": to_dict(config.shard),
-        "controls": _controls(config),
+        "controls": _control_fields(config),
     }
     upstream = (pool.name, *(chunk.name for chunk in chunks))
     return [pool, *chunks, Step(Entry("shard", f"shard/{mesh.name}", shard, where), upstream, mesh)]
@@ -182,16 +182,16 @@ def _render_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
     parameters = to_dict(config.render)
     for name in ("views", "chunk"):
         del parameters[name]
-    parameters["controls"] = _controls(config)
+    parameters["controls"] = _control_fields(config)
     return stage_fields("render") | {"mesh": mesh.identity, "parameters": parameters}
 
 
 def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, Any]:
     parameters = to_dict(config.train)
     del parameters["checkpoint_every"]  # a run resumes exactly, so how often it could does not matter
-    for name in PRIOR:
+    for name in PRETRAINED_KEYS:
         del parameters[name]
-    parameters |= prior_fields(config.train, config.render.controls)
+    parameters |= pretrained_fields(config.train, config.render.controls)
     network = parameters["network"]
     if network["conditioning"] == NetworkConfig.conditioning:
         del network["conditioning"]  # results of before there was a choice mean the same, and can be adopted
@@ -201,7 +201,7 @@ def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, A
     return stage_fields("train") | {
         "shards": sorted(shard.entry.fingerprint for shard in shards),
         "parameters": parameters,
-        "controls": _controls(config),
+        "controls": _control_fields(config),
     }
 
 
@@ -216,21 +216,21 @@ def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshI
     }
 
 
-def _controls(config: PipelineConfig) -> list[dict[str, str]]:
+def _control_fields(config: PipelineConfig) -> list[dict[str, str]]:
     """In the config's order: it is that of the settings vector, and of the draws from the generator."""
     return [plugin_fields(registry.load("controls", name)) for name in config.render.controls]
 
 
-def _shapes_of(meshes: Iterable[MeshInput]) -> tuple[str, ...]:
+def _shapes_upstream(meshes: Iterable[MeshInput]) -> tuple[str, ...]:
     return ("shapes",) if any(mesh.path is None for mesh in meshes) else ()
 
 
-def _meshes(where: str, *, kept_aside: bool) -> list[MeshInput]:
+def _configured_meshes(where: str, *, kept_aside: bool) -> list[MeshInput]:
     if where == "builtin":
         from z2p_renderer.pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
 
         return [builtin_mesh(name) for name in (VALIDATION_SHAPES if kept_aside else TRAINING_SHAPES)]
-    return meshes_in(Path(where))
+    return list_meshes(Path(where))
 
 
 def builtin_mesh(name: str) -> MeshInput:
@@ -238,7 +238,7 @@ def builtin_mesh(name: str) -> MeshInput:
     return MeshInput(name, fingerprint(stage_fields("shapes") | {"shape": name}), None)
 
 
-def meshes_in(folder: Path) -> list[MeshInput]:
+def list_meshes(folder: Path) -> list[MeshInput]:
     """The meshes that lie in a folder (not below it), by name.
 
     Raises:
@@ -247,7 +247,7 @@ def meshes_in(folder: Path) -> list[MeshInput]:
     return [MeshInput(name, file_digest(path), path.absolute()) for name, path in find_meshes(folder).items()]
 
 
-def distinct(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:
+def drop_duplicate_meshes(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:
     """The meshes without repeated contents, and a warning for each that was left out."""
     found: dict[str, MeshInput] = {}
     warnings = []

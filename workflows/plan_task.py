@@ -9,16 +9,17 @@ from typing import Any, ClassVar
 import luigi
 
 from z2p_renderer.storage.results.store import Store
-from z2p_renderer.workflows.plan import USERS_ERRORS, Planned
+from z2p_renderer.workflows.plan import USER_ERRORS, AnyPlan
 from z2p_renderer.workflows.process.explain import explain
-from z2p_renderer.workflows.process.progress import watch
-from z2p_renderer.workflows.process.signals import stop_tidily
-from z2p_renderer.workflows.process.task_log import say
-from z2p_renderer.workflows.tasks import StageTask, absolute, broken_told, task_of, tell_broken
-from z2p_renderer.workflows.upkeep.result_links import link, linked
+from z2p_renderer.workflows.process.progress import start_progress
+from z2p_renderer.workflows.process.signals import handle_termination
+from z2p_renderer.workflows.process.task_log import log_line
+from z2p_renderer.workflows.sources import absolute_path
+from z2p_renderer.workflows.stage_task import StageTask, create_task, report_broken_task, reporting_broken
+from z2p_renderer.workflows.upkeep.result_links import are_linked, link_results
 
 
-class Goal(luigi.Task):
+class PlanTask(luigi.Task):
     """All that a plan holds; leaves what a user looks for in ``<workspace>/<config name>/``."""
 
     config = luigi.Parameter(default="", description="TOML file; without one, the goal's own")
@@ -37,36 +38,36 @@ class Goal(luigi.Task):
         raise NotImplementedError
 
     @property
-    def plan(self) -> Planned:
+    def plan(self) -> AnyPlan:
         raise NotImplementedError
 
     @property
     def store(self) -> Store:
-        return Store(Path(absolute(self.workspace)))
+        return Store(Path(absolute_path(self.workspace)))
 
-    def source_of_step(self, name: str) -> str:
+    def step_source(self, name: str) -> str:
         """The source that the step's own task is made with."""
         return self.source
 
     def requires(self) -> list[StageTask]:
         # every step, not only the last: results that were deleted are made again even if what follows is there
         root = str(self.store.root)
-        return [task_of(step, self.source_of_step(name), root) for name, step in self.plan.steps.items()]
+        return [create_task(step, self.step_source(name), root) for name, step in self.plan.steps.items()]
 
     def complete(self) -> bool:
         try:
             if self.explain or self.dry_run:
                 explain(self, self.plan, self.store, dry_run=self.dry_run)
             tasks = self.requires()
-        except USERS_ERRORS:
+        except USER_ERRORS:
             return False  # luigi calls requires() next, whose error is told in one line
         if self.dry_run:
             return True  # so that luigi does nothing
-        with broken_told(self):
+        with reporting_broken(self):
             if all(task.complete() for task in tasks):
-                return linked(self.results())
-            watch(self.store, self.plan, self.source)
-        stop_tidily()
+                return are_linked(self.results())
+            start_progress(self.store, self.plan, self.source)
+        handle_termination()
         self.prepare()
         return False
 
@@ -74,7 +75,7 @@ class Goal(luigi.Task):
         """What is worth doing once, before luigi gives each task a process that is a copy of this one."""
 
     def run(self) -> None:
-        link(self.results())
+        link_results(self.results())
 
     def results(self) -> dict[Path, Path]:
         """Path under ``<workspace>/<config name>/`` -> the file in the store that it leads to."""
@@ -84,22 +85,22 @@ class Goal(luigi.Task):
         }
 
     def on_failure(self, exception: BaseException) -> Any:
-        tell_broken(self, exception)
+        report_broken_task(self, exception)
         return super().on_failure(exception)
 
-    def tell(self) -> None:
+    def print_results(self) -> None:
         """Say where the results are."""
         for path in self.results():
-            say(f"{path.name:20} {path}")
+            log_line(f"{path.name:20} {path}")
 
 
-@Goal.event_handler(luigi.Event.SUCCESS)
-def _tell_results(task: Goal) -> None:
-    task.tell()
+@PlanTask.event_handler(luigi.Event.SUCCESS)
+def _print_results_on_success(task: PlanTask) -> None:
+    task.print_results()
 
 
-@Goal.event_handler(luigi.Event.DEPENDENCY_PRESENT)
-def _tell_found(task: Goal) -> None:
+@PlanTask.event_handler(luigi.Event.DEPENDENCY_PRESENT)
+def _print_results_if_complete(task: PlanTask) -> None:
     if not task.dry_run:
-        say("everything is up to date")
-        task.tell()
+        log_line("everything is up to date")
+        task.print_results()

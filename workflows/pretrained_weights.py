@@ -10,15 +10,15 @@ from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, TrainConfig
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.training.distillation import teaching_engine
-from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, load_weights, find_weights
+from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, find_weights, load_weights
 from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
 from z2p_renderer.storage.results.stage_dependencies import installed_version
 
-PRIOR = ("start", "teacher")
+PRETRAINED_KEYS = ("start", "teacher")
 """Keys of `train` that name weights."""
 
 
-def prior_fields(config: TrainConfig, controls: Sequence[str]) -> dict[str, Any]:
+def pretrained_fields(config: TrainConfig, controls: Sequence[str]) -> dict[str, Any]:
     """The weights' digests, and what draws the teacher's pictures: its engine, and plugins that are its alone.
 
     Raises:
@@ -26,23 +26,23 @@ def prior_fields(config: TrainConfig, controls: Sequence[str]) -> dict[str, Any]
         PluginError: a plugin of the teacher's is not installed.
     """
     fields: dict[str, Any] = {}
-    for name in PRIOR:
+    for name in PRETRAINED_KEYS:
         if weights := getattr(config, name):
-            loaded = _known(name, weights, controls)
+            loaded = _load_matching(name, weights, controls)
             fields[name] = file_digest(find_weights(weights))
             if name == "teacher":
-                plugins = _teachers_own(loaded, config.network)
+                plugins = _teacher_plugins(loaded, config.network)
                 fields |= {"teacher_engine": _engine_fields(teaching_engine())}
                 fields |= {"teacher_plugins": plugins} if plugins else {}
     return fields
 
 
-def prior_files(config: TrainConfig, fields: Mapping[str, Any]) -> tuple[tuple[Path, str], ...]:
-    """File and digest of each of the weights that `prior_fields` tell of."""
-    return tuple((find_weights(getattr(config, name)).absolute(), fields[name]) for name in PRIOR if name in fields)
+def pretrained_files(config: TrainConfig, fields: Mapping[str, Any]) -> tuple[tuple[Path, str], ...]:
+    """File and digest of each of the weights that `pretrained_fields` tell of."""
+    return tuple((find_weights(getattr(config, name)).absolute(), fields[name]) for name in PRETRAINED_KEYS if name in fields)
 
 
-def _known(name: str, weights: str, controls: Sequence[str]) -> Weights:
+def _load_matching(name: str, weights: str, controls: Sequence[str]) -> Weights:
     try:
         found = load_weights(find_weights(weights))
     except WeightsError as error:
@@ -57,7 +57,7 @@ def _known(name: str, weights: str, controls: Sequence[str]) -> Weights:
     return found
 
 
-def _teachers_own(weights: Weights, network: NetworkConfig) -> list[dict[str, str]]:
+def _teacher_plugins(weights: Weights, network: NetworkConfig) -> list[dict[str, str]]:
     """Plugins that draw for the teacher; those that the network in training has as well are told with it."""
     try:
         teacher = load_plugins(weights)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from z2p_renderer.workflows.process.task_log import say
-from z2p_renderer.workflows.tasks import StageTask
-from z2p_renderer.workflows.upkeep.reuse_renders import copy_known_views
+from z2p_renderer.workflows.process.task_log import log_line
+from z2p_renderer.workflows.stage_task import StageTask
+from z2p_renderer.workflows.upkeep.reuse_views import copy_existing_views
 
 
 class Shapes(StageTask):
@@ -45,8 +45,8 @@ class RenderChunk(StageTask):
         step = self.step
         if step.mesh is None:
             raise ValueError(f"{self.step_name} has no mesh")
-        copy_known_views(self.store, step.entry, range(*step.views), out)
-        render_chunk(self.mesh_path(), step.mesh.identity, *step.views, self.plan.config.render, out, log=say)
+        copy_existing_views(self.store, step.entry, range(*step.views), out)
+        render_chunk(self.mesh_path(), step.mesh.identity, *step.views, self.plan.config.render, out, log=log_line)
 
 
 class ShardMesh(StageTask):
@@ -80,7 +80,7 @@ class Train(StageTask):
         # by content: neither the meshes' names nor code that gives the same shards change the order that they are read
         steps.sort(key=lambda step: step.mesh.identity if step.mesh else "")
         shards = [self.store.folder(step.entry) / "shard.h5" for step in steps]
-        train(shards, self.plan.config.train, out, log=say)
+        train(shards, self.plan.config.train, out, log=log_line)
 
 
 class Evaluate(StageTask):
@@ -93,4 +93,4 @@ class Evaluate(StageTask):
 
         weights = self.upstream_folders("train")[0] / "weights.safetensors"
         meshes = {mesh.name: self.mesh_path(mesh) for mesh in self.plan.evaluation}
-        evaluate(meshes, weights, out, self.plan.config.evaluate, self.store.root / "truth", log=say)
+        evaluate(meshes, weights, out, self.plan.config.evaluate, self.store.root / "truth", log=log_line)

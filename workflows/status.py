@@ -13,15 +13,15 @@ from z2p_renderer.storage.results.differences import compare_fields
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS
 from z2p_renderer.storage.results.manifests import MANIFEST
 from z2p_renderer.storage.results.store import Store
-from z2p_renderer.workflows.plan import Planned, Step
+from z2p_renderer.workflows.plan import AnyPlan, Step
 
 FRESH, STALE, MISSING = "fresh", "stale", "missing"
-UPSTREAM, FEW = "upstream ", 4
+UPSTREAM_PREFIX, MAX_UPSTREAM_REASONS = "upstream ", 4
 """How a reason begins that lies upstream, and how many of these a table shows."""
 
 
 @dataclass(frozen=True)
-class State:
+class StepStatus:
     """One step of a plan as it stands in a store."""
 
     step: str
@@ -32,11 +32,11 @@ class State:
     fingerprint: str
 
 
-def states(plan: Planned, store: Store) -> list[State]:
+def step_statuses(plan: AnyPlan, store: Store) -> list[StepStatus]:
     """State of every step, upstream first. Those that are not fresh are what a run would make, no more and no less."""
-    earlier = _Earlier(store)
+    earlier = _PreviousResults(store)
     faults = {step.name: store.faults(step.entry) for step in plan.steps.values()}
-    found: list[State] = []
+    found: list[StepStatus] = []
     for step in plan.steps.values():
         entry = step.entry
         if not faults[step.name]:
@@ -47,38 +47,38 @@ def states(plan: Planned, store: Store) -> list[State]:
             before = earlier.like(step)
             state = STALE if before else MISSING
             reasons = _reasons(before, step, plan, earlier) if before else ["never made, or deleted"]
-        found.append(State(step.name, entry.stage, state, tuple(reasons), entry.fingerprint))
+        found.append(StepStatus(step.name, entry.stage, state, tuple(reasons), entry.fingerprint))
     return found
 
 
-def to_run(found: Sequence[State]) -> list[State]:
+def steps_to_run(found: Sequence[StepStatus]) -> list[StepStatus]:
     """The steps that a run would make."""
     return [one for one in found if one.state != FRESH]
 
 
-def table(found: Sequence[State], *, every: bool = True) -> list[str]:
+def format_table(found: Sequence[StepStatus], *, every: bool = True) -> list[str]:
     """Lines of a table: state, step and reasons; and a closing line of counts."""
     shown = [one for one in found if every or one.state != FRESH]
     width = max((len(one.step) for one in shown), default=0)
-    lines = [f"{one.state.upper():8}{one.step:{width}}  {'; '.join(_few(one.reasons))}".rstrip() for one in shown]
+    lines = [f"{one.state.upper():8}{one.step:{width}}  {'; '.join(_shorten_reasons(one.reasons))}".rstrip() for one in shown]
     counts = {state: sum(one.state == state for one in found) for state in (FRESH, STALE, MISSING)}
     return [*lines, ", ".join(f"{count} {state}" for state, count in counts.items())]
 
 
-def _few(reasons: Sequence[str]) -> list[str]:
+def _shorten_reasons(reasons: Sequence[str]) -> list[str]:
     """The reasons, of many that lie upstream only the first."""
-    upstream = [reason for reason in reasons if reason.startswith(UPSTREAM)]
-    left_out = upstream[FEW:]
+    upstream = [reason for reason in reasons if reason.startswith(UPSTREAM_PREFIX)]
+    left_out = upstream[MAX_UPSTREAM_REASONS:]
     kept = [reason for reason in reasons if reason not in left_out]
     return [*kept, f"and {len(left_out)} more upstream (--json has all)"] if left_out else kept
 
 
-def as_json(found: Sequence[State]) -> str:
+def statuses_to_json(found: Sequence[StepStatus]) -> str:
     """The states as a JSON list."""
     return json.dumps([asdict(one) for one in found], indent=1)
 
 
-def _reasons(before: Mapping[str, Any], step: Step, plan: Planned, earlier: _Earlier) -> list[str]:
+def _reasons(before: Mapping[str, Any], step: Step, plan: AnyPlan, earlier: _PreviousResults) -> list[str]:
     """Why the step's result of before does not do, the causes upstream by name."""
     found = compare_fields(_shared(before["fields"]), _shared(step.entry.fields))
     if not found:
@@ -88,15 +88,15 @@ def _reasons(before: Mapping[str, Any], step: Step, plan: Planned, earlier: _Ear
     if len(own) == len(found):
         return own
     known = json.dumps(before["fields"])
-    changed = [_without_views(name) for name in step.upstream if earlier.is_new(plan.steps[name], known)]
-    return own + [f"{UPSTREAM}{name}" for name in dict.fromkeys(changed)] or ["upstream results were taken away"]
+    changed = [_drop_view_range(name) for name in step.upstream if earlier.is_new(plan.steps[name], known)]
+    return own + [f"{UPSTREAM_PREFIX}{name}" for name in dict.fromkeys(changed)] or ["upstream results were taken away"]
 
 
-def _without_views(name: str) -> str:
+def _drop_view_range(name: str) -> str:
     return name.rpartition("/")[0] if name.startswith("render/") else name
 
 
-class _Earlier:
+class _PreviousResults:
     """Results in the store, by what they are called."""
 
     def __init__(self, store: Store) -> None:
@@ -108,8 +108,8 @@ class _Earlier:
         """Manifest of the newest result of the step's name; of a render, however its views were cut into chunks."""
         if step.name in self._newest or step.entry.stage != "render":
             return self._newest.get(step.name)
-        mesh = _without_views(step.name)
-        others = [one for name, one in self._newest.items() if _without_views(name) == mesh]
+        mesh = _drop_view_range(step.name)
+        others = [one for name, one in self._newest.items() if _drop_view_range(name) == mesh]
         return max(others, key=lambda one: str(one.get("written")), default=None)
 
     def is_new(self, step: Step, known: str) -> bool:

@@ -12,11 +12,11 @@ import click
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.inference.batch import Outcome
-    from z2p_renderer.pipeline.inference.render_scan import Look
-    from z2p_renderer.pipeline.inference.renderer import Renderer
+    from z2p_renderer.pipeline.inference.look import Look
+    from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 
-def settings_of(renderer: Renderer, look: Look, options: dict[str, Any]) -> dict[str, Any]:
+def settings_to_json(renderer: AnyRenderer, look: Look, options: dict[str, Any]) -> dict[str, Any]:
     """All that shaped the pictures, JSON-able."""
     controls = {name: list(value) for name, value in renderer.settings(look.values).items()}
     elevation = controls.get("elevation", [renderer.fixed_elevation])
@@ -54,7 +54,7 @@ class Progress:
         self.bar.update(0)
 
 
-def progress(files: int, quiet: bool) -> Progress:
+def open_progress(files: int, quiet: bool) -> Progress:
     """The bar for a run of so many files."""
     if quiet or not sys.stderr.isatty():
         return Progress()
@@ -63,19 +63,19 @@ def progress(files: int, quiet: bool) -> Progress:
     return Progress(tqdm(total=files, unit="file", file=sys.stderr))
 
 
-def reported(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> Iterator[Outcome]:
+def report_outcomes(outcomes: Iterator[Outcome], progress: Progress, quiet: bool) -> Iterator[Outcome]:
     """The outcomes, each told on stderr as it passes, above the bar on a terminal: up and view are guessed aloud."""
     with nullcontext() if progress.bar is None else progress.bar as bar:
         for outcome in outcomes:
             if bar is not None:
-                bar.write(_told(outcome), file=sys.stderr)
+                bar.write(_outcome_line(outcome), file=sys.stderr)
                 bar.update()
             elif outcome.status == "failed" or not quiet:
-                click.echo(_told(outcome), err=True)
+                click.echo(_outcome_line(outcome), err=True)
             yield outcome
 
 
-def tell_opaque(suffix: str) -> None:
+def note_if_opaque(suffix: str) -> None:
     """Says of a transparent picture that a file of that suffix puts white behind it, if so."""
     from z2p_renderer.storage.images.image_files import OPAQUE
 
@@ -85,10 +85,10 @@ def tell_opaque(suffix: str) -> None:
                    err=True)
 
 
-def _told(outcome: Outcome) -> str:
+def _outcome_line(outcome: Outcome) -> str:
     from z2p_renderer.storage.files.printable_names import printable
 
-    name, pictures = named(outcome.scan), printable(outcome.outputs[0])
+    name, pictures = scan_label(outcome.scan), printable(outcome.outputs[0])
     if len(outcome.outputs) > 1:
         pictures += f" to {printable(Path(outcome.outputs[-1].name))}"
     if outcome.status == "failed":
@@ -96,7 +96,7 @@ def _told(outcome: Outcome) -> str:
     if outcome.status == "skipped":
         other = f", {outcome.kept}" if outcome.kept else ""
         return f"skipped: {name}: {pictures} is there already{other}; --overwrite renders it again"
-    read = told_read(outcome.points, outcome.total, outcome.dropped, outcome.repeated)
+    read = describe_points(outcome.points, outcome.total, outcome.dropped, outcome.repeated)
     note = f"; {outcome.note}" if outcome.note else ""
     stances = list(dict.fromkeys(
         "; ".join(filter(None, (stance.description, choice)))
@@ -106,7 +106,7 @@ def _told(outcome: Outcome) -> str:
     return f"rendered: {name} -> {pictures} ({read}, {outcome.seconds:.2f} s{note}; {stances[0]}{others})"
 
 
-def named(scan: Path) -> str:
+def scan_label(scan: Path) -> str:
     """What a line calls a scan."""
     from z2p_renderer.storage.files.printable_names import printable
     from z2p_renderer.storage.scans.unpack import is_spooled
@@ -114,7 +114,7 @@ def named(scan: Path) -> str:
     return "standard input" if is_spooled(scan) else printable(scan)
 
 
-def told_read(points: int, total: int, dropped: int, repeated: int) -> str:
+def describe_points(points: int, total: int, dropped: int, repeated: int) -> str:
     """How many points were read, of how many that they stand for, and how many rows were left out."""
     told = f"{points} points" + (f" that stand for {total}" if total else "")
     told += f", {dropped} not finite dropped" if dropped else ""

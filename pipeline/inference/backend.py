@@ -19,17 +19,16 @@ import numpy as np
 from z2p_core.api.backend import RenderRequest
 from z2p_core.api.picture import Picture
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-from z2p_core.interfaces import ScanError, SettingError, Value
+from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_core.up_axis.axis_names import UP_ROTATIONS, parse_up_axis
-from z2p_renderer.pipeline.inference.batch import path_relative_to, describe_source
-from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
-from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, render_scan, build_record
-from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.inference.weight_selection import AUTO, load_renderer
+from z2p_renderer.pipeline.inference.batch import describe_source, path_relative_to
+from z2p_renderer.pipeline.inference.look import Look, build_look
+from z2p_renderer.pipeline.inference.parse_settings import parse_background
+from z2p_renderer.pipeline.inference.render_scan import RenderedScan, build_record, render_scan
+from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, load_renderer
 from z2p_renderer.pipeline.placement.hints import in_python
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.images.image_files import OPAQUE, WHITE, encode, write_picture
 from z2p_renderer.storage.models.checkpoints import find_weights
@@ -112,7 +111,7 @@ def _record_beside(record: Mapping[str, Any], picture: Path) -> dict[str, Any]:
     return {**record, "input": source, **({"background": list(WHITE)} if clear else {})}
 
 
-def look_for(renderer: Renderer, request: RenderRequest) -> Look:
+def look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
     """The look that a request stands for.
 
     Raises:
@@ -123,22 +122,19 @@ def look_for(renderer: Renderer, request: RenderRequest) -> Look:
         raise SettingError(f"expected up auto, {', '.join(UP_ROTATIONS)}, got {request.up!r}")
     wishes, view, camera = dict(request.controls), _view(request.view), _camera(request.camera)
     if isinstance(view, tuple) and camera is None:
-        if (other := wishes.get("elevation")) not in (None, view[1], (view[1],)):
+        other = wishes.get("elevation")
+        if other not in (None, view[1], (view[1],)):
             raise SettingError(f"view {view} and elevation {other} both choose the elevation; leave one out")
-        wishes["elevation"] = view[1]
     if camera is not None and request.margin is not None and not request.tight:
         raise SettingError("camera and margin both choose how large the object is; leave one out")
-    placing = PlacementOptions(up, view[0] if isinstance(view, tuple) else view, _angle("azimuth", request.azimuth),
-                      request.keep_outliers, request.cut_top, camera, parse_smoothing(request.smooth))
-    return Look(_settings(renderer, wishes), placing, *request.size, parse_background(request.background),
-                request.supersample, request.tight, margin=parse_margin(request.margin))  # fmt: skip
-
-
-def _settings(renderer: Renderer, wishes: Mapping[str, Any]) -> dict[str, Value]:
-    """The control settings; what is wrong with them is told in Python's words, not in the command line's."""
     try:
-        return parse_controls(renderer, wishes)
-    except SettingError as error:
+        return build_look(
+            renderer, wishes, up=up, view=view, azimuth=_angle("azimuth", request.azimuth), camera=camera,
+            keep_outliers=request.keep_outliers, cut_top=request.cut_top, smooth=request.smooth, size=request.size,
+            background=request.background, supersample=request.supersample, tight=request.tight,
+            margin=parse_margin(request.margin),
+        )  # fmt: skip
+    except SettingError as error:  # it names the command line's option; Python's keyword has no dashes
         raise SettingError(str(error).removeprefix("--")) from None
 
 
@@ -190,7 +186,7 @@ def _requests(request: RenderRequest, clouds: int) -> list[RenderRequest]:
     return [replace(request, controls={**request.controls, "color": color}) for color in colors]
 
 
-def _notes(scan: Scan, drawing: Drawing, look: Look) -> Iterator[str]:
+def _notes(scan: Scan, drawing: RenderedScan, look: Look) -> Iterator[str]:
     """What a user should know of how the picture came about."""
     stance = drawing.placement
     if scan.dropped:
@@ -214,7 +210,7 @@ def _notes(scan: Scan, drawing: Drawing, look: Look) -> Iterator[str]:
         yield in_python(stance.hint)
 
 
-def _drawn(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
+def _drawn(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
     """As `render_scan` does it; an error names which cloud of the batch it was."""
     try:
         return render_scan(renderer, scan, suffix, look)
@@ -234,7 +230,7 @@ def _unnoticed() -> Iterator[None]:
 
 
 @lru_cache(maxsize=2)
-def _renderer(weights: str | Path, asked: frozenset[str], changed: int) -> Renderer:
+def _renderer(weights: str | Path, asked: frozenset[str], changed: int) -> AnyRenderer:
     return load_renderer(weights, asked)
 
 

@@ -17,8 +17,9 @@ from typing import Any
 from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.parallel import core_count, without_second_core
 from z2p_core.placement.viewpoint import Viewpoint
-from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, render_scan, build_record
-from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.inference.look import Look
+from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
+from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.outputs.existing_outputs import told_if_kept
 from z2p_renderer.pipeline.placement.place_scan import Placement
 from z2p_renderer.storage.files.printable_names import printable, without_gz
@@ -105,7 +106,7 @@ def plan_outputs(
 
 
 def render_files(
-    tasks: list[Task], renderer: Renderer, look: Look, overwrite: bool = False, jobs: int = 1,
+    tasks: list[Task], renderer: AnyRenderer, look: Look, overwrite: bool = False, jobs: int = 1,
     columns: tuple[str, ...] | None = None, drawn: Callable[[Path], None] = lambda path: None,
 ) -> Iterator[Outcome]:
     """One outcome a task, in order, as the files get done; `jobs` files at a time, each holding its own clouds only.
@@ -193,7 +194,7 @@ class _File:
     """One file on its way to its pictures."""
 
     def __init__(
-        self, task: Task, renderer: Renderer, look: Look, overwrite: bool, columns: tuple[str, ...] | None,
+        self, task: Task, renderer: AnyRenderer, look: Look, overwrite: bool, columns: tuple[str, ...] | None,
         drawn: Callable[[Path], None],
     ) -> None:
         self.task, self.renderer, self.look, self.overwrite = task, renderer, look, overwrite
@@ -226,7 +227,7 @@ class _File:
                 if isinstance(scan, ScanError):
                     faults.append(fault_message(scan, self.task.scan))
                     continue
-                self._draw(scan, cloud, output)
+                self._render_cloud(scan, cloud, output)
                 outcome.status = "ok"
             except Exception as error:  # as above
                 where = f"cloud {scan.label}: " if isinstance(scan, Scan) and scan.label else ""
@@ -248,14 +249,14 @@ class _File:
         self.outcome.kept = told or self.outcome.kept
         return told is not None
 
-    def _draw(self, scan: Scan, cloud: int, output: Path) -> None:
+    def _render_cloud(self, scan: Scan, cloud: int, output: Path) -> None:
         look, outcome = self._look_at(cloud), self.outcome
-        drawing: Drawing = render_scan(self.renderer, scan, format_suffix(self.task.scan), look)
-        write_picture(drawing.picture, output, look.background, build_record(drawing, look, self._source_of(output, cloud)))
-        outcome.placements.append(drawing.placement)
-        outcome.viewpoints.append(drawing.viewpoint)
-        outcome.weights.append(drawing.renderer.weights["name"])
-        outcome.choices.append(drawing.choice)
+        rendered = render_scan(self.renderer, scan, format_suffix(self.task.scan), look)
+        write_picture(rendered.picture, output, look.background, build_record(rendered, look, self._source_of(output, cloud)))
+        outcome.placements.append(rendered.placement)
+        outcome.viewpoints.append(rendered.viewpoint)
+        outcome.weights.append(rendered.renderer.weights["name"])
+        outcome.choices.append(rendered.weights_reason)
         self.drawn(output)
 
     def _look_at(self, cloud: int) -> Look:

@@ -15,8 +15,10 @@ from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.viewpoint import Viewpoint, frame_points
 from z2p_core.rotations import random_rotation
 from z2p_core.surface.subsampling import even_share
-from z2p_renderer.pipeline.inference.render_scan import MIN_VISIBLE_ALPHA, Crop, Look, content_box, render_scan
-from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.inference.look import Crop, Look
+from z2p_renderer.pipeline.inference.render_scan import render_scan
+from z2p_renderer.pipeline.inference.trim import MIN_VISIBLE_ALPHA, content_box
+from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, PlacementOptions, place_scan, select_points
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_each
@@ -99,7 +101,7 @@ def common_viewpoint(
 
 
 def common_crop(
-    scans: Iterable[Path], renderer: Renderer, look: Look, columns: tuple[str, ...] | None = None
+    scans: Iterable[Path], renderer: AnyRenderer, look: Look, columns: tuple[str, ...] | None = None
 ) -> Crop | None:
     """The part of the frame that shows something of any cloud of the files; None where nothing is to be seen.
 

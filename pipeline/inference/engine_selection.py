@@ -12,7 +12,7 @@ from z2p_core import registry
 from z2p_core.errors.install_advice import ENGINE_EXTRAS, install_advice
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import Engine, TrainedNetwork
-from z2p_core.network.final_convs import Touch
+from z2p_core.network.final_convs import FinalConvs
 from z2p_renderer.pipeline.inference.loading import LoadedWeights
 from z2p_renderer.storage.models.checkpoints import WeightsError
 from z2p_renderer.storage.models.engine_cache import user_cache
@@ -62,7 +62,7 @@ def start_engine(
                            f"{error_reason(error)}); write its export again: {_export(file)}") from error
     _started.add(engine)
     if chosen.reads_onnx and (chosen.reads_int8 or whole is None):  # graph files leave out the last of a network
-        engine.last = Touch.of(loaded.weights.tensors, loaded.config)
+        engine.last = FinalConvs.of(loaded.weights.tensors, loaded.config)
     return engine
 
 

@@ -12,8 +12,8 @@ from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, from_dict
 from z2p_core.errors.value_limits import describe_value
 from z2p_core.interfaces import Control, GBuffer, PositionalEncoder, ZBuffer
-from z2p_core.network.tensor_shapes import network_fault, network_shapes
-from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, check_tensors, load_weights, find_weights
+from z2p_core.network.tensor_shapes import network_config_fault, network_shapes
+from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, check_tensors, find_weights, load_weights
 
 if TYPE_CHECKING:
     from torch import nn
@@ -108,7 +108,7 @@ def load_plugins(weights: Weights | str | Path, *, to_train: bool = False) -> Lo
     if not isinstance(weights, Weights):
         weights = load_weights(find_weights(weights))
     loaded = _with_plugins(weights, to_train)
-    if fault := network_fault(loaded.config):
+    if fault := network_config_fault(loaded.config):
         raise WeightsError(f"{_named(weights)} for a network that this z2p cannot build: {fault}")
     check_tensors(weights, network_shapes(loaded.config, loaded.buffer_channels, loaded.encoder.channels, loaded.settings))
     return loaded

@@ -11,14 +11,14 @@ import numpy as np
 from z2p_core.interfaces import Control, SettingError, Value
 
 if TYPE_CHECKING:  # reading a colour needs no torch
-    from z2p_renderer.pipeline.inference.renderer import Renderer
+    from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 Color = tuple[float, float, float]
 MAX_SMOOTHING_RADIUS = 0.3
 """Radius of the patches that clouds are made smooth over, at most, in that of the frame."""
 
 
-def parse_controls(renderer: Renderer, given: Mapping[str, Any]) -> dict[str, Value]:
+def parse_controls(renderer: AnyRenderer, given: Mapping[str, Any]) -> dict[str, Value]:
     """Value of each control that was given, as text, a number or a sequence of numbers; None counts as not given.
 
     Raises:

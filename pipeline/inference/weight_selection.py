@@ -1,4 +1,4 @@
-"""Weights that suit what is asked and what comes: unless the user names some, z2p chooses among those it ships."""
+"""Which weights render a cloud: those that the user names, or, for ``auto``, shipped ones that suit the cloud's noise."""
 
 from __future__ import annotations
 
@@ -9,41 +9,58 @@ from threading import Lock
 
 import numpy as np
 
-from z2p_core.interfaces import SettingError
+from z2p_core.interfaces import Control, SettingError, Value
 from z2p_core.surface.normals import scatter
 from z2p_renderer.pipeline.inference.engine_selection import check_engine
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import shipped_weights
 
 AUTO = "auto"
-DEFAULT_WEIGHTS, NOISY_CLOUD_WEIGHTS = "regular", "denoise"
-"""Of the shipped weights, those for clean clouds and those for noisy ones; both carry the same controls."""
+"""Stands for weights that are selected for each cloud."""
+DEFAULT_WEIGHTS = "regular"
+"""Shipped weights for clean clouds."""
+NOISY_CLOUD_WEIGHTS = "denoise"
+"""Shipped weights for noisy clouds; they carry the same controls as the default ones."""
 MIN_NOISE_TO_SPACING = 0.2
-"""Scatter of a cloud's points about their surface, in spacings, from which on it counts as noisy. Up to 0.16 (5,000
-points, noise of 0.005) the usual weights are as good on the whole and better on the object; from 0.3 on the others are
-better."""
+"""Noise of a cloud, in spacings of its points, from which on it counts as noisy. Measured: up to 0.16 (5,000 points with
+noise of 0.005 of the bounding sphere's radius) the default weights are as good overall and better on the object; from
+0.3 on the others are better."""
 
 
-class AutoRenderer(Renderer):
-    """The usual weights, and for noisy clouds those made for noise; each starts when the first cloud asks for it."""
+class AutoRenderer:
+    """Selects a `Renderer` for each cloud: the default weights, or those for noisy clouds. Threads may share one.
+
+    Each of the two starts its engine when the first cloud needs it.
+    """
 
     def __init__(self, threads: int | None = None, engine: str | None = None) -> None:
+        """See `Renderer` for the arguments and errors."""
         if engine is not None:
             check_engine(engine)
-        super().__init__(DEFAULT_WEIGHTS, threads, engine, lazy=True)
         self._options, self._lock = (threads, engine), Lock()
+        self._default = Renderer(DEFAULT_WEIGHTS, threads, engine, lazy=True)
 
     @property
-    def sole_weights(self) -> str | None:
-        return None
+    def controls(self) -> dict[str, Control]:
+        """The controls that both weights carry, in the order of the settings vector."""
+        return self._default.controls
 
-    def suited(self, cloud: np.ndarray) -> tuple[Renderer, str]:
-        """The renderer for a placed cloud (N, 3) float32, and why it is not the usual one, or nothing."""
+    @property
+    def fixed_elevation(self) -> float | None:
+        """See `Renderer.fixed_elevation`."""
+        return self._default.fixed_elevation
+
+    def settings(self, values: dict[str, Value]) -> dict[str, Value]:
+        """See `Renderer.settings`."""
+        return self._default.settings(values)
+
+    def select(self, cloud: np.ndarray) -> tuple[Renderer, str]:
+        """The renderer for a placed cloud (N, 3) float32, started; and the reason in words if it is not the default."""
         noise = scatter(cloud)
-        with self._lock:  # of several threads, one starts an engine
+        with self._lock:  # several threads must not start the same engine
             if noise < MIN_NOISE_TO_SPACING or NOISY_CLOUD_WEIGHTS not in shipped_weights():
-                self._engine  # noqa: B018
-                return self, ""
+                self._default.start()
+                return self._default, ""
             return self._noisy, f"weights {NOISY_CLOUD_WEIGHTS}: its points scatter by {noise:.1f} of their spacing"
 
     @cached_property
@@ -51,25 +68,36 @@ class AutoRenderer(Renderer):
         return Renderer(NOISY_CLOUD_WEIGHTS, *self._options)
 
 
+AnyRenderer = Renderer | AutoRenderer
+"""A renderer with weights of its own, or one that selects them for each cloud."""
+
+
 def load_renderer(
-    weights: str | Path, asked: Collection[str], threads: int | None = None, engine: str | None = None
-) -> Renderer:
-    """Renderer of `weights`, a shipped name or a file; or, for ``auto``, of shipped ones that carry the controls asked.
+    weights: str | Path, controls: Collection[str], threads: int | None = None, engine: str | None = None
+) -> AnyRenderer:
+    """Renderer of `weights`, a shipped name or a file; for ``auto`` one of shipped weights that carry these controls.
+
+    `threads` and `engine` are as for `Renderer`.
 
     Raises:
-        SettingError: no shipped weights carry them all.
+        SettingError: no shipped weights carry all of the controls.
         WeightsError, PluginError: see `Renderer`.
     """
     if str(weights) != AUTO:
         return Renderer(weights, threads, engine)
-    usual = AutoRenderer(threads, engine)
-    if set(asked) - {"elevation"} <= set(usual.controls):
-        return usual
+    automatic = AutoRenderer(threads, engine)
+    if set(controls) - {"elevation"} <= set(automatic.controls):
+        return automatic
     for name in shipped_weights():
         if name not in (DEFAULT_WEIGHTS, NOISY_CLOUD_WEIGHTS):
             renderer = Renderer(name, threads, engine)
-            if set(asked) <= set(renderer.controls):
+            if set(controls) <= set(renderer.controls):
                 return renderer
-    missing = ", ".join(sorted(set(asked) - set(usual.controls)))
+    missing = ", ".join(sorted(set(controls) - set(automatic.controls)))
     raise SettingError(f"no weights that come with z2p carry {missing} (with all else that is asked); choose "
                        "others (--weights, in Python weights=), or leave it out")
+
+
+def select_renderer(renderer: AnyRenderer, cloud: np.ndarray) -> tuple[Renderer, str]:
+    """The renderer with fixed weights for a placed cloud (N, 3) float32; and the reason if `AutoRenderer` chose others."""
+    return renderer.select(cloud) if isinstance(renderer, AutoRenderer) else (renderer, "")

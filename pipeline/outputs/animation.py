@@ -20,8 +20,10 @@ from z2p_core.interfaces import SettingError, Value
 from z2p_core.placement.margin import without_margin
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.surface.mls_smoothing import smoothed
-from z2p_renderer.pipeline.inference.render_scan import Drawing, Look, content_box, render_scan, crop_box
-from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.inference.look import Look
+from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_scan
+from z2p_renderer.pipeline.inference.trim import content_box, crop_box
+from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, select_points
 from z2p_renderer.storage.scans.clouds import Scan
 
@@ -40,7 +42,7 @@ class Motion:
     """Pictures that each frame is the mean of, spread over its share of the way."""
 
 
-def opening(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
+def opening(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
     """How the cloud of a file with that suffix stands as a loop begins, and which weights draw all of it: a sketch.
 
     Raises:
@@ -50,7 +52,7 @@ def opening(renderer: Renderer, scan: Scan, suffix: str, look: Look) -> Drawing:
     return render_scan(renderer, scan, suffix, sketch)
 
 
-def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
+def moving_frames(first: RenderedScan, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
     """The frames (H, W, 4) uint8, straight RGBA, of a loop: the last goes over into the first.
 
     `first` is the scan's `opening` by the same look. With `look.tight` all frames are cut alike, to what shows in any
@@ -67,7 +69,7 @@ def moving_frames(first: Drawing, scan: Scan, suffix: str, look: Look, motion: M
         base = without_margin(first.viewpoint, look.frame_margin)  # radii are in the frame's
         points = base.unplace(smoothed(base.place(points), first.placement.smoothing_radius))
     scan = replace(scan, points=points)
-    look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0), settled=True)
+    look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0))
     shots = (_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
     if not look.tight:
         yield from shots
@@ -90,7 +92,7 @@ def flicker(frames: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
 
 
 def _frame(
-    renderer: Renderer, scan: Scan, suffix: str, look: Look, motion: Motion, first: Drawing, number: int
+    renderer: AnyRenderer, scan: Scan, suffix: str, look: Look, motion: Motion, first: RenderedScan, number: int
 ) -> np.ndarray:
     """One frame: the mean of `motion.steady` pictures around its place on the way."""
     offsets = [(part + 0.5) / motion.steady - 0.5 for part in range(motion.steady)]
@@ -108,7 +110,7 @@ def _frame(
 
 
 def _moved(
-    given: dict[str, Value], first: Drawing, kind: str, share: float
+    given: dict[str, Value], first: RenderedScan, kind: str, share: float
 ) -> tuple[dict[str, Value], Viewpoint]:
     """Settings and viewpoint at a share of the way, 0 to 1."""
     if kind == "turn":

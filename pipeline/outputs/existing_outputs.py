@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from z2p_core.placement.margin import with_margin
-from z2p_renderer.pipeline.inference.render_scan import RECORDED_OPTIONS, Look
-from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.inference.look import Look
+from z2p_renderer.pipeline.inference.render_scan import RECORDED_OPTIONS
+from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer
 from z2p_renderer.pipeline.placement.place_scan import FIXED_CAMERA
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.images.image_files import PictureError, is_cut, is_whole, read_record
 
 
 def told_if_kept(
-    picture: Path, source: Mapping[str, Any], look: Look, renderer: Renderer,
+    picture: Path, source: Mapping[str, Any], look: Look, renderer: AnyRenderer,
     motion: Mapping[str, Any] | None = None, named: bool = False,
 ) -> str | None:
     """What to say of a picture that stays as it is, in words or nothing; None where it is to be drawn.
@@ -63,7 +64,7 @@ def _moved(drawn: Mapping[str, Any] | None, asked: Mapping[str, Any] | None) -> 
     return [{"kind": "motion"}.get(name, name) for name, value in asked.items() if drawn.get(name) != value]
 
 
-def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, renderer: Renderer) -> list[str]:
+def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> list[str]:
     """What of the settings a picture was drawn with otherwise."""
     others = _controls(record, look, renderer)
     viewpoint, placed = look.placement_options.viewpoint, record.get("placing", {})
@@ -85,7 +86,7 @@ def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, re
     return others
 
 
-def _controls(record: Mapping[str, Any], look: Look, renderer: Renderer) -> list[str]:
+def _controls(record: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> list[str]:
     """The controls that a picture was drawn with otherwise; one that is not given has its slider's default."""
     drawn, asked = record.get("controls", {}), renderer.settings(look.values)
     if "elevation" not in look.values and record.get("stance", {}).get("elevation") is not None:
@@ -103,8 +104,8 @@ def _other_camera(record: Mapping[str, Any], look: Look) -> bool:
     return any(drawn.get(name) != asked[name] for name in ("centre", "radius", *(() if turned else ("rotation",))))
 
 
-def _other_weights(record: Mapping[str, Any], renderer: Renderer) -> bool:
+def _other_weights(record: Mapping[str, Any], renderer: AnyRenderer) -> bool:
     """Whether other weights drew a picture, or may have: those that the cloud chooses are known only to its record."""
-    if renderer.sole_weights is None:
+    if isinstance(renderer, AutoRenderer):
         return not record.get("weights_chosen", True)  # once it was not told
-    return bool(record.get("weights", {}).get("sha256") != renderer.sole_weights)
+    return bool(record.get("weights", {}).get("sha256") != renderer.weights["sha256"])

@@ -15,6 +15,7 @@ from z2p_core.config import RenderConfig
 from z2p_core.interfaces import Control, Value
 from z2p_core.rotations import random_rotation
 from z2p_core.scene import SceneDescription
+from z2p_core.settings import apply_controls
 from z2p_renderer.pipeline.render import RenderSettings, render_scenes
 
 
@@ -41,8 +42,7 @@ def draw_view(controls: dict[str, Control], rng: np.random.Generator, upright: f
 def describe(controls: dict[str, Control], values: dict[str, Value], rotation: np.ndarray) -> SceneDescription:
     """Scene in which each control is applied at its value."""
     scene = SceneDescription(rotation=tuple(tuple(row) for row in rotation.tolist()))
-    for name, control in controls.items():
-        control.apply(values[name], scene)
+    apply_controls(values, controls, scene)
     return scene
 
 

@@ -14,6 +14,7 @@ from z2p_core.config import ConfigError, ShardConfig
 from z2p_core.images import area_average, bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import Control
 from z2p_core.scene import SceneDescription
+from z2p_core.settings import settings_vector
 from z2p_renderer.storage.shards import Record, write_shard
 
 
@@ -82,9 +83,3 @@ def shrink_pictures(rgba: np.ndarray, coverage: np.ndarray, factor: int) -> tupl
         return rgba, coverage
     smaller = bytes_from_unit(shrink(unit_from_bytes(rgba), factor))
     return smaller, bytes_from_unit(area_average(unit_from_bytes(coverage), factor))
-
-
-def settings_vector(values: dict[str, Any], controls: dict[str, Control]) -> np.ndarray:
-    """The settings vector s (S,) float32: each control's encoding of its value, in the controls' order."""
-    encoded = [control.encode(tuple(values[name])) for name, control in controls.items()]
-    return np.concatenate([np.asarray(part, dtype=np.float32) for part in encoded])

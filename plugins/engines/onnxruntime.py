@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
-from z2p_core.network.per_size_cache import once_each
+from z2p_core.network.per_size_cache import cached_per_size
 from z2p_core.network.telemetry import forbid_telemetry
 
 CPU_FLAGS, AVX2 = Path("/proc/cpuinfo"), "avx2"
@@ -43,7 +43,7 @@ class OnnxRuntime(Engine):
                 options.add_free_dimension_override_by_name(name, value)
             return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
 
-        self._session = once_each(start)
+        self._session = cached_per_size(start)
         self._fixed = 1 if network.windows else len(SIZE)
 
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:

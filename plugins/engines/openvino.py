@@ -10,7 +10,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from z2p_core.interfaces import Engine, TrainedNetwork
-from z2p_core.network.per_size_cache import once_each
+from z2p_core.network.per_size_cache import cached_per_size
 from z2p_core.parallel import core_count
 
 STARTING = threading.Lock()
@@ -45,7 +45,7 @@ class OpenVino(Engine):
         self._origin = [openvino.get_version(), *able, hashlib.sha256(model).hexdigest(), sorted(self._options.items())]
         self._reads = [one.get_any_name() for one in self._read().inputs]  # no encoding, where the network has none
         self._open = network.windows
-        self._compiled = once_each(self._compile)
+        self._compiled = cached_per_size(self._compile)
         self._own = threading.local()  # a request serves one thread at a time
 
     def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:

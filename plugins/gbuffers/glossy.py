@@ -20,7 +20,7 @@ from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, SceneDescription
 from z2p_core.shading.area_light import area_light_samples, area_light_quad
 from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, MaterialChannel
 from z2p_core.shading.light_transport import GREY_ALBEDO, Quality, Lighting
-from z2p_core.shading.principled import INDEX, Principled
+from z2p_core.shading.principled import IOR, Principled
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 LAMPS, SMOOTHEST = 36, 0.04
@@ -136,7 +136,7 @@ class Reflections(Lighting):
 
         One ray stands for a lobe, so the wider that is, the more of what was there, and `clear` (M,), stays.
         """
-        met = native.mirror_hits(self.points, self.normals, rows, rays, *self.sizes)
+        met = native.raycast_discs(self.points, self.normals, rows, rays, *self.sizes)
         meeting = np.flatnonzero(met >= 0)
         others, back = met[meeting], -rays[meeting]
         sides = (row_dots(self.normals[others], back) < 0).astype(np.intp)
@@ -151,14 +151,14 @@ class Reflections(Lighting):
 
     def gloss(self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What rough surfaces at points (M, 3) mirror of the lamp (M, 3), and matt ones have of it (M,)."""
-        return native.gloss(points, normals, towards, *self.lamps, max(self.roughness**2, SMOOTHEST), INDEX)
+        return native.gloss(points, normals, towards, *self.lamps, max(self.roughness**2, SMOOTHEST), IOR)
 
     def shine(self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray) -> np.ndarray:
         """What this surface at points (M, 3) mirrors of the lamp, as `native.gloss` says it (M, 3)."""
         if not self.smooth:
             return self.gloss(points, normals, towards)[0]
         blur = BLUR * max(self.roughness**2, UNSURE)
-        return native.image(points, normals, towards, self.square, LIGHT_RADIANCE, blur, INDEX)
+        return native.image(points, normals, towards, self.square, LIGHT_RADIANCE, blur, IOR)
 
     def mirrored(
         self, points: np.ndarray, normals: np.ndarray, towards: np.ndarray, sent: Sent, shine: np.ndarray

@@ -13,7 +13,7 @@ import numpy as np
 
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-from z2p_renderer.storage.files.atomic_write import NotAFileError, check_file_target, atomic_write
+from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_write, check_file_target
 from z2p_renderer.storage.images.image_files import OPAQUE, WHITE, PictureError, described
 
 SUFFIXES = (".webp", ".gif", ".mp4")

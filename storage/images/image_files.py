@@ -12,7 +12,7 @@ import numpy as np
 
 from z2p_core.errors.messages import UserError
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-from z2p_renderer.storage.files.atomic_write import NotAFileError, file_kind, atomic_write
+from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_write, file_kind
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.files.printable_names import is_file, path_exists, printable
 from z2p_renderer.storage.images.png import png

@@ -41,7 +41,7 @@ def c_files_below(folder: str) -> tuple[str, ...]:
 
 BUILD_MODULES = ("z2p_core.native.build", "z2p_core.native.source_digest", "z2p_core.native.wheels")
 """Modules that no stage imports: they compile the kernels, which the compiler's flags shape, and name wheels."""
-_CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.scene")
+_CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.settings", "z2p_core.scene")
 _MESHES = ("storage.meshes", "z2p_core.formats.ply_header")
 _RENDERS = (
     "pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.placement.bounding_sphere", "z2p_core.images",

@@ -30,7 +30,14 @@ from typing import Any
 
 from z2p_renderer.storage.files.disk_errors import DiskError, full_disk_message
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, fingerprint
-from z2p_renderer.storage.results.manifests import MANIFEST, FOLDER_NAME_DIGITS, find_faults, read_manifest, seal, fsync_path
+from z2p_renderer.storage.results.manifests import (
+    FOLDER_NAME_DIGITS,
+    MANIFEST,
+    find_faults,
+    fsync_path,
+    read_manifest,
+    seal,
+)
 from z2p_renderer.storage.results.manifests import remove_path as _remove
 from z2p_renderer.storage.results.work_note import NOTE, read_note, write_note
 

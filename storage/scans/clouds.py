@@ -12,7 +12,7 @@ from z2p_core.formats.geographic import local_metres
 from z2p_core.formats.tables.missing_values import measured
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.storage.files.printable_names import printable
-from z2p_renderer.storage.meshes import Mesh, is_smooth_surface, check_openable, read_mesh, write_cloud, write_mesh
+from z2p_renderer.storage.meshes import Mesh, check_openable, read_mesh, write_cloud, write_mesh
 from z2p_renderer.storage.scans.duplicate_points import distinct
 from z2p_renderer.storage.scans.find_scans import find_scans
 from z2p_renderer.storage.scans.isolated_reading import can_read_apart, failure_message, read_apart

@@ -22,10 +22,10 @@ from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.storage.results.work_note import NOTE
 from z2p_renderer.storage.shards import Record, Shard, ShardError, write_shard
 from z2p_renderer.workflows import commands
-from z2p_renderer.workflows.plan import MeshInput, Plan, assemble
-from z2p_renderer.workflows.status import as_json, states, table
-from z2p_renderer.workflows.upkeep.garbage_collection import unneeded
-from z2p_renderer.workflows.upkeep.runs_in_use import keep
+from z2p_renderer.workflows.plan import MeshInput, Plan, assemble_plan
+from z2p_renderer.workflows.status import statuses_to_json, step_statuses, format_table
+from z2p_renderer.workflows.upkeep.garbage_collection import find_garbage
+from z2p_renderer.workflows.upkeep.runs_in_use import keep_results
 
 SHARD, WORKSPACE = "shard.h5", "runs"
 MEANING = ("fields", "files", "fingerprint")
@@ -44,7 +44,7 @@ def make(rng: np.random.Generator, folder: Path) -> None:
             store.produce(step.entry, lambda place: (place / "result.bin").write_text("made"))
         elif rng.random() < 0.3:
             store._opened_work_folder(step.entry)
-    keep(store, plan, json.dumps({"config": "", "meshes": "", "evaluate_meshes": ""}))
+    keep_results(store, plan, json.dumps({"config": "", "meshes": "", "evaluate_meshes": ""}))
     files = sorted(path for path in store.root.rglob("*") if path.name in (MANIFEST, NOTE) or path.suffix == ".json")
     chosen = files[rng.integers(len(files))]
     before = json.loads(chosen.read_text())
@@ -61,11 +61,11 @@ def check(folder: Path) -> str:
     store, plan = Store(folder / WORKSPACE), _plan()
     edited = folder / json.loads((folder / EDITED).read_text())
     same = _same(json.loads((folder / BEFORE).read_text()), edited)
-    found = states(plan, store)
-    table(found)
-    json.loads(as_json(found))
+    found = step_statuses(plan, store)
+    format_table(found)
+    json.loads(statuses_to_json(found))
     with suppress(StoreError):  # a note of what is in use that is damaged
-        unneeded(store, ())
+        find_garbage(store, ())
     find_candidates(store, [step.entry for step in plan.steps.values()], [step.entry.stage for step in plan.steps.values()])
     if edited.name == MANIFEST:
         place = edited.parent
@@ -107,7 +107,7 @@ def _exact(value: Any) -> str:
 def _plan() -> Plan:
     """That of a small pipeline, for which no mesh has to be there."""
     meshes = [MeshInput(name, name[0] * 64, Path(f"/nowhere/{name}.ply")) for name in ("ape", "bee")]
-    return assemble(replace(PipelineConfig(), render=RenderConfig(views=2)), meshes, meshes[:1])
+    return assemble_plan(replace(PipelineConfig(), render=RenderConfig(views=2)), meshes, meshes[:1])
 
 
 def _write_shard(path: Path, rng: np.random.Generator) -> None:

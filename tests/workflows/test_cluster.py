@@ -18,7 +18,9 @@ from luigi.rpc import RemoteScheduler
 from luigi.worker import worker
 from world import CONFIG, World, luigid
 
-from z2p_renderer.workflows.tasks import load_steps, source_of, task_of
+from z2p_renderer.workflows.plan_loading import load_plan
+from z2p_renderer.workflows.sources import pipeline_source
+from z2p_renderer.workflows.stage_task import create_task
 
 pytestmark = pytest.mark.slow
 
@@ -82,8 +84,8 @@ def test_a_worker_lost_between_its_result_and_its_word(tmp_path, monkeypatch):
     before = world.digests()
     for step in ("shard/tetra", "train", "evaluate"):
         shutil.rmtree(world.manifest(step).parent)
-    source = source_of(*(str(tmp_path / name) for name in ("small.toml", "meshes", "kept")))
-    render = task_of(load_steps(source)["render/tetra/0-2"], source, str(world.workspace))
+    source = pipeline_source(*(str(tmp_path / name) for name in ("small.toml", "meshes", "kept")))
+    render = create_task(load_plan(source).steps["render/tetra/0-2"], source, str(world.workspace))
     assert render.complete()
     with luigid(world):
         scheduler = RemoteScheduler(f"http://{world.scheduler_address}:{world.scheduler}")

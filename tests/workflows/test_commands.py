@@ -13,11 +13,12 @@ from world import World
 
 import z2p_renderer.storage.results.stage_dependencies
 from z2p_renderer.storage.results.store import Store
-from z2p_renderer.workflows.ablation.plan import ablation_source, load_ablation_plan
+from z2p_renderer.workflows.ablation.plan import load_ablation_plan
 from z2p_renderer.workflows.commands import main
-from z2p_renderer.workflows.report.plan import load_report_plan, report_source
-from z2p_renderer.workflows.tasks import load_plan, source_of
-from z2p_renderer.workflows.upkeep.runs_in_use import keep
+from z2p_renderer.workflows.plan_loading import load_pipeline_plan
+from z2p_renderer.workflows.report.plan import load_report_plan
+from z2p_renderer.workflows.sources import ablation_source, pipeline_source, report_source
+from z2p_renderer.workflows.upkeep.runs_in_use import keep_results
 
 TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"
 
@@ -25,18 +26,18 @@ TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"
 @pytest.fixture
 def world(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    load_plan.cache_clear()
+    load_pipeline_plan.cache_clear()
     yield World(tmp_path, code=False)
-    load_plan.cache_clear()
+    load_pipeline_plan.cache_clear()
 
 
 @pytest.fixture
 def plan(world):
-    return load_plan(source_of("small.toml", "meshes", "kept"))
+    return load_pipeline_plan(pipeline_source("small.toml", "meshes", "kept"))
 
 
 def run(*words):
-    load_plan.cache_clear()
+    load_pipeline_plan.cache_clear()
     load_ablation_plan.cache_clear()
     return CliRunner().invoke(main, list(words))
 
@@ -65,9 +66,9 @@ def test_adopting_lists_first_and_keeps_the_configuration(world, plan, monkeypat
 
 
 def test_adopting_takes_ground_truth_that_had_no_manifest(world, plan):
-    from z2p_renderer.workflows.upkeep.adopt_ground_truth import references
+    from z2p_renderer.workflows.upkeep.adopt_ground_truth import iter_references
 
-    [(entry, old)] = references(plan, Store(world.workspace))
+    [(entry, old)] = iter_references(plan, Store(world.workspace))
     assert old.parent.parent == world.workspace / "truth" and entry.fields["parameters"]["samples"] == 1
     old.parent.mkdir(parents=True)
     old.write_text("picture")
@@ -79,12 +80,12 @@ def test_adopting_takes_ground_truth_that_had_no_manifest(world, plan):
 
 
 def test_ground_truth_of_every_seed_can_be_adopted(world):
-    from z2p_renderer.workflows.upkeep.adopt_ground_truth import references
+    from z2p_renderer.workflows.upkeep.adopt_ground_truth import iter_references
 
     config = world.root / "small.toml"
     config.write_text(config.read_text().replace("[evaluate]\n", "[evaluate]\nseed = 3\nseeds = 2\n"))
-    plan = load_plan(source_of("small.toml", "meshes", "kept"))
-    found = [entry.fields for entry, _ in references(plan, Store(world.workspace))]
+    plan = load_pipeline_plan(pipeline_source("small.toml", "meshes", "kept"))
+    found = [entry.fields for entry, _ in iter_references(plan, Store(world.workspace))]
     assert [fields["parameters"]["seed"] for fields in found] == [3, 4]
     assert found[0]["scene"] != found[1]["scene"]
 
@@ -183,7 +184,7 @@ def test_a_reports_results_are_adopted(tmp_path, monkeypatch):
 def test_a_torn_manifest_is_told_by_status_and_gc_and_put_aside_by_verify(world, plan, text):
     store = Store(world.workspace)
     fill(store, plan)
-    keep(store, plan, "{}")
+    keep_results(store, plan, "{}")
     folder = store.folder(plan.steps["train"].entry)
     (folder / "manifest.json").write_text(text)
     rows = {row["step"]: row for row in json.loads(run("status", "--json", *world.options).output)}

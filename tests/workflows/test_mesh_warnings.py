@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from world import PYRAMID, TETRA, World, write_off
 
-from z2p_renderer.workflows.mesh_warnings import crowded_edges, mesh_warnings
+from z2p_renderer.workflows.mesh_warnings import count_non_manifold_edges, mesh_warnings
 
 FIN = ([*TETRA[0], (3, 0, 0)], [*TETRA[1], (0, 1, 4)])
 """A tetrahedron with a triangle that sticks out of one of its edges."""
 
 
 def test_edges_of_more_than_two_faces_are_counted(tmp_path):
-    assert crowded_edges(np.array(TETRA[1])) == crowded_edges(np.array(PYRAMID[1])) == 0
-    assert crowded_edges(np.array(FIN[1])) == 1
+    assert count_non_manifold_edges(np.array(TETRA[1])) == count_non_manifold_edges(np.array(PYRAMID[1])) == 0
+    assert count_non_manifold_edges(np.array(FIN[1])) == 1
     write_off(tmp_path / "fin.off", *FIN)
     write_off(tmp_path / "tetra.off", *TETRA)
     assert mesh_warnings(tmp_path / "tetra.off") == []

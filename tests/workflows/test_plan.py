@@ -13,7 +13,7 @@ import z2p_renderer.workflows.pretrained_weights
 from z2p_core import registry
 from z2p_core.config import PipelineConfig
 from z2p_renderer.storage.results.code_digest import module_file
-from z2p_renderer.workflows.plan import Plan, assemble, make_plan
+from z2p_renderer.workflows.plan import Plan, assemble_plan, make_plan
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -287,7 +287,7 @@ def test_built_in_shapes_come_from_one_step():
 
 def test_another_built_in_shape_leaves_the_others_alone(config):
     shapes = make_plan(PipelineConfig()).training
-    before, after = assemble(config, shapes[:1], shapes[1:2]), assemble(config, shapes[:3], shapes[1:2])
+    before, after = assemble_plan(config, shapes[:1], shapes[1:2]), assemble_plan(config, shapes[:3], shapes[1:2])
     name = shapes[0].name
     assert prints(before)[f"shard/{name}"] == prints(after)[f"shard/{name}"]
 

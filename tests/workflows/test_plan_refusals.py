@@ -9,7 +9,7 @@ from editing import edited
 from z2p_core import registry
 from z2p_core.config import ConfigError, PipelineConfig, parse_config
 from z2p_core.interfaces import ScanError
-from z2p_renderer.workflows.plan import make_plan, meshes_in
+from z2p_renderer.workflows.plan import list_meshes, make_plan
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 PIPELINES = sorted(set(CONFIGS.glob("*.toml")) - set(CONFIGS.glob("report*.toml")) - {CONFIGS / "ablations.toml"})
@@ -85,7 +85,7 @@ def test_weights_to_learn_from_with_other_controls_are_refused_before_anything_i
 def test_a_folder_without_meshes_is_refused(tmp_path, folder, message):
     (tmp_path / "readme.txt").write_text("no mesh")
     with pytest.raises(ScanError, match=message):
-        meshes_in(tmp_path / folder)
+        list_meshes(tmp_path / folder)
 
 
 def test_quick_toml_spells_out_the_defaults():

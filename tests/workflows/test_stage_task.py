@@ -9,15 +9,16 @@ import pytest
 
 import workflows
 import z2p_renderer.storage.results.stage_dependencies
-import z2p_renderer.workflows.tasks
+import z2p_renderer.workflows.stage_task
 from z2p_core import registry
 from z2p_core.config import ConfigError, parse_config
 from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.full_pipeline import RESULTS
 from z2p_renderer.workflows.plan import make_plan
-from z2p_renderer.workflows.tasks import StageTask, load_plan, task_of
-from z2p_renderer.workflows.upkeep.reuse_renders import copy_known_views
+from z2p_renderer.workflows.plan_loading import load_pipeline_plan
+from z2p_renderer.workflows.stage_task import StageTask, create_task
+from z2p_renderer.workflows.upkeep.reuse_views import copy_existing_views
 
 TOML = "name = 'small'\nmeshes = 'meshes'\n[render]\nviews = 3\nchunk = 2\n"
 
@@ -41,14 +42,14 @@ def ran(tmp_path, monkeypatch):
         for name in [name for name, stage in RESULTS.items() if stage == task.step.entry.stage] or ["x"]:
             (out / name).write_text(task.step_name)
 
-    monkeypatch.setattr(z2p_renderer.workflows.tasks, "mesh_warnings", lambda path: [])
+    monkeypatch.setattr(z2p_renderer.workflows.stage_task, "mesh_warnings", lambda path: [])
     for stage in StageTask.__subclasses__():
         monkeypatch.setattr(stage, "make", make)
     return log
 
 
 def build() -> bool:
-    load_plan.cache_clear()
+    load_pipeline_plan.cache_clear()
     luigi.task_register.Register.clear_instance_cache()
     task = workflows.FullPipeline(config="small.toml")
     result = luigi.build([task], local_scheduler=True, detailed_summary=True, log_level="ERROR")
@@ -114,7 +115,7 @@ def test_a_result_that_a_stage_did_not_write_is_a_failure(ran, monkeypatch):
 def test_a_task_whose_inputs_changed_is_another_task(ran):
     config = parse_config(Path("small.toml").read_text())
     changed = parse_config(Path("small.toml").read_text() + "samples = 9\n")
-    ids = [task_of(make_plan(c).steps["render/ape/0-2"], "{}", "runs").task_id for c in (config, changed)]
+    ids = [create_task(make_plan(c).steps["render/ape/0-2"], "{}", "runs").task_id for c in (config, changed)]
     assert ids[0] != ids[1]
 
 
@@ -134,9 +135,9 @@ def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, 
 def test_a_plugin_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, tmp_path, step, group, name):
     """What it makes would be kept under another's fingerprint."""
     source = workflows.FullPipeline(config="small.toml").source
-    load_plan.cache_clear()
-    steps = load_plan(source).steps
-    task = task_of(steps[step], source, str(tmp_path / "runs"))
+    load_pipeline_plan.cache_clear()
+    steps = load_pipeline_plan(source).steps
+    task = create_task(steps[step], source, str(tmp_path / "runs"))
     task._check_code()
     edited = tmp_path / "edited.py"
     plugin = registry.load(group, name)
@@ -155,8 +156,8 @@ def test_weights_to_learn_from_that_changed_since_the_plan_was_made_are_refused(
     shutil.copyfile(find_weights("regular"), weights)
     (tmp_path / "small.toml").write_text(f"{TOML}[train]\n{name} = 'known.safetensors'\n")
     source = workflows.FullPipeline(config="small.toml").source
-    load_plan.cache_clear()
-    task = task_of(load_plan(source).steps["train"], source, str(tmp_path / "runs"))
+    load_pipeline_plan.cache_clear()
+    task = create_task(load_pipeline_plan(source).steps["train"], source, str(tmp_path / "runs"))
     weights.touch()
     task._check_code()
     edit(weights)
@@ -167,12 +168,12 @@ def test_weights_to_learn_from_that_changed_since_the_plan_was_made_are_refused(
 def test_kernels_that_were_compiled_from_other_files_are_refused(ran, monkeypatch, tmp_path):
     """The fingerprint holds the C files, and what runs is another thing."""
     source = workflows.FullPipeline(config="small.toml").source
-    load_plan.cache_clear()
-    steps = load_plan(source).steps
-    shard, train = (task_of(steps[name], source, str(tmp_path / "runs")) for name in ("shard/ape", "train"))
-    monkeypatch.setattr(z2p_renderer.workflows.tasks, "outdated", lambda: False)
+    load_pipeline_plan.cache_clear()
+    steps = load_pipeline_plan(source).steps
+    shard, train = (create_task(steps[name], source, str(tmp_path / "runs")) for name in ("shard/ape", "train"))
+    monkeypatch.setattr(z2p_renderer.workflows.stage_task, "outdated", lambda: False)
     train._check_code()
-    monkeypatch.setattr(z2p_renderer.workflows.tasks, "outdated", lambda: True)
+    monkeypatch.setattr(z2p_renderer.workflows.stage_task, "outdated", lambda: True)
     shard._check_code()  # it draws nothing
     with pytest.raises(ConfigError, match=r"train: the compiled kernels are not .*install z2p again"):
         train._check_code()
@@ -186,9 +187,9 @@ def test_the_safety_settings_apply_on_import():
 
 def test_views_of_other_chunks_are_copied_unless_damaged(ran, tmp_path):
     source = workflows.FullPipeline(config="small.toml").source
-    load_plan.cache_clear()
+    load_pipeline_plan.cache_clear()
     store = Store(tmp_path / "runs")
-    plan = load_plan(source)
+    plan = load_pipeline_plan(source)
 
     def write(folder: Path) -> None:
         for index in (0, 1):
@@ -198,9 +199,9 @@ def test_views_of_other_chunks_are_copied_unless_damaged(ran, tmp_path):
     folder = store.produce(plan.steps["render/ape/0-2"].entry, write)
     (folder / "view_00000.png").write_text("!.png")  # the same size: only its digest tells
     (tmp_path / "small.toml").write_text(TOML.replace("chunk = 2", "chunk = 3"))
-    load_plan.cache_clear()
+    load_pipeline_plan.cache_clear()
     (tmp_path / "out").mkdir()
-    copy_known_views(store, load_plan(source).steps["render/ape/0-3"].entry, range(3), tmp_path / "out")
+    copy_existing_views(store, load_pipeline_plan(source).steps["render/ape/0-3"].entry, range(3), tmp_path / "out")
     copied = {path.name: path.read_text() for path in (tmp_path / "out").iterdir()}
     assert set(copied) == {"view_00001.json", "view_00001.png", "view_00001.coverage.png"}
     assert all(text == f"{int(name[5:10])}{name[10:]}" for name, text in copied.items())

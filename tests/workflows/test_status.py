@@ -10,8 +10,9 @@ from small_store import fill, listing
 
 from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.plan import make_plan
-from z2p_renderer.workflows.report.plan import load_report_plan, report_source
-from z2p_renderer.workflows.status import State, as_json, states, table, to_run
+from z2p_renderer.workflows.report.plan import load_report_plan
+from z2p_renderer.workflows.sources import report_source
+from z2p_renderer.workflows.status import StepStatus, format_table, statuses_to_json, step_statuses, steps_to_run
 
 TINY = Path(__file__).parents[2] / "configs" / "report-tiny.toml"
 
@@ -22,7 +23,7 @@ def store(tmp_path):
 
 
 def told(store, plan):
-    return {one.step: (one.state, *one.reasons) for one in states(plan, store)}
+    return {one.step: (one.state, *one.reasons) for one in step_statuses(plan, store)}
 
 
 def test_a_new_workspace_misses_everything(config, store):
@@ -77,7 +78,7 @@ def test_deleted_and_damaged_results_are_told_apart(config, store):
     assert found["sample/ape"][0] == "stale" and "result.bin" in found["sample/ape"][1]
     assert found["sample/bee"] == ("stale", "damaged, and put aside in .quarantine")
     assert found["shard/ape"] == found["evaluate"] == ("fresh",)
-    assert {one.step for one in to_run(states(plan, store))} == {"train", "sample/ape", "sample/bee"}
+    assert {one.step for one in steps_to_run(step_statuses(plan, store))} == {"train", "sample/ape", "sample/bee"}
 
 
 def test_going_back_is_fresh(config, store):
@@ -89,21 +90,21 @@ def test_going_back_is_fresh(config, store):
 def test_table_and_json_say_the_same(config, store):
     plan = make_plan(config)
     fill(store, plan, "sample/ape")
-    found = states(plan, store)
-    lines = table(found)
+    found = step_statuses(plan, store)
+    lines = format_table(found)
     assert lines[0].split() == ["FRESH", "sample/ape"] and lines[-1] == f"1 fresh, 0 stale, {len(found) - 1} missing"
-    assert len(table(found, every=False)) == len(lines) - 1
-    rows = json.loads(as_json(found))
+    assert len(format_table(found, every=False)) == len(lines) - 1
+    rows = json.loads(statuses_to_json(found))
     assert [row["step"] for row in rows] == list(plan.steps) and rows[1]["state"] == "missing"
 
 
 def test_a_table_names_a_few_of_many_reasons_upstream_and_json_all_of_them():
     many = tuple(f"upstream shard/{number}" for number in range(170))
-    found = [State("train", "train", "stale", ("steps 5 -> 6", *many), "0")]
-    line = table(found)[0]
+    found = [StepStatus("train", "train", "stale", ("steps 5 -> 6", *many), "0")]
+    line = format_table(found)[0]
     assert "steps 5 -> 6" in line and "upstream shard/0" in line and "and 166 more upstream" in line
     assert len(line) < 200
-    assert json.loads(as_json(found))[0]["reasons"] == ["steps 5 -> 6", *many]
+    assert json.loads(statuses_to_json(found))[0]["reasons"] == ["steps 5 -> 6", *many]
 
 
 @pytest.fixture

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import luigi
 
-from z2p_renderer.workflows.ablation.plan import (
-    COMPARE,
-    AblationPlan,
-    ablation_source,
-    load_ablation_plan,
-    variant_source,
-)
-from z2p_renderer.workflows.wrapper_task import Goal
+from z2p_renderer.workflows.ablation.plan import COMPARE, AblationPlan, load_ablation_plan
+from z2p_renderer.workflows.plan_task import PlanTask
+from z2p_renderer.workflows.sources import ablation_source, variant_source
 
 RESULTS = ("ablations.md", "ablations.csv", "ablations.json", "curves.png")
 
 
-class Ablations(Goal):
+class Ablations(PlanTask):
     """One training run of equal budget for each variant; leaves the comparison in ``<workspace>/<config name>/``."""
 
     config = luigi.Parameter(default="", description="TOML file of base and variants; default: configs/ablations.toml")
@@ -33,5 +28,5 @@ class Ablations(Goal):
     def plan(self) -> AblationPlan:
         return load_ablation_plan(self.source)
 
-    def source_of_step(self, name: str) -> str:
+    def step_source(self, name: str) -> str:
         return self.source if name == COMPARE else variant_source(self.source, self.plan.variant_of[name])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -16,12 +15,11 @@ from z2p_core.registry import PluginError
 from z2p_renderer.storage.configs import config_text
 from z2p_renderer.storage.results.fingerprints import stage_fields
 from z2p_renderer.storage.results.store import Entry
-from z2p_renderer.workflows.plan import Plan, Step, assemble, check_config, make_plan
-from z2p_renderer.workflows.process.task_log import say
+from z2p_renderer.workflows.plan import Plan, Step, assemble_plan, check_config, make_plan
+from z2p_renderer.workflows.process.task_log import log_line
 
-DEFAULT_CONFIG = Path(__file__).parents[2] / "configs" / "ablations.toml"
 COMPARE = "compare"
-OWN = ("train", "evaluate")
+VARIANT_STAGES = ("train", "evaluate")
 """Steps that each variant has for itself, called ``train/NAME`` and ``evaluate/NAME``."""
 
 
@@ -37,39 +35,6 @@ class AblationPlan:
     """Step -> a variant whose plan has it; the comparison is of none."""
     command: str
     """What makes all of this."""
-
-
-def ablation_source(config: str, meshes: str, evaluate_meshes: str) -> str:
-    """Where config and meshes come from, as JSON with absolute paths: all that another process needs."""
-    from z2p_renderer.workflows.tasks import absolute
-
-    words = {"config": config, "meshes": meshes, "evaluate-meshes": evaluate_meshes}
-    where = {key.replace("-", "_"): absolute(word) for key, word in words.items()}
-    where["config"] = where["config"] or str(DEFAULT_CONFIG)
-    command = " ".join(["z2p ablate", *(f"--{name} {word}" for name, word in words.items() if word)])
-    return json.dumps({"ablations": {**where, "command": command}})
-
-
-def is_ablations(config: str) -> bool:
-    """Whether a file holds variants, whatever else is right or wrong about it."""
-    try:
-        return "variants" in tomllib.loads(Path(config).read_text(encoding="utf-8"))
-    except (OSError, ValueError):  # told when it is read as a pipeline's
-        return False
-
-
-def variant_source(source: str, variant: str) -> str:
-    """The source of one variant's plan, for `workflows.tasks.load_plan`."""
-    return json.dumps({**json.loads(source), "variant": variant})
-
-
-def load_variant_plan(source: str) -> Plan:
-    """Plan of a `variant_source`.
-
-    Raises: as `load_ablation_plan`.
-    """
-    where = json.loads(source)
-    return load_ablation_plan(json.dumps({"ablations": where["ablations"]})).plans[where["variant"]]
 
 
 @lru_cache(maxsize=4)
@@ -94,7 +59,7 @@ def make_ablation_plan(config: AblationsConfig, command: str = "") -> AblationPl
     """
     shared = make_plan(config.base)
     for warning in shared.warnings:
-        say(f"warning: {warning}")
+        log_line(f"warning: {warning}")
     plans: dict[str, Plan] = {}
     steps: dict[str, Step] = {}
     variant_of: dict[str, str] = {}
@@ -111,14 +76,14 @@ def _variant_plan(variant: Variant, shared: Plan) -> Plan:
     """The variant's own plan on the base's meshes; what is wrong with its values is told with its name."""
     try:
         check_config(variant.config)
-        return _named(assemble(variant.config, shared.training, shared.evaluation), variant.name)
+        return _with_variant_name(assemble_plan(variant.config, shared.training, shared.evaluation), variant.name)
     except (ConfigError, PluginError) as error:
         raise type(error)(f"variants.{variant.name}: {error}") from error
 
 
-def _named(plan: Plan, variant: str) -> Plan:
+def _with_variant_name(plan: Plan, variant: str) -> Plan:
     """The plan with the variant's name in those of its own steps."""
-    new = {name: f"{name}/{variant}" if name in OWN else name for name in plan.steps}
+    new = {name: f"{name}/{variant}" if name in VARIANT_STAGES else name for name in plan.steps}
     steps = [
         replace(step, entry=replace(step.entry, name=new[name]), upstream=tuple(new[one] for one in step.upstream))
         for name, step in plan.steps.items()
@@ -129,13 +94,13 @@ def _named(plan: Plan, variant: str) -> Plan:
 def _comparison(config: AblationsConfig, plans: Mapping[str, Plan], command: str) -> Step:
     fields = stage_fields(COMPARE) | {
         "name": config.name, "command": command,
-        "variants": [_told(variant, plans[variant.name]) for variant in config.variants],
+        "variants": [_variant_fields(variant, plans[variant.name]) for variant in config.variants],
     }  # fmt: skip
-    upstream = tuple(f"{stage}/{variant.name}" for stage in OWN for variant in config.variants)
+    upstream = tuple(f"{stage}/{variant.name}" for stage in VARIANT_STAGES for variant in config.variants)
     return Step(Entry(COMPARE, COMPARE, fields), upstream)
 
 
-def _told(variant: Variant, plan: Plan) -> dict[str, Any]:
-    own = {stage: plan.steps[f"{stage}/{variant.name}"].entry.fingerprint for stage in OWN}
+def _variant_fields(variant: Variant, plan: Plan) -> dict[str, Any]:
+    own = {stage: plan.steps[f"{stage}/{variant.name}"].entry.fingerprint for stage in VARIANT_STAGES}
     changes = {key: list(values) for key, values in variant.changes.items()}
     return {"name": variant.name, "title": variant.title, "why": variant.why, "changes": changes, **own}

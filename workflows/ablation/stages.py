@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from z2p_renderer.workflows.ablation.plan import load_ablation_plan, variant_source
-from z2p_renderer.workflows.tasks import StageTask, task_of
+from z2p_renderer.workflows.ablation.plan import load_ablation_plan
+from z2p_renderer.workflows.sources import variant_source
+from z2p_renderer.workflows.stage_task import StageTask, create_task
 
 
 class Compare(StageTask):
@@ -15,7 +16,7 @@ class Compare(StageTask):
 
     def requires(self) -> list[StageTask]:
         plan = load_ablation_plan(self.source)
-        return [task_of(plan.steps[name], variant_source(self.source, plan.variant_of[name]), self.workspace)
+        return [create_task(plan.steps[name], variant_source(self.source, plan.variant_of[name]), self.workspace)
                 for name in self.step.upstream]  # fmt: skip
 
     def make(self, out: Path) -> None:

@@ -13,41 +13,41 @@ from contextlib import suppress
 import luigi.retcodes
 
 from z2p_renderer.storage.files.disk_errors import TEMPORARY_FAILURE
-from z2p_renderer.workflows.process.task_log import said, say
+from z2p_renderer.workflows.process.task_log import lines_logged, log_line
 
-_notes_out, _notes_in = os.pipe()
-os.set_blocking(_notes_out, False)
-os.set_blocking(_notes_in, False)
-MOST_CHARACTERS = 3000
+_notes_reader, _notes_writer = os.pipe()
+os.set_blocking(_notes_reader, False)
+os.set_blocking(_notes_writer, False)
+MAX_LINE_CHARACTERS = 3000
 """Characters of a line that is kept: less than what goes through a pipe in one piece."""
 
 
-def fail(line: str, *, passing: bool = False) -> None:
-    """Say that something failed, and keep the line for the end; `passing` where the same command may succeed later."""
-    say(line)
-    note = json.dumps({"line": line[:MOST_CHARACTERS], "passing": passing, "said": said.value}).encode()
+def record_failure(line: str, *, temporary: bool = False) -> None:
+    """Say that something failed, and keep the line for the end; `temporary` where the same command may succeed later."""
+    log_line(line)
+    note = json.dumps({"line": line[:MAX_LINE_CHARACTERS], "passing": temporary, "said": lines_logged.value}).encode()
     with suppress(OSError):  # of so many failures the first ones will do
-        os.write(_notes_in, note[:4000] + b"\n")
+        os.write(_notes_writer, note[:4000] + b"\n")
 
 
-def conclude() -> bool:
+def summarize_failures() -> bool:
     """Whether anything failed: then one line ends it all, and the exit status tells whether it may pass."""
-    notes = _notes()
+    notes = _read_notes()
     if not notes:
         return False
     if len(notes) > 1:
-        say(f"FAILED {len(notes)} tasks, the first: {str(notes[0]['line']).removeprefix('FAILED ')}")
-    elif notes[0]["said"] != said.value:  # other tasks went on
-        say(str(notes[0]["line"]))
+        log_line(f"FAILED {len(notes)} tasks, the first: {str(notes[0]['line']).removeprefix('FAILED ')}")
+    elif notes[0]["said"] != lines_logged.value:  # other tasks went on
+        log_line(str(notes[0]["line"]))
     if all(note["passing"] for note in notes):
-        _end_with(TEMPORARY_FAILURE)
+        _set_exit_status(TEMPORARY_FAILURE)
     return True
 
 
-def _notes() -> list[dict[str, str | bool | int]]:
+def _read_notes() -> list[dict[str, str | bool | int]]:
     text = b""
     with suppress(BlockingIOError):
-        while part := os.read(_notes_out, 1 << 16):
+        while part := os.read(_notes_reader, 1 << 16):
             text += part
     notes = []
     for line in text.splitlines():
@@ -56,7 +56,7 @@ def _notes() -> list[dict[str, str | bool | int]]:
     return notes
 
 
-def _end_with(status: int) -> None:
+def _set_exit_status(status: int) -> None:
     """luigi has read its exit statuses by now, into an object that it keeps for all who ask: this one."""
     statuses = luigi.retcodes.retcode()
     statuses.task_failed = statuses.scheduling_error = status

@@ -16,22 +16,22 @@ from pathlib import Path
 import luigi.configuration
 
 from z2p_renderer.storage.results.store import Store
-from z2p_renderer.workflows.plan import Planned, Step
-from z2p_renderer.workflows.process.task_log import last_lines, say
+from z2p_renderer.workflows.plan import AnyPlan, Step
+from z2p_renderer.workflows.process.task_log import last_lines, log_line
 from z2p_renderer.workflows.upkeep.runs_in_use import Registration
 
-_watched: set[tuple[int, Path]] = set()
+_started: set[tuple[int, Path]] = set()
 
 
-def watch(store: Store, plan: Planned, source: str) -> None:
+def start_progress(store: Store, plan: AnyPlan, source: str) -> None:
     """Note the pipeline as running and begin to tell how it is doing; once a process, and not in luigi's children."""
-    if multiprocessing.parent_process() is not None or (os.getpid(), store.root) in _watched:
+    if multiprocessing.parent_process() is not None or (os.getpid(), store.root) in _started:
         return
-    _watched.add((os.getpid(), store.root))
+    _started.add((os.getpid(), store.root))
     registration = Registration(store, plan, source)
     seconds = luigi.configuration.get_config().getfloat("z2p", "progress_seconds", 30.0)
     arguments = (Progress(store, list(plan.steps.values())), registration, seconds)
-    threading.Thread(target=_tell, args=arguments, name="progress", daemon=True).start()
+    threading.Thread(target=_report_until_done, args=arguments, name="progress", daemon=True).start()
 
 
 @dataclass
@@ -56,7 +56,7 @@ class Progress:
         parts = [f"progress: {len(self.finished)} of {len(self.steps)} done"]
         if running:
             parts.append("running " + ", ".join(self._told(step) for step in running))
-        images, asked = self._images(), sum(_views(step) for step in self.steps)
+        images, asked = self._images(), sum(_view_count(step) for step in self.steps)
         rate = (images - self.first_images) / max(time.monotonic() - self.started, 1e-9) * 60
         if images < asked and rate:
             parts.append(f"{images} of {asked} images, {rate:.1f} a minute, {(asked - images) / rate:.1f} min of "
@@ -73,8 +73,8 @@ class Progress:
         count = 0
         for step in self.steps:
             if step.name in self.finished:
-                count += _views(step)
-            elif _views(step):
+                count += _view_count(step)
+            elif _view_count(step):
                 folder = self.store.work_folder(step.entry)
                 count += sum(path.name.count(".") == 1 for path in folder.glob("view_*.png"))
         return count
@@ -87,11 +87,11 @@ class Progress:
         return f"{step.name} ({lines[0].partition(' ')[2]})" if lines else step.name
 
 
-def _views(step: Step) -> int:
+def _view_count(step: Step) -> int:
     return step.views[1] - step.views[0]
 
 
-def _tell(progress: Progress, registration: Registration, seconds: float) -> None:
+def _report_until_done(progress: Progress, registration: Registration, seconds: float) -> None:
     while len(progress.finished) < len(progress.steps) and registration.touch():
         time.sleep(seconds)
         try:
@@ -99,4 +99,4 @@ def _tell(progress: Progress, registration: Registration, seconds: float) -> Non
         except OSError as error:  # a folder that another process renames, or a disk that is away: the note stays alive
             line = f"progress cannot be told ({error})"
         if not progress.idle:  # others may be at a step that this pipeline waits for
-            say(line)
+            log_line(line)

@@ -14,13 +14,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 
-from z2p_renderer.workflows.process.task_log import say
+from z2p_renderer.workflows.process.task_log import log_line
 
 INTERRUPTED = 128 + signal.SIGINT
 """Exit status."""
 
 
-def stop_tidily() -> None:
+def handle_termination() -> None:
     """Takes SIGTERM for Ctrl-C from now on, in this process and those that it forks; handlers of others stay.
 
     luigi then sends it on to its tasks, which stop Blender and keep what they have.
@@ -30,16 +30,16 @@ def stop_tidily() -> None:
     if signal.getsignal(signal.SIGTERM) == signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _interrupt)
     if sys.excepthook is sys.__excepthook__:
-        sys.excepthook = _tell
+        sys.excepthook = _print_interruption
 
 
 @contextmanager
-def ended_by_interrupt(name: str) -> Iterator[None]:
+def exit_on_interrupt(name: str) -> Iterator[None]:
     """What a task's process does: an interrupt ends it at once, told by the task's name and not by a traceback."""
     try:
         yield
     except KeyboardInterrupt:
-        say(f"{name}: interrupted")
+        log_line(f"{name}: interrupted")
         if multiprocessing.parent_process() is None:
             raise
         os._exit(INTERRUPTED)
@@ -49,8 +49,8 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _tell(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+def _print_interruption(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
     if issubclass(kind, KeyboardInterrupt):
-        say("interrupted; what is finished is kept, and the same command goes on from there")
+        log_line("interrupted; what is finished is kept, and the same command goes on from there")
     else:
         sys.__excepthook__(kind, error, trace)

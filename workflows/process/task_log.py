@@ -11,18 +11,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-LAST_LINES = 12
+TAIL_LINES = 12
 _TAIL_BYTES = 16_384
 
-said = multiprocessing.RawValue("L", 0)
+lines_logged = multiprocessing.RawValue("L", 0)
 """How much was said so far, by all processes of a pipeline together."""
 _terminal: int | None = None
 """Where stderr led before a task's log took its place; None while no log is open in this process."""
 
 
-def say(line: str) -> None:
+def log_line(line: str) -> None:
     """One line of progress on stderr, and in the log of the task that runs."""
-    said.value += 1
+    lines_logged.value += 1
     with suppress(OSError):  # whoever listened may be gone, and the work goes on
         os.write(2 if _terminal is None else _terminal, f"{line}\n".encode())
     if _terminal is not None:
@@ -32,7 +32,7 @@ def say(line: str) -> None:
 
 
 @contextmanager
-def logged(path: Path) -> Iterator[None]:
+def output_to_log(path: Path) -> Iterator[None]:
     """Sends what is printed to the file at `path`, child processes' output too; an error's traceback ends it."""
     global _terminal
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -64,7 +64,7 @@ def logged(path: Path) -> Iterator[None]:
             os.close(descriptor)
 
 
-def last_lines(path: Path, count: int = LAST_LINES) -> list[str]:
+def last_lines(path: Path, count: int = TAIL_LINES) -> list[str]:
     """The last lines of a log, none when there is no log."""
     try:
         with path.open("rb") as file:

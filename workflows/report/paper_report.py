@@ -7,14 +7,15 @@ from importlib import import_module
 
 import luigi
 
-from z2p_renderer.workflows.process.task_log import say
-from z2p_renderer.workflows.report.plan import ReportPlan, load_report_plan, report_source
-from z2p_renderer.workflows.wrapper_task import Goal
+from z2p_renderer.workflows.plan_task import PlanTask
+from z2p_renderer.workflows.process.task_log import log_line
+from z2p_renderer.workflows.report.plan import ReportPlan, load_report_plan
+from z2p_renderer.workflows.sources import report_source
 
 RESULTS = ("report.html", "report.json", "report.csv")
 
 
-class PaperReport(Goal):
+class PaperReport(PlanTask):
     """Every method on every sweep, in one page; leaves it in ``<workspace>/<config name>/``."""
 
     config = luigi.Parameter(default="", description="TOML file; without one, the whole report")
@@ -40,8 +41,8 @@ class PaperReport(Goal):
             with suppress(ImportError, OSError):  # the task that needs it says so
                 import_module(name)
 
-    def tell(self) -> None:
+    def print_results(self) -> None:
         """Say once more what the plan warned of, then where the results are."""
         for warning in self.plan.warnings:
-            say(f"warning: {warning}")
-        super().tell()
+            log_line(f"warning: {warning}")
+        super().print_results()

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from z2p_core import registry
-from z2p_core.config import ConfigError, parse_config, to_dict
+from z2p_core.config import ConfigError, to_dict
 from z2p_core.config.report import SWEEP_NAMES, ReportConfig, Sweep, checked, parse_report
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, OWN_SHAPES
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
@@ -19,12 +18,13 @@ from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.configs import config_text
 from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights, shipped_weights
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
-from z2p_renderer.storage.results.stage_dependencies import WEIGHTS_ONLY_CODE, PLACEMENT_CODE
+from z2p_renderer.storage.results.stage_dependencies import PLACEMENT_CODE, WEIGHTS_ONLY_CODE
 from z2p_renderer.storage.results.store import Entry
 from z2p_renderer.storage.scans.clouds import find_scans, reader_of
-from z2p_renderer.workflows.plan import MeshInput, Step, builtin_mesh, distinct, meshes_in, shapes_fields
+from z2p_renderer.workflows.plan import MeshInput, Step, builtin_mesh, drop_duplicate_meshes, list_meshes, shapes_fields
+from z2p_renderer.workflows.sources import split_names
 
-SHAPING_VALUES = ("views", "points", "resolution", "samples", "denoise", "seed")
+MEASURE_PARAMETERS = ("views", "points", "resolution", "samples", "denoise", "seed")
 """Settings that every measured row depends on."""
 TRUTH_METHOD = Method("truth", TRUTH, "")
 
@@ -51,35 +51,6 @@ class ReportPlan:
     warnings: tuple[str, ...] = ()
 
 
-def report_source(config: str, meshes: str, scans: str, weights: str, sweeps: str) -> str:
-    """Where config, meshes, scans and weights come from, as JSON with absolute paths: all that another process needs.
-
-    `weights` and `sweeps` are comma-separated names; weights may be files.
-    """
-    from z2p_renderer.workflows.tasks import absolute
-
-    files = ",".join(absolute(one) if Path(one).is_file() else one for one in _names(weights))
-    words = {"config": config, "meshes": meshes, "scans": scans, "weights": weights, "sweeps": sweeps}
-    given = {"config": absolute(config), "meshes": absolute(meshes), "scans": absolute(scans)}
-    command = " ".join(["z2p report-paper", *(f"--{name} {value}" for name, value in words.items() if value)])
-    return json.dumps({"report": {**given, "weights": files, "sweeps": sweeps, "command": command}})
-
-
-def is_report(config: str) -> bool:
-    """Whether a file holds the settings of a report, and cannot be read as those of a pipeline."""
-    try:
-        text = config_text(Path(config))
-    except ConfigError:  # told when it is read as a pipeline's
-        return False
-    try:
-        parse_config(text)
-    except ConfigError:
-        with suppress(ConfigError):
-            parse_report(text)
-            return True
-    return False
-
-
 @lru_cache(maxsize=4)
 def load_report_plan(source: str) -> ReportPlan:
     """Plan of a `report_source`; made once a process.
@@ -96,9 +67,9 @@ def load_report_plan(source: str) -> ReportPlan:
         config = parse_report(config_text(path), str(path))
     given: dict[str, Any] = {key: where[key] for key in ("meshes", "scans") if where[key]}
     if where["weights"]:
-        given["weights"] = tuple(_names(where["weights"]))
+        given["weights"] = tuple(split_names(where["weights"]))
     config = checked(replace(config, **given))
-    return make_report_plan(_only(config, _names(where["sweeps"])), where["command"])
+    return make_report_plan(_select_sweeps(config, split_names(where["sweeps"])), where["command"])
 
 
 def make_report_plan(config: ReportConfig, command: str = "") -> ReportPlan:
@@ -106,21 +77,21 @@ def make_report_plan(config: ReportConfig, command: str = "") -> ReportPlan:
 
     Raises: as `load_report_plan`.
     """
-    _check(config)
+    _check_name(config)
     builtin = config.meshes == "builtin"
-    meshes, warnings = distinct(_builtin_meshes() if builtin else meshes_in(Path(config.meshes)))
+    meshes, warnings = drop_duplicate_meshes(_builtin_meshes() if builtin else list_meshes(Path(config.meshes)))
     methods = report_methods(config)
     scans = tuple(find_scans([config.scans], recursive=False)) if config.scans else ()
     steps = [ReportStep(Entry("shapes", "shapes", shapes_fields()))] if builtin else []
     for name, sweep in config.sweeps().items():
         chosen: Sequence[MeshInput | None] = [None] if name in OWN_SHAPES else meshes[: sweep.meshes or None]
         for mesh in chosen:
-            steps += _measured(config, name, sweep, mesh, methods)
+            steps += _measure_steps(config, name, sweep, mesh, methods)
     if config.trust_draws:
-        steps += [_trust(config, mesh, method) for mesh in meshes[: config.trust_meshes or None] for method in methods
+        steps += [_trust_step(config, mesh, method) for mesh in meshes[: config.trust_meshes or None] for method in methods
                   if method.kind == WEIGHTS]  # fmt: skip
-    steps += [_scans(config, scans, method) for method in methods if scans]
-    steps.append(_times(config, meshes[0], methods))
+    steps += [_scans_step(config, scans, method) for method in methods if scans]
+    steps.append(_times_step(config, meshes[0], methods))
     measured = tuple(step.name for step in steps)
     template = Path(__file__).parents[2] / "pipeline" / "templates" / "report.html"
     fields = stage_fields("report") | {
@@ -146,7 +117,7 @@ def report_methods(config: ReportConfig) -> tuple[Method, ...]:
             load_plugins(find_weights(name))
         except WeightsError as error:
             raise ConfigError(f"weights: {error}") from error
-        methods.append(Method(_called(name), WEIGHTS, name))
+        methods.append(Method(_method_name(name), WEIGHTS, name))
     methods += [Method(name, BASELINE, name) for name in config.baselines]
     names = [method.name for method in methods]
     for name in names:
@@ -156,34 +127,34 @@ def report_methods(config: ReportConfig) -> tuple[Method, ...]:
     return tuple(methods)
 
 
-def _called(weights: str) -> str:
+def _method_name(weights: str) -> str:
     """What a shipped name or a file is called; every training's file is ``weights``, so its folder tells which."""
     path = Path(weights)
     return (path.absolute().parent.name if path.stem == "weights" else "") or path.stem
 
 
-def _measured(
+def _measure_steps(
     config: ReportConfig, name: str, sweep: Sweep, mesh: MeshInput | None, methods: Sequence[Method]
 ) -> list[ReportStep]:
     """The truth's step and that of each method."""
     of = mesh.name if mesh else "shapes"
     shapes = ("shapes",) if mesh and mesh.path is None else ()
     samplers = [level for level in sweep.levels if name == "sampling" and level != "non-uniform"] or ["uniform"]
-    shared = stage_fields("measure") | _values(config) | {
+    shared = stage_fields("measure") | _measure_fields(config) | {
         "sweep": name, "levels": list(sweep.levels), "mesh": mesh.identity if mesh else "",
         "samplers": [plugin_fields(registry.load("samplers", str(sampler))) for sampler in samplers],
     }  # fmt: skip
     truth = f"measure/{name}/{of}/truth"
     steps = []
     for method in (TRUTH_METHOD, *methods):
-        fields = _run_by(method, shared) | {"method": method_fields(method)}
+        fields = _without_network_code(method, shared) | {"method": method_fields(method)}
         entry = Entry("measure", f"measure/{name}/{of}/{method.name}", fields)
         upstream = shapes if method == TRUTH_METHOD else (*shapes, truth)
         steps.append(ReportStep(entry, upstream, mesh, sweep=name, method=method))
     return steps
 
 
-def _run_by(method: Method, fields: dict[str, Any]) -> dict[str, Any]:
+def _without_network_code(method: Method, fields: dict[str, Any]) -> dict[str, Any]:
     """The fields, without the code of networks where the method has none."""
     if method.kind == WEIGHTS:
         return fields
@@ -191,8 +162,8 @@ def _run_by(method: Method, fields: dict[str, Any]) -> dict[str, Any]:
     return fields | {"code": {part: digest for part, digest in fields["code"].items() if part not in needless}}
 
 
-def _trust(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:
-    fields = stage_fields("trust") | _values(config) | {
+def _trust_step(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:
+    fields = stage_fields("trust") | _measure_fields(config) | {
         "mesh": mesh.identity, "method": method_fields(method), "draws": config.trust_draws,
         "samplers": [plugin_fields(registry.load("samplers", "uniform"))],
     }  # fmt: skip
@@ -200,7 +171,7 @@ def _trust(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:
     return ReportStep(Entry("trust", f"trust/{mesh.name}/{method.name}", fields), shapes, mesh, method=method)
 
 
-def _times(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> ReportStep:
+def _times_step(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> ReportStep:
     fields = stage_fields("times") | {
         "mesh": mesh.identity, "methods": [method_fields(method) for method in methods], "points": config.points,
         "repeats": config.time_repeats, "samples": config.samples, "denoise": config.denoise, "seed": config.seed,
@@ -215,18 +186,18 @@ def _weights_files(methods: Sequence[Method]) -> tuple[tuple[Path, str], ...]:
     return tuple((path, fields["sha256"]) for path, fields in found)
 
 
-def _scans(config: ReportConfig, scans: Sequence[Path], method: Method) -> ReportStep:
+def _scans_step(config: ReportConfig, scans: Sequence[Path], method: Method) -> ReportStep:
     files = tuple((path.absolute(), file_digest(path)) for path in scans)
-    fields = _run_by(method, stage_fields("scans")) | _values(config) | {
+    fields = _without_network_code(method, stage_fields("scans")) | _measure_fields(config) | {
         "scans": [[path.name, digest, plugin_fields(reader_of(path))] for path, digest in files],
         "method": method_fields(method),
     }  # fmt: skip
     return ReportStep(Entry("scans", f"scans/{method.name}", fields), method=method, files=files)
 
 
-def _values(config: ReportConfig) -> dict[str, Any]:
+def _measure_fields(config: ReportConfig) -> dict[str, Any]:
     return {
-        "parameters": {name: getattr(config, name) for name in SHAPING_VALUES},
+        "parameters": {name: getattr(config, name) for name in MEASURE_PARAMETERS},
         "controls": [plugin_fields(registry.load("controls", name)) for name in CONTROLS],
     }
 
@@ -237,7 +208,7 @@ def _builtin_meshes() -> list[MeshInput]:
     return [builtin_mesh(name) for name in VALIDATION_SHAPES]
 
 
-def _only(config: ReportConfig, sweeps: Sequence[str]) -> ReportConfig:
+def _select_sweeps(config: ReportConfig, sweeps: Sequence[str]) -> ReportConfig:
     """The config with the levels of other sweeps left out; the plain case stays."""
     unknown = [name for name in sweeps if name not in SWEEP_NAMES]
     if unknown:
@@ -248,11 +219,7 @@ def _only(config: ReportConfig, sweeps: Sequence[str]) -> ReportConfig:
     return replace(config, **others)  # type: ignore[arg-type]
 
 
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
-def _check(config: ReportConfig) -> None:
+def _check_name(config: ReportConfig) -> None:
     name = config.name
     if not name or name.startswith(".") or Path(name).name != name or name in {*STAGE_VERSIONS, "truth"}:
         raise ConfigError(f"name: expected a plain folder name that is no stage's, got {name!r}")

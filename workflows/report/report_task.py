@@ -7,7 +7,7 @@ from pathlib import Path
 from z2p_core.config import ConfigError
 from z2p_renderer.pipeline.evaluation.paper.methods import method_fields
 from z2p_renderer.workflows.report.plan import ReportPlan, ReportStep, load_report_plan
-from z2p_renderer.workflows.tasks import StageTask
+from z2p_renderer.workflows.stage_task import StageTask
 
 
 class ReportTask(StageTask):

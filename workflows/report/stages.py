@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from z2p_renderer.workflows.process.task_log import say
-from z2p_renderer.workflows.report.task import ReportTask
+from z2p_renderer.workflows.process.task_log import log_line
+from z2p_renderer.workflows.report.report_task import ReportTask
 
 
 class Measure(ReportTask):
@@ -21,7 +21,7 @@ class Measure(ReportTask):
         if part.method is None:
             raise ValueError(f"{part.name} has no method")
         subject = read_subject(part.mesh.name, self.mesh_path()) if part.mesh else None
-        measure(part.sweep, subject, part.method, config, self.truth, out, log=say)
+        measure(part.sweep, subject, part.method, config, self.truth, out, log=log_line)
 
 
 class Scans(ReportTask):
@@ -34,7 +34,7 @@ class Scans(ReportTask):
 
         if self.part.method is None:
             raise ValueError(f"{self.part.name} has no method")
-        show_scans(self.part.method, self.report.scans, self.report.config, self.truth, out, log=say)
+        show_scans(self.part.method, self.report.scans, self.report.config, self.truth, out, log=log_line)
         self._check_files()  # again: a scan is read when its turn comes, which may be long after the first one's
 
 
@@ -51,7 +51,7 @@ class Trust(ReportTask):
         if part.method is None or part.mesh is None:
             raise ValueError(f"{part.name} has no method or no mesh")
         subject = read_subject(part.mesh.name, self.mesh_path())
-        measure_trust(subject, part.method, self.report.config, self.truth, out, log=say)
+        measure_trust(subject, part.method, self.report.config, self.truth, out, log=log_line)
 
 
 class Times(ReportTask):
@@ -66,7 +66,7 @@ class Times(ReportTask):
         mesh = self.part.mesh
         if mesh is None:
             raise ValueError(f"{self.part.name} has no mesh")
-        measure_times(read_subject(mesh.name, self.mesh_path()), self.report.methods, self.report.config, out, log=say)
+        measure_times(read_subject(mesh.name, self.mesh_path()), self.report.methods, self.report.config, out, log=log_line)
 
 
 class Report(ReportTask):

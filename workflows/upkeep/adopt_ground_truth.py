@@ -12,9 +12,9 @@ from z2p_renderer.storage.results.store import Entry, Store
 from z2p_renderer.workflows.plan import Plan
 
 
-def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
+def find_truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
     """Pictures in the store of ground truth that can be adopted for the plan's evaluation."""
-    pictures = list(references(plan, store))
+    pictures = list(iter_references(plan, store))
     found = find_candidates(truth, [entry for entry, _ in pictures], ("reference",))
     known = {candidate.entry.fingerprint for candidate in found}
     for entry, old in pictures:
@@ -25,7 +25,7 @@ def truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
     return found
 
 
-def references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
+def iter_references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
     """Each picture that the plan's evaluation needs, and where it would lie without a manifest."""
     from z2p_renderer.pipeline.evaluation.evaluate import draw_views, render_settings, runs_of
     from z2p_renderer.pipeline.rendering.ground_truth import old_picture, reference

@@ -19,14 +19,14 @@ from typing import Any
 from z2p_renderer.storage.results.adoption import VIEW_RANGE
 from z2p_renderer.storage.results.fingerprints import fingerprint
 from z2p_renderer.storage.results.store import Store, StoreError
-from z2p_renderer.workflows.upkeep.runs_in_use import forget_dead, gate, kept, running
+from z2p_renderer.workflows.upkeep.runs_in_use import collection_lock, iter_running, kept_results, remove_dead_notes
 
-TEMPORARY_SECONDS = 3600.0
+MIN_TEMPORARY_AGE_SECONDS = 3600.0
 """Half-written results that nobody holds are left alone for so long."""
 
 
 @dataclass(frozen=True)
-class Unneeded:
+class Garbage:
     """A folder or file that can go."""
 
     path: Path
@@ -35,24 +35,24 @@ class Unneeded:
     """Bytes, each hard-linked file in full."""
 
 
-def unneeded(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
+def find_garbage(store: Store, drop: Iterable[str] = ()) -> list[Garbage]:
     """What can go, `drop` naming kept configurations that are no longer wanted."""
-    needed = _needed(store, set(drop))
-    found: list[Unneeded] = []
+    needed = _needed_folders(store, set(drop))
+    found: list[Garbage] = []
     for stage in store.stages():
         names = {folder: str(manifest.get("name", "")) for folder, manifest in store.iter_all_manifests(stage)}
         for folder in store.folders(stage):
             if folder not in needed and not store.is_locked(stage, folder.name):
-                found.append(_unneeded(folder, names.get(folder) or f"{stage}, damaged"))
-    return found + [_unneeded(path, what) for path, what in _scraps(store, needed)]
+                found.append(_garbage(folder, names.get(folder) or f"{stage}, damaged"))
+    return found + [_garbage(path, what) for path, what in _iter_leftovers(store, needed)]
 
 
-def sweep(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
+def collect_garbage(store: Store, drop: Iterable[str] = ()) -> list[Garbage]:
     """What was removed; pipelines that start meanwhile wait, and those that run keep all they use."""
     drop = set(drop)
-    with gate(store, shared=False):
-        forget_dead(store)
-        found = unneeded(store, drop)
+    with collection_lock(store, shared=False):
+        remove_dead_notes(store)
+        found = find_garbage(store, drop)
         trash = store.root / ".trash" / uuid.uuid4().hex
         trash.mkdir(parents=True)
         for number, one in enumerate(found):
@@ -66,15 +66,15 @@ def sweep(store: Store, drop: Iterable[str] = ()) -> list[Unneeded]:
     return found
 
 
-def _needed(store: Store, drop: set[str]) -> set[Path]:
+def _needed_folders(store: Store, drop: set[str]) -> set[Path]:
     """Folders of all results that must stay.
 
     Raises:
         StoreError: what tells so is damaged.
     """
-    notes = [*running(store), *kept(store, drop).values()]
+    notes = [*iter_running(store), *kept_results(store, drop).values()]
     needed = {store.root / folder for note in notes for folder in note["results"]}
-    made = _Origins(store)
+    made = _Provenance(store)
     noted = {str(note.get("name")) for note in notes}
     for link in store.root.glob("[!.]*/*"):
         if link.is_symlink() and link.parent.name not in drop:
@@ -82,11 +82,11 @@ def _needed(store: Store, drop: set[str]) -> set[Path]:
             if folder.is_dir() and link.parent.name not in noted and not made.knows(folder):
                 raise StoreError(f"{folder}: damaged, so that nobody can tell what {link} was made from, and nothing "
                                  f"may go before that is mended: run its pipeline again, or --drop {link.parent.name}")
-            needed |= made.back_from(folder)
+            needed |= made.with_ancestors(folder)
     return needed
 
 
-def _scraps(store: Store, needed: set[Path]) -> Iterator[tuple[Path, str]]:
+def _iter_leftovers(store: Store, needed: set[Path]) -> Iterator[tuple[Path, str]]:
     """What killed runs and repairs have left behind, with what it is."""
     for folder in sorted((store.root / ".work").glob("*/*")):
         stage = folder.parent.name
@@ -96,7 +96,7 @@ def _scraps(store: Store, needed: set[Path]) -> Iterator[tuple[Path, str]]:
         stage, prefix, _ = folder.name.rsplit("-", 2)
         locks = (store.root / ".locks").glob(f"{stage}-{prefix}*")
         held = any(store.is_locked(stage, lock.name.removeprefix(f"{stage}-")) for lock in locks)
-        if not held and time.time() - folder.stat().st_mtime > TEMPORARY_SECONDS:
+        if not held and time.time() - folder.stat().st_mtime > MIN_TEMPORARY_AGE_SECONDS:
             yield folder, f"left by a killed {stage}"
     for log in sorted((store.root / ".logs").glob("*/*.log")):
         stage = log.parent.name
@@ -107,12 +107,12 @@ def _scraps(store: Store, needed: set[Path]) -> Iterator[tuple[Path, str]]:
         yield folder, f"damaged {folder.parent.name}"
 
 
-def _unneeded(path: Path, name: str) -> Unneeded:
+def _garbage(path: Path, name: str) -> Garbage:
     files = path.rglob("*") if path.is_dir() else [path]
-    return Unneeded(path, name, sum(file.stat().st_size for file in files if file.is_file()))
+    return Garbage(path, name, sum(file.stat().st_size for file in files if file.is_file()))
 
 
-class _Origins:
+class _Provenance:
     """What each result in a store was made from."""
 
     def __init__(self, store: Store) -> None:
@@ -130,21 +130,21 @@ class _Origins:
         """Whether a result's manifest tells what it was made from."""
         return folder in self._fields
 
-    def back_from(self, folder: Path) -> set[Path]:
+    def with_ancestors(self, folder: Path) -> set[Path]:
         """The result's folder and those of all that it was made from, as far as they are there."""
         found: set[Path] = set()
         waiting = {folder}
         while waiting:
             one = waiting.pop()
             found.add(one)
-            texts = _texts(self._fields.get(one, {}))
+            texts = _iter_strings(self._fields.get(one, {}))
             waiting |= {origin for text in texts for origin in self._folders.get(text, ())} - found
         return found
 
 
-def _texts(value: Any) -> Iterator[str]:
+def _iter_strings(value: Any) -> Iterator[str]:
     if isinstance(value, str):
         yield value
     elif isinstance(value, Mapping | list):
         for one in value.values() if isinstance(value, Mapping) else value:
-            yield from _texts(one)
+            yield from _iter_strings(one)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 
-def link(results: Mapping[Path, Path]) -> None:
+def link_results(results: Mapping[Path, Path]) -> None:
     """Make each path of `results` a link to its file in the store, in place of an older one."""
     for shown, found in results.items():
         shown.parent.mkdir(parents=True, exist_ok=True)
@@ -17,6 +17,6 @@ def link(results: Mapping[Path, Path]) -> None:
         fresh.replace(shown)
 
 
-def linked(results: Mapping[Path, Path]) -> bool:
+def are_linked(results: Mapping[Path, Path]) -> bool:
     """Whether each path of `results` is a link to its file already."""
     return all(shown.is_symlink() and shown.resolve() == found.resolve() for shown, found in results.items())

@@ -12,7 +12,7 @@ from z2p_renderer.storage.results.fingerprints import file_digest, fingerprint
 from z2p_renderer.storage.results.store import Entry, Store
 
 
-def copy_known_views(store: Store, entry: Entry, views: Iterable[int], out: Path) -> None:
+def copy_existing_views(store: Store, entry: Entry, views: Iterable[int], out: Path) -> None:
     """Copy into `out` the entry's views that other renders of the same fields hold, each if all its files are sound."""
     wanted = _without_range(entry.fields)
     stems = [f"view_{index:05d}" for index in views]

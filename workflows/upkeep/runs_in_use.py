@@ -21,24 +21,24 @@ from typing import IO, Any
 
 from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.results.store import Store, StoreError
-from z2p_renderer.workflows.plan import Planned
+from z2p_renderer.workflows.plan import AnyPlan
 
-SILENT_SECONDS = 600.0
+DEAD_AFTER_SECONDS = 600.0
 """A pipeline of another machine counts as dead when it has been silent for so long."""
 
 
 class Registration:
     """A pipeline's note of the results that it uses; it goes when the process ends."""
 
-    def __init__(self, store: Store, plan: Planned, source: str) -> None:
+    def __init__(self, store: Store, plan: AnyPlan, source: str) -> None:
         note = _note(store, plan, source)
         self._process = os.getpid()
-        with gate(store, shared=True):
+        with collection_lock(store, shared=True):
             name = f"{note['host']}-{os.getpid()}-{uuid.uuid4().hex[:6]}.json"
             self.path = _write(store.root / ".running" / name, note)
             self._file: IO[str] = self.path.open()
             fcntl.flock(self._file, fcntl.LOCK_SH)
-            keep(store, plan, source)
+            keep_results(store, plan, source)
         atexit.register(self.close)
 
     def touch(self) -> bool:
@@ -55,12 +55,12 @@ class Registration:
             self._file.close()
 
 
-def keep(store: Store, plan: Planned, source: str) -> None:
+def keep_results(store: Store, plan: AnyPlan, source: str) -> None:
     """Note the plan's results as those of its configuration, in place of an earlier run's."""
     _write(store.root / ".kept" / f"{plan.config.name}.json", _note(store, plan, source))
 
 
-def running(store: Store) -> Iterator[dict[str, Any]]:
+def iter_running(store: Store) -> Iterator[dict[str, Any]]:
     """Notes of the pipelines that are alive, as far as can be told.
 
     Raises:
@@ -71,7 +71,7 @@ def running(store: Store) -> Iterator[dict[str, Any]]:
             yield _read(path, "wait until its pipeline has ended")
 
 
-def forget_dead(store: Store) -> None:
+def remove_dead_notes(store: Store) -> None:
     """Remove the notes of pipelines that were killed."""
     for path in (store.root / ".running").glob("*.json"):
         if not _is_alive(path):
@@ -83,7 +83,7 @@ def kept_names(store: Store) -> list[str]:
     return sorted(path.stem for path in (store.root / ".kept").glob("*.json"))
 
 
-def kept(store: Store, but: Container[str] = ()) -> dict[str, dict[str, Any]]:
+def kept_results(store: Store, but: Container[str] = ()) -> dict[str, dict[str, Any]]:
     """Notes of the kept configurations, by name, but for some.
 
     Raises:
@@ -95,7 +95,7 @@ def kept(store: Store, but: Container[str] = ()) -> dict[str, dict[str, Any]]:
 
 
 @contextmanager
-def gate(store: Store, *, shared: bool) -> Iterator[None]:
+def collection_lock(store: Store, *, shared: bool) -> Iterator[None]:
     """Held shared by a pipeline that starts and alone by a sweep, so that neither is in the middle of the other."""
     path = store.root / ".locks" / "sweep"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -104,7 +104,7 @@ def gate(store: Store, *, shared: bool) -> Iterator[None]:
         yield
 
 
-def _note(store: Store, plan: Planned, source: str) -> dict[str, Any]:
+def _note(store: Store, plan: AnyPlan, source: str) -> dict[str, Any]:
     folders = [store.folder(step.entry).relative_to(store.root).as_posix() for step in plan.steps.values()]
     return {"name": plan.config.name, "host": os.uname().nodename, "source": json.loads(source),
             "results": sorted(folders)}  # fmt: skip
@@ -136,9 +136,9 @@ def _is_alive(path: Path) -> bool:
             except BlockingIOError:
                 return True
             except OSError:  # another user's note, on NFS 4: its age alone tells
-                return silent < SILENT_SECONDS
+                return silent < DEAD_AFTER_SECONDS
             own = json.load(file)["host"] == os.uname().nodename
-            return not own and silent < SILENT_SECONDS
+            return not own and silent < DEAD_AFTER_SECONDS
     except (FileNotFoundError, ValueError, KeyError, TypeError, RecursionError):  # gone, or torn by a crash
         return False
 

@@ -16,7 +16,7 @@ from z2p_core.config import FINE_BLOCK, NetworkConfig
 
 
 @dataclass(frozen=True)
-class Touch:
+class FinalConvs:
     """What `UnshuffleUNet.refine` of `z2p_core.network.unet` does to a picture that is still in cells of `cell` pixels a side.
 
     Its convolutions, packed for the kernel; and the stride of the network, which the sides of its input are multiples
@@ -29,7 +29,7 @@ class Touch:
     stride: int
 
     @classmethod
-    def of(cls, tensors: Mapping[str, np.ndarray], config: NetworkConfig) -> Touch | None:
+    def of(cls, tensors: Mapping[str, np.ndarray], config: NetworkConfig) -> FinalConvs | None:
         """That of a network's tensors, of float16 or float32; None where it has no such convolutions."""
         if config.kind != "unshuffle_unet" or not config.refine:
             return None

@@ -10,13 +10,13 @@ from typing import TypeVar
 Size = TypeVar("Size", bound=Hashable)
 Made = TypeVar("Made")
 
-MOST_SIZES = 4
+MAX_CACHED_SIZES = 4
 """Sizes whose networks are kept at a time, the last used ones."""
 
 
-def once_each(make: Callable[[Size], Made]) -> Callable[[Size], Made]:
+def cached_per_size(make: Callable[[Size], Made]) -> Callable[[Size], Made]:
     """`make`, but what it has made for a size is kept; threads that ask at a time wait for each other."""
-    kept, lock = lru_cache(MOST_SIZES)(make), threading.Lock()
+    kept, lock = lru_cache(MAX_CACHED_SIZES)(make), threading.Lock()
 
     def made(size: Size) -> Made:
         with lock:

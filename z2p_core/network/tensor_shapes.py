@@ -12,7 +12,7 @@ from math import prod
 from z2p_core.config import FINE_BLOCK, NetworkConfig
 from z2p_core.errors.value_limits import Choice, Count, Limit, ListOf
 
-MOST_WEIGHTS = 500_000_000
+MAX_WEIGHTS = 500_000_000
 """Numbers in all tensors of a network; the largest that ships has 3 million."""
 KINDS = ("unshuffle_unet", "adain_unet")
 CONDITIONINGS = ("adain", "input")
@@ -28,7 +28,7 @@ SIZE_LIMITS: dict[str, Limit] = {
 Shapes = dict[str, tuple[int, ...]]
 
 
-def network_fault(config: NetworkConfig) -> str:
+def network_config_fault(config: NetworkConfig) -> str:
     """What cannot be about a network, in words that begin with the key; empty where all is well."""
     if config.kind not in KINDS:
         return f"kind: unknown network {config.kind!r}; known: {', '.join(KINDS)}"
@@ -43,8 +43,8 @@ def network_fault(config: NetworkConfig) -> str:
     if config.conditioning not in known:
         return f"{config.kind}: conditioning: expected {' or '.join(known)}, got {config.conditioning!r}"
     weights = sum(map(prod, network_shapes(config, 1, 0, 1).values()))
-    if weights > MOST_WEIGHTS:
-        return f"widths: expected a network of at most {MOST_WEIGHTS:,} weights, got {weights:,}"
+    if weights > MAX_WEIGHTS:
+        return f"widths: expected a network of at most {MAX_WEIGHTS:,} weights, got {weights:,}"
     return ""
 
 

@@ -15,7 +15,7 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from z2p_core.config import FINE_BLOCK, NetworkConfig
-from z2p_core.network.tensor_shapes import network_fault
+from z2p_core.network.tensor_shapes import network_config_fault
 
 NORMALISE_FROM = 16
 """Stride at which the fast network turns to AdaIN. Finer levels are modulated without normalising: instance statistics
@@ -34,7 +34,7 @@ def build_network(config: NetworkConfig, buffer_channels: int, encoder_channels:
         ValueError: unknown kind, or a shape that its kind cannot have.
     """
     kinds: dict[str, Callable[..., UNet]] = {"unshuffle_unet": UnshuffleUNet, "adain_unet": AdainUNet}
-    if fault := network_fault(config):
+    if fault := network_config_fault(config):
         raise ValueError(f"network: {fault}")
     if buffer_channels < 1 or encoder_channels < 0 or settings < 1:
         raise ValueError(

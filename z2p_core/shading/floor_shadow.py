@@ -17,7 +17,7 @@ import numpy as np
 from z2p_core import native
 from z2p_core.parallel import parallel_map
 from z2p_core.shading.area_light import cosine_hemisphere, jittered_sample_sets, area_light_quad
-from z2p_core.shading.surfels import PLACES, spread_out
+from z2p_core.shading.surfels import SAMPLES_PER_DISC, disc_sample_points
 from z2p_core.surface.normals import Tangents
 
 Shading = list[Callable[[], np.ndarray]]
@@ -57,7 +57,7 @@ def shadow_casters(
         return native.Casters(points, np.arange(len(points), dtype=np.int32), spacing / POINT_MAP_CELLS_PER_SPACING)
     holes = found.neighbours[len(points) :, 0]  # whose discs belong to the nearest point
     owners = np.concatenate([np.arange(len(points), dtype=np.int32), holes])
-    return native.Casters(spread_out(found, radii), np.repeat(owners, PLACES), spacing / DISC_MAP_CELLS_PER_SPACING)
+    return native.Casters(disc_sample_points(found, radii), np.repeat(owners, SAMPLES_PER_DISC), spacing / DISC_MAP_CELLS_PER_SPACING)
 
 
 def is_sparse(spacing: float) -> bool:

@@ -81,7 +81,7 @@ class Lighting:
 
             It holds no `self`, which holds it: in a ring, a picture's arrays would stay until Python looks for such.
             """
-            seen[2 * begin : 2 * end] = native.first_hits(points, normals, axes[begin:end], spacing, radius)
+            seen[2 * begin : 2 * end] = native.first_visible(points, normals, axes[begin:end], spacing, radius)
 
         self.look_around = begin_parallel_rows(look_around, len(axes), parts=8)
         from_below, floor = cosine_hemisphere(2 * detail.below)[::2], self.floor
@@ -101,7 +101,7 @@ class Lighting:
         lamps = area_light_samples(self.light_at, POINT_LIGHT_SAMPLES)
         apart = self.detail.discs and is_sparse(self.spacing)
         casters = shadow_casters(self.points, self.spacing, found, radii, apart)
-        lit = native.illuminate(self.points, self.normals, casters, *lamps, self.spacing, self.radius)
+        lit = native.direct_lighting(self.points, self.normals, casters, *lamps, self.spacing, self.radius)
         self.direct = lit / math.pi
         self.shades = floor_occlusion(
             self.points, self.spacing, casters, self.light_at, self.floor.height, sets, apart, self.detail.floor_sky

@@ -12,7 +12,7 @@ DARKEST_OBJECT = 0.35
 """Light of a solid pixel, in that of its brightest neighbour, below which it is such a shadow."""
 
 
-def faded(picture: np.ndarray) -> np.ndarray:
+def fade_shadow(picture: np.ndarray) -> np.ndarray:
     """A straight RGBA picture (H, W, 4) uint8 whose alpha falls to 0 at its edges, the object's excepted.
 
     The object is what is solid, and its share of the pixels beside that.

@@ -14,7 +14,7 @@ from z2p_core import native
 from z2p_core.linalg import row_dots
 from z2p_core.surface.normals import Tangents
 
-OVERLAP = 1.45
+RADIUS_PER_VORONOI_EXTENT = 1.45
 """Radius of a disc in those of its Voronoi cell, which alone would close the surface."""
 SMALLEST, LARGEST = 0.8, 1.5
 """Radius of a disc in spacings, at least and at most."""
@@ -27,18 +27,18 @@ NARROWEST, WIDEST = 0.5, 2.5
 """Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
 ABOUT = 0.6
 """Of a Voronoi cell's reach, how far the places about a disc's middle lie from it."""
-PLACES = 5
+SAMPLES_PER_DISC = 5
 """That tell where a disc lies: its middle, and four about it."""
 AROUND, APART = 32, 0.75
 """Points near a hole's middle that tell whether it is one, and the spacings within which two middles count as one."""
 
 
-def discs(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
+def surfel_radii(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
     """The discs of a cloud of that spacing: the tangents, with those of discs in holes at the end, and radii (M,)."""
     share = np.clip(found.spacing, NARROWEST * typical, WIDEST * np.maximum(found.around, typical))
     nearby = np.ascontiguousarray(found.neighbours[:, :NEARBY])
     reaches, _ = native.voronoi_extent(found.points, found.normals, np.arange(len(share), dtype=np.int32), nearby)
-    radii = np.clip(OVERLAP * reaches, SMALLEST * share, LARGEST * share)
+    radii = np.clip(RADIUS_PER_VORONOI_EXTENT * reaches, SMALLEST * share, LARGEST * share)
     near = np.maximum(np.minimum(found.spacing, found.around), NARROWEST * typical)
     rim = np.flatnonzero(reaches > HOLE * near).astype(np.int32)
     if not len(rim):
@@ -48,10 +48,10 @@ def discs(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
     torn = rim[np.minimum(solid, reaches[rim]) > TORN * near[rim]]
     radii[torn] = BORDER * near[torn]
     small = (solid > HOLE * near[rim]) & (solid < TORN * near[rim])
-    return closed(found, radii, rim[small], solid[small], ends[small], typical)
+    return _add_hole_surfels(found, radii, rim[small], solid[small], ends[small], typical)
 
 
-def spread_out(found: Tangents, radii: np.ndarray) -> np.ndarray:
+def disc_sample_points(found: Tangents, radii: np.ndarray) -> np.ndarray:
     """Points (PLACES M, 3) float32 that tell where discs of radii (M,) lie better than their middles alone.
 
     Each disc's middle, and four places about it in its plane.
@@ -59,13 +59,13 @@ def spread_out(found: Tangents, radii: np.ndarray) -> np.ndarray:
     normals = found.normals
     aside = np.eye(3, dtype=np.float32)[np.abs(normals).argmin(axis=1)]
     first = np.cross(normals, aside)
-    first *= (ABOUT / OVERLAP * radii / np.sqrt(row_dots(first, first)))[:, None].astype(np.float32)
+    first *= (ABOUT / RADIUS_PER_VORONOI_EXTENT * radii / np.sqrt(row_dots(first, first)))[:, None].astype(np.float32)
     second, middles = np.cross(normals, first), found.points
     places = np.stack([middles, middles + first, middles - first, middles + second, middles - second], axis=1)
     return places.reshape(-1, 3)  # a disc's stay together, as their shadows do in memory
 
 
-def closed(
+def _add_hole_surfels(
     found: Tangents, radii: np.ndarray, rim: np.ndarray, reaches: np.ndarray, middles: np.ndarray, typical: float
 ) -> tuple[Tangents, np.ndarray]:
     """The tangents and radii of a cloud of that spacing, with those of discs in holes at the end.

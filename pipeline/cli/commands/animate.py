@@ -23,12 +23,12 @@ from z2p_renderer.pipeline.cli.options.pictures import (
     picture_options,
     writable,
 )
-from z2p_renderer.pipeline.cli.progress import named, tell_opaque, told_read
+from z2p_renderer.pipeline.cli.progress import scan_label, note_if_opaque, describe_points
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.inference.batch import Task
-    from z2p_renderer.pipeline.inference.render_scan import Look
-    from z2p_renderer.pipeline.inference.renderer import Renderer
+    from z2p_renderer.pipeline.inference.look import Look
+    from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
     from z2p_renderer.pipeline.outputs.animation import Motion
 
 
@@ -84,7 +84,7 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     motion = Motion(options["motion"], options["frames"], options["steady"])
     failed = False
     for task in _plan(ctx, scans, inputs, output, options):
-        started, name = time.perf_counter(), named(task.scan)
+        started, name = time.perf_counter(), scan_label(task.scan)
         try:
             loop = _Loop(task, look.written_as(task.output.suffix.lower()), motion, options["fps"], columns)
             kept = None if options["overwrite"] or not task.output.exists() else loop.told_if_kept(renderer)
@@ -127,7 +127,7 @@ class _Loop:
 
         return describe_source(self.task.scan, self.task.output, 0, self.columns)
 
-    def told_if_kept(self, renderer: Renderer) -> str | None:
+    def told_if_kept(self, renderer: AnyRenderer) -> str | None:
         """What to say of the loop that is there and stays; None where it is to be made anew.
 
         Raises:
@@ -137,7 +137,7 @@ class _Loop:
 
         return told_if_kept(self.task.output, self.source, self.look, renderer, self.moves, self.task.single)
 
-    def write(self, renderer: Renderer, quiet: bool) -> str:
+    def write(self, renderer: AnyRenderer, quiet: bool) -> str:
         """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
         from z2p_core.interfaces import ScanError
         from z2p_renderer.pipeline.inference.render_scan import build_record
@@ -158,8 +158,8 @@ class _Loop:
         drawn = list(frames)
         made_by = {**build_record(first, self.look, self.source), "motion": self.moves}
         write_animation(drawn, self.task.output, self.rate, self.look.background, made_by)
-        read = told_read(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)
-        return "; ".join(filter(None, (read, cloud.note, first.placement.description, first.choice)))
+        read = describe_points(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)
+        return "; ".join(filter(None, (read, cloud.note, first.placement.description, first.weights_reason)))
 
 
 def _plan(
@@ -180,7 +180,7 @@ def _plan(
     check_suffix(suffix)
     writable(output.parent if alone else output)
     if options["background"] == "transparent" and not options["quiet"]:
-        tell_opaque(suffix)
+        note_if_opaque(suffix)
     if alone:
         return [Task(scans[0], output, single=True)]
     return plan_outputs(scans, [Path(text) for text in inputs if Path(text).is_dir()], output, options["recursive"],

@@ -24,12 +24,12 @@ from z2p_renderer.pipeline.cli.options.pictures import (
     picture_options,
     writable,
 )
-from z2p_renderer.pipeline.cli.progress import Progress, json_line, progress, reported, settings_of, tell_opaque
+from z2p_renderer.pipeline.cli.progress import Progress, json_line, open_progress, report_outcomes, settings_to_json, note_if_opaque
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.inference.batch import Outcome, Task
-    from z2p_renderer.pipeline.inference.render_scan import Look
-    from z2p_renderer.pipeline.inference.renderer import Renderer
+    from z2p_renderer.pipeline.inference.look import Look
+    from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 NOT_WRITTEN = (".bmp", ".gif", ".mp4", ".svg", ".pdf", ".eps", ".exr", ".avif")
 """Suffixes that nobody means as a folder's."""
@@ -102,7 +102,7 @@ def _run(
         renderer, look = _same_frame(scans, renderer, look, columns, options["quiet"])
     elif options["save_camera"] is not None and len(scans) > 1:
         raise click.UsageError(f"--save-camera: {len(scans)} scans have a camera each; add --same-frame", ctx)
-    bar = progress(len(tasks), options["quiet"])
+    bar = open_progress(len(tasks), options["quiet"])
     outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs, columns, bar.drawn)
     counts, done = _render(outcomes, bar, renderer, look, options)
     lost = _write_extras(done, output, look, options)
@@ -112,12 +112,12 @@ def _run(
 
 
 def _render(
-    outcomes: Iterator[Outcome], bar: Progress, renderer: Renderer, look: Look, options: dict[str, Any]
+    outcomes: Iterator[Outcome], bar: Progress, renderer: AnyRenderer, look: Look, options: dict[str, Any]
 ) -> tuple[dict[str, int], list[Outcome]]:
     """How many files ended in which way, and all that became of them, each told as it gets done."""
-    settings = settings_of(renderer, look, options)
+    settings = settings_to_json(renderer, look, options)
     counts, done = {"ok": 0, "skipped": 0, "failed": 0}, []
-    for outcome in reported(outcomes, bar, options["quiet"]):
+    for outcome in report_outcomes(outcomes, bar, options["quiet"]):
         counts[outcome.status] += 1
         done.append(outcome)
         if options["as_json"]:
@@ -145,7 +145,7 @@ def _plan(
         raise click.UsageError(f"--format {options['format_']} does not fit --output {output}; leave it out", ctx)
     writable(output.parent if alone else output)
     if options["background"] == "transparent" and not options["quiet"]:
-        tell_opaque(suffix)
+        note_if_opaque(suffix)
     if alone:
         tasks = [Task(scans[0], output, single=True)]
     else:
@@ -185,20 +185,21 @@ def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: 
 
 
 def _same_frame(
-    scans: list[Path], renderer: Renderer, look: Look, columns: tuple[str, ...] | None, quiet: bool
-) -> tuple[Renderer, Look]:
+    scans: list[Path], renderer: AnyRenderer, look: Look, columns: tuple[str, ...] | None, quiet: bool
+) -> tuple[AnyRenderer, Look]:
     """The weights for all, and the look with the one camera that fits all clouds, and one crop if they are trimmed."""
     from z2p_renderer.pipeline.inference.common_view import common_crop, common_viewpoint
     from z2p_renderer.pipeline.inference.render_scan import camera_elevation
+    from z2p_renderer.pipeline.inference.weight_selection import select_renderer
 
     if look.placement_options.viewpoint is None:  # a loaded camera is one for all already
         series = common_viewpoint(scans, look.placement_options, *camera_elevation(renderer, look.values), columns)
-        renderer, choice = renderer.suited(series.first)
+        renderer, choice = select_renderer(renderer, series.first)
         if not quiet:
             told = "; ".join(filter(None, (series.told, choice)))
             click.echo("\n".join([f"one frame for {series.clouds} clouds: {told}", *series.notes]), err=True)
         placing = replace(look.placement_options, viewpoint=series.viewpoint, azimuth=0.0, grounded=series.grounded)
-        look = replace(look, placement_options=placing, settled=True)
+        look = replace(look, placement_options=placing)
     if look.tight:
         look = replace(look, crop=common_crop(scans, renderer, look, columns))
     return renderer, look

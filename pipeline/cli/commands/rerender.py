@@ -15,11 +15,11 @@ from z2p_renderer.pipeline.cli.errors import CommandError, is_debugging
 from z2p_renderer.pipeline.cli.options.controls import SETTINGS, RerenderCommand
 from z2p_renderer.pipeline.cli.options.param_types import Background, Degrees, Margin, Resolution, Smooth, Target
 from z2p_renderer.pipeline.cli.options.pictures import writable
-from z2p_renderer.pipeline.cli.progress import tell_opaque
+from z2p_renderer.pipeline.cli.progress import note_if_opaque
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
-    from z2p_renderer.pipeline.inference.render_scan import Crop, Look
-    from z2p_renderer.pipeline.inference.renderer import Renderer
+    from z2p_renderer.pipeline.inference.look import Crop, Look
+    from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 
 @click.command(cls=RerenderCommand, context_settings={"show_default": True})
@@ -67,7 +67,7 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     check_suffix(output.suffix.lower())
     writable(output.parent)
     if options["background"] is None and record["background"] == "transparent" and not options["quiet"]:
-        tell_opaque(output.suffix.lower())
+        note_if_opaque(output.suffix.lower())
     with warnings.catch_warnings():
         if not is_debugging():
             warnings.simplefilter("ignore")
@@ -134,17 +134,17 @@ def _engine(record: Mapping[str, Any], asked: str | None) -> str | None:
 
 
 def _look(
-    record: Mapping[str, Any], renderer: Renderer, name: str, given: dict[str, Value], options: dict[str, Any]
+    record: Mapping[str, Any], renderer: AnyRenderer, name: str, given: dict[str, Value], options: dict[str, Any]
 ) -> Look:
     """The look of the record with the changes."""
     from z2p_core.placement.margin import parse_margin, without_margin
     from z2p_core.placement.viewpoint import viewpoint_from_json
-    from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls
-    from z2p_renderer.pipeline.inference.render_scan import Look
-    from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
+    from z2p_renderer.pipeline.inference.look import build_look
+    from z2p_renderer.pipeline.inference.renderer import Renderer
     from z2p_renderer.storage.cameras import read_camera
 
-    if options["weights"] is None and renderer.weights["sha256"] != record["weights"]["sha256"]:
+    named = options["weights"] is None and isinstance(renderer, Renderer)
+    if named and renderer.weights["sha256"] != record["weights"]["sha256"]:
         click.echo(f"note: the weights {name!r} are others than those of the picture; its look may differ", err=True)
     margin, camera = _margin(record, options), viewpoint_from_json(record["camera"])
     if options["load_camera"] is not None:
@@ -157,18 +157,18 @@ def _look(
     dropped = sorted(set(record["controls"]) - set(before))
     if dropped and not options["quiet"]:
         click.echo(f"note: the weights {name!r} have no {' or '.join(dropped)}; the picture's is left out", err=True)
-    values = parse_controls(renderer, {**before, **given})
-    if options["load_camera"] is not None and "elevation" not in given:
-        values.pop("elevation", None)  # the loaded camera has its own
-    asked = record["placing"]
-    smooth = asked.get("smooth", 0.0) if options["smooth"] is None else options["smooth"]  # once nothing was made so
-    placing = PlacementOptions(asked["up"], asked["view"], options["azimuth"], asked["keep_outliers"], asked["cut_top"], camera,
-                      smooth)  # fmt: skip
-    background = record["background"] if options["background"] is None else options["background"]
-    width, height = options["resolution"] or record["resolution"]
-    supersample, fit = (options[name] or record[name] for name in ("supersample", "fit"))
-    return Look(values, placing, width, height, parse_background(background), supersample, fit == "tight",
-                _crop(record, given, options), margin=margin)  # fmt: skip
+    if options["load_camera"] is not None:
+        before.pop("elevation", None)  # the loaded camera has its own
+    placing = record["placing"]
+    changed = {key: record[key] if options[key] is None else options[key]
+               for key in ("resolution", "background", "supersample", "fit")}  # fmt: skip
+    return build_look(
+        renderer, {**before, **given}, up=placing["up"], view=placing["view"], azimuth=options["azimuth"],
+        camera=camera, keep_outliers=placing["keep_outliers"], cut_top=placing["cut_top"],
+        smooth=placing.get("smooth", 0.0) if options["smooth"] is None else options["smooth"],  # older records: none
+        size=changed["resolution"], background=changed["background"], supersample=changed["supersample"],
+        tight=changed["fit"] == "tight", margin=margin, crop=_crop(record, given, options),
+    )  # fmt: skip
 
 
 def _margin(record: Mapping[str, Any], options: dict[str, Any]) -> float | None:

@@ -21,8 +21,8 @@ from z2p_renderer.pipeline.cli.options.param_types import (
 )
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
-    from z2p_renderer.pipeline.inference.render_scan import Look
-    from z2p_renderer.pipeline.inference.renderer import Renderer
+    from z2p_renderer.pipeline.inference.look import Look
+    from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 Command = Callable[..., Any]
 
@@ -92,27 +92,23 @@ def check_view(ctx: click.Context, given: dict[str, Value], options: dict[str, A
         raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out", ctx)
 
 
-def look_from(renderer: Renderer, given: dict[str, Value], options: dict[str, Any]) -> Look:
+def look_from(renderer: AnyRenderer, given: dict[str, Value], options: dict[str, Any]) -> Look:
     """The look that a command's options and its control settings stand for.
 
     Raises:
         SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
     """
-    from z2p_renderer.pipeline.inference.parse_settings import parse_controls
-    from z2p_renderer.pipeline.inference.render_scan import Look
-    from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
+    from z2p_renderer.pipeline.inference.look import build_look
     from z2p_renderer.storage.cameras import read_camera
 
-    view, file = options["view"], options["load_camera"]
-    if isinstance(view, tuple):
-        given = {**given, "elevation": (view[1],)}
-    viewpoint = None if file is None else read_camera(file)
-    placing = PlacementOptions(options["up"], view[0] if isinstance(view, tuple) else view, options["azimuth"],
-                      options["keep_outliers"], options["cut_top"], viewpoint, options["smooth"])
-    background = None if options["background"] == "transparent" else options["background"]
-    width, height = options["resolution"]
-    return Look(parse_controls(renderer, given), placing, width, height, background, options["supersample"],
-                options["fit"] == "tight", margin=options["margin"])  # fmt: skip
+    file = options["load_camera"]
+    return build_look(
+        renderer, given, up=options["up"], view=options["view"], azimuth=options["azimuth"],
+        camera=None if file is None else read_camera(file), keep_outliers=options["keep_outliers"],
+        cut_top=options["cut_top"], smooth=options["smooth"], size=options["resolution"],
+        background=options["background"], supersample=options["supersample"], tight=options["fit"] == "tight",
+        margin=options["margin"],
+    )  # fmt: skip
 
 
 def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:

@@ -14,7 +14,8 @@ from click.testing import Result
 from PIL import Image, ImageSequence
 
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.inference.render_scan import Look, render_scan
+from z2p_renderer.pipeline.inference.look import Look
+from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.animation import Motion, flicker, moving_frames, opening
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions

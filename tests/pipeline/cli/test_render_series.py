@@ -14,7 +14,7 @@ from click.testing import Result
 from PIL import Image
 
 from pipeline.cli.options.palettes import PALETTES, palette
-from z2p_renderer.pipeline.inference.render_scan import MIN_VISIBLE_ALPHA, crop_frame
+from z2p_renderer.pipeline.inference.trim import MIN_VISIBLE_ALPHA, crop_frame
 from z2p_renderer.pipeline.outputs.contact_sheet import write_contact_sheets
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.images.image_files import read_record

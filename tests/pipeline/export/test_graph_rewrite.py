@@ -12,7 +12,7 @@ import onnxruntime
 import pytest
 
 from z2p_core.contracts.engine_checks import ROUGH
-from z2p_core.network.final_convs import Touch
+from z2p_core.network.final_convs import FinalConvs
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.export.calibration import calibration_inputs
 from z2p_renderer.pipeline.export.graph_rewrite import INPUTS, Inputs, quantised, streamlined
@@ -48,7 +48,7 @@ def drawn(model: bytes, inputs: Inputs) -> np.ndarray:
     return picture
 
 
-def whole(model: bytes, inputs: Inputs, touch: Touch | None) -> np.ndarray:
+def whole(model: bytes, inputs: Inputs, touch: FinalConvs | None) -> np.ndarray:
     """The picture of a network whose last convolutions are left out of the model."""
     if touch is None:
         return drawn(model, inputs)
@@ -81,7 +81,7 @@ def test_the_streamlined_is_the_same_network(make_weights: Callable[..., Path], 
     model, renderer = export_onnx(file).read_bytes(), Renderer(file)
     loaded = renderer._loaded
     lean = streamlined(model, loaded.buffer_channels, loaded.config.unshuffle)
-    touch = Touch.of(loaded.weights.tensors, loaded.config)
+    touch = FinalConvs.of(loaded.weights.tensors, loaded.config)
     for batch, width, height in ((1, 64, 64), (2, 97, 61), (3, 33, 130)):
         inputs = random_inputs(renderer, batch, width, height)
         assert np.abs(whole(lean, inputs, touch) - drawn(model, inputs)).max() < 1e-3  # random weights: steep

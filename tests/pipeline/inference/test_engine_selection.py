@@ -14,6 +14,7 @@ import numpy as np
 import onnx
 import pytest
 from click.testing import Result
+from place_cloud import place_cloud
 
 import z2p_renderer.plugins.engines.onnxruntime
 from z2p_core import registry
@@ -21,8 +22,8 @@ from z2p_core.registry import PluginError
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.loading import load_plugins
-from z2p_renderer.pipeline.inference.renderer import Renderer, place_cloud
-from z2p_renderer.storage.models.checkpoints import WeightsError, load_weights, find_weights, save_weights
+from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights, load_weights, save_weights
 from z2p_renderer.storage.models.onnx_files import onnx_path
 
 KNOWN = {name: registry.load("engines", name) for name in registry.names("engines")}

@@ -14,8 +14,10 @@ from PIL import Image, ImageSequence
 
 import z2p_core
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.inference.render_scan import Look, content_box, render_scan, trim_to_content
+from z2p_renderer.pipeline.inference.look import Look
+from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.inference.trim import content_box, trim_to_content
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.images.image_files import read_record
 from z2p_renderer.storage.scans.clouds import usable

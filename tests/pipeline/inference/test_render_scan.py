@@ -11,8 +11,10 @@ import pytest
 
 from z2p_core.images import shrink, unit_from_bytes
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.inference.render_scan import Look, build_record, render_scan, trim_to_content
+from z2p_renderer.pipeline.inference.look import Look
+from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.inference.trim import trim_to_content
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.scans.clouds import usable
 

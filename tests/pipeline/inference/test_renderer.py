@@ -5,14 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from place_cloud import place_cloud
 
 from z2p_core.camera import Camera, turn
 from z2p_core.interfaces import ScanError
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import GBufferChannel
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
 from z2p_renderer.pipeline.inference.loading import load_network
-from z2p_renderer.pipeline.inference.renderer import UP_ROTATIONS, Renderer, place_cloud
+from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import WeightsError
 
 

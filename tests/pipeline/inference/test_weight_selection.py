@@ -26,22 +26,22 @@ def sphere_of(count: int, noise: float = 0.0) -> np.ndarray:
 
 def test_clean_clouds_get_the_usual_weights_and_noisy_ones_those_made_for_noise() -> None:
     renderer = load_renderer("auto", ())
-    chosen, why = renderer.suited(sphere_of(5000))
+    chosen, why = select_renderer(renderer, sphere_of(5000))
     assert chosen.weights["name"] == DEFAULT_WEIGHTS and not why
-    chosen, why = renderer.suited(sphere_of(5000, 0.012))
+    chosen, why = select_renderer(renderer, sphere_of(5000, 0.012))
     assert chosen.weights["name"] == NOISY_CLOUD_WEIGHTS and "scatter" in why and NOISY_CLOUD_WEIGHTS in why
-    assert renderer.suited(sphere_of(5000, 0.02))[0] is chosen, "loaded once"
+    assert select_renderer(renderer, sphere_of(5000, 0.02))[0] is chosen, "loaded once"
 
 
 def test_a_choice_made_stays_made() -> None:
-    chosen, _ = load_renderer("auto", ()).suited(sphere_of(5000, 0.012))
-    assert chosen.suited(sphere_of(5000))[0] is chosen
+    chosen, _ = select_renderer(load_renderer("auto", ()), sphere_of(5000, 0.012))
+    assert select_renderer(chosen, sphere_of(5000))[0] is chosen
 
 
 def test_weights_that_were_named_are_taken_whatever_comes(tiny_weights: Path) -> None:
     renderer = load_renderer(tiny_weights, ("color",))
     assert not isinstance(renderer, AutoRenderer)
-    assert renderer.suited(sphere_of(5000, 0.02)) == (renderer, "")
+    assert select_renderer(renderer, sphere_of(5000, 0.02)) == (renderer, "")
 
 
 def test_controls_choose_among_the_shipped_weights() -> None:
@@ -63,7 +63,7 @@ def test_an_engine_starts_with_the_first_cloud_that_needs_it(monkeypatch: pytest
     monkeypatch.setattr(weight_selection.Renderer.__dict__["_engine"], "func", counted)
     renderer = load_renderer("auto", ())
     assert started == []
-    renderer.suited(sphere_of(3000, 0.02))
+    select_renderer(renderer, sphere_of(3000, 0.02))
     assert started == [NOISY_CLOUD_WEIGHTS]
-    renderer.suited(sphere_of(3000))
+    select_renderer(renderer, sphere_of(3000))
     assert started == [NOISY_CLOUD_WEIGHTS, DEFAULT_WEIGHTS]

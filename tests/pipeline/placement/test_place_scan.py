@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from place_cloud import place_cloud
 
 from z2p_core.camera import Camera
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.rotations import random_rotation
-from z2p_renderer.pipeline.inference.renderer import UP_ROTATIONS, place_cloud
+from z2p_core.up_axis.axis_names import UP_ROTATIONS
 from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, PlacementOptions, place_scan
 from z2p_renderer.storage.scans.clouds import Scan
 

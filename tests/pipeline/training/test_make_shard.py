@@ -8,8 +8,9 @@ from PIL import Image
 
 from z2p_core.config import ConfigError, ShardConfig
 from z2p_core.scene import SceneDescription
+from z2p_core.settings import settings_vector
 from z2p_renderer.pipeline.rendering.views import load_controls
-from z2p_renderer.pipeline.training.make_shard import make_shard, read_view, settings_vector
+from z2p_renderer.pipeline.training.make_shard import make_shard, read_view
 from z2p_renderer.storage.shards import Shard
 
 VALUES = {"color": [0.1, 0.2, 0.3], "light": [3.0, 90.0, 50.0], "elevation": [40.0]}

@@ -11,7 +11,7 @@ from z2p_renderer.storage.configs import config_text
 from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_exists
 from z2p_renderer.storage.images.image_files import PictureError, read_record
 from z2p_renderer.storage.meshes import find_meshes
-from z2p_renderer.storage.models.checkpoints import WeightsError, load_checkpoint, load_weights, find_weights
+from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights, load_checkpoint, load_weights
 from z2p_renderer.storage.scans.clouds import find_scans, read_clouds
 
 IMPOSSIBLE = ["x" * 3000, "x" * 300 + "/y", "a\0b", "\ud800"]

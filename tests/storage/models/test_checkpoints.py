@@ -16,9 +16,9 @@ from z2p_renderer.storage.models.checkpoints import (
     Weights,
     WeightsError,
     check_tensors,
+    find_weights,
     load_checkpoint,
     load_weights,
-    find_weights,
     save_checkpoint,
     save_weights,
 )

@@ -6,10 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from place_cloud import place_cloud
 
 from z2p_core import registry
 from z2p_core.images import composite, unit_from_bytes
-from z2p_renderer.pipeline.inference.renderer import Renderer, place_cloud
+from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import SHIPPED_FOLDER, load_weights, shipped_weights
 from z2p_renderer.storage.models.onnx_deltas import INT8, graph_path, load_graph
 from z2p_renderer.storage.results.fingerprints import file_digest

@@ -13,14 +13,20 @@ import pytest
 import z2p_renderer.storage.results.fingerprints
 from z2p_core import registry
 from z2p_renderer.storage.results.c_code_digest import c_digest
-from z2p_renderer.storage.results.code_digest import code_digest, defined_names, list_imports, cached_part_digest, module_file
+from z2p_renderer.storage.results.code_digest import (
+    cached_part_digest,
+    code_digest,
+    defined_names,
+    list_imports,
+    module_file,
+)
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from z2p_renderer.storage.results.stage_dependencies import (
     NOT_IN_FINGERPRINT,
-    WEIGHTS_ONLY_CODE,
     PACKAGES,
     PLACEMENT_CODE,
     STAGE_CODE,
+    WEIGHTS_ONLY_CODE,
     WHOLE_PACKAGES,
     installed_version,
 )

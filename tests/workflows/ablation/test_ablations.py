@@ -17,10 +17,11 @@ import z2p_renderer.workflows.ablation.plan
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
 from z2p_core.registry import PluginError
 from z2p_renderer.storage.results.store import Store
-from z2p_renderer.workflows.ablation.plan import ablation_source, load_ablation_plan, variant_source
+from z2p_renderer.workflows.ablation.plan import load_ablation_plan
 from z2p_renderer.workflows.plan import make_plan
-from z2p_renderer.workflows.tasks import load_plan
-from z2p_renderer.workflows.upkeep.garbage_collection import unneeded
+from z2p_renderer.workflows.plan_loading import load_pipeline_plan
+from z2p_renderer.workflows.sources import ablation_source, variant_source
+from z2p_renderer.workflows.upkeep.garbage_collection import find_garbage
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 VARIANTS = """
@@ -84,7 +85,7 @@ def test_a_second_run_runs_nothing_and_gc_keeps_what_it_made(finished: tuple[Abl
     world, _ = finished
     status, said = world.run()
     assert (status, made(said)) == (0, []) and "up to date" in said
-    assert unneeded(Store(world.workspace)) == []
+    assert find_garbage(Store(world.workspace)) == []
 
 
 @pytest.mark.slow
@@ -114,11 +115,11 @@ def test_a_mistake_is_one_line_before_anything_runs(tmp_path: Path) -> None:
 @pytest.fixture
 def plain(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Plans made anew."""
-    monkeypatch.setattr(z2p_renderer.workflows.ablation.plan, "say", lambda line: None)
-    for cached in (load_plan, load_ablation_plan):
+    monkeypatch.setattr(z2p_renderer.workflows.ablation.plan, "log_line", lambda line: None)
+    for cached in (load_pipeline_plan, load_ablation_plan):
         cached.cache_clear()
     yield
-    for cached in (load_plan, load_ablation_plan):
+    for cached in (load_pipeline_plan, load_ablation_plan):
         cached.cache_clear()
 
 
@@ -137,7 +138,7 @@ def test_a_variants_plan_is_that_of_a_full_pipeline_with_its_config() -> None:
     source = ablation_source("", "", "")
     ablations = load_ablation_plan(source).config
     for variant in ablations.variants[:3]:
-        plan = load_plan(variant_source(source, variant.name))
+        plan = load_pipeline_plan(variant_source(source, variant.name))
         alone = make_plan(from_dict(PipelineConfig, to_dict(variant.config)))
         assert plan.config == alone.config
         for stage in ("train", "evaluate"):

@@ -21,9 +21,10 @@ from z2p_core.config import ConfigError
 from z2p_core.registry import PluginError
 from z2p_renderer.storage.models.checkpoints import load_weights, save_weights
 from z2p_renderer.storage.results import stage_dependencies
-from z2p_renderer.workflows.report.plan import load_report_plan, report_source
-from z2p_renderer.workflows.tasks import Store, task_of
-from z2p_renderer.workflows.upkeep.garbage_collection import unneeded
+from z2p_renderer.workflows.report.plan import load_report_plan
+from z2p_renderer.workflows.sources import report_source
+from z2p_renderer.workflows.stage_task import Store, create_task
+from z2p_renderer.workflows.upkeep.garbage_collection import find_garbage
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 CONFIGS = Path(__file__).parents[3] / "configs"
@@ -126,7 +127,7 @@ def test_a_second_run_runs_nothing_and_gc_keeps_what_it_made(finished) -> None:
     cwd, _ = finished
     again = report(cwd, CONFIG, "--weights", "regular")
     assert made(again) == set() and "up to date" in again.stderr
-    assert unneeded(Store(cwd / "runs")) == []
+    assert find_garbage(Store(cwd / "runs")) == []
 
 
 @pytest.mark.slow
@@ -214,7 +215,7 @@ def test_a_method_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path
     """What it renders would be kept under another's name."""
     source = report_source(str(CONFIG), "", "", "", "")
     step = load_report_plan(source).steps["measure/noise/bumpy_ball/splats"]
-    task = task_of(step, source, str(tmp_path / "runs"))
+    task = create_task(step, source, str(tmp_path / "runs"))
     task._check_code()
     monkeypatch.setattr(registry.load("baselines", "splats"), "version", "changed")
     with pytest.raises(ConfigError, match="plugin splats changed since the pipeline started"):
@@ -227,7 +228,7 @@ def test_weights_that_changed_since_the_plan_was_made_are_refused(tmp_path: Path
     source = report_source(str(CONFIG), "", "", str(mine), "")
     steps = load_report_plan(source).steps
     names = ("measure/noise/bumpy_ball/mine", "times")
-    tasks = [task_of(steps[name], source, str(tmp_path / "runs")) for name in names]
+    tasks = [create_task(steps[name], source, str(tmp_path / "runs")) for name in names]
     for task in tasks:
         task._check_code()
     tensors = load_weights(mine)
@@ -244,7 +245,7 @@ def test_a_scan_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, 
     (tmp_path / "scans.toml").write_text("scans = 'scans'")
     monkeypatch.chdir(tmp_path)
     source = report_source("scans.toml", "", str(scan.parent), "", "")
-    task = task_of(load_report_plan(source).steps["scans/splats"], source, str(tmp_path / "runs"))
+    task = create_task(load_report_plan(source).steps["scans/splats"], source, str(tmp_path / "runs"))
     task._check_code()
     monkeypatch.setattr(z2p_renderer.pipeline.evaluation.paper.real_scans, "show_scans", lambda *_, **__: scan.write_text("1 2 3\n"))
     with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):

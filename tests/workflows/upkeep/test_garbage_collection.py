@@ -14,8 +14,8 @@ from small_store import fill, link, listing
 
 from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.workflows.plan import make_plan
-from z2p_renderer.workflows.upkeep.garbage_collection import sweep, unneeded
-from z2p_renderer.workflows.upkeep.runs_in_use import Registration, keep, running
+from z2p_renderer.workflows.upkeep.garbage_collection import collect_garbage, find_garbage
+from z2p_renderer.workflows.upkeep.runs_in_use import Registration, iter_running, keep_results
 
 
 @pytest.fixture
@@ -31,13 +31,13 @@ def test_results_of_a_setting_that_was_left_go_and_the_rest_stays(config, store)
     old, new = make_plan(config), make_plan(edited(config, "train.steps", 7))
     fill(store, old)
     fill(store, new)
-    keep(store, new, "{}")
+    keep_results(store, new, "{}")
     before = listing(store.root)
-    assert names(unneeded(store)) == {"train", "evaluate"}
+    assert names(find_garbage(store)) == {"train", "evaluate"}
     after = listing(store.root)
     assert {path for path in after if "/.locks" not in path} == {path for path in before if "/.locks" not in path}
     (store.root / ".trash" / "of one that was killed" / "0").mkdir(parents=True)
-    assert names(sweep(store)) == {"train", "evaluate"} and unneeded(store) == []
+    assert names(collect_garbage(store)) == {"train", "evaluate"} and find_garbage(store) == []
     assert all(store.complete(step.entry) for step in new.steps.values())
     assert not store.complete(old.steps["train"].entry) and not (store.root / ".trash").exists()
 
@@ -46,16 +46,16 @@ def test_what_a_link_leads_to_stays_with_all_that_it_was_made_from(config, store
     plan = make_plan(config)
     fill(store, plan)
     link(store, plan)
-    assert names(unneeded(store)) == {"evaluate"}
-    assert len(unneeded(store, drop=["quick"])) == len(plan.steps)
+    assert names(find_garbage(store)) == {"evaluate"}
+    assert len(find_garbage(store, drop=["quick"])) == len(plan.steps)
 
 
 def test_a_configuration_can_be_dropped(config, store):
     plan = make_plan(config)
     fill(store, plan)
-    keep(store, plan, "{}")
-    assert unneeded(store) == []
-    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+    keep_results(store, plan, "{}")
+    assert find_garbage(store) == []
+    assert len(collect_garbage(store, drop=["quick"])) == len(plan.steps)
     assert not list((store.root / ".kept").iterdir())
 
 
@@ -64,9 +64,9 @@ def test_what_a_running_pipeline_uses_stays_until_it_ends(config, store):
     fill(store, plan)
     registration = Registration(store, plan, "{}")
     (store.root / ".kept" / "quick.json").unlink()
-    assert sweep(store) == [] and [note["name"] for note in running(store)] == ["quick"]
+    assert collect_garbage(store) == [] and [note["name"] for note in iter_running(store)] == ["quick"]
     registration.close()
-    assert len(unneeded(store)) == len(plan.steps)
+    assert len(find_garbage(store)) == len(plan.steps)
 
 
 @pytest.mark.parametrize("name", ["elsewhere", f"{os.uname().nodename}-2"])
@@ -76,13 +76,13 @@ def test_a_killed_pipelines_note_does_not_last_but_that_of_another_machine_is_be
     registration = Registration(store, plan, "{}")
     (store.root / ".kept" / "quick.json").unlink()
     registration._file.close()  # as the kernel does when the process is killed
-    assert len(unneeded(store)) == len(plan.steps)
+    assert len(find_garbage(store)) == len(plan.steps)
     elsewhere = registration.path.rename(registration.path.with_name(f"{name}-1-abc.json"))
     elsewhere.write_text(json.dumps({**json.loads(elsewhere.read_text()), "host": name}))
-    assert unneeded(store) == []
+    assert find_garbage(store) == []
     os.utime(elsewhere, (time.time() - 3600,) * 2)
-    assert len(unneeded(store)) == len(plan.steps) and elsewhere.exists()  # looking removes nothing
-    assert len(sweep(store)) == len(plan.steps) and not elsewhere.exists()
+    assert len(find_garbage(store)) == len(plan.steps) and elsewhere.exists()  # looking removes nothing
+    assert len(collect_garbage(store)) == len(plan.steps) and not elsewhere.exists()
 
 
 def locked_as_on_nfs4(monkeypatch):
@@ -103,13 +103,13 @@ def test_notes_are_told_alive_or_dead_on_nfs4_too(config, store, monkeypatch):
     note = Registration(store, make_plan(config), "{}")
     copy = note.path.with_name("copy.json")
     copy.write_bytes(note.path.read_bytes())  # as if its pipeline had been killed
-    assert len(list(running(store))) == 1
+    assert len(list(iter_running(store))) == 1
     note.close()
-    assert list(running(store)) == []
+    assert list(iter_running(store)) == []
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # another user's, but for root
-    assert len(list(running(store))) == 1, "believed while it is fresh"
+    assert len(list(iter_running(store))) == 1, "believed while it is fresh"
     os.utime(copy, (0, 0))
-    assert list(running(store)) == []
+    assert list(iter_running(store)) == []
 
 
 def test_a_result_that_is_being_written_by_another_process_stays(config, store):
@@ -122,20 +122,20 @@ def test_a_result_that_is_being_written_by_another_process_stays(config, store):
                   "print(len(sweep(Store(Path(sys.argv[1])))))")  # fmt: skip
         command = [sys.executable, "-c", script, str(store.root)]
         assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == ["0"]
-    assert names(sweep(store)) == {"unfinished train"} and not store.work_folder(entry).exists()
+    assert names(collect_garbage(store)) == {"unfinished train"} and not store.work_folder(entry).exists()
 
 
 def test_scraps_of_killed_runs_and_repairs_go(config, store):
     plan = make_plan(config)
     fill(store, plan)
-    keep(store, plan, "{}")
+    keep_results(store, plan, "{}")
     store.quarantine(store.folder(plan.steps["sample/ape"].entry))
     fill(store, plan, "sample/ape")
     old, young = (store.root / ".tmp" / f"sample-0123456789abcdef-{name}" for name in ("old", "young"))
     for folder in (old, young):
         folder.mkdir(parents=True)
     os.utime(old, (time.time() - 7200,) * 2)
-    assert names(sweep(store)) == {"damaged sample", "left by a killed sample"}
+    assert names(collect_garbage(store)) == {"damaged sample", "left by a killed sample"}
     assert young.exists() and all(store.complete(step.entry) for step in plan.steps.values())
 
 
@@ -143,13 +143,13 @@ def test_scraps_of_killed_runs_and_repairs_go(config, store):
 def test_a_damaged_note_of_what_is_kept_lets_nothing_go(config, store, torn):
     plan = make_plan(config)
     fill(store, plan)
-    keep(store, plan, "{}")
+    keep_results(store, plan, "{}")
     (store.root / ".kept" / "quick.json").write_text(torn)
-    for look in (unneeded, sweep):
+    for look in (find_garbage, collect_garbage):
         with pytest.raises(StoreError, match=r"quick\.json.*damaged.*run its pipeline again.*--drop quick"):
             look(store)
     assert all(store.complete(step.entry) for step in plan.steps.values())
-    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+    assert len(collect_garbage(store, drop=["quick"])) == len(plan.steps)
 
 
 @pytest.mark.parametrize("torn", ["", "[]", '{"results": 3}', "[" * 100_000])
@@ -159,9 +159,9 @@ def test_a_damaged_note_of_a_pipeline_counts_as_long_as_it_lives(config, store, 
     registration = Registration(store, plan, "{}")
     registration.path.write_text(torn)
     with pytest.raises(StoreError, match="wait until its pipeline has ended"):
-        unneeded(store, drop=["quick"])
+        find_garbage(store, drop=["quick"])
     registration._file.close()
-    assert len(sweep(store, drop=["quick"])) == len(plan.steps)
+    assert len(collect_garbage(store, drop=["quick"])) == len(plan.steps)
 
 
 def test_nothing_goes_while_a_link_leads_to_a_result_that_tells_nothing(config, store):
@@ -170,7 +170,7 @@ def test_nothing_goes_while_a_link_leads_to_a_result_that_tells_nothing(config, 
     link(store, plan)
     (store.folder(plan.steps["train"].entry) / "manifest.json").write_text("{")
     with pytest.raises(StoreError, match=r"damaged, so that nobody can tell what .* was made from"):
-        unneeded(store)
-    assert unneeded(store, drop=["quick"])
-    keep(store, plan, "{}")  # says by itself what is needed
-    assert unneeded(store) == []
+        find_garbage(store)
+    assert find_garbage(store, drop=["quick"])
+    keep_results(store, plan, "{}")  # says by itself what is needed
+    assert find_garbage(store) == []

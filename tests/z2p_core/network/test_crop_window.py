@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from z2p_core.network.crop_window import MARGIN, window_of
+from z2p_core.network.crop_window import CROP_MARGIN, crop_window
 
 STRIDE, CELL = 32, 4
 
@@ -19,14 +19,14 @@ def test_a_window_holds_what_is_shown_and_a_margin(shape):
     rng, (height, width) = np.random.default_rng(0), shape
     for _ in range(50):
         rows, columns = np.sort(rng.integers(0, height, 2)), np.sort(rng.integers(0, width, 2))
-        window = window_of(shown_in(shape, rows, columns), STRIDE, CELL)
+        window = crop_window(shown_in(shape, rows, columns), STRIDE, CELL)
         for side, (first, last), size in zip(window, (rows, columns), shape, strict=True):
-            assert 0 <= side.start <= max(first - MARGIN, 0) and min(last + 1 + MARGIN, size) <= side.stop <= size
+            assert 0 <= side.start <= max(first - CROP_MARGIN, 0) and min(last + 1 + CROP_MARGIN, size) <= side.stop <= size
             assert side.start % CELL == 0
             length = side.stop - side.start
             assert length % STRIDE == 0 or side.stop == size
-            assert length < last + 1 - first + 2 * MARGIN + STRIDE + CELL
+            assert length < last + 1 - first + 2 * CROP_MARGIN + STRIDE + CELL
 
 
 def test_a_window_around_nothing_is_the_smallest():
-    assert window_of(np.zeros((100, 200), bool), STRIDE, CELL) == (slice(0, STRIDE), slice(0, STRIDE))
+    assert crop_window(np.zeros((100, 200), bool), STRIDE, CELL) == (slice(0, STRIDE), slice(0, STRIDE))

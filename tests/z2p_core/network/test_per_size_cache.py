@@ -3,7 +3,7 @@
 import time
 from concurrent.futures import ThreadPoolExecutor
 
-from z2p_core.network.per_size_cache import MOST_SIZES, once_each
+from z2p_core.network.per_size_cache import MAX_CACHED_SIZES, cached_per_size
 
 
 def test_each_size_is_made_once_and_the_oldest_is_forgotten():
@@ -14,12 +14,12 @@ def test_each_size_is_made_once_and_the_oldest_is_forgotten():
         made.append(size)
         return [size]
 
-    get = once_each(make)
+    get = cached_per_size(make)
     with ThreadPoolExecutor(8) as threads:
         found = list(threads.map(get, [1] * 8))
     assert made == [1] and all(one is found[0] for one in found)
-    for size in range(2, MOST_SIZES + 1):
+    for size in range(2, MAX_CACHED_SIZES + 1):
         get(size)
-    assert get(1) is found[0] and made == list(range(1, MOST_SIZES + 1))
-    get(MOST_SIZES + 1)  # 2 was not used for longest
+    assert get(1) is found[0] and made == list(range(1, MAX_CACHED_SIZES + 1))
+    get(MAX_CACHED_SIZES + 1)  # 2 was not used for longest
     assert get(1) is found[0] and get(2) == [2] and made[-1] == 2

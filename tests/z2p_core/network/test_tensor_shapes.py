@@ -5,7 +5,7 @@ from math import prod
 import pytest
 
 from z2p_core.config import NetworkConfig
-from z2p_core.network.tensor_shapes import MOST_WEIGHTS, network_fault, network_shapes
+from z2p_core.network.tensor_shapes import MAX_WEIGHTS, network_config_fault, network_shapes
 from z2p_core.network.unet import build_network
 
 CONFIGS = [
@@ -26,7 +26,7 @@ def test_names_and_shapes_are_those_of_the_network(config, channels):
 
 def test_a_network_of_absurd_size_is_refused_and_never_made():
     for config in (NetworkConfig(widths=(10**9, 10**9)), NetworkConfig(mapping=10**6)):
-        assert sum(map(prod, network_shapes(config, 3, 0, 7).values())) > MOST_WEIGHTS
-        assert "at most 500,000,000 weights" in network_fault(config)
+        assert sum(map(prod, network_shapes(config, 3, 0, 7).values())) > MAX_WEIGHTS
+        assert "at most 500,000,000 weights" in network_config_fault(config)
         with pytest.raises(ValueError, match="at most"):
             build_network(config, 3, 0, 7)

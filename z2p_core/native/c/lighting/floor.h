@@ -1,28 +1,32 @@
-/* The floor under the cloud and the light on it: twenty floats. Grids (side, side) are of its square, which reaches `half`
- * to every side of the origin. */
+/* The floor below the cloud and the light on it: shared by indirect_light.c and floor_shadow.c. Grids (side, side) of
+ * the floor divide its square into cells, row by row along +y. */
+
+#pragma once
 
 #include <math.h>
 #include <stddef.h>
 
 #include "common/simd.h"
 
-#define WHITE_OVER_PI 0.31830989f
+#define INVERSE_PI 0.31830989f
 
+/* World units; z is up. The square of the floor is centered below the origin. Mirrored by z2p_core/native/lighting.py. */
 typedef struct {
-    float height, half;
-    float lamps[4][3], axis[3], power; /* four places that stand for the light, their unit axis, and all its power */
-    float sky, albedo;                 /* radiance of the sky; what the floor sends back */
-} Floor;
+    float height, half_size;      /* z of the floor; half the length of its square's sides */
+    float light_positions[4][3];  /* four samples of the area light */
+    float light_axis[3];          /* unit axis along which it emits */
+    float light_power, sky_radiance, albedo;
+} FloorLight;
 
-/* Radiance of a white floor at a place under the light alone, with nothing to hide it. */
-INLINE float lamp_on_floor(const Floor *floor, float x, float y) {
+/* Radiance of a white diffuse floor at (x, y) lit by the area light alone, without shadows: irradiance / pi. */
+INLINE float unoccluded_light(const FloorLight *floor, float x, float y) {
     float sum = 0;
     for (int l = 0; l < 4; l++) {
-        const float *lamp = floor->lamps[l];
-        float d[3] = {lamp[0] - x, lamp[1] - y, lamp[2] - floor->height};
-        float square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
-        float shining = -(d[0] * floor->axis[0] + d[1] * floor->axis[1] + d[2] * floor->axis[2]);
-        sum += (shining > 0 ? shining : 0) * d[2] / (square * square);
+        const float *light = floor->light_positions[l];
+        float d[3] = {light[0] - x, light[1] - y, light[2] - floor->height};
+        float distance_sq = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
+        float along_axis = -(d[0] * floor->light_axis[0] + d[1] * floor->light_axis[1] + d[2] * floor->light_axis[2]);
+        sum += (along_axis > 0 ? along_axis : 0) * d[2] / (distance_sq * distance_sq);
     }
-    return 0.25f * WHITE_OVER_PI * floor->power * sum;
+    return 0.25f * INVERSE_PI * floor->light_power * sum;
 }
