@@ -77,9 +77,9 @@ def report_outcomes(outcomes: Iterator[Outcome], progress: Progress, quiet: bool
 
 def note_if_opaque(suffix: str) -> None:
     """Says of a transparent picture that a file of that suffix puts white behind it, if so."""
-    from z2p_renderer.storage.images.image_files import OPAQUE
+    from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES
 
-    if suffix in OPAQUE:
+    if suffix in OPAQUE_SUFFIXES:
         kind = suffix[1:].upper().replace("JPG", "JPEG")
         click.echo(f"{kind} has no soft transparency: the background is white; choose another with --background",
                    err=True)
@@ -121,7 +121,7 @@ def describe_points(points: int, total: int, dropped: int, repeated: int) -> str
     return told + (f", {repeated} repeated dropped" if repeated else "")
 
 
-def json_line(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
+def outcome_to_json(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any]:
     """One file's JSON line; `output` is where the first of `outputs` belongs, the only one for most files.
 
     `settings` is what was asked of every picture, `stances` what became of up, view and elevation in each one drawn,

@@ -11,8 +11,8 @@ import click
 
 from z2p_core.errors.did_you_mean import closest_name, suggest_name
 
-DRAW_COMMAND = "render"
-_COMMANDS = {
+RENDER_COMMAND = "render"
+_COMMAND_SYNONYMS = {
     "render": "draw infer inference predict run picture image shade plot show view visualize visualise convert",
     "animate": "animation gif webp mp4 video movie turntable spin rotate loop orbit",
     "rerender": "redraw again re-render change",
@@ -30,7 +30,7 @@ _COMMANDS = {
     "--version": "version",
 }
 """Command -> what others call it."""
-_NOTES = {
+_NOTES_ON_ABSENT_OPTIONS = {
     "Each file's line is told anyway; Z2P_DEBUG=1 in the environment tells more": "verbose v debug",
     "Everything runs on the CPU; --engine chooses what runs the network": "gpu cuda",
     "The camera's field of view is 40 degrees always": "fov focal focal-length",
@@ -57,7 +57,7 @@ def unknown_option_error(error: click.NoSuchOption) -> click.UsageError:
     found = suggest_name(plain, known)
     note = None if found is None else f"Did you mean --{found}?"
     if note is None:
-        note = next((told for told, names in _NOTES.items() if plain in names.split()), None)
+        note = next((told for told, names in _NOTES_ON_ABSENT_OPTIONS.items() if plain in names.split()), None)
     if "output" in known and plain in ("i", "input", "inputs", "in", "file", "scan"):
         note = "Inputs are named without an option"
     return click.UsageError(f"No such option: {error.option_name}" + (f". {note}" if note else ""), error.ctx)
@@ -67,14 +67,14 @@ def unknown_command_message(words: Sequence[str], commands: Iterable[str]) -> st
     """What to say of words whose first is no command: that it is a scan, or which command was meant."""
     word, known = words[0], list(commands)
     if Path(word).exists() or (has_magic(word) and glob(word)):  # noqa: PTH207 - takes absolute ones
-        return f"{word!r} is no command but an input. Did you mean: z2p {DRAW_COMMAND} {shlex.join(words)}"
+        return f"{word!r} is no command but an input. Did you mean: z2p {RENDER_COMMAND} {shlex.join(words)}"
     named = word.lower().replace("_", "-")
-    found = next((command for command, words in _COMMANDS.items() if named in words.split()), None)
+    found = next((command for command, words in _COMMAND_SYNONYMS.items() if named in words.split()), None)
     found = found or closest_name(named, known)
     if named in known or found:
         return f"No such command: {word}. Did you mean: z2p {named if named in known else found}"
     if Path(word).suffix or "/" in word:
-        return f"{word!r} is neither a command nor a file that is there; z2p {DRAW_COMMAND} FILE draws a file"
+        return f"{word!r} is neither a command nor a file that is there; z2p {RENDER_COMMAND} FILE draws a file"
     return f"No such command: {word}; z2p --help lists them"
 
 
@@ -84,4 +84,4 @@ def misplaced_option_error(error: click.NoSuchOption) -> click.UsageError:
     if name is not None:
         return click.UsageError(f"No such option: {error.option_name}. Did you mean {name}?", error.ctx)
     return click.UsageError(f"No such option: {error.option_name}. Options of a command stand behind its name, as in "
-                            f"z2p {DRAW_COMMAND} INPUT {error.option_name} ...", error.ctx)  # fmt: skip
+                            f"z2p {RENDER_COMMAND} INPUT {error.option_name} ...", error.ctx)  # fmt: skip

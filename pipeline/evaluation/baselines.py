@@ -32,14 +32,14 @@ from z2p_renderer.storage.results.store import Entry, Store
 if TYPE_CHECKING:
     from z2p_core.interfaces import Painter
 
-Rival = Any
+Competitor = Any
 """A class of `Baseline` or of `Painter`."""
 Job = tuple[str, SceneDescription]
 Log = Callable[[str], None]
 
 
 @dataclass(frozen=True)
-class Rebuilt:
+class BaselineResult:
     """A baseline's picture of a cloud.
 
     `picture` (H, W, 4) float32 is straight sRGB RGBA in [0, 1], all 0 where there is an `error`: what the baseline said
@@ -54,7 +54,7 @@ class Rebuilt:
     steps: Mapping[str, float] = field(default_factory=dict)
 
 
-def load_baselines(names: Sequence[str]) -> dict[str, Rival]:
+def load_baselines(names: Sequence[str]) -> dict[str, Competitor]:
     """Baseline and painter classes by name, in the order given.
 
     Raises:
@@ -64,8 +64,8 @@ def load_baselines(names: Sequence[str]) -> dict[str, Rival]:
     return {name: registry.load("painters" if name in painters else "baselines", name) for name in names}
 
 
-def rebuild(
-    baseline: Rival,
+def run_baseline(
+    baseline: Competitor,
     cloud: np.ndarray,
     cloud_fields: Mapping[str, Any],
     rng: np.random.Generator,
@@ -73,13 +73,13 @@ def rebuild(
     settings: RenderSettings,
     root: Path,
     log: Log = lambda line: None,
-) -> Rebuilt:
-    """Picture of a normalised cloud in one scene; see `rebuild_scenes`."""
-    return rebuild_scenes(baseline, cloud, cloud_fields, rng, [scene], settings, root, log)[0]
+) -> BaselineResult:
+    """Picture of a normalised cloud in one scene; see `run_baseline_on_scenes`."""
+    return run_baseline_on_scenes(baseline, cloud, cloud_fields, rng, [scene], settings, root, log)[0]
 
 
-def rebuild_scenes(
-    rival: Rival,
+def run_baseline_on_scenes(
+    rival: Competitor,
     cloud: np.ndarray,
     cloud_fields: Mapping[str, Any],
     rng: np.random.Generator,
@@ -87,7 +87,7 @@ def rebuild_scenes(
     settings: RenderSettings,
     root: Path,
     log: Log = lambda line: None,
-) -> list[Rebuilt]:
+) -> list[BaselineResult]:
     """Pictures of a normalised cloud (N, 3) in scenes, whose `floor` is the true mesh's.
 
     Kept under `root`, as the ground truth is, by all that shapes them; `cloud_fields` are what shapes the cloud. A
@@ -103,50 +103,50 @@ def rebuild_scenes(
         wanted = dict(zip(stems, scenes, strict=True))
         missing = [(stem, scene) for stem, scene in wanted.items() if not (folder / f"{stem}.json").exists()]
         drawn = int(rng.integers(2**32))  # whichever pictures are missing, each mesh has its own random numbers
-        for viewer, jobs in _by_mesh(rival, missing).items():
+        for viewer, jobs in _group_by_reconstruction(rival, missing).items():
             folder.mkdir(parents=True, exist_ok=True)
             for stem, _ in jobs:
                 (folder / f"{stem}.png").unlink(missing_ok=True)  # cut off before its times were written
             own = np.random.default_rng([drawn, int(fingerprint({"viewer": viewer})[:16], 16)])
-            told = _made(rival, cloud, own, jobs, folder, settings, log)
+            told = _run_and_render(rival, cloud, own, jobs, folder, settings, log)
             for stem, _ in jobs:
                 atomic_write(json.dumps(told).encode(), folder / f"{stem}.json", durable=True)
-    return [_kept(folder, stem, settings) for stem in stems]
+    return [_read_result(folder, stem, settings) for stem in stems]
 
 
-def _fields(rival: Rival, settings: RenderSettings) -> dict[str, Any]:
+def _fields(rival: Competitor, settings: RenderSettings) -> dict[str, Any]:
     """What shapes a rival's pictures of any cloud and scene: the renderer, the plugin, and what stands between them."""
     fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": settings.shaping()}
     fields["code"] = {**fields["code"], "pipeline.evaluation.baselines": cached_part_digest("pipeline.evaluation.baselines")}
     return fields
 
 
-def on_true_floor(scene: SceneDescription, vertices: np.ndarray) -> SceneDescription:
+def with_true_floor(scene: SceneDescription, vertices: np.ndarray) -> SceneDescription:
     """The scene with its floor where Blender puts it under the true mesh of normalised vertices (V, 3)."""
     lowest = float((vertices.astype(np.float64) @ np.array(scene.rotation)[2]).min())
     return replace(scene, floor=lowest)
 
 
-def viewer_of(scene: SceneDescription) -> np.ndarray:
+def viewer_position(scene: SceneDescription) -> np.ndarray:
     """Place (3,) of the scene's camera in the axes of the cloud before it is turned and lifted."""
     position = Camera(1, 1, scene.elevation).position - (0.0, 0.0, scene.lift)
     viewer: np.ndarray = np.array(scene.rotation).T @ position
     return viewer
 
 
-def _by_mesh(rival: Rival, jobs: list[Job]) -> dict[Any, list[Job]]:
+def _group_by_reconstruction(rival: Competitor, jobs: list[Job]) -> dict[Any, list[Job]]:
     """The jobs that one reconstruction serves, by the viewer it is for; a painter needs none, and has each alone."""
     if not hasattr(rival, "reconstruct"):
         return {job[0]: [job] for job in jobs}
     groups: dict[Any, list[Job]] = {}
     for stem, scene in jobs:
-        viewer = tuple(np.round(viewer_of(scene), 9).tolist()) if rival.for_view else None
+        viewer = tuple(np.round(viewer_position(scene), 9).tolist()) if rival.for_view else None
         groups.setdefault(viewer, []).append((stem, scene))
     return groups
 
 
-def _made(
-    rival: Rival,
+def _run_and_render(
+    rival: Competitor,
     cloud: np.ndarray,
     rng: np.random.Generator,
     jobs: list[Job],
@@ -160,9 +160,9 @@ def _made(
     started = time.perf_counter()
     try:
         if not hasattr(maker, "reconstruct"):
-            _save(_painted(maker, cloud, jobs[0][1], settings), folder / f"{jobs[0][0]}.png")
+            _save(_paint(maker, cloud, jobs[0][1], settings), folder / f"{jobs[0][0]}.png")
             return _record(maker, time.perf_counter() - started, 0.0)
-        vertices, faces = maker.reconstruct_for(cloud, viewer_of(jobs[0][1]), rng)
+        vertices, faces = maker.reconstruct_for(cloud, viewer_position(jobs[0][1]), rng)
     except ScanError as error:
         log(f"{rival.name}: {error}; an empty picture counts")
         return {"seconds": None, "render_seconds": None, "error": str(error), "steps": {}}
@@ -178,7 +178,7 @@ def _record(maker: Any, seconds: float, render_seconds: float) -> dict[str, Any]
     return {"seconds": round(seconds, 4), "render_seconds": round(render_seconds, 4), "error": "", "steps": steps}
 
 
-def _painted(painter: Painter, cloud: np.ndarray, scene: SceneDescription, settings: RenderSettings) -> np.ndarray:
+def _paint(painter: Painter, cloud: np.ndarray, scene: SceneDescription, settings: RenderSettings) -> np.ndarray:
     """Picture (H, W, 4) uint8.
 
     Raises:
@@ -198,15 +198,15 @@ def _save(picture: np.ndarray, path: Path) -> None:
         Image.fromarray(picture).save(temporary, format="PNG")
 
 
-def _kept(folder: Path, stem: str, settings: RenderSettings) -> Rebuilt:
+def _read_result(folder: Path, stem: str, settings: RenderSettings) -> BaselineResult:
     told = _read_record(folder / f"{stem}.json")
     shape = (settings.resolution[1], settings.resolution[0], 4)
     picture = np.zeros(shape, np.float32) if told["error"] else read_render(folder / f"{stem}.png", shape)
-    return Rebuilt(picture, told["seconds"], told["render_seconds"], told["error"], told["steps"])
+    return BaselineResult(picture, told["seconds"], told["render_seconds"], told["error"], told["steps"])
 
 
 @cache
-def _warm_up(rival: Rival) -> None:
+def _warm_up(rival: Competitor) -> None:
     """Nothing: a small cloud goes through first, so that no cloud's time holds the import of libraries."""
     points = np.random.default_rng(0).normal(size=(200, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)

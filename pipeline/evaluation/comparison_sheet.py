@@ -14,15 +14,15 @@ from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite
 from z2p_core.interfaces import ZBuffer
-from z2p_renderer.pipeline.outputs.point_preview import dots
-from z2p_renderer.pipeline.outputs.sheet_files import MARK, check_places, drop_later, sheet_path
+from z2p_renderer.pipeline.outputs.point_preview import draw_dots
+from z2p_renderer.pipeline.outputs.sheet_files import SHEET_KEYWORD, check_sheet_places, remove_surplus_sheets, sheet_path
 
 COLUMNS = ("cloud", "z-buffer (Eq. 1)", "picture", "ground truth")
 """Titles; those of other pictures to compare with come before the ground truth."""
-ROWS_A_SHEET = 12
-CELL, GAP, LABEL, TITLE = 192, 6, 150, 24
+ROWS_PER_SHEET = 12
+CELL_SIDE, CELL_GAP, LABEL_WIDTH, TITLE_HEIGHT = 192, 6, 150, 24
 """Sides of a cell, the gap between cells, the label column and the title line, in pixels."""
-INK = (40, 40, 40)
+TEXT_COLOR = (40, 40, 40)
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class SheetRow:
     cells: tuple[np.ndarray, ...]
 
 
-def sheet_row(
+def make_row(
     label: tuple[str, ...],
     cloud: np.ndarray,
     elevation: float,
@@ -50,66 +50,66 @@ def sheet_row(
     zbuffer: ZBuffer = registry.load("zbuffers", "paper")()
     drawn = np.clip(zbuffer.draw(cloud, Camera(width, height, elevation))[0], 0, 1)
     pictures = (
-        dots(cloud, Camera(CELL, CELL, elevation)),
+        draw_dots(cloud, Camera(CELL_SIDE, CELL_SIDE, elevation)),
         np.repeat(drawn[..., None], 3, axis=2),
         *(composite(picture, (1.0, 1.0, 1.0)) for picture in (prediction, *others, truth)),
     )
-    return SheetRow(label, tuple(_cell(bytes_from_unit(picture)) for picture in pictures))
+    return SheetRow(label, tuple(_resize_to_cell(bytes_from_unit(picture)) for picture in pictures))
 
 
 def write_sheets(rows: Sequence[SheetRow], out: Path, others: Sequence[str] = ()) -> list[Path]:
-    """``out/sheet.png``, and ``sheet_2.png`` and on where the rows are more than `ROWS_A_SHEET`; older ones go.
+    """``out/sheet.png``, and ``sheet_2.png`` and on where the rows are more than `ROWS_PER_SHEET`; older ones go.
 
     `others` are the titles of the rows' other pictures.
 
     Raises:
-        SettingError: in place of a sheet there is something else; see `check_places`.
+        SettingError: in place of a sheet there is something else; see `check_sheet_places`.
     """
-    check_places(out, sheets_of(len(rows)))
+    check_sheet_places(out, count_sheets(len(rows)))
     titles = (*COLUMNS[:-1], *others, COLUMNS[-1])
     paths: list[Path] = []
-    for first in range(0, len(rows), ROWS_A_SHEET):
+    for first in range(0, len(rows), ROWS_PER_SHEET):
         path, text = sheet_path(out, len(paths) + 1), PngInfo()
-        text.add_text(MARK, path.name)
-        _draw_sheet(rows[first : first + ROWS_A_SHEET], titles).save(path, pnginfo=text)
+        text.add_text(SHEET_KEYWORD, path.name)
+        _draw_sheet(rows[first : first + ROWS_PER_SHEET], titles).save(path, pnginfo=text)
         paths.append(path)
-    drop_later(out, len(paths))
+    remove_surplus_sheets(out, len(paths))
     return paths
 
 
-def sheets_of(rows: int) -> int:
+def count_sheets(rows: int) -> int:
     """How many sheets so many rows take."""
-    return -(-rows // ROWS_A_SHEET)
+    return -(-rows // ROWS_PER_SHEET)
 
 
 def _draw_sheet(rows: Sequence[SheetRow], titles: Sequence[str]) -> Image.Image:
-    step = CELL + GAP
-    sheet = Image.new("RGB", (LABEL + len(titles) * step, TITLE + len(rows) * step), "white")
+    step = CELL_SIDE + CELL_GAP
+    sheet = Image.new("RGB", (LABEL_WIDTH + len(titles) * step, TITLE_HEIGHT + len(rows) * step), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
     for column, title in enumerate(titles):
-        pen.text((LABEL + column * step + CELL // 2, TITLE // 2), title, INK, font, anchor="mm")
+        pen.text((LABEL_WIDTH + column * step + CELL_SIDE // 2, TITLE_HEIGHT // 2), title, TEXT_COLOR, font, anchor="mm")
     for index, row in enumerate(rows):
-        top = TITLE + index * step
-        pen.multiline_text((GAP, top + GAP), "\n".join(_fitting(line, pen, font) for line in row.label), INK, font)
+        top = TITLE_HEIGHT + index * step
+        pen.multiline_text((CELL_GAP, top + CELL_GAP), "\n".join(_cut_to_width(line, pen, font) for line in row.label), TEXT_COLOR, font)
         for column, cell in enumerate(row.cells):
-            left = LABEL + column * step
+            left = LABEL_WIDTH + column * step
             sheet.paste(Image.fromarray(cell), (left, top))
-            pen.rectangle((left - 1, top - 1, left + CELL, top + CELL), outline=(225, 225, 225))
+            pen.rectangle((left - 1, top - 1, left + CELL_SIDE, top + CELL_SIDE), outline=(225, 225, 225))
     return sheet
 
 
-def _fitting(line: str, pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> str:
+def _cut_to_width(line: str, pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> str:
     """The line, cut so that it stays in the label column."""
-    if pen.textlength(line, font) <= LABEL - 2 * GAP:
+    if pen.textlength(line, font) <= LABEL_WIDTH - 2 * CELL_GAP:
         return line
-    while line and pen.textlength(line + "...", font) > LABEL - 2 * GAP:
+    while line and pen.textlength(line + "...", font) > LABEL_WIDTH - 2 * CELL_GAP:
         line = line[:-1]
     return line + "..."
 
 
-def _cell(picture: np.ndarray) -> np.ndarray:
+def _resize_to_cell(picture: np.ndarray) -> np.ndarray:
     """Picture (H, W, 3) uint8 at the cell's size; small ones keep their pixels visible."""
-    if picture.shape[:2] == (CELL, CELL):
+    if picture.shape[:2] == (CELL_SIDE, CELL_SIDE):
         return picture
-    how = Image.Resampling.NEAREST if picture.shape[0] < CELL else Image.Resampling.BOX
-    return np.asarray(Image.fromarray(picture).resize((CELL, CELL), how))
+    how = Image.Resampling.NEAREST if picture.shape[0] < CELL_SIDE else Image.Resampling.BOX
+    return np.asarray(Image.fromarray(picture).resize((CELL_SIDE, CELL_SIDE), how))

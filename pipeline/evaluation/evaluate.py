@@ -19,16 +19,16 @@ from z2p_core.config import EvaluateConfig, to_dict
 from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.bounding_sphere import Sphere, bounding_sphere
-from z2p_core.quality.metrics import NAMES, picture_metrics
+from z2p_core.quality.metrics import METRIC_NAMES, image_metrics
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.evaluation.baselines import load_baselines, on_true_floor, rebuild
-from z2p_renderer.pipeline.evaluation.comparison_sheet import SheetRow, sheet_row, write_sheets
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines, with_true_floor, run_baseline
+from z2p_renderer.pipeline.evaluation.comparison_sheet import SheetRow, make_row, write_sheets
 from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.render import RenderSettings, read_render
 from z2p_renderer.pipeline.rendering.ground_truth import render_references
-from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
-from z2p_renderer.pipeline.rendering.views import View, describe, draw_view, in_scene, view_rng
+from z2p_renderer.pipeline.rendering.mesh_samples import sample_cloud
+from z2p_renderer.pipeline.rendering.views import View, describe, sample_view, place_in_scene, view_rng
 from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 from z2p_renderer.storage.models.checkpoints import find_weights
@@ -37,10 +37,10 @@ from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
 if TYPE_CHECKING:
     from z2p_core.interfaces import Baseline
 
-UPRIGHT = 0.5
+UPRIGHT_SHARE = 0.5
 """Share of the views that turn the mesh about +Z only, as in training."""
 
-OURS = ""
+WEIGHTS_KEY = ""
 """Stands for the weights where the baselines have their names."""
 
 Log = Callable[[str], None]
@@ -49,7 +49,7 @@ Result = tuple[dict[str, Any], np.ndarray]
 
 
 @dataclass(frozen=True)
-class Subject:
+class EvaluationMesh:
     """A mesh to evaluate on; `identity` is the sha256 of its file, `sphere` the mesh's bounding sphere."""
 
     name: str
@@ -67,7 +67,7 @@ class Trial:
     RGBA, `coverage` (H, W) the object's share of each pixel; float32 in [0, 1].
     """
 
-    subject: Subject
+    subject: EvaluationMesh
     config: EvaluateConfig
     index: int
     view: View
@@ -104,13 +104,13 @@ def evaluate(
     registry.load("samplers", config.sampler)  # an unknown one shows before the first render
     rivals = load_baselines(baselines)
     renderer = Renderer(weights, engine=engine)
-    subjects = [_read_subject(name, path) for name, path in meshes.items()]  # so does a broken mesh
+    subjects = [_load_evaluation_mesh(name, path) for name, path in meshes.items()]  # so does a broken mesh
     (out / "pictures").mkdir(parents=True, exist_ok=True)
-    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (OURS, *rivals)}
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (WEIGHTS_KEY, *rivals)}
     sheet: list[SheetRow] = []
-    trials = (_trials(subject, renderer, run, truth_root, log) for run in runs_of(config) for subject in subjects)
+    trials = (_trials(subject, renderer, run, truth_root, log) for run in split_seeds(config) for subject in subjects)
     for trial in chain.from_iterable(trials):
-        results = {OURS: _run_weights(renderer, trial)}
+        results = {WEIGHTS_KEY: _run_weights(renderer, trial)}
         results |= {name: _run_baseline(rival, trial, truth_root, log) for name, rival in rivals.items()}
         for name, (row, _) in results.items():
             rows[name].append(row)
@@ -119,16 +119,16 @@ def evaluate(
     write_sheets(sheet, out, tuple(rivals))
     settings = _settings(config, weights, engine, subjects, rivals)
     summaries = {name: {**summarise(own), "rows": own} for name, own in rows.items()}
-    return _write_json(out / "metrics.json", {"settings": settings, **summaries.pop(OURS), "baselines": summaries})
+    return _write_json(out / "metrics.json", {"settings": settings, **summaries.pop(WEIGHTS_KEY), "baselines": summaries})
 
 
-def runs_of(config: EvaluateConfig) -> list[EvaluateConfig]:
+def split_seeds(config: EvaluateConfig) -> list[EvaluateConfig]:
     """A config of one seed for each that is measured."""
     return [replace(config, seed=config.seed + number, seeds=1) for number in range(config.seeds)]
 
 
 def _settings(
-    config: EvaluateConfig, weights: str | Path, engine: str, subjects: Sequence[Subject],
+    config: EvaluateConfig, weights: str | Path, engine: str, subjects: Sequence[EvaluationMesh],
     rivals: Mapping[str, type[Baseline]],
 ) -> dict[str, Any]:
     """What was measured, and on what."""
@@ -141,7 +141,7 @@ def _settings(
     }
 
 
-def draw_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> list[View]:
+def sample_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> list[View]:
     """The views of a mesh with that content digest, at the config's elevation or, where it has none, at any.
 
     Raises:
@@ -155,7 +155,7 @@ def draw_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> lis
         elevation = fixed
     views = []
     for index in range(config.views):
-        view = draw_view(controls, view_rng(config.seed, identity, index), UPRIGHT)
+        view = sample_view(controls, view_rng(config.seed, identity, index), UPRIGHT_SHARE)
         values, scene = dict(view.values), view.scene
         if elevation is not None:
             if "elevation" in controls:
@@ -166,14 +166,14 @@ def draw_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> lis
     return views
 
 
-def render_truth(
-    subject: Subject, scenes: Sequence[SceneDescription], config: EvaluateConfig, truth_root: Path, log: Log
+def render_ground_truth(
+    subject: EvaluationMesh, scenes: Sequence[SceneDescription], config: EvaluateConfig, truth_root: Path, log: Log
 ) -> list[Path]:
     """Picture of each scene (its coverage beside it), rendered only where `truth_root` does not hold it yet.
 
     Asking for more views, or for other weights with the same controls, keeps what is there.
     """
-    return render_references(subject.path, subject.identity, scenes, render_settings(config), truth_root, log)
+    return render_references(subject.path, subject.identity, scenes, ground_truth_settings(config), truth_root, log)
 
 
 def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -185,37 +185,37 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     for row in rows:
         for key, group in groups.items():
             group.setdefault(row.get(key, 0), []).append(row)
-    meshes, seeds = ({name: _over(own, np.mean) for name, own in group.items()} for group in groups.values())
-    spread = _over(list(seeds.values()), np.std)
+    meshes, seeds = ({name: _aggregate(own, np.mean) for name, own in group.items()} for group in groups.values())
+    spread = _aggregate(list(seeds.values()), np.std)
     return {
-        "means": _over(rows, np.mean), "spread": _over(rows, np.std), "spread_over_seeds": spread,
+        "means": _aggregate(rows, np.mean), "spread": _aggregate(rows, np.std), "spread_over_seeds": spread,
         "meshes": meshes, "seeds": seeds,
     }  # fmt: skip
 
 
-def _read_subject(name: str, path: Path) -> Subject:
+def _load_evaluation_mesh(name: str, path: Path) -> EvaluationMesh:
     mesh = read_mesh(path)
-    return Subject(name, path, file_digest(path), mesh, bounding_sphere(mesh.vertices))
+    return EvaluationMesh(name, path, file_digest(path), mesh, bounding_sphere(mesh.vertices))
 
 
 def _trials(
-    subject: Subject, renderer: Renderer, config: EvaluateConfig, truth_root: Path, log: Log
+    subject: EvaluationMesh, renderer: Renderer, config: EvaluateConfig, truth_root: Path, log: Log
 ) -> Iterator[Trial]:
-    views = draw_views(renderer, subject.identity, config)
-    truth = render_truth(subject, [view.scene for view in views], config, truth_root, log)
+    views = sample_views(renderer, subject.identity, config)
+    truth = render_ground_truth(subject, [view.scene for view in views], config, truth_root, log)
     side = config.resolution
     for index, (view, path) in enumerate(zip(views, truth, strict=True)):
         rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), index, 1])
         kind = "gaussian" if config.noise > 0 else "none"
-        cloud = draw_cloud(subject.mesh, subject.sphere, config.sampler, config.points, kind, config.noise, rng)
+        cloud = sample_cloud(subject.mesh, subject.sphere, config.sampler, config.points, kind, config.noise, rng)
         picture = read_render(path, (side, side, 4))
         coverage = read_render(path.with_suffix(".coverage.png"), (side, side))
         yield Trial(subject, config, index, view, cloud, picture, coverage)
 
 
 def _run_weights(renderer: Renderer, trial: Trial) -> Result:
-    placed = in_scene(trial.cloud, trial.view.scene)
-    floor = on_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
+    placed = place_in_scene(trial.cloud, trial.view.scene)
+    floor = with_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
     factor = trial.config.supersample
     side = trial.config.resolution * factor
     started = time.perf_counter()
@@ -223,7 +223,7 @@ def _run_weights(renderer: Renderer, trial: Trial) -> Result:
     if factor > 1:
         picture = shrink(picture, factor)
     seconds = time.perf_counter() - started
-    row = {**_figures(picture, trial), "seconds": round(seconds, 4),
+    row = {**_metrics_row(picture, trial), "seconds": round(seconds, 4),
            "elevation": trial.view.scene.elevation, "values": trial.view.values}  # fmt: skip
     return row, picture
 
@@ -235,10 +235,10 @@ def _run_baseline(baseline: type[Baseline], trial: Trial, truth_root: Path, log:
         "sampler": plugin_fields(registry.load("samplers", config.sampler)), "seed": config.seed,
     }  # fmt: skip
     rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), trial.index, 2])
-    scene = on_true_floor(trial.view.scene, subject.sphere.normalise(subject.mesh.vertices))
-    settings = render_settings(config)
-    rebuilt = rebuild(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log)
-    row = {**_figures(rebuilt.picture, trial), "seconds": rebuilt.seconds, "render_seconds": rebuilt.render_seconds}
+    scene = with_true_floor(trial.view.scene, subject.sphere.normalise(subject.mesh.vertices))
+    settings = ground_truth_settings(config)
+    rebuilt = run_baseline(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log)
+    row = {**_metrics_row(rebuilt.picture, trial), "seconds": rebuilt.seconds, "render_seconds": rebuilt.render_seconds}
     return row | ({"error": rebuilt.error} if rebuilt.error else {}), rebuilt.picture
 
 
@@ -247,41 +247,41 @@ def _save_pictures(trial: Trial, results: Mapping[str, Result], folder: Path, lo
     for name, (row, picture) in results.items():
         stem = f"{trial.subject.name}_{trial.config.seed}_{trial.index}" + (f"_{name}" if name else "")
         Image.fromarray(bytes_from_unit(picture)).save(folder / f"{stem}.png")
-        log(" ".join(filter(None, (trial.subject.name, str(trial.index), name))) + ": " + ", ".join(_label(row)))
+        log(" ".join(filter(None, (trial.subject.name, str(trial.index), name))) + ": " + ", ".join(_metric_labels(row)))
 
 
 def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
     scene = trial.view.scene
-    label = (f"{trial.subject.name} {trial.index}", *_label(results[OURS][0]))
+    label = (f"{trial.subject.name} {trial.index}", *_metric_labels(results[WEIGHTS_KEY][0]))
     ours, *others = (picture for _, picture in results.values())
-    return sheet_row(label, in_scene(trial.cloud, scene), scene.elevation, ours, trial.truth, others)
+    return make_row(label, place_in_scene(trial.cloud, scene), scene.elevation, ours, trial.truth, others)
 
 
-def _figures(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
-    figures = picture_metrics(picture, trial.truth, trial.coverage)
+def _metrics_row(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
+    figures = image_metrics(picture, trial.truth, trial.coverage)
     return {"mesh": trial.subject.name, "seed": trial.config.seed, "view": trial.index} | {
-        name: _number(value) for name, value in figures.items()
+        name: _rounded_or_none(value) for name, value in figures.items()
     }
 
 
-def render_settings(config: EvaluateConfig) -> RenderSettings:
+def ground_truth_settings(config: EvaluateConfig) -> RenderSettings:
     """How the ground truth is rendered."""
     side = config.resolution
     return RenderSettings((side, side), config.samples, config.denoise, config.bounces, seed=config.seed)
 
 
-def _label(figures: Mapping[str, float | None]) -> list[str]:
+def _metric_labels(figures: Mapping[str, float | None]) -> list[str]:
     shown = {"psnr_foreground": "object {:.1f} dB", "ssim": "SSIM {:.3f}", "flip": "FLIP {:.3f}"}
     return [form.format(figures[name]) for name, form in shown.items() if figures[name] is not None]
 
 
-def _over(rows: Sequence[Mapping[str, Any]], measure: Callable[[list[float]], Any]) -> dict[str, float]:
-    names = (*NAMES, "seconds", "render_seconds")
+def _aggregate(rows: Sequence[Mapping[str, Any]], measure: Callable[[list[float]], Any]) -> dict[str, float]:
+    names = (*METRIC_NAMES, "seconds", "render_seconds")
     found = {name: [row[name] for row in rows if row.get(name) is not None] for name in names}
     return {name: round(float(measure(values)), 6) for name, values in found.items() if values}
 
 
-def _number(value: float) -> float | None:
+def _rounded_or_none(value: float) -> float | None:
     """JSON has no nan."""
     return None if math.isnan(value) else round(value, 6)
 

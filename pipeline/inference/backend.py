@@ -30,7 +30,7 @@ from z2p_renderer.pipeline.inference.render_scan import RenderedScan, build_reco
 from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, load_renderer
 from z2p_renderer.pipeline.placement.hints import in_python
 from z2p_renderer.storage.cameras import read_camera
-from z2p_renderer.storage.images.image_files import OPAQUE, WHITE, encode, write_picture
+from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, encode_picture, write_picture
 from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_clouds, usable
 
@@ -75,7 +75,7 @@ class RenderBackend:
 
     def png(self, picture: Picture) -> bytes:
         """The picture as a PNG file."""
-        return encode(picture.array, ".png", record=_record_beside(picture.record, Path("picture")))
+        return encode_picture(picture.array, ".png", record=_record_beside(picture.record, Path("picture")))
 
     def over(self, picture: Picture, background: Any) -> Picture:
         """The picture made opaque; the members of a batch too."""
@@ -107,7 +107,7 @@ def _record_beside(record: Mapping[str, Any], picture: Path) -> dict[str, Any]:
     source = dict(record["input"])
     if source.get("path") is not None:
         source["path"] = path_relative_to(Path(source["path"]), picture)
-    clear = record["background"] == "transparent" and picture.suffix.lower() in OPAQUE
+    clear = record["background"] == "transparent" and picture.suffix.lower() in OPAQUE_SUFFIXES
     return {**record, "input": source, **({"background": list(WHITE)} if clear else {})}
 
 

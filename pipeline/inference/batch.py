@@ -20,16 +20,13 @@ from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
-from z2p_renderer.pipeline.outputs.existing_outputs import told_if_kept
+from z2p_renderer.pipeline.outputs.existing_outputs import kept_output_note
 from z2p_renderer.pipeline.placement.place_scan import Placement
 from z2p_renderer.storage.files.printable_names import printable, without_gz
 from z2p_renderer.storage.images.image_files import PictureError, write_picture
 from z2p_renderer.storage.results.fingerprints import file_digest
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_each
 from z2p_renderer.storage.scans.unpack import content_size, is_spooled
-
-__all__ = ["Look", "Outcome", "Task", "path_beside", "plan_outputs", "render_files", "source_of", "told_fault",
-           "write_picture"]  # fmt: skip
 
 SWITCH_INTERVAL = 0.0003
 """Seconds that Python lets a thread go on while another waits: 0.005, as usual, are long beside kernels of 0.0002."""
@@ -245,7 +242,7 @@ class _File:
         if self.overwrite or not output.exists():
             return False
         source, look = self._source_of(output, cloud), self._look_at(cloud)
-        told = told_if_kept(output, source, look, self.renderer, named=self.task.single)
+        told = kept_output_note(output, source, look, self.renderer, named=self.task.single)
         self.outcome.kept = told or self.outcome.kept
         return told is not None
 

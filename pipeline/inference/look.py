@@ -11,7 +11,7 @@ from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
-from z2p_renderer.storage.images.image_files import OPAQUE, WHITE
+from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE
 
 Color = tuple[float, float, float]
 Crop = tuple[float, float, float, float]
@@ -69,7 +69,7 @@ class Look:
 
         Formats without transparency get a white background, unless the look has one.
         """
-        return replace(self, background=WHITE) if self.background is None and suffix in OPAQUE else self
+        return replace(self, background=WHITE) if self.background is None and suffix in OPAQUE_SUFFIXES else self
 
 
 def build_look(

@@ -27,7 +27,7 @@ from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, select_points
 from z2p_renderer.storage.scans.clouds import Scan
 
-LIGHT_SWING = 80.0
+LIGHT_SWING_DEGREES = 80.0
 """Degrees to either side that the light goes."""
 
 
@@ -42,7 +42,7 @@ class Motion:
     """Pictures that each frame is the mean of, spread over its share of the way."""
 
 
-def opening(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
+def draw_opening(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
     """How the cloud of a file with that suffix stands as a loop begins, and which weights draw all of it: a sketch.
 
     Raises:
@@ -52,10 +52,10 @@ def opening(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> Rende
     return render_scan(renderer, scan, suffix, sketch)
 
 
-def moving_frames(first: RenderedScan, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
+def render_frames(first: RenderedScan, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
     """The frames (H, W, 4) uint8, straight RGBA, of a loop: the last goes over into the first.
 
-    `first` is the scan's `opening` by the same look. With `look.tight` all frames are cut alike, to what shows in any
+    `first` is the scan's `draw_opening` by the same look. With `look.tight` all frames are cut alike, to what shows in any
     of them; they then come after the last was drawn.
 
     Raises:
@@ -70,7 +70,7 @@ def moving_frames(first: RenderedScan, scan: Scan, suffix: str, look: Look, moti
         points = base.unplace(smoothed(base.place(points), first.placement.smoothing_radius))
     scan = replace(scan, points=points)
     look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0))
-    shots = (_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
+    shots = (_render_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
     if not look.tight:
         yield from shots
         return
@@ -91,7 +91,7 @@ def flicker(frames: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
     return float(255 * error[mask[1:] | mask[:-1]].mean())
 
 
-def _frame(
+def _render_frame(
     renderer: AnyRenderer, scan: Scan, suffix: str, look: Look, motion: Motion, first: RenderedScan, number: int
 ) -> np.ndarray:
     """One frame: the mean of `motion.steady` pictures around its place on the way."""
@@ -99,7 +99,7 @@ def _frame(
     shots = []
     for offset in offsets:
         share = (number + offset) / motion.frames
-        values, viewpoint = _moved(look.values, first, motion.kind, share)
+        values, viewpoint = _settings_at(look.values, first, motion.kind, share)
         placing = replace(look.placement_options, viewpoint=viewpoint, azimuth=0.0)
         shown = replace(look, values=values, placement_options=placing, tight=False, margin=None)  # the viewpoint has it
         shots.append(render_scan(renderer, scan, suffix, shown).picture)
@@ -109,7 +109,7 @@ def _frame(
     return bytes_from_unit(straight_from_premultiplied(mean))
 
 
-def _moved(
+def _settings_at(
     given: dict[str, Value], first: RenderedScan, kind: str, share: float
 ) -> tuple[dict[str, Value], Viewpoint]:
     """Settings and viewpoint at a share of the way, 0 to 1."""
@@ -117,4 +117,4 @@ def _moved(
         rotation = turn(360.0 * share) @ np.array(first.viewpoint.rotation)
         return given, replace(first.viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()))
     radius, _, height = first.values["light"]
-    return {**given, "light": (radius, LIGHT_SWING * math.sin(2 * math.pi * share), height)}, first.viewpoint
+    return {**given, "light": (radius, LIGHT_SWING_DEGREES * math.sin(2 * math.pi * share), height)}, first.viewpoint

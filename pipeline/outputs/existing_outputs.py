@@ -13,10 +13,10 @@ from z2p_renderer.pipeline.inference.render_scan import RECORDED_OPTIONS
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer
 from z2p_renderer.pipeline.placement.place_scan import FIXED_CAMERA
 from z2p_renderer.storage.files.printable_names import printable
-from z2p_renderer.storage.images.image_files import PictureError, is_cut, is_whole, read_record
+from z2p_renderer.storage.images.image_files import PictureError, is_truncated, is_readable_picture, read_record
 
 
-def told_if_kept(
+def kept_output_note(
     picture: Path, source: Mapping[str, Any], look: Look, renderer: AnyRenderer,
     motion: Mapping[str, Any] | None = None, named: bool = False,
 ) -> str | None:
@@ -38,14 +38,14 @@ def told_if_kept(
         record = read_record(picture)
     except PictureError:
         record = {}
-    if is_cut(picture) if record else not is_whole(picture):
+    if is_truncated(picture) if record else not is_readable_picture(picture):
         raise PictureError(f"{printable(picture)} is there already, but is no picture that can be read; remove it, "
                            "choose another --output, or --overwrite")
     if not record:
         return "without a record of z2p"
     drawn = record.get("input", {})
     if all(drawn.get(name) == source[name] for name in ("sha256", "cloud")):
-        others = _others(record, source, look, renderer) + _moved(record.get("motion"), motion)
+        others = _changed_settings(record, source, look, renderer) + _changed_motion(record.get("motion"), motion)
         if named and others:
             return None
         return f"with another {' and another '.join(others)}" if others else ""
@@ -57,18 +57,18 @@ def told_if_kept(
                        "--output, or --overwrite")  # fmt: skip
 
 
-def _moved(drawn: Mapping[str, Any] | None, asked: Mapping[str, Any] | None) -> list[str]:
+def _changed_motion(drawn: Mapping[str, Any] | None, asked: Mapping[str, Any] | None) -> list[str]:
     """What of a loop's motion is otherwise than asked."""
     if drawn is None or asked is None:
         return [] if drawn is asked else ["motion"]
     return [{"kind": "motion"}.get(name, name) for name, value in asked.items() if drawn.get(name) != value]
 
 
-def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> list[str]:
+def _changed_settings(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> list[str]:
     """What of the settings a picture was drawn with otherwise."""
-    others = _controls(record, look, renderer)
+    others = _changed_controls(record, look, renderer)
     viewpoint, placed = look.placement_options.viewpoint, record.get("placing", {})
-    if _other_camera(record, look):
+    if _has_other_camera(record, look):
         others.append("camera")
     replaced = () if viewpoint is None else ("up", "view")
     others += [name.replace("_", "-") for name in RECORDED_OPTIONS
@@ -77,7 +77,7 @@ def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, re
     asked_for = {"resolution": [look.width, look.height], "background": background, "supersample": look.supersample,
                  "fit": "tight" if look.tight else "frame", "margin": look.margin}  # fmt: skip
     others += [name for name, value in asked_for.items() if record.get(name) != value]
-    if _other_weights(record, renderer):
+    if _has_other_weights(record, renderer):
         others.append("choice of weights")
     if look.crop is not None and record.get("window") != list(look.crop):
         others.append("crop")
@@ -86,7 +86,7 @@ def _others(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, re
     return others
 
 
-def _controls(record: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> list[str]:
+def _changed_controls(record: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> list[str]:
     """The controls that a picture was drawn with otherwise; one that is not given has its slider's default."""
     drawn, asked = record.get("controls", {}), renderer.settings(look.values)
     if "elevation" not in look.values and record.get("stance", {}).get("elevation") is not None:
@@ -94,7 +94,7 @@ def _controls(record: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> l
     return [name for name, value in asked.items() if name in drawn and drawn[name] != list(value)]
 
 
-def _other_camera(record: Mapping[str, Any], look: Look) -> bool:
+def _has_other_camera(record: Mapping[str, Any], look: Look) -> bool:
     """Whether a picture was taken by another camera than the given one; or by a given one, where now none is."""
     viewpoint = with_margin(look.placement_options.viewpoint, look.frame_margin) if look.placement_options.viewpoint else None
     if viewpoint is None:
@@ -104,7 +104,7 @@ def _other_camera(record: Mapping[str, Any], look: Look) -> bool:
     return any(drawn.get(name) != asked[name] for name in ("centre", "radius", *(() if turned else ("rotation",))))
 
 
-def _other_weights(record: Mapping[str, Any], renderer: AnyRenderer) -> bool:
+def _has_other_weights(record: Mapping[str, Any], renderer: AnyRenderer) -> bool:
     """Whether other weights drew a picture, or may have: those that the cloud chooses are known only to its record."""
     if isinstance(renderer, AutoRenderer):
         return not record.get("weights_chosen", True)  # once it was not told

@@ -18,10 +18,10 @@ from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.images.image_files import PictureError, read_record
 from z2p_renderer.storage.scans.silenced_libraries import quiet
 
-SIDES = ((200, 512), (1000, 320), (4000, 224))
+THUMBNAIL_SIDES = ((200, 512), (1000, 320), (4000, 224))
 """Up to so many pictures are shown with sides of so many pixels; a page of thousands must still open."""
-SMALLEST_SIDE = 160
-GENERATOR, MOST_HEAD = b'name="generator" content="z2p', 2000
+MIN_THUMBNAIL_SIDE = 160
+GENERATOR_TAG, HEAD_BYTES = b'name="generator" content="z2p', 2000
 """What tells a page of z2p within its first so many bytes."""
 
 
@@ -31,13 +31,13 @@ def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path
     The pictures are inside, reduced; each name links to its file beside the page.
 
     Raises:
-        PictureError: another file is there; see `check_place`.
+        PictureError: another file is there; see `check_gallery_place`.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
-    check_place(path)
+    check_gallery_place(path)
     environment = Environment(loader=PackageLoader("z2p_renderer.pipeline"), autoescape=True, undefined=StrictUndefined)
-    side = next((side for most, side in SIDES if len(pictures) <= most), SMALLEST_SIDE)
+    side = next((side for most, side in THUMBNAIL_SIDES if len(pictures) <= most), MIN_THUMBNAIL_SIDE)
     cards = [_card(picture, path.parent, side) for picture in pictures]
     page = environment.get_template("gallery.html").render(
         title=title or f"{_text(path.absolute().parent.name)} - z2p", cards=cards, version=__version__
@@ -46,13 +46,13 @@ def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path
     return path
 
 
-def check_place(path: Path) -> None:
+def check_gallery_place(path: Path) -> None:
     """Makes sure that a gallery replaces nothing but a gallery.
 
     Raises:
         PictureError: a file of that name is something else.
     """
-    if path.exists() and GENERATOR not in path.read_bytes()[:MOST_HEAD]:
+    if path.exists() and GENERATOR_TAG not in path.read_bytes()[:HEAD_BYTES]:
         raise PictureError(f"{printable(path)} is there already, and no gallery of z2p: rename it, or choose another "
                            "folder")
 
@@ -64,7 +64,7 @@ def _card(picture: Path, folder: Path, side: int) -> dict[str, Any]:
     except PictureError:  # a picture from elsewhere is shown without settings
         record = {}
     beside = os.path.relpath(picture, folder)
-    settings, image = _settings(record), _embedded(picture, side)
+    settings, image = _settings(record), _data_uri(picture, side)
     if not image:
         settings = [("file", "cannot be read as a picture"), *settings]
     color = record.get("controls", {}).get("color", ())
@@ -92,14 +92,14 @@ def _settings(record: dict[str, Any]) -> list[tuple[str, str]]:
              ("view", f"azimuth {stance.get('azimuth') or 0:.0f}, {stance.get('view_reason', '')}")]  # fmt: skip
     if stance.get("outliers"):
         rows.append(("left out", f"strays: {stance['outliers']}"))
-    rows += placed_rows(record)
+    rows += placement_rows(record)
     weights = record.get("weights", {})
     rows.append(("weights", f"{weights.get('name', '')} {str(weights.get('sha256', ''))[:12]}"))
     rows.append(("made by", f"z2p {record.get('version', '')}"))
     return rows
 
 
-def placed_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+def placement_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What was asked of the cloud beyond the usual, in words; empty when nothing was."""
     placing = record.get("placing", {})
     rows = []
@@ -112,7 +112,7 @@ def placed_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _embedded(picture: Path, side: int) -> str:
+def _data_uri(picture: Path, side: int) -> str:
     """A data URI of the picture, made smaller; WebP, which every browser of today reads. Empty where it is none."""
     try:
         if not picture.is_file():  # a pipe would be waited for

@@ -7,7 +7,7 @@ import numpy as np
 from z2p_core.camera import DISTANCE, Camera
 
 
-def dots(cloud: np.ndarray, camera: Camera) -> np.ndarray:
+def draw_dots(cloud: np.ndarray, camera: Camera) -> np.ndarray:
     """Picture (H, W, 3) float64 of a placed cloud (N, 3) with a one-pixel dot a point, near ones darker."""
     picture = np.ones((camera.height, camera.width, 3))
     pixels, depth = camera.project(cloud.astype(np.float64))

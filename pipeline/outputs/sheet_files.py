@@ -9,7 +9,7 @@ from PIL import Image
 from z2p_core.interfaces import SettingError
 from z2p_renderer.storage.files.printable_names import printable
 
-MARK = "z2p-sheet"
+SHEET_KEYWORD = "z2p-sheet"
 """Keyword of the text inside that tells a sheet from all other pictures, which are nobody's to replace."""
 
 
@@ -18,7 +18,7 @@ def sheet_path(folder: Path, number: int) -> Path:
     return folder / ("sheet.png" if number == 1 else f"sheet_{number}.png")
 
 
-def check_places(folder: Path, count: int = 1) -> None:
+def check_sheet_places(folder: Path, count: int = 1) -> None:
     """Makes sure that so many sheets in a folder replace nothing but sheets.
 
     Raises:
@@ -31,7 +31,7 @@ def check_places(folder: Path, count: int = 1) -> None:
                                "choose another folder")
 
 
-def drop_later(folder: Path, count: int) -> None:
+def remove_surplus_sheets(folder: Path, count: int) -> None:
     """Removes the sheets of a longer run into the same folder, those behind so many; other files stay."""
     for number in range(count + 1, 1000):
         if not is_sheet(left := sheet_path(folder, number)):
@@ -43,6 +43,6 @@ def is_sheet(path: Path) -> bool:
     """Whether a file is a contact sheet that z2p wrote."""
     try:
         with Image.open(path) as page:
-            return MARK in page.info
+            return SHEET_KEYWORD in page.info
     except (OSError, SyntaxError, ValueError):  # no picture at all
         return False

@@ -32,7 +32,7 @@ def load_controls(names: tuple[str, ...]) -> dict[str, Control]:
     return {name: registry.load("controls", name)() for name in names}
 
 
-def draw_view(controls: dict[str, Control], rng: np.random.Generator, upright: float) -> View:
+def sample_view(controls: dict[str, Control], rng: np.random.Generator, upright: float) -> View:
     """View whose mesh is turned about +Z only with probability `upright`, any way otherwise."""
     rotation = turn(rng.uniform(0, 360)) if rng.uniform() < upright else random_rotation(rng)
     values = {name: control.draw(rng) for name, control in controls.items()}
@@ -46,7 +46,7 @@ def describe(controls: dict[str, Control], values: dict[str, Value], rotation: n
     return scene
 
 
-def in_scene(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
+def place_in_scene(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
     """Cloud (N, 3) in the unit sphere, rotated and lifted as the scene's mesh is: (N, 3) float32."""
     turned = cloud.astype(np.float64) @ np.array(scene.rotation).T
     turned[:, 2] += scene.lift
@@ -75,14 +75,14 @@ def render_chunk(
     controls = load_controls(config.controls)
     scenes = []
     for index in range(first, last):
-        view = draw_view(controls, view_rng(config.seed, identity, index), config.upright)
+        view = sample_view(controls, view_rng(config.seed, identity, index), config.upright)
         stem = f"view_{index:05d}"
         (out / f"{stem}.json").write_text(json.dumps({"scene": view.scene.to_json(), "values": view.values}))
         scenes.append((stem, view.scene))
-    render_scenes(mesh_path, scenes, out, render_settings(config), log)
+    render_scenes(mesh_path, scenes, out, training_render_settings(config), log)
 
 
-def render_settings(config: RenderConfig) -> RenderSettings:
+def training_render_settings(config: RenderConfig) -> RenderSettings:
     """What the render stage needs of its config."""
     side = config.resolution
     return RenderSettings((side, side), config.samples, config.denoise, config.bounces, config.passes, config.seed)

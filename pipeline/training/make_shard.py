@@ -65,7 +65,7 @@ def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Reco
     factor, rest = divmod(rgba.shape[0], resolution)
     if rest or factor < 1:
         raise ConfigError(f"shard.resolution: expected a divisor of the renders' {rgba.shape[0]}, got {resolution}")
-    rgba, coverage = shrink_pictures(rgba, coverage, factor)
+    rgba, coverage = downsample_images(rgba, coverage, factor)
     values = {name: tuple(view["values"][name]) for name in controls}
     turned = {name: control.mirrored(values[name]) for name, control in controls.items()}
     return Record(
@@ -77,7 +77,7 @@ def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Reco
     )
 
 
-def shrink_pictures(rgba: np.ndarray, coverage: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
+def downsample_images(rgba: np.ndarray, coverage: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
     """Picture (H, W, 4) and coverage (H, W), both uint8, `factor` times smaller, averaged in linear light."""
     if factor == 1:
         return rgba, coverage

@@ -6,7 +6,7 @@ import numpy as np
 
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Sampler
-from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_core.meshes.triangle_sampling import sample_uniform
 
 DENSITY = 4
 """Dense points for each point asked for; the time grows with it, the evenness hardly."""
@@ -28,7 +28,7 @@ class Farthest(Sampler):
         with explain_missing_libraries("open3d"):
             import open3d  # late: the pipeline extra
 
-        dense = uniform_points(vertices, faces, count * DENSITY, rng)
+        dense = sample_uniform(vertices, faces, count * DENSITY, rng)
         cloud = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(dense))
         start = int(rng.integers(len(dense)))
         return np.array(cloud.farthest_point_down_sample(count, start).points)

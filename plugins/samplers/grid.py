@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.interfaces import Sampler
-from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_core.meshes.triangle_sampling import sample_uniform
 
 DENSITY = 16
 """Dense points for each point asked for: enough that nearly every voxel the surface crosses holds one."""
@@ -25,7 +25,7 @@ class Grid(Sampler):
         Raises:
             ScanError: no triangle has an area above 0.
         """
-        dense = uniform_points(vertices, faces, count * DENSITY, rng)
+        dense = sample_uniform(vertices, faces, count * DENSITY, rng)
         chosen = _nearest_to_centres(dense, _voxel_size(dense, count))
         if len(chosen) > count:
             chosen = np.sort(rng.choice(chosen, count, replace=False))

@@ -6,7 +6,7 @@ import numpy as np
 
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Sampler
-from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_core.meshes.triangle_sampling import sample_uniform
 
 DENSITY = 5
 """Dense points for each point asked for, as in the elimination's paper."""
@@ -28,7 +28,7 @@ class PoissonDisk(Sampler):
         with explain_missing_libraries("open3d"):
             import open3d  # late: the pipeline extra
 
-        dense = uniform_points(vertices, faces, count * DENSITY, rng)
+        dense = sample_uniform(vertices, faces, count * DENSITY, rng)
         mesh = open3d.geometry.TriangleMesh(
             open3d.utility.Vector3dVector(np.asarray(vertices, dtype=np.float64)),
             open3d.utility.Vector3iVector(np.asarray(faces, dtype=np.int32)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.interfaces import Sampler
-from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_core.meshes.triangle_sampling import sample_uniform
 
 
 class Uniform(Sampler):
@@ -20,4 +20,4 @@ class Uniform(Sampler):
         Raises:
             ScanError: no triangle has an area above 0.
         """
-        return uniform_points(vertices, faces, count, rng)
+        return sample_uniform(vertices, faces, count, rng)

@@ -29,7 +29,7 @@ from z2p_core.testing import (
     check_zbuffer,
 )
 from z2p_renderer.pipeline.export import export_onnx
-from z2p_renderer.pipeline.export.graph_rewrite import quantised
+from z2p_renderer.pipeline.export.graph_rewrite import quantize_int8
 from z2p_renderer.pipeline.inference.loading import load_plugins
 
 CLOUD = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.5], [0.25, 2.0, -1.0], [-3.0, 0.125, 4.0], [0.5, 0.75, 1.5]])
@@ -128,7 +128,7 @@ def exported(make_weights: Callable[..., Path]) -> Callable[[str], TrainedNetwor
         channels, settings, rng = (loaded.buffer_channels, loaded.encoder.channels), loaded.settings, default_rng(0)
         shapes = (1, channels[0], 64, 64), (channels[1], *([64 // loaded.config.unshuffle] * 2)), (1, settings)
         calibration = [tuple(rng.random(shape, dtype=np.float32) for shape in shapes) for _ in range(4)]
-        return TrainedNetwork(*channels, settings, onnx, loaded.build, quantised(onnx, calibration))
+        return TrainedNetwork(*channels, settings, onnx, loaded.build, quantize_int8(onnx, calibration))
 
     return export
 

@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from z2p_renderer.pipeline.cli.errors import is_debugging
-from z2p_renderer.pipeline.cli.options.controls import SETTINGS, InferenceCommand
-from z2p_renderer.pipeline.cli.options.inputs import found_scans
-from z2p_renderer.pipeline.cli.options.param_types import FiniteRange, Format, Target, is_folder
+from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
+from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
+from z2p_renderer.pipeline.cli.options.param_types import FiniteRange, FileFormat, OutputPath, is_output_folder
 from z2p_renderer.pipeline.cli.options.pictures import (
-    check_view,
-    columns_from,
+    check_view_options,
+    parse_columns,
     look_from,
     picture_options,
-    writable,
+    check_writable,
 )
 from z2p_renderer.pipeline.cli.progress import scan_label, note_if_opaque, describe_points
 
@@ -34,9 +34,9 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
-@click.option("--output", "-o", default="pictures", type=Target(), metavar="OUT",
+@click.option("--output", "-o", default="pictures", type=OutputPath(), metavar="OUT",
               help="Folder for the loops; or, for one cloud, the loop itself (.webp, .gif, .mp4).")
-@click.option("--format", "format_", default="webp", type=Format(["webp", "gif", "mp4"], {}),
+@click.option("--format", "format_", default="webp", type=FileFormat(["webp", "gif", "mp4"], {}),
               help="Of loops in a folder. WebP keeps the transparency; MP4 needs the extra 'video'.")
 @click.option("--motion", default="turn", type=click.Choice(["turn", "light"]),
               help="turn: the object, once around; light: the light, from side to side and back.")
@@ -70,10 +70,10 @@ def animate(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options
 
 def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dict[str, Any]) -> bool:
     """True when a file failed."""
-    columns = columns_from(options)
-    values = ctx.meta.get(SETTINGS, {})
-    check_view(ctx, values, options)
-    scans = found_scans(ctx, inputs, options, columns is not None)
+    columns = parse_columns(options)
+    values = ctx.meta.get(CONTROL_SETTINGS_KEY, {})
+    check_view_options(ctx, values, options)
+    scans = find_input_scans(ctx, inputs, options, columns is not None)
     from z2p_renderer.pipeline.inference.batch import fault_message
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.pipeline.outputs.animation import Motion
@@ -133,15 +133,15 @@ class _Loop:
         Raises:
             PictureError: it shows another cloud.
         """
-        from z2p_renderer.pipeline.outputs.existing_outputs import told_if_kept
+        from z2p_renderer.pipeline.outputs.existing_outputs import kept_output_note
 
-        return told_if_kept(self.task.output, self.source, self.look, renderer, self.moves, self.task.single)
+        return kept_output_note(self.task.output, self.source, self.look, renderer, self.moves, self.task.single)
 
     def write(self, renderer: AnyRenderer, quiet: bool) -> str:
         """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
         from z2p_core.interfaces import ScanError
         from z2p_renderer.pipeline.inference.render_scan import build_record
-        from z2p_renderer.pipeline.outputs.animation import moving_frames, opening
+        from z2p_renderer.pipeline.outputs.animation import render_frames, draw_opening
         from z2p_renderer.storage.images.animations import write_animation
         from z2p_renderer.storage.scans.clouds import format_suffix, read_clouds
 
@@ -149,8 +149,8 @@ class _Loop:
         if len(clouds) > 1:
             raise ScanError(f"holds {len(clouds)} clouds, a loop shows one; save it alone")
         [cloud], silent = clouds, quiet or not sys.stderr.isatty()
-        first = opening(renderer, cloud, suffix, self.look)
-        frames = moving_frames(first, cloud, suffix, self.look, self.motion)
+        first = draw_opening(renderer, cloud, suffix, self.look)
+        frames = render_frames(first, cloud, suffix, self.look, self.motion)
         if not silent:
             from tqdm import tqdm
 
@@ -167,18 +167,18 @@ def _plan(
 ) -> list[Task]:
     """The tasks, once it is sure that their loops can be written."""
     from z2p_renderer.pipeline.inference.batch import Task, plan_outputs
-    from z2p_renderer.storage.images.animations import SUFFIXES, check_suffix
+    from z2p_renderer.storage.images.animations import ANIMATION_SUFFIXES, check_animation_suffix
     from z2p_renderer.storage.images.image_files import FORMATS as PICTURES
 
-    alone = output.suffix.lower() in SUFFIXES and not is_folder(ctx, output)
+    alone = output.suffix.lower() in ANIMATION_SUFFIXES and not is_output_folder(ctx, output)
     suffix = output.suffix.lower() if alone else f".{options['format_']}"
     if alone and len(scans) > 1:
         raise click.UsageError(f"--output {output} names one loop, but {len(scans)} scans match; give a folder", ctx)
-    if not alone and output.suffix.lower() in PICTURES and not is_folder(ctx, output):
-        raise click.UsageError(f"--output {output}: expected a folder, or a loop named {', '.join(SUFFIXES)}; still "
+    if not alone and output.suffix.lower() in PICTURES and not is_output_folder(ctx, output):
+        raise click.UsageError(f"--output {output}: expected a folder, or a loop named {', '.join(ANIMATION_SUFFIXES)}; still "
                                "pictures are made by z2p run-inference", ctx)  # fmt: skip
-    check_suffix(suffix)
-    writable(output.parent if alone else output)
+    check_animation_suffix(suffix)
+    check_writable(output.parent if alone else output)
     if options["background"] == "transparent" and not options["quiet"]:
         note_if_opaque(suffix)
     if alone:

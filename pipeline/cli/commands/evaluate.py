@@ -61,8 +61,8 @@ def evaluate(
     """
     from z2p_core import registry
     from z2p_renderer.pipeline.evaluation.baselines import load_baselines
-    from z2p_renderer.pipeline.evaluation.comparison_sheet import sheets_of
-    from z2p_renderer.pipeline.outputs.sheet_files import check_places
+    from z2p_renderer.pipeline.evaluation.comparison_sheet import count_sheets
+    from z2p_renderer.pipeline.outputs.sheet_files import check_sheet_places
     from z2p_renderer.storage.meshes import find_meshes
     from z2p_renderer.storage.models.checkpoints import find_weights
 
@@ -72,7 +72,7 @@ def evaluate(
     load_baselines(baseline)
     registry.load("engines", engine)
     found, file = find_meshes(meshes), find_weights(weights)
-    check_places(output, sheets_of(len(found) * config.views * config.seeds))  # before hours of rendering
+    check_sheet_places(output, count_sheets(len(found) * config.views * config.seeds))  # before hours of rendering
     missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
     if missing:
         raise CommandError(f"evaluation needs {', '.join(missing)}; {INSTALL}")

@@ -41,7 +41,7 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
 
 def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What people want to know of a record, in words."""
-    from z2p_renderer.pipeline.outputs.gallery import placed_rows
+    from z2p_renderer.pipeline.outputs.gallery import placement_rows
 
     source, stance, weights = record["input"], record["stance"], record["weights"]
     rows = [("scan", f"{source.get('name') or 'an array in Python'}  sha256 {source['sha256'][:16]}")]
@@ -54,7 +54,7 @@ def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
                    f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
         ("left out", f"strays: {stance['outliers']}, points far behind: {stance['background']}"),
-        *placed_rows(record),
+        *placement_rows(record),
         ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
         ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "
                  f"fit {record['fit']}"),

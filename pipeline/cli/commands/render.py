@@ -13,18 +13,18 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import is_debugging
-from z2p_renderer.pipeline.cli.options.controls import SETTINGS, InferenceCommand
-from z2p_renderer.pipeline.cli.options.inputs import found_scans
-from z2p_renderer.pipeline.cli.options.palettes import PALETTES, palette
-from z2p_renderer.pipeline.cli.options.param_types import Format, Grid, Target, is_folder
+from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
+from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
+from z2p_renderer.pipeline.cli.options.palettes import PALETTES, palette_colors
+from z2p_renderer.pipeline.cli.options.param_types import FileFormat, SheetGrid, OutputPath, is_output_folder
 from z2p_renderer.pipeline.cli.options.pictures import (
-    check_view,
-    columns_from,
+    check_view_options,
+    parse_columns,
     look_from,
     picture_options,
-    writable,
+    check_writable,
 )
-from z2p_renderer.pipeline.cli.progress import Progress, json_line, open_progress, report_outcomes, settings_to_json, note_if_opaque
+from z2p_renderer.pipeline.cli.progress import Progress, outcome_to_json, open_progress, report_outcomes, settings_to_json, note_if_opaque
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.inference.batch import Outcome, Task
@@ -39,18 +39,18 @@ SUFFIX_NAMES = {"jpg": "jpeg", "tif": "tiff"}
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
 @click.argument("inputs", nargs=-1, required=True, metavar="INPUT...")
-@click.option("--output", "-o", default="pictures", type=Target(), metavar="OUT",
+@click.option("--output", "-o", default="pictures", type=OutputPath(), metavar="OUT",
               help="Folder for the pictures; or, for one cloud, the picture itself (.png, .webp, .jpg, .tif).")
-@click.option("--format", "format_", default="png", type=Format(list(SUFFIXES), SUFFIX_NAMES),
+@click.option("--format", "format_", default="png", type=FileFormat(list(SUFFIXES), SUFFIX_NAMES),
               help="Of pictures in a folder.")
 @picture_options
 @click.option("--same-frame", is_flag=True,
               help="One camera for all clouds, which keep their sizes and places in it; with --fit tight one crop.")
-@click.option("--save-camera", type=Target(file=True), metavar="FILE",
+@click.option("--save-camera", type=OutputPath(file=True), metavar="FILE",
               help="Write the camera as JSON; several clouds need --same-frame.")
 @click.option("--palette", "palette_name", type=click.Choice(list(PALETTES)),
               help="Colours for a series, a cloud each in turn, safe for colour-blind readers.")
-@click.option("--sheet", type=Grid(), metavar="4x3", help="Contact sheets OUT/sheet.png of so many columns and rows.")
+@click.option("--sheet", type=SheetGrid(), metavar="4x3", help="Contact sheets OUT/sheet.png of so many columns and rows.")
 @click.option("--gallery", is_flag=True, help="OUT/gallery.html, one page with all pictures and their settings.")
 @click.option("--overwrite", is_flag=True,
               help="Render again what is there; it is skipped otherwise, but for one named picture whose settings "
@@ -75,7 +75,7 @@ def render(ctx: click.Context, inputs: tuple[str, ...], output: Path, **options:
     with warnings.catch_warnings():
         if not is_debugging():
             warnings.simplefilter("ignore")  # libraries' remarks would bury the one line a file gets
-        failed = _run(ctx, inputs, output, ctx.meta.get(SETTINGS, {}), options)
+        failed = _run(ctx, inputs, output, ctx.meta.get(CONTROL_SETTINGS_KEY, {}), options)
     ctx.exit(1 if failed else 0)
 
 
@@ -83,11 +83,11 @@ def _run(
     ctx: click.Context, inputs: tuple[str, ...], output: Path, values: dict[str, Value], options: dict[str, Any]
 ) -> int:
     """How many files failed, and how many of the pages and sheets beside them."""
-    columns = columns_from(options)
+    columns = parse_columns(options)
     if options["palette_name"] and "color" in values:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
-    check_view(ctx, values, options)
-    scans = found_scans(ctx, inputs, options, columns is not None)
+    check_view_options(ctx, values, options)
+    scans = find_input_scans(ctx, inputs, options, columns is not None)
     from z2p_core.parallel import core_count
     from z2p_renderer.pipeline.inference.batch import render_files
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
@@ -121,7 +121,7 @@ def _render(
         counts[outcome.status] += 1
         done.append(outcome)
         if options["as_json"]:
-            click.echo(json.dumps(json_line(outcome, settings)))
+            click.echo(json.dumps(outcome_to_json(outcome, settings)))
     return counts, done
 
 
@@ -132,8 +132,8 @@ def _plan(
     from z2p_renderer.pipeline.inference.batch import Task, plan_outputs
     from z2p_renderer.storage.images.image_files import FORMATS
 
-    alone = output.suffix.lower() in FORMATS and not is_folder(ctx, output)
-    if output.suffix.lower() in NOT_WRITTEN and not is_folder(ctx, output):
+    alone = output.suffix.lower() in FORMATS and not is_output_folder(ctx, output)
+    if output.suffix.lower() in NOT_WRITTEN and not is_output_folder(ctx, output):
         loops = "; loops are made by z2p animate" if output.suffix.lower() in (".gif", ".mp4") else ""
         raise click.UsageError(f"--output {output}: expected a folder, or a picture named {', '.join(FORMATS)}{loops}",
                                ctx)  # fmt: skip
@@ -143,7 +143,7 @@ def _plan(
     given = ctx.get_parameter_source("format_") is not click.core.ParameterSource.DEFAULT
     if alone and given and FORMATS[suffix] != FORMATS[SUFFIXES[options["format_"]]]:
         raise click.UsageError(f"--format {options['format_']} does not fit --output {output}; leave it out", ctx)
-    writable(output.parent if alone else output)
+    check_writable(output.parent if alone else output)
     if options["background"] == "transparent" and not options["quiet"]:
         note_if_opaque(suffix)
     if alone:
@@ -151,7 +151,7 @@ def _plan(
     else:
         folders = [Path(text) for text in inputs if Path(text).is_dir()]
         tasks = plan_outputs(scans, folders, output, options["recursive"], suffix)
-    colors = palette(options["palette_name"]) if options["palette_name"] else ()
+    colors = palette_colors(options["palette_name"]) if options["palette_name"] else ()
     return [replace(task, colors=colors[turn % len(colors) :] + colors[: turn % len(colors)]) if colors else task
             for turn, task in enumerate(tasks)]  # fmt: skip
 
@@ -162,7 +162,7 @@ def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: 
 
     folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
     if options["sheet"] is not None:
-        from z2p_renderer.pipeline.outputs.sheet_files import check_places
+        from z2p_renderer.pipeline.outputs.sheet_files import check_sheet_places
 
         columns, rows = options["sheet"]
         count = -(-len(tasks) // (columns * rows))
@@ -171,17 +171,17 @@ def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: 
             if task.output.parent == folder and task.output.name in names:
                 raise click.UsageError(f"--sheet writes {task.output}, which is the picture of {task.scan} too; rename "
                                        "the scan", ctx)  # fmt: skip
-        check_places(folder, count)
+        check_sheet_places(folder, count)
     if options["gallery"]:
-        from z2p_renderer.pipeline.outputs.gallery import check_place
+        from z2p_renderer.pipeline.outputs.gallery import check_gallery_place
 
-        check_place(folder / "gallery.html")
+        check_gallery_place(folder / "gallery.html")
     if options["save_camera"] is not None:
         from z2p_renderer.storage.cameras import check_camera_place
 
         taken = [path for task in tasks for path in (task.scan, task.output)]
         check_camera_place(options["save_camera"], [*taken, folder / "gallery.html"])
-        writable(options["save_camera"].parent, "--save-camera")
+        check_writable(options["save_camera"].parent, "--save-camera")
 
 
 def _same_frame(
@@ -207,10 +207,10 @@ def _same_frame(
 
 def _write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> int:
     """Writes the camera, the contact sheets and the gallery, those that were asked for; how many could not be."""
-    from z2p_renderer.storage.images.image_files import is_whole
+    from z2p_renderer.storage.images.image_files import is_readable_picture
 
     pictures = [path for outcome in done for path in outcome.outputs
-                if path.is_file() and (outcome.status != "failed" or is_whole(path))]  # fmt: skip
+                if path.is_file() and (outcome.status != "failed" or is_readable_picture(path))]  # fmt: skip
     folder = output if output.is_dir() else output.parent
     extras: dict[str, Callable[[], list[Path]]] = {}
     if options["save_camera"] is not None:

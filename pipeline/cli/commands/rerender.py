@@ -12,9 +12,9 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import CommandError, is_debugging
-from z2p_renderer.pipeline.cli.options.controls import SETTINGS, RerenderCommand
-from z2p_renderer.pipeline.cli.options.param_types import Background, Degrees, Margin, Resolution, Smooth, Target
-from z2p_renderer.pipeline.cli.options.pictures import writable
+from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, RerenderCommand
+from z2p_renderer.pipeline.cli.options.param_types import BackgroundColor, Degrees, MarginShare, Resolution, SmoothRadius, OutputPath
+from z2p_renderer.pipeline.cli.options.pictures import check_writable
 from z2p_renderer.pipeline.cli.progress import note_if_opaque
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 
 @click.command(cls=RerenderCommand, context_settings={"show_default": True})
 @click.argument("figure", type=click.Path(path_type=Path), metavar="FIGURE")
-@click.option("--output", "-o", type=Target(file=True), metavar="OUT", show_default=False,
+@click.option("--output", "-o", type=OutputPath(file=True), metavar="OUT", show_default=False,
               help="The new picture.  [default: FIGURE with _2 before its suffix]")
 @click.option("--input", "scan", type=click.Path(path_type=Path), metavar="SCAN",
               help="The scan, if it has moved since.")
@@ -34,12 +34,12 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
               help="Turn the object by so much more than it is.")
 @click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
               help="Another camera: JSON of --save-camera, or another picture.")
-@click.option("--smooth", type=Smooth(), help="Make the surface smooth over patches of that radius; 0: leave it.")
+@click.option("--smooth", type=SmoothRadius(), help="Make the surface smooth over patches of that radius; 0: leave it.")
 @click.option("--resolution", "--size", type=Resolution(), help="Another size in pixels.")
-@click.option("--background", type=Background(), help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1.")
+@click.option("--background", type=BackgroundColor(), help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1.")
 @click.option("--supersample", type=click.IntRange(1, 4), metavar="N", help="Draw N times as large and average down.")
 @click.option("--fit", type=click.Choice(["frame", "tight"]), help="tight trims the picture to what is to be seen.")
-@click.option("--margin", type=Margin(), metavar="SHARE",
+@click.option("--margin", type=MarginShare(), metavar="SHARE",
               help="Left free around the object, as a share of the shorter side or in percent: 0.1 or 10%.")
 @click.option("--overwrite", is_flag=True, help="Replace OUT where it is there already.")
 @click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
@@ -53,7 +53,7 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
 
     The scan is looked for beside the picture, where it was, and must not have changed since.
     """
-    from z2p_renderer.storage.images.image_files import check_suffix, read_record, write_picture
+    from z2p_renderer.storage.images.image_files import check_picture_suffix, read_record, write_picture
 
     record = read_record(figure, complete=True)
     if "motion" in record:
@@ -64,14 +64,14 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     output = output or figure.with_stem(f"{figure.stem}_2")
     if output.exists() and not options["overwrite"]:
         raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)
-    check_suffix(output.suffix.lower())
-    writable(output.parent)
+    check_picture_suffix(output.suffix.lower())
+    check_writable(output.parent)
     if options["background"] is None and record["background"] == "transparent" and not options["quiet"]:
         note_if_opaque(output.suffix.lower())
     with warnings.catch_warnings():
         if not is_debugging():
             warnings.simplefilter("ignore")
-        picture, look, made_by = _drawn_again(record, _scan(record, figure, scan), output, ctx.meta.get(SETTINGS, {}),
+        picture, look, made_by = _drawn_again(record, _scan(record, figure, scan), output, ctx.meta.get(CONTROL_SETTINGS_KEY, {}),
                                               options)  # fmt: skip
     write_picture(picture, output, look.background, made_by)
     if not options["quiet"]:

@@ -17,12 +17,12 @@ from z2p_core.errors.install_advice import install_advice
 from z2p_renderer.pipeline.child_process import child_environment
 from z2p_renderer.pipeline.cli.errors import CommandError
 
-PATIENT = ("--worker-keep-alive", "--worker-wait-interval", "1", "--worker-wait-jitter", "1")
+SHARED_SCHEDULER_OPTIONS = ("--worker-keep-alive", "--worker-wait-interval", "1", "--worker-wait-jitter", "1")
 """A worker with nothing to do waits for the others, and asks the scheduler no more than once in a second or two."""
 WITH_OTHERS, NOT_RUN = 10, 25
 """luigi ends so, by workflows/luigi.cfg, while other workers have some of the tasks, or when the scheduler gave out no
 more of them; also when all is well, so look again whether everything is there."""
-LOOKS = 10
+MAX_RECHECKS = 10
 """How often to look again when nobody runs what is left."""
 
 
@@ -73,13 +73,13 @@ def run_task(task: str, scheduler: str | None, explain: bool, dry_run: bool, **o
     """
     check_luigi()
     command = [sys.executable, "-m", "luigi", "--module", "workflows", task]
-    command += ["--scheduler-url", scheduler, *PATIENT] if scheduler else ["--local-scheduler"]
+    command += ["--scheduler-url", scheduler, *SHARED_SCHEDULER_OPTIONS] if scheduler else ["--local-scheduler"]
     command += ["--explain"] * explain + ["--dry-run"] * dry_run
     for name in ("config", "meshes", "evaluate_meshes", "workspace", "workers"):
         if options[name] is not None:
             command += [f"--{name.replace('_', '-')}", str(options[name])]
     looks, status = 0, run_process(command, child_environment())
-    while scheduler and (status == WITH_OTHERS or (status == NOT_RUN and looks < LOOKS)):
+    while scheduler and (status == WITH_OTHERS or (status == NOT_RUN and looks < MAX_RECHECKS)):
         looks += status == NOT_RUN
         time.sleep(2)
         status = run_process(command, child_environment())

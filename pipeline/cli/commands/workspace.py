@@ -12,27 +12,27 @@ import click
 
 from z2p_renderer.pipeline.child_process import child_environment
 from z2p_renderer.pipeline.cli.commands.train_pipeline import check_luigi, run_process
-from z2p_renderer.pipeline.cli.options.workspace import command
+from z2p_renderer.pipeline.cli.options.workspace import build_command
 
-_WORDS = "z2p.words"
+_ARGUMENTS_KEY = "z2p.words"
 
 
-class HandedOn(click.Command):
+class ForwardedCommand(click.Command):
     """A command that keeps its words as they were typed."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        ctx.meta[_WORDS] = list(args)
+        ctx.meta[_ARGUMENTS_KEY] = list(args)
         return super().parse_args(ctx, args)
 
 
-def _handed_on(name: str) -> click.Command:
+def _forwarded(name: str) -> click.Command:
     @click.pass_context
     def hand_on(ctx: click.Context, /, **_: Any) -> None:
         check_luigi()
-        words = [sys.executable, "-m", "workflows", name, *ctx.meta[_WORDS]]
+        words = [sys.executable, "-m", "workflows", name, *ctx.meta[_ARGUMENTS_KEY]]
         ctx.exit(run_process(words, child_environment()))
 
-    return command(name, hand_on, HandedOn)
+    return build_command(name, hand_on, ForwardedCommand)
 
 
-status, verify, gc, adopt, scheduler = map(_handed_on, ("status", "verify", "gc", "adopt", "scheduler"))
+status, verify, gc, adopt, scheduler = map(_forwarded, ("status", "verify", "gc", "adopt", "scheduler"))

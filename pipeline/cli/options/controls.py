@@ -10,11 +10,11 @@ import click
 from z2p_core import registry
 from z2p_core.interfaces import Control, SettingError, Value
 
-SETTINGS = "z2p.settings"
+CONTROL_SETTINGS_KEY = "z2p.settings"
 """Key of the control settings in click's context: {control: value}, only those that the user gave."""
 
 
-SECTIONS = {
+HELP_SECTIONS = {
     "Input": ("recursive", "columns", "scan", "weights"),
     "View": ("up", "view", "azimuth", "load_camera", "save_camera", "same_frame", "keep_outliers", "cut_top"),
     "Picture": ("smooth", "resolution", "background", "supersample", "fit", "margin", "format_", "palette_name"),
@@ -33,14 +33,14 @@ class InferenceCommand(click.Command):
         key = "z2p.control_options"
         if key not in ctx.meta:
             taken = {option for param in self.params for option in param.opts}
-            ctx.meta[key] = control_options(taken, self.defaults_shown)
+            ctx.meta[key] = build_control_options(taken, self.defaults_shown)
         fixed = super().get_params(ctx)
         return [*fixed[:-1], *ctx.meta[key], fixed[-1]]  # --help stays last
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """The options below headings, in the order in which they are met."""
-        headings = {name: heading for heading, names in SECTIONS.items() for name in names}
-        rows: dict[str, list[tuple[str, str]]] = {heading: [] for heading in (*SECTIONS, "Look", "Output")}
+        headings = {name: heading for heading, names in HELP_SECTIONS.items() for name in names}
+        rows: dict[str, list[tuple[str, str]]] = {heading: [] for heading in (*HELP_SECTIONS, "Look", "Output")}
         for parameter in self.get_params(ctx):
             record = parameter.get_help_record(ctx)
             if record is not None and isinstance(parameter, click.Option):
@@ -58,7 +58,7 @@ class RerenderCommand(InferenceCommand):
     defaults_shown = False
 
 
-def control_options(taken: set[str], defaults_shown: bool = True) -> list[click.Option]:
+def build_control_options(taken: set[str], defaults_shown: bool = True) -> list[click.Option]:
     """An option for each installed control, from its slider alone; a broken one gets an option that says so.
 
     A control whose name is in `taken` (options of the command itself) becomes ``--control-<name>``.
@@ -68,23 +68,23 @@ def control_options(taken: set[str], defaults_shown: bool = True) -> list[click.
         flag = f"--{name.replace('_', '-')}"
         if flag in taken:
             flag = f"--control-{name.replace('_', '-')}"
-        read, metavar, text = _control_reader(name)
+        read, metavar, text = _parser_and_help(name)
         text = text if defaults_shown else text.partition("  [default")[0]
         options.append(
             click.Option(
-                [flag, f"control_{index}"], metavar=metavar, help=text, expose_value=False, callback=_keeper(name, read)
+                [flag, f"control_{index}"], metavar=metavar, help=text, expose_value=False, callback=_store_parsed(name, read)
             )
         )
     if not any("--elevation" in option.opts for option in options):  # it exists always: weights have one at least
-        read, metavar, text = _plain_elevation, "DEG", "camera elevation; must be the weights' own"
+        read, metavar, text = _parse_elevation, "DEG", "camera elevation; must be the weights' own"
         options.append(
             click.Option(["--elevation"], metavar=metavar, help=text, expose_value=False,
-                         callback=_keeper("elevation", read))
+                         callback=_store_parsed("elevation", read))
         )
     return options
 
 
-def _control_reader(name: str) -> tuple[Callable[[str], Value], str, str]:
+def _parser_and_help(name: str) -> tuple[Callable[[str], Value], str, str]:
     """How the option of control `name` is read, its metavar and its help."""
     try:
         control: Control = registry.load("controls", name)()
@@ -102,21 +102,21 @@ def _control_reader(name: str) -> tuple[Callable[[str], Value], str, str]:
     return control.parse, slider.metavar or ",".join(slider.components).upper(), f"{slider.help}  [default: {default}]"
 
 
-def _keeper(name: str, read: Callable[[str], Value]) -> Callable[[click.Context, click.Parameter, Any], None]:
+def _store_parsed(name: str, read: Callable[[str], Value]) -> Callable[[click.Context, click.Parameter, Any], None]:
     """Callback that reads the option's text and keeps the value in the context."""
 
     def keep(ctx: click.Context, param: click.Parameter, text: str | None) -> None:
         if text is None:
             return
         try:
-            ctx.meta.setdefault(SETTINGS, {})[name] = read(text)
+            ctx.meta.setdefault(CONTROL_SETTINGS_KEY, {})[name] = read(text)
         except SettingError as error:
             raise click.UsageError(str(error), ctx) from None
 
     return keep
 
 
-def _plain_elevation(text: str) -> Value:
+def _parse_elevation(text: str) -> Value:
     try:
         return (float(text),)
     except ValueError:

@@ -12,7 +12,7 @@ import click
 STDIN = "-"
 
 
-def found_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, Any], named: bool) -> list[Path]:
+def find_input_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[str, Any], named: bool) -> list[Path]:
     """The files behind the inputs; standard input is kept in a temporary file until the command ends.
 
     `named`: the user names the columns of text files.

@@ -13,7 +13,7 @@ PALETTES = {
 """Name -> colours in the order of use: Okabe and Ito (2008, without black), Paul Tol's schemes (2021), and greys."""
 
 
-def palette(name: str) -> tuple[Value, ...]:
+def palette_colors(name: str) -> tuple[Value, ...]:
     """The colours of a palette, sRGB in [0, 1].
 
     Raises:

@@ -13,15 +13,15 @@ import click
 
 from z2p_core.scene import SIDE_LIMITS
 
-HIGHEST = 80
+MAX_ELEVATION_DEGREES = 80
 """Elevation of a camera above the horizon that weights know at most, degrees."""
-LONGEST_NAME = 255
+MAX_NAME_BYTES = 255
 """Bytes that the name of a file or folder has at most, on nearly every file system."""
-FOLDER = "z2p.folder"
+IS_FOLDER_KEY = "z2p.folder"
 """Key in click's context: whether the user's output ends in a slash, as only a folder's name does."""
 
 
-class Target(click.ParamType):
+class OutputPath(click.ParamType):
     """Path of what is to be written; with `file` a file's alone. A slash at its end makes it a folder's."""
 
     name = "OUT"
@@ -40,16 +40,16 @@ class Target(click.ParamType):
             if self.file:
                 self.fail(f"expected a file's name, got a folder's, {value!r}; add a name", param, ctx)
             if ctx is not None:
-                ctx.meta[FOLDER] = True
+                ctx.meta[IS_FOLDER_KEY] = True
         longest = max((len(os.fsencode(part)) for part in Path(value).parts), default=0)
-        if longest > LONGEST_NAME:
-            self.fail(f"expected names of at most {LONGEST_NAME} bytes, got one of {longest}", param, ctx)
+        if longest > MAX_NAME_BYTES:
+            self.fail(f"expected names of at most {MAX_NAME_BYTES} bytes, got one of {longest}", param, ctx)
         return Path(value)
 
 
-def is_folder(ctx: click.Context, output: Path) -> bool:
+def is_output_folder(ctx: click.Context, output: Path) -> bool:
     """Whether an output is a folder, or is to be one."""
-    return bool(ctx.meta.get(FOLDER)) or output.is_dir()
+    return bool(ctx.meta.get(IS_FOLDER_KEY)) or output.is_dir()
 
 
 class FiniteRange(click.FloatRange):
@@ -74,7 +74,7 @@ class UpAxis(click.Choice):
         return super().convert(parse_up_axis(value) or value, param, ctx)
 
 
-class View(click.ParamType):
+class ViewDirection(click.ParamType):
     """``auto``, ``front``, ``sensor``, an azimuth in degrees, or with the elevation as ``AZ,EL``."""
 
     name = "auto|front|sensor|AZ[,EL]"
@@ -94,13 +94,13 @@ class View(click.ParamType):
             azimuth, *elevation = (float(part) for part in value.split(","))
         except ValueError:
             azimuth, elevation = math.nan, []
-        if not (math.isfinite(azimuth) and len(elevation) < 2 and all(0 <= one <= HIGHEST for one in elevation)):
-            self.fail(f"expected auto, front, sensor, or AZ or AZ,EL in degrees with EL from 0 to {HIGHEST}, got "
+        if not (math.isfinite(azimuth) and len(elevation) < 2 and all(0 <= one <= MAX_ELEVATION_DEGREES for one in elevation)):
+            self.fail(f"expected auto, front, sensor, or AZ or AZ,EL in degrees with EL from 0 to {MAX_ELEVATION_DEGREES}, got "
                       f"{value!r}", param, ctx)  # fmt: skip
         return (azimuth, elevation[0]) if elevation else azimuth
 
 
-class Format(click.Choice):
+class FileFormat(click.Choice):
     """A kind of file, by its name or its suffix, in either case."""
 
     def __init__(self, kinds: Sequence[str], suffixes: Mapping[str, str]) -> None:
@@ -112,7 +112,7 @@ class Format(click.Choice):
         return super().convert(self._suffixes.get(name, name), param, ctx)
 
 
-class Margin(click.ParamType):
+class MarginShare(click.ParamType):
     """A share of the picture's shorter side; see `z2p_core.placement.margin.parse_margin`."""
 
     name = "SHARE"
@@ -127,7 +127,7 @@ class Margin(click.ParamType):
             self.fail(str(error).removeprefix("margin: "), param, ctx)
 
 
-class Smooth(click.ParamType):
+class SmoothRadius(click.ParamType):
     """``auto``, or a radius; see `pipeline.inference.parse_settings.parse_smoothing`."""
 
     name = "auto|R"
@@ -173,8 +173,8 @@ class Elevation(click.ParamType):
             degrees = float(value)
         except ValueError:
             degrees = math.nan
-        if not 0 <= degrees <= HIGHEST:
-            self.fail(f"expected 0 to {HIGHEST} degrees or 'random', got {value!r}", param, ctx)
+        if not 0 <= degrees <= MAX_ELEVATION_DEGREES:
+            self.fail(f"expected 0 to {MAX_ELEVATION_DEGREES} degrees or 'random', got {value!r}", param, ctx)
         return degrees
 
 
@@ -194,7 +194,7 @@ class Resolution(click.ParamType):
         return width, height
 
 
-class Background(click.ParamType):
+class BackgroundColor(click.ParamType):
     """sRGB triple in [0, 1] from a CSS name or ``#hex``; the word ``transparent`` stays itself."""
 
     name = "COLOR"
@@ -213,7 +213,7 @@ class Background(click.ParamType):
             self.fail(str(error), param, ctx)
 
 
-class Grid(click.ParamType):
+class SheetGrid(click.ParamType):
     """Columns and rows from ``4x3``."""
 
     name = "COLSxROWS"

@@ -10,14 +10,14 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.options.param_types import (
-    Background,
+    BackgroundColor,
     Degrees,
     FiniteRange,
-    Margin,
+    MarginShare,
     Resolution,
-    Smooth,
+    SmoothRadius,
     UpAxis,
-    View,
+    ViewDirection,
 )
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # at run time these wait until the options have been read: th
 
 Command = Callable[..., Any]
 
-OPTIONS = (
+PICTURE_OPTIONS = (
     click.option("--recursive", "-r", is_flag=True, help="Look into sub folders, and mirror them in OUT."),
     click.option("--columns", metavar="NAMES",
                  help="What the columns of text files and .bin hold, as in x,y,z,r,g,b; of them x, y and z are read."),
@@ -40,7 +40,7 @@ OPTIONS = (
     click.option("--up", default="auto", type=UpAxis(),
                  help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
                  "or the way an object stands."),
-    click.option("--view", default="auto", type=View(),
+    click.option("--view", default="auto", type=ViewDirection(),
                  help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
                  "front: the data's own; sensor; or degrees from the front, as azimuth or azimuth,elevation."),
     click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
@@ -52,18 +52,18 @@ OPTIONS = (
                  help="Keep stray points that make the object small, and what is far behind a depth camera's subject."),
     click.option("--cut-top", default=0.0, type=FiniteRange(0, 100, max_open=True), metavar="PERCENT",
                  help="Cut off so much of the height from above, to look into a room."),
-    click.option("--smooth", default="auto", type=Smooth(),
+    click.option("--smooth", default="auto", type=SmoothRadius(),
                  help="Make the surface smooth over patches of that radius, 0.1 being a tenth of the frame's; auto: "
                  "only for a depth camera's noisy clouds; 0: as it was measured, gaps too."),
     click.option("--resolution", "--size", default="512", type=Resolution(),
                  help="In pixels: 512, 640,480 or 640x480."),
-    click.option("--background", default="transparent", type=Background(),
+    click.option("--background", default="transparent", type=BackgroundColor(),
                  help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1."),
     click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="N",
                  help="Draw N times as large and average down: smoother edges."),
     click.option("--fit", default="frame", type=click.Choice(["frame", "tight"]),
                  help="tight trims the picture to what is to be seen, its shadow included."),
-    click.option("--margin", type=Margin(), metavar="SHARE",
+    click.option("--margin", type=MarginShare(), metavar="SHARE",
                  help="Left free around the object, as a share of the shorter side or in percent (0.1 or 10%); with "
                  "--fit tight around its shadow too.  [default: 0.1, tight 0.02]"),
 )  # fmt: skip
@@ -71,12 +71,12 @@ OPTIONS = (
 
 def picture_options(command: Command) -> Command:
     """The command with the shared options, in their order."""
-    for option in reversed(OPTIONS):
+    for option in reversed(PICTURE_OPTIONS):
         command = option(command)
     return command
 
 
-def check_view(ctx: click.Context, given: dict[str, Value], options: dict[str, Any]) -> None:
+def check_view_options(ctx: click.Context, given: dict[str, Value], options: dict[str, Any]) -> None:
     """Makes sure that no two options settle the same of the view, of which one would be passed over.
 
     Raises:
@@ -111,7 +111,7 @@ def look_from(renderer: AnyRenderer, given: dict[str, Value], options: dict[str,
     )  # fmt: skip
 
 
-def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:
+def parse_columns(options: dict[str, Any]) -> tuple[str, ...] | None:
     """Names of a text file's columns, in lower case.
 
     Raises:
@@ -127,7 +127,7 @@ def columns_from(options: dict[str, Any]) -> tuple[str, ...] | None:
     return names
 
 
-def writable(folder: Path, option: str = "--output") -> None:
+def check_writable(folder: Path, option: str = "--output") -> None:
     """Nothing, once it is sure that files can be written into the `option`'s folder, which is made if need be.
 
     Raises:

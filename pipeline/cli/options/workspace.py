@@ -37,13 +37,13 @@ HELP = {
 """Command -> its help."""
 
 
-def _workspace() -> list[click.Parameter]:
+def _workspace_option() -> list[click.Parameter]:
     folder = click.Path(file_okay=False, path_type=Path)
     return [click.Option(["--workspace"], default="runs", show_default=True, metavar="DIR",
                          help="Folder of all results.", type=folder)]  # fmt: skip
 
 
-def _plan() -> list[click.Parameter]:
+def _plan_options() -> list[click.Parameter]:
     """The options of `z2p pipeline`, `ablate` and `report-paper` that say which results are meant."""
     named = (
         ("--config", "TOML", "Settings of every stage; the quick ones without it."),
@@ -56,30 +56,30 @@ def _plan() -> list[click.Parameter]:
     report = click.Option(["--report"], is_flag=True, help="The results of z2p report-paper; so it is with a report's "
                           "config, and with its own options.")  # fmt: skip
     options = [click.Option([name], default="", metavar=metavar, help=text) for name, metavar, text in named]
-    return [*_workspace(), *options, report]
+    return [*_workspace_option(), *options, report]
 
 
-def _json() -> click.Parameter:
+def _json_option() -> click.Parameter:
     return click.Option(["--json", "in_json"], is_flag=True, help="A JSON list instead of a table.")
 
 
-def parameters(name: str) -> list[click.Parameter]:
+def command_parameters(name: str) -> list[click.Parameter]:
     """The arguments and options of a command."""
     match name:
         case "status":
             stale = click.Option(["--stale", "only_stale"], is_flag=True, help="Only what a run would make.")
-            return [*_plan(), _json(), stale]
+            return [*_plan_options(), _json_option(), stale]
         case "verify":
-            return _workspace()
+            return _workspace_option()
         case "gc":
             drop = click.Option(["--drop"], multiple=True, metavar="NAME",
                                 help="Let go of a configuration's results as well; repeatable.")  # fmt: skip
-            return [*_workspace(), drop, click.Option(["--yes"], is_flag=True, help="Remove what is listed.")]
+            return [*_workspace_option(), drop, click.Option(["--yes"], is_flag=True, help="Remove what is listed.")]
         case "adopt":
             stages = click.Argument(["stages"], nargs=-1, metavar="STAGE...")
             because = click.Option(["--because"], default="", metavar="REASON",
                                    help="Why the results would be the same; without it, a list.")  # fmt: skip
-            return [stages, *_plan(), because, _json()]
+            return [stages, *_plan_options(), because, _json_option()]
         case _:
             address = click.Option(["--address"], default="127.0.0.1", show_default=True, metavar="IP", help="Where to "
                                    "listen; it has no authentication of its own, so never on a public address.")
@@ -88,6 +88,6 @@ def parameters(name: str) -> list[click.Parameter]:
             return [address, port]
 
 
-def command(name: str, work: Callable[..., Any], kind: type[click.Command] = click.Command) -> click.Command:
+def build_command(name: str, work: Callable[..., Any], kind: type[click.Command] = click.Command) -> click.Command:
     """The command of that name, which does the work."""
-    return kind(name, callback=work, params=parameters(name), help=HELP[name])
+    return kind(name, callback=work, params=command_parameters(name), help=HELP[name])

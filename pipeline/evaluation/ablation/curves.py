@@ -6,14 +6,14 @@ import io
 from collections.abc import Sequence
 from pathlib import Path
 
-from z2p_renderer.pipeline.evaluation.ablation.outcomes import Outcome
+from z2p_renderer.pipeline.evaluation.ablation.outcomes import VariantResult
 from z2p_renderer.storage.files.atomic_write import atomic_write
 
 COLUMNS = 4
-BEHIND, OWN = "#b8b8b8", "#00798c"
+BASE_COLOR, VARIANT_COLOR = "#b8b8b8", "#00798c"
 
 
-def draw_curves(outcomes: Sequence[Outcome], path: Path) -> Path:
+def draw_curves(outcomes: Sequence[VariantResult], path: Path) -> Path:
     """PNG of validation PSNR on the object (dB) against samples seen; the first outcome is the base."""
     from matplotlib.figure import Figure  # late: slow to import
 
@@ -23,7 +23,7 @@ def draw_curves(outcomes: Sequence[Outcome], path: Path) -> Path:
     picture = Figure(figsize=(3 * columns + 0.5, 2.3 * rows + 0.6), layout="constrained")
     panels = list(picture.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
     for panel, outcome in zip(panels, others, strict=False):
-        for one, color, label in ((base, BEHIND, "base"), (outcome, OWN, "variant")):
+        for one, color, label in ((base, BASE_COLOR, "base"), (outcome, VARIANT_COLOR, "variant")):
             panel.plot(*zip(*one.curve, strict=True), color=color, linewidth=2, label=label)
         panel.set_title(outcome.variant.title, fontsize=9)
         panel.grid(alpha=0.25)

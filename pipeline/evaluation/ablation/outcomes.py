@@ -14,18 +14,18 @@ import numpy as np
 
 from z2p_core.config.ablation import BASE, AblationsConfig, Variant
 from z2p_core.config.pipeline import samples_until
-from z2p_core.quality.metrics import NAMES
+from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_renderer.storage.models.checkpoints import load_weights
 
-DECIDING = "psnr_foreground"
+DECIDING_METRIC = "psnr_foreground"
 """The figure by which a variant is better or worse, dB; more is better."""
-BETTER, WORSE, ALIKE = "better", "worse", "no difference that can be told"
+BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference that can be told"
 Folders = Mapping[str, tuple[Path, Path]]
 """Variant -> folders of its training's and its evaluation's results."""
 
 
 @dataclass(frozen=True)
-class Difference:
+class MetricDifference:
     """A variant's figure less the base's, on the same clouds and views."""
 
     mean: float
@@ -34,13 +34,13 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class VariantResult:
     """A variant's results."""
 
     variant: Variant
     means: Mapping[str, float]
     """Figure of `z2p_core.quality.metrics` -> mean over all rows; ``seconds``, of drawing a picture, beside them."""
-    differences: Mapping[str, Difference]
+    differences: Mapping[str, MetricDifference]
     """Figure -> difference to the base; none of the base itself."""
     weights: int
     """Numbers in the network."""
@@ -58,15 +58,15 @@ class Outcome:
 
         Where neither is known nothing can be told.
         """
-        found = self.differences.get(DECIDING)
+        found = self.differences.get(DECIDING_METRIC)
         if found is None or (chance is None and found.error is None):
-            return ALIKE
+            return NO_DIFFERENCE
         if abs(found.mean) <= max(chance or 0, 2 * (found.error or 0)):
-            return ALIKE
+            return NO_DIFFERENCE
         return BETTER if found.mean > 0 else WORSE
 
 
-def read_outcomes(config: AblationsConfig, folders: Folders) -> list[Outcome]:
+def read_variant_results(config: AblationsConfig, folders: Folders) -> list[VariantResult]:
     """The outcome of every variant, in the config's order.
 
     Raises:
@@ -77,18 +77,18 @@ def read_outcomes(config: AblationsConfig, folders: Folders) -> list[Outcome]:
     return [_outcome(variant, *folders[variant.name], base) for variant in config.variants]
 
 
-def chance_of(outcomes: Sequence[Outcome]) -> float | None:
+def chance_of(outcomes: Sequence[VariantResult]) -> float | None:
     """Largest change of the deciding figure, dB, by nothing but other random numbers; None when none were tried."""
-    repeats = [one.differences.get(DECIDING) for one in outcomes if one.variant.is_repeat]
+    repeats = [one.differences.get(DECIDING_METRIC) for one in outcomes if one.variant.is_repeat]
     return max((abs(one.mean) for one in repeats if one), default=None)
 
 
-def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, Mapping[str, Any]]) -> Outcome:
+def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, Mapping[str, Any]]) -> VariantResult:
     own, training = _rows(evaluate), variant.config.train
     sides = training.resolutions or (variant.config.shard.resolution,)
     tensors = load_weights(train / "weights.safetensors").tensors
-    differences = {name: found for name in NAMES if variant.name != BASE and (found := difference(own, base, name))}
-    return Outcome(
+    differences = {name: found for name in METRIC_NAMES if variant.name != BASE and (found := difference(own, base, name))}
+    return VariantResult(
         variant=variant,
         means=json.loads((evaluate / "metrics.json").read_text(encoding="utf-8"))["means"],
         differences=differences,
@@ -100,7 +100,7 @@ def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, M
     )
 
 
-def difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str) -> Difference | None:
+def difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str) -> MetricDifference | None:
     """The mean over meshes of a figure's differences, of rows by (mesh, ...) that both have; None without any.
 
     Views of a mesh resemble each other, so the meshes are what the standard error counts.
@@ -114,7 +114,7 @@ def difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str) -> Di
         return None
     means = np.array([np.mean(meshes[mesh]) for mesh in sorted(meshes)])
     error = float(means.std(ddof=1) / len(means) ** 0.5) if len(means) > 1 else None
-    return Difference(float(means.mean()), error)
+    return MetricDifference(float(means.mean()), error)
 
 
 def seconds_of(log: Path) -> float | None:

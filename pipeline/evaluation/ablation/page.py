@@ -13,18 +13,18 @@ from typing import Any
 from z2p_core import __version__
 from z2p_core.config import to_dict
 from z2p_core.config.ablation import AblationsConfig
-from z2p_core.quality.metrics import NAMES
+from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_renderer.pipeline.evaluation.ablation.curves import draw_curves
 from z2p_renderer.pipeline.evaluation.ablation.outcomes import (
-    ALIKE,
+    NO_DIFFERENCE,
     BETTER,
-    DECIDING,
+    DECIDING_METRIC,
     WORSE,
-    Difference,
+    MetricDifference,
     Folders,
-    Outcome,
+    VariantResult,
     chance_of,
-    read_outcomes,
+    read_variant_results,
 )
 from z2p_renderer.storage.files.atomic_write import atomic_write
 
@@ -39,11 +39,11 @@ def write_ablations(config: AblationsConfig, folders: Folders, command: str, out
         OSError: a result is missing.
         WeightsError: weights are damaged.
     """
-    outcomes = read_outcomes(config, folders)
+    outcomes = read_variant_results(config, folders)
     rows = rows_of(outcomes)
     told = {
         "z2p": __version__, "name": config.name, "command": command, "base": to_dict(config.base),
-        "deciding": DECIDING, "chance_db": chance_of(outcomes), "variants": rows,
+        "deciding": DECIDING_METRIC, "chance_db": chance_of(outcomes), "variants": rows,
     }  # fmt: skip
     texts = {"ablations.md": page(config, outcomes, command), "ablations.csv": _as_csv(rows),
              "ablations.json": json.dumps(told, indent=1) + "\n"}  # fmt: skip
@@ -52,7 +52,7 @@ def write_ablations(config: AblationsConfig, folders: Folders, command: str, out
     return [*(out / name for name in texts), draw_curves(outcomes, out / "curves.png")]
 
 
-def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+def rows_of(outcomes: Sequence[VariantResult]) -> list[dict[str, Any]]:
     """A plain dict for each variant."""
     chance = chance_of(outcomes)
     return [
@@ -68,7 +68,7 @@ def rows_of(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def page(config: AblationsConfig, outcomes: Sequence[Outcome], command: str) -> str:
+def page(config: AblationsConfig, outcomes: Sequence[VariantResult], command: str) -> str:
     """The page in Markdown: how it was made, the table, what may be concluded, the curves, and why each was tried."""
     table = [HEAD, ("---",) * len(HEAD), *(_cells(one) for one in outcomes)]
     whys = [f"- **{one.variant.title}** (`{one.variant.name}`): {one.variant.why}" for one in outcomes[1:]]
@@ -79,7 +79,7 @@ def page(config: AblationsConfig, outcomes: Sequence[Outcome], command: str) -> 
     ])  # fmt: skip
 
 
-def _setting(config: AblationsConfig, outcomes: Sequence[Outcome]) -> str:
+def _setting(config: AblationsConfig, outcomes: Sequence[VariantResult]) -> str:
     train, measure = config.base.train, config.base.evaluate
     return (
         f"Every run sees {outcomes[0].samples:,} samples ({train.steps:,} steps of {train.batch}) of the same renders, "
@@ -89,7 +89,7 @@ def _setting(config: AblationsConfig, outcomes: Sequence[Outcome]) -> str:
     )
 
 
-def _cells(one: Outcome) -> tuple[str, ...]:
+def _cells(one: VariantResult) -> tuple[str, ...]:
     changes = ", ".join(f"`{key}` {_value(before)} → {_value(after)}" for key, (before, after) in
                         one.variant.changes.items())  # fmt: skip
     return (
@@ -102,7 +102,7 @@ def _cells(one: Outcome) -> tuple[str, ...]:
     )  # fmt: skip
 
 
-def _conclusions(outcomes: Sequence[Outcome]) -> list[str]:
+def _conclusions(outcomes: Sequence[VariantResult]) -> list[str]:
     """What won, what lost and what cannot be told, with how that was decided."""
     chance = chance_of(outcomes)
     seeds = sum(one.variant.is_repeat for one in outcomes)
@@ -114,8 +114,8 @@ def _conclusions(outcomes: Sequence[Outcome]) -> list[str]:
                 "sample of chance and no bound on it.")  # fmt: skip
     lines = ["## What can be told", "", how, ""]
     judged = [one for one in outcomes[1:] if not one.variant.is_repeat]
-    for verdict in (BETTER, WORSE, ALIKE):
-        names = [f"{one.variant.title} ({_difference(one.differences.get(DECIDING))} dB)" for one in judged
+    for verdict in (BETTER, WORSE, NO_DIFFERENCE):
+        names = [f"{one.variant.title} ({_difference(one.differences.get(DECIDING_METRIC))} dB)" for one in judged
                  if one.verdict(chance) == verdict]  # fmt: skip
         lines.append(f"- {verdict}: {', '.join(names) or 'none'}")
     return lines
@@ -123,8 +123,8 @@ def _conclusions(outcomes: Sequence[Outcome]) -> list[str]:
 
 def _as_csv(rows: Sequence[dict[str, Any]]) -> str:
     text = io.StringIO()
-    errors = [f"{name}_{part}" for name in NAMES for part in ("difference", "error")]
-    columns = ["name", "title", "changes", *NAMES, *errors, "verdict", "weights", "samples", "train_seconds",
+    errors = [f"{name}_{part}" for name in METRIC_NAMES for part in ("difference", "error")]
+    columns = ["name", "title", "changes", *METRIC_NAMES, *errors, "verdict", "weights", "samples", "train_seconds",
                "picture_seconds", "train", "evaluate"]  # fmt: skip
     writer = csv.DictWriter(text, columns, lineterminator="\n", extrasaction="ignore")
     writer.writeheader()
@@ -138,7 +138,7 @@ def _as_csv(rows: Sequence[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
-def _difference(found: Difference | None) -> str:
+def _difference(found: MetricDifference | None) -> str:
     if found is None:
         return "–"
     return f"{found.mean:+.2f}" + ("" if found.error is None else f" ± {found.error:.2f}")

@@ -14,16 +14,16 @@ from PIL import Image
 from z2p_core.camera import Camera
 from z2p_core.config.report import ReportConfig
 from z2p_core.images import bytes_from_unit, composite
-from z2p_core.quality.metrics import picture_metrics
-from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import references
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case, Subject, sweep_cases
-from z2p_renderer.pipeline.evaluation.paper.methods import TRUTH, Drawn, Method, draw_cases
-from z2p_renderer.pipeline.outputs.point_preview import dots
-from z2p_renderer.pipeline.rendering.views import in_scene
+from z2p_core.quality.metrics import image_metrics
+from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import render_case_truths
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case, TrueMesh, sweep_cases
+from z2p_renderer.pipeline.evaluation.paper.methods import TRUTH, MethodImage, Method, draw_cases
+from z2p_renderer.pipeline.outputs.point_preview import draw_dots
+from z2p_renderer.pipeline.rendering.views import place_in_scene
 
-ROWS = "rows.json"
+ROWS_FILE = "rows.json"
 WHITE = (1.0, 1.0, 1.0)
-OFF_OBJECT = 0.01
+FLOOR_COVERAGE = 0.01
 """Coverage below which a pixel shows the floor, where shadows are told by."""
 Log = Callable[[str], None]
 Truths = Sequence[tuple[np.ndarray, np.ndarray]]
@@ -31,7 +31,7 @@ Truths = Sequence[tuple[np.ndarray, np.ndarray]]
 
 def measure(
     sweep: str,
-    subject: Subject | None,
+    subject: TrueMesh | None,
     method: Method,
     config: ReportConfig,
     truth_root: Path,
@@ -47,11 +47,11 @@ def measure(
         RenderError: Blender failed, or a kept render is damaged.
     """
     cases = sweep_cases(sweep, subject, config)
-    truths = references(cases, config, truth_root, log)
+    truths = render_case_truths(cases, config, truth_root, log)
     if method.kind == TRUTH:
-        drawn = [Drawn(picture) for picture, _ in truths]
+        drawn = [MethodImage(picture) for picture, _ in truths]
         for index, case in enumerate(cases):
-            _save(points_picture(case, config.resolution), out / f"input_{index:02}.png")
+            _save(draw_points(case, config.resolution), out / f"input_{index:02}.png")
     else:
         drawn = draw_cases(method, cases, config, truth_root, log)
     rows = []
@@ -61,25 +61,25 @@ def measure(
             row["picture"] = f"{index:02}.png"
             _save(one.picture, out / row["picture"])
             if method.kind != TRUTH:
-                row |= figures(one.picture, *truths[index]) | _kept(cases, index, drawn, truths)
+                row |= case_metrics(one.picture, *truths[index]) | _contrast_kept(cases, index, drawn, truths)
         row |= {"seconds": one.seconds, "steps": dict(one.steps)} if one.seconds is not None else {}
         rows.append(row | ({"error": one.error} if one.error else {}))
-        log(f"{sweep} {subject.name if subject else 'own shapes'} {case.level} {method.name}: {_told(rows[-1])}")
-    path = out / ROWS
+        log(f"{sweep} {subject.name if subject else 'own shapes'} {case.level} {method.name}: {_describe_row(rows[-1])}")
+    path = out / ROWS_FILE
     path.write_text(json.dumps({"sweep": sweep, "mesh": subject.name if subject else "", "method": method.name,
                                 "rows": rows}, indent=1) + "\n", encoding="utf-8")  # fmt: skip
     return path
 
 
-def figures(picture: np.ndarray, truth: np.ndarray, coverage: np.ndarray) -> dict[str, float]:
+def case_metrics(picture: np.ndarray, truth: np.ndarray, coverage: np.ndarray) -> dict[str, float]:
     """The six figures of `z2p_core.quality.metrics`, and how much of the true shadow is there; those that can be told.
 
     The shadow's share is the gain of the picture's alpha on the truth's where the object covers nothing: 1 for the
     same shadow, 0 for none.
     """
-    found = picture_metrics(np.clip(picture, 0, 1), truth, coverage)
-    floor = coverage < OFF_OBJECT
-    found["shadow_kept"] = gain(picture[..., 3][floor], truth[..., 3][floor])
+    found = image_metrics(np.clip(picture, 0, 1), truth, coverage)
+    floor = coverage < FLOOR_COVERAGE
+    found["shadow_kept"] = least_squares_gain(picture[..., 3][floor], truth[..., 3][floor])
     return {name: round(value, 6) for name, value in found.items() if not math.isnan(value)}
 
 
@@ -90,22 +90,22 @@ def contrast_kept(picture: np.ndarray, plain: np.ndarray, truth: np.ndarray, pla
     """
     ours = composite(picture, WHITE) - composite(plain, WHITE)
     theirs = composite(truth, WHITE) - composite(plain_truth, WHITE)
-    return gain(ours, theirs)
+    return least_squares_gain(ours, theirs)
 
 
-def gain(ours: np.ndarray, theirs: np.ndarray) -> float:
+def least_squares_gain(ours: np.ndarray, theirs: np.ndarray) -> float:
     """Slope of the least-squares line through the origin from their values to ours; nan where theirs are all 0."""
     power = float((theirs.astype(np.float64) ** 2).sum())
     return float((ours.astype(np.float64) * theirs).sum()) / power if power > 0 else math.nan
 
 
-def points_picture(case: Case, side: int) -> np.ndarray:
+def draw_points(case: Case, side: int) -> np.ndarray:
     """Picture (H, W, 4) float64 on white with a dot a point, near ones darker."""
     camera = Camera(side, side, case.scene.elevation)
-    return np.dstack([dots(in_scene(case.cloud, case.scene), camera), np.ones((side, side))])
+    return np.dstack([draw_dots(place_in_scene(case.cloud, case.scene), camera), np.ones((side, side))])
 
 
-def _kept(cases: Sequence[Case], index: int, drawn: Sequence[Drawn], truths: Truths) -> dict[str, float]:
+def _contrast_kept(cases: Sequence[Case], index: int, drawn: Sequence[MethodImage], truths: Truths) -> dict[str, float]:
     reference = cases[index].reference
     if not reference:
         return {}
@@ -121,7 +121,7 @@ def _save(picture: np.ndarray, path: Path) -> None:
     Image.fromarray(bytes_from_unit(picture)).save(path, format="PNG")
 
 
-def _told(row: dict[str, Any]) -> str:
+def _describe_row(row: dict[str, Any]) -> str:
     shown = {"psnr_foreground": "object {:.1f} dB", "ssim": "SSIM {:.3f}", "contrast_kept": "kept {:.2f}"}
     parts = [form.format(row[name]) for name, form in shown.items() if name in row]
     return ", ".join(parts) or row.get("error", "rendered")

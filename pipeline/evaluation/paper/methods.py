@@ -15,13 +15,13 @@ import numpy as np
 from z2p_core import registry
 from z2p_core.config.report import ReportConfig
 from z2p_core.images import unit_from_bytes
-from z2p_renderer.pipeline.evaluation.baselines import load_baselines, on_true_floor, rebuild_scenes
-from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import render_settings
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines, with_true_floor, run_baseline_on_scenes
+from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import report_render_settings
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case
 from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.rendering.views import in_scene
+from z2p_renderer.pipeline.rendering.views import place_in_scene
 from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
 
@@ -42,7 +42,7 @@ class Method:
 
 
 @dataclass(frozen=True)
-class Drawn:
+class MethodImage:
     """A method's picture of a case: (H, W, 4) float32 in [0, 1], or None where it cannot draw it at all."""
 
     picture: np.ndarray | None
@@ -53,7 +53,7 @@ class Drawn:
 
 def draw_cases(
     method: Method, cases: Sequence[Case], config: ReportConfig, root: Path, log: Log = lambda line: None
-) -> list[Drawn]:
+) -> list[MethodImage]:
     """A method's pictures of cases; what baselines render is kept under `root`, beside the ground truth.
 
     Raises:
@@ -62,34 +62,34 @@ def draw_cases(
     """
     if method.kind == WEIGHTS:
         return [draw_case(method, case, config) for case in cases]
-    drawn: list[Drawn | None] = [None] * len(cases)
+    drawn: list[MethodImage | None] = [None] * len(cases)
     groups: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
         groups.setdefault(cloud_digest(case.cloud), []).append(index)
     rival = load_baselines([method.source])[method.source]
     for digest, indices in groups.items():
-        scenes = [on_true_floor(cases[index].scene, cases[index].truth.vertices) for index in indices]
+        scenes = [with_true_floor(cases[index].scene, cases[index].truth.vertices) for index in indices]
         rng = np.random.default_rng([config.seed, 5])
         cloud = cases[indices[0]].cloud
-        rebuilt = rebuild_scenes(rival, cloud, {"sha256": digest}, rng, scenes, render_settings(config), root, log)
+        rebuilt = run_baseline_on_scenes(rival, cloud, {"sha256": digest}, rng, scenes, report_render_settings(config), root, log)
         for index, one in zip(indices, rebuilt, strict=True):
             steps = {**one.steps, "render": one.render_seconds or 0.0}
-            drawn[index] = Drawn(one.picture, one.seconds, steps, one.error)
+            drawn[index] = MethodImage(one.picture, one.seconds, steps, one.error)
     return [one for one in drawn if one is not None]
 
 
-def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarray | None = None) -> Drawn:
+def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarray | None = None) -> MethodImage:
     """The weights' picture of a case, or of another cloud in its place."""
     renderer = load_renderer(find_weights(method.source))
     lacking = [name for name in case.needs if name not in renderer.controls]
     if lacking:
-        return Drawn(None, error=f"these weights do not carry {' and '.join(lacking)}")
-    placed = in_scene(case.cloud if cloud is None else cloud, case.scene)
-    floor = on_true_floor(case.scene, case.truth.vertices).floor
+        return MethodImage(None, error=f"these weights do not carry {' and '.join(lacking)}")
+    placed = place_in_scene(case.cloud if cloud is None else cloud, case.scene)
+    floor = with_true_floor(case.scene, case.truth.vertices).floor
     values = {name: value for name, value in case.values.items() if name in renderer.controls}
     started = time.perf_counter()
     picture = renderer.render(placed, values, config.resolution, config.resolution, floor)
-    return Drawn(unit_from_bytes(picture), round(time.perf_counter() - started, 4))
+    return MethodImage(unit_from_bytes(picture), round(time.perf_counter() - started, 4))
 
 
 def load_renderer(file: Path) -> Renderer:

@@ -12,10 +12,10 @@ from PIL import Image
 
 from z2p_core.config.report import ReportConfig
 from z2p_core.images import bytes_from_unit, unit_from_bytes
-from z2p_renderer.pipeline.evaluation.baselines import load_baselines, rebuild_scenes
-from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import render_settings
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, MADE_LOOK, Case
-from z2p_renderer.pipeline.evaluation.paper.measure import ROWS, points_picture
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines, run_baseline_on_scenes
+from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import report_render_settings
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import VIEW_CONTROLS, SYNTHETIC_SETTINGS, Case
+from z2p_renderer.pipeline.evaluation.paper.measure import ROWS_FILE, draw_points
 from z2p_renderer.pipeline.evaluation.paper.methods import WEIGHTS, Method, cloud_digest, load_renderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
 from z2p_renderer.pipeline.rendering.views import describe, load_controls
@@ -24,12 +24,12 @@ from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
 from z2p_renderer.storage.scans.clouds import format_suffix, read_clouds
 
-MOST_POINTS = 20_000
+MAX_POINTS = 20_000
 """Larger scans are thinned at random to so many: what takes minutes on a baseline would be no fair picture either."""
 Log = Callable[[str], None]
 
 
-def show_scans(
+def draw_scans(
     method: Method, scans: Sequence[Path], config: ReportConfig, truth_root: Path, out: Path,
     log: Log = lambda line: None,
 ) -> Path:  # fmt: skip
@@ -41,33 +41,33 @@ def show_scans(
     """
     rows = []
     for index, path in enumerate(scans):
-        case = _case(path, config)
-        Image.fromarray(bytes_from_unit(points_picture(case, config.resolution))).save(out / f"input_{index:02}.png")
-        picture, error = _picture(method, case, path, config, truth_root, log)
+        case = _scan_case(path, config)
+        Image.fromarray(bytes_from_unit(draw_points(case, config.resolution))).save(out / f"input_{index:02}.png")
+        picture, error = _draw_scan(method, case, path, config, truth_root, log)
         Image.fromarray(bytes_from_unit(picture)).save(out / f"{index:02}.png")
         row: dict[str, Any] = {"level": path.stem, "x": None, "view": 0, "points": len(case.cloud),
                                "picture": f"{index:02}.png"}  # fmt: skip
         rows.append(row | ({"error": error} if error else {}))
         log(f"scan {path.name} {method.name}: {error or 'drawn'}")
-    found = out / ROWS
+    found = out / ROWS_FILE
     found.write_text(json.dumps({"sweep": "scans", "mesh": "", "method": method.name, "rows": rows}, indent=1) + "\n")
     return found
 
 
-def _case(path: Path, config: ReportConfig) -> Case:
+def _scan_case(path: Path, config: ReportConfig) -> Case:
     """The scan as `z2p run-inference` would place it, seen from 20 degrees."""
     scan = read_clouds(path)[0]
     placed = place_scan(scan, format_suffix(path), PlacementOptions())
     cloud = placed.cloud
-    if len(cloud) > MOST_POINTS:
+    if len(cloud) > MAX_POINTS:
         rng = np.random.default_rng([config.seed, int(file_digest(path)[:16], 16)])
-        cloud = cloud[np.sort(rng.choice(len(cloud), MOST_POINTS, replace=False))]
-    scene = describe(load_controls(CONTROLS), MADE_LOOK, np.eye(3))
+        cloud = cloud[np.sort(rng.choice(len(cloud), MAX_POINTS, replace=False))]
+    scene = describe(load_controls(VIEW_CONTROLS), SYNTHETIC_SETTINGS, np.eye(3))
     scene.floor = float(cloud[:, 2].min())
-    return Case(path.stem, 0, cloud, scene, MADE_LOOK, Mesh(cloud, np.empty((0, 3), np.int64), True))
+    return Case(path.stem, 0, cloud, scene, SYNTHETIC_SETTINGS, Mesh(cloud, np.empty((0, 3), np.int64), True))
 
 
-def _picture(
+def _draw_scan(
     method: Method, case: Case, path: Path, config: ReportConfig, root: Path, log: Log
 ) -> tuple[np.ndarray, str]:
     """Picture (H, W, 4) float32 in [0, 1], and what the method said of a scan that it could not use."""
@@ -79,5 +79,5 @@ def _picture(
     rival = load_baselines([method.source])[method.source]
     fields = {"sha256": cloud_digest(case.cloud)}  # not the file's: how it is placed may change
     rng = np.random.default_rng([config.seed, 5])
-    made = rebuild_scenes(rival, case.cloud, fields, rng, [case.scene], render_settings(config), root, log)[0]
+    made = run_baseline_on_scenes(rival, case.cloud, fields, rng, [case.scene], report_render_settings(config), root, log)[0]
     return made.picture, made.error

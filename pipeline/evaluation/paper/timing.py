@@ -19,25 +19,25 @@ from z2p_core.config.report import ReportConfig
 from z2p_core.interfaces import Engine, ScanError
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation.baselines import load_baselines
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, MADE_LOOK, UNIT, Subject
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import VIEW_CONTROLS, SYNTHETIC_SETTINGS, UNIT_SPHERE, TrueMesh
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, WEIGHTS, Method
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.loading import LoadedWeights, load_plugins
 from z2p_renderer.pipeline.render import RenderSettings, render_mesh
-from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
-from z2p_renderer.pipeline.rendering.views import describe, in_scene, load_controls
+from z2p_renderer.pipeline.rendering.mesh_samples import sample_cloud
+from z2p_renderer.pipeline.rendering.views import describe, place_in_scene, load_controls
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.models.checkpoints import find_weights
 
 WIDTH, HEIGHT = 500, 313
 """The paper's picture."""
-BATCHES = (1, 2, 3, 4, 5, 6)
-TIMES = "times.json"
+BATCH_SIZES = (1, 2, 3, 4, 5, 6)
+TIMES_FILE = "times.json"
 Log = Callable[[str], None]
 
 
 def measure_times(
-    subject: Subject, methods: Sequence[Method], config: ReportConfig, out: Path, log: Log = lambda line: None
+    subject: TrueMesh, methods: Sequence[Method], config: ReportConfig, out: Path, log: Log = lambda line: None
 ) -> Path:
     """``out/times.json``: seconds of each step, medians over the repeats, with the machine that they were taken on.
 
@@ -46,33 +46,33 @@ def measure_times(
         RenderError: Blender failed.
     """
     rng = np.random.default_rng([config.seed, 6])
-    cloud = draw_cloud(subject.mesh, UNIT, "uniform", config.points, "none", 0.0, rng)
-    scene = describe(load_controls(CONTROLS), MADE_LOOK, turn(25.0))
+    cloud = sample_cloud(subject.mesh, UNIT_SPHERE, "uniform", config.points, "none", 0.0, rng)
+    scene = describe(load_controls(VIEW_CONTROLS), SYNTHETIC_SETTINGS, turn(25.0))
     told: dict[str, Any] = {
         "mesh": subject.name, "points": config.points, "resolution": [WIDTH, HEIGHT], "repeats": config.time_repeats,
-        "cycles_samples": config.samples, "machine": _machine(), "weights": {}, "baselines": {},
+        "cycles_samples": config.samples, "machine": _describe_machine(), "weights": {}, "baselines": {},
     }  # fmt: skip
     for method in methods:
         if method.kind == WEIGHTS:
-            told["weights"][method.name] = _of_weights(method, in_scene(cloud, scene), scene, config.time_repeats)
+            told["weights"][method.name] = _time_weights(method, place_in_scene(cloud, scene), scene, config.time_repeats)
         elif method.kind == BASELINE:
-            told["baselines"][method.name] = _of_baseline(method, cloud, scene, config)
+            told["baselines"][method.name] = _time_baseline(method, cloud, scene, config)
         log(f"times: {method.name} done")
-    path = out / TIMES
+    path = out / TIMES_FILE
     path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
     return path
 
 
-def _of_weights(method: Method, cloud: np.ndarray, scene: SceneDescription, repeats: int) -> dict[str, Any]:
+def _time_weights(method: Method, cloud: np.ndarray, scene: SceneDescription, repeats: int) -> dict[str, Any]:
     """Rows by batch, with the engine that a user gets."""
     file = find_weights(method.source)
     loaded = load_plugins(file)
     engine = start_engine(loaded, file)
-    rows = [_batch(loaded, engine, cloud, scene, batch, repeats) for batch in BATCHES]
+    rows = [_time_batch(loaded, engine, cloud, scene, batch, repeats) for batch in BATCH_SIZES]
     return {"engine": engine.name, "rows": rows}
 
 
-def _batch(
+def _time_batch(
     loaded: LoadedWeights, engine: Engine, cloud: np.ndarray, scene: SceneDescription, batch: int, repeats: int
 ) -> dict[str, float]:
     """Seconds of each step for a batch, each picture's buffers drawn one after the other as the paper's are."""
@@ -80,7 +80,7 @@ def _batch(
     shape = (batch, loaded.buffer_channels, HEIGHT, WIDTH)
     buffers, split = np.empty(shape, np.float32), loaded.zbuffer.channels
     encoding = loaded.encoder.encode(*camera.frame_coordinates(step=loaded.config.unshuffle))
-    values = {name: MADE_LOOK.get(name, control.slider.default) for name, control in loaded.controls.items()}
+    values = {name: SYNTHETIC_SETTINGS.get(name, control.slider.default) for name, control in loaded.controls.items()}
     encoded = [number for name, value in values.items() for number in loaded.controls[name].encode(value)]
     settings = np.tile(np.array([encoded], np.float32), (batch, 1))
 
@@ -92,18 +92,18 @@ def _batch(
         for picture in buffers:
             loaded.gbuffer.draw_into(picture[split:], cloud, camera, scene)
 
-    steps["project"] = _median(lambda: [camera.project(cloud) for _ in range(batch)], repeats)
-    steps["zbuffer"] = _median(draw_z, repeats)
-    steps["gbuffer"] = _median(draw_g, repeats) if loaded.gbuffer.channels else 0.0
-    steps["forward"] = _median(lambda: engine.draw(buffers, encoding, settings), repeats)
+    steps["project"] = _median_seconds(lambda: [camera.project(cloud) for _ in range(batch)], repeats)
+    steps["zbuffer"] = _median_seconds(draw_z, repeats)
+    steps["gbuffer"] = _median_seconds(draw_g, repeats) if loaded.gbuffer.channels else 0.0
+    steps["forward"] = _median_seconds(lambda: engine.draw(buffers, encoding, settings), repeats)
     each = (steps["zbuffer"] + steps["gbuffer"] + steps["forward"]) / batch
     return {"batch": batch, **{name: round(taken, 6) for name, taken in steps.items()}, "each": round(each, 6)}
 
 
-def _of_baseline(method: Method, cloud: np.ndarray, scene: SceneDescription, config: ReportConfig) -> dict[str, Any]:
+def _time_baseline(method: Method, cloud: np.ndarray, scene: SceneDescription, config: ReportConfig) -> dict[str, Any]:
     """Seconds of normals, the rest of the reconstruction and Blender; of a painter, of its own steps."""
     plugin = load_baselines([method.source])[method.source]
-    placed = in_scene(cloud, scene)
+    placed = place_in_scene(cloud, scene)
     runs = []
     for _ in range(config.time_repeats + 1):  # the first imports libraries, and does not count
         maker, started = plugin(), time.perf_counter()
@@ -127,7 +127,7 @@ def _of_baseline(method: Method, cloud: np.ndarray, scene: SceneDescription, con
     return told | {"total": round(whole + told["render"], 6)}
 
 
-def _median(call: Callable[[], object], repeats: int) -> float:
+def _median_seconds(call: Callable[[], object], repeats: int) -> float:
     """Seconds of a call, after one that does not count."""
     call()
     taken = []
@@ -138,7 +138,7 @@ def _median(call: Callable[[], object], repeats: int) -> float:
     return statistics.median(taken)
 
 
-def _machine() -> dict[str, Any]:
+def _describe_machine() -> dict[str, Any]:
     """What the times depend on: processor, cores, and how busy the machine was."""
     return {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count(),
             "load_average": [round(load, 2) for load in os.getloadavg()],

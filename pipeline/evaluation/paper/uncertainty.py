@@ -13,25 +13,25 @@ from PIL import Image
 from z2p_core.camera import Camera
 from z2p_core.config.report import ReportConfig
 from z2p_core.images import bytes_from_unit, composite
-from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import references
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case, Subject, sweep_cases
+from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import render_case_truths
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case, TrueMesh, sweep_cases
 from z2p_renderer.pipeline.evaluation.paper.measure import WHITE
 from z2p_renderer.pipeline.evaluation.paper.methods import Method, draw_case
 
-TRUST = "trust.json"
-SHARE = 0.5
+UNCERTAINTY_FILE = "trust.json"
+SUBSAMPLE_SHARE = 0.5
 """Of the points in each draw."""
-WINDOW = 4
+SPARSENESS_RADIUS = 4
 """Reach, pixels, of the window in which points are counted for the rival map of sparseness."""
-STEPS = np.arange(0, 1, 0.05)
+REMOVED_SHARES = np.arange(0, 1, 0.05)
 """Shares of the pixels that are left out, the least trusted first."""
-SHOWN = 4.0
+DISPLAY_GAIN = 4.0
 """Times as bright as they are, maps are shown."""
 Log = Callable[[str], None]
 
 
-def measure_trust(
-    subject: Subject, method: Method, config: ReportConfig, truth_root: Path, out: Path, log: Log = lambda line: None
+def measure_uncertainty(
+    subject: TrueMesh, method: Method, config: ReportConfig, truth_root: Path, out: Path, log: Log = lambda line: None
 ) -> Path:
     """``out/trust.json``: a row a view with what each map is worth; beside it the maps of the first view.
 
@@ -43,7 +43,7 @@ def measure_trust(
         RenderError: Blender failed, or a kept render is damaged.
     """
     cases = sweep_cases("base", subject, config)
-    truths = references(cases, config, truth_root, log)
+    truths = render_case_truths(cases, config, truth_root, log)
     rows: list[dict[str, Any]] = []
     for index, (case, (truth, coverage)) in enumerate(zip(cases, truths, strict=True)):
         drawn = draw_case(method, case, config).picture
@@ -51,18 +51,18 @@ def measure_trust(
             continue
         picture = composite(drawn, WHITE)
         error = np.abs(picture - composite(truth, WHITE)).mean(-1)
-        maps = {"disagreement": disagreement(method, case, config), "edges": _edges(picture),
+        maps = {"disagreement": disagreement(method, case, config), "edges": _edge_strength(picture),
                 "sparseness": _sparseness(case, config.resolution)}  # fmt: skip
         shown = coverage > 0  # around it nothing is easier than to be sure
-        worths = {name: worth(found[shown], error[shown]) for name, found in maps.items()}
+        worths = {name: score_map(found[shown], error[shown]) for name, found in maps.items()}
         rows.append({"view": case.view, "maps": worths})
         if index == 0:
-            for name, drawing in {"picture": picture, "error": SHOWN * error, **{
-                "disagreement": SHOWN * maps["disagreement"]}}.items():  # fmt: skip
+            for name, drawing in {"picture": picture, "error": DISPLAY_GAIN * error, **{
+                "disagreement": DISPLAY_GAIN * maps["disagreement"]}}.items():  # fmt: skip
                 Image.fromarray(bytes_from_unit(drawing)).save(out / f"{name}.png")
         log(f"trust {subject.name} {method.name}: rank correlation "
             f"{rows[-1]['maps']['disagreement']['rank_correlation']:.2f}")  # fmt: skip
-    path = out / TRUST
+    path = out / UNCERTAINTY_FILE
     path.write_text(json.dumps({"mesh": subject.name, "method": method.name, "rows": rows}, indent=1) + "\n")
     return path
 
@@ -72,7 +72,7 @@ def disagreement(method: Method, case: Case, config: ReportConfig) -> np.ndarray
     rng = np.random.default_rng([config.seed, 7])
     pictures = []
     for _ in range(config.trust_draws):
-        chosen = rng.choice(len(case.cloud), max(1, int(SHARE * len(case.cloud))), replace=False)
+        chosen = rng.choice(len(case.cloud), max(1, int(SUBSAMPLE_SHARE * len(case.cloud))), replace=False)
         drawn = draw_case(method, case, config, case.cloud[np.sort(chosen)]).picture
         if drawn is not None:
             pictures.append(composite(drawn, WHITE))
@@ -80,7 +80,7 @@ def disagreement(method: Method, case: Case, config: ReportConfig) -> np.ndarray
     return spread
 
 
-def worth(predicted: np.ndarray, error: np.ndarray) -> dict[str, float]:
+def score_map(predicted: np.ndarray, error: np.ndarray) -> dict[str, float]:
     """What a map of doubt is worth against the true error, both (N,) or (H, W).
 
     ``rank_correlation`` is Spearman's. ``area`` lies under the sparsification curve: the error of what is left, over
@@ -88,20 +88,20 @@ def worth(predicted: np.ndarray, error: np.ndarray) -> dict[str, float]:
     of the error itself, and ``gain`` the share of the way from 1 to it: 1 for a perfect map, 0 for a worthless one.
     """
     doubt, truth = predicted.ravel().astype(np.float64), error.ravel().astype(np.float64)
-    area, best = _area(doubt, truth), _area(truth, truth)
+    area, best = _area_under_sparsification(doubt, truth), _area_under_sparsification(truth, truth)
     correlation = float(np.corrcoef(_ranks(doubt), _ranks(truth))[0, 1]) if np.ptp(doubt) and np.ptp(truth) else 0.0
     gain = (1 - area) / (1 - best) if best < 1 else 0.0
     return {"rank_correlation": round(correlation, 6), "area": round(area, 6), "best_area": round(best, 6),
             "gain": round(gain, 6)}  # fmt: skip
 
 
-def _area(doubt: np.ndarray, error: np.ndarray) -> float:
-    """Mean over `STEPS` of the error that is left, as a share of the whole."""
+def _area_under_sparsification(doubt: np.ndarray, error: np.ndarray) -> float:
+    """Mean over `REMOVED_SHARES` of the error that is left, as a share of the whole."""
     ordered = error[np.argsort(-doubt, kind="stable")]
     whole = ordered.mean()
     if whole == 0:
         return 1.0
-    return float(np.mean([ordered[int(step * len(ordered)) :].mean() / whole for step in STEPS]))
+    return float(np.mean([ordered[int(step * len(ordered)) :].mean() / whole for step in REMOVED_SHARES]))
 
 
 def _ranks(values: np.ndarray) -> np.ndarray:
@@ -112,7 +112,7 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     return ranks
 
 
-def _edges(picture: np.ndarray) -> np.ndarray:
+def _edge_strength(picture: np.ndarray) -> np.ndarray:
     down, right = np.gradient(picture.mean(-1))
     steepness: np.ndarray = np.hypot(down, right)
     return steepness
@@ -127,6 +127,6 @@ def _sparseness(case: Case, side: int) -> np.ndarray:
     counts = np.zeros((side, side))
     np.add.at(counts, (row[seen], column[seen]), 1)
     for axis in (0, 1):
-        counts = np.sum([np.roll(counts, step, axis) for step in range(-WINDOW, WINDOW + 1)], axis=0)
+        counts = np.sum([np.roll(counts, step, axis) for step in range(-SPARSENESS_RADIUS, SPARSENESS_RADIUS + 1)], axis=0)
     sparse: np.ndarray = -counts
     return sparse

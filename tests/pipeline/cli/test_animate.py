@@ -17,7 +17,7 @@ from z2p_core.interfaces import SettingError
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.outputs.animation import Motion, flicker, moving_frames, opening
+from z2p_renderer.pipeline.outputs.animation import Motion, flicker, render_frames, draw_opening
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.images.animations import write_animation
 from z2p_renderer.storage.images.image_files import PictureError, read_record
@@ -32,7 +32,7 @@ def renderer(tiny_weights: Path) -> Renderer:
 
 
 def loop(renderer: Renderer, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
-    return moving_frames(opening(renderer, scan, suffix, look), scan, suffix, look, motion)
+    return render_frames(draw_opening(renderer, scan, suffix, look), scan, suffix, look, motion)
 
 
 def test_a_turn_is_the_still_picture_turned_on(renderer: Renderer, cloud: np.ndarray) -> None:

@@ -13,7 +13,7 @@ import pytest
 from click.testing import Result
 from PIL import Image
 
-from pipeline.cli.options.palettes import PALETTES, palette
+from pipeline.cli.options.palettes import PALETTES, palette_colors
 from z2p_renderer.pipeline.inference.trim import MIN_VISIBLE_ALPHA, crop_frame
 from z2p_renderer.pipeline.outputs.contact_sheet import write_contact_sheets
 from z2p_renderer.storage.cameras import read_camera
@@ -150,13 +150,13 @@ def test_palettes_are_opaque_colours_used_in_turn(
     render: Callable[..., Result], scans: Path, tmp_path: Path, cloud: np.ndarray
 ) -> None:
     for name in PALETTES:
-        assert len(set(palette(name))) == len(PALETTES[name]) >= 5
-        assert all(len(color) == 3 and all(0 <= channel <= 1 for channel in color) for color in palette(name))
+        assert len(set(palette_colors(name))) == len(PALETTES[name]) >= 5
+        assert all(len(color) == 3 and all(0 <= channel <= 1 for channel in color) for color in palette_colors(name))
     np.save(scans / "zmany.npy", np.stack([cloud, cloud]))
     assert render(scans, "--palette", "okabe-ito").exit_code == 0
     names = ("one", "two", "zmany_000", "zmany_001")
     used = [tuple(read_record(tmp_path / "out" / f"{name}.png")["controls"]["color"]) for name in names]
-    colors = palette("okabe-ito")
+    colors = palette_colors("okabe-ito")
     assert used == [colors[0], colors[1], colors[2], colors[3]]
     both = render(scans, "--palette", "greys", "--color", "red")
     assert both.exit_code == 2 and "leave one out" in both.stderr

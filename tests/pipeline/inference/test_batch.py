@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from z2p_renderer.pipeline.inference.batch import Look, Task, plan_outputs, render_files, write_picture
+from z2p_renderer.pipeline.inference.batch import Task, plan_outputs, render_files
+from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.storage.images.image_files import write_picture
 
 LOOK = Look(width=32, height=32)
 

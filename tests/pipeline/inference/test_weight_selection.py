@@ -13,6 +13,7 @@ from z2p_renderer.pipeline.inference.weight_selection import (
     NOISY_CLOUD_WEIGHTS,
     AutoRenderer,
     load_renderer,
+    select_renderer,
 )
 from z2p_renderer.storage.models.checkpoints import shipped_weights
 

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from z2p_core.interfaces import ScanError
-from z2p_renderer.plugins.baselines._subprocess import Apart
+from z2p_renderer.plugins.baselines._subprocess import SubprocessFunction
 
 
 def work(what: str) -> tuple[str, int]:
@@ -25,13 +25,13 @@ def work(what: str) -> tuple[str, int]:
 
 
 def test_answers_come_from_one_other_process() -> None:
-    call = Apart(work)
+    call = SubprocessFunction(work)
     (first, one), (second, other) = call("a", within=60), call("b", within=60)
     assert (first, second) == ("a", "b") and one == other != os.getpid()
 
 
 def test_one_that_hangs_is_stopped_and_the_next_call_works() -> None:
-    call = Apart(work)
+    call = SubprocessFunction(work)
     _, process = call("a", within=60)
     begin = time.monotonic()
     with pytest.raises(ScanError, match=r"work did not end within 0.5 s"):
@@ -43,7 +43,7 @@ def test_one_that_hangs_is_stopped_and_the_next_call_works() -> None:
 
 
 def test_a_death_and_an_error_are_told() -> None:
-    call = Apart(work)
+    call = SubprocessFunction(work)
     with pytest.raises(ScanError, match=r"work died \(exit status 7\)"):
         call("die", within=60)
     with pytest.raises(ScanError, match="work: no such thing"):
@@ -52,7 +52,7 @@ def test_a_death_and_an_error_are_told() -> None:
 
 
 def test_an_interrupt_leaves_no_answer_for_the_next_call(monkeypatch: pytest.MonkeyPatch) -> None:
-    call = Apart(work)
+    call = SubprocessFunction(work)
     _, process = call("a", within=60)
 
     def interrupted(within: float) -> bool:
@@ -68,7 +68,7 @@ def test_an_interrupt_leaves_no_answer_for_the_next_call(monkeypatch: pytest.Mon
 
 
 def test_threads_take_turns() -> None:
-    call, answers = Apart(work), []
+    call, answers = SubprocessFunction(work), []
     threads = [threading.Thread(target=lambda n=n: answers.append(call(str(n), within=60)[0])) for n in range(4)]
     for thread in threads:
         thread.start()

@@ -6,8 +6,8 @@ import math
 import pytest
 
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, to_dict
-from z2p_core.config.pipeline_limits import PIPELINE, check_values, limited
-from z2p_core.config.report import ReportConfig, checked
+from z2p_core.config.pipeline_limits import PIPELINE, check_values, check_limits
+from z2p_core.config.report import ReportConfig, check_report
 from z2p_core.config.report_limits import REPORT
 from z2p_core.errors.value_limits import DataclassFields
 from z2p_core.registry import PluginError
@@ -48,7 +48,7 @@ def tables(config, limits):
 def test_every_field_has_a_limit_and_every_limit_a_field(config, limits):
     for kind, limited_fields, fields in tables(config, limits):
         assert limited_fields == fields, kind
-    limited(config, limits)  # and the defaults are within
+    check_limits(config, limits)  # and the defaults are within
 
 
 CASES = [(config, limits, path) for config, limits in CONFIGS for path in leaves(config)]
@@ -59,10 +59,10 @@ def test_absurd_values_are_refused_with_their_key(config, limits, path):
     for value in ABSURD:
         free = FREE.get(path, [()] if path.endswith(".levels") else [])
         if any(value == one and type(value) is type(one) for one in free):
-            limited(edited(config, path, value), limits)
+            check_limits(edited(config, path, value), limits)
             continue
         with pytest.raises((ConfigError, PluginError)) as refused:
-            limited(edited(config, path, value), limits)
+            check_limits(edited(config, path, value), limits)
         assert path in str(refused.value) and len(str(refused.value)) < 600
 
 
@@ -85,4 +85,4 @@ def test_values_that_do_not_fit_together_are_refused():
 
 def test_a_report_names_its_file():
     with pytest.raises(ConfigError, match=r"mine\.toml: noise\.levels\[1\]: expected a number from 0 to 10, got -1"):
-        checked(edited(ReportConfig(), "noise.levels", (0.0, -1.0)), "mine.toml")
+        check_report(edited(ReportConfig(), "noise.levels", (0.0, -1.0)), "mine.toml")

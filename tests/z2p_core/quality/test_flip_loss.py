@@ -28,8 +28,8 @@ def test_it_is_the_measured_flip_but_for_what_it_rounds_off(offset, monkeypatch)
     ours, theirs = pictures_of(offset=offset)
     measured = flip_map(*(picture[0].permute(1, 2, 0).numpy() for picture in (ours, theirs)))
     np.testing.assert_allclose(flip(ours, theirs)[0, 0].numpy(), measured, atol=0.03)
-    monkeypatch.setattr(module, "UNSEEN_COLOR", 1e-5)
-    monkeypatch.setattr(module, "UNSEEN_FEATURE", 1e-7)
+    monkeypatch.setattr(module, "COLOR_EPSILON", 1e-5)
+    monkeypatch.setattr(module, "FEATURE_EPSILON", 1e-7)
     np.testing.assert_allclose(flip(ours, theirs)[0, 0].numpy(), measured, atol=2e-3)
 
 

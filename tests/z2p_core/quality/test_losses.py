@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from z2p_core.config import LossConfig
-from z2p_core.quality.losses import ssim, total_loss, visible
+from z2p_core.quality.losses import ssim, total_loss, visible_difference
 
 TERMS = ("color_l2", "magnitude_l1", "alpha_l1", "color_l1", "ssim", "gradient_l1", "visible", "flip")
 NOTHING = dict.fromkeys((*TERMS, "foreground"), 0.0)
@@ -92,7 +92,7 @@ def test_visible_ranks_pictures_as_flip_does():
     target = torch.rand(1, 3, 6, 6, generator=generator).repeat_interleave(12, 2).repeat_interleave(12, 3)
     others = [0.9 * target + 0.05, target + 0.02, target + 0.15 * torch.randn(target.shape, generator=generator)]
     others = [x.clamp(0, 1) for x in others]
-    ours = [visible(x, target).mean().item() for x in others]
+    ours = [visible_difference(x, target).mean().item() for x in others]
     theirs = [metrics.flip_map(*(y[0].permute(1, 2, 0).numpy() for y in (x, target))).mean() for x in others]
     assert sorted(range(3), key=ours.__getitem__) == sorted(range(3), key=theirs.__getitem__)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from z2p_core.quality import metrics
-from z2p_core.quality.metrics import NAMES, object_box, picture_metrics, psnr, ssim_map
+from z2p_core.quality.metrics import METRIC_NAMES, object_box, image_metrics, psnr, ssim_map
 
 SIDE = 64
 
@@ -32,14 +32,14 @@ def measure(change: str) -> dict[str, float]:
         prediction[40:50, 10:40, 3] += 0.1
     elif change == "invisible":
         prediction[0:10, :, :3] = 0.7  # colour where alpha is 0
-    return picture_metrics(prediction, truth, coverage)
+    return image_metrics(prediction, truth, coverage)
 
 
 def test_identical_pictures_have_the_best_figures() -> None:
     assert measure("nothing") == pytest.approx(
         {"psnr_white": 100, "psnr_foreground": 100, "ssim": 1, "flip": 0, "alpha_l1": 0, "shadow_l1": 0}, abs=1e-6
     )
-    assert tuple(measure("nothing")) == NAMES
+    assert tuple(measure("nothing")) == METRIC_NAMES
 
 
 def test_colour_of_transparent_pixels_does_not_count() -> None:
@@ -76,7 +76,7 @@ def test_ssim_and_flip_are_measured_in_the_box_alone() -> None:
     truth, coverage = scene()
     far = truth.copy()
     far[60:64, 60:64] = (1.0, 0.0, 0.0, 1.0)  # more than a window away from the box
-    figures = picture_metrics(far, truth, coverage)
+    figures = image_metrics(far, truth, coverage)
     assert figures["ssim"] == pytest.approx(1, abs=1e-3)
     assert figures["flip"] < 0.01 and figures["psnr_white"] < 30
 
@@ -105,21 +105,21 @@ def test_flip_of_black_and_white_is_large_and_of_near_colours_small() -> None:
 
 def test_what_has_no_pixels_is_nan_not_a_number_that_misleads() -> None:
     truth, coverage = scene()
-    figures = picture_metrics(truth, truth, coverage * 0.5)
+    figures = image_metrics(truth, truth, coverage * 0.5)
     assert math.isnan(figures["psnr_foreground"]) and figures["psnr_white"] == 100
-    assert math.isnan(picture_metrics(truth, truth, np.ones_like(coverage))["shadow_l1"])
+    assert math.isnan(image_metrics(truth, truth, np.ones_like(coverage))["shadow_l1"])
     assert math.isnan(psnr(np.zeros((0, 3)), np.zeros((0, 3))))
 
 
 def test_wrong_pictures_are_refused() -> None:
     truth, coverage = scene()
     with pytest.raises(ValueError, match=r"coverage: expected an object"):
-        picture_metrics(truth, truth, coverage * 0)
+        image_metrics(truth, truth, coverage * 0)
     with pytest.raises(ValueError, match=r"expected prediction \(64, 64, 4\)"):
-        picture_metrics(truth[:32], truth, coverage)
+        image_metrics(truth[:32], truth, coverage)
     with pytest.raises(ValueError, match=r"prediction: expected floats in \[0, 1\]"):
-        picture_metrics((truth * 255).astype(np.uint8), truth, coverage)
+        image_metrics((truth * 255).astype(np.uint8), truth, coverage)
     with pytest.raises(ValueError, match=r"prediction: expected floats in \[0, 1\]"):
-        picture_metrics(truth * np.nan, truth, coverage)
+        image_metrics(truth * np.nan, truth, coverage)
     with pytest.raises(ValueError, match=r"sides of 11 or more"):
-        picture_metrics(truth[:8], truth[:8], coverage[:8])
+        image_metrics(truth[:8], truth[:8], coverage[:8])

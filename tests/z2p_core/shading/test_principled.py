@@ -18,13 +18,13 @@ def surface(color: float, metallic: float, roughness: float, specular: float = 0
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
 def test_a_white_metal_gives_back_all(roughness: float) -> None:
-    np.testing.assert_allclose(surface(1.0, 1.0, roughness).reflectance(FACING), 1, atol=0.01)
+    np.testing.assert_allclose(surface(1.0, 1.0, roughness).specular_albedo(FACING), 1, atol=0.01)
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
 def test_a_white_plastic_gives_back_all_of_white_light(roughness: float) -> None:
     white = surface(1.0, 0.0, roughness)
-    np.testing.assert_allclose(white.matt(FACING) + white.reflectance(FACING), 1, atol=1e-6)
+    np.testing.assert_allclose(white.diffuse_albedo(FACING) + white.specular_albedo(FACING), 1, atol=1e-6)
 
 
 @pytest.mark.parametrize("metallic", [0.0, 0.4, 1.0])
@@ -32,33 +32,33 @@ def test_a_white_plastic_gives_back_all_of_white_light(roughness: float) -> None
 def test_nothing_sends_more_than_it_gets(metallic: float, roughness: float) -> None:
     for color in (0.0, 0.3, 0.9):
         one = surface(color, metallic, roughness)
-        sent = one.matt(FACING) + one.reflectance(FACING)
+        sent = one.diffuse_albedo(FACING) + one.specular_albedo(FACING)
         assert (sent >= 0).all() and (sent <= 1.01).all()
         assert (one.albedo >= color - 1e-6).all() and (one.albedo <= 1).all()
 
 
 def test_smooth_plastic_reflects_as_fresnel_says_and_smooth_metal_as_schlick() -> None:
-    plastic = surface(0.0, 0.0, 0.0).reflectance(FACING)[:, 0]
+    plastic = surface(0.0, 0.0, 0.0).specular_albedo(FACING)[:, 0]
     np.testing.assert_allclose(plastic[2:], fresnel_dielectric(FACING[2:], 1.5), rtol=0.05)
-    metal = surface(0.4, 1.0, 0.0).reflectance(FACING)[:, 0]
+    metal = surface(0.4, 1.0, 0.0).specular_albedo(FACING)[:, 0]
     np.testing.assert_allclose(metal[2:], (0.4 + 0.6 * (1 - FACING) ** 5)[2:], rtol=0.03)
 
 
 def test_what_has_no_gloss_is_matt() -> None:
     dull = surface(0.3, 0.0, 1.0, specular=0.0)
-    assert dull.reflectance(FACING).max() == 0
-    np.testing.assert_allclose(dull.matt(FACING), 0.3, atol=1e-6)
+    assert dull.specular_albedo(FACING).max() == 0
+    np.testing.assert_allclose(dull.diffuse_albedo(FACING), 0.3, atol=1e-6)
     np.testing.assert_allclose(dull.albedo, 0.3)
 
 
 def test_a_lamp_straight_ahead_is_as_bright_as_the_surface_reflects() -> None:
     """Of a mirror's radiance 1, met head on: what metal and plastic reflect there."""
     ahead, shine = np.ones(1, np.float32), np.array([[1.0, 0.0, 0.0]], np.float32)
-    np.testing.assert_allclose(surface(0.3, 1.0, 0.0).gloss(shine, ahead), 0.3, rtol=1e-3)
-    np.testing.assert_allclose(surface(0.3, 0.0, 0.0).gloss(shine, ahead), 0.04, rtol=1e-3)
-    np.testing.assert_allclose(surface(0.3, 0.5, 0.0).gloss(shine, ahead), 0.17, rtol=1e-3)
+    np.testing.assert_allclose(surface(0.3, 1.0, 0.0).specular_radiance(shine, ahead), 0.3, rtol=1e-3)
+    np.testing.assert_allclose(surface(0.3, 0.0, 0.0).specular_radiance(shine, ahead), 0.04, rtol=1e-3)
+    np.testing.assert_allclose(surface(0.3, 0.5, 0.0).specular_radiance(shine, ahead), 0.17, rtol=1e-3)
     grazing = np.array([[1.0, 1.0, 1.0]], np.float32)
-    np.testing.assert_allclose(surface(0.3, 0.5, 0.0).gloss(grazing, ahead), 1, rtol=1e-3)
+    np.testing.assert_allclose(surface(0.3, 0.5, 0.0).specular_radiance(grazing, ahead), 1, rtol=1e-3)
 
 
 def test_shares_of_the_smooth_and_the_roughest_are_what_is_known_of_them() -> None:

@@ -14,7 +14,7 @@ from z2p_core.config.report import ReportConfig
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case
 from z2p_renderer.pipeline.render import RenderSettings, read_render, render_mesh
-from z2p_renderer.pipeline.rendering.ground_truth import COVERAGE, PICTURE, render_references
+from z2p_renderer.pipeline.rendering.ground_truth import COVERAGE_FILE, PICTURE_FILE, render_references
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.results.fingerprints import stage_fields
 from z2p_renderer.storage.results.store import Entry, Store
@@ -22,12 +22,12 @@ from z2p_renderer.storage.results.store import Entry, Store
 Log = Callable[[str], None]
 
 
-def render_settings(config: ReportConfig) -> RenderSettings:
+def report_render_settings(config: ReportConfig) -> RenderSettings:
     """How the truth and the baselines' meshes are rendered: alike."""
     return RenderSettings((config.resolution, config.resolution), config.samples, config.denoise, seed=config.seed)
 
 
-def references(
+def render_case_truths(
     cases: Sequence[Case], config: ReportConfig, root: Path, log: Log = lambda line: None
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Picture (H, W, 4) and coverage (H, W) of each case, float32 in [0, 1]; rendered where `root` lacks them.
@@ -35,12 +35,12 @@ def references(
     Raises:
         RenderError: Blender failed, or a kept render is damaged.
     """
-    settings, side = render_settings(config), config.resolution
+    settings, side = report_render_settings(config), config.resolution
     paths: list[Path] = [Path()] * len(cases)
     shared: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
         if case.subject is None:
-            paths[index] = _render_made(case.truth, case.scene, settings, root, log)
+            paths[index] = _render_synthetic(case.truth, case.scene, settings, root, log)
         else:
             shared.setdefault(case.subject.identity, []).append(index)
     for indices in shared.values():  # all scenes of a mesh in one Blender
@@ -61,7 +61,7 @@ def mesh_digest(mesh: Mesh) -> str:
     return hashlib.sha256(b"".join(part.tobytes() for part in parts) + bytes([mesh.smooth])).hexdigest()
 
 
-def _render_made(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, root: Path, log: Log) -> Path:
+def _render_synthetic(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, root: Path, log: Log) -> Path:
     """Picture of a mesh that is placed in the unit sphere already, and keeps its size."""
     fields: dict[str, Any] = stage_fields("reference") | {
         "placed": mesh_digest(mesh), "parameters": settings.shaping(), "scene": scene.to_json(),
@@ -69,11 +69,11 @@ def _render_made(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, 
     store = Store(root)
     entry = Entry("reference", "reference/made", fields)
     store.quarantine_if_damaged(entry)
-    return store.produce(entry, partial(_write, mesh, scene, settings, log)) / PICTURE
+    return store.produce(entry, partial(_render_into, mesh, scene, settings, log)) / PICTURE_FILE
 
 
-def _write(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, log: Log, folder: Path) -> None:
-    stem = PICTURE.removesuffix(".png")
+def _render_into(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, log: Log, folder: Path) -> None:
+    stem = PICTURE_FILE.removesuffix(".png")
     render_mesh(mesh, [(stem, scene)], folder, settings, log, "made shape")
-    if not (folder / COVERAGE).is_file():
-        raise FileNotFoundError(f"{folder / COVERAGE}: the render left no coverage")
+    if not (folder / COVERAGE_FILE).is_file():
+        raise FileNotFoundError(f"{folder / COVERAGE_FILE}: the render left no coverage")

@@ -10,29 +10,29 @@ import numpy as np
 from z2p_core.camera import DISTANCE, FIELD_OF_VIEW, turn
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import ScanError
-from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_core.meshes.triangle_sampling import sample_uniform
 from z2p_renderer.storage.meshes import Mesh
 
-UNEVEN = 10.0
+DENSITY_RATIO = 10.0
 """How many times as dense the densest side of a non-uniform cloud is as its thinnest."""
 SENSOR_AZIMUTH, SENSOR_SIDE = 40.0, 160
 """Where the depth camera stands beside the picture's own, degrees, and its pixels along a side."""
 SENSOR_NOISE = 0.004
 """Standard deviation along the ray, world units."""
-GRAZING = 0.25
+MIN_SENSOR_COSINE = 0.25
 """Cosine of the steepest surface that it still measures when it leaves holes."""
-HOLES, HOLE_RADIUS = 8, 0.12
+HOLE_COUNT, HOLE_RADIUS = 8, 0.12
 """Patches without a measurement, and their radius in world units."""
 TRIES = 60
 
 
 def non_uniform(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Points (count, 3) float64 on a mesh in the unit sphere, `UNEVEN` times as dense on the +X side as on the -X."""
+    """Points (count, 3) float64 on a mesh in the unit sphere, `DENSITY_RATIO` times as dense on the +X side as on the -X."""
     found: list[np.ndarray] = []
     while sum(map(len, found)) < count:
-        points = uniform_points(mesh.vertices, mesh.faces, 4 * count, rng)
+        points = sample_uniform(mesh.vertices, mesh.faces, 4 * count, rng)
         low, high = points[:, 0].min(), points[:, 0].max()
-        share = UNEVEN ** ((points[:, 0] - low) / max(high - low, 1e-9) - 1)
+        share = DENSITY_RATIO ** ((points[:, 0] - low) / max(high - low, 1e-9) - 1)
         found.append(points[rng.random(len(points)) < share])
     return np.concatenate(found)[:count]
 
@@ -56,7 +56,7 @@ def inner_points(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray
         found.append(tried[inside > 0.5])
         if sum(map(len, found)) >= count:
             return np.concatenate(found)[:count]
-    first, second = (uniform_points(mesh.vertices, mesh.faces, count, rng) for _ in range(2))
+    first, second = (sample_uniform(mesh.vertices, mesh.faces, count, rng) for _ in range(2))
     between: np.ndarray = first + rng.random((count, 1)) * (second - first)
     return between
 
@@ -84,7 +84,7 @@ def single_view(
     depth, normals = cast["t_hit"].numpy(), cast["primitive_normals"].numpy()
     hit = np.isfinite(depth)
     if kind == "holes":
-        hit &= np.abs((normals * rays).sum(axis=1)) > GRAZING
+        hit &= np.abs((normals * rays).sum(axis=1)) > MIN_SENSOR_COSINE
     if not hit.any():
         raise ScanError("the simulated depth camera sees nothing of the mesh; is it in the unit sphere?")
     depth, rays = depth[hit].astype(np.float64), rays[hit]
@@ -92,9 +92,9 @@ def single_view(
         depth = depth + rng.normal(0, SENSOR_NOISE, len(depth))
     points: np.ndarray = place + depth[:, None] * rays
     if kind == "holes":
-        centres = points[rng.choice(len(points), HOLES)]
+        centres = points[rng.choice(len(points), HOLE_COUNT)]
         kept = (np.linalg.norm(points[:, None] - centres, axis=2) > HOLE_RADIUS).all(axis=1)
-        points = points[kept] if kept.sum() > HOLES else points
+        points = points[kept] if kept.sum() > HOLE_COUNT else points
     return points[np.sort(rng.choice(len(points), min(count, len(points)), replace=False))]
 
 

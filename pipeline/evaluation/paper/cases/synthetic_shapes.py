@@ -13,39 +13,39 @@ from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.meshes import Mesh
 
 TURN = 2 * np.pi
-BALL, SLOPE = 0.85, 0.5
+BALL_RADIUS, BUMP_SLOPE = 0.85, 0.5
 """Radius of the bumpy ball; the bumps' amplitude times their degree: steepness, not height, stays the same."""
 BALL_CELLS = (480, 240)
-PLATE = (0.05, 1.0, 0.8)
+PLATE_SIZE = (0.05, 1.0, 0.8)
 """Thickness, depth and height of a plate, world units."""
 SHEET_CELLS = 60
 SCENE_SHAPES = ("torus_knot", "rounded_block", "vase", "gear", "bumpy_ball", "seashell", "klein_bottle")
 
 
-def bumpy(degree: float) -> Mesh:
+def harmonic_ball(degree: float) -> Mesh:
     """A ball with bumps: the real spherical harmonic of that degree and half its order; 0 for the ball alone."""
     u, v = np.meshgrid(*(np.linspace(0, 1, cells + 1) for cells in BALL_CELLS), indexing="ij")
     longitude, polar = TURN * u, np.pi * v
     wave = np.zeros_like(u)
     if degree:
-        wave = SLOPE / degree * _harmonic(int(degree), longitude, polar)
-    radius = BALL * (1 + wave) / (1 + SLOPE / 4)
+        wave = BUMP_SLOPE / degree * _spherical_harmonic(int(degree), longitude, polar)
+    radius = BALL_RADIUS * (1 + wave) / (1 + BUMP_SLOPE / 4)
     places = np.stack([radius * np.sin(polar) * np.cos(longitude), radius * np.sin(polar) * np.sin(longitude),
                        radius * np.cos(polar)], axis=-1)  # fmt: skip
-    return Mesh(*_grid(places), smooth=True)
+    return Mesh(*_grid_mesh(places), smooth=True)
 
 
-def plates(distance: float, solid: bool = False) -> Mesh:
+def parallel_plates(distance: float, solid: bool = False) -> Mesh:
     """Two upright plates that far apart, seen from their edges; `solid` fills the gap between them."""
-    thickness, depth, height = PLATE
+    thickness, depth, height = PLATE_SIZE
     outer = distance / 2 + thickness
     if solid:
-        return _boxes([((0, 0, 0), (outer, depth / 2, height / 2))])
+        return _box_mesh([((0, 0, 0), (outer, depth / 2, height / 2))])
     middle = (distance + thickness) / 2
-    return _boxes([((side * middle, 0, 0), (thickness / 2, depth / 2, height / 2)) for side in (-1, 1)])
+    return _box_mesh([((side * middle, 0, 0), (thickness / 2, depth / 2, height / 2)) for side in (-1, 1)])
 
 
-def sheet(thickness: float) -> Mesh:
+def tilted_sheet(thickness: float) -> Mesh:
     """A wavy sheet that thick, tilted towards the camera; of thickness 0 it is open and has one side."""
     u, v = np.meshgrid(*[np.linspace(-1, 1, SHEET_CELLS + 1)] * 2, indexing="ij")
     height = 0.18 * np.sin(5 * u + 1) * np.cos(4 * v)
@@ -53,15 +53,15 @@ def sheet(thickness: float) -> Mesh:
     for side in (1, -1) if thickness else (1,):
         places = 0.62 * np.stack([u, v, height], axis=-1)
         places[..., 2] += side * thickness / 2
-        layers.append(_grid(places if side > 0 else places[::-1]))
-    vertices, faces = (np.concatenate(parts) for parts in zip(*_numbered(layers), strict=True))
+        layers.append(_grid_mesh(places if side > 0 else places[::-1]))
+    vertices, faces = (np.concatenate(parts) for parts in zip(*_offset_faces(layers), strict=True))
     if thickness:
-        faces = np.concatenate([faces, _rim(vertices, faces)])
+        faces = np.concatenate([faces, _join_rims(vertices, faces)])
     tilt = np.array([[1, 0, 0], [0, 0.64, -0.77], [0, 0.77, 0.64]])
     return Mesh(vertices @ tilt.T, faces, smooth=True)
 
 
-def scene(count: float) -> Mesh:
+def objects_on_floor(count: float) -> Mesh:
     """So many objects side by side on one floor."""
     side = int(np.ceil(np.sqrt(count)))
     parts = []
@@ -71,11 +71,11 @@ def scene(count: float) -> Mesh:
         placed[:, 2] -= placed[:, 2].min()
         spot = (np.array([index % side, index // side, 0.0]) - (side - 1) / 2 * np.array([1, 1, 0])) * 2.1
         parts.append((placed + spot, faces))
-    vertices, faces = (np.concatenate(joined) for joined in zip(*_numbered(parts), strict=True))
+    vertices, faces = (np.concatenate(joined) for joined in zip(*_offset_faces(parts), strict=True))
     return Mesh(bounding_sphere(vertices).normalise(vertices).astype(np.float64), faces, smooth=True)
 
 
-def _harmonic(degree: int, longitude: np.ndarray, polar: np.ndarray) -> np.ndarray:
+def _spherical_harmonic(degree: int, longitude: np.ndarray, polar: np.ndarray) -> np.ndarray:
     """Real spherical harmonic of that degree and order degree / 2, scaled to reach from -1 to 1."""
     order, cosine = max(degree // 2, 1), np.cos(polar)
     before, now = np.zeros_like(cosine), np.sin(polar) ** order
@@ -86,7 +86,7 @@ def _harmonic(degree: int, longitude: np.ndarray, polar: np.ndarray) -> np.ndarr
     return scaled
 
 
-def _grid(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _grid_mesh(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) and triangles (M, 3) of a grid of places (A, B, 3); those at one place are joined."""
     columns, rows = places.shape[0] - 1, places.shape[1] - 1
     corner = (np.arange(columns)[:, None] * (rows + 1) + np.arange(rows)).ravel()
@@ -97,7 +97,7 @@ def _grid(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return vertices, np.stack([a, b, c], axis=1)[(a != b) & (b != c) & (c != a)]
 
 
-def _rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+def _join_rims(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Triangles (M, 3) that join the open edges of two like layers, the second of which comes after the first."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     keys = np.sort(edges, axis=1) @ (len(vertices), 1)
@@ -111,17 +111,17 @@ def _rim(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.concatenate([first, np.stack([upper[:, 1], below[:, 0], below[:, 1]], axis=1)])
 
 
-def _boxes(boxes: list[tuple[tuple[float, float, float], tuple[float, float, float]]]) -> Mesh:
+def _box_mesh(boxes: list[tuple[tuple[float, float, float], tuple[float, float, float]]]) -> Mesh:
     """Boxes with the given centres and half sides, flat-shaded."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = np.array([(q[0], q[i], q[i + 1]) for q in quads for i in (1, 2)])
     parts = [(np.array(centre) + corners * np.array(half), triangles) for centre, half in boxes]
-    vertices, faces = (np.concatenate(joined) for joined in zip(*_numbered(parts), strict=True))
+    vertices, faces = (np.concatenate(joined) for joined in zip(*_offset_faces(parts), strict=True))
     return Mesh(vertices, faces, smooth=False)
 
 
-def _numbered(parts: list[tuple[np.ndarray, np.ndarray]]) -> list[tuple[np.ndarray, np.ndarray]]:
+def _offset_faces(parts: list[tuple[np.ndarray, np.ndarray]]) -> list[tuple[np.ndarray, np.ndarray]]:
     """The parts with their faces numbered on, as one list of all vertices has them."""
     counted, first = [], 0
     for vertices, faces in parts:

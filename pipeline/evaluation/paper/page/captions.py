@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Kind:
+class SweepCaption:
     """What a sweep is called and shows."""
 
     title: str
@@ -17,29 +17,29 @@ class Kind:
     log: bool = False
 
 
-KINDS: dict[str, Kind] = {
-    "base": Kind("Every method, plain case", "", "Uniform samples without noise."),
-    "noise": Kind("Noise", "standard deviation, radii", "Gaussian noise on every point.", "handling noisy inputs"),
-    "density": Kind("Density", "points", "More and fewer points.", "density and ablation", log=True),
-    "sampling": Kind("Sampling", "", "Ways of drawing the same number of points; non-uniform is ten times as dense on "
+SWEEP_CAPTIONS: dict[str, SweepCaption] = {
+    "base": SweepCaption("Every method, plain case", "", "Uniform samples without noise."),
+    "noise": SweepCaption("Noise", "standard deviation, radii", "Gaussian noise on every point.", "handling noisy inputs"),
+    "density": SweepCaption("Density", "points", "More and fewer points.", "density and ablation", log=True),
+    "sampling": SweepCaption("Sampling", "", "Ways of drawing the same number of points; non-uniform is ten times as dense on "
                      "one side.", "robustness to sampling"),
-    "inner": Kind("Inner points", "share of the points", "Points inside the object, as generative networks leave them.",
+    "inner": SweepCaption("Inner points", "share of the points", "Points inside the object, as generative networks leave them.",
                   "generated clouds"),
-    "scale": Kind("Scale", "share of the frame", "The object at other sizes in the frame.", "supplementary: scale"),
-    "single": Kind("Single view", "", "What one simulated depth camera 40 degrees to the side sees.",
+    "scale": SweepCaption("Scale", "share of the frame", "The object at other sizes in the frame.", "supplementary: scale"),
+    "single": SweepCaption("Single view", "", "What one simulated depth camera 40 degrees to the side sees.",
                    "single-view scans"),
-    "lift": Kind("Lifted object", "radii above the floor", "The object hovers; the shadow must stay on the floor.",
+    "lift": SweepCaption("Lifted object", "radii above the floor", "The object hovers; the shadow must stay on the floor.",
                  "positional encoding"),
-    "light": Kind("Light around", "azimuth, degrees", "The light goes around the object.", "light control"),
-    "color": Kind("Colours", "", "The same view in other colours.", "colour control"),
-    "turning": Kind("Turning views", "degrees", "The object turns about its upright axis.", "turning views"),
-    "material": Kind("Metallic and roughness", "", "Levels are metallic, roughness.", "material control"),
-    "sheet": Kind("Thin sheets", "thickness, radii", "A wavy sheet, open at thickness 0.", "sheets"),
-    "scene": Kind("Scenes", "objects", "Several objects on one floor.", "Table 1, scenes"),
-    "bumps": Kind("Limit: fine detail", "degree of the harmonic", "A ball with bumps of rising frequency and equal "
+    "light": SweepCaption("Light around", "azimuth, degrees", "The light goes around the object.", "light control"),
+    "color": SweepCaption("Colours", "", "The same view in other colours.", "colour control"),
+    "turning": SweepCaption("Turning views", "degrees", "The object turns about its upright axis.", "turning views"),
+    "material": SweepCaption("Metallic and roughness", "", "Levels are metallic, roughness.", "material control"),
+    "sheet": SweepCaption("Thin sheets", "thickness, radii", "A wavy sheet, open at thickness 0.", "sheets"),
+    "scene": SweepCaption("Scenes", "objects", "Several objects on one floor.", "Table 1, scenes"),
+    "bumps": SweepCaption("Limit: fine detail", "degree of the harmonic", "A ball with bumps of rising frequency and equal "
                   "steepness; contrast kept is 1 where all of the true picture's change is there, 0 where none.",
                   "supplementary: spherical harmonics", log=True),
-    "gap": Kind("Limit: near surfaces", "distance, radii", "Two plates that near each other; contrast kept is 1 where "
+    "gap": SweepCaption("Limit: near surfaces", "distance, radii", "Two plates that near each other; contrast kept is 1 where "
                 "the gap is as in the true picture, 0 where they are one block.", "limitation",
                 log=True),
 }  # fmt: skip

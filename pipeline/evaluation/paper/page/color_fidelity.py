@@ -11,12 +11,12 @@ import numpy as np
 from PIL import Image
 
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, TRUTH, WEIGHTS
-from z2p_renderer.pipeline.evaluation.paper.page.results import Findings
+from z2p_renderer.pipeline.evaluation.paper.page.results import Results
 from z2p_renderer.pipeline.evaluation.paper.page.tables import Table, values_cell
 
-OPAQUE = 250
+MIN_OPAQUE_ALPHA = 250
 """Alpha, of 255, from which on a pixel shows the object alone."""
-LEAST_CHROMA = 10.0
+MIN_CHROMA = 10.0
 """Of a true colour in CIELAB, below which it is a grey and has no hue to speak of."""
 
 
@@ -44,7 +44,7 @@ def color_table(errors: Mapping[str, Sequence[ColorError]]) -> Table:
     return Table("The colour that comes out", head, tuple(rows), note)
 
 
-def color_errors(findings: Findings, folders: Mapping[str, Path], sweep: str) -> dict[str, list[ColorError]]:
+def color_errors(findings: Results, folders: Mapping[str, Path], sweep: str) -> dict[str, list[ColorError]]:
     """Method -> the error of each of its pictures in a sweep, beside the true one of the same mesh, level and view."""
     true = {(row["mesh"], row["level"], row["view"]): row for row in findings.rows(sweep, TRUTH)}
     found: dict[str, list[ColorError]] = {}
@@ -52,29 +52,29 @@ def color_errors(findings: Findings, folders: Mapping[str, Path], sweep: str) ->
         found[method] = []
         for row in (row for row in findings.rows(sweep, method) if "picture" in row):
             other = true[row["mesh"], row["level"], row["view"]]
-            error = color_error(_read(folders, sweep, row, method), _read(folders, sweep, other, TRUTH))
+            error = color_error(_read_image(folders, sweep, row, method), _read_image(folders, sweep, other, TRUTH))
             found[method] += [] if error is None else [error]
     return found
 
 
 def color_error(picture: np.ndarray, truth: np.ndarray) -> ColorError | None:
     """Error of the mean colour where both pictures (H, W, 4) uint8 straight sRGB show the object; None if nowhere."""
-    both = (picture[..., 3] >= OPAQUE) & (truth[..., 3] >= OPAQUE)
+    both = (picture[..., 3] >= MIN_OPAQUE_ALPHA) & (truth[..., 3] >= MIN_OPAQUE_ALPHA)
     if not both.any():
         return None
-    (lightness, a, b), (true_lightness, true_a, true_b) = (_lab(one[both][:, :3]).mean(0) for one in (picture, truth))
+    (lightness, a, b), (true_lightness, true_a, true_b) = (_lab_from_srgb(one[both][:, :3]).mean(0) for one in (picture, truth))
     chroma, true_chroma = math.hypot(a, b), math.hypot(true_a, true_b)
     turn = math.degrees(math.atan2(b, a) - math.atan2(true_b, true_a))
-    hue = abs((turn + 180) % 360 - 180) if true_chroma >= LEAST_CHROMA else None
+    hue = abs((turn + 180) % 360 - 180) if true_chroma >= MIN_CHROMA else None
     return ColorError(abs(lightness - true_lightness), abs(chroma - true_chroma), hue)
 
 
-def _read(folders: Mapping[str, Path], sweep: str, row: Mapping[str, str], method: str) -> np.ndarray:
+def _read_image(folders: Mapping[str, Path], sweep: str, row: Mapping[str, str], method: str) -> np.ndarray:
     with Image.open(folders[f"measure/{sweep}/{row['mesh'] or 'shapes'}/{method}"] / row["picture"]) as opened:
         return np.asarray(opened.convert("RGBA"))
 
 
-def _lab(pixels: np.ndarray) -> np.ndarray:
+def _lab_from_srgb(pixels: np.ndarray) -> np.ndarray:
     """CIELAB (N, 3) float64, white point D65, of sRGB pixels (N, 3) uint8."""
     import torch  # late, as kornia: both are slow to import
     from kornia.color import rgb_to_lab

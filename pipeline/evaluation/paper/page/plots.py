@@ -11,15 +11,15 @@ from pathlib import Path
 from PIL import Image
 
 from z2p_renderer.pipeline.evaluation.paper.methods import WEIGHTS
-from z2p_renderer.pipeline.evaluation.paper.page.results import FIGURES, KEPT, Findings, mean, spread
+from z2p_renderer.pipeline.evaluation.paper.page.results import METRICS, CONTRAST_KEPT, Results, mean, spread
 
-SIDE = 144
+THUMBNAIL_SIDE = 144
 """Pixels along a picture's side in the page."""
-COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#5b5ea6", "#8d6a4f", "#2e4057", "#c77dba")
-TITLES = {name: title for name, (title, _, _) in FIGURES.items()} | {KEPT: "contrast kept"}
+LINE_COLORS = ("#d1495b", "#00798c", "#edae49", "#66a182", "#5b5ea6", "#8d6a4f", "#2e4057", "#c77dba")
+METRIC_TITLES = {name: title for name, (title, _, _) in METRICS.items()} | {CONTRAST_KEPT: "contrast kept"}
 
 
-def curves(findings: Findings, sweep: str, axis: str, log: bool, figures: Sequence[str]) -> str:
+def plot_sweep(findings: Results, sweep: str, axis: str, log: bool, figures: Sequence[str]) -> str:
     """Data URI of a picture with a panel a figure and a line a method; bars span a standard deviation over the rows."""
     from matplotlib.figure import Figure  # late: slow to import
 
@@ -27,9 +27,9 @@ def curves(findings: Findings, sweep: str, axis: str, log: bool, figures: Sequen
     panels = picture.subplots(1, len(figures), squeeze=False)[0]
     levels = findings.levels(sweep)
     for panel, figure in zip(panels, figures, strict=True):
-        shown = [level for level in levels if _has(findings, sweep, level, figure)]
+        shown = [level for level in levels if _is_measured(findings, sweep, level, figure)]
         numeric = all(_is_number(level) for level in shown)
-        for color, method in zip(cycle(COLORS), (one.name for one in findings.methods), strict=False):
+        for color, method in zip(cycle(LINE_COLORS), (one.name for one in findings.methods), strict=False):
             points = [(level, findings.values(sweep, method, figure, level)) for level in shown]
             known = [(level, values) for level, values in points if values]
             if not known:
@@ -39,7 +39,7 @@ def curves(findings: Findings, sweep: str, axis: str, log: bool, figures: Sequen
             panel.errorbar(places, [mean(values) for _, values in known], [spread(values) for _, values in known],
                            label=method, color=color, linewidth=2.4 if ours else 1.2, marker="o", markersize=3,
                            elinewidth=0.6, alpha=1 if ours else 0.8)  # fmt: skip
-        panel.set_title(TITLES[figure], fontsize=10)
+        panel.set_title(METRIC_TITLES[figure], fontsize=10)
         panel.set_xlabel(axis, fontsize=9)
         panel.grid(alpha=0.25)
         if numeric and log:
@@ -58,13 +58,13 @@ def thumbnail(path: Path) -> str:
     """Data URI of a picture, made smaller."""
     with Image.open(path) as image:
         small = image.convert("RGBA")
-    small.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
+    small.thumbnail((THUMBNAIL_SIDE, THUMBNAIL_SIDE), Image.Resampling.LANCZOS)
     held = io.BytesIO()
     small.save(held, format="WEBP", quality=85, method=2)
     return f"data:image/webp;base64,{base64.b64encode(held.getvalue()).decode()}"
 
 
-def _has(findings: Findings, sweep: str, level: str, figure: str) -> bool:
+def _is_measured(findings: Results, sweep: str, level: str, figure: str) -> bool:
     return any(figure in row for row in findings.every if row["sweep"] == sweep and row["level"] == level)
 
 

@@ -13,31 +13,31 @@ from typing import Any
 from z2p_core import __version__
 from z2p_core.config import to_dict
 from z2p_core.config.report import SWEEP_NAMES, ReportConfig
-from z2p_renderer.pipeline.evaluation.paper.capability_table import ABILITIES
+from z2p_renderer.pipeline.evaluation.paper.capability_table import CAPABILITIES
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, TRUTH, WEIGHTS, Method
-from z2p_renderer.pipeline.evaluation.paper.page.captions import KINDS
+from z2p_renderer.pipeline.evaluation.paper.page.captions import SWEEP_CAPTIONS
 from z2p_renderer.pipeline.evaluation.paper.page.color_fidelity import color_errors, color_table
-from z2p_renderer.pipeline.evaluation.paper.page.plots import curves, thumbnail
-from z2p_renderer.pipeline.evaluation.paper.page.results import FIGURES, KEPT, Findings, read_findings
-from z2p_renderer.pipeline.evaluation.paper.page.summary import lead
+from z2p_renderer.pipeline.evaluation.paper.page.plots import plot_sweep, thumbnail
+from z2p_renderer.pipeline.evaluation.paper.page.results import METRICS, CONTRAST_KEPT, Results, read_results
+from z2p_renderer.pipeline.evaluation.paper.page.summary import summarize
 from z2p_renderer.pipeline.evaluation.paper.page.tables import (
     Table,
-    abilities_table,
+    capabilities_table,
     level_table,
     means_table,
     network_times_table,
     reconstruction_times_table,
-    trust_table,
+    uncertainty_table,
 )
-from z2p_renderer.pipeline.evaluation.paper.timing import TIMES
-from z2p_renderer.pipeline.evaluation.paper.uncertainty import TRUST
+from z2p_renderer.pipeline.evaluation.paper.timing import TIMES_FILE
+from z2p_renderer.pipeline.evaluation.paper.uncertainty import UNCERTAINTY_FILE
 from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.models.checkpoints import load_weights, find_weights
 
 CSV_COLUMNS = ("sweep", "mesh", "view", "level", "x", "method", "points", "psnr_white", "psnr_foreground", "ssim",
                "flip", "alpha_l1", "shadow_l1", "shadow_kept", "contrast_kept", "seconds", "error", "result",
                "picture")  # fmt: skip
-ABSENT = (
+MISSING_PARTS = (
     ("Ablation, AdaIN against input channels", "needs weights trained with the settings as input channels (z2p ablate "
      "trains and compares them); with them (--weights) they appear in the density sweep beside the others"),
     ("Ablation, positional encoding", "needs weights trained without it (z2p ablate); with them the lifted object "
@@ -46,7 +46,7 @@ ABSENT = (
     ("Weights for noise", "the noise sweep's second row needs the weights of configs/denoise.toml"),
     ("Metallic and roughness", "the material sweep needs the weights of configs/material.toml"),
 )  # fmt: skip
-"""What the paper's evaluation has and only other weights can show, and what they are; `_absent` leaves out what is."""
+"""What the paper's evaluation has and only other weights can show, and what they are; `_list_missing_parts` leaves out what is."""
 
 
 @dataclass(frozen=True)
@@ -79,35 +79,35 @@ def write_report(
     Raises:
         OSError: a result is missing.
     """
-    findings = read_findings(folders, methods)
-    times = json.loads((folders["times"] / TIMES).read_text(encoding="utf-8"))
-    trust = [json.loads((folder / TRUST).read_text(encoding="utf-8"))
+    findings = read_results(folders, methods)
+    times = json.loads((folders["times"] / TIMES_FILE).read_text(encoding="utf-8"))
+    trust = [json.loads((folder / UNCERTAINTY_FILE).read_text(encoding="utf-8"))
              | dict(zip(("mesh", "method"), name.split("/")[1:], strict=True))  # of today: files may be renamed
              for name, folder in folders.items() if name.startswith("trust/")]  # fmt: skip
-    first = lead(findings, list(config.sweeps()))
-    table, verdicts = abilities_table(findings)
+    first = summarize(findings, list(config.sweeps()))
+    table, verdicts = capabilities_table(findings)
     colors = color_errors(findings, folders, "color")
-    sections = [_abilities_section(table, command), _times_section(times, command)]
+    sections = [_capabilities_section(table, command), _times_section(times, command)]
     further = {"color": [color_table(colors)]}
     sections += [_sweep_section(findings, folders, sweep, command, further.get(sweep, [])) for sweep in config.sweeps()]
-    sections += _trust_sections(trust, folders, command)
+    sections += _uncertainty_sections(trust, folders, command)
     sections += _scan_sections(findings, folders, command)
-    absent = _absent(findings, config)
+    absent = _list_missing_parts(findings, config)
     _write_page(out / "report.html", config, first, sections, absent, findings, command)
     told = {
         "version": __version__, "command": command, "lead": first, "config": to_dict(config),
         "methods": [asdict(method) for method in methods], "absent": [list(one) for one in absent],
         "abilities": {name: {key: asdict(one) for key, one in found.items()} for name, found in verdicts.items()},
-        "ability_tests": {one.key: one.test for one in ABILITIES}, "times": times, "trust": trust,
+        "ability_tests": {one.key: one.test for one in CAPABILITIES}, "times": times, "trust": trust,
         "color_errors": {name: [asdict(one) for one in found] for name, found in colors.items()},
         "rows": list(findings.every),
     }  # fmt: skip
     atomic_write((json.dumps(told, indent=1) + "\n").encode(), out / "report.json")
-    atomic_write(_csv(findings.every).encode(), out / "report.csv")
+    atomic_write(_as_csv(findings.every).encode(), out / "report.csv")
     return [out / name for name in ("report.html", "report.json", "report.csv")]
 
 
-def _abilities_section(table: Table, command: str) -> Section:
+def _capabilities_section(table: Table, command: str) -> Section:
     text = "What each method can do, as in the paper's Table 1; every tick of a method that runs here was tested."
     return Section("abilities", "Table 1: what each method can do", text, command, tables=[table])
 
@@ -119,29 +119,29 @@ def _times_section(times: Mapping[str, Any], command: str) -> Section:
 
 
 def _sweep_section(
-    findings: Findings, folders: Mapping[str, Path], sweep: str, command: str, further: Sequence[Table]
+    findings: Results, folders: Mapping[str, Path], sweep: str, command: str, further: Sequence[Table]
 ) -> Section:
     """A sweep's curves, tables, those further ones among them, and strips."""
-    kind, kept = KINDS[sweep], any(KEPT in row for row in findings.every if row["sweep"] == sweep)
-    figures = (KEPT,) if kept else ("psnr_foreground", "ssim", "flip")
+    kind, kept = SWEEP_CAPTIONS[sweep], any(CONTRAST_KEPT in row for row in findings.every if row["sweep"] == sweep)
+    figures = (CONTRAST_KEPT,) if kept else ("psnr_foreground", "ssim", "flip")
     several = len(findings.levels(sweep)) > 1
-    plots = [curves(findings, sweep, kind.axis, kind.log, figures)] if several else []
+    plots = [plot_sweep(findings, sweep, kind.axis, kind.log, figures)] if several else []
     if sweep == "base":
         tables = [means_table(findings, sweep, "Means over meshes and views")]
     else:
-        tables = [level_table(findings, sweep, figure, KEPT.replace("_", " ") if kept else FIGURES[figure][0])
+        tables = [level_table(findings, sweep, figure, CONTRAST_KEPT.replace("_", " ") if kept else METRICS[figure][0])
                   for figure in figures]  # fmt: skip
     tables += further
     meshes = [mesh for mesh in findings.meshes(sweep) if mesh]
     text = kind.shows + (f" Meshes: {', '.join(meshes)}." if meshes else " Shapes made for it.")
     text += f" In the paper: {kind.figure}." if kind.figure else ""
-    strips = [_strip(findings, folders, sweep, mesh) for mesh in findings.meshes(sweep)[:1 if several else None]]
+    strips = [_sweep_strip(findings, folders, sweep, mesh) for mesh in findings.meshes(sweep)[:1 if several else None]]
     if not several:
-        strips = [_side_by_side(strips)]
+        strips = [_join_strips(strips)]
     return Section(sweep, kind.title, text, f"{_without_sweeps(command)} --sweeps {sweep}", plots, strips, tables)
 
 
-def _strip(findings: Findings, folders: Mapping[str, Path], sweep: str, mesh: str) -> Strip:
+def _sweep_strip(findings: Results, folders: Mapping[str, Path], sweep: str, mesh: str) -> Strip:
     """The first view of a mesh: the points, each method, the truth."""
     of, rows = mesh or "shapes", []
     truth = [row for row in findings.rows(sweep, TRUTH) if row["mesh"] == mesh and row["view"] == 0]
@@ -156,7 +156,7 @@ def _strip(findings: Findings, folders: Mapping[str, Path], sweep: str, mesh: st
     return Strip(of, [row["level"] for row in truth], rows)
 
 
-def _side_by_side(strips: Sequence[Strip]) -> Strip:
+def _join_strips(strips: Sequence[Strip]) -> Strip:
     """One strip with a column a mesh, of strips with one column each."""
     names = [name for name, _ in strips[0].rows]
     cells = [[cell for strip in strips for cell in strip.rows[index][1]] for index in range(len(names))]
@@ -164,10 +164,10 @@ def _side_by_side(strips: Sequence[Strip]) -> Strip:
     return Strip("", columns, list(zip(names, cells, strict=True)))
 
 
-def _trust_sections(trust: Sequence[Mapping[str, Any]], folders: Mapping[str, Path], command: str) -> list[Section]:
+def _uncertainty_sections(trust: Sequence[Mapping[str, Any]], folders: Mapping[str, Path], command: str) -> list[Section]:
     if not trust:
         return []
-    table, verdict = trust_table(trust)
+    table, verdict = uncertainty_table(trust)
     text = ("Is there a map that says where the picture is invented? Disagreement is the spread of pictures that are "
             f"each drawn from half of the points. {verdict} Maps and errors are shown four times as bright.")
     strips = []
@@ -179,7 +179,7 @@ def _trust_sections(trust: Sequence[Mapping[str, Any]], folders: Mapping[str, Pa
     return [Section("trust", "Trust", text, command, strips=strips, tables=[table])]
 
 
-def _scan_sections(findings: Findings, folders: Mapping[str, Path], command: str) -> list[Section]:
+def _scan_sections(findings: Results, folders: Mapping[str, Path], command: str) -> list[Section]:
     names = [method.name for method in findings.methods if f"scans/{method.name}" in folders]
     if not names:
         return []
@@ -192,16 +192,16 @@ def _scan_sections(findings: Findings, folders: Mapping[str, Path], command: str
     return [Section("scans", "Real scans", text, command, strips=[Strip("scans", columns, rows)])]
 
 
-def _absent(findings: Findings, config: ReportConfig) -> list[tuple[str, str]]:
+def _list_missing_parts(findings: Results, config: ReportConfig) -> list[tuple[str, str]]:
     """What the paper's evaluation has and this report has not, and what it would take."""
     weights = [method for method in findings.methods if method.kind == WEIGHTS]
     cards = [load_weights(find_weights(method.source)).card for method in weights]  # a name tells nothing for sure
     papers = any(card["network"]["kind"] == "adain_unet" for card in cards)
     noise = any(card["training"].get("noise", "none") != "none" for card in cards)
     material = any("psnr_white" in row for method in weights for row in findings.rows("material", method.name))
-    there = {ABSENT[2][0]: papers, ABSENT[3][0]: noise, ABSENT[4][0]: material}
-    found = [(title, why) for title, why in ABSENT if not there.get(title)]
-    found += [(KINDS[sweep].title, "left out by the config or by --sweeps") for sweep in SWEEP_NAMES
+    there = {MISSING_PARTS[2][0]: papers, MISSING_PARTS[3][0]: noise, MISSING_PARTS[4][0]: material}
+    found = [(title, why) for title, why in MISSING_PARTS if not there.get(title)]
+    found += [(SWEEP_CAPTIONS[sweep].title, "left out by the config or by --sweeps") for sweep in SWEEP_NAMES
               if sweep not in config.sweeps()]  # fmt: skip
     if not config.scans:
         found.append(("Real scans", "no folder of scans was given (--scans)"))
@@ -211,7 +211,7 @@ def _absent(findings: Findings, config: ReportConfig) -> list[tuple[str, str]]:
 
 def _write_page(
     path: Path, config: ReportConfig, first: str, sections: Sequence[Section], absent: Sequence[tuple[str, str]],
-    findings: Findings, command: str,
+    findings: Results, command: str,
 ) -> None:  # fmt: skip
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -233,7 +233,7 @@ def _without_sweeps(command: str) -> str:
     return words[0]
 
 
-def _csv(rows: Iterable[Mapping[str, Any]]) -> str:
+def _as_csv(rows: Iterable[Mapping[str, Any]]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, CSV_COLUMNS, extrasaction="ignore", lineterminator="\n")
     writer.writeheader()

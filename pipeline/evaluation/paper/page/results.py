@@ -9,22 +9,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from z2p_renderer.pipeline.evaluation.paper.measure import ROWS
+from z2p_renderer.pipeline.evaluation.paper.measure import ROWS_FILE
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, WEIGHTS, Method
 
-FIGURES: dict[str, tuple[str, str, bool]] = {
+METRICS: dict[str, tuple[str, str, bool]] = {
     "psnr_foreground": ("PSNR on the object", "{:.2f} dB", True),
     "psnr_white": ("PSNR on white", "{:.2f} dB", True),
     "ssim": ("SSIM", "{:.4f}", True),
     "flip": ("FLIP", "{:.4f}", False),
 }
 """Figure -> its title, how it is told, and whether more is better."""
-KEPT = "contrast_kept"
+CONTRAST_KEPT = "contrast_kept"
 """Best at 1: below it contrast is lost, above it there is more than in truth."""
 
 
 @dataclass(frozen=True)
-class Findings:
+class Results:
     """Rows of every method, sweep and mesh; each has ``sweep``, ``mesh``, ``method`` and ``result``, its folder."""
 
     every: tuple[dict[str, Any], ...]
@@ -67,7 +67,7 @@ class Findings:
 
 
 @dataclass(frozen=True)
-class Duel:
+class Comparison:
     """The best weights against the best baseline in one figure at one place."""
 
     sweep: str
@@ -81,30 +81,30 @@ class Duel:
     @property
     def lost(self) -> bool:
         """Whether the baseline wins."""
-        more = FIGURES[self.figure][2]
+        more = METRICS[self.figure][2]
         return self.their_value > self.our_value if more else self.their_value < self.our_value
 
 
-def read_findings(folders: Mapping[str, Path], methods: Sequence[Method]) -> Findings:
+def read_results(folders: Mapping[str, Path], methods: Sequence[Method]) -> Results:
     """Findings of the folders of measured results, by the names of their steps."""
     every = []
     for name, folder in folders.items():
         if not name.startswith(("measure/", "scans/")):
             continue
-        told = json.loads((folder / ROWS).read_text(encoding="utf-8"))
+        told = json.loads((folder / ROWS_FILE).read_text(encoding="utf-8"))
         kind, *parts = name.split("/")  # names of today: files may have others since a result was made
         sweep, of, method = parts if kind == "measure" else (told["sweep"], told["mesh"], *parts)
         where = {"sweep": sweep, "mesh": told["mesh"] and of, "method": method,
                  "result": f"{folder.parent.name}/{folder.name}"}  # fmt: skip
         every += [{**row, **where} for row in told["rows"]]
-    return Findings(tuple(every), tuple(methods))
+    return Results(tuple(every), tuple(methods))
 
 
-def duels(findings: Findings, sweep: str) -> list[Duel]:
+def compare_best(findings: Results, sweep: str) -> list[Comparison]:
     """A duel for each level and figure of a sweep that weights and baselines both have."""
     found = []
     for level in findings.levels(sweep):
-        for figure, (_, _, more) in FIGURES.items():
+        for figure, (_, _, more) in METRICS.items():
             best = []
             for kind in (WEIGHTS, BASELINE):
                 means = {name: mean(findings.values(sweep, name, figure, level)) for name in findings.named(kind)}
@@ -113,15 +113,15 @@ def duels(findings: Findings, sweep: str) -> list[Duel]:
                     name = (max if more else min)(known, key=lambda one: known[one])
                     best.append((name, known[name]))
             if len(best) == 2:
-                found.append(Duel(sweep, level, figure, *best[0], *best[1]))
+                found.append(Comparison(sweep, level, figure, *best[0], *best[1]))
     return found
 
 
-def best(figure: str, values: Sequence[float]) -> float | None:
+def best_value(figure: str, values: Sequence[float]) -> float | None:
     """The best of values of a figure; None of nothing."""
-    if figure == KEPT:
+    if figure == CONTRAST_KEPT:
         return min(values, key=lambda value: abs(1 - value), default=None)
-    more = figure in FIGURES and FIGURES[figure][2]
+    more = figure in METRICS and METRICS[figure][2]
     return (max if more else min)(values, default=None)
 
 
