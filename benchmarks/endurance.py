@@ -21,7 +21,7 @@ from subjects import cloud_of
 
 from z2p_core.meshes.synthetic_noise import add_noise
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.storage.images.image_files import encode
+from z2p_renderer.storage.images.image_files import encode_picture
 
 PAGE = resource.getpagesize()
 MEMORY_LIMIT, LARGE_LIMIT, GROWTH_LIMIT = 600.0, 1000.0, 5.0
@@ -59,7 +59,7 @@ def long_run(options: Any) -> list[dict[str, Any]]:
         side, count = int(rng.choice(SIDES)), int(rng.integers(*POINTS))
         values = {name: control.draw(rng) for name, control in renderer.controls.items()}
         cloud = add_noise(base[:count], "gaussian", 0.01, rng)
-        encode(renderer.render(cloud, values, side, side), ".png", record={"record": 1, "number": number})
+        encode_picture(renderer.render(cloud, values, side, side), ".png", record={"record": 1, "number": number})
         if number % every == 0:
             curve.append((number, _resident()))
     at, megabytes = zip(*curve, strict=True)

@@ -32,7 +32,7 @@ from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
-from z2p_renderer.storage.images.image_files import encode
+from z2p_renderer.storage.images.image_files import encode_picture
 from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights
 from z2p_renderer.storage.scans.clouds import read_clouds
 
@@ -181,7 +181,7 @@ def _whole(options: Any, weights: Path, folder: Path) -> list[Figure]:
             baseline = BOTH if side == 512 else None
             figures.append(measure(f"points to RGBA, {side}, {name}", run, limit, baseline))
     picture = Renderer(weights, options.threads).render(cloud)
-    figures.append(measure("encode, 512, .png", partial(encode, picture, ".png")))
+    figures.append(measure("encode, 512, .png", partial(encode_picture, picture, ".png")))
     if options.quick or options.busy:  # the processor time of other processes is not ours
         return figures
     command = _command(weights)

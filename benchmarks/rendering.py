@@ -23,7 +23,7 @@ from subjects import own_mesh
 
 from z2p_renderer.pipeline import render
 from z2p_renderer.pipeline.render import RenderSettings, render_scenes
-from z2p_renderer.pipeline.rendering.views import draw_view, load_controls
+from z2p_renderer.pipeline.rendering.views import sample_view, load_controls
 
 CONTROLS = ("color", "light", "elevation")
 SMALL = (32, 32)
@@ -82,20 +82,20 @@ def measured(mesh: Path, whole: RenderSettings, views: int, folder: Path) -> dic
 def _timed(mesh: Path, settings: RenderSettings, views: int, out: Path) -> tuple[np.ndarray, Any]:
     """Seconds and Blender's processor seconds of rendering so many views; the same of developing one, median."""
     controls, rng = load_controls(CONTROLS), np.random.default_rng(0)
-    scenes = [(f"{number:03d}", draw_view(controls, rng, upright=0.5).scene) for number in range(views)]
-    developing, develop = [], render._develop
+    scenes = [(f"{number:03d}", sample_view(controls, rng, upright=0.5).scene) for number in range(views)]
+    developing, develop = [], render._write_outputs
 
     def watched(exr: Path, folder: Path, stem: str) -> None:
         began = time.perf_counter(), time.process_time()
         develop(exr, folder, stem)
         developing.append((time.perf_counter() - began[0], time.process_time() - began[1]))
 
-    render._develop = watched
+    render._write_outputs = watched
     began = np.array([time.perf_counter(), _blenders()])
     try:
         render_scenes(mesh, scenes, out, settings)
     finally:
-        render._develop = develop
+        render._write_outputs = develop
     return np.array([time.perf_counter(), _blenders()]) - began, np.median(developing, axis=0)
 
 

@@ -20,10 +20,10 @@ import numpy as np
 from subjects import own_mesh
 
 from z2p_core.images import area_average, shrink
-from z2p_core.quality.metrics import picture_metrics
+from z2p_core.quality.metrics import image_metrics
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.render import RenderSettings, read_render, render_scenes
-from z2p_renderer.pipeline.rendering.views import draw_view, load_controls
+from z2p_renderer.pipeline.rendering.views import sample_view, load_controls
 
 SIDE = 512
 CLEAN = RenderSettings((SIDE, SIDE), 256, "high", seed=1000)
@@ -43,7 +43,7 @@ def main() -> None:
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
     controls, rng = load_controls(("color", "light", "elevation")), np.random.default_rng(0)
-    scenes = [(f"{number:03d}", draw_view(controls, rng, upright=0.5).scene) for number in range(options.views)]
+    scenes = [(f"{number:03d}", sample_view(controls, rng, upright=0.5).scene) for number in range(options.views)]
     print("| samples | denoising | seconds | one: FLIP | SSIM | shadow L1 | mean: FLIP | SSIM | shadow L1 |")
     print("|--:|---|--:|--:|--:|--:|--:|--:|--:|")
     rows = []
@@ -70,7 +70,7 @@ def measured(
     compared = {"one": drawn[0], "mean": np.mean(drawn, axis=0)}
     figures = {}
     for name, pictures in compared.items():
-        found = [picture_metrics(ours[..., :4], truth[..., :4], truth[..., 4])
+        found = [image_metrics(ours[..., :4], truth[..., :4], truth[..., 4])
                  for ours, truth in zip(pictures, clean, strict=True)]  # fmt: skip
         figures[name] = {figure: float(np.mean([own[figure] for own in found])) for figure in FIGURES}
     return {"seconds": float(np.median(seconds)), **figures}

@@ -20,8 +20,8 @@ from typing import Any
 import torch
 
 from z2p_core.config import parse_config
-from z2p_renderer.pipeline.training.state import Run, start_run
-from z2p_renderer.pipeline.training.train import _step
+from z2p_renderer.pipeline.training.state import TrainingState, start_training
+from z2p_renderer.pipeline.training.train import _train_step
 
 MOST_FUNCTIONS = 12
 
@@ -34,7 +34,7 @@ def main() -> None:
     config = parse_config(options.config.read_text(encoding="utf-8"), str(options.config)).train
     files = [file for path in options.shards for file in ([path] if path.is_file() else sorted(path.rglob("shard.h5")))]
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    run = start_run(files, config, device, options.precision)
+    run = start_training(files, config, device, options.precision)
     told = {"shards": len(files), "renders": len(run.data.training), "steps": options.steps, "device": device.type,
             "threads": options.threads, "cores": os.cpu_count(), "load before": os.getloadavg()[0]}  # fmt: skip
     read_all(run)
@@ -51,23 +51,23 @@ def main() -> None:
     (options.output / "training.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
-def read_all(run: Run) -> None:
+def read_all(run: TrainingState) -> None:
     """Reads every render once, as a training's first epoch does: later ones find them kept."""
     for place in run.data.training:
         for side in set(run.data.sides):
             run.data._record(place, side)
 
 
-def alone(run: Run, steps: int) -> list[dict[str, Any]]:
+def alone(run: TrainingState, steps: int) -> list[dict[str, Any]]:
     """Making batches in one thread, and learning from batches made before."""
     batches = [run.data.batch(step) for step in range(2)]
-    _step(run, batches[0].to(run.device))  # the first one also allocates
+    _train_step(run, batches[0].to(run.device))  # the first one also allocates
     made = _timed("making batches, one thread", steps, lambda number: len(run.data.batch(2 + number).settings))
     learnt = _timed("learning from batches", steps, lambda number: _learn(run, batches[number % 2]))
     return [made, learnt]
 
 
-def together(run: Run, steps: int) -> dict[str, Any]:
+def together(run: TrainingState, steps: int) -> dict[str, Any]:
     """Training as it runs: batches are made ahead in threads beside the steps."""
     waited, samples, first = 0.0, 0, 1000
     began, used = time.perf_counter(), time.process_time()
@@ -83,7 +83,7 @@ def together(run: Run, steps: int) -> dict[str, Any]:
             "waiting": waited / seconds}  # fmt: skip
 
 
-def profiled(run: Run, steps: int) -> dict[str, float]:
+def profiled(run: TrainingState, steps: int) -> dict[str, float]:
     """Share of the time of making batches that each function took by itself."""
     profile = cProfile.Profile(time.process_time)  # a busy machine must not blur it
     profile.enable()
@@ -103,8 +103,8 @@ def profiled(run: Run, steps: int) -> dict[str, float]:
     return {name: own / total for name, own in most}
 
 
-def _learn(run: Run, batch: Any) -> int:
-    _step(run, batch.to(run.device))
+def _learn(run: TrainingState, batch: Any) -> int:
+    _train_step(run, batch.to(run.device))
     run.step += 1
     return len(batch.settings)
 

@@ -27,12 +27,12 @@ FLOOR_GAP = 1e-3
 """The floor lies this far below the lowest point: a flat sheet lying right in it would turn black."""
 SHARP_ANGLE = math.radians(40)
 """Smooth-shaded meshes keep edges sharper than this: CAD models stay crisp."""
-DENOISING = {"fast": ("FAST", "FAST"), "balanced": ("BALANCED", "ACCURATE"), "high": ("HIGH", "ACCURATE")}
+DENOISER_SETTINGS = {"fast": ("FAST", "FAST"), "balanced": ("BALANCED", "ACCURATE"), "high": ("HIGH", "ACCURATE")}
 """Of Open Image Denoise: its quality, and how it cleans the albedo and normals that guide it.
 
 To clean these apart takes as long again as the picture itself, and only mirror images gain by it.
 """
-DIFFUSE = {"Roughness": 1.0, "Metallic": 0.0, "Specular IOR Level": 0.0}
+DIFFUSE_INPUTS = {"Roughness": 1.0, "Metallic": 0.0, "Specular IOR Level": 0.0}
 """Principled BSDF without its specular lobe: a plain diffuse surface, as the paper's."""
 
 
@@ -45,7 +45,7 @@ def main(job_folder: Path) -> None:
         return
     with np.load(job_folder / "mesh.npz") as arrays:
         mesh = make_mesh(arrays["vertices"], arrays["faces"], bool(arrays["smooth"]))
-    studio = Studio(mesh, job["settings"])
+    studio = BlenderScene(mesh, job["settings"])
     for stem, description in job["scenes"]:
         started = time.perf_counter()
         studio.arrange(SceneDescription.from_json(description))
@@ -64,7 +64,7 @@ def make_mesh(vertices: np.ndarray, faces: np.ndarray, smooth: bool) -> Any:
     return mesh
 
 
-class Studio:
+class BlenderScene:
     """The paper's scene (section 3.2): object, floor that catches shadow, square area light, ambient light, camera."""
 
     def __init__(self, mesh: Any, settings: dict[str, Any]) -> None:
@@ -89,11 +89,11 @@ class Studio:
         _look_at_origin(self.light, Vector(light_position(description.light)))
         elevation = math.radians(description.elevation)
         _look_at_origin(self.camera, DISTANCE * Vector((0, -math.cos(elevation), math.sin(elevation))))
-        for name, value in {**self.plain, **DIFFUSE, **description.material}.items():
+        for name, value in {**self.plain, **DIFFUSE_INPUTS, **description.material}.items():
             if name not in self.surface.inputs:
                 raise SystemExit(f"the Principled BSDF of Blender {bpy.app.version_string} has no input {name!r}")
             field = self.surface.inputs[name]
-            self.plain.setdefault(name, _plain(field.default_value))
+            self.plain.setdefault(name, _copied_value(field.default_value))
             field.default_value = value
 
     def render(self, path: Path, seed: int) -> None:
@@ -150,7 +150,7 @@ class Studio:
         cycles.use_denoising = settings["denoise"] != "off"
         if cycles.use_denoising:
             cycles.denoiser = "OPENIMAGEDENOISE"
-            cycles.denoising_quality, cycles.denoising_prefilter = DENOISING[settings["denoise"]]
+            cycles.denoising_quality, cycles.denoising_prefilter = DENOISER_SETTINGS[settings["denoise"]]
             cycles.denoising_use_gpu = False
         width, height = settings["resolution"]
         render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
@@ -187,7 +187,7 @@ def export_suzanne(path: Path) -> None:
     np.savez(path, vertices=vertices, faces=faces)
 
 
-def _plain(value: Any) -> Any:
+def _copied_value(value: Any) -> Any:
     """A copy of an input's value that later assignments do not reach."""
     return value if isinstance(value, (int, float)) else tuple(value)
 

@@ -29,7 +29,7 @@ from z2p_renderer.storage.files.disk_errors import DiskError, disk_error_message
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 
 PASSES = ("depth", "normal", "shadow")
-FAR = 1000.0
+MAX_DEPTH = 1000.0
 """Depth beyond which a pixel's first sample saw nothing, in world units."""
 DENOISE = ("off", "fast", "balanced", "high")
 
@@ -115,13 +115,13 @@ def render_mesh(
     with tempfile.TemporaryDirectory(prefix=".blender-", dir=out) as folder:
         job = Path(folder)
         vertices = mesh.vertices.astype(np.float32)
-        atomic_write(_packed(vertices=vertices, faces=mesh.faces, smooth=mesh.smooth), job / "mesh.npz")
+        atomic_write(_npz_bytes(vertices=vertices, faces=mesh.faces, smooth=mesh.smooth), job / "mesh.npz")
         described = [(stem, scene.to_json()) for stem, scene in missing]
         (job / "job.json").write_text(json.dumps({"settings": asdict(settings), "scenes": described}))
         started = time.perf_counter()
         for done, stem in enumerate(_run_blender(job, name), start=1):
             try:
-                _develop(job / f"{stem}.exr", out, stem)
+                _write_outputs(job / f"{stem}.exr", out, stem)
             except (RuntimeError, LookupError, ValueError) as error:  # whatever OpenEXR makes of half a file
                 raise _failure(job, f"{name}: Blender left no whole picture of {stem} ({error})") from error
             rate = done / (time.perf_counter() - started) * 60
@@ -183,7 +183,7 @@ def _failure(folder: Path, told: str) -> RenderError | DiskError:
     return DiskError(refused) if refused else RenderError(told)
 
 
-def _develop(exr: Path, out: Path, stem: str) -> None:
+def _write_outputs(exr: Path, out: Path, stem: str) -> None:
     """Turn scene-linear passes into the files of `out`; the picture comes last, so its presence means whole."""
     import OpenEXR  # late: the pipeline extra
 
@@ -193,27 +193,27 @@ def _develop(exr: Path, out: Path, stem: str) -> None:
     exr.unlink()
     coverage = np.clip(channels["coverage.X"], 0, 1)
     _save_png(bytes_from_unit(coverage), out / f"{stem}.coverage.png")
-    passes = _passes(channels, coverage)
+    passes = _extra_passes(channels, coverage)
     if passes:
-        atomic_write(_packed(np.savez_compressed, **passes), out / f"{stem}.passes.npz", durable=True)
+        atomic_write(_npz_bytes(np.savez_compressed, **passes), out / f"{stem}.passes.npz", durable=True)
     straight = straight_from_premultiplied(np.clip(channels["Combined"], 0, None))
     straight[..., :3] = srgb_from_linear(straight[..., :3])
     _save_png(bytes_from_unit(straight), out / f"{stem}.png")
 
 
-def _packed(pack: Callable[..., None] = np.savez, **arrays: Any) -> bytes:
+def _npz_bytes(pack: Callable[..., None] = np.savez, **arrays: Any) -> bytes:
     """Arrays as the bytes of an npz: one that is written to a full disk would complain a second time as it goes."""
     content = io.BytesIO()
     pack(content, **arrays)
     return content.getvalue()
 
 
-def _passes(channels: dict[str, np.ndarray], coverage: np.ndarray) -> dict[str, np.ndarray]:
+def _extra_passes(channels: dict[str, np.ndarray], coverage: np.ndarray) -> dict[str, np.ndarray]:
     on_object = coverage > 0
     passes = {}
     if "Depth.Z" in channels:
         depth = channels["Depth.Z"]
-        passes["depth"] = np.where(on_object & (depth < FAR), depth, 0).astype(np.float16)
+        passes["depth"] = np.where(on_object & (depth < MAX_DEPTH), depth, 0).astype(np.float16)
     if "Normal.X" in channels:
         normal = np.stack([channels[f"Normal.{axis}"] for axis in "XYZ"], -1)
         passes["normal"] = np.where(on_object[..., None], normal, 0).astype(np.float16)

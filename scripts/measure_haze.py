@@ -18,9 +18,9 @@ import torch
 from z2p_core.images import bytes_from_unit, unit_from_bytes
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_renderer.pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
-from z2p_renderer.pipeline.rendering.views import draw_view, load_controls
-from z2p_renderer.pipeline.training.make_shard import shrink_pictures
-from z2p_renderer.pipeline.training.shadow_debias import without_haze
+from z2p_renderer.pipeline.rendering.views import sample_view, load_controls
+from z2p_renderer.pipeline.training.make_shard import downsample_images
+from z2p_renderer.pipeline.training.shadow_debias import remove_shadow_bias
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 
 EDGES = (0.0, 0.0015, 0.0045, 0.0065, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.3, 1.0)
@@ -41,7 +41,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         noisy, clean = _shades(asked, Path(folder))
     picture = torch.from_numpy(noisy).expand(1, 4, 1, -1)
-    left = without_haze(picture, torch.zeros(1, 1, 1, len(noisy)), asked.haze)[0, 3, 0].numpy() - clean
+    left = remove_shadow_bias(picture, torch.zeros(1, 1, 1, len(noisy)), asked.haze)[0, 3, 0].numpy() - clean
     print(f"{'alpha':>14}{'share':>8}{'too dark by':>13}{'without haze':>14}")
     for low, high in zip((-1.0, *EDGES), EDGES, strict=False):
         there = (noisy > low) & (noisy <= high)
@@ -54,7 +54,7 @@ def main() -> None:
 def _shades(asked: argparse.Namespace, folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Alphas (N,) of the floor's pixels in the noisy renders, made smaller, and in those of many samples."""
     controls, rng = load_controls(("color", "light", "elevation")), np.random.default_rng(0)
-    scenes = [(f"view_{number}", draw_view(controls, rng, upright=0.5).scene) for number in range(asked.views)]
+    scenes = [(f"view_{number}", sample_view(controls, rng, upright=0.5).scene) for number in range(asked.views)]
     side = asked.resolution
     few = RenderSettings((side, side), asked.samples, asked.denoise, asked.bounces)
     many = RenderSettings((side // 2, side // 2), asked.many, "off", asked.bounces)
@@ -73,7 +73,7 @@ def _alphas(path: Path, settings: RenderSettings, side: int) -> np.ndarray:
     """Alpha and coverage (side * side, 2) of a render made smaller."""
     shape = settings.resolution[::-1]
     rgba, coverage = read_render(path, (*shape, 4)), read_render(path.with_suffix(".coverage.png"), shape)
-    rgba, coverage = shrink_pictures(bytes_from_unit(rgba), bytes_from_unit(coverage), shape[0] // side)
+    rgba, coverage = downsample_images(bytes_from_unit(rgba), bytes_from_unit(coverage), shape[0] // side)
     return unit_from_bytes(np.stack([rgba[..., 3], coverage], axis=-1)).reshape(-1, 2)
 
 

@@ -22,7 +22,7 @@ from z2p_core.config import EvaluateConfig, from_dict
 from z2p_renderer.pipeline.evaluation.evaluate import evaluate
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.export.calibration import calibration_inputs
-from z2p_renderer.pipeline.export.graph_rewrite import quantised, streamlined
+from z2p_renderer.pipeline.export.graph_rewrite import quantize_int8, optimize_graph
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.meshes import find_meshes
@@ -88,13 +88,13 @@ def export_graphs(shipped: Path, config: dict[str, Any], meshes: Path | None, tr
     exported, loaded = export_onnx(shipped), load_plugins(shipped)
     onnx, digest = exported.read_bytes(), loaded.weights.digest
     exported.unlink()  # an ONNX file would be taken before the graphs
-    plain = streamlined(onnx, loaded.buffer_channels, loaded.config.unshuffle)
+    plain = optimize_graph(onnx, loaded.buffer_channels, loaded.config.unshuffle)
     save_graph(shipped, digest, plain)
     if meshes is None:
         print("without --meshes: nothing in 8 bits")
         return ""
     calibration = calibration_inputs(Renderer(shipped), CALIBRATION, np.random.default_rng(0))
-    save_graph(shipped, digest, quantised(plain, calibration), INT8)
+    save_graph(shipped, digest, quantize_int8(plain, calibration), INT8)
     settings = from_dict(EvaluateConfig, config)
     means = {engine: measure(shipped, settings, meshes, truth, engine) for engine in ENGINES}
     reference, tried = means["torch"], means["onnxruntime-int8"]

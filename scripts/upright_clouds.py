@@ -11,7 +11,7 @@ from build_standing import KINDS, THINGS, egg
 from mesh_parts import TURN, Part, box, joined, tube
 
 from z2p_core.camera import turn
-from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_core.meshes.triangle_sampling import sample_uniform
 from z2p_core.rotations import random_rotation
 from z2p_core.up_axis.axis_names import UP_ROTATIONS
 from z2p_renderer.pipeline.shapes import shape
@@ -90,7 +90,7 @@ def _ring(rng: np.random.Generator) -> list[Part]:
 
 def cloud_of(name: str, vertices: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> Labelled:
     """Points of a mesh with +Z up, turned about it; every third noisy, every fourth seen from one side only."""
-    points = uniform_points(vertices, faces, int(10 ** rng.uniform(2.9, 4.1)), rng)
+    points = sample_uniform(vertices, faces, int(10 ** rng.uniform(2.9, 4.1)), rng)
     angle = 90.0 * rng.integers(4) if rng.random() < 0.5 else rng.uniform(0, 360)
     points = points @ turn(float(angle)).T
     partial, noisy = bool(rng.random() < 0.25), bool(rng.random() < 0.33)

@@ -14,7 +14,7 @@ from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_exists, printable
 from z2p_renderer.storage.images.image_files import FORMATS, PictureError, read_record
 
-MOST_BYTES = 1 << 16
+MAX_CAMERA_BYTES = 1 << 16
 """A camera file has fewer; what is larger is not read to find out."""
 
 
@@ -31,7 +31,7 @@ def check_camera_place(path: Path, taken: Iterable[Path] = ()) -> None:
         raise SettingError(f"{told}, got a folder; add a name, as {printable(path / 'camera.json')}")
     if path.suffix.lower() in (*FORMATS, ".gif"):
         raise SettingError(f"{told}, got a picture's; each picture holds its camera anyway, see --load-camera")
-    if any(_same(path, other) for other in taken):
+    if any(_is_same_file(path, other) for other in taken):
         raise SettingError(f"{told}, got a file that this run reads or writes; choose another")
     if path_exists(path) and not _is_camera(path):
         raise SettingError(f"{told}, got a file that is there already and no camera of z2p; choose another")
@@ -50,7 +50,7 @@ def read_camera(path: Path) -> Viewpoint:
     """
     try:
         picture = path.suffix.lower() in (*FORMATS, ".gif")
-        data = read_record(path)["camera"] if picture else read_json(_camera_text(path), MOST_BYTES)
+        data = read_record(path)["camera"] if picture else read_json(_read_head(path), MAX_CAMERA_BYTES)
         return viewpoint_from_json(data)
     except OSError as error:
         reason = error.strerror or error
@@ -64,7 +64,7 @@ def read_camera(path: Path) -> Viewpoint:
         raise SettingError(f"camera {printable(path)}: {str(error).removeprefix(f'{printable(path)}: ')}") from error
 
 
-def _camera_text(path: Path) -> bytes:
+def _read_head(path: Path) -> bytes:
     """The first bytes of a file, enough to hold a camera; of one that is no file (a pipe, say), none are waited for.
 
     Raises:
@@ -75,12 +75,12 @@ def _camera_text(path: Path) -> bytes:
         raise SettingError(f"expected a JSON file or a picture, got {file_kind(path)}")
     try:
         with path.open("rb") as file:
-            return file.read(MOST_BYTES + 1)
+            return file.read(MAX_CAMERA_BYTES + 1)
     except ValueError as error:  # a zero byte in its name
         raise SettingError(f"no such file ({error}); write one with --save-camera") from error
 
 
-def _same(path: Path, other: Path) -> bool:
+def _is_same_file(path: Path, other: Path) -> bool:
     """Whether two names lead to one file, be it there already or not."""
     return os.path.realpath(path) == os.path.realpath(other) or (
         path_exists(path) and path_exists(other) and path.samefile(other)
@@ -89,8 +89,8 @@ def _same(path: Path, other: Path) -> bool:
 
 def _is_camera(path: Path) -> bool:
     try:
-        if not path.is_file() or path.stat().st_size > MOST_BYTES:
+        if not path.is_file() or path.stat().st_size > MAX_CAMERA_BYTES:
             return False
-        return "z2p_camera" in read_json(path.read_bytes(), MOST_BYTES)
+        return "z2p_camera" in read_json(path.read_bytes(), MAX_CAMERA_BYTES)
     except (OSError, ValueError, TypeError):
         return False

@@ -8,7 +8,7 @@ from z2p_core.config import ConfigError
 from z2p_renderer.storage.files.printable_names import is_file
 
 
-def config_text(path: Path) -> str:
+def read_config_text(path: Path) -> str:
     """The text of a TOML file.
 
     Raises:

@@ -19,7 +19,7 @@ import click
 import luigi.cmdline
 
 from z2p_core.config.ablation import BASE
-from z2p_renderer.pipeline.cli.options.workspace import command
+from z2p_renderer.pipeline.cli.options.workspace import build_command
 from z2p_renderer.storage.files.disk_errors import TEMPORARY_FAILURE, disk_error_message
 from z2p_renderer.storage.results.adoption import adopt as take_over
 from z2p_renderer.storage.results.adoption import find_candidates
@@ -133,7 +133,7 @@ def scheduler(address: str, port: int) -> None:
 
 
 for _command in (status, verify, gc, adopt, scheduler):
-    main.add_command(command(_command.__name__, _command))
+    main.add_command(build_command(_command.__name__, _command))
 
 
 def _plan_source(config: str, meshes: str, evaluate_meshes: str, report: bool, **of_report: str) -> str:

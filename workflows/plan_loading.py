@@ -10,7 +10,7 @@ from pathlib import Path
 
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, parse_config, to_dict
 from z2p_core.registry import PluginError
-from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.configs import read_config_text
 from z2p_renderer.workflows.ablation.plan import AblationPlan, load_ablation_plan
 from z2p_renderer.workflows.plan import Plan, check_config, make_plan
 from z2p_renderer.workflows.process.task_log import log_line
@@ -48,7 +48,7 @@ def load_pipeline_plan(source: str) -> Plan:
     config = PipelineConfig()
     if where["config"]:
         path = Path(where["config"])
-        config = parse_config(config_text(path), str(path))
+        config = parse_config(read_config_text(path), str(path))
         with _errors_name_file(path):
             check_config(config)
     given = {key: where[key] for key in ("meshes", "evaluate_meshes") if where[key]}

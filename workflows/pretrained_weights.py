@@ -9,7 +9,7 @@ from typing import Any
 from z2p_core import registry
 from z2p_core.config import ConfigError, NetworkConfig, TrainConfig
 from z2p_renderer.pipeline.inference.loading import load_plugins
-from z2p_renderer.pipeline.training.distillation import teaching_engine
+from z2p_renderer.pipeline.training.distillation import teacher_engine
 from z2p_renderer.storage.models.checkpoints import Weights, WeightsError, find_weights, load_weights
 from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
 from z2p_renderer.storage.results.stage_dependencies import installed_version
@@ -32,7 +32,7 @@ def pretrained_fields(config: TrainConfig, controls: Sequence[str]) -> dict[str,
             fields[name] = file_digest(find_weights(weights))
             if name == "teacher":
                 plugins = _teacher_plugins(loaded, config.network)
-                fields |= {"teacher_engine": _engine_fields(teaching_engine())}
+                fields |= {"teacher_engine": _engine_fields(teacher_engine())}
                 fields |= {"teacher_plugins": plugins} if plugins else {}
     return fields
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from z2p_core.config import ConfigError, parse_config
 from z2p_core.config.report import parse_report
-from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.configs import read_config_text
 
 DEFAULT_ABLATIONS = Path(__file__).parents[1] / "configs" / "ablations.toml"
 
@@ -61,7 +61,7 @@ def is_ablation_config(config: str) -> bool:
 def is_report_config(config: str) -> bool:
     """Whether a TOML file holds the settings of a report, and cannot be read as those of a pipeline."""
     try:
-        text = config_text(Path(config))
+        text = read_config_text(Path(config))
     except ConfigError:  # reading it as a pipeline's config reports the error
         return False
     try:

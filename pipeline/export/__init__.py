@@ -13,12 +13,12 @@ from pathlib import Path
 
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.network.telemetry import forbid_telemetry
-from z2p_renderer.pipeline.export.fp16_constants import halved_constants
+from z2p_renderer.pipeline.export.fp16_constants import to_fp16_constants
 from z2p_renderer.pipeline.inference.loading import LoadedWeights, load_plugins
 from z2p_renderer.storage.models.onnx_files import save_onnx
 
 OPSET = 17
-TRACED = (2, 72, 104)
+TRACE_SHAPE = (2, 72, 104)
 """Batch, height and width that the network is traced at; batch, height and width of the model are free."""
 
 
@@ -32,7 +32,7 @@ def export_onnx(weights: Path) -> Path:
         ImportError: torch, onnx or onnxruntime is not installed.
     """
     loaded = load_plugins(weights)
-    return save_onnx(weights, loaded.weights.digest, halved_constants(_folded(_traced(loaded))))
+    return save_onnx(weights, loaded.weights.digest, to_fp16_constants(_fold_constants(_trace_network(loaded))))
 
 
 def check_exporter() -> None:
@@ -47,11 +47,11 @@ def check_exporter() -> None:
                           f"{install_advice('pipeline')}")
 
 
-def _traced(loaded: LoadedWeights) -> bytes:
+def _trace_network(loaded: LoadedWeights) -> bytes:
     """The network as torch's tracing exporter writes it: its successor takes twenty times as long."""
     import torch
 
-    network, (batch, height, width) = loaded.build(), TRACED
+    network, (batch, height, width) = loaded.build(), TRACE_SHAPE
     cell = loaded.config.unshuffle
     inputs = (
         torch.zeros(batch, loaded.buffer_channels, height, width),
@@ -70,7 +70,7 @@ def _traced(loaded: LoadedWeights) -> bytes:
     return written.getvalue()
 
 
-def _folded(model: bytes) -> bytes:
+def _fold_constants(model: bytes) -> bytes:
     """The model with all constants folded, which saves every later start the work."""
     forbid_telemetry()
     import onnxruntime

@@ -7,30 +7,30 @@ from collections.abc import Iterator
 import numpy as np
 
 from z2p_core.meshes.synthetic_noise import add_noise
-from z2p_core.meshes.triangle_sampling import uniform_points
+from z2p_core.meshes.triangle_sampling import sample_uniform
 from z2p_core.placement.bounding_sphere import bounding_sphere
-from z2p_renderer.pipeline.export.graph_rewrite import Inputs
+from z2p_renderer.pipeline.export.graph_rewrite import EngineInputs
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.rendering.views import draw_view, in_scene
+from z2p_renderer.pipeline.rendering.views import sample_view, place_in_scene
 from z2p_renderer.pipeline.shapes import SUZANNE, TRAINING_SHAPES, shape
 
-POINTS = 1_000, 20_000
+POINT_RANGE = 1_000, 20_000
 """Smallest and largest cloud."""
-SIDE = 256
+IMAGE_SIDE = 256
 """Of the pictures: onnxruntime wants all of one size."""
-NOISY, NOISE = 1 / 3, 0.02
+NOISY_SHARE, MAX_NOISE = 1 / 3, 0.02
 """Share of clouds with noise, and the most of it, in units of the shape's radius: real scans have some."""
 
 
-def calibration_inputs(renderer: Renderer, count: int, rng: np.random.Generator) -> Iterator[Inputs]:
+def calibration_inputs(renderer: Renderer, count: int, rng: np.random.Generator) -> Iterator[EngineInputs]:
     """What the engine is given for `count` random views of the built-in shapes, each control drawn as for training."""
     names = [name for name in TRAINING_SHAPES if name != SUZANNE]  # Blender would have to make her
     for index in range(count):
-        view = draw_view(renderer.controls, rng, upright=0.5)
+        view = sample_view(renderer.controls, rng, upright=0.5)
         if renderer.fixed_elevation is not None:
             view.scene.elevation = renderer.fixed_elevation
         vertices, faces = shape(names[index % len(names)])
-        points = round(np.exp(rng.uniform(*np.log(POINTS))))
-        cloud = bounding_sphere(vertices).normalise(uniform_points(vertices, faces, points, rng))
-        noisy = add_noise(cloud, "gaussian", rng.uniform(0, NOISE) if rng.random() < NOISY else 0.0, rng)
-        yield renderer.inputs(in_scene(noisy, view.scene), view.values, SIDE, SIDE)
+        points = round(np.exp(rng.uniform(*np.log(POINT_RANGE))))
+        cloud = bounding_sphere(vertices).normalise(sample_uniform(vertices, faces, points, rng))
+        noisy = add_noise(cloud, "gaussian", rng.uniform(0, MAX_NOISE) if rng.random() < NOISY_SHARE else 0.0, rng)
+        yield renderer.inputs(place_in_scene(noisy, view.scene), view.values, IMAGE_SIDE, IMAGE_SIDE)

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-SMALL = 256
+MIN_FP16_ELEMENTS = 256
 """Elements below which a constant stays as it is."""
 
 
-def halved_constants(onnx: bytes) -> bytes:
+def to_fp16_constants(onnx: bytes) -> bytes:
     """The model with its large constants as float16 where that loses nothing, each behind a cast to float32."""
     from onnx import checker, load_from_string, numpy_helper
 
@@ -18,7 +18,7 @@ def halved_constants(onnx: bytes) -> bytes:
     graph, nodes = model.graph, []
     for constant in list(graph.initializer):
         array = numpy_helper.to_array(constant)
-        if array.dtype == np.float32 and array.size >= SMALL and np.array_equal(_rounded(array), array):
+        if array.dtype == np.float32 and array.size >= MIN_FP16_ELEMENTS and np.array_equal(_fp16_round_trip(array), array):
             name = constant.name
             graph.initializer.remove(constant)
             nodes += add_constant(graph, name, array, halved=True)
@@ -28,7 +28,7 @@ def halved_constants(onnx: bytes) -> bytes:
     return written
 
 
-def widened(onnx: bytes) -> bytes:
+def to_fp32_constants(onnx: bytes) -> bytes:
     """The model with float32 constants in place of float16 ones and the casts behind them."""
     from onnx import load_from_string, numpy_helper
 
@@ -44,7 +44,7 @@ def widened(onnx: bytes) -> bytes:
     return written
 
 
-def constant_of(graph: Any, name: str) -> tuple[np.ndarray, bool]:
+def read_constant(graph: Any, name: str) -> tuple[np.ndarray, bool]:
     """A constant in float32, and whether it is stored as float16."""
     from onnx import numpy_helper
 
@@ -87,7 +87,7 @@ def replace_nodes(graph: Any, nodes: list[Any]) -> None:
         field.extend(content)
 
 
-def _rounded(array: np.ndarray) -> np.ndarray:
+def _fp16_round_trip(array: np.ndarray) -> np.ndarray:
     """What float16 keeps of a float32 array; infinite where that is too large for it."""
     with np.errstate(over="ignore"):
         return array.astype(np.float16).astype(np.float32)

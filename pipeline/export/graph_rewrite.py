@@ -16,28 +16,28 @@ import numpy as np
 from z2p_core.network.telemetry import forbid_telemetry
 from z2p_renderer.pipeline.export.fp16_constants import (
     add_constant,
-    constant_of,
-    halved_constants,
+    read_constant,
+    to_fp16_constants,
     replace_nodes,
-    widened,
+    to_fp32_constants,
 )
 
-Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
+EngineInputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Buffers, encoding and settings as `z2p_core.interfaces.Engine.run` takes them."""
 
-INPUTS = ("buffers", "encoding", "settings")
-CELLS = "cells"
+INPUT_NAMES = ("buffers", "encoding", "settings")
+BLOCKS_OUTPUT = "cells"
 """What the output is called of a network that ends before its last convolutions."""
-WHOLE = ("/stem", "/head", "/sharpen")
+FLOAT32_CONVOLUTIONS = ("/stem", "/head", "/sharpen")
 """Convolutions that stay in float32: they read and write the picture, where 8 bits show (SSIM 0.862 for 0.909)."""
-STEM_PARTS = ("features", "traced")
+STEM_OUTPUTS = ("features", "traced")
 """What the stem's output is split into."""
-PERCENTILE = 99.999
+CALIBRATION_PERCENTILE = 99.999
 """Of an activation's values, how many the 8 bits reach."""
 
 
 @dataclass(frozen=True)
-class Part:
+class ConvolutionTerm:
     """A convolution of several whose sum is wanted.
 
     What it reads, its kernel (O, I, k, k), bias (O,) and stride.
@@ -49,7 +49,7 @@ class Part:
     stride: int = 1
 
 
-def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
+def optimize_graph(onnx: bytes, channels: int, cell: int) -> bytes:
     """The network with less copying: the same sums in another order.
 
     `channels` is how many the buffers have, `cell` the side of a pixel block. Blocks are read by strided convolutions,
@@ -62,13 +62,13 @@ def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
 
     model = load_from_string(onnx)
     graph = model.graph
-    stem, look = (_convolution(graph, f"{name}.weight") for name in ("stem", "look"))
+    stem, look = (_find_convolution(graph, f"{name}.weight") for name in ("stem", "look"))
     if stem is None:
         return onnx
-    folded, padded, encoding = _sources(graph, stem)
-    drawn = _strided_stem(graph, stem, padded, encoding, channels, cell)
+    folded, padded, encoding = _stem_sources(graph, stem)
+    drawn = _replace_stem(graph, stem, padded, encoding, channels, cell)
     if look is not None:
-        _end_with_cells(graph, look, padded)
+        _end_with_blocks(graph, look, padded)
     for node in graph.node:
         if node.op_type == "Shape" and node.input[0] == folded:
             node.input[0] = drawn  # as high and as wide
@@ -78,7 +78,7 @@ def streamlined(onnx: bytes, channels: int, cell: int) -> bytes:
     return written
 
 
-def quantised(onnx: bytes, calibration: Iterable[Inputs]) -> bytes:
+def quantize_int8(onnx: bytes, calibration: Iterable[EngineInputs]) -> bytes:
     """The network with its inner convolutions in 8 bits, activations scaled by what they are on those inputs.
 
     Weights stay the very float16 numbers of the weights file, and are rounded when an engine loads the model: so a
@@ -89,59 +89,59 @@ def quantised(onnx: bytes, calibration: Iterable[Inputs]) -> bytes:
     from onnxruntime.quantization import CalibrationMethod, QuantFormat, QuantType, quantize_static
 
     graph = load_from_string(onnx).graph
-    names = [node.name for node in graph.node if node.name.startswith(WHOLE)]
+    names = [node.name for node in graph.node if node.name.startswith(FLOAT32_CONVOLUTIONS)]
     read = [given.name for given in graph.input]  # no encoding, where the network has none
     with tempfile.TemporaryDirectory(prefix="z2p-quantise-") as folder:
         plain, done = Path(folder) / "plain.onnx", Path(folder) / "quantised.onnx"
-        plain.write_bytes(widened(onnx))
+        plain.write_bytes(to_fp32_constants(onnx))
         quantize_static(
-            plain, done, _Reader(calibration, read), quant_format=QuantFormat.QDQ, op_types_to_quantize=["Conv"],
+            plain, done, _CalibrationReader(calibration, read), quant_format=QuantFormat.QDQ, op_types_to_quantize=["Conv"],
             per_channel=True, activation_type=QuantType.QUInt8, weight_type=QuantType.QInt8, nodes_to_exclude=names,
             calibrate_method=CalibrationMethod.Percentile,
-            extra_options={"AddQDQPairToWeight": True, "CalibPercentile": PERCENTILE},
+            extra_options={"AddQDQPairToWeight": True, "CalibPercentile": CALIBRATION_PERCENTILE},
         )  # fmt: skip
-        return halved_constants(done.read_bytes())
+        return to_fp16_constants(done.read_bytes())
 
 
-class _Reader:
+class _CalibrationReader:
     """Calibration inputs, one after the other, as onnxruntime asks for them."""
 
-    def __init__(self, calibration: Iterable[Inputs], names: list[str]) -> None:
-        self._left: Iterator[Inputs] = iter(calibration)
+    def __init__(self, calibration: Iterable[EngineInputs], names: list[str]) -> None:
+        self._left: Iterator[EngineInputs] = iter(calibration)
         self._names = names
 
     def get_next(self) -> dict[str, np.ndarray] | None:
         given = next(self._left, None)
         if given is None:
             return None
-        return {name: array for name, array in zip(INPUTS, given, strict=True) if name in self._names}
+        return {name: array for name, array in zip(INPUT_NAMES, given, strict=True) if name in self._names}
 
 
-def _convolution(graph: Any, weight: str) -> Any:
+def _find_convolution(graph: Any, weight: str) -> Any:
     """The convolution with that weight; None where there is none."""
     return next((node for node in graph.node if node.op_type == "Conv" and node.input[1] == weight), None)
 
 
-def _strided_stem(graph: Any, stem: Any, padded: str, encoding: str | None, channels: int, cell: int) -> str:
+def _replace_stem(graph: Any, stem: Any, padded: str, encoding: str | None, channels: int, cell: int) -> str:
     """Puts strided convolutions in the stem's place, for each part that its output is split into; one's output."""
-    kernel, halved = constant_of(graph, "stem.weight")
-    bias, _ = constant_of(graph, stem.input[2])
+    kernel, halved = read_constant(graph, "stem.weight")
+    bias, _ = read_constant(graph, stem.input[2])
     split = next(node for node in graph.node if node.op_type == "Split" and node.input[0] == stem.output[0])
     graph.node.remove(split)
     graph.node.remove(stem)
     first, drawn = 0, ""
-    for name, output, size in zip(STEM_PARTS, split.output, constant_of(graph, split.input[1])[0], strict=True):
+    for name, output, size in zip(STEM_OUTPUTS, split.output, read_constant(graph, split.input[1])[0], strict=True):
         rows = slice(first, first + int(size))
         blocks, rest = np.split(kernel[rows], [channels * cell**2], axis=1)
-        parts = {f"stem.{name}": Part(padded, blocks.reshape(-1, channels, cell, cell), bias[rows], cell)}
+        parts = {f"stem.{name}": ConvolutionTerm(padded, blocks.reshape(-1, channels, cell, cell), bias[rows], cell)}
         if encoding is not None:
-            parts[f"stem.{name}.encoding"] = Part(encoding, rest)
+            parts[f"stem.{name}.encoding"] = ConvolutionTerm(encoding, rest)
         drawn = _add_convolutions(graph, parts, output, halved)
         first = rows.stop
     return drawn
 
 
-def _end_with_cells(graph: Any, look: Any, padded: str) -> None:
+def _end_with_blocks(graph: Any, look: Any, padded: str) -> None:
     """Ends the graph with the cells of pixels that make the picture at which that convolution looks.
 
     Buffers are read as they are given, where they were padded before.
@@ -152,14 +152,14 @@ def _end_with_cells(graph: Any, look: Any, padded: str) -> None:
     picture = makers[look.input[0]].input[0]
     for node in graph.node:
         for place, name in enumerate(node.input):
-            node.input[place] = INPUTS[0] if name == padded else name
+            node.input[place] = INPUT_NAMES[0] if name == padded else name
     del graph.output[:]
     sizes = ["batch", "channels", "rows", "columns"]
-    graph.output.append(helper.make_tensor_value_info(CELLS, TensorProto.FLOAT, sizes))
-    graph.node.append(helper.make_node("Identity", [makers[picture].input[0]], [CELLS], "/cells"))
+    graph.output.append(helper.make_tensor_value_info(BLOCKS_OUTPUT, TensorProto.FLOAT, sizes))
+    graph.node.append(helper.make_node("Identity", [makers[picture].input[0]], [BLOCKS_OUTPUT], "/cells"))
 
 
-def _add_convolutions(graph: Any, parts: dict[str, Part], output: str, halved: bool) -> str:
+def _add_convolutions(graph: Any, parts: dict[str, ConvolutionTerm], output: str, halved: bool) -> str:
     """Adds a convolution for each part, by its name, and `output`, their sum; the first one's output."""
     from onnx import helper
 
@@ -177,7 +177,7 @@ def _add_convolutions(graph: Any, parts: dict[str, Part], output: str, halved: b
     return drawn[0]
 
 
-def _sources(graph: Any, stem: Any) -> tuple[str, str, str | None]:
+def _stem_sources(graph: Any, stem: Any) -> tuple[str, str, str | None]:
     """Names of the picture folded into channels, of the padded one that it was made of, and of the encoding."""
     makers = {output: node for node in graph.node for output in node.output}
     joined = makers[stem.input[0]]

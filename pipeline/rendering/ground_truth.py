@@ -13,7 +13,7 @@ from z2p_renderer.pipeline.render import RenderSettings, render_scenes
 from z2p_renderer.storage.results.fingerprints import fingerprint, stage_fields
 from z2p_renderer.storage.results.store import Entry, Store
 
-PICTURE, COVERAGE = "picture.png", "picture.coverage.png"
+PICTURE_FILE, COVERAGE_FILE = "picture.png", "picture.coverage.png"
 
 
 def render_references(
@@ -34,36 +34,36 @@ def render_references(
         RenderError: Blender failed or left out a picture.
     """
     store = Store(root)
-    entries = [reference(mesh_path.stem, identity, scene, settings) for scene in scenes]
+    entries = [reference_entry(mesh_path.stem, identity, scene, settings) for scene in scenes]
     whole = Entry("reference", mesh_path.stem, _shared(identity, settings))
     with store.lock(whole):
         for entry in entries:
             store.quarantine_if_damaged(entry)
         pairs = list(zip(entries, scenes, strict=True))
-        missing = {stem(scene): scene for entry, scene in pairs if not store.complete(entry)}
+        missing = {scene_stem(scene): scene for entry, scene in pairs if not store.complete(entry)}
         work = store.work_folder(whole)
         if missing:
             render_scenes(mesh_path, list(missing.items()), work, settings, log)
         for entry, scene in pairs:
-            store.produce(entry, partial(_move, work, stem(scene)))
+            store.produce(entry, partial(_move_files, work, scene_stem(scene)))
         shutil.rmtree(work, ignore_errors=True)  # also what a run has left that was killed right before
-    return [store.folder(entry) / PICTURE for entry in entries]
+    return [store.folder(entry) / PICTURE_FILE for entry in entries]
 
 
-def reference(name: str, identity: str, scene: SceneDescription, settings: RenderSettings) -> Entry:
+def reference_entry(name: str, identity: str, scene: SceneDescription, settings: RenderSettings) -> Entry:
     """The stored result of one scene."""
     fields = _shared(identity, settings) | {"scene": scene.to_json()}
-    return Entry("reference", f"reference/{name}/{stem(scene)}", fields)
+    return Entry("reference", f"reference/{name}/{scene_stem(scene)}", fields)
 
 
-def old_picture(root: Path, identity: str, scene: SceneDescription, settings: RenderSettings) -> Path:
+def legacy_picture_path(root: Path, identity: str, scene: SceneDescription, settings: RenderSettings) -> Path:
     """Where the picture lies if z2p rendered it before such pictures had manifests."""
     fields = {"schema": 1, "stage": "render", "stage_version": 1}
     fields |= {"mesh": identity, "parameters": settings.shaping()}
-    return root / fingerprint(fields)[:32] / f"{stem(scene)}.png"
+    return root / fingerprint(fields)[:32] / f"{scene_stem(scene)}.png"
 
 
-def stem(scene: SceneDescription) -> str:
+def scene_stem(scene: SceneDescription) -> str:
     """Name of a scene's picture while Blender renders it; the seed of its noise follows from it."""
     return fingerprint(scene.to_json())[:16]
 
@@ -72,6 +72,6 @@ def _shared(identity: str, settings: RenderSettings) -> dict[str, Any]:
     return stage_fields("reference") | {"mesh": identity, "parameters": settings.shaping()}
 
 
-def _move(work: Path, name: str, folder: Path) -> None:
-    (work / f"{name}.png").rename(folder / PICTURE)  # first: without it, after a kill, the view is rendered again
-    (work / f"{name}.coverage.png").rename(folder / COVERAGE)
+def _move_files(work: Path, name: str, folder: Path) -> None:
+    (work / f"{name}.png").rename(folder / PICTURE_FILE)  # first: without it, after a kill, the view is rendered again
+    (work / f"{name}.coverage.png").rename(folder / COVERAGE_FILE)

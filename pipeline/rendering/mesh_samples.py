@@ -27,13 +27,13 @@ def sample_pool(mesh_path: Path, config: SampleConfig, seed: int, out: Path) -> 
     """
     rng = np.random.default_rng([seed, int(file_digest(mesh_path)[:16], 16)])
     mesh = read_mesh(mesh_path)
-    pool = draw_cloud(mesh, bounding_sphere(mesh.vertices), config.sampler, config.points, "none", 0.0, rng)
+    pool = sample_cloud(mesh, bounding_sphere(mesh.vertices), config.sampler, config.points, "none", 0.0, rng)
     out.mkdir(parents=True, exist_ok=True)
     np.save(out / "pool.npy", pool, allow_pickle=False)
     return out / "pool.npy"
 
 
-def draw_cloud(
+def sample_cloud(
     mesh: Mesh,
     sphere: Sphere,
     sampler_name: str,

@@ -22,19 +22,19 @@ from z2p_core.interfaces import GBuffer, ZBuffer
 from z2p_core.linalg import dot_axis, rotate_points
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
-from z2p_renderer.pipeline.training.augment import draw_cloud, mirrored
+from z2p_renderer.pipeline.training.augment import draw_training_cloud, mirror_record
 from z2p_renderer.pipeline.training.distillation import Teacher
-from z2p_renderer.pipeline.training.make_shard import shrink_pictures
-from z2p_renderer.pipeline.training.shadow_debias import without_haze
+from z2p_renderer.pipeline.training.make_shard import downsample_images
+from z2p_renderer.pipeline.training.shadow_debias import remove_shadow_bias
 from z2p_renderer.storage.shards import Record, Shard
 
-CACHE_BYTES = 2 * 1024**3
+RECORD_CACHE_BYTES = 2 * 1024**3
 """Decoded renders kept in memory; what does not fit is decoded again each time."""
-BUFFERS_BYTES = 6 * 1024**3
+BUFFER_CACHE_BYTES = 6 * 1024**3
 """Drawn buffers kept for `TrainConfig.reuse`; those that do not fit are drawn again, the same."""
-PREFETCH, THREADS = 4, 2
+PREFETCHED_BATCHES, LOADER_THREADS = 4, 2
 """Batches made ahead, and at once: drawing buffers holds no lock."""
-TRAINING, VALIDATION, EPOCH, SPLIT = 0, 1, 2, 3
+TRAINING_SEED, VALIDATION_SEED, EPOCH_SEED, SPLIT_SEED = 0, 1, 2, 3
 """First words of the seeds of the random generators, so that no two uses share one."""
 
 
@@ -71,7 +71,7 @@ class _Sample:
     """(R, R, 4) uint8, colour times alpha and alpha; None where there is no teacher."""
 
 
-class CloudPictures:
+class CloudDataset:
     """Every record of some shards, split into training and validation."""
 
     def __init__(self, shards: Sequence[Path], config: TrainConfig, zbuffer: ZBuffer, gbuffer: GBuffer) -> None:
@@ -84,20 +84,20 @@ class CloudPictures:
         self.config = config
         self.zbuffer, self.gbuffer = zbuffer, gbuffer
         self.shards = [Shard(path) for path in shards]
-        self.controls: list[dict[str, Any]] = _agreed(self.shards, "controls")
-        self.resolution: int = _agreed(self.shards, "resolution")
+        self.controls: list[dict[str, Any]] = _shared_attribute(self.shards, "controls")
+        self.resolution: int = _shared_attribute(self.shards, "resolution")
         self.sides = config.resolutions or (self.resolution,)
         self.settings = sum(int(control["size"]) for control in self.controls)
         self._check()
         self._teacher = Teacher(config.teacher, self.resolution, self.controls) if config.teacher else None
         self._pools = [shard.pool for shard in self.shards]
         self._cache: dict[tuple[tuple[int, int], int], Record] = {}
-        self._room, self._buffers_room = CACHE_BYTES, BUFFERS_BYTES
+        self._room, self._buffers_room = RECORD_CACHE_BYTES, BUFFER_CACHE_BYTES
         self._drawn: dict[tuple[tuple[int, int], int], tuple[int, np.ndarray, np.ndarray | None]] = {}
         places = [(number, row) for number, shard in enumerate(self.shards) for row in range(len(shard))]
         if len(places) < 2:
             raise DatasetError(f"expected two records or more, to train on and to validate with, got {len(places)}")
-        order = np.random.default_rng((SPLIT, config.seed)).permutation(len(places))
+        order = np.random.default_rng((SPLIT_SEED, config.seed)).permutation(len(places))
         held_out = min(max(1, round(len(places) * config.validation_share)), len(places) - 1)
         self.validation = [places[place] for place in sorted(order[:held_out])]
         self.training = [places[place] for place in sorted(order[held_out:])]
@@ -114,28 +114,28 @@ class CloudPictures:
         samples = []
         for position in range(before * size, (before + 1) * size):
             epoch, place = divmod(position, count)
-            order = np.random.default_rng((EPOCH, self.config.seed, self.sides.index(side), epoch)).permutation(count)
+            order = np.random.default_rng((EPOCH_SEED, self.config.seed, self.sides.index(side), epoch)).permutation(count)
             samples.append(self._training_sample(int(order[place]), side, epoch // self.config.reuse))
-        return _stack(samples, self.config.haze, self.config.teacher_share)
+        return _collate(samples, self.config.haze, self.config.teacher_share)
 
     def validation_batch(self, numbers: Sequence[int]) -> Batch:
         """The held-out samples of these numbers at the first side, each with a cloud that is always the same."""
-        rngs = [np.random.default_rng((VALIDATION, self.config.seed, number)) for number in numbers]
+        rngs = [np.random.default_rng((VALIDATION_SEED, self.config.seed, number)) for number in numbers]
         places = [self.validation[number] for number in numbers]
         samples = [self._sample(place, self.sides[0], rng) for place, rng in zip(places, rngs, strict=True)]
-        return _stack(samples, self.config.haze)
+        return _collate(samples, self.config.haze)
 
     @contextmanager
     def batches(self, first: int, last: int) -> Iterator[Iterator[Batch]]:
         """Training batches `first` to `last` - 1, made ahead in threads that end with the context."""
-        with ThreadPoolExecutor(max_workers=THREADS, thread_name_prefix="batches") as executor:
+        with ThreadPoolExecutor(max_workers=LOADER_THREADS, thread_name_prefix="batches") as executor:
 
             def ahead() -> Iterator[Batch]:
-                pending = [executor.submit(self.batch, step) for step in range(first, min(first + PREFETCH, last))]
+                pending = [executor.submit(self.batch, step) for step in range(first, min(first + PREFETCHED_BATCHES, last))]
                 for step in range(first, last):
                     yield pending.pop(0).result()
-                    if step + PREFETCH < last:
-                        pending.append(executor.submit(self.batch, step + PREFETCH))
+                    if step + PREFETCHED_BATCHES < last:
+                        pending.append(executor.submit(self.batch, step + PREFETCHED_BATCHES))
 
             try:
                 yield ahead()
@@ -167,7 +167,7 @@ class CloudPictures:
         """Sample of a training record with the cloud of that drawing, which is kept until the next one."""
         place = self.training[number]
         kept = self._drawn.get((place, side))
-        rng = np.random.default_rng((TRAINING, self.config.seed, side, number, drawing))
+        rng = np.random.default_rng((TRAINING_SEED, self.config.seed, side, number, drawing))
         in_mirror = self.config.mirror and bool(rng.integers(2))
         if kept and kept[0] == drawing:
             return _Sample(kept[1].astype(np.float32), self._record(place, side, in_mirror), kept[2])
@@ -190,7 +190,7 @@ class CloudPictures:
         scene = record.scene
         if scene.floor is None:  # the mesh's own: the pool is dense enough to tell it
             scene = replace(scene, floor=float(dot_axis(pool, rotation[2]).min()))
-        cloud = rotate_points(draw_cloud(pool, self.config, rng), rotation)
+        cloud = rotate_points(draw_training_cloud(pool, self.config, rng), rotation)
         cloud[:, 2] += scene.lift
         if in_mirror:
             cloud[:, 0] *= -1
@@ -203,7 +203,7 @@ class CloudPictures:
         """What the teacher draws; where scenes may be seen in a mirror, the mean with what it draws there."""
         picture = teacher.picture(cloud, scene, record.settings, side)
         if self.config.mirror:
-            other = mirrored(record)
+            other = mirror_record(record)
             there = replace(other.scene, floor=scene.floor)
             drawn = teacher.picture(cloud * np.array([-1, 1, 1], np.float32), there, other.settings, side)
             picture = (picture + drawn[:, ::-1]) / 2
@@ -213,35 +213,35 @@ class CloudPictures:
         record = self._cache.get((place, side))
         if record is None:
             record = self.shards[place[0]].read(place[1])
-            rgba, coverage = shrink_pictures(record.rgba, record.coverage, self.resolution // side)
+            rgba, coverage = downsample_images(record.rgba, record.coverage, self.resolution // side)
             record = replace(record, rgba=rgba, coverage=coverage)
             size = record.rgba.nbytes + record.coverage.nbytes
             if size <= self._room:
                 self._room -= size
                 self._cache[place, side] = record
-        return mirrored(record) if in_mirror else record
+        return mirror_record(record) if in_mirror else record
 
 
-def _stack(samples: list[_Sample], haze: float, teacher_share: float = 0.0) -> Batch:
+def _collate(samples: list[_Sample], haze: float, teacher_share: float = 0.0) -> Batch:
     """The samples' batch, its targets the renders without that haze, and on the object in part the teacher's."""
     records = [sample.record for sample in samples]
-    rgba = _units([record.rgba for record in records])
+    rgba = _float_images([record.rgba for record in records])
     coverage = torch.from_numpy(np.stack([record.coverage for record in records])).float()[:, None] / 255
-    target = without_haze(torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1), coverage, haze)
+    target = remove_shadow_bias(torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1), coverage, haze)
     taught = [sample.taught for sample in samples if sample.taught is not None]
     if taught:  # for all samples or for none, which are of one side; its floor may have learnt haze
-        target = torch.lerp(target, _units(taught), teacher_share * (coverage > 0))
+        target = torch.lerp(target, _float_images(taught), teacher_share * (coverage > 0))
     settings = torch.from_numpy(np.stack([record.settings for record in records]))
     buffers = torch.from_numpy(np.stack([sample.buffers for sample in samples]))
     return Batch(buffers, settings, target, coverage)
 
 
-def _units(pictures: list[np.ndarray]) -> torch.Tensor:
+def _float_images(pictures: list[np.ndarray]) -> torch.Tensor:
     """Values (B, 4, R, R) float32 in [0, 1] of pictures (R, R, 4) uint8."""
     return torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2).float() / 255
 
 
-def _agreed(shards: list[Shard], key: str) -> Any:
+def _shared_attribute(shards: list[Shard], key: str) -> Any:
     """The attribute that all shards must share."""
     if not shards:
         raise DatasetError("expected shards to train on, got none")

@@ -17,14 +17,14 @@ from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.models.checkpoints import find_weights
 
-QUICK_ENGINE = "openvino-bf16"
+FAST_ENGINE = "openvino-bf16"
 """Twice as quick as an exact one, and what it rounds is far less than what a teacher errs."""
 
 
-def teaching_engine() -> str | None:
+def teacher_engine() -> str | None:
     """Name of the engine that teachers run on; None for whichever exact one there is."""
-    quick: type[Engine] = registry.load("engines", QUICK_ENGINE)
-    return QUICK_ENGINE if quick.installed() else None
+    quick: type[Engine] = registry.load("engines", FAST_ENGINE)
+    return FAST_ENGINE if quick.installed() else None
 
 
 class TeacherError(ValueError):
@@ -53,7 +53,7 @@ class Teacher:
         known = [[control["name"], control["version"]] for control in self._loaded.card["controls"]]
         if known != wanted:
             raise TeacherError(f"train.teacher: expected weights whose controls are {wanted}, got {known} in {weights}")
-        self._engine = start_engine(self._loaded, file, teaching_engine(), threads=1, exact=True)
+        self._engine = start_engine(self._loaded, file, teacher_engine(), threads=1, exact=True)
         cells = Camera(resolution, resolution).frame_coordinates(step=self._loaded.config.unshuffle)
         self._encoding = self._loaded.encoder.encode(*cells)
 

@@ -36,7 +36,7 @@ def validation_metrics(prediction: Tensor, target: Tensor, coverage: Tensor) -> 
     return row
 
 
-def write_strips(path: Path, buffers: Tensor, prediction: Tensor, target: Tensor) -> None:
+def write_validation_strip(path: Path, buffers: Tensor, prediction: Tensor, target: Tensor) -> None:
     """A PNG with a row for each sample: first z-buffer channel, prediction on white, target on white."""
     drawn = buffers[:, :1].clamp(0, 1).expand(-1, 3, -1, -1)
     shown = [drawn, rgb_on_white(prediction), rgb_on_white(target)]
@@ -46,7 +46,7 @@ def write_strips(path: Path, buffers: Tensor, prediction: Tensor, target: Tensor
         Image.fromarray(bytes_from_unit(picture)).save(temporary, format="PNG")
 
 
-def write_curve(folder: Path, rows: Sequence[Row]) -> None:
+def write_learning_curve(folder: Path, rows: Sequence[Row]) -> None:
     """`curve.csv` with a line for each row, empty where it lacks a column, and `curve.png` of the same numbers."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO()
@@ -54,10 +54,10 @@ def write_curve(folder: Path, rows: Sequence[Row]) -> None:
     writer.writeheader()
     writer.writerows({name: f"{value:.6g}" for name, value in row.items()} for row in rows)
     atomic_write(text.getvalue().encode(), folder / "curve.csv")
-    _draw(folder / "curve.png", rows, columns)
+    _plot_curve(folder / "curve.png", rows, columns)
 
 
-def _draw(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> None:
+def _plot_curve(path: Path, rows: Sequence[Row], columns: Sequence[str]) -> None:
     from matplotlib.figure import Figure  # late: slow to import, and only training draws curves
 
     figure = Figure(figsize=(10, 4), layout="constrained")

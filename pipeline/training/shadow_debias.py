@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 import torch
 
-SHADES = (0.0, 0.001, 0.004, 0.01, 0.04, 0.1, 1.0)
-HAZES = (0.0, 0.15, 0.7, 1.0, 0.6, 0.32, 0.3)
+SHADOW_ALPHAS = (0.0, 0.001, 0.004, 0.01, 0.04, 0.1, 1.0)
+RELATIVE_BIASES = (0.0, 0.15, 0.7, 1.0, 0.6, 0.32, 0.3)
 """How much of the haze lies in shade of these alphas, as `scripts/measure_haze.py` finds it."""
 
 
-def without_haze(picture: torch.Tensor, coverage: torch.Tensor, haze: float) -> torch.Tensor:
+def remove_shadow_bias(picture: torch.Tensor, coverage: torch.Tensor, haze: float) -> torch.Tensor:
     """Pictures (B, 4, H, W), premultiplied, with the haze taken from the shade on their floor.
 
     `coverage` (B, 1, H, W) is the object's share of each pixel, which stays as it is; `haze` is in alpha, that in a
@@ -24,5 +24,5 @@ def without_haze(picture: torch.Tensor, coverage: torch.Tensor, haze: float) -> 
         return picture
     alpha, floor = picture[:, 3:], 1 - coverage
     shade = ((alpha - coverage) / floor.clamp_min(1e-3)).clamp(0, 1)
-    shares = torch.from_numpy(np.interp(shade.numpy(), SHADES, HAZES).astype(np.float32))
+    shares = torch.from_numpy(np.interp(shade.numpy(), SHADOW_ALPHAS, RELATIVE_BIASES).astype(np.float32))
     return torch.cat([picture[:, :3], alpha - floor * shade.minimum(haze * shares)], dim=1)

@@ -18,12 +18,12 @@ from z2p_core.config import NetworkConfig, TrainConfig, from_dict, to_dict
 from z2p_core.interfaces import PositionalEncoder
 from z2p_core.network.unet import build_network
 from z2p_renderer.pipeline.inference.loading import load_network
-from z2p_renderer.pipeline.training.dataset import CloudPictures
+from z2p_renderer.pipeline.training.dataset import CloudDataset
 from z2p_renderer.pipeline.training.learning_curve import Row
 from z2p_renderer.storage.models.checkpoints import load_checkpoint, find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
 
-BETAS = (0.9, 0.99)
+ADAM_BETAS = (0.9, 0.99)
 WEIGHT_DECAY = 0.01
 ENCODER_SEED = 4
 """Beside the seeds of `pipeline.training.dataset`."""
@@ -36,11 +36,11 @@ class TrainError(RuntimeError):
 
 
 @dataclass
-class Run:
+class TrainingState:
     """All that a training run carries from step to step."""
 
     config: TrainConfig
-    data: CloudPictures
+    data: CloudDataset
     fixed_elevation: float | None
     encoder: PositionalEncoder
     network: nn.Module
@@ -57,7 +57,7 @@ class Run:
     """Losses since the last row of the curve."""
 
 
-def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device, precision: str) -> Run:
+def start_training(shards: Sequence[Path], config: TrainConfig, device: torch.device, precision: str) -> TrainingState:
     """A run at step 0, its network drawn from torch's generator, its encoder from the config's seed.
 
     Raises:
@@ -70,7 +70,7 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
         if getattr(config, name) < 1:
             raise ValueError(f"train: {name}: expected 1 or more, got {getattr(config, name)}")
     zbuffer, gbuffer = (registry.load(f"{kind}s", getattr(config.network, kind))() for kind in ("zbuffer", "gbuffer"))
-    data = CloudPictures(shards, config, zbuffer, gbuffer)
+    data = CloudDataset(shards, config, zbuffer, gbuffer)
     start = load_network(config.start, to_train=True) if config.start else None
     if start:
         encoder = start.encoder
@@ -81,16 +81,16 @@ def start_run(shards: Sequence[Path], config: TrainConfig, device: torch.device,
     encodings = {side: torch.from_numpy(encoder.encode(u, v)).to(device) for side, (u, v) in cells.items()}
     network = build_network(config.network, zbuffer.channels + gbuffer.channels, encoder.channels, data.settings)
     if start:
-        _check_start(start.card, config, data)
-        network.load_state_dict(_grown(start.network.state_dict(), network.state_dict()))
+        _check_start_weights(start.card, config, data)
+        network.load_state_dict(_add_control_columns(start.network.state_dict(), network.state_dict()))
     network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
     average = copy.deepcopy(network).eval().requires_grad_(False)
-    optimizer = torch.optim.AdamW(network.parameters(), betas=BETAS, weight_decay=WEIGHT_DECAY, fused=True)
-    chosen = faster_precision(device) if precision == "auto" else precision
-    return Run(config, data, data.fixed_elevation, encoder, network, average, optimizer, encodings, device, chosen)
+    optimizer = torch.optim.AdamW(network.parameters(), betas=ADAM_BETAS, weight_decay=WEIGHT_DECAY, fused=True)
+    chosen = fastest_precision(device) if precision == "auto" else precision
+    return TrainingState(config, data, data.fixed_elevation, encoder, network, average, optimizer, encodings, device, chosen)
 
 
-def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures) -> None:
+def _check_start_weights(card: dict[str, Any], config: TrainConfig, data: CloudDataset) -> None:
     """
     Raises:
         TrainError: weights with that card cannot be fine-tuned by this config on these shards.
@@ -113,7 +113,7 @@ def _check_start(card: dict[str, Any], config: TrainConfig, data: CloudPictures)
             )
 
 
-def _grown(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str, Tensor]:
+def _add_control_columns(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str, Tensor]:
     """The tensors of weights to start from, with a fresh column for each control that they lack.
 
     The new columns begin at nothing, so that the network draws as before at first, whatever these controls say.
@@ -125,21 +125,21 @@ def _grown(known: Mapping[str, Tensor], fresh: Mapping[str, Tensor]) -> dict[str
     return {**known, SETTINGS_LAYER: torch.cat([columns, new], dim=1)}
 
 
-def weights_card(run: Run) -> dict[str, Any]:
+def weights_card(run: TrainingState) -> dict[str, Any]:
     """The card that goes with the weights; see `z2p_renderer.storage.models.checkpoints.Weights`."""
-    training = {**_semantic(run.config), "renders": len(run.data.training), "meshes": len(run.data.shards)}
+    training = {**_config_shaping_weights(run.config), "renders": len(run.data.training), "meshes": len(run.data.shards)}
     for name in ("start", "teacher"):  # a path would tell of the machine, and mean nothing on others
         training[name] = Path(training[name]).stem
     return {
         "network": to_dict(run.config.network),
-        **_plugins(run),
+        **_plugin_cards(run),
         "resolution": list(run.data.sides),
         "fixed_elevation": run.fixed_elevation,
         "training": training,
     }
 
 
-def snapshot(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
+def checkpoint_content(run: TrainingState) -> tuple[dict[str, Any], dict[str, Any]]:
     """Tensors and state of a checkpoint. The data order needs no more than the step: see `CloudPictures.batch`."""
     tensors: dict[str, Any] = {"random": torch.get_rng_state()}
     for name, module in (("network", run.network), ("average", run.average)):
@@ -147,10 +147,10 @@ def snapshot(run: Run) -> tuple[dict[str, Any], dict[str, Any]]:
     for index, state in run.optimizer.state_dict()["state"].items():
         tensors |= {f"optimizer/{index}/{key}": value for key, value in state.items()}
     state = {"step": run.step, "precision": run.precision, "rows": run.rows, "recent": run.recent}
-    return tensors, {"identity": _identity(run), **state}
+    return tensors, {"identity": _run_identity(run), **state}
 
 
-def resume(run: Run, out: Path, log: Callable[[str], object]) -> None:
+def resume_from_checkpoint(run: TrainingState, out: Path, log: Callable[[str], object]) -> None:
     """Takes up the newest sound checkpoint in `out`, if there is one.
 
     Raises:
@@ -164,7 +164,7 @@ def resume(run: Run, out: Path, log: Callable[[str], object]) -> None:
         log(f"warning: {warning}")
     if not state:
         return
-    if state["identity"] != _identity(run):
+    if state["identity"] != _run_identity(run):
         raise TrainError(f"{out} holds a checkpoint of another config or other shards; delete it or train elsewhere")
     tensors = {name: torch.from_numpy(array) for name, array in arrays.items()}
     torch.set_rng_state(tensors["random"])
@@ -176,28 +176,28 @@ def resume(run: Run, out: Path, log: Callable[[str], object]) -> None:
     log(f"going on from step {run.step}")
 
 
-def faster_precision(device: torch.device) -> str:
+def fastest_precision(device: torch.device) -> str:
     """``bfloat16`` on a GPU and on a CPU with instructions for it, else ``float32``: told by the device, not timed."""
     if device.type != "cpu" or torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported():
         return "bfloat16"
     return "float32"
 
 
-def _identity(run: Run) -> dict[str, Any]:
+def _run_identity(run: TrainingState) -> dict[str, Any]:
     """What a checkpoint and a run must share to be one run."""
     shards = [[shard.attributes["mesh"], len(shard)] for shard in run.data.shards]
-    config = _semantic(run.config)
+    config = _config_shaping_weights(run.config)
     for name in ("start", "teacher"):  # the same file may lie elsewhere by now
         config[name] = config[name] and file_digest(find_weights(config[name]))
-    return {"config": config, "shards": shards, "resolution": run.data.resolution, **_plugins(run)}
+    return {"config": config, "shards": shards, "resolution": run.data.resolution, **_plugin_cards(run)}
 
 
-def _semantic(config: TrainConfig) -> dict[str, Any]:
+def _config_shaping_weights(config: TrainConfig) -> dict[str, Any]:
     """The config without what shapes no weight: a run resumes exactly, so how often it could does not matter."""
     return {name: value for name, value in to_dict(config).items() if name != "checkpoint_every"}
 
 
-def _plugins(run: Run) -> dict[str, Any]:
+def _plugin_cards(run: TrainingState) -> dict[str, Any]:
     """The plugins whose work the weights expect, as the card lists them."""
     network, encoder = run.config.network, run.encoder
     return {
@@ -208,7 +208,7 @@ def _plugins(run: Run) -> dict[str, Any]:
     }
 
 
-def _restore_optimizer(run: Run, tensors: dict[str, Tensor]) -> None:
+def _restore_optimizer(run: TrainingState, tensors: dict[str, Tensor]) -> None:
     state: dict[int, dict[str, Tensor]] = {}
     for index, parameter in enumerate(run.network.parameters()):
         prefix = f"optimizer/{index}/"

@@ -13,10 +13,10 @@ from z2p_core.errors.messages import error_reason
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import ScanError
 
-NEIGHBOURS = 16
+NEIGHBORS = 16
 
 
-def oriented(cloud: np.ndarray) -> Any:
+def estimate_oriented_normals(cloud: np.ndarray) -> Any:
     """open3d PointCloud of points (N, 3) with unit normals, turned to agree along the tangent planes.
 
     Raises:
@@ -25,22 +25,22 @@ def oriented(cloud: np.ndarray) -> Any:
     with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
 
-    if len(cloud) <= NEIGHBOURS:
-        raise ScanError(f"normals need more than {NEIGHBOURS} points, got {len(cloud)}; give a denser cloud")
+    if len(cloud) <= NEIGHBORS:
+        raise ScanError(f"normals need more than {NEIGHBORS} points, got {len(cloud)}; give a denser cloud")
     points = np.ascontiguousarray(cloud, dtype=np.float64)
     if np.ptp(points, axis=0).max() == 0:
         raise ScanError(f"expected points on a surface, got {len(cloud)} at one place")
     scan = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
-    scan.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
+    scan.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(NEIGHBORS))
     try:
-        scan.orient_normals_consistent_tangent_plane(NEIGHBOURS)
+        scan.orient_normals_consistent_tangent_plane(NEIGHBORS)
     except RuntimeError as error:  # its triangulation refuses points in one plane
         message = f"the normals cannot be oriented ({error_reason(error)}); expected points that span a volume"
         raise ScanError(message) from error
     return scan
 
 
-def arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
+def mesh_arrays(mesh: Any) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (V, 3) float64 and triangles (M, 3) int64 of an open3d mesh.
 
     Raises:

@@ -12,7 +12,7 @@ from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import ScanError
 
 
-class Apart:
+class SubprocessFunction:
     """Calls `function`, which must be a module's own, in a process that is kept for the next call.
 
     It is started afresh (not forked), since libraries' threads do not outlive a fork.
@@ -55,7 +55,7 @@ class Apart:
             return
         context = multiprocessing.get_context("spawn")
         self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(self._function, theirs), daemon=True)
+        self._process = context.Process(target=_serve_calls, args=(self._function, theirs), daemon=True)
         self._process.start()
         self._owner = os.getpid()
         theirs.close()
@@ -69,7 +69,7 @@ class Apart:
         return code
 
 
-def _serve(function: Callable[..., Any], pipe: Any) -> None:
+def _serve_calls(function: Callable[..., Any], pipe: Any) -> None:
     """Answers calls until the other end is gone."""
     while True:
         try:

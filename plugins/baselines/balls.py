@@ -6,21 +6,21 @@ import numpy as np
 
 from z2p_core.interfaces import Baseline, ScanError
 
-RADIUS = 0.014
+BALL_RADIUS = 0.014
 """In world units, whatever the density: balls nearly touch on an object of 5,000 points, and part on sparser ones."""
-SUBDIVISIONS, MANY = 1, 20_000
+SUBDIVISIONS, MANY_POINTS = 1, 20_000
 """Of the icosahedron: 80 triangles, plenty for a ball of a few pixels, smoothly shaded; from so many points on 20."""
 
 
 class Balls(Baseline):
-    """An icosphere of radius `RADIUS` around every point."""
+    """An icosphere of radius `BALL_RADIUS` around every point."""
 
     name = "balls"
     version = "2"
     packages = ("trimesh",)
 
     def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (42 N, 3) float64 and triangles (80 N, 3) int64; from `MANY` points on (12 N, 3) and (20 N, 3).
+        """Vertices (42 N, 3) float64 and triangles (80 N, 3) int64; from `MANY_POINTS` points on (12 N, 3) and (20 N, 3).
 
         Raises:
             ScanError: no points.
@@ -29,7 +29,7 @@ class Balls(Baseline):
 
         if len(cloud) == 0:
             raise ScanError("expected at least 1 point to put a ball on, got none")
-        ball = icosphere(subdivisions=SUBDIVISIONS if len(cloud) < MANY else 0, radius=RADIUS)
+        ball = icosphere(subdivisions=SUBDIVISIONS if len(cloud) < MANY_POINTS else 0, radius=BALL_RADIUS)
         vertices, faces = np.asarray(ball.vertices), np.asarray(ball.faces, dtype=np.int64)
         first = len(vertices) * np.arange(len(cloud))[:, None, None]
         placed = np.asarray(cloud, dtype=np.float64)[:, None] + vertices

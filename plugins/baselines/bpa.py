@@ -8,12 +8,12 @@ import numpy as np
 
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
-from z2p_renderer.plugins.baselines._normals import arrays, oriented
-from z2p_renderer.plugins.baselines._subprocess import Apart
+from z2p_renderer.plugins.baselines._normals import mesh_arrays, estimate_oriented_normals
+from z2p_renderer.plugins.baselines._subprocess import SubprocessFunction
 
-RADII = (1.5, 2.5, 4.0)
+RADII_IN_SPACINGS = (1.5, 2.5, 4.0)
 """Of the balls, in units of the mean distance to the nearest neighbour."""
-LONGEST = 300.0
+TIME_LIMIT_SECONDS = 300.0
 """Seconds. On scans whose density varies a lot, open3d's balls roll for hours, if they ever stop."""
 
 
@@ -31,16 +31,16 @@ class BallPivoting(Baseline):
             ScanError: too few points, points that no ball touches by three, or balls that do not come to rest.
         """
         with self.timed("normals"):
-            scan = oriented(cloud)
+            scan = estimate_oriented_normals(cloud)
         spacing = float(np.mean(scan.compute_nearest_neighbor_distance()))
         if spacing == 0:
             raise ScanError(f"expected points apart from each other, got {len(cloud)} that all come twice")
-        radii = [radius * spacing for radius in RADII]
-        vertices, faces = PIVOTING(np.asarray(scan.points), np.asarray(scan.normals), radii, within=LONGEST)
+        radii = [radius * spacing for radius in RADII_IN_SPACINGS]
+        vertices, faces = BALL_PIVOTING_SUBPROCESS(np.asarray(scan.points), np.asarray(scan.normals), radii, within=TIME_LIMIT_SECONDS)
         return vertices, faces
 
 
-def pivoting(points: np.ndarray, normals: np.ndarray, radii: list[float]) -> Any:
+def ball_pivoting(points: np.ndarray, normals: np.ndarray, radii: list[float]) -> Any:
     """Vertices (V, 3) float64 and triangles (M, 3) int64 that balls of these radii leave on points (N, 3).
 
     Raises:
@@ -52,7 +52,7 @@ def pivoting(points: np.ndarray, normals: np.ndarray, radii: list[float]) -> Any
     scan = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(points))
     scan.normals = open3d.utility.Vector3dVector(normals)
     balls = open3d.utility.DoubleVector(radii)
-    return arrays(open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(scan, balls))
+    return mesh_arrays(open3d.geometry.TriangleMesh.create_from_point_cloud_ball_pivoting(scan, balls))
 
 
-PIVOTING = Apart(pivoting)
+BALL_PIVOTING_SUBPROCESS = SubprocessFunction(ball_pivoting)

@@ -8,11 +8,11 @@ from z2p_core.camera import Camera
 from z2p_core.errors.messages import error_reason
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
-from z2p_renderer.plugins.baselines._normals import arrays
+from z2p_renderer.plugins.baselines._normals import mesh_arrays
 
-FLIP = 360.0
+FLIP_RADIUS = 360.0
 """Radius of the sphere that the points are flipped over, in world units: a hundred times the camera's distance."""
-LONGEST = 4.0
+MAX_SIDE_RATIO = 4.0
 """Sides of a triangle, in typical sides: longer ones join an outline to what lies behind it."""
 
 
@@ -43,12 +43,12 @@ class VisibleTriangles(Baseline):
             raise ScanError(f"hidden point removal needs 5 points or more, got {len(cloud)}; give a denser cloud")
         scan = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(np.ascontiguousarray(cloud, np.float64)))
         try:
-            mesh, _ = scan.hidden_point_removal(np.asarray(viewer, np.float64), FLIP)
+            mesh, _ = scan.hidden_point_removal(np.asarray(viewer, np.float64), FLIP_RADIUS)
         except RuntimeError as error:  # its convex hull refuses points in one plane
             message = f"the visible points cannot be found ({error_reason(error)}); expected points that span a volume"
             raise ScanError(message) from error
-        vertices, faces = arrays(mesh)
+        vertices, faces = mesh_arrays(mesh)
         corners = vertices[faces]
         longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-        kept = longest <= LONGEST * np.median(longest)
+        kept = longest <= MAX_SIDE_RATIO * np.median(longest)
         return vertices, faces[kept]

@@ -6,11 +6,11 @@ import numpy as np
 
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline
-from z2p_renderer.plugins.baselines._normals import arrays, oriented
+from z2p_renderer.plugins.baselines._normals import mesh_arrays, estimate_oriented_normals
 
-DEPTH = 8
+OCTREE_DEPTH = 8
 """Of the octree: 256 cells a side."""
-TRIMMED = 0.03
+TRIMMED_SHARE = 0.03
 """Share of the vertices that go, those of lowest density: the surface closes over every gap otherwise."""
 
 
@@ -31,9 +31,9 @@ class Poisson(Baseline):
             import open3d  # late: the pipeline extra
 
         with self.timed("normals"):
-            scan = oriented(cloud)
-        mesh, densities = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(scan, depth=DEPTH, n_threads=1)
+            scan = estimate_oriented_normals(cloud)
+        mesh, densities = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(scan, depth=OCTREE_DEPTH, n_threads=1)
         density: np.ndarray = np.asarray(densities)
         if len(density):
-            mesh.remove_vertices_by_mask(density < np.quantile(density, TRIMMED))
-        return arrays(mesh)
+            mesh.remove_vertices_by_mask(density < np.quantile(density, TRIMMED_SHARE))
+        return mesh_arrays(mesh)

@@ -7,11 +7,11 @@ import numpy as np
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
 
-NEIGHBOURS = 12
-RADIUS = 1.3
+NEIGHBORS = 12
+RADIUS_IN_SPACINGS = 1.3
 """Of a disc, in spacings (the side of a point's share of the surface): wide enough to leave few holes."""
-CORNERS = 8
-APART = 0.05
+DISC_CORNERS = 8
+HEIGHT_JITTER_IN_SPACINGS = 0.05
 """Spacings that discs lie above and below their points, at random: in one plane they would shade each other black."""
 
 
@@ -28,25 +28,25 @@ class Splats(Baseline):
         Raises:
             ScanError: too few points, or points at one place.
         """
-        if len(cloud) <= NEIGHBOURS:
-            raise ScanError(f"splats need more than {NEIGHBOURS} points, got {len(cloud)}; give a denser cloud")
+        if len(cloud) <= NEIGHBORS:
+            raise ScanError(f"splats need more than {NEIGHBORS} points, got {len(cloud)}; give a denser cloud")
         points = np.ascontiguousarray(cloud, dtype=np.float64)
         with self.timed("planes"):
-            first, second, spacing = _tangents(points)
+            first, second, spacing = _tangent_axes(points)
         if not spacing.max() > 0:
             raise ScanError(f"expected points on a surface, got {len(cloud)} at one place")
         typical = float(np.median(spacing[spacing > 0]))
-        radius = RADIUS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
-        angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
+        radius = RADIUS_IN_SPACINGS * np.clip(spacing, 0.5 * typical, 2.5 * typical)
+        angle = 2 * np.pi * np.arange(DISC_CORNERS) / DISC_CORNERS
         rim = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
-        height = APART * typical * rng.uniform(-0.5, 0.5, (len(points), 1))
+        height = HEIGHT_JITTER_IN_SPACINGS * typical * rng.uniform(-0.5, 0.5, (len(points), 1))
         vertices = (points + height * np.cross(first, second))[:, None] + radius[:, None, None] * rim
-        fan = np.array([(0, corner, corner + 1) for corner in range(1, CORNERS - 1)])
-        faces = CORNERS * np.arange(len(points))[:, None, None] + fan
+        fan = np.array([(0, corner, corner + 1) for corner in range(1, DISC_CORNERS - 1)])
+        faces = DISC_CORNERS * np.arange(len(points))[:, None, None] + fan
         return vertices.reshape(-1, 3), faces.reshape(-1, 3)
 
 
-def _tangents(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _tangent_axes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Two unit tangents (N, 3) each and the spacing (N,) of points (N, 3), by their nearest ones."""
     with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
@@ -54,9 +54,9 @@ def _tangents(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     places = open3d.core.Tensor.from_numpy(points)
     search = open3d.core.nns.NearestNeighborSearch(places)
     search.knn_index()
-    nearest, squared = (found.numpy() for found in search.knn_search(places, NEIGHBOURS + 1))
+    nearest, squared = (found.numpy() for found in search.knn_search(places, NEIGHBORS + 1))
     around = points[nearest]
     around = around - around.mean(axis=1, keepdims=True)
     _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))  # ascending: the normal comes first
-    spacing = np.sqrt(np.pi * squared[:, -1] / NEIGHBOURS)
+    spacing = np.sqrt(np.pi * squared[:, -1] / NEIGHBORS)
     return axes[:, :, 1], axes[:, :, 2], spacing

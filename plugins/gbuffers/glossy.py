@@ -122,7 +122,7 @@ class Reflections(Lighting):
         around = (light - direct[:, None]) * (1 - clear)[:, None]
         if mirrors and self.matt < 1:
             self.add_parts(around, clear, rows, rays, mirrors - 1)
-        steady = light * self.surface.matt(facing) + around * self.surface.reflectance(facing)
+        steady = light * self.surface.diffuse_albedo(facing) + around * self.surface.specular_albedo(facing)
         shine, unhidden = self.gloss(points, normals, towards)
         sent = Sent(steady, np.clip(direct / np.maximum(unhidden, 1e-4), 0, 1), clear)
         if self.smooth:
@@ -167,8 +167,8 @@ class Reflections(Lighting):
         facing = np.maximum(row_dots(normals, towards), 1e-3)
         lobes = leaning(2 * facing[:, None] * normals - towards, normals, self.roughness)
         around = self.surroundings_in(points, lobes) * sent.clear
-        lamp = self.surface.gloss(sent.lit[:, None] * shine, facing)
-        return lamp + around[:, None] * self.surface.reflectance(facing)
+        lamp = self.surface.specular_radiance(sent.lit[:, None] * shine, facing)
+        return lamp + around[:, None] * self.surface.specular_albedo(facing)
 
     def surroundings_in(self, points: np.ndarray, lobes: np.ndarray) -> np.ndarray:
         """Radiance (M,) of sky and lit floor in lobes about directions (M, 3) from points (M, 3)."""

@@ -14,16 +14,16 @@ import numpy as np
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_write, check_file_target
-from z2p_renderer.storage.images.image_files import OPAQUE, WHITE, PictureError, described
+from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, PictureError, record_text
 
-SUFFIXES = (".webp", ".gif", ".mp4")
+ANIMATION_SUFFIXES = (".webp", ".gif", ".mp4")
 QUALITY = {"webp": 90, "crf": 18}
-TO_BT709 = ("scale=in_range=pc:out_range=tv:out_color_matrix=bt709:flags=bicubic+accurate_rnd+full_chroma_int,"
+BT709_CONVERSION = ("scale=in_range=pc:out_range=tv:out_color_matrix=bt709:flags=bicubic+accurate_rnd+full_chroma_int,"
             "format=yuv420p")
-TAGGED = "setparams=range=tv:color_primaries=bt709:color_trc=bt709:colorspace=bt709"
+BT709_TAGS = "setparams=range=tv:color_primaries=bt709:color_trc=bt709:colorspace=bt709"
 """What makes the colours of a video those of BT.709, and says so in the file: of untagged ones players guess by the
 picture's size, and ffmpeg's own choice is BT.601, which turns greens and reds."""
-SHORTEST = 16
+MIN_FRAME_MS = 16
 """Milliseconds that a frame stays at least: viewers take 10 for a mistake, and show it for 100."""
 
 
@@ -43,51 +43,51 @@ def write_animation(
         PictureError: a suffix of another format, an MP4 without its extra, or something other than a file lies there.
     """
     suffix = path.suffix.lower()
-    check_suffix(suffix)
+    check_animation_suffix(suffix)
     try:
         check_file_target(path)
     except NotAFileError as error:
         raise PictureError(str(error)) from None
-    if background is None and suffix in OPAQUE:
+    if background is None and suffix in OPAQUE_SUFFIXES:
         background = WHITE
     if background is not None:
         frames = [bytes_from_unit(composite(unit_from_bytes(frame), background)) for frame in frames]
     match suffix:
         case ".webp":
-            atomic_write(_webp(frames, rate, record), path)
+            atomic_write(_encode_webp(frames, rate, record), path)
         case ".gif":
             behind = bytes_from_unit(np.array(background))
-            atomic_write(_gif(frames, rate, behind, record), path)
+            atomic_write(_encode_gif(frames, rate, behind, record), path)
         case _:
-            atomic_write(_mp4(frames, rate, record), path)
+            atomic_write(_encode_mp4(frames, rate, record), path)
 
 
-def check_suffix(suffix: str) -> None:
+def check_animation_suffix(suffix: str) -> None:
     """Nothing, when loops can be written in the format of the suffix (lower-case, with its dot).
 
     Raises:
         PictureError: it stands for another format, or for MP4 and its extra is missing.
     """
-    if suffix not in SUFFIXES:
-        raise PictureError(f"expected an animation named {', '.join(SUFFIXES)}, got {suffix or 'no suffix'!r}")
+    if suffix not in ANIMATION_SUFFIXES:
+        raise PictureError(f"expected an animation named {', '.join(ANIMATION_SUFFIXES)}, got {suffix or 'no suffix'!r}")
     if suffix == ".mp4":
         _ffmpeg()
 
 
-def _webp(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
+def _encode_webp(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
     from PIL import Image
 
     exif = Image.Exif()
     if record is not None:
-        exif[0x010E] = described(record)
+        exif[0x010E] = record_text(record)
     first, *rest = (Image.fromarray(frame) for frame in frames)
     encoded = io.BytesIO()
     first.save(encoded, format="WEBP", save_all=True, append_images=rest, loop=0, quality=QUALITY["webp"], method=4,
-               duration=_durations(len(frames), rate, 1), minimize_size=True, exif=exif)  # fmt: skip
+               duration=_frame_durations(len(frames), rate, 1), minimize_size=True, exif=exif)  # fmt: skip
     return encoded.getvalue()
 
 
-def _gif(
+def _encode_gif(
     frames: Sequence[np.ndarray], rate: float, behind: np.ndarray, record: dict[str, Any] | None
 ) -> bytes:
     """The last of the colours is what is `behind` (3,) uint8: a page of that colour must show no edge."""
@@ -111,30 +111,30 @@ def _gif(
 
     first, *rest = map(indexed, frames)
     encoded = io.BytesIO()
-    comment = {} if record is None else {"comment": described(record).encode()}
+    comment = {} if record is None else {"comment": record_text(record).encode()}
     first.save(encoded, format="GIF", save_all=True, append_images=rest, loop=0,
-               duration=_durations(len(frames), rate, 10), optimize=False, disposal=1, **comment)  # fmt: skip
+               duration=_frame_durations(len(frames), rate, 10), optimize=False, disposal=1, **comment)  # fmt: skip
     return encoded.getvalue()
 
 
-def _durations(count: int, rate: float, step: int) -> list[int]:
+def _frame_durations(count: int, rate: float, step: int) -> list[int]:
     """Milliseconds that each frame stays, in whole steps of the format, so that all together keep the rate."""
     ends = np.rint(np.arange(count + 1) * 1000 / (rate * step)) * step
-    return [max(int(stay), -(-SHORTEST // step) * step) for stay in np.diff(ends)]
+    return [max(int(stay), -(-MIN_FRAME_MS // step) * step) for stay in np.diff(ends)]
 
 
-def _mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
+def _encode_mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any] | None) -> bytes:
     height, width = frames[0].shape[:2]
     odd = ((0, height % 2), (0, width % 2), (0, 0))
     with tempfile.TemporaryDirectory(prefix="z2p-") as folder:
         made = Path(folder) / "loop.mp4"
         command = [_ffmpeg(), "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
                    "-s", f"{width + width % 2}x{height + height % 2}", "-r", f"{rate:g}", "-i", "-",
-                   "-vf", f"{TO_BT709},{TAGGED}", "-color_primaries", "bt709", "-color_trc", "bt709",
+                   "-vf", f"{BT709_CONVERSION},{BT709_TAGS}", "-color_primaries", "bt709", "-color_trc", "bt709",
                    "-colorspace", "bt709", "-color_range", "tv",
                    "-c:v", "libx264", "-crf", str(QUALITY["crf"]), "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
         if record is not None:
-            command += ["-metadata", f"comment={described(record)}"]
+            command += ["-metadata", f"comment={record_text(record)}"]
         raw = b"".join(np.pad(frame, odd, mode="edge").tobytes() for frame in frames)
         done = subprocess.run([*command, str(made)], input=raw, capture_output=True)
         if done.returncode != 0:

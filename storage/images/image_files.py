@@ -15,17 +15,17 @@ from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_write, file_kind
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
 from z2p_renderer.storage.files.printable_names import is_file, path_exists, printable
-from z2p_renderer.storage.images.png import png
+from z2p_renderer.storage.images.png import encode_png
 from z2p_renderer.storage.images.record_schema import record_fault
 from z2p_renderer.storage.scans.silenced_libraries import quiet
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
 """Suffix -> format."""
-OPAQUE = frozenset({".jpg", ".jpeg", ".gif", ".mp4"})
+OPAQUE_SUFFIXES = frozenset({".jpg", ".jpeg", ".gif", ".mp4"})
 """Suffixes whose format has no soft transparency; white is put behind unless another background is asked for."""
-KEY = "z2p"
+RECORD_KEYWORD = "z2p"
 """Keyword of the PNG text chunk that holds the record, as JSON."""
-DESCRIPTION = 0x010E
+DESCRIPTION_TAG = 0x010E
 """The EXIF and TIFF tag ImageDescription, which holds the record as ``z2p: {...}`` in the other formats."""
 WHITE = (1.0, 1.0, 1.0)
 
@@ -47,14 +47,14 @@ def write_picture(
     Raises:
         PictureError: a suffix that stands for no format, or something other than a file lies there.
     """
-    encoded = encode(picture, path.suffix.lower(), background, record)
+    encoded = encode_picture(picture, path.suffix.lower(), background, record)
     try:
         atomic_write(encoded, path)
     except NotAFileError as error:
         raise PictureError(str(error)) from None
 
 
-def encode(
+def encode_picture(
     picture: np.ndarray,
     suffix: str,
     background: tuple[float, float, float] | None = None,
@@ -65,21 +65,21 @@ def encode(
     Raises:
         PictureError: a suffix that stands for no format.
     """
-    check_suffix(suffix)
-    if background is None and suffix in OPAQUE:
+    check_picture_suffix(suffix)
+    if background is None and suffix in OPAQUE_SUFFIXES:
         background = WHITE
     if background is not None:
         picture = bytes_from_unit(composite(unit_from_bytes(picture), background))
     if suffix == ".png":
-        return png(picture, {} if record is None else {KEY: json.dumps(record, allow_nan=False)})
+        return encode_png(picture, {} if record is None else {RECORD_KEYWORD: json.dumps(record, allow_nan=False)})
     from PIL import Image  # late: PNG, which most are, does without
 
     image, encoded = Image.fromarray(picture), io.BytesIO()
-    image.save(encoded, format=FORMATS[suffix], **_options(FORMATS[suffix], record))
+    image.save(encoded, format=FORMATS[suffix], **_encoder_options(FORMATS[suffix], record))
     return encoded.getvalue()
 
 
-def check_suffix(suffix: str) -> None:
+def check_picture_suffix(suffix: str) -> None:
     """Nothing, when a suffix (lower-case, with its dot) stands for a format.
 
     Raises:
@@ -118,25 +118,25 @@ def _record_text(path: Path) -> str | None:
         raise PictureError(f"{printable(path)}: expected a picture written by z2p, got {file_kind(path)}")
     try:
         with quiet(), Image.open(path) as image:
-            text = image.info.get(KEY)
+            text = image.info.get(RECORD_KEYWORD)
             if text is not None:
                 return str(text)
-            text = image.getexif().get(DESCRIPTION)
+            text = image.getexif().get(DESCRIPTION_TAG)
             if text is None and isinstance(comment := image.info.get("comment"), bytes):  # a GIF's
                 text = comment.decode(errors="replace")
             if text is None and hasattr(image, "tag_v2"):
-                text = image.tag_v2.get(DESCRIPTION)
+                text = image.tag_v2.get(DESCRIPTION_TAG)
     except OSError as error:  # pillow's own error for what is no picture is one of these
         reason = error.strerror or "not a picture that can be read"
         raise PictureError(f"{printable(path)}: {reason}; expected a picture written by z2p") from error
     except Exception as error:  # pillow raises whatever a damaged file makes it stumble over
         reason = " ".join(str(error).split())[:200]
         raise PictureError(f"{printable(path)}: cannot be read ({type(error).__name__}: {reason})") from error
-    ours = isinstance(text, str) and text.startswith(f"{KEY}: ")
-    return str(text).removeprefix(f"{KEY}: ") if ours else None
+    ours = isinstance(text, str) and text.startswith(f"{RECORD_KEYWORD}: ")
+    return str(text).removeprefix(f"{RECORD_KEYWORD}: ") if ours else None
 
 
-def is_whole(path: Path) -> bool:
+def is_readable_picture(path: Path) -> bool:
     """Whether a file is a picture, all of which can be read."""
     from PIL import Image
 
@@ -148,7 +148,7 @@ def is_whole(path: Path) -> bool:
     return True
 
 
-def is_cut(path: Path) -> bool:
+def is_truncated(path: Path) -> bool:
     """Whether a picture ends before its format says, told by its last bytes; those of a TIFF tell nothing."""
     with path.open("rb") as file:
         head = file.read(8)
@@ -162,12 +162,12 @@ def is_cut(path: Path) -> bool:
     return not next((whole for begin, whole in ends.items() if head.startswith(begin)), True)
 
 
-def described(record: dict[str, Any]) -> str:
+def record_text(record: dict[str, Any]) -> str:
     """The record as the text that stands in a description or a comment; plain ascii, which is all they hold."""
-    return f"{KEY}: {json.dumps(record, allow_nan=False)}"
+    return f"{RECORD_KEYWORD}: {json.dumps(record, allow_nan=False)}"
 
 
-def _options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:
+def _encoder_options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:
     """Pillow's options for a format, the record among them."""
     from PIL import Image
 
@@ -180,7 +180,7 @@ def _options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:
     if record is None:
         return options
     if format == "TIFF":
-        return {**options, "description": described(record)}
+        return {**options, "description": record_text(record)}
     exif = Image.Exif()
-    exif[DESCRIPTION] = described(record)
+    exif[DESCRIPTION_TAG] = record_text(record)
     return {**options, "exif": exif}

@@ -19,56 +19,56 @@ from z2p_core.errors.value_limits import (
     check_value,
 )
 
-_LINE = Text("a text", r"(?s:.*)", maximum=10_000)  # files may have a newline in their names
-_SIZE = Number(-1e150, 1e150)
-_WHOLE = Count(0, 1 << 50)
-_ROW = ListOf(Number(-2, 2), 3, 3)
-CAMERA = JsonObject(
-    {"centre": ListOf(_SIZE, 3, 3), "radius": Number(0, 1e150, exclude_minimum=True), "rotation": ListOf(_ROW, 3, 3),
+_TEXT = Text("a text", r"(?s:.*)", maximum=10_000)  # files may have a newline in their names
+_COORDINATE = Number(-1e150, 1e150)
+_COUNT = Count(0, 1 << 50)
+_ROTATION_ROW = ListOf(Number(-2, 2), 3, 3)
+CAMERA_LIMITS = JsonObject(
+    {"centre": ListOf(_COORDINATE, 3, 3), "radius": Number(0, 1e150, exclude_minimum=True), "rotation": ListOf(_ROTATION_ROW, 3, 3),
      "elevation": Number(-90, 90)},
-    {"floor": OrNone(_SIZE), "distance": _SIZE, "field_of_view": _SIZE},
+    {"floor": OrNone(_COORDINATE), "distance": _COORDINATE, "field_of_view": _COORDINATE},
 )  # fmt: skip
 _STANCE = JsonObject(
     {},
-    {"up": _LINE, "up_reason": _LINE, "view_reason": _LINE, "hint": _LINE, "azimuth": OrNone(_SIZE),
-     "elevation": OrNone(_SIZE), "outliers": _WHOLE, "outside": _WHOLE, "background": _WHOLE, "added": _WHOLE,
-     "far": _WHOLE, "rounded": _SIZE, "smooth": _SIZE, "turned": _SIZE},
+    {"up": _TEXT, "up_reason": _TEXT, "view_reason": _TEXT, "hint": _TEXT, "azimuth": OrNone(_COORDINATE),
+     "elevation": OrNone(_COORDINATE), "outliers": _COUNT, "outside": _COUNT, "background": _COUNT, "added": _COUNT,
+     "far": _COUNT, "rounded": _COORDINATE, "smooth": _COORDINATE, "turned": _COORDINATE},
 )  # fmt: skip
 _PLACING = JsonObject(
     {},
-    {"up": OrNone(AnyOf((_LINE, ListOf(_SIZE, 3, 3)))), "view": OrNone(AnyOf((_LINE, _SIZE, ListOf(_SIZE, 2, 2)))),
-     "azimuth": _SIZE, "keep_outliers": Boolean(),
-     "cut_top": Number(0, 100), "smooth": OrNone(AnyOf((_LINE, _SIZE)))},
+    {"up": OrNone(AnyOf((_TEXT, ListOf(_COORDINATE, 3, 3)))), "view": OrNone(AnyOf((_TEXT, _COORDINATE, ListOf(_COORDINATE, 2, 2)))),
+     "azimuth": _COORDINATE, "keep_outliers": Boolean(),
+     "cut_top": Number(0, 100), "smooth": OrNone(AnyOf((_TEXT, _COORDINATE)))},
 )  # fmt: skip
-_INPUT = JsonObject({}, {"name": OrNone(_LINE), "path": OrNone(_LINE), "sha256": _LINE, "cloud": _WHOLE,
-                   "columns": OrNone(ListOf(_LINE, 0, 100))})  # fmt: skip
+_INPUT = JsonObject({}, {"name": OrNone(_TEXT), "path": OrNone(_TEXT), "sha256": _TEXT, "cloud": _COUNT,
+                   "columns": OrNone(ListOf(_TEXT, 0, 100))})  # fmt: skip
 _PARTS: dict[str, Any] = {
-    "version": _LINE,
+    "version": _TEXT,
     "input": _INPUT,
-    "camera": CAMERA,
+    "camera": CAMERA_LIMITS,
     "controls": MappingOf(ListOf(Number(-1e6, 1e6), 1, 100)),
-    "weights": JsonObject({}, {"name": _LINE, "sha256": _LINE}),
+    "weights": JsonObject({}, {"name": _TEXT, "sha256": _TEXT}),
     "weights_chosen": Boolean(),
-    "engine": _LINE,
+    "engine": _TEXT,
     "resolution": ListOf(Count(1, 1 << 20), 2, 2),
     "background": AnyOf((Choice(("transparent",)), ListOf(Number(0, 1), 3, 3))),
     "supersample": Count(1, 16),
     "fit": Choice(("frame", "tight")),
-    "margin": OrNone(AnyOf((Number(-1, 1), _LINE))),
+    "margin": OrNone(AnyOf((Number(-1, 1), _TEXT))),
     "placing": _PLACING,
     "stance": _STANCE,
-    "window": ListOf(_SIZE, 4, 4),
-    "motion": MappingOf(AnyOf((_LINE, Boolean(), _SIZE))),
+    "window": ListOf(_COORDINATE, 4, 4),
+    "motion": MappingOf(AnyOf((_TEXT, Boolean(), _COORDINATE))),
     "batch": Count(1, 1 << 30),
 }
-RECORD = JsonObject({"record": Count(1, 1)}, _PARTS)
-_COMPLETE = JsonObject({
+RECORD_LIMITS = JsonObject({"record": Count(1, 1)}, _PARTS)
+_REDRAWABLE_LIMITS = JsonObject({
     **{name: _PARTS[name] for name in ("version", "camera", "controls", "resolution", "background", "supersample",
                                        "fit", "placing")},
-    "input": JsonObject({"name": OrNone(_LINE), "sha256": _LINE, "cloud": _WHOLE}),
-    "weights": JsonObject({"name": _LINE, "sha256": _LINE}),
-    "stance": JsonObject({"up": _LINE, "up_reason": _LINE, "azimuth": _SIZE, "view_reason": _LINE, "outliers": _WHOLE,
-                    "background": _WHOLE}),
+    "input": JsonObject({"name": OrNone(_TEXT), "sha256": _TEXT, "cloud": _COUNT}),
+    "weights": JsonObject({"name": _TEXT, "sha256": _TEXT}),
+    "stance": JsonObject({"up": _TEXT, "up_reason": _TEXT, "azimuth": _COORDINATE, "view_reason": _TEXT, "outliers": _COUNT,
+                    "background": _COUNT}),
 })  # fmt: skip
 """What a picture is drawn again by; parts that came later are missed by nobody."""
 
@@ -77,11 +77,11 @@ def record_fault(record: Any, *, complete: bool = False) -> str:
     """What cannot be about a record, in words; empty where all is well. `complete` asks for all that it takes to draw
     the picture again."""
     try:
-        check_value(record, RECORD, "")
+        check_value(record, RECORD_LIMITS, "")
         if complete:
-            check_value(record, _COMPLETE, "")
+            check_value(record, _REDRAWABLE_LIMITS, "")
             if record["input"]["name"] is not None:
-                check_value(record["input"], JsonObject({"path": OrNone(_LINE)}), "input")
+                check_value(record["input"], JsonObject({"path": OrNone(_TEXT)}), "input")
     except LimitError as error:
         return str(error)
     return ""

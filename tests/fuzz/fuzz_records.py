@@ -18,8 +18,8 @@ from z2p_core.interfaces import SettingError
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_renderer.pipeline.outputs.gallery import write_gallery
 from z2p_renderer.storage.cameras import read_camera, write_camera
-from z2p_renderer.storage.images.image_files import DESCRIPTION, KEY, PictureError, read_record
-from z2p_renderer.storage.images.png import png
+from z2p_renderer.storage.images.image_files import DESCRIPTION_TAG, RECORD_KEYWORD, PictureError, read_record
+from z2p_renderer.storage.images.png import encode_png
 
 SUFFIXES = (".png", ".png", ".png", ".webp", ".jpg", ".tif", ".gif")
 SOUND = "a-sound-one.png"
@@ -67,14 +67,14 @@ def picture_file(suffix: str, text: str) -> bytes:
     image, file = Image.fromarray(pixels), io.BytesIO()
     if suffix == ".png":
         if text.isascii():
-            return png(pixels, {KEY: text})
+            return encode_png(pixels, {RECORD_KEYWORD: text})
         told = PngInfo()
-        told.add_itxt(KEY, text)
+        told.add_itxt(RECORD_KEYWORD, text)
         image.save(file, "PNG", pnginfo=told)
         return file.getvalue()
-    described = f"{KEY}: {text}".encode("ascii", errors="replace").decode()[:60_000]
+    described = f"{RECORD_KEYWORD}: {text}".encode("ascii", errors="replace").decode()[:60_000]
     exif = Image.Exif()
-    exif[DESCRIPTION] = described
+    exif[DESCRIPTION_TAG] = described
     match suffix:
         case ".webp":
             image.save(file, "WEBP", exif=exif)

@@ -45,13 +45,13 @@ def inline_commands(page: Path) -> list[str]:
 def parameters(command: str) -> list[Parameter]:
     """Of the subcommand that a line calls."""
     from z2p_renderer.pipeline.cli import main
-    from z2p_renderer.pipeline.cli.commands.workspace import HandedOn
+    from z2p_renderer.pipeline.cli.commands.workspace import ForwardedCommand
     from z2p_renderer.workflows.commands import main as workspace_commands
 
     assert isinstance(main, Group)
     name = command.split()[1]
     found = main.get_command(Context(main), name)
-    if isinstance(found, HandedOn):
+    if isinstance(found, ForwardedCommand):
         found = workspace_commands.get_command(Context(workspace_commands), name)
     assert found is not None, command
     return found.get_params(Context(found))

@@ -12,7 +12,7 @@ from types import ModuleType
 import pytest
 
 from z2p_core.config import EvaluateConfig, to_dict
-from z2p_core.quality.metrics import NAMES
+from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import load_weights, save_weights
 
@@ -36,7 +36,7 @@ def run(tmp_path: Path, make_weights: Callable[..., Path]) -> Path:
     weights = load_weights(make_weights())
     folder = tmp_path / "runs" / "tiny"
     save_weights(folder / "weights.safetensors", weights.tensors, {**weights.card, "training": TRAINING})
-    figures = dict.fromkeys(NAMES, 1.0)
+    figures = dict.fromkeys(METRIC_NAMES, 1.0)
     metrics = {"settings": {"config": to_dict(EvaluateConfig(views=1, points=300, resolution=64))},
                "means": figures, "spread": figures, "meshes": {"one": figures}}  # fmt: skip
     (folder / "metrics.json").write_text(json.dumps(metrics))
@@ -57,7 +57,7 @@ def test_eight_bits_ship_where_they_are_good_enough(
 ) -> None:
     def measured(weights: Path, config: EvaluateConfig, meshes: Path, truth: Path, engine: str) -> dict[str, float]:
         assert Renderer(weights, engine=engine).engine == engine and config.points == 300
-        return {name: 1 - worse * (engine == "onnxruntime-int8") for name in NAMES}
+        return {name: 1 - worse * (engine == "onnxruntime-int8") for name in METRIC_NAMES}
 
     monkeypatch.setattr(ship, "measure", measured)
     ship.main(run, "tiny", run, None)

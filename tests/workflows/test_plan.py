@@ -148,7 +148,7 @@ def test_every_parameter_is_in_the_table():
 def test_another_engine_of_the_teacher_trains_again(config, monkeypatch):
     taught = edited(config, "train.teacher", "regular")
     before, without = make_plan(taught), make_plan(config)
-    monkeypatch.setattr(z2p_renderer.workflows.pretrained_weights, "teaching_engine", lambda: None)
+    monkeypatch.setattr(z2p_renderer.workflows.pretrained_weights, "teacher_engine", lambda: None)
     assert stale(before, make_plan(taught)) == AFTER_SHARDS
     assert stale(without, make_plan(config)) == set()
 

@@ -12,7 +12,7 @@ from typing import Any
 from z2p_core.config import ConfigError
 from z2p_core.config.ablation import AblationsConfig, Variant, parse_ablations, with_meshes
 from z2p_core.registry import PluginError
-from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.configs import read_config_text
 from z2p_renderer.storage.results.fingerprints import stage_fields
 from z2p_renderer.storage.results.store import Entry
 from z2p_renderer.workflows.plan import Plan, Step, assemble_plan, check_config, make_plan
@@ -48,7 +48,7 @@ def load_ablation_plan(source: str) -> AblationPlan:
     """
     where = json.loads(source)["ablations"]
     path = Path(where["config"])
-    config = parse_ablations(config_text(path), str(path))
+    config = parse_ablations(read_config_text(path), str(path))
     return make_ablation_plan(with_meshes(config, where["meshes"], where["evaluate_meshes"]), where["command"])
 
 

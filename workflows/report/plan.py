@@ -11,11 +11,11 @@ from typing import Any
 
 from z2p_core import registry
 from z2p_core.config import ConfigError, to_dict
-from z2p_core.config.report import SWEEP_NAMES, ReportConfig, Sweep, checked, parse_report
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import CONTROLS, OWN_SHAPES
+from z2p_core.config.report import SWEEP_NAMES, ReportConfig, Sweep, check_report, parse_report
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import VIEW_CONTROLS, SYNTHETIC_SWEEPS
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
 from z2p_renderer.pipeline.inference.loading import load_plugins
-from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.configs import read_config_text
 from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights, shipped_weights
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, file_digest, plugin_fields, stage_fields
 from z2p_renderer.storage.results.stage_dependencies import PLACEMENT_CODE, WEIGHTS_ONLY_CODE
@@ -64,11 +64,11 @@ def load_report_plan(source: str) -> ReportPlan:
     config = ReportConfig()
     if where["config"]:
         path = Path(where["config"])
-        config = parse_report(config_text(path), str(path))
+        config = parse_report(read_config_text(path), str(path))
     given: dict[str, Any] = {key: where[key] for key in ("meshes", "scans") if where[key]}
     if where["weights"]:
         given["weights"] = tuple(split_names(where["weights"]))
-    config = checked(replace(config, **given))
+    config = check_report(replace(config, **given))
     return make_report_plan(_select_sweeps(config, split_names(where["sweeps"])), where["command"])
 
 
@@ -84,7 +84,7 @@ def make_report_plan(config: ReportConfig, command: str = "") -> ReportPlan:
     scans = tuple(find_scans([config.scans], recursive=False)) if config.scans else ()
     steps = [ReportStep(Entry("shapes", "shapes", shapes_fields()))] if builtin else []
     for name, sweep in config.sweeps().items():
-        chosen: Sequence[MeshInput | None] = [None] if name in OWN_SHAPES else meshes[: sweep.meshes or None]
+        chosen: Sequence[MeshInput | None] = [None] if name in SYNTHETIC_SWEEPS else meshes[: sweep.meshes or None]
         for mesh in chosen:
             steps += _measure_steps(config, name, sweep, mesh, methods)
     if config.trust_draws:
@@ -198,7 +198,7 @@ def _scans_step(config: ReportConfig, scans: Sequence[Path], method: Method) -> 
 def _measure_fields(config: ReportConfig) -> dict[str, Any]:
     return {
         "parameters": {name: getattr(config, name) for name in MEASURE_PARAMETERS},
-        "controls": [plugin_fields(registry.load("controls", name)) for name in CONTROLS],
+        "controls": [plugin_fields(registry.load("controls", name)) for name in VIEW_CONTROLS],
     }
 
 

@@ -14,13 +14,13 @@ class Measure(ReportTask):
     stage = "measure"
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_subject
+        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_true_mesh
         from z2p_renderer.pipeline.evaluation.paper.measure import measure
 
         part, config = self.part, self.report.config
         if part.method is None:
             raise ValueError(f"{part.name} has no method")
-        subject = read_subject(part.mesh.name, self.mesh_path()) if part.mesh else None
+        subject = read_true_mesh(part.mesh.name, self.mesh_path()) if part.mesh else None
         measure(part.sweep, subject, part.method, config, self.truth, out, log=log_line)
 
 
@@ -30,11 +30,11 @@ class Scans(ReportTask):
     stage = "scans"
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.evaluation.paper.real_scans import show_scans
+        from z2p_renderer.pipeline.evaluation.paper.real_scans import draw_scans
 
         if self.part.method is None:
             raise ValueError(f"{self.part.name} has no method")
-        show_scans(self.part.method, self.report.scans, self.report.config, self.truth, out, log=log_line)
+        draw_scans(self.part.method, self.report.scans, self.report.config, self.truth, out, log=log_line)
         self._check_files()  # again: a scan is read when its turn comes, which may be long after the first one's
 
 
@@ -44,14 +44,14 @@ class Trust(ReportTask):
     stage = "trust"
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_subject
-        from z2p_renderer.pipeline.evaluation.paper.uncertainty import measure_trust
+        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_true_mesh
+        from z2p_renderer.pipeline.evaluation.paper.uncertainty import measure_uncertainty
 
         part = self.part
         if part.method is None or part.mesh is None:
             raise ValueError(f"{part.name} has no method or no mesh")
-        subject = read_subject(part.mesh.name, self.mesh_path())
-        measure_trust(subject, part.method, self.report.config, self.truth, out, log=log_line)
+        subject = read_true_mesh(part.mesh.name, self.mesh_path())
+        measure_uncertainty(subject, part.method, self.report.config, self.truth, out, log=log_line)
 
 
 class Times(ReportTask):
@@ -60,13 +60,13 @@ class Times(ReportTask):
     stage = "times"
 
     def make(self, out: Path) -> None:
-        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_subject
+        from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import read_true_mesh
         from z2p_renderer.pipeline.evaluation.paper.timing import measure_times
 
         mesh = self.part.mesh
         if mesh is None:
             raise ValueError(f"{self.part.name} has no mesh")
-        measure_times(read_subject(mesh.name, self.mesh_path()), self.report.methods, self.report.config, out, log=log_line)
+        measure_times(read_true_mesh(mesh.name, self.mesh_path()), self.report.methods, self.report.config, out, log=log_line)
 
 
 class Report(ReportTask):

@@ -27,8 +27,8 @@ def find_truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candid
 
 def iter_references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
     """Each picture that the plan's evaluation needs, and where it would lie without a manifest."""
-    from z2p_renderer.pipeline.evaluation.evaluate import draw_views, render_settings, runs_of
-    from z2p_renderer.pipeline.rendering.ground_truth import old_picture, reference
+    from z2p_renderer.pipeline.evaluation.evaluate import sample_views, ground_truth_settings, split_seeds
+    from z2p_renderer.pipeline.rendering.ground_truth import legacy_picture_path, reference_entry
     from z2p_renderer.pipeline.rendering.views import load_controls
     from z2p_renderer.pipeline.shapes import shape_path
     from z2p_renderer.storage.results.fingerprints import file_digest
@@ -41,8 +41,8 @@ def iter_references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
         if not path.is_file():
             continue
         identity = file_digest(path)
-        for run in runs_of(plan.config.evaluate):
-            settings = render_settings(run)
-            for view in draw_views(weights, identity, run):  # type: ignore[arg-type]
-                entry = reference(path.stem, identity, view.scene, settings)
-                yield entry, old_picture(store.root / "truth", identity, view.scene, settings)
+        for run in split_seeds(plan.config.evaluate):
+            settings = ground_truth_settings(run)
+            for view in sample_views(weights, identity, run):  # type: ignore[arg-type]
+                entry = reference_entry(path.stem, identity, view.scene, settings)
+                yield entry, legacy_picture_path(store.root / "truth", identity, view.scene, settings)

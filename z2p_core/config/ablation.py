@@ -21,7 +21,7 @@ from z2p_core.config.pipeline import ConfigError, PipelineConfig, TrainConfig, f
 
 BASE = "base"
 """Name of the base among the variants."""
-BUDGET = ("steps", "batch", "resolutions")
+BUDGET_KEYS = ("steps", "batch", "resolutions")
 """Keys of `train` that say how much a run sees."""
 
 
@@ -96,7 +96,7 @@ def _variant(name: str, table: Any, base: PipelineConfig, where: str) -> Variant
     changes = {key: (before[key], after[key]) for key in before if before[key] != after[key]}
     if not changes:
         raise ConfigError(f"{where}: expected a value of train.* that differs from the base's")
-    for key in sorted(set(changes) & set(BUDGET)):
+    for key in sorted(set(changes) & set(BUDGET_KEYS)):
         raise ConfigError(f"{where}: train.{key}: expected the base's, as all variants have the same budget")
     return Variant(name, table["title"], table["why"], replace(base, train=train), changes)
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from z2p_core.errors.messages import UserError
 from z2p_core.errors.value_limits import describe_value
-from z2p_core.meshes.synthetic_noise import KINDS
+from z2p_core.meshes.synthetic_noise import NOISE_KINDS
 
 FINE_BLOCK = 2
 """Side of the pixel blocks in which the fast network goes over its picture."""
@@ -247,8 +247,8 @@ def training_fault(config: TrainConfig, resolution: int) -> str:
     for name, what in (("even", "clouds"), ("holes", "clouds"), ("teacher_share", "target")):
         if not 0 <= (share := getattr(config, name)) <= 1:
             return f"{name}: expected a share from 0 to 1 of the {what}, got {share:g}"
-    if config.noise not in KINDS:
-        return f"noise: expected one of {', '.join(KINDS)}, got {config.noise!r}"
+    if config.noise not in NOISE_KINDS:
+        return f"noise: expected one of {', '.join(NOISE_KINDS)}, got {config.noise!r}"
     return ""
 
 

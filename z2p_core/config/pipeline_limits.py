@@ -20,21 +20,21 @@ from z2p_core.errors.value_limits import (
     Text,
     check_fields,
 )
-from z2p_core.meshes.synthetic_noise import KINDS
+from z2p_core.meshes.synthetic_noise import NOISE_KINDS
 from z2p_core.network.tensor_shapes import KINDS as NETWORKS
 from z2p_core.network.tensor_shapes import SIZE_LIMITS, network_config_fault
 
 DENOISE = ("off", "fast", "balanced", "high")
 PASSES = ("depth", "normal", "shadow")
-SMALLEST_SIDE, LARGEST_SIDE = 11, 8192
+MIN_SIDE, MAX_SIDE = 11, 8192
 """Pixels: structural similarity needs a window of 11."""
-SEED = Count(0, 2**32 - 1)
-SIDE = Count(SMALLEST_SIDE, LARGEST_SIDE)
-SAMPLES = Count(1, 65_536)
-POINTS = Count(1, 20_000_000)
-DEGREES = Number(0, 89)
-FOLDER = Text("a folder, as text without control characters")
-NAME = Text("a plain folder name of up to 100 characters", r"[^./\\\x00-\x1f\x7f-][^/\\\x00-\x1f\x7f]*", 100)
+SEED_LIMIT = Count(0, 2**32 - 1)
+SIDE_LIMIT = Count(MIN_SIDE, MAX_SIDE)
+SAMPLES_LIMIT = Count(1, 65_536)
+POINTS_LIMIT = Count(1, 20_000_000)
+ELEVATION_LIMIT = Number(0, 89)
+FOLDER_LIMIT = Text("a folder, as text without control characters")
+NAME_LIMIT = Text("a plain folder name of up to 100 characters", r"[^./\\\x00-\x1f\x7f-][^/\\\x00-\x1f\x7f]*", 100)
 _WEIGHT = Number(0, 1e6)
 
 
@@ -57,20 +57,20 @@ class Plugin:
         return isinstance(value, str) and value in self.known
 
 
-SAMPLE: dict[str, Limit | DataclassFields] = {"sampler": Plugin(("samplers",)), "points": POINTS, "seed": SEED}
+SAMPLE: dict[str, Limit | DataclassFields] = {"sampler": Plugin(("samplers",)), "points": POINTS_LIMIT, "seed": SEED_LIMIT}
 RENDER: dict[str, Limit | DataclassFields] = {
     "controls": ListOf(Plugin(("controls",)), 1, 100, distinct=True),
     "views": Count(1, 100_000),
     "chunk": Count(1, 100_000),
-    "resolution": SIDE,
-    "samples": SAMPLES,
+    "resolution": SIDE_LIMIT,
+    "samples": SAMPLES_LIMIT,
     "denoise": Choice(DENOISE),
     "bounces": Count(0, 1024),
     "upright": Number(0, 1),
     "passes": ListOf(Choice(PASSES), 0, len(PASSES), distinct=True),
-    "seed": SEED,
+    "seed": SEED_LIMIT,
 }
-SHARD: dict[str, Limit | DataclassFields] = {"resolution": SIDE}
+SHARD: dict[str, Limit | DataclassFields] = {"resolution": SIDE_LIMIT}
 NETWORK: dict[str, Limit | DataclassFields] = {
     "kind": Choice(NETWORKS),
     **SIZE_LIMITS,
@@ -92,43 +92,43 @@ TRAIN: dict[str, Limit | DataclassFields] = {
     "teacher": Text("the name or file of weights"),
     "teacher_share": Number(0, 1),
     "haze": Number(0, 1),
-    "resolutions": ListOf(SIDE, 0, 1000),
+    "resolutions": ListOf(SIDE_LIMIT, 0, 1000),
     "steps": Count(1, 100_000_000),
     "batch": Count(1, 4096),
     "learning_rate": Number(1e-12, 10),
     "warmup": Count(0, 100_000_000),
-    "points": ListOf(POINTS, 2, 2),
+    "points": ListOf(POINTS_LIMIT, 2, 2),
     "reuse": Count(1, 1_000_000),
     "even": Number(0, 1),
     "holes": Number(0, 1),
     "cropped": Boolean(),
     "mirror": Boolean(),
-    "noise": Choice(KINDS),
+    "noise": Choice(NOISE_KINDS),
     "noise_scale": Number(0, 10),
     "average": Number(0, 1 - 1e-9),
     "validate_every": Count(1, 100_000_000),
     "validation_share": Number(0, 0.9),
     "checkpoint_every": Count(1, 100_000_000),
-    "seed": SEED,
+    "seed": SEED_LIMIT,
 }
 EVALUATE: dict[str, Limit | DataclassFields] = {
     "views": Count(1, 100_000),
-    "points": POINTS,
+    "points": POINTS_LIMIT,
     "noise": Number(0, 10),
     "sampler": Plugin(("samplers",)),
-    "resolution": SIDE,
-    "samples": SAMPLES,
+    "resolution": SIDE_LIMIT,
+    "samples": SAMPLES_LIMIT,
     "denoise": Choice(DENOISE),
     "bounces": Count(0, 1024),
     "supersample": Count(1, 8),
-    "elevation": OrNone(DEGREES),
-    "seed": SEED,
+    "elevation": OrNone(ELEVATION_LIMIT),
+    "seed": SEED_LIMIT,
     "seeds": Count(1, 10_000),
 }
 PIPELINE: dict[str, Limit | DataclassFields] = {
-    "name": NAME,
-    "meshes": FOLDER,
-    "evaluate_meshes": FOLDER,
+    "name": NAME_LIMIT,
+    "meshes": FOLDER_LIMIT,
+    "evaluate_meshes": FOLDER_LIMIT,
     "sample": DataclassFields(SAMPLE),
     "render": DataclassFields(RENDER),
     "shard": DataclassFields(SHARD),
@@ -144,7 +144,7 @@ def check_values(config: PipelineConfig) -> None:
         ConfigError: one is not, or they do not; the message names the key.
         PluginError: a plugin is not installed.
     """
-    limited(config, PIPELINE)
+    check_limits(config, PIPELINE)
     if config.render.resolution % config.shard.resolution:
         raise ConfigError(
             f"shard.resolution: expected a divisor of render.resolution ({config.render.resolution}), "
@@ -159,7 +159,7 @@ def check_values(config: PipelineConfig) -> None:
         raise ConfigError(f"train.network.{fault}")
 
 
-def limited(config: Any, limits: dict[str, Limit | DataclassFields], prefix: str = "") -> None:
+def check_limits(config: Any, limits: dict[str, Limit | DataclassFields], prefix: str = "") -> None:
     """Nothing, when each value of a config dataclass is within its limits.
 
     Raises:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from z2p_core.config.pipeline import ConfigError, from_dict, toml_tables
-from z2p_core.config.pipeline_limits import limited
+from z2p_core.config.pipeline_limits import check_limits
 from z2p_core.config.report_limits import REPORT
 
 
@@ -88,16 +88,16 @@ def parse_report(text: str, source: str = "config") -> ReportConfig:
         ConfigError: not TOML, an unknown key, a value of the wrong type, or one that cannot be.
     """
     data = toml_tables(text, source)
-    return checked(from_dict(ReportConfig, data, source), source)
+    return check_report(from_dict(ReportConfig, data, source), source)
 
 
-def checked(config: Any, source: str = "config") -> ReportConfig:
+def check_report(config: Any, source: str = "config") -> ReportConfig:
     """The config itself, when its values can be.
 
     Raises:
         ConfigError: one cannot; the message names it.
     """
-    limited(config, REPORT, f"{source}: ")
+    check_limits(config, REPORT, f"{source}: ")
     if config.trust_draws == 1:
         raise ConfigError(f"{source}: trust_draws: expected 0, or 2 or more, got {config.trust_draws}")
     if not config.base.levels:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from z2p_core.config.pipeline_limits import DENOISE, FOLDER, NAME, POINTS, SAMPLES, SEED, Plugin
+from z2p_core.config.pipeline_limits import DENOISE, FOLDER_LIMIT, NAME_LIMIT, POINTS_LIMIT, SAMPLES_LIMIT, SEED_LIMIT, Plugin
 from z2p_core.errors.value_limits import Choice, Count, DataclassFields, Limit, ListOf, Number, Text
 
 _MESHES = Count(0, 100_000)
@@ -61,17 +61,17 @@ SWEEPS: dict[str, Limit] = {
 """What a level of each sweep may be."""
 
 REPORT: dict[str, Limit | DataclassFields] = {
-    "name": NAME,
-    "meshes": FOLDER,
-    "scans": FOLDER,
+    "name": NAME_LIMIT,
+    "meshes": FOLDER_LIMIT,
+    "scans": FOLDER_LIMIT,
     "weights": ListOf(Text("the name or file of weights"), 0, 100),
     "baselines": ListOf(Plugin(("baselines", "painters")), 0, 100, distinct=True),
     "views": Count(1, 100_000),
-    "points": POINTS,
+    "points": POINTS_LIMIT,
     "resolution": Count(32, 8192),
-    "samples": SAMPLES,
+    "samples": SAMPLES_LIMIT,
     "denoise": Choice(DENOISE),
-    "seed": SEED,
+    "seed": SEED_LIMIT,
     "time_repeats": Count(1, 1000),
     "trust_draws": Count(0, 1000),
     "trust_meshes": _MESHES,

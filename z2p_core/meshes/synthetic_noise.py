@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-KINDS = ("none", "uniform", "gaussian")
+NOISE_KINDS = ("none", "uniform", "gaussian")
 
 
 def add_noise(cloud: np.ndarray, kind: str, scale: float, rng: np.random.Generator) -> np.ndarray:
@@ -16,8 +16,8 @@ def add_noise(cloud: np.ndarray, kind: str, scale: float, rng: np.random.Generat
     Raises:
         ValueError: an unknown kind, or a scale that is negative or not finite.
     """
-    if kind not in KINDS:
-        raise ValueError(f"noise: expected one of {', '.join(KINDS)}, got {kind!r}")
+    if kind not in NOISE_KINDS:
+        raise ValueError(f"noise: expected one of {', '.join(NOISE_KINDS)}, got {kind!r}")
     if not 0 <= scale < np.inf:
         raise ValueError(f"noise scale: expected a number from 0, in units of the mesh's radius, got {scale:g}")
     if kind == "none" or scale == 0:

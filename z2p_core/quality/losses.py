@@ -10,13 +10,13 @@ from torch import Tensor
 
 from z2p_core.config import LossConfig
 from z2p_core.quality.flip_loss import flip
-from z2p_core.quality.separable_filter import gaussian, slide_both
+from z2p_core.quality.separable_filter import gaussian_kernel, correlate_separable
 
 SSIM_WINDOW, SSIM_SIGMA = 11, 1.5
-SSIM_STABLE = (0.01**2, 0.03**2)
+SSIM_STABILIZERS = (0.01**2, 0.03**2)
 VISIBLE_SIGMA, VISIBLE_POWER = 1.03, 0.7
 """Of FLIP's filter for lightness at 67 pixels a degree, in pixels, and of its exponent."""
-VISIBLE_LEAST = 1 / 255
+VISIBLE_EPSILON = 1 / 255
 """Smaller differences than a step of a finished picture count by their square, so that gradients stay finite."""
 FLIP_EVERY = 4
 """FLIP of all pictures would make a step a third longer: it looks at the first of so many."""
@@ -41,7 +41,7 @@ def total_loss(
         "color_l1": lambda: weighted_mean((color - true_color).abs(), weight),
         "ssim": lambda: 1 - ssim(grey_on_white(prediction), grey_on_white(target)).mean(),
         "gradient_l1": lambda: gradient_l1(prediction - target),
-        "visible": lambda: visible(rgb_on_white(prediction), rgb_on_white(target)).mean(),
+        "visible": lambda: visible_difference(rgb_on_white(prediction), rgb_on_white(target)).mean(),
         "flip": lambda: flip(rgb_on_white(prediction[::FLIP_EVERY]), rgb_on_white(target[::FLIP_EVERY])).mean(),
     }
     values = {name: term() for name, term in terms.items() if getattr(config, name)}
@@ -82,14 +82,14 @@ def rgb_on_white(picture: Tensor) -> Tensor:
     return picture[:, :3] + 1 - picture[:, 3:]
 
 
-def visible(first: Tensor, second: Tensor) -> Tensor:
+def visible_difference(first: Tensor, second: Tensor) -> Tensor:
     """Visible difference (B, 1, H-10, W-10) of sRGB pictures (B, 3, H, W): the colour term of FLIP, made simple.
 
     What a viewer at 67 pixels a degree cannot resolve is blurred away, and what is left counts by its power of 0.7
     (Andersson et al., FLIP, 2020). FLIP does that in spaces made for the eye; sRGB is near enough to learn from.
     """
-    square = blurred(first - second, VISIBLE_SIGMA).square().mean(1, keepdim=True)
-    return (square + VISIBLE_LEAST**2) ** (VISIBLE_POWER / 2) - VISIBLE_LEAST**VISIBLE_POWER
+    square = gaussian_blur(first - second, VISIBLE_SIGMA).square().mean(1, keepdim=True)
+    return (square + VISIBLE_EPSILON**2) ** (VISIBLE_POWER / 2) - VISIBLE_EPSILON**VISIBLE_POWER
 
 
 def grey_on_white(picture: Tensor) -> Tensor:
@@ -102,15 +102,15 @@ def ssim(first: Tensor, second: Tensor) -> Tensor:
 
     The window stays inside the picture. The second one's statistics get no gradient: it is what is learnt from.
     """
-    mean_a, square_a, product = blurred(torch.stack([first, first * first, first * second]))
+    mean_a, square_a, product = gaussian_blur(torch.stack([first, first * first, first * second]))
     with torch.no_grad():
-        mean_b, square_b = blurred(torch.stack([second, second * second]))
-    c1, c2 = SSIM_STABLE
+        mean_b, square_b = gaussian_blur(torch.stack([second, second * second]))
+    c1, c2 = SSIM_STABILIZERS
     similarity = (2 * mean_a * mean_b + c1) * (2 * (product - mean_a * mean_b) + c2)
     return similarity / ((mean_a**2 + mean_b**2 + c1) * (square_a - mean_a**2 + square_b - mean_b**2 + c2))
 
 
-def blurred(picture: Tensor, sigma: float = SSIM_SIGMA) -> Tensor:
+def gaussian_blur(picture: Tensor, sigma: float = SSIM_SIGMA) -> Tensor:
     """Pictures (..., H, W) under a Gaussian window that stays inside them: (..., H - 10, W - 10).
 
     Raises:
@@ -119,4 +119,4 @@ def blurred(picture: Tensor, sigma: float = SSIM_SIGMA) -> Tensor:
     side = min(picture.shape[-2:])
     if side < SSIM_WINDOW:
         raise ValueError(f"loss: expected pictures of {SSIM_WINDOW} pixels a side or more, got {side}")
-    return slide_both(picture, gaussian(sigma, SSIM_WINDOW // 2))
+    return correlate_separable(picture, gaussian_kernel(sigma, SSIM_WINDOW // 2))

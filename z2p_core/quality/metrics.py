@@ -19,19 +19,19 @@ import numpy as np
 
 from z2p_core.images import composite
 
-NAMES = ("psnr_white", "psnr_foreground", "ssim", "flip", "alpha_l1", "shadow_l1")
-FOREGROUND = 0.9
-BOX_MARGIN = 8
+METRIC_NAMES = ("psnr_white", "psnr_foreground", "ssim", "flip", "alpha_l1", "shadow_l1")
+FOREGROUND_COVERAGE = 0.9
+BOX_MARGIN_PIXELS = 8
 """Pixels."""
 PSNR_CAP = 100.0
 """dB, for pictures that are the same."""
 SSIM_WINDOW = 11
-PIXELS_A_DEGREE = 67.0
+PIXELS_PER_DEGREE = 67.0
 WHITE = (1.0, 1.0, 1.0)
 
 
-def picture_metrics(prediction: np.ndarray, truth: np.ndarray, coverage: np.ndarray) -> dict[str, float]:
-    """The six figures by `NAMES`; nan for one without pixels to measure (a thread covers none by 0.9).
+def image_metrics(prediction: np.ndarray, truth: np.ndarray, coverage: np.ndarray) -> dict[str, float]:
+    """The six figures by `METRIC_NAMES`; nan for one without pixels to measure (a thread covers none by 0.9).
 
     `prediction` and `truth` (H, W, 4) are straight sRGB RGBA, `coverage` (H, W) the object's share of each pixel of
     `truth`; all float in [0, 1].
@@ -46,7 +46,7 @@ def picture_metrics(prediction: np.ndarray, truth: np.ndarray, coverage: np.ndar
     box = object_box(coverage)
     return {
         "psnr_white": psnr(ours, theirs),
-        "psnr_foreground": psnr(ours[coverage > FOREGROUND], theirs[coverage > FOREGROUND]),
+        "psnr_foreground": psnr(ours[coverage > FOREGROUND_COVERAGE], theirs[coverage > FOREGROUND_COVERAGE]),
         "ssim": float(ssim_map(ours, theirs)[box].mean()),
         "flip": float(flip_map(ours, theirs)[box].mean()),
         "alpha_l1": _mean(alpha_error),
@@ -55,7 +55,7 @@ def picture_metrics(prediction: np.ndarray, truth: np.ndarray, coverage: np.ndar
 
 
 def object_box(coverage: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns of the object's bounding box grown by `BOX_MARGIN`, cut at the edge of coverage (H, W).
+    """Rows and columns of the object's bounding box grown by `BOX_MARGIN_PIXELS`, cut at the edge of coverage (H, W).
 
     Raises:
         ValueError: no pixel is covered.
@@ -64,8 +64,8 @@ def object_box(coverage: np.ndarray) -> tuple[slice, slice]:
     if len(rows) == 0:
         raise ValueError("coverage: expected an object in the picture, got 0 everywhere; is the mesh out of the frame?")
     return (
-        slice(max(0, int(rows.min()) - BOX_MARGIN), int(rows.max()) + 1 + BOX_MARGIN),
-        slice(max(0, int(columns.min()) - BOX_MARGIN), int(columns.max()) + 1 + BOX_MARGIN),
+        slice(max(0, int(rows.min()) - BOX_MARGIN_PIXELS), int(rows.max()) + 1 + BOX_MARGIN_PIXELS),
+        slice(max(0, int(columns.min()) - BOX_MARGIN_PIXELS), int(columns.max()) + 1 + BOX_MARGIN_PIXELS),
     )
 
 
@@ -93,7 +93,7 @@ def flip_map(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
 
     ours, theirs = (np.ascontiguousarray(picture, dtype=np.float32) for picture in (ours, theirs))
     error: np.ndarray = flip_evaluator.evaluate(
-        theirs, ours, "LDR", applyMagma=False, computeMeanError=False, parameters={"ppd": PIXELS_A_DEGREE}
+        theirs, ours, "LDR", applyMagma=False, computeMeanError=False, parameters={"ppd": PIXELS_PER_DEGREE}
     )[0]
     return error.reshape(ours.shape[:2])
 

@@ -12,51 +12,51 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-PIECE = 32
+BLOCK_WIDTH = 32
 """Values that a product gives of a piece."""
 
 
-def gaussian(sigma: float, radius: int) -> Tensor:
+def gaussian_kernel(sigma: float, radius: int) -> Tensor:
     """Kernel (2 radius + 1,) float32 of that standard deviation, whose sum is 1."""
     bell = torch.exp(-(torch.arange(-radius, radius + 1.0) ** 2) / (2 * sigma**2))
     return bell / bell.sum()
 
 
-def slide(picture: Tensor, kernel: Tensor) -> Tensor:
+def correlate_rows(picture: Tensor, kernel: Tensor) -> Tensor:
     """A picture (..., W) correlated with a kernel (K,) along its rows, inside them: (..., W - K + 1)."""
-    slid: Tensor = _Slide.apply(picture, kernel)
+    slid: Tensor = _CorrelateRows.apply(picture, kernel)
     return slid
 
 
-def slide_both(picture: Tensor, kernel: Tensor) -> Tensor:
+def correlate_separable(picture: Tensor, kernel: Tensor) -> Tensor:
     """A picture (..., H, W) correlated with a kernel (K,) along rows and columns: (..., H - K + 1, W - K + 1)."""
-    return slide(slide(picture, kernel).transpose(-1, -2), kernel).transpose(-1, -2)
+    return correlate_rows(correlate_rows(picture, kernel).transpose(-1, -2), kernel).transpose(-1, -2)
 
 
-class _Slide(torch.autograd.Function):
+class _CorrelateRows(torch.autograd.Function):
     """The gradient slides too: along a border of zeros, with the kernel turned round."""
 
     @staticmethod
     def forward(ctx: Any, picture: Tensor, kernel: Tensor) -> Tensor:
         ctx.kernel = kernel
-        return _slid(picture, kernel)
+        return _correlate(picture, kernel)
 
     @staticmethod
     def backward(ctx: Any, *gradients: Tensor) -> tuple[Tensor, None]:
         border = len(ctx.kernel) - 1
-        return _slid(F.pad(gradients[0], (border, border)), ctx.kernel.flip(0)), None
+        return _correlate(F.pad(gradients[0], (border, border)), ctx.kernel.flip(0)), None
 
 
-def _slid(picture: Tensor, kernel: Tensor) -> Tensor:
+def _correlate(picture: Tensor, kernel: Tensor) -> Tensor:
     side, more = picture.shape[-1] - len(kernel) + 1, len(kernel) - 1
-    pieces = F.pad(picture, (0, -side % PIECE)).unfold(-1, PIECE + more, PIECE)
-    found = pieces.reshape(-1, PIECE + more) @ _banded(kernel.to(picture))  # of one matrix, not of many small ones
+    pieces = F.pad(picture, (0, -side % BLOCK_WIDTH)).unfold(-1, BLOCK_WIDTH + more, BLOCK_WIDTH)
+    found = pieces.reshape(-1, BLOCK_WIDTH + more) @ _band_matrix(kernel.to(picture))  # of one matrix, not of many small ones
     return found.view(*picture.shape[:-1], -1)[..., :side]
 
 
-def _banded(kernel: Tensor) -> Tensor:
+def _band_matrix(kernel: Tensor) -> Tensor:
     """Matrix (PIECE + K - 1, PIECE) whose columns hold the kernel, each a row lower than the one before."""
     last = len(kernel) - 1
-    rows, columns = (torch.arange(count, device=kernel.device) for count in (PIECE + last, PIECE))
+    rows, columns = (torch.arange(count, device=kernel.device) for count in (BLOCK_WIDTH + last, BLOCK_WIDTH))
     place = rows[:, None] - columns
     return torch.where((place >= 0) & (place <= last), kernel[place.clamp(0, last)], 0)

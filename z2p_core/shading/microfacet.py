@@ -1,4 +1,14 @@
-"""What rough surfaces mirror: directions of the lobe that a Principled BSDF reflects (GGX), and how much goes there."""
+"""The GGX microfacet model, as Blender's Principled BSDF uses it: masking, Fresnel terms, VNDF samples, albedo tables.
+
+Directions are unit vectors away from a surface whose normal is +Z: `n_dot_v` is the cosine between the normal and the
+direction to the viewer, `n_dot_l` that to the light, `v_dot_h` the one between the viewer and the half vector.
+`roughness` is Blender's parameter, and `alpha` = roughness^2 is GGX's (`alpha_from_roughness`). `ior` is a dielectric's
+index of refraction. The C kernel of the same model is `z2p_core/native/c/lighting/ggx_specular.c`.
+
+- Walter, Marschner, Li, Torrance: Microfacet Models for Refraction through Rough Surfaces, EGSR 2007.
+- Heitz: Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs, JCGT 2014.
+- Heitz: Sampling the GGX Distribution of Visible Normals, JCGT 2018.
+"""
 
 from __future__ import annotations
 
@@ -7,92 +17,103 @@ from functools import lru_cache
 import numpy as np
 
 CANDIDATE_DIRECTIONS = 1024
-"""Directions of which those that are asked for are chosen."""
+"""Samples of the specular lobe from which `specular_directions` chooses."""
 TABLE_SAMPLES = 128
-"""Directions of each view that a share is the mean of: it is right to a hundredth then."""
+"""Samples of the specular lobe for each entry of the albedo tables, which are then right to about 0.01."""
+MIN_TABLE_ALPHA = 1e-4
+"""Smallest alpha that the albedo tables are computed for: below it the surface is a mirror."""
 R2_STEPS = (0.7548776662466927, 0.5698402909980532)
 """Steps of the R2 sequence, which fills a square evenly (Roberts, 2018)."""
 MIN_COS_ZENITH = 0.08
-"""Lowest sine of a direction's elevation: what lies lower mirrors something too far off."""
+"""Directions lower than this above the floor are left out: they would reflect something too far away."""
 TABLE_COSINES = np.linspace(0, 1, 64)
-"""Of the angles to the normal at which shares are kept; between these they run straight."""
+"""n_dot_v of the entries of the albedo tables, which are interpolated linearly between these."""
+
+
+def alpha_from_roughness(roughness: float, smallest: float = 0.0) -> float:
+    """GGX's alpha of Blender's roughness in [0, 1], at least `smallest`: the only place where this is computed."""
+    return max(roughness**2, smallest)
 
 
 @lru_cache(maxsize=16)
-def specular_directions(cosine: float, roughness: float, index: float, count: int) -> np.ndarray:
-    """Unit vectors (count, 3) from which light comes to a viewer by a surface whose normal is +Z; even in number.
+def specular_directions(n_dot_v: float, roughness: float, ior: float, count: int) -> np.ndarray:
+    """Unit vectors (count, 3) from which a rough dielectric reflects light to a viewer; `count` is even.
 
-    The viewer sees it at that cosine, from the +X side (y 0, z > 0). Each direction brings as much: they are thinned by
-    Fresnel's term, for an index of refraction, and by what the surface hides of itself.
+    The viewer stands on the +X side (y = 0, z > 0). Every direction has the same weight: they are drawn from the
+    visible normals in proportion to Fresnel's term and to G2 / G1.
     """
-    alpha = roughness**2
-    ways, facing = sample_vndf(np.array([cosine]), alpha, CANDIDATE_DIRECTIONS)
-    order = np.argsort(ways[0, :, 2])  # so that those chosen are spread evenly over the heights
-    ways, facing = ways[0, order], facing[0, order]
-    weight = fresnel_dielectric(np.abs(facing), index) * smith_g2_over_g1(np.array(cosine), ways[:, 2], alpha)
-    total = np.cumsum(np.where(ways[:, 2] > MIN_COS_ZENITH, weight, 0))
-    chosen = ways[np.searchsorted(total, (np.arange(count // 2) + 0.5) / (count // 2) * total[-1])]
+    alpha = alpha_from_roughness(roughness)
+    directions, v_dot_h = sample_vndf(np.array([n_dot_v]), alpha, CANDIDATE_DIRECTIONS)
+    order = np.argsort(directions[0, :, 2])  # so that the chosen ones are evenly distributed over the heights
+    directions, v_dot_h = directions[0, order], v_dot_h[0, order]
+    masking = smith_g2_over_g1(np.array(n_dot_v), directions[:, 2], alpha)
+    weight = fresnel_dielectric(np.abs(v_dot_h), ior) * masking
+    cumulative = np.cumsum(np.where(directions[:, 2] > MIN_COS_ZENITH, weight, 0))
+    quantiles = (np.arange(count // 2) + 0.5) / (count // 2) * cumulative[-1]
+    chosen = directions[np.searchsorted(cumulative, quantiles)]
     return np.concatenate([chosen, chosen * (1.0, -1.0, 1.0)])
 
 
 @lru_cache(maxsize=16)
-def directional_albedo_table(roughness: float, index: float) -> np.ndarray:
-    """What a rough surface sends, at `TABLE_COSINES`, under a sky that is the same all over, to the first bounce: (64, 4).
+def directional_albedo_table(roughness: float, ior: float) -> np.ndarray:
+    """Shares of uniform light that a rough surface reflects in a single bounce, at `TABLE_COSINES`: (64, 4).
 
-    Parts that are as large as what it reflects head on, and at a grazing angle: of metal, by Schlick's fifth power of
-    what is missing to the cosine, and of a dielectric with that index of refraction, by Fresnel's term.
+    Columns 0 and 1 are for metal: the share is F0 * column 0 + F90 * column 1, with Schlick's Fresnel term. Columns 2
+    and 3 are the same for a dielectric, with the exact Fresnel term, normalized (`normalized_fresnel`).
     """
-    alpha, viewers = max(roughness**2, 1e-4), np.maximum(TABLE_COSINES, 1e-3)
-    ways, facing = sample_vndf(viewers, alpha, TABLE_SAMPLES)
-    weight = np.where(ways[..., 2] > 0, smith_g2_over_g1(viewers[:, None], ways[..., 2], alpha), 0)
-    metal = (1 - np.clip(facing, 0, 1)) ** 5
-    dielectric = np.clip(normalized_fresnel(np.maximum(facing, 1e-4), index), 0, 1)
+    alpha, n_dot_v = alpha_from_roughness(roughness, MIN_TABLE_ALPHA), np.maximum(TABLE_COSINES, 1e-3)
+    directions, v_dot_h = sample_vndf(n_dot_v, alpha, TABLE_SAMPLES)
+    masking = smith_g2_over_g1(n_dot_v[:, None], directions[..., 2], alpha)
+    weight = np.where(directions[..., 2] > 0, masking, 0)
+    metal = (1 - np.clip(v_dot_h, 0, 1)) ** 5
+    dielectric = np.clip(normalized_fresnel(np.maximum(v_dot_h, 1e-4), ior), 0, 1)
     return np.stack([(weight * part).mean(1) for part in (1 - metal, metal, 1 - dielectric, dielectric)], axis=1)
 
 
-def sample_vndf(cosines: np.ndarray, alpha: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Ways (C, count, 3) that rough surfaces with normal +Z reflect views to, and cosines (C, count) half-way to them.
+def sample_vndf(n_dot_v: np.ndarray, alpha: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (C, count, 3) that a rough surface reflects views to, and `v_dot_h` (C, count) of each.
 
-    Views are from the +X side, at these cosines (C,). The surfaces' own normals are those that a viewer sees (Heitz,
-    Sampling the GGX Distribution of Visible Normals, 2018), of one side of two that are alike.
+    Views come from the +X side at the cosines `n_dot_v` (C,). Microfacet normals are drawn from the distribution of
+    visible normals (Heitz 2018), those on one side of the plane y = 0 only: the other side is its mirror image.
+    Directions below the horizon (z < 0) are among the results.
     """
-    viewers = np.stack([np.sqrt(1 - cosines**2), np.zeros_like(cosines), cosines], axis=1)[:, None]
+    views = np.stack([np.sqrt(1 - n_dot_v**2), np.zeros_like(n_dot_v), n_dot_v], axis=1)[:, None]
     u, turn = (np.arange(count)[:, None] * R2_STEPS % (1, 0.5)).T
-    stretched = viewers * (alpha, alpha, 1)
+    stretched = views * (alpha, alpha, 1)
     stretched /= np.linalg.norm(stretched, axis=2, keepdims=True)
-    up = np.cross(stretched, (0.0, 1.0, 0.0))  # both lie across the stretched viewer
+    tangent_y = np.cross(stretched, (0.0, 1.0, 0.0))  # the other tangent is +Y; both are normal to the stretched view
     y, x = np.sqrt(u) * np.cos(2 * np.pi * turn), np.sqrt(u) * np.sin(2 * np.pi * turn)
-    seen = 0.5 * (1 + stretched[..., 2])
-    y = (1 - seen) * np.sqrt(1 - x**2) + seen * y
-    ahead = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
-    normals = x[:, None] * (0.0, 1.0, 0.0) + y[..., None] * up + ahead[..., None] * stretched
-    normals = np.maximum(normals, (-np.inf, -np.inf, 1e-6)) * (alpha, alpha, 1)
-    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    facing = (normals * viewers).sum(2)
-    return 2 * facing[..., None] * normals - viewers, facing
+    visible = 0.5 * (1 + stretched[..., 2])
+    y = (1 - visible) * np.sqrt(1 - x**2) + visible * y
+    z = np.sqrt(np.maximum(1 - x**2 - y**2, 0))
+    half = x[:, None] * (0.0, 1.0, 0.0) + y[..., None] * tangent_y + z[..., None] * stretched
+    half = np.maximum(half, (-np.inf, -np.inf, 1e-6)) * (alpha, alpha, 1)
+    half /= np.linalg.norm(half, axis=2, keepdims=True)
+    v_dot_h = (half * views).sum(2)
+    return 2 * v_dot_h[..., None] * half - views, v_dot_h
 
 
-def smith_g2_over_g1(viewer: np.ndarray, way: np.ndarray, alpha: float) -> np.ndarray:
-    """Share of what a viewer sees that is not hidden from a way, both given by their cosines to the normal."""
-    share: np.ndarray = 1 / (1 + smith_lambda(way, alpha) / (1 + smith_lambda(viewer, alpha)))
-    return share
-
-
-def fresnel_dielectric(cosine: np.ndarray, index: float) -> np.ndarray:
-    """Share of light that a dielectric reflects, unpolarised (Walter et al., 2007, equation 22)."""
-    g = np.sqrt(index**2 - 1 + cosine**2)
-    share: np.ndarray = 0.5 * ((g - cosine) / (g + cosine)) ** 2
-    share *= 1 + ((cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)) ** 2
-    return share
-
-
-def normalized_fresnel(cosine: np.ndarray, index: float) -> np.ndarray:
-    """How far that share has risen at a cosine, from 0 straight ahead to 1 at a grazing angle."""
-    ahead = ((index - 1) / (index + 1)) ** 2
-    return (fresnel_dielectric(cosine, index) - ahead) / (1 - ahead)
+def smith_g2_over_g1(n_dot_v: np.ndarray, n_dot_l: np.ndarray, alpha: float) -> np.ndarray:
+    """Height-correlated Smith G2 over G1 of the viewer: the weight of a sample of the visible normals (Heitz 2018)."""
+    ratio: np.ndarray = 1 / (1 + smith_lambda(n_dot_l, alpha) / (1 + smith_lambda(n_dot_v, alpha)))
+    return ratio
 
 
 def smith_lambda(cosine: np.ndarray, alpha: float) -> np.ndarray:
-    """Smith's lambda of GGX: how much of itself a rough surface hides, against what it shows."""
-    slant: np.ndarray = np.sqrt(1 + alpha**2 * (1 / np.maximum(cosine, 1e-3) ** 2 - 1))
-    return (slant - 1) / 2
+    """Smith's Lambda of GGX at a cosine to the normal (Heitz 2014, equation 72)."""
+    root: np.ndarray = np.sqrt(1 + alpha**2 * (1 / np.maximum(cosine, 1e-3) ** 2 - 1))
+    return (root - 1) / 2
+
+
+def fresnel_dielectric(cosine: np.ndarray, ior: float) -> np.ndarray:
+    """Fresnel reflectance of a dielectric for unpolarized light, in [0, 1] (Walter et al. 2007, equation 22)."""
+    g = np.sqrt(ior**2 - 1 + cosine**2)
+    reflectance: np.ndarray = 0.5 * ((g - cosine) / (g + cosine)) ** 2
+    reflectance *= 1 + ((cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)) ** 2
+    return reflectance
+
+
+def normalized_fresnel(cosine: np.ndarray, ior: float) -> np.ndarray:
+    """(F - F0) / (1 - F0) of a dielectric: 0 at normal incidence, 1 at grazing incidence."""
+    f0 = ((ior - 1) / (ior + 1)) ** 2
+    return (fresnel_dielectric(cosine, ior) - f0) / (1 - f0)

@@ -14,14 +14,14 @@ from PIL import Image
 
 from z2p_core.config.ablation import AblationsConfig, parse_ablations
 from z2p_renderer.pipeline.evaluation.ablation.outcomes import (
-    ALIKE,
+    NO_DIFFERENCE,
     BETTER,
     WORSE,
-    Difference,
+    MetricDifference,
     chance_of,
     difference,
     read_curve,
-    read_outcomes,
+    read_variant_results,
     seconds_of,
 )
 from z2p_renderer.pipeline.evaluation.ablation.page import write_ablations
@@ -92,23 +92,23 @@ def test_differences_are_paired_and_their_error_is_over_the_meshes() -> None:
 
 
 def test_what_chance_could_have_done_is_no_win(folders: dict[str, tuple[Path, Path]]) -> None:
-    outcomes = read_outcomes(CONFIG, folders)
+    outcomes = read_variant_results(CONFIG, folders)
     chance = chance_of(outcomes)
     assert chance == pytest.approx(0.3)
     verdicts = {one.variant.name: one.verdict(chance) for one in outcomes}
-    assert verdicts == {"base": ALIKE, "up": BETTER, "down": WORSE, "same": ALIKE, "again": ALIKE}
+    assert verdicts == {"base": NO_DIFFERENCE, "up": BETTER, "down": WORSE, "same": NO_DIFFERENCE, "again": NO_DIFFERENCE}
     assert outcomes[3].verdict(None) == BETTER  # without another seed only the meshes' spread speaks against it
     assert chance_of(outcomes[:4]) is None
 
 
 def test_one_mesh_and_no_other_seed_tell_nothing(folders: dict[str, tuple[Path, Path]]) -> None:
-    one = read_outcomes(CONFIG, folders)[2]
-    alone = replace(one, differences={"psnr_foreground": Difference(-2.0, None)})
-    assert alone.verdict(None) == ALIKE and alone.verdict(0.3) == WORSE
+    one = read_variant_results(CONFIG, folders)[2]
+    alone = replace(one, differences={"psnr_foreground": MetricDifference(-2.0, None)})
+    assert alone.verdict(None) == NO_DIFFERENCE and alone.verdict(0.3) == WORSE
 
 
 def test_size_samples_and_seconds_are_those_of_the_run(folders: dict[str, tuple[Path, Path]], weights: Path) -> None:
-    base = read_outcomes(CONFIG, folders)[0]
+    base = read_variant_results(CONFIG, folders)[0]
     assert base.weights == sum(tensor.size for tensor in load_weights(weights).tensors.values())
     assert (base.samples, base.seconds) == (120, 9.5)
     assert list(base.curve) == [(6.0, 20.0), (12.0, 22.0)] == read_curve(folders["base"][0] / "curve.csv")

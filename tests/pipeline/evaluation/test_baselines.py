@@ -16,15 +16,15 @@ from z2p_core.camera import turn
 from z2p_core.config import EvaluateConfig
 from z2p_core.interfaces import Baseline, ScanError
 from z2p_core.placement.bounding_sphere import bounding_sphere
-from z2p_core.quality.metrics import NAMES
+from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation import baselines as module
 from z2p_renderer.pipeline.evaluation import evaluate as evaluation
-from z2p_renderer.pipeline.evaluation.baselines import on_true_floor, rebuild, rebuild_scenes
+from z2p_renderer.pipeline.evaluation.baselines import with_true_floor, run_baseline, run_baseline_on_scenes
 from z2p_renderer.pipeline.evaluation.evaluate import evaluate
 from z2p_renderer.pipeline.render import RenderError, RenderSettings, render_mesh, render_scenes
 from z2p_renderer.pipeline.rendering import ground_truth
-from z2p_renderer.pipeline.rendering.views import in_scene
+from z2p_renderer.pipeline.rendering.views import place_in_scene
 from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.results.fingerprints import fingerprint, plugin_fields
@@ -77,7 +77,7 @@ def test_each_baseline_has_rows_means_pictures_and_a_column(rendered, meshes, ti
     for theirs in data["baselines"].values():
         assert list(theirs) == ["means", "spread", "spread_over_seeds", "meshes", "seeds", "rows"]
         assert [(row["mesh"], row["view"]) for row in theirs["rows"]] == [("vase", 0), ("vase", 1)]
-        assert set(theirs["means"]) == {*NAMES, "seconds", "render_seconds"}
+        assert set(theirs["means"]) == {*METRIC_NAMES, "seconds", "render_seconds"}
         assert theirs["means"]["psnr_white"] == 100 and "error" not in theirs["rows"][0]
     assert [one["name"] for one in data["settings"]["baselines"]] == ["balls", "bpa"]
     pictures = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
@@ -87,8 +87,8 @@ def test_each_baseline_has_rows_means_pictures_and_a_column(rendered, meshes, ti
 
 
 def test_baselines_get_our_clouds_on_the_true_floor(rendered, meshes, tiny_weights, tmp_path, monkeypatch) -> None:
-    given, plain = [], evaluation.in_scene
-    monkeypatch.setattr(evaluation, "in_scene", lambda *pair: given.append(pair) or plain(*pair))
+    given, plain = [], evaluation.place_in_scene
+    monkeypatch.setattr(evaluation, "place_in_scene", lambda *pair: given.append(pair) or plain(*pair))
     run(meshes, tiny_weights, tmp_path, CONFIG, "balls")
     balls = [(mesh, scene) for mesh, scene in rendered if mesh is not None]
     assert len(balls) == 2
@@ -96,7 +96,7 @@ def test_baselines_get_our_clouds_on_the_true_floor(rendered, meshes, tiny_weigh
         centres = mesh.vertices.reshape(len(cloud), -1, 3).mean(axis=1)
         assert centres == pytest.approx(cloud, abs=1e-6) and mesh.smooth
         assert replace(scene, floor=None) == ours and ours.floor is None
-        lowest = in_scene(cloud, ours)[:, 2].min()
+        lowest = place_in_scene(cloud, ours)[:, 2].min()
         assert lowest - 0.2 < scene.floor <= lowest + 1e-6
 
 
@@ -120,7 +120,7 @@ def test_what_makes_a_baselines_pictures_shapes_them_as_well(rendered, tmp_path,
 
     def made() -> int:
         before = len(rendered)
-        rebuild(balls, cloud, {}, np.random.default_rng(0), SceneDescription(), settings, tmp_path)
+        run_baseline(balls, cloud, {}, np.random.default_rng(0), SceneDescription(), settings, tmp_path)
         return len(rendered) - before
 
     assert [made(), made()] == [1, 0]
@@ -162,7 +162,7 @@ def test_a_baseline_that_breaks_its_contract_is_named(tmp_path: Path) -> None:
             return TRIANGLE[0], TRIANGLE[1] + 1
 
     with pytest.raises(registry.PluginError, match="baseline 'broken': expected finite vertices"):
-        rebuild(Broken, np.eye(3), {}, np.random.default_rng(0), SceneDescription(), RenderSettings(), tmp_path)
+        run_baseline(Broken, np.eye(3), {}, np.random.default_rng(0), SceneDescription(), RenderSettings(), tmp_path)
     assert plugin_fields(Broken)["name"] == "broken"
 
 
@@ -195,7 +195,7 @@ def test_a_part_of_a_mesh_stands_on_the_whole_ones_floor(tmp_path: Path) -> None
     settings = RenderSettings((SIDE, SIDE), samples=4, denoise="off", threads=1)
     render_scenes(path, [("truth", scene)], tmp_path, settings)
     whole = bounding_sphere(vertices).normalise(vertices)
-    floored = on_true_floor(scene, whole)
+    floored = with_true_floor(scene, whole)
     height = whole[faces].mean(axis=1) @ np.array(rotation)[2]
     half = Mesh(whole, faces[height > 0], smooth=True)
     used = np.unique(half.faces)
@@ -242,7 +242,7 @@ def test_what_an_interrupted_run_left_out_comes_out_as_it_would_have(rendered, t
     def meshes_of(asked: list[SceneDescription], root: Path) -> dict[float, np.ndarray]:
         rendered.clear()
         settings = RenderSettings(resolution=(SIDE, SIDE))
-        rebuild_scenes(Chancy, np.eye(3), {}, np.random.default_rng(0), asked, settings, root)
+        run_baseline_on_scenes(Chancy, np.eye(3), {}, np.random.default_rng(0), asked, settings, root)
         return {scene.elevation: mesh.vertices for mesh, scene in rendered}
 
     whole = meshes_of(scenes, tmp_path / "whole")

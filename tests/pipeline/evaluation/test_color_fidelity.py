@@ -10,7 +10,7 @@ from PIL import Image
 
 from z2p_renderer.pipeline.evaluation.paper.methods import Method
 from z2p_renderer.pipeline.evaluation.paper.page.color_fidelity import color_error, color_errors, color_table
-from z2p_renderer.pipeline.evaluation.paper.page.results import Findings
+from z2p_renderer.pipeline.evaluation.paper.page.results import Results
 
 
 def picture(color: tuple[int, int, int], alpha: int = 255) -> np.ndarray:
@@ -59,7 +59,7 @@ def test_the_table_has_a_row_a_method_and_pairs_pictures_of_one_mesh_level_and_v
             rows.append({"sweep": "color", "mesh": "cow", "level": level, "view": 0, "method": method,
                          "picture": f"{number}.png"})  # fmt: skip
     rows.append({"sweep": "color", "mesh": "cow", "level": "red", "view": 1, "method": "bpa", "error": "no ball fits"})
-    table = color_table(color_errors(Findings(tuple(rows), methods), folders, "color"))
+    table = color_table(color_errors(Results(tuple(rows), methods), folders, "color"))
     assert [row[0] for row in table.rows] == ["regular", "bpa"]
     assert all(cell.startswith("0.000") for cell in table.rows[0][1:])
     assert float(table.rows[1][1].split()[0]) < 5 < float(table.rows[1][2].split()[0])

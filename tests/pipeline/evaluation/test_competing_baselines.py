@@ -16,7 +16,7 @@ from z2p_core.camera import Camera, turn
 from z2p_core.interfaces import Baseline, Painter, ScanError
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation import baselines as module
-from z2p_renderer.pipeline.evaluation.baselines import load_baselines, rebuild_scenes, viewer_of
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines, run_baseline_on_scenes, viewer_position
 from z2p_renderer.pipeline.render import RenderSettings
 
 SETTINGS = RenderSettings((40, 32), samples=1)
@@ -79,8 +79,8 @@ def rendered(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return asked
 
 
-def rebuild(rival: Any, root: Path, scenes: list[SceneDescription], cloud: np.ndarray = CLOUD) -> list[module.Rebuilt]:
-    return rebuild_scenes(rival, cloud, {"n": len(cloud)}, np.random.default_rng(0), scenes, SETTINGS, root)
+def rebuild(rival: Any, root: Path, scenes: list[SceneDescription], cloud: np.ndarray = CLOUD) -> list[module.BaselineResult]:
+    return run_baseline_on_scenes(rival, cloud, {"n": len(cloud)}, np.random.default_rng(0), scenes, SETTINGS, root)
 
 
 def test_one_mesh_serves_all_scenes_and_what_is_there_is_not_made_again(rendered: list[int], tmp_path: Path) -> None:
@@ -103,12 +103,12 @@ def test_a_mesh_for_a_view_is_made_once_a_viewpoint(rendered: list[int], tmp_pat
     rebuild(Seeing, tmp_path, SCENES)
     assert rendered == [2, 1]
     for viewer, seen_in in zip(Seeing.made, (SCENES[0], SCENES[2]), strict=True):
-        assert viewer is not None and viewer == pytest.approx(viewer_of(seen_in))
+        assert viewer is not None and viewer == pytest.approx(viewer_position(seen_in))
 
 
 def test_the_viewer_stands_where_the_camera_does() -> None:
     lifted = replace(scene(azimuth=70.0, lift=0.3), elevation=35.0)
-    back = np.array(lifted.rotation) @ viewer_of(lifted) + (0, 0, 0.3)
+    back = np.array(lifted.rotation) @ viewer_position(lifted) + (0, 0, 0.3)
     assert back == pytest.approx(Camera(1, 1, 35.0).position)
 
 

@@ -18,17 +18,17 @@ from z2p_core.camera import Camera
 from z2p_core.config import EvaluateConfig
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.bounding_sphere import bounding_sphere
-from z2p_core.quality.metrics import NAMES
+from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline import render
-from z2p_renderer.pipeline.evaluation.comparison_sheet import CELL, ROWS_A_SHEET, sheet_row, write_sheets
-from z2p_renderer.pipeline.evaluation.evaluate import draw_views, evaluate, summarise
+from z2p_renderer.pipeline.evaluation.comparison_sheet import CELL_SIDE, ROWS_PER_SHEET, make_row, write_sheets
+from z2p_renderer.pipeline.evaluation.evaluate import sample_views, evaluate, summarise
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.render import RenderSettings
 from z2p_renderer.pipeline.rendering import ground_truth
-from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud
-from z2p_renderer.pipeline.rendering.views import in_scene
+from z2p_renderer.pipeline.rendering.mesh_samples import sample_cloud
+from z2p_renderer.pipeline.rendering.views import place_in_scene
 from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.models.checkpoints import WeightsError
 from z2p_renderer.storage.results.fingerprints import file_digest
@@ -87,7 +87,7 @@ def test_a_row_a_mesh_and_view_with_means_and_pictures(by_hand, meshes, tiny_wei
     assert [(row["mesh"], row["view"]) for row in data["rows"]] == [
         ("gear", 0), ("gear", 1), ("wavy_sheet", 0), ("wavy_sheet", 1)
     ]  # fmt: skip
-    for name in NAMES:
+    for name in METRIC_NAMES:
         values = [row[name] for row in data["rows"]]
         assert data["means"][name] == pytest.approx(np.mean(values), abs=1e-5)
         assert data["spread"][name] == pytest.approx(np.std(values), abs=1e-5)
@@ -107,7 +107,7 @@ def test_seeds_are_measured_one_by_one_and_their_means_compared(by_hand, meshes,
     assert [row["seed"] for row in several["rows"]] == [3] * 4 + [4] * 4 and list(several["seeds"]) == ["3", "4"]
     alone = metrics(evaluate(meshes, tiny_weights, tmp_path / "one", replace(CONFIG, seed=4), tmp_path / "t"))
     for row, other in zip(alone["rows"], several["rows"][4:], strict=True):
-        assert all(row[name] == other[name] for name in NAMES)
+        assert all(row[name] == other[name] for name in METRIC_NAMES)
     assert several["seeds"]["4"]["psnr_white"] == alone["means"]["psnr_white"]
     means = [several["seeds"][seed]["psnr_white"] for seed in ("3", "4")]
     assert several["spread_over_seeds"]["psnr_white"] == pytest.approx(np.std(means), abs=1e-5)
@@ -188,35 +188,35 @@ def test_supersampled_pictures_are_drawn_larger_and_shrunk(by_hand, meshes, tiny
 
 def test_elevation_is_the_configs_or_drawn(tiny_weights: Path) -> None:
     renderer = Renderer(tiny_weights)
-    fixed = draw_views(renderer, "ab" * 32, replace(CONFIG, views=6, elevation=35.0))
+    fixed = sample_views(renderer, "ab" * 32, replace(CONFIG, views=6, elevation=35.0))
     assert {view.scene.elevation for view in fixed} == {35.0} == {view.values["elevation"][0] for view in fixed}
-    drawn = draw_views(renderer, "ab" * 32, replace(CONFIG, views=6, elevation=None))
+    drawn = sample_views(renderer, "ab" * 32, replace(CONFIG, views=6, elevation=None))
     assert len({view.scene.elevation for view in drawn}) == 6
     assert all(view.scene.elevation == view.values["elevation"][0] for view in drawn)
     assert [view.scene.rotation for view in fixed] == [view.scene.rotation for view in drawn]
     assert len({view.scene.rotation for view in fixed}) == 6
     with pytest.raises(SettingError, match="elevation is 90, expected 0 to 80"):
-        draw_views(renderer, "ab" * 32, replace(CONFIG, elevation=90.0))
+        sample_views(renderer, "ab" * 32, replace(CONFIG, elevation=90.0))
 
 
 def test_weights_without_elevation_are_measured_at_their_own(make_weights: Callable[..., Path]) -> None:
     renderer = Renderer(make_weights(("color", "light"), fixed_elevation=30.0))
-    views = draw_views(renderer, "ab" * 32, replace(CONFIG, elevation=None))
+    views = sample_views(renderer, "ab" * 32, replace(CONFIG, elevation=None))
     assert {view.scene.elevation for view in views} == {30.0} and "elevation" not in views[0].values
     with pytest.raises(SettingError, match="know only 30 degrees, got 20"):
-        draw_views(renderer, "ab" * 32, CONFIG)
+        sample_views(renderer, "ab" * 32, CONFIG)
 
 
 def test_cloud_turns_and_rises_with_the_mesh() -> None:
     quarter = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))  # about +Z: +X goes to +Y
     cloud = np.array([[1, 0, 0], [0, 0, -1]], dtype=np.float32)
-    placed = in_scene(cloud, SceneDescription(rotation=quarter, lift=0.25))
+    placed = place_in_scene(cloud, SceneDescription(rotation=quarter, lift=0.25))
     assert placed.dtype == np.float32
     assert placed == pytest.approx(np.array([[0, 1, 0.25], [0, 0, -0.75]]))
 
 
 def test_figures_without_pixels_are_null_and_left_out_of_means() -> None:
-    whole = dict.fromkeys(NAMES, 0.5) | {"mesh": "a", "seconds": 0.1}
+    whole = dict.fromkeys(METRIC_NAMES, 0.5) | {"mesh": "a", "seconds": 0.1}
     rows = [whole, whole | {"psnr_foreground": None}, whole | {"mesh": "b", "psnr_foreground": None}]
     summary = summarise(rows)
     assert summary["means"]["psnr_foreground"] == 0.5
@@ -250,14 +250,14 @@ def test_a_damaged_picture_of_the_truth_is_put_aside_and_rendered_again(by_hand,
 def test_many_rows_go_on_several_sheets_and_old_ones_go(tmp_path: Path) -> None:
     picture = disc()[0].astype(np.float32) / 255
     cloud = np.random.default_rng(0).normal(size=(200, 3)).astype(np.float32) * 0.3
-    row = sheet_row(("a mesh with a name far too long for its column 0", "SSIM 0.9"), cloud, 20.0, picture, picture)
-    assert [cell.shape for cell in row.cells] == [(CELL, CELL, 3)] * 4
+    row = make_row(("a mesh with a name far too long for its column 0", "SSIM 0.9"), cloud, 20.0, picture, picture)
+    assert [cell.shape for cell in row.cells] == [(CELL_SIDE, CELL_SIDE, 3)] * 4
     assert (row.cells[0] < 200).any(axis=2).sum() > 100 and row.cells[1].max() > 100  # dots and splats are there
     assert np.array_equal(row.cells[2], row.cells[3])
-    paths = write_sheets([row] * (2 * ROWS_A_SHEET + 1), tmp_path)
+    paths = write_sheets([row] * (2 * ROWS_PER_SHEET + 1), tmp_path)
     assert [path.name for path in paths] == ["sheet.png", "sheet_2.png", "sheet_3.png"]
     with Image.open(paths[0]) as first, Image.open(paths[2]) as last:
-        assert first.width == last.width and first.height > 10 * CELL and last.height < 2 * CELL
+        assert first.width == last.width and first.height > 10 * CELL_SIDE and last.height < 2 * CELL_SIDE
     write_sheets([row], tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["sheet.png"]
     strangers = tmp_path / "sheet_2.png"
@@ -266,7 +266,7 @@ def test_many_rows_go_on_several_sheets_and_old_ones_go(tmp_path: Path) -> None:
     before = strangers.read_bytes()
     write_sheets([row], tmp_path)
     with pytest.raises(SettingError, match=r"sheet_2\.png is there already"):
-        write_sheets([row] * (ROWS_A_SHEET + 1), tmp_path)
+        write_sheets([row] * (ROWS_PER_SHEET + 1), tmp_path)
     assert strangers.read_bytes() == before and paths[0].read_bytes() == picture_bytes
 
 
@@ -282,11 +282,11 @@ def test_clouds_lie_where_blender_draws_the_mesh(tmp_path: Path, tiny_weights: P
     [covered] = (tmp_path / "truth").rglob("*.coverage.png")
     with Image.open(covered) as image:
         coverage = np.asarray(image) > 127
-    [view] = draw_views(Renderer(tiny_weights), file_digest(path), config)
+    [view] = sample_views(Renderer(tiny_weights), file_digest(path), config)
     mesh = read_mesh(path)
     sphere = bounding_sphere(mesh.vertices)
-    cloud = draw_cloud(mesh, sphere, "uniform", 50_000, "none", 0.0, np.random.default_rng(0))
-    pixels = np.floor(Camera(64, 64, 35.0).project(in_scene(cloud, view.scene))[0]).astype(int)
+    cloud = sample_cloud(mesh, sphere, "uniform", 50_000, "none", 0.0, np.random.default_rng(0))
+    pixels = np.floor(Camera(64, 64, 35.0).project(place_in_scene(cloud, view.scene))[0]).astype(int)
     splats = np.zeros((64, 64), dtype=bool)
     splats[pixels[:, 1], pixels[:, 0]] = True
     assert (splats & coverage).sum() / (splats | coverage).sum() > 0.85

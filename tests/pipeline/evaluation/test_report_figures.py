@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from z2p_core.config.report import ReportConfig
-from z2p_renderer.pipeline.evaluation.paper.capability_table import verdicts
-from z2p_renderer.pipeline.evaluation.paper.measure import ROWS, contrast_kept, gain
+from z2p_renderer.pipeline.evaluation.paper.capability_table import assess_capabilities
+from z2p_renderer.pipeline.evaluation.paper.measure import ROWS_FILE, contrast_kept, least_squares_gain
 from z2p_renderer.pipeline.evaluation.paper.methods import Method
-from z2p_renderer.pipeline.evaluation.paper.page.report import _absent
-from z2p_renderer.pipeline.evaluation.paper.page.results import Findings, duels, read_findings
-from z2p_renderer.pipeline.evaluation.paper.page.summary import lead
-from z2p_renderer.pipeline.evaluation.paper.page.tables import level_table, means_table, trust_table
-from z2p_renderer.pipeline.evaluation.paper.uncertainty import worth
+from z2p_renderer.pipeline.evaluation.paper.page.report import _list_missing_parts
+from z2p_renderer.pipeline.evaluation.paper.page.results import Results, compare_best, read_results
+from z2p_renderer.pipeline.evaluation.paper.page.summary import summarize
+from z2p_renderer.pipeline.evaluation.paper.page.tables import level_table, means_table, uncertainty_table
+from z2p_renderer.pipeline.evaluation.paper.uncertainty import score_map
 from z2p_renderer.storage.models.checkpoints import load_weights, save_weights
 
 METHODS = (Method("regular", "weights", "regular"), Method("bpa", "baseline", "bpa"))
@@ -30,17 +30,17 @@ def row(sweep: str, level: str, method: str, object_psnr: float, **more: object)
             **figures, **more}  # fmt: skip
 
 
-def findings(*rows: dict[str, object]) -> Findings:
-    return Findings(rows, METHODS)
+def findings(*rows: dict[str, object]) -> Results:
+    return Results(rows, METHODS)
 
 
 def test_gain_is_how_much_of_theirs_is_in_ours() -> None:
     theirs = np.random.default_rng(0).normal(size=1000)
-    assert gain(theirs, theirs) == pytest.approx(1)
-    assert gain(0.3 * theirs, theirs) == pytest.approx(0.3)
-    assert gain(np.zeros(1000), theirs) == 0
-    assert abs(gain(np.random.default_rng(1).normal(size=1000), theirs)) < 0.1
-    assert np.isnan(gain(theirs, np.zeros(1000)))
+    assert least_squares_gain(theirs, theirs) == pytest.approx(1)
+    assert least_squares_gain(0.3 * theirs, theirs) == pytest.approx(0.3)
+    assert least_squares_gain(np.zeros(1000), theirs) == 0
+    assert abs(least_squares_gain(np.random.default_rng(1).normal(size=1000), theirs)) < 0.1
+    assert np.isnan(least_squares_gain(theirs, np.zeros(1000)))
 
 
 def test_contrast_is_kept_whatever_a_method_does_to_the_plain_picture() -> None:
@@ -56,21 +56,21 @@ def test_contrast_is_kept_whatever_a_method_does_to_the_plain_picture() -> None:
 
 def test_a_perfect_map_of_doubt_gains_all_and_a_worthless_one_nothing() -> None:
     error = np.random.default_rng(0).exponential(size=(60, 60))
-    perfect, worthless = worth(2 * error + 1, error), worth(np.random.default_rng(1).normal(size=(60, 60)), error)
+    perfect, worthless = score_map(2 * error + 1, error), score_map(np.random.default_rng(1).normal(size=(60, 60)), error)
     assert perfect["gain"] == pytest.approx(1) and perfect["rank_correlation"] == pytest.approx(1)
     assert perfect["area"] == perfect["best_area"] < 0.6
     assert abs(worthless["gain"]) < 0.1 and abs(worthless["rank_correlation"]) < 0.05
-    assert worth(-error, error)["gain"] < -0.2 and worth(-error, error)["rank_correlation"] == pytest.approx(-1)
-    assert worth(np.ones((60, 60)), error)["rank_correlation"] == 0
+    assert score_map(-error, error)["gain"] < -0.2 and score_map(-error, error)["rank_correlation"] == pytest.approx(-1)
+    assert score_map(np.ones((60, 60)), error)["rank_correlation"] == 0
 
 
 def test_ties_share_their_rank() -> None:
     doubt, error = np.array([0.0, 0, 0, 1]), np.array([1.0, 2, 3, 4])
-    assert worth(doubt, error)["rank_correlation"] == pytest.approx(0.7746, abs=1e-4)  # Spearman's, by hand
+    assert score_map(doubt, error)["rank_correlation"] == pytest.approx(0.7746, abs=1e-4)  # Spearman's, by hand
 
 
 def test_the_first_paragraph_tells_of_a_baseline_that_wins_and_comes_first() -> None:
-    text = lead(findings(row("base", "0", "regular", 25.0), row("base", "0", "bpa", 27.0, ssim=0.5)), ["base"])
+    text = summarize(findings(row("base", "0", "regular", 25.0), row("base", "0", "bpa", 27.0, ssim=0.5)), ["base"])
     assert text.startswith("In the plain case a baseline wins: PSNR on the object, bpa 27.00 dB against regular 25.00")
     assert "In the other figures z2p wins: SSIM, regular 0.6250 against bpa 0.5000" in text
 
@@ -79,13 +79,13 @@ def test_the_first_paragraph_counts_where_baselines_are_ahead() -> None:
     rows = [row("base", "0", "regular", 28.0), row("base", "0", "bpa", 20.0)]
     rows += [row("noise", level, "regular", 22.0) for level in ("0", "0.01")]
     rows += [row("noise", "0", "bpa", 23.0), row("noise", "0.01", "bpa", 12.0)]
-    text = lead(findings(*rows), ["base", "noise"])
+    text = summarize(findings(*rows), ["base", "noise"])
     assert text.startswith("In the plain case z2p wins: ") and "a baseline wins" not in text
     assert "ahead in 4 of 8 comparisons (sweep, level, figure): noise 4 of 8." in text
 
 
 def test_less_is_better_for_flip() -> None:
-    found = {duel.figure: duel for duel in duels(findings(row("base", "0", "regular", 25.0, flip=0.2),
+    found = {duel.figure: duel for duel in compare_best(findings(row("base", "0", "regular", 25.0, flip=0.2),
                                                           row("base", "0", "bpa", 25.0, flip=0.1)), "base")}
     assert found["flip"].lost and not found["ssim"].lost
 
@@ -96,7 +96,7 @@ def test_kept_contrast_is_best_at_one_and_told_in_the_first_paragraph() -> None:
     found = findings(*plain, *rows)
     assert [line[1] for line in level_table(found, "gap", "contrast_kept", "kept").rows] == ["*0.900", "1.400"]
     told = "the contrast of bpa is farther from the truth's (off by 40% on average) than that of regular (10%)"
-    assert f"Near surfaces: {told}." in lead(found, ["base", "gap"])
+    assert f"Near surfaces: {told}." in summarize(found, ["base", "gap"])
 
 
 def test_tables_mark_the_best_and_give_spreads() -> None:
@@ -112,7 +112,7 @@ def test_ticks_follow_from_figures() -> None:
     rows = [row("base", "0", "regular", 25.0), row("base", "0", "bpa", 17.0, steps={"normals": 0.2}, shadow_kept=0.1)]
     rows += [row("inner", "0", "regular", 25.0), row("inner", "0.3", "regular", 24.5)]
     rows += [row("inner", "0", "bpa", 17.0), row("inner", "0.3", "bpa", 12.0)]
-    ours, theirs = (verdicts(findings(*rows), name, name == "regular") for name in ("regular", "bpa"))
+    ours, theirs = (assess_capabilities(findings(*rows), name, name == "regular") for name in ("regular", "bpa"))
     assert all(ours[key].passed for key in ("raw", "normals", "unseen", "inner", "shadows"))
     assert not any(theirs[key].passed for key in ("normals", "unseen", "inner", "shadows"))
     assert "loses 0.125" in theirs["inner"].why and theirs["inner"].paper == "no"
@@ -123,7 +123,7 @@ def test_a_map_that_edges_beat_does_not_earn_its_place() -> None:
     def told(own: float, edges: float) -> str:
         maps = {name: {"rank_correlation": 0.5, "area": 0.5, "best_area": 0.3, "gain": value}
                 for name, value in (("disagreement", own), ("edges", edges), ("sparseness", 0.1))}  # fmt: skip
-        return trust_table([{"mesh": "cow", "method": "regular", "rows": [{"view": 0, "maps": maps}]}])[1]
+        return uncertainty_table([{"mesh": "cow", "method": "regular", "rows": [{"view": 0, "maps": maps}]}])[1]
 
     assert "it earns its place" in told(0.7, 0.5)
     for own, edges in ((0.7, 0.65), (0.7, 0.8), (0.4, 0.1)):
@@ -136,8 +136,8 @@ def test_results_go_by_the_names_of_today(tmp_path: Path) -> None:
     for folder in ("m", "s"):
         (tmp_path / folder).mkdir()
         own = {"sweep": "scans", "mesh": ""} if folder == "s" else {}
-        (tmp_path / folder / ROWS).write_text(json.dumps(told | own))
-    found = read_findings({"measure/base/rabbit/new": tmp_path / "m", "scans/new": tmp_path / "s"}, METHODS)
+        (tmp_path / folder / ROWS_FILE).write_text(json.dumps(told | own))
+    found = read_results({"measure/base/rabbit/new": tmp_path / "m", "scans/new": tmp_path / "s"}, METHODS)
     assert [(one["sweep"], one["mesh"], one["method"]) for one in found.every] == [
         ("base", "rabbit", "new"), ("scans", "", "new")
     ]  # fmt: skip
@@ -146,7 +146,7 @@ def test_results_go_by_the_names_of_today(tmp_path: Path) -> None:
 def test_what_is_absent_is_told_by_the_weights_cards_and_not_by_their_names(make_weights, tmp_path: Path) -> None:
     def absent(*files: Path) -> set[str]:
         methods = tuple(Method(f"other{number}", "weights", str(file)) for number, file in enumerate(files))
-        return {title for title, _ in _absent(Findings((), methods), ReportConfig())}
+        return {title for title, _ in _list_missing_parts(Results((), methods), ReportConfig())}
 
     plain = make_weights()
     named = shutil.copy(plain, tmp_path / "paper.safetensors")

@@ -12,10 +12,10 @@ import pytest
 from z2p_core.camera import turn
 from z2p_core.config import EvaluateConfig
 from z2p_core.config.report import SWEEP_NAMES, NameSweep, NumberSweep, ReportConfig
-from z2p_renderer.pipeline.evaluation.evaluate import draw_views
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import OWN_SHAPES, Case, Subject, read_subject, sweep_cases
-from z2p_renderer.pipeline.evaluation.paper.measure import points_picture
-from z2p_renderer.pipeline.evaluation.paper.page.captions import KINDS
+from z2p_renderer.pipeline.evaluation.evaluate import sample_views
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import SYNTHETIC_SWEEPS, Case, TrueMesh, read_true_mesh, sweep_cases
+from z2p_renderer.pipeline.evaluation.paper.measure import draw_points
+from z2p_renderer.pipeline.evaluation.paper.page.captions import SWEEP_CAPTIONS
 from z2p_renderer.pipeline.rendering.views import load_controls
 from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.meshes import write_mesh
@@ -25,38 +25,38 @@ SMALL = ReportConfig(points=400, views=2, density=NumberSweep((100.0, 900.0)), s
 
 
 @pytest.fixture(scope="module")
-def vase(tmp_path_factory: pytest.TempPathFactory) -> Subject:
+def vase(tmp_path_factory: pytest.TempPathFactory) -> TrueMesh:
     path = tmp_path_factory.mktemp("meshes") / "vase.ply"
     write_mesh(path, *shape("vase"))
-    return read_subject("vase", Path(path))
+    return read_true_mesh("vase", Path(path))
 
 
-def cases(name: str, subject: Subject, config: ReportConfig = SMALL) -> list[Case]:
-    return sweep_cases(name, None if name in OWN_SHAPES else subject, config)
+def cases(name: str, subject: TrueMesh, config: ReportConfig = SMALL) -> list[Case]:
+    return sweep_cases(name, None if name in SYNTHETIC_SWEEPS else subject, config)
 
 
 @pytest.mark.parametrize("name", SWEEP_NAMES)
-def test_every_sweep_has_cases_and_words(name: str, vase: Subject) -> None:
+def test_every_sweep_has_cases_and_words(name: str, vase: TrueMesh) -> None:
     found, sweep = cases(name, vase), SMALL.sweeps()[name]
     levels = [case.level for case in found if not case.level.startswith("solid")]
-    if name not in OWN_SHAPES:
+    if name not in SYNTHETIC_SWEEPS:
         assert len(found) == SMALL.views * len(sweep.levels)
     assert {str(level) if isinstance(level, str) else f"{level:g}" for level in sweep.levels} <= set(levels)
-    assert KINDS[name].title and KINDS[name].shows
+    assert SWEEP_CAPTIONS[name].title and SWEEP_CAPTIONS[name].shows
     for case in found:
         assert case.cloud.dtype == np.float32 and np.isfinite(case.cloud).all() and len(case.cloud) <= 1600
         assert np.linalg.norm(case.cloud, axis=1).max() < 1.2
-        assert (points_picture(case, 48)[..., 0] < 0.95).any()  # it is in the frame
+        assert (draw_points(case, 48)[..., 0] < 0.95).any()  # it is in the frame
 
 
 @pytest.mark.parametrize("name", ["noise", "sampling", "single", "inner", "bumps"])
-def test_the_same_config_gives_the_same_clouds_and_another_seed_others(name: str, vase: Subject) -> None:
+def test_the_same_config_gives_the_same_clouds_and_another_seed_others(name: str, vase: TrueMesh) -> None:
     first, again, other = (cases(name, vase, replace(SMALL, seed=seed)) for seed in (0, 0, 1))
     assert [case.cloud.tobytes() for case in first] == [case.cloud.tobytes() for case in again]
     assert first[-1].cloud.tobytes() != other[-1].cloud.tobytes()
 
 
-def test_noise_moves_the_same_points_further(vase: Subject) -> None:
+def test_noise_moves_the_same_points_further(vase: TrueMesh) -> None:
     clean, *noisy = (case.cloud for case in cases("noise", vase) if case.view == 0)
     moved = [cloud - clean for cloud in noisy]
     levels = SMALL.noise.levels[1:]
@@ -64,16 +64,16 @@ def test_noise_moves_the_same_points_further(vase: Subject) -> None:
     assert np.corrcoef(moved[0].ravel(), moved[-1].ravel())[0, 1] > 0.99
 
 
-def test_views_are_those_of_an_evaluation(vase: Subject) -> None:
+def test_views_are_those_of_an_evaluation(vase: TrueMesh) -> None:
     """So that renders are found, and figures can be compared."""
     drawing = SimpleNamespace(controls=load_controls(("color", "light", "elevation")), fixed_elevation=None)
-    theirs = draw_views(drawing, vase.identity, EvaluateConfig(views=2, seed=0))  # type: ignore[arg-type]
+    theirs = sample_views(drawing, vase.identity, EvaluateConfig(views=2, seed=0))  # type: ignore[arg-type]
     ours = cases("base", vase)
     assert [case.scene for case in ours] == [view.scene for view in theirs]
     assert all(case.scene.elevation == 20 and case.subject is vase for case in ours)
 
 
-def test_controls_change_the_scene_and_nothing_else(vase: Subject) -> None:
+def test_controls_change_the_scene_and_nothing_else(vase: TrueMesh) -> None:
     plain = cases("base", vase)[0]
     for name, changed in (("light", "light"), ("color", "material"), ("lift", "lift"), ("turning", "rotation")):
         for case in (case for case in cases(name, vase) if case.view == 0):
@@ -84,20 +84,20 @@ def test_controls_change_the_scene_and_nothing_else(vase: Subject) -> None:
     np.testing.assert_allclose(np.array(turned.scene.rotation), turn(30.0) @ np.array(plain.scene.rotation))
 
 
-def test_scaling_scales_cloud_and_truth_alike(vase: Subject) -> None:
+def test_scaling_scales_cloud_and_truth_alike(vase: TrueMesh) -> None:
     small, *_, whole = (case for case in cases("scale", vase) if case.view == 0)
     assert small.cloud == pytest.approx(0.4 * whole.cloud, abs=1e-6) and small.subject is None
     assert small.truth.vertices == pytest.approx(0.4 * whole.truth.vertices)
     assert whole.subject is vase  # its truth is that of the file
 
 
-def test_inner_points_take_the_place_of_others(vase: Subject) -> None:
+def test_inner_points_take_the_place_of_others(vase: TrueMesh) -> None:
     none, _, most = (case for case in cases("inner", vase) if case.view == 0)
     assert len(none.cloud) == len(most.cloud) == 400 and most.points == 280
     assert most.cloud[:280].tobytes() == none.cloud[:280].tobytes()
 
 
-def test_limits_name_what_they_are_a_change_of(vase: Subject) -> None:
+def test_limits_name_what_they_are_a_change_of(vase: TrueMesh) -> None:
     for name in ("bumps", "gap"):
         found = {case.level: case for case in cases(name, vase)}
         changes = [case for case in found.values() if case.reference]
@@ -105,7 +105,7 @@ def test_limits_name_what_they_are_a_change_of(vase: Subject) -> None:
         assert all(case.scene == found[case.reference].scene for case in changes)
 
 
-def test_material_needs_controls_that_not_all_weights_have(vase: Subject) -> None:
+def test_material_needs_controls_that_not_all_weights_have(vase: TrueMesh) -> None:
     config = replace(SMALL, material=NameSweep(("1,0.3",)))
     (case, _) = cases("material", vase, config)
     assert case.needs == ("metallic", "roughness")

@@ -12,10 +12,10 @@ from z2p_renderer.pipeline.evaluation.paper.cases.synthetic_scans import (
     non_uniform,
     single_view,
 )
-from z2p_renderer.pipeline.evaluation.paper.cases.synthetic_shapes import bumpy, sheet
+from z2p_renderer.pipeline.evaluation.paper.cases.synthetic_shapes import harmonic_ball, tilted_sheet
 from z2p_renderer.storage.meshes import Mesh
 
-BALL = Mesh(*(lambda mesh: (mesh.vertices, mesh.faces))(bumpy(0)), smooth=True)
+BALL = Mesh(*(lambda mesh: (mesh.vertices, mesh.faces))(harmonic_ball(0)), smooth=True)
 RADIUS = float(np.linalg.norm(BALL.vertices, axis=1).mean())
 
 
@@ -37,7 +37,7 @@ def test_inner_points_are_inside_and_not_near_the_surface_alone() -> None:
     assert points.shape == (500, 3) and reach.max() <= 1.01
     assert (reach**3).mean() == pytest.approx(0.5, abs=0.06)  # even in the volume
     assert len(inner_points(BALL, 0, rng())) == 0
-    assert inner_points(sheet(0.0), 200, rng()).shape == (200, 3)  # encloses nothing, and still gives points
+    assert inner_points(tilted_sheet(0.0), 200, rng()).shape == (200, 3)  # encloses nothing, and still gives points
 
 
 @pytest.mark.parametrize("azimuth", [0.0, 70.0])

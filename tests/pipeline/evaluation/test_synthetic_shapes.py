@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from z2p_renderer.pipeline.evaluation.paper.cases.synthetic_shapes import (
-    BALL,
-    PLATE,
-    SLOPE,
-    bumpy,
-    plates,
-    scene,
-    sheet,
+    BALL_RADIUS,
+    PLATE_SIZE,
+    BUMP_SLOPE,
+    harmonic_ball,
+    parallel_plates,
+    objects_on_floor,
+    tilted_sheet,
 )
 from z2p_renderer.storage.meshes import Mesh
 
-SHAPES = {"ball": bumpy(0), "bumps": bumpy(16), "plates": plates(0.1), "solid": plates(0.1, solid=True),
-          "open sheet": sheet(0.0), "sheet": sheet(0.05), "scene": scene(4)}  # fmt: skip
+SHAPES = {"ball": harmonic_ball(0), "bumps": harmonic_ball(16), "plates": parallel_plates(0.1), "solid": parallel_plates(0.1, solid=True),
+          "open sheet": tilted_sheet(0.0), "sheet": tilted_sheet(0.05), "scene": objects_on_floor(4)}  # fmt: skip
 
 
 def open_edges(mesh: Mesh) -> int:
@@ -43,9 +43,9 @@ def test_an_open_sheet_has_a_rim() -> None:
 
 @pytest.mark.parametrize("degree", [4, 16, 64])
 def test_bumps_get_lower_as_they_get_finer_and_as_many_as_their_degree(degree: int) -> None:
-    mesh = bumpy(degree)
-    reach = np.linalg.norm(mesh.vertices, axis=1) * (1 + SLOPE / 4) / BALL - 1
-    assert reach.max() == pytest.approx(SLOPE / degree, rel=0.05) == -reach.min()
+    mesh = harmonic_ball(degree)
+    reach = np.linalg.norm(mesh.vertices, axis=1) * (1 + BUMP_SLOPE / 4) / BALL_RADIUS - 1
+    assert reach.max() == pytest.approx(BUMP_SLOPE / degree, rel=0.05) == -reach.min()
     height = mesh.vertices[:, 2] / np.linalg.norm(mesh.vertices, axis=1)
     ring = np.abs(height) < 0.02  # near the equator the order gives the waves, where the degree is even there
     around = np.argsort(np.arctan2(mesh.vertices[ring, 1], mesh.vertices[ring, 0]))
@@ -55,13 +55,13 @@ def test_bumps_get_lower_as_they_get_finer_and_as_many_as_their_degree(degree: i
 
 def test_plates_are_as_far_apart_as_told_and_their_block_has_no_gap() -> None:
     for distance in (0.4, 0.025):
-        left, right = np.split(np.sort(np.unique(np.round(plates(distance).vertices[:, 0], 9))), 2)
+        left, right = np.split(np.sort(np.unique(np.round(parallel_plates(distance).vertices[:, 0], 9))), 2)
         assert right.min() - left.max() == pytest.approx(distance)
-        block = plates(distance, solid=True).vertices
-        assert np.ptp(block[:, 0]) == pytest.approx(distance + 2 * PLATE[0])
+        block = parallel_plates(distance, solid=True).vertices
+        assert np.ptp(block[:, 0]) == pytest.approx(distance + 2 * PLATE_SIZE[0])
 
 
 def test_a_scene_has_its_objects_on_one_floor() -> None:
-    one, four = scene(1), scene(4)
+    one, four = objects_on_floor(1), objects_on_floor(4)
     assert len(four.faces) > 2 * len(one.faces)
     assert np.ptp(four.vertices[:, 2]) < np.ptp(one.vertices[:, 2])  # each is smaller in the frame

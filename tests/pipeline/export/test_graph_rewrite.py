@@ -15,7 +15,7 @@ from z2p_core.contracts.engine_checks import ROUGH
 from z2p_core.network.final_convs import FinalConvs
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.export.calibration import calibration_inputs
-from z2p_renderer.pipeline.export.graph_rewrite import INPUTS, Inputs, quantised, streamlined
+from z2p_renderer.pipeline.export.graph_rewrite import INPUT_NAMES, EngineInputs, quantize_int8, optimize_graph
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import load_weights, save_weights
 from z2p_renderer.storage.models.onnx_deltas import INT8, graph_path, load_graph, save_graph
@@ -40,15 +40,15 @@ def halved(file: Path) -> Path:
     return half
 
 
-def drawn(model: bytes, inputs: Inputs) -> np.ndarray:
+def drawn(model: bytes, inputs: EngineInputs) -> np.ndarray:
     session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
     read = {one.name for one in session.get_inputs()}
-    given = {name: array for name, array in zip(INPUTS, inputs, strict=True) if name in read}
+    given = {name: array for name, array in zip(INPUT_NAMES, inputs, strict=True) if name in read}
     picture: np.ndarray = session.run(None, given)[0]
     return picture
 
 
-def whole(model: bytes, inputs: Inputs, touch: FinalConvs | None) -> np.ndarray:
+def whole(model: bytes, inputs: EngineInputs, touch: FinalConvs | None) -> np.ndarray:
     """The picture of a network whose last convolutions are left out of the model."""
     if touch is None:
         return drawn(model, inputs)
@@ -64,7 +64,7 @@ def constants(model: bytes) -> set[str]:
     return {constant.name.removesuffix(".half") for constant in onnx.load_from_string(model).graph.initializer}
 
 
-def random_inputs(renderer: Renderer, batch: int, width: int, height: int) -> Inputs:
+def random_inputs(renderer: Renderer, batch: int, width: int, height: int) -> EngineInputs:
     rng, cell = np.random.default_rng(0), renderer._loaded.config.unshuffle
     given = renderer.inputs(rng.normal(size=(300, 3)).astype(np.float32) / 3, None, width, height)
     shapes = (batch, *given[0].shape[1:]), given[1].shape, (batch, *given[2].shape[1:])
@@ -80,7 +80,7 @@ def test_the_streamlined_is_the_same_network(make_weights: Callable[..., Path], 
     file = halved(file) if half else file
     model, renderer = export_onnx(file).read_bytes(), Renderer(file)
     loaded = renderer._loaded
-    lean = streamlined(model, loaded.buffer_channels, loaded.config.unshuffle)
+    lean = optimize_graph(model, loaded.buffer_channels, loaded.config.unshuffle)
     touch = FinalConvs.of(loaded.weights.tensors, loaded.config)
     for batch, width, height in ((1, 64, 64), (2, 97, 61), (3, 33, 130)):
         inputs = random_inputs(renderer, batch, width, height)
@@ -93,7 +93,7 @@ def test_the_streamlined_is_the_same_network(make_weights: Callable[..., Path], 
 def test_a_network_without_a_stem_stays_as_it_is(make_weights: Callable[..., Path]) -> None:
     file = make_weights(kind="adain_unet", unshuffle=1, widths=(8, 12), encoder="none")
     model = export_onnx(file).read_bytes()
-    assert streamlined(model, 13, 1) == model
+    assert optimize_graph(model, 13, 1) == model
 
 
 def test_calibration_is_the_same_for_the_same_rng_and_sees_every_control(make_weights: Callable[..., Path]) -> None:
@@ -108,7 +108,7 @@ def test_eight_bits_are_near_and_their_graph_holds_no_weights(make_weights: Call
     file = halved(make_weights(widths=(32, 48, 64), mapping=64))
     model, renderer = export_onnx(file).read_bytes(), Renderer(file)
     given = list(calibration_inputs(renderer, 4, np.random.default_rng(0)))
-    small = quantised(model, given[:3])
+    small = quantize_int8(model, given[:3])
     kinds = operators(small)
     assert kinds.count("QuantizeLinear") > 10 and kinds.count("Conv") == operators(model).count("Conv")
     off = np.abs(drawn(small, given[3]) - drawn(model, given[3]))

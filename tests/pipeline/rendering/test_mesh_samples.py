@@ -12,7 +12,7 @@ from z2p_core.config import SampleConfig
 from z2p_core.interfaces import ScanError
 from z2p_core.placement.bounding_sphere import Sphere, bounding_sphere
 from z2p_core.registry import PluginError
-from z2p_renderer.pipeline.rendering.mesh_samples import draw_cloud, sample_pool
+from z2p_renderer.pipeline.rendering.mesh_samples import sample_cloud, sample_pool
 from z2p_renderer.storage.meshes import find_meshes
 from z2p_renderer.storage.scans.clouds import read_mesh, write_mesh
 
@@ -60,9 +60,9 @@ def test_pool_follows_from_bytes_and_seed_not_from_the_name(tetrahedron: Path, t
 def test_cloud_keeps_the_meshs_sphere_and_takes_noise_in_its_units(tetrahedron: Path) -> None:
     mesh = read_mesh(tetrahedron)
     twice = Sphere(tuple(CORNERS[0].tolist()), 8.0)
-    cloud = draw_cloud(mesh, twice, "uniform", 2000, "none", 0.0, np.random.default_rng(0))
+    cloud = sample_cloud(mesh, twice, "uniform", 2000, "none", 0.0, np.random.default_rng(0))
     assert cloud.dtype == np.float32 and cloud.min() >= 0 and 0.45 < cloud.max() <= 0.5
-    noisy = draw_cloud(mesh, twice, "uniform", 2000, "gaussian", 0.03, np.random.default_rng(0))
+    noisy = sample_cloud(mesh, twice, "uniform", 2000, "gaussian", 0.03, np.random.default_rng(0))
     assert (noisy - cloud).std() == pytest.approx(0.03, rel=0.05)
 
 

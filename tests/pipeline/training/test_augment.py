@@ -8,7 +8,7 @@ from sphere_shards import sphere_record
 
 from z2p_core import native
 from z2p_core.config import TrainConfig
-from z2p_renderer.pipeline.training.augment import HOLE, MOST_HOLES, draw_cloud, evenly, mirrored, with_holes
+from z2p_renderer.pipeline.training.augment import HOLE_POINTS, MAX_HOLES, draw_training_cloud, sample_evenly, mirror_record, remove_patches
 from z2p_renderer.plugins.controls.light import Light
 
 
@@ -28,48 +28,48 @@ def gaps(cloud):
 @pytest.mark.parametrize("count", [50, 1000, 5000])
 def test_even_clouds_have_even_gaps_and_about_as_many_points(count):
     pool = sphere(50_000)
-    even, random = evenly(pool, count, np.random.default_rng(1)), pool[:count]
+    even, random = sample_evenly(pool, count, np.random.default_rng(1)), pool[:count]
     assert abs(len(even) / count - 1) < 0.15
     assert gaps(even).std() < 0.7 * gaps(random).std()
     assert {tuple(point) for point in even} <= {tuple(point) for point in pool}
 
 
 def test_even_clouds_of_few_points_stand_whatever_is_asked():
-    assert len(evenly(sphere(3), 3, np.random.default_rng(0))) >= 1
-    assert len(evenly(sphere(20), 20, np.random.default_rng(0))) >= 5
+    assert len(sample_evenly(sphere(3), 3, np.random.default_rng(0))) >= 1
+    assert len(sample_evenly(sphere(20), 20, np.random.default_rng(0))) >= 5
 
 
 def test_so_many_clouds_are_even_as_the_config_says():
     pool, config = sphere(20_000), TrainConfig(points=(2000, 2000), even=0.3)
-    spread = [gaps(draw_cloud(pool, config, np.random.default_rng(seed))).std() for seed in range(60)]
+    spread = [gaps(draw_training_cloud(pool, config, np.random.default_rng(seed))).std() for seed in range(60)]
     assert 8 <= sum(spread < np.median(gaps(pool[:2000]).std()) * 0.8) <= 30
 
 
 def test_holes_take_patches_away_and_nothing_else():
     cloud = sphere(2000)
     for seed in range(8):
-        kept = with_holes(cloud, np.random.default_rng(seed))
+        kept = remove_patches(cloud, np.random.default_rng(seed))
         lost = np.array(sorted({tuple(point) for point in cloud} - {tuple(point) for point in kept}))
-        assert HOLE[0] <= len(lost) == 2000 - len(kept) <= MOST_HOLES * HOLE[1]
+        assert HOLE_POINTS[0] <= len(lost) == 2000 - len(kept) <= MAX_HOLES * HOLE_POINTS[1]
         # what goes has neighbours that go: at random, few of so few points would be the nearest of another
         near = np.linalg.norm(lost[:, None] - lost[None], axis=2) + 9 * np.eye(len(lost))
         assert (near.min(axis=1) < 4 * np.sqrt(4 * np.pi / 2000)).mean() > 0.9
-    assert len(with_holes(sphere(3), np.random.default_rng(0))) >= 1
+    assert len(remove_patches(sphere(3), np.random.default_rng(0))) >= 1
     config = TrainConfig(points=(2000, 2000), holes=0.4)
-    counts = [len(draw_cloud(sphere(5000), config, np.random.default_rng(seed))) for seed in range(40)]
+    counts = [len(draw_training_cloud(sphere(5000), config, np.random.default_rng(seed))) for seed in range(40)]
     assert 6 <= sum(count < 2000 for count in counts) <= 28
 
 
 def test_a_mirror_exchanges_picture_light_and_settings_and_twice_it_is_nothing():
     record = sphere_record(16, np.random.default_rng(3))
-    other = mirrored(record)
+    other = mirror_record(record)
     np.testing.assert_array_equal(other.rgba, record.rgba[:, ::-1])
     np.testing.assert_array_equal(other.coverage, record.coverage[:, ::-1])
     radius, azimuth, elevation = record.scene.light
     assert other.scene == replace(record.scene, light=(radius, -azimuth, elevation))
     np.testing.assert_allclose(other.settings[3:6], Light().encode(other.scene.light), atol=1e-6)
     np.testing.assert_array_equal(other.settings[[0, 1, 2, 6]], record.settings[[0, 1, 2, 6]])
-    again = mirrored(other)
+    again = mirror_record(other)
     np.testing.assert_array_equal(again.rgba, record.rgba)
     np.testing.assert_allclose(again.settings, record.settings, atol=1e-6)
     assert again.scene == record.scene

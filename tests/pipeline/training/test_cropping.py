@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from z2p_renderer.pipeline.training.cropping import cropped
+from z2p_renderer.pipeline.training.cropping import crop_batch
 from z2p_renderer.pipeline.training.dataset import Batch
 
 SIDE, CELL = 128, 4
@@ -26,7 +26,7 @@ def test_windows_hold_the_clouds_and_are_cut_alike(seed):
     batch = batch_of(boxes)
     rows, columns = (torch.arange(SIDE // CELL, dtype=torch.float32) * CELL for _ in range(2))
     encoding = torch.stack(torch.meshgrid(rows, columns, indexing="ij"))
-    cut, parts = cropped(batch, encoding, 1, 32, CELL, np.random.default_rng(seed))
+    cut, parts = crop_batch(batch, encoding, 1, 32, CELL, np.random.default_rng(seed))
     height, width = cut.buffers.shape[2:]
     assert height % 32 == 0 and width % 32 == 0 and parts.shape == (3, 2, height // CELL, width // CELL)
     assert height == 96 and width == 128  # the last cloud's rows and the first's columns, with a margin
@@ -41,7 +41,7 @@ def test_windows_hold_the_clouds_and_are_cut_alike(seed):
 def test_windows_lie_now_here_now_there():
     batch = batch_of([(60, 68, 60, 68), (40, 80, 40, 80)])
     corners = {
-        float(cropped(batch, torch.zeros(0, 32, 32), 1, 32, CELL, np.random.default_rng(seed))[0].coverage[0, 0, 0, 0])
+        float(crop_batch(batch, torch.zeros(0, 32, 32), 1, 32, CELL, np.random.default_rng(seed))[0].coverage[0, 0, 0, 0])
         for seed in range(20)
     }
     assert len(corners) > 3
@@ -50,5 +50,5 @@ def test_windows_lie_now_here_now_there():
 def test_a_batch_without_clouds_is_cut_to_the_least():
     batch = batch_of([(0, 0, 0, 0)])
     batch.buffers[:, 0] = 0
-    cut, _ = cropped(batch, torch.zeros(0, 32, 32), 1, 32, CELL, np.random.default_rng(0))
+    cut, _ = crop_batch(batch, torch.zeros(0, 32, 32), 1, 32, CELL, np.random.default_rng(0))
     assert cut.buffers.shape[2:] == (32, 32)

@@ -10,8 +10,8 @@ from sphere_shards import CONTROLS, sphere_record, sphere_shard
 from z2p_core.camera import Camera
 from z2p_core.config import TrainConfig
 from z2p_core.shading.channels import RADIANCE_RGB, GBufferChannel
-from z2p_renderer.pipeline.training.augment import draw_cloud
-from z2p_renderer.pipeline.training.dataset import CloudPictures, DatasetError
+from z2p_renderer.pipeline.training.augment import draw_training_cloud
+from z2p_renderer.pipeline.training.dataset import CloudDataset, DatasetError
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 from z2p_renderer.plugins.zbuffers.paper import PaperZBuffer
 from z2p_renderer.storage.shards import ShardError, write_shard
@@ -26,7 +26,7 @@ def shards(tmp_path_factory):
 
 
 def pictures(shards, config=CONFIG):
-    return CloudPictures(shards, config, PaperZBuffer(), Surfels())
+    return CloudDataset(shards, config, PaperZBuffer(), Surfels())
 
 
 def assert_equal(first, second):
@@ -54,8 +54,8 @@ def test_zbuffer_lies_over_the_target(shards):
 def test_a_batch_depends_on_its_number_alone(shards, reuse, monkeypatch):
     config = replace(CONFIG, reuse=reuse)
     in_order, out_of_order = pictures(shards, config), pictures(shards, config)
-    monkeypatch.setattr("z2p_renderer.pipeline.training.dataset.CACHE_BYTES", 0)
-    monkeypatch.setattr("z2p_renderer.pipeline.training.dataset.BUFFERS_BYTES", 0)
+    monkeypatch.setattr("z2p_renderer.pipeline.training.dataset.RECORD_CACHE_BYTES", 0)
+    monkeypatch.setattr("z2p_renderer.pipeline.training.dataset.BUFFER_CACHE_BYTES", 0)
     no_cache = pictures(shards, config)
     batches = [in_order.batch(step) for step in range(6)]
     for step in (5, 0, 3):
@@ -126,7 +126,7 @@ def test_clouds_have_log_uniform_sizes_no_point_twice_and_the_noise_asked_for():
     before = pool.copy()
     sizes = []
     for seed in range(200):
-        cloud = draw_cloud(pool, replace(CONFIG, points=(100, 10_000)), np.random.default_rng(seed))
+        cloud = draw_training_cloud(pool, replace(CONFIG, points=(100, 10_000)), np.random.default_rng(seed))
         assert len(np.unique(cloud, axis=0)) == len(cloud) and cloud.dtype == np.float32
         sizes.append(len(cloud))
     assert min(sizes) >= 100 and max(sizes) <= 2000
@@ -136,8 +136,8 @@ def test_clouds_have_log_uniform_sizes_no_point_twice_and_the_noise_asked_for():
         config = replace(CONFIG, points=(2000, 2000), noise=noise, noise_scale=0.1)
         shifts = []
         for seed in range(20):
-            clean = draw_cloud(pool, replace(config, noise="none"), np.random.default_rng(seed))
-            shifts.append(np.abs(draw_cloud(pool, config, np.random.default_rng(seed)) - clean).max())
+            clean = draw_training_cloud(pool, replace(config, noise="none"), np.random.default_rng(seed))
+            shifts.append(np.abs(draw_training_cloud(pool, config, np.random.default_rng(seed)) - clean).max())
         assert min(shifts) > 0 and max(shifts) <= bound + 1e-6 and np.std(shifts) > 0.01
     np.testing.assert_array_equal(pool, before)
 

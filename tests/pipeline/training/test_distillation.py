@@ -9,8 +9,8 @@ from sphere_shards import sphere_shard
 
 from z2p_core.config import NetworkConfig, TrainConfig
 from z2p_renderer.pipeline.inference.loading import load_network
-from z2p_renderer.pipeline.training.augment import mirrored
-from z2p_renderer.pipeline.training.dataset import CloudPictures, DatasetError
+from z2p_renderer.pipeline.training.augment import mirror_record
+from z2p_renderer.pipeline.training.dataset import CloudDataset, DatasetError
 from z2p_renderer.pipeline.training.distillation import TeacherError
 from z2p_renderer.pipeline.training.train import train
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
@@ -29,7 +29,7 @@ def shards(tmp_path_factory):
 
 
 def pictures(shards, **fields):
-    return CloudPictures(shards, replace(CONFIG, **fields), SplatPyramid(), Surfels())
+    return CloudDataset(shards, replace(CONFIG, **fields), SplatPyramid(), Surfels())
 
 
 def test_the_target_shares_renders_and_what_is_taught(shards):
@@ -71,7 +71,7 @@ def test_what_is_taught_is_the_mean_with_the_scene_in_a_mirror(shards):
     record = data._record(data.training[0], 32)
     scene, cloud = replace(record.scene, floor=-1.0), rng.normal(size=(500, 3)).astype(np.float32) * 0.3
     one = data._taught(data._teacher, cloud, scene, record, 32)
-    turned = mirrored(record)
+    turned = mirror_record(record)
     other = data._taught(data._teacher, cloud * np.float32([-1, 1, 1]), replace(turned.scene, floor=-1.0), turned, 32)
     np.testing.assert_array_equal(one, other[:, ::-1])
     alone = data._teacher.picture(cloud, scene, record.settings, 32)
@@ -86,7 +86,7 @@ def test_nothing_is_taught_where_nothing_larger_can_be_drawn(shards):
 
 def test_a_batch_depends_on_its_number_alone(shards, monkeypatch):
     in_order = [batch for data in [pictures(shards)] for batch in map(data.batch, range(8))]
-    monkeypatch.setattr("z2p_renderer.pipeline.training.dataset.BUFFERS_BYTES", 0)
+    monkeypatch.setattr("z2p_renderer.pipeline.training.dataset.BUFFER_CACHE_BYTES", 0)
     data = pictures(shards)
     for step in (6, 0, 4, 2):
         torch.testing.assert_close(data.batch(step).target, in_order[step].target, atol=0, rtol=0)

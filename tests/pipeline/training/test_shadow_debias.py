@@ -7,8 +7,8 @@ import torch
 from sphere_shards import sphere_shard
 
 from z2p_core.config import TrainConfig
-from z2p_renderer.pipeline.training.dataset import CloudPictures
-from z2p_renderer.pipeline.training.shadow_debias import HAZES, SHADES, without_haze
+from z2p_renderer.pipeline.training.dataset import CloudDataset
+from z2p_renderer.pipeline.training.shadow_debias import RELATIVE_BIASES, SHADOW_ALPHAS, remove_shadow_bias
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 from z2p_renderer.plugins.zbuffers.splats import SplatPyramid
 from z2p_renderer.storage.shards import Shard
@@ -22,24 +22,24 @@ def picture_of(alpha):
 
 
 def test_shade_loses_what_its_darkness_says():
-    shade = torch.tensor(SHADES)
-    left = without_haze(picture_of(shade), torch.zeros(1, 1, 1, len(SHADES)), HAZE)
-    torch.testing.assert_close(shade - left[0, 3, 0], HAZE * torch.tensor(HAZES))
+    shade = torch.tensor(SHADOW_ALPHAS)
+    left = remove_shadow_bias(picture_of(shade), torch.zeros(1, 1, 1, len(SHADOW_ALPHAS)), HAZE)
+    torch.testing.assert_close(shade - left[0, 3, 0], HAZE * torch.tensor(RELATIVE_BIASES))
     assert torch.equal(left[:, :3], picture_of(shade)[:, :3])
 
 
 def test_darker_shade_stays_darker_and_none_falls_below_nothing():
     shade = torch.linspace(0, 1, 100_001)
-    left = without_haze(picture_of(shade), torch.zeros(1, 1, 1, len(shade)), HAZE)[0, 3, 0]
+    left = remove_shadow_bias(picture_of(shade), torch.zeros(1, 1, 1, len(shade)), HAZE)[0, 3, 0]
     assert left.min() == 0 and (left.diff() > 0).all()
-    assert without_haze(picture_of(shade), torch.zeros(1, 1, 1, len(shade)), 1.0).min() == 0
+    assert remove_shadow_bias(picture_of(shade), torch.zeros(1, 1, 1, len(shade)), 1.0).min() == 0
 
 
 @pytest.mark.parametrize("share", [0.25, 0.999, 1.0])
 def test_what_the_object_covers_keeps_its_alpha(share):
     shade = torch.full((1,), 0.01)
     alpha = share + (1 - share) * shade
-    left = without_haze(picture_of(alpha), torch.full((1, 1, 1, 1), share), HAZE)[0, 3, 0]
+    left = remove_shadow_bias(picture_of(alpha), torch.full((1, 1, 1, 1), share), HAZE)[0, 3, 0]
     torch.testing.assert_close(alpha - left, (1 - share) * torch.tensor([HAZE]), atol=1e-6, rtol=1e-2)
 
 
@@ -56,9 +56,9 @@ def test_the_config_says_what_haze_is_not_learnt(tmp_path, monkeypatch):
     shards = [sphere_shard(tmp_path / "a.h5", 8, 64, 0)]
     config = TrainConfig(batch=4, resolutions=(64,), points=(300, 300), validation_share=0.25)
     hazy, clear = (
-        CloudPictures(shards, replace(config, haze=haze), SplatPyramid(), Surfels()) for haze in (0.0, HAZE)
+        CloudDataset(shards, replace(config, haze=haze), SplatPyramid(), Surfels()) for haze in (0.0, HAZE)
     )
     for name, argument in (("batch", 0), ("validation_batch", (0, 1))):
         kept, left = (getattr(data, name)(argument) for data in (hazy, clear))
-        assert torch.equal(without_haze(kept.target, kept.coverage, HAZE), left.target)
+        assert torch.equal(remove_shadow_bias(kept.target, kept.coverage, HAZE), left.target)
         assert not torch.equal(kept.target, left.target)

@@ -7,7 +7,7 @@ import pytest
 from z2p_core.config import ConfigError
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_renderer.storage.cameras import read_camera
-from z2p_renderer.storage.configs import config_text
+from z2p_renderer.storage.configs import read_config_text
 from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_exists
 from z2p_renderer.storage.images.image_files import PictureError, read_record
 from z2p_renderer.storage.meshes import find_meshes
@@ -19,7 +19,7 @@ TAKERS = {
     "a scan": (read_clouds, ScanError), "scans": (lambda path: find_scans([str(path)], False), ScanError),
     "meshes": (find_meshes, ScanError), "weights": (load_weights, WeightsError),
     "names of weights": (find_weights, WeightsError), "a camera": (read_camera, SettingError),
-    "a record": (read_record, PictureError), "a config": (config_text, ConfigError),
+    "a record": (read_record, PictureError), "a config": (read_config_text, ConfigError),
 }  # fmt: skip
 
 

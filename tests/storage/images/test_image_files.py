@@ -12,7 +12,7 @@ from z2p_core.camera import turn
 from z2p_core.interfaces import SettingError
 from z2p_core.placement.viewpoint import frame_points
 from z2p_renderer.storage.cameras import read_camera, write_camera
-from z2p_renderer.storage.images.image_files import FORMATS, PictureError, encode, read_record, write_picture
+from z2p_renderer.storage.images.image_files import FORMATS, PictureError, encode_picture, read_record, write_picture
 
 PICTURE = np.random.default_rng(0).integers(0, 256, size=(40, 50, 4)).astype(np.uint8)
 RECORD = {"record": 1, "input": {"name": 'Bär "<x>".ply'}, "deep": [[1.5, None]]}
@@ -28,7 +28,7 @@ def test_pixels_and_record_survive(suffix: str, tmp_path: Path) -> None:
         assert picture.mode == "RGB"
     else:
         assert np.array_equal(np.asarray(picture), PICTURE)
-    assert encode(PICTURE, suffix, record=RECORD) == path.read_bytes()  # no clock, no chance in it
+    assert encode_picture(PICTURE, suffix, record=RECORD) == path.read_bytes()  # no clock, no chance in it
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
@@ -44,14 +44,14 @@ def test_a_picture_without_a_record_is_told_apart(tmp_path: Path) -> None:
     with pytest.raises(PictureError, match=r"a\.png: holds no record"):
         read_record(tmp_path / "a.png")
     Image.fromarray(PICTURE).save(tmp_path / "b.png", pnginfo=None)
-    for name, content in {"c.png": b"garbage", "d.png": encode(PICTURE, ".png", record=RECORD)[:60]}.items():
+    for name, content in {"c.png": b"garbage", "d.png": encode_picture(PICTURE, ".png", record=RECORD)[:60]}.items():
         (tmp_path / name).write_bytes(content)
     for name in ("b.png", "c.png", "d.png", "missing.png"):
         with pytest.raises(PictureError, match=name) as caught:
             read_record(tmp_path / name)
         assert "\n" not in str(caught.value)
     with pytest.raises(PictureError, match="expected a picture named"):
-        encode(PICTURE, ".bmp")
+        encode_picture(PICTURE, ".bmp")
 
 
 def test_a_camera_comes_from_json_or_from_a_picture(tmp_path: Path) -> None:

@@ -42,9 +42,9 @@ ENTRY = {
     "reference": {"pipeline.rendering.ground_truth:render_references", "pipeline.blender:main"},
     "evaluate": {"workflows.stages:Evaluate", "pipeline.evaluation.evaluate:evaluate", "pipeline.blender:main"},
     "measure": {"workflows.report.stages:Measure", "pipeline.evaluation.paper.measure:measure", "pipeline.blender:main"},
-    "scans": {"workflows.report.stages:Scans", "pipeline.evaluation.paper.real_scans:show_scans", "pipeline.blender:main"},
+    "scans": {"workflows.report.stages:Scans", "pipeline.evaluation.paper.real_scans:draw_scans", "pipeline.blender:main"},
     "times": {"workflows.report.stages:Times", "pipeline.evaluation.paper.timing:measure_times", "pipeline.blender:main"},
-    "trust": {"workflows.report.stages:Trust", "pipeline.evaluation.paper.uncertainty:measure_trust", "pipeline.blender:main"},
+    "trust": {"workflows.report.stages:Trust", "pipeline.evaluation.paper.uncertainty:measure_uncertainty", "pipeline.blender:main"},
     "report": {"workflows.report.stages:Report", "pipeline.evaluation.paper.page.report:write_report"},
     "compare": {"workflows.ablation.stages:Compare", "pipeline.evaluation.ablation.page:write_ablations"},
 }

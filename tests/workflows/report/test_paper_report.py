@@ -247,7 +247,7 @@ def test_a_scan_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, 
     source = report_source("scans.toml", "", str(scan.parent), "", "")
     task = create_task(load_report_plan(source).steps["scans/splats"], source, str(tmp_path / "runs"))
     task._check_code()
-    monkeypatch.setattr(z2p_renderer.pipeline.evaluation.paper.real_scans, "show_scans", lambda *_, **__: scan.write_text("1 2 3\n"))
+    monkeypatch.setattr(z2p_renderer.pipeline.evaluation.paper.real_scans, "draw_scans", lambda *_, **__: scan.write_text("1 2 3\n"))
     with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):
         task.make(tmp_path)  # it was read when its turn came
     with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):
