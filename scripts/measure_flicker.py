@@ -19,11 +19,11 @@ from z2p_core.camera import turn
 from z2p_core.images import bytes_from_unit, premultiplied_from_straight, straight_from_premultiplied, unit_from_bytes
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.viewpoint import Viewpoint
+from z2p_core.quality.flicker import flicker
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.outputs.animation import flicker
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
 from z2p_renderer.storage.meshes import Mesh, is_smooth_surface, read_mesh

@@ -14,8 +14,13 @@ from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.images import bytes_from_unit, composite
 from z2p_core.interfaces import ZBuffer
+from z2p_renderer.pipeline.outputs.contact_sheet import (
+    SHEET_KEYWORD,
+    check_sheet_places,
+    remove_surplus_sheets,
+    sheet_path,
+)
 from z2p_renderer.pipeline.outputs.point_preview import draw_dots
-from z2p_renderer.pipeline.outputs.sheet_files import SHEET_KEYWORD, check_sheet_places, remove_surplus_sheets, sheet_path
 
 COLUMNS = ("cloud", "z-buffer (Eq. 1)", "picture", "ground truth")
 """Titles; those of other pictures to compare with come before the ground truth."""

@@ -1,4 +1,4 @@
-"""What stands behind `z2p_core.render`: named by the entry point ``z2p.studio``, so that the core need not know it."""
+"""What renders for `z2p_core.render`: the entry point ``z2p.studio`` names it, so that the core need not import it."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api.backend import RenderRequest
-from z2p_core.api.picture import Picture
-from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
+from z2p_core.api.backend import RenderedImage, RenderRequest
+from z2p_core.api.picture import opaque_over
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
@@ -35,59 +34,59 @@ from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_clouds, usable
 
 NAMED_VIEWS = ("auto", "front", "sensor")
-MESSAGE_COLOR, MESSAGE_TEXT_COLOR = (228, 228, 228, 255), (90, 90, 90, 255)
+MESSAGE_COLOR = (228, 228, 228, 255)
+"""sRGB and alpha, of 255, behind the text of `RenderBackend.draw_message`."""
+MESSAGE_TEXT_COLOR = (90, 90, 90, 255)
 
 
 class RenderBackend:
-    """Draws for Python: the studio of `z2p_core.api.backend`. torch's generator and default device are left alone."""
+    """The backend of `z2p_core.api.backend`. It leaves torch's random generator and default device as they are."""
 
-    def draw(self, clouds: Sequence[np.ndarray], request: RenderRequest) -> list[Picture]:
-        """A picture of each cloud (N, 3) float64; rows that are not finite are dropped and noted.
+    def render_arrays(self, clouds: Sequence[np.ndarray], request: RenderRequest) -> list[RenderedImage]:
+        """An image of each cloud (N, 3) float64; rows that are not finite are dropped and noted.
 
         Raises:
-            ScanError: a cloud that has no extent.
-            SettingError: a setting that cannot be.
+            ScanError: a cloud has no extent.
+            SettingError: a setting is invalid.
         """
         labels = [f"[{index}]" if len(clouds) > 1 else "" for index in range(len(clouds))]
         scans = [usable(cloud, label) for cloud, label in zip(clouds, labels, strict=True)]
         sources = [{"name": None, "sha256": hashlib.sha256(cloud.tobytes()).hexdigest(), "cloud": index}
                    for index, cloud in enumerate(clouds)]  # fmt: skip
-        return _pictures(scans, sources, "", request)
+        return _render_all(scans, sources, "", request)
 
-    def draw_file(self, path: Path, request: RenderRequest) -> list[Picture]:
-        """A picture of each cloud in a file.
+    def render_file(self, path: Path, request: RenderRequest) -> list[RenderedImage]:
+        """An image of each cloud in a file.
 
         Raises:
             ScanError: the file cannot be read, or one of its clouds has no extent.
-            SettingError: a setting that cannot be.
+            SettingError: a setting is invalid.
         """
         scans = read_clouds(path)
         source = describe_source(path, Path("picture"))
-        if source["path"] is not None:  # as a whole: only when it is saved is known what it is to be relative to
+        if source["path"] is not None:  # absolute for now: `_record_for` makes it relative to the saved file
             source["path"] = path.absolute().as_posix()
         sources = [{**source, "cloud": index} for index in range(len(scans))]
-        return _pictures(scans, sources, format_suffix(path), request)
+        return _render_all(scans, sources, format_suffix(path), request)
 
-    def save(self, picture: Picture, path: Path) -> Path:
-        """The path, once the picture is written there, in the format of its suffix."""
-        write_picture(picture.array, path, record=_record_beside(picture.record, path))
-        return path
+    def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:
+        """Write an image (H, W, 4) uint8 with its record, in the format of the path's suffix."""
+        write_picture(array, path, record=_record_for(path, record))
 
-    def png(self, picture: Picture) -> bytes:
-        """The picture as a PNG file."""
-        return encode_picture(picture.array, ".png", record=_record_beside(picture.record, Path("picture")))
+    def encode_png(self, array: np.ndarray, record: Mapping[str, Any]) -> bytes:
+        """An image (H, W, 4) uint8 with its record, as a PNG file."""
+        return encode_picture(array, ".png", record=_record_for(Path("picture"), record))
 
-    def over(self, picture: Picture, background: Any) -> Picture:
-        """The picture made opaque; the members of a batch too."""
-        color = parse_background(background)
-        if color is None:
-            return picture
-        opaque = _opaque(picture.array, color)
-        parts = tuple(self.over(part, color) for part in picture.parts)
-        return replace(picture, array=opaque, record={**picture.record, "background": list(color)}, parts=parts)
+    def parse_background(self, background: Any) -> tuple[float, float, float] | None:
+        """sRGB in [0, 1] of a CSS name, #hex or three numbers; None for a transparent one.
 
-    def notice(self, text: str, size: tuple[int, int]) -> np.ndarray:
-        """Picture (H, W, 4) uint8 that says the text, in place of one that could not be drawn."""
+        Raises:
+            SettingError: it is none of these.
+        """
+        return parse_background(background)
+
+    def draw_message(self, text: str, size: tuple[int, int]) -> np.ndarray:
+        """Image (H, W, 4) uint8 that shows the text, instead of a cloud that could not be rendered."""
         from PIL import Image, ImageDraw, ImageFont
 
         image, font = Image.new("RGBA", size, MESSAGE_COLOR), ImageFont.load_default(max(10, size[0] // 20))
@@ -102,34 +101,80 @@ class RenderBackend:
         return np.asarray(image)
 
 
-def _record_beside(record: Mapping[str, Any], picture: Path) -> dict[str, Any]:
-    """The record as it stands in a picture's file: its scan is named from there, so that the two can move together."""
-    source = dict(record["input"])
-    if source.get("path") is not None:
-        source["path"] = path_relative_to(Path(source["path"]), picture)
-    clear = record["background"] == "transparent" and picture.suffix.lower() in OPAQUE_SUFFIXES
-    return {**record, "input": source, **({"background": list(WHITE)} if clear else {})}
+def _render_all(
+    scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: RenderRequest
+) -> list[RenderedImage]:
+    """An image of each scan; `sources` describe them for their records, `suffix` is their file's."""
+    images = []
+    with _default_device_cpu():
+        renderer = _renderer_for(request)
+        for scan, source, own_request in zip(scans, sources, _request_per_cloud(request, len(scans)), strict=True):
+            look = _look_for(renderer, own_request)
+            rendered = _render_labeled(renderer, scan, suffix, look)
+            array = rendered.picture if look.background is None else opaque_over(rendered.picture, look.background)
+            record = build_record(rendered, look, source)
+            images.append(RenderedImage(array, record, tuple(_notes(scan, rendered, look))))
+    return images
 
 
-def look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
+@contextmanager
+def _default_device_cpu() -> Iterator[None]:
+    """Makes the CPU torch's default device, whatever a surrounding training chose; does nothing without torch."""
+    torch = sys.modules.get("torch")
+    if torch is None:
+        yield
+        return
+    with torch.device("cpu"):
+        yield
+
+
+def _renderer_for(request: RenderRequest) -> AnyRenderer:
+    """The renderer with the weights that are asked for, from the cache if they have not changed."""
+    if str(request.weights) != AUTO:
+        return _cached_renderer(request.weights, frozenset(), find_weights(request.weights).stat().st_mtime_ns)
+    controls = {name for name, value in request.controls.items() if value is not None}
+    if request.colors:
+        controls.add("color")
+    return _cached_renderer(request.weights, frozenset(controls), 0)
+
+
+@lru_cache(maxsize=2)
+def _cached_renderer(weights: str | Path, controls: frozenset[str], modified_ns: int) -> AnyRenderer:
+    """`modified_ns` is when the weights' file was changed last: it is only part of the cache's key."""
+    return load_renderer(weights, controls)
+
+
+# Engines have no threads in a forked process: see pipeline.inference.engine_selection.
+os.register_at_fork(after_in_child=_cached_renderer.cache_clear)
+
+
+def _request_per_cloud(request: RenderRequest, clouds: int) -> list[RenderRequest]:
+    """The request for each of so many clouds, with its own color if there are several."""
+    if not request.colors:
+        return [request] * clouds
+    colors = list(request.colors) * (clouds if len(request.colors) == 1 else 1)
+    return [replace(request, controls={**request.controls, "color": color}) for color in colors]
+
+
+def _look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
     """The look that a request stands for.
 
     Raises:
-        SettingError: a setting that cannot be, or that the weights do not carry.
+        SettingError: a setting is invalid, or the weights do not carry it.
     """
     up = parse_up_axis(request.up)
     if up is None:
         raise SettingError(f"expected up auto, {', '.join(UP_ROTATIONS)}, got {request.up!r}")
-    wishes, view, camera = dict(request.controls), _view(request.view), _camera(request.camera)
+    view, camera = _view(request.view), _camera(request.camera)
     if isinstance(view, tuple) and camera is None:
-        other = wishes.get("elevation")
+        other = request.controls.get("elevation")
         if other not in (None, view[1], (view[1],)):
             raise SettingError(f"view {view} and elevation {other} both choose the elevation; leave one out")
     if camera is not None and request.margin is not None and not request.tight:
         raise SettingError("camera and margin both choose how large the object is; leave one out")
     try:
         return build_look(
-            renderer, wishes, up=up, view=view, azimuth=_angle("azimuth", request.azimuth), camera=camera,
+            renderer, request.controls, up=up, view=view, azimuth=_angle("azimuth", request.azimuth), camera=camera,
             keep_outliers=request.keep_outliers, cut_top=request.cut_top, smooth=request.smooth, size=request.size,
             background=request.background, supersample=request.supersample, tight=request.tight,
             margin=parse_margin(request.margin),
@@ -138,8 +183,17 @@ def look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
         raise SettingError(str(error).removeprefix("--")) from None
 
 
+def _camera(camera: Any) -> Viewpoint | None:
+    """The camera that is asked for, checked: a viewpoint, its JSON, or a file of it."""
+    if camera is None:
+        return None
+    if isinstance(camera, str | Path):
+        return read_camera(Path(camera))
+    return viewpoint_from_json(camera.to_json() if isinstance(camera, Viewpoint) else camera)
+
+
 def _view(view: Any) -> str | float | tuple[float, float]:
-    """A known word, an azimuth in degrees, or with the elevation."""
+    """The view, checked: a named one, an azimuth in degrees, or (azimuth, elevation) in degrees."""
     if isinstance(view, str) and view in NAMED_VIEWS:
         return view
     if isinstance(view, Real):
@@ -162,93 +216,42 @@ def _angle(what: str, degrees: Any) -> float:
     return angle
 
 
-def _pictures(scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: RenderRequest) -> list[Picture]:
-    asked = frozenset(name for name, wish in request.controls.items() if wish is not None)
-    if request.colors:
-        asked |= {"color"}
-    changed = 0 if str(request.weights) == AUTO else find_weights(request.weights).stat().st_mtime_ns
-    with _unnoticed():
-        renderer = _renderer(request.weights, asked if str(request.weights) == AUTO else frozenset(), changed)
-        pictures = []
-        for scan, source, own in zip(scans, sources, _requests(request, len(scans)), strict=True):
-            look = look_for(renderer, own)
-            drawing = _drawn(renderer, scan, suffix, look)
-            array = drawing.picture if look.background is None else _opaque(drawing.picture, look.background)
-            pictures.append(Picture(array, build_record(drawing, look, source), tuple(_notes(scan, drawing, look))))
-    return pictures
-
-
-def _requests(request: RenderRequest, clouds: int) -> list[RenderRequest]:
-    """What is asked of each cloud."""
-    if not request.colors:
-        return [request] * clouds
-    colors = list(request.colors) * (clouds if len(request.colors) == 1 else 1)
-    return [replace(request, controls={**request.controls, "color": color}) for color in colors]
-
-
-def _notes(scan: Scan, drawing: RenderedScan, look: Look) -> Iterator[str]:
-    """What a user should know of how the picture came about."""
-    stance = drawing.placement
-    if scan.dropped:
-        yield f"{scan.dropped} points that are not finite were dropped"
-    if scan.note:
-        yield scan.note
-    if scan.repeated:
-        yield f"{scan.repeated} points that repeat others, or stand for missing ones, were dropped"
-    if stance.outlier_count:
-        yield f"{stance.outliers_message} left out of the frame; keep_outliers=True keeps all"
-    if stance.background_count:
-        yield (f"{stance.background_count} points far behind the depth camera's subject were left out; "
-               "keep_outliers=True keeps them")
-    if stance.smoothing_radius and look.placement_options.smooth == "auto":
-        yield "the depth camera's noisy cloud was made smooth; smooth=0 leaves it as it is"
-    if stance.rounding_step:
-        yield stance.rounding_message
-    if stance.outside_count:
-        yield f"{stance.outside_count} points lie beyond the camera's frame"
-    if stance.hint:
-        yield in_python(stance.hint)
-
-
-def _drawn(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
-    """As `render_scan` does it; an error names which cloud of the batch it was."""
+def _render_labeled(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
+    """`render_scan`, whose error names the cloud of a batch."""
     try:
         return render_scan(renderer, scan, suffix, look)
     except ScanError as error:
         raise ScanError(f"cloud {scan.label}: {error}" if scan.label else str(error)) from error
 
 
-@contextmanager
-def _unnoticed() -> Iterator[None]:
-    """A training around us keeps torch's default device; where torch was not imported, it is not here."""
-    torch = sys.modules.get("torch")
-    if torch is None:
-        yield
-        return
-    with torch.device("cpu"):
-        yield
+def _notes(scan: Scan, rendered: RenderedScan, look: Look) -> Iterator[str]:
+    """What was left out, changed or guessed, in words."""
+    placement = rendered.placement
+    if scan.dropped:
+        yield f"{scan.dropped} points that are not finite were dropped"
+    if scan.note:
+        yield scan.note
+    if scan.repeated:
+        yield f"{scan.repeated} points that repeat others, or stand for missing ones, were dropped"
+    if placement.outlier_count:
+        yield f"{placement.outliers_message} left out of the frame; keep_outliers=True keeps all"
+    if placement.background_count:
+        yield (f"{placement.background_count} points far behind the depth camera's subject were left out; "
+               "keep_outliers=True keeps them")
+    if placement.smoothing_radius and look.placement_options.smooth == "auto":
+        yield "the depth camera's noisy cloud was made smooth; smooth=0 leaves it as it is"
+    if placement.rounding_step:
+        yield placement.rounding_message
+    if placement.outside_count:
+        yield f"{placement.outside_count} points lie beyond the camera's frame"
+    if placement.hint:
+        yield in_python(placement.hint)
 
 
-@lru_cache(maxsize=2)
-def _renderer(weights: str | Path, asked: frozenset[str], changed: int) -> AnyRenderer:
-    return load_renderer(weights, asked)
-
-
-os.register_at_fork(after_in_child=_renderer.cache_clear)  # its engines have no threads in a fork; see pipeline.inference.engine_selection
-
-
-def _camera(camera: Any) -> Viewpoint | None:
-    """The camera that was asked for, checked."""
-    if camera is None:
-        return None
-    if isinstance(camera, Picture):
-        return camera.camera
-    if isinstance(camera, str | Path):
-        return read_camera(Path(camera))
-    return viewpoint_from_json(camera.to_json() if isinstance(camera, Viewpoint) else camera)
-
-
-def _opaque(picture: np.ndarray, color: tuple[float, float, float]) -> np.ndarray:
-    """The picture over a colour, with an alpha of 255."""
-    rgb = bytes_from_unit(composite(unit_from_bytes(picture), color))
-    return np.dstack([rgb, np.full(rgb.shape[:2], 255, dtype=np.uint8)])
+def _record_for(path: Path, record: Mapping[str, Any]) -> dict[str, Any]:
+    """The record for an image at that path: the scan's path is relative to it, so that the two can move together."""
+    source = dict(record["input"])
+    if source.get("path") is not None:
+        source["path"] = path_relative_to(Path(source["path"]), path)
+    becomes_white = record["background"] == "transparent" and path.suffix.lower() in OPAQUE_SUFFIXES
+    return {**record, "input": source, **({"background": list(WHITE)} if becomes_white else {})}

@@ -11,7 +11,6 @@ import numpy as np
 from z2p_core.camera import turn
 from z2p_core.images import (
     bytes_from_unit,
-    composite,
     premultiplied_from_straight,
     straight_from_premultiplied,
     unit_from_bytes,
@@ -77,18 +76,6 @@ def render_frames(first: RenderedScan, scan: Scan, suffix: str, look: Look, moti
     drawn = list(shots)
     box = content_box(np.max([frame[..., 3] for frame in drawn], axis=0), look.margin)
     yield from (crop_box(frame, box) for frame in drawn)
-
-
-def flicker(frames: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> float:
-    """Mean error of the change from frame to frame, of 255: 0 where the frames change just as the truth does.
-
-    `frames` and `truth` (T, H, W, 4) uint8, straight RGBA, are laid on white; `mask` (T, H, W) bool is the object. A
-    steady error of the pictures themselves does not count.
-    """
-    seen, real = (np.stack([composite(unit_from_bytes(one), (1.0, 1.0, 1.0)) for one in many])
-                  for many in (frames, truth))  # fmt: skip
-    error = np.abs(np.diff(seen, axis=0) - np.diff(real, axis=0)).mean(-1)
-    return float(255 * error[mask[1:] | mask[:-1]].mean())
 
 
 def _render_frame(

@@ -13,7 +13,7 @@ from z2p_renderer.pipeline.inference.render_scan import RECORDED_OPTIONS
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer
 from z2p_renderer.pipeline.placement.place_scan import FIXED_CAMERA
 from z2p_renderer.storage.files.printable_names import printable
-from z2p_renderer.storage.images.image_files import PictureError, is_truncated, is_readable_picture, read_record
+from z2p_renderer.storage.images.image_files import PictureError, is_readable_picture, is_truncated, read_record
 
 
 def kept_output_note(

@@ -29,7 +29,7 @@ def make_shard(
     """``out/shard.h5`` with every view of the render folders, by view number, and the pool (P, 3) of points.
 
     Renders larger than the shard's resolution are area-averaged in linear premultiplied light. The settings vector is
-    what the controls encode, one after another in their order. `mesh` is noted in the shard to tell it by.
+    the controls' encodings, concatenated in their order. `mesh` is the name that the shard stores.
 
     Raises:
         ConfigError: the shard's resolution does not divide the renders'.
@@ -52,7 +52,7 @@ def make_shard(
 
 
 def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Record:
-    """Record of a rendered view, `path` its ``view_NNNNN.json`` beside its pictures, made smaller to `resolution`.
+    """Record of a rendered view, downsampled to `resolution`; its images lie beside `path`, its ``view_NNNNN.json``.
 
     Raises:
         ConfigError: the resolution does not divide the render's.
@@ -78,7 +78,7 @@ def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Reco
 
 
 def downsample_images(rgba: np.ndarray, coverage: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
-    """Picture (H, W, 4) and coverage (H, W), both uint8, `factor` times smaller, averaged in linear light."""
+    """Image (H, W, 4) and coverage (H, W), both uint8, downsampled by `factor`; colours are averaged in linear light."""
     if factor == 1:
         return rgba, coverage
     smaller = bytes_from_unit(shrink(unit_from_bytes(rgba), factor))

@@ -1,7 +1,7 @@
-"""The haze that noise leaves on a render's floor, and pictures without it.
+"""Removes the bias that Monte Carlo noise leaves in faint shadows on a render's floor.
 
-Shade cannot be less than none, so of a few noisy samples a pixel, denoised, faint shade comes out darker than it is.
-Weights that learn from such renders would darken all of the floor around their objects.
+Alpha of a shadow cannot fall below 0, so the denoised mean of a few noisy samples overestimates faint shadows ("haze").
+Weights that learn from such renders would darken all of the floor around an object.
 """
 
 from __future__ import annotations
@@ -11,18 +11,18 @@ import torch
 
 SHADOW_ALPHAS = (0.0, 0.001, 0.004, 0.01, 0.04, 0.1, 1.0)
 RELATIVE_BIASES = (0.0, 0.15, 0.7, 1.0, 0.6, 0.32, 0.3)
-"""How much of the haze lies in shade of these alphas, as `scripts/measure_haze.py` finds it."""
+"""Bias at shadows of these alphas, relative to its maximum; measured by `scripts/measure_haze.py`."""
 
 
-def remove_shadow_bias(picture: torch.Tensor, coverage: torch.Tensor, haze: float) -> torch.Tensor:
-    """Pictures (B, 4, H, W), premultiplied, with the haze taken from the shade on their floor.
+def remove_shadow_bias(image: torch.Tensor, coverage: torch.Tensor, bias: float) -> torch.Tensor:
+    """Premultiplied RGBA images (B, 4, H, W) in [0, 1] without the bias of their floor's shadow.
 
-    `coverage` (B, 1, H, W) is the object's share of each pixel, which stays as it is; `haze` is in alpha, that in a
-    shade of 0.01, where it is thickest. All in [0, 1].
+    `coverage` (B, 1, H, W) in [0, 1] is the object's share of each pixel, which does not change. `bias` is the alpha
+    by which a shadow of alpha 0.01, where the bias is largest, is too dark.
     """
-    if haze == 0:
-        return picture
-    alpha, floor = picture[:, 3:], 1 - coverage
-    shade = ((alpha - coverage) / floor.clamp_min(1e-3)).clamp(0, 1)
-    shares = torch.from_numpy(np.interp(shade.numpy(), SHADOW_ALPHAS, RELATIVE_BIASES).astype(np.float32))
-    return torch.cat([picture[:, :3], alpha - floor * shade.minimum(haze * shares)], dim=1)
+    if bias == 0:
+        return image
+    alpha, floor = image[:, 3:], 1 - coverage
+    shadow = ((alpha - coverage) / floor.clamp_min(1e-3)).clamp(0, 1)
+    relative = torch.from_numpy(np.interp(shadow.numpy(), SHADOW_ALPHAS, RELATIVE_BIASES).astype(np.float32))
+    return torch.cat([image[:, :3], alpha - floor * shadow.minimum(bias * relative)], dim=1)

@@ -1,4 +1,4 @@
-"""The door from the pure core to what draws: found through the entry point ``z2p.studio``, never imported."""
+"""The interface between `z2p_core.render` and the code that renders, which is found by entry point, never imported."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ import numpy as np
 from z2p_core.errors.install_advice import install_advice
 
 if TYPE_CHECKING:
-    from z2p_core.api.picture import Picture
     from z2p_core.placement.viewpoint import Viewpoint
 
 GROUP = "z2p.studio"
+"""Entry-point group of the backend."""
 
 
 @dataclass(frozen=True)
 class RenderRequest:
-    """How pictures are to look, in the user's own words and numbers; the studio checks them."""
+    """What the user asks of the pictures, in the words and numbers of `z2p_core.render`; the backend checks them."""
 
     up: str = "+Z"
     view: str | float | tuple[float, float] = "auto"
     azimuth: float = 0.0
-    camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None
+    camera: Viewpoint | Mapping[str, Any] | str | Path | None = None
     controls: Mapping[str, Any] = field(default_factory=dict)
+    """Control name -> text, number or numbers; None counts as not given."""
     size: tuple[int, int] = (512, 512)
+    """Width and height in pixels."""
     background: Any = None
     supersample: int = 1
     tight: bool = False
@@ -39,41 +41,52 @@ class RenderRequest:
     margin: Any = None
     weights: str | Path = "auto"
     colors: Sequence[Sequence[float]] = ()
-    """sRGB in [0, 1] of each cloud, or one for all of them, in place of the control's."""
+    """sRGB in [0, 1] of each cloud, or one for all of them, instead of the color control; empty for none."""
+
+
+@dataclass(frozen=True)
+class RenderedImage:
+    """The picture of one cloud."""
+
+    array: np.ndarray
+    """(H, W, 4) uint8, straight sRGB RGBA."""
+    record: Mapping[str, Any]
+    """All that made it, JSON-able."""
+    notes: tuple[str, ...] = ()
+    """What was left out or guessed, in words."""
 
 
 class Backend(Protocol):
-    """Draws and encodes pictures; keeps the weights that it has loaded."""
+    """Renders clouds and encodes images; keeps the weights that it has loaded."""
 
-    def draw(self, clouds: Sequence[np.ndarray], request: RenderRequest) -> list[Picture]:
-        """A picture of each cloud (N, 3) float64; rows that are not finite are dropped and noted."""
+    def render_arrays(self, clouds: Sequence[np.ndarray], request: RenderRequest) -> list[RenderedImage]:
+        """An image of each cloud (N, 3) float64; rows that are not finite are dropped and noted."""
 
-    def draw_file(self, path: Path, request: RenderRequest) -> list[Picture]:
-        """A picture of each cloud in a file."""
+    def render_file(self, path: Path, request: RenderRequest) -> list[RenderedImage]:
+        """An image of each cloud in a file."""
 
-    def save(self, picture: Picture, path: Path) -> Path:
-        """The path, once the picture is written there, in the format of its suffix."""
+    def save_image(self, array: np.ndarray, record: Mapping[str, Any], path: Path) -> None:
+        """Write an image (H, W, 4) uint8 with its record, in the format of the path's suffix."""
 
-    def png(self, picture: Picture) -> bytes:
-        """The picture as a PNG file."""
+    def encode_png(self, array: np.ndarray, record: Mapping[str, Any]) -> bytes:
+        """An image (H, W, 4) uint8 with its record, as a PNG file."""
 
-    def over(self, picture: Picture, background: Any) -> Picture:
-        """The picture made opaque."""
+    def parse_background(self, background: Any) -> tuple[float, float, float] | None:
+        """sRGB in [0, 1] of a CSS name, #hex or three numbers; None for a transparent one."""
 
-    def notice(self, text: str, size: tuple[int, int]) -> np.ndarray:
-        """Picture (H, W, 4) uint8 that says the text, in place of one that could not be drawn."""
+    def draw_message(self, text: str, size: tuple[int, int]) -> np.ndarray:
+        """Image (H, W, 4) uint8 that shows the text, instead of a cloud that could not be rendered."""
 
 
 @cache
 def load_backend() -> Backend:
-    """The installed studio.
+    """The installed backend.
 
     Raises:
-        LookupError: z2p is not installed as a whole.
+        LookupError: only the core is installed.
     """
-    found = list(entry_points(group=GROUP))
-    if not found:
-        raise LookupError("z2p_core is here, but nothing that draws is installed; "
-                          f"{install_advice()}")
-    drawing: Backend = found[0].load()()
-    return drawing
+    installed = list(entry_points(group=GROUP))
+    if not installed:
+        raise LookupError(f"z2p_core is here, but nothing that draws is installed; {install_advice()}")
+    backend: Backend = installed[0].load()()
+    return backend

@@ -1,37 +1,38 @@
-"""What `z2p_core.render` gives: a picture that shows itself in a notebook, saves itself, and knows what made it."""
+"""`Picture`, the result of `z2p_core.render`: shows itself in notebooks, saves itself, carries the record of its making."""
 
 from __future__ import annotations
 
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from z2p_core.api.backend import load_backend
+from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_core.interfaces import SettingError
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One picture, or the sheet of a batch, whose members are `picture[0]`, `picture[1]`, ..."""
+    """One picture; or the contact sheet of a batch, whose members are `picture[0]`, `picture[1]`, ..."""
 
     array: np.ndarray
-    """(H, W, 4) uint8, straight sRGB RGBA; of a batch, its pictures side by side in a near-square sheet."""
+    """(H, W, 4) uint8, straight sRGB RGBA; for a batch, its pictures in a near-square sheet."""
     record: Mapping[str, Any]
-    """All that made it: input, camera, controls, weights, version. Saved inside the file."""
+    """All that made it: input, camera, controls, weights, version. It is saved inside the file."""
     notes: tuple[str, ...] = ()
-    """What was left out or guessed on the way, in words."""
+    """What was left out or guessed, in words."""
     parts: tuple[Picture, ...] = field(default=(), repr=False)
     """The pictures of a batch; empty for one picture."""
 
     @property
     def camera(self) -> Viewpoint:
-        """The camera that took it, for `render(others, camera=...)`; of a batch, that of the first picture."""
+        """Its camera, for `render(others, camera=...)`; for a batch, that of the first picture."""
         return viewpoint_from_json(self[0].record["camera"])
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -44,11 +45,19 @@ class Picture:
         if not isinstance(path, str | os.PathLike):
             raise SettingError(f"expected a path to save the picture to, got {type(path).__name__}; pillow writes to "
                                "others: PIL.Image.fromarray(picture.array).save(...)")
-        return load_backend().save(self, Path(path))
+        load_backend().save_image(self.array, self.record, Path(path))
+        return Path(path)
 
     def on(self, background: str | Sequence[float]) -> Picture:
-        """The same picture over a background: a CSS name, #hex or three numbers in [0, 1]; alpha is 255 throughout."""
-        return load_backend().over(self, background)
+        """The same picture over a background: a CSS name, #hex or three numbers in [0, 1]; alpha is 255 throughout.
+
+        The pictures of a batch get it too. ``transparent`` changes nothing.
+        """
+        color = load_backend().parse_background(background)
+        if color is None:
+            return self
+        record, parts = {**self.record, "background": list(color)}, tuple(part.on(color) for part in self.parts)
+        return replace(self, array=opaque_over(self.array, color), record=record, parts=parts)
 
     def __repr__(self) -> str:
         height, width = self.array.shape[:2]
@@ -69,20 +78,26 @@ class Picture:
 
     def _repr_png_(self) -> bytes:
         """PNG for a notebook."""
-        return load_backend().png(self)
+        return load_backend().encode_png(self.array, self.record)
 
 
-def sheet(pictures: Sequence[np.ndarray], columns: int | None = None) -> np.ndarray:
-    """Pictures (H, W, 4) uint8 in rows, near-square unless `columns` says how many; smaller ones stand in the middle.
+def tile_images(pictures: Sequence[np.ndarray], columns: int | None = None) -> np.ndarray:
+    """Images (H, W, 4) uint8 in rows, in one near-square image (H', W', 4) uint8, or with so many `columns`.
 
-    Cells have the size of the largest picture, and what is left over is transparent.
+    Cells have the size of the largest image; smaller ones are centered, and the rest is transparent.
     """
     columns = columns or math.ceil(math.sqrt(len(pictures)))
     height, width = (max(picture.shape[axis] for picture in pictures) for axis in (0, 1))
     rows = -(-len(pictures) // columns)
-    whole = np.zeros((rows * height, columns * width, 4), dtype=np.uint8)
+    tiled = np.zeros((rows * height, columns * width, 4), dtype=np.uint8)
     for index, picture in enumerate(pictures):
         top = index // columns * height + (height - picture.shape[0]) // 2
         left = index % columns * width + (width - picture.shape[1]) // 2
-        whole[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
-    return whole
+        tiled[top : top + picture.shape[0], left : left + picture.shape[1]] = picture
+    return tiled
+
+
+def opaque_over(image: np.ndarray, background: tuple[float, float, float]) -> np.ndarray:
+    """A straight RGBA image (H, W, 4) uint8 over an sRGB background in [0, 1]; its alpha is 255."""
+    rgb = bytes_from_unit(composite(unit_from_bytes(image), background))
+    return np.dstack([rgb, np.full(rgb.shape[:2], 255, dtype=np.uint8)])

@@ -15,15 +15,15 @@ import click
 from z2p_renderer.pipeline.cli.errors import is_debugging
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
-from z2p_renderer.pipeline.cli.options.param_types import FiniteRange, FileFormat, OutputPath, is_output_folder
+from z2p_renderer.pipeline.cli.options.param_types import FileFormat, FiniteRange, OutputPath, is_output_folder
 from z2p_renderer.pipeline.cli.options.pictures import (
     check_view_options,
-    parse_columns,
-    look_from,
-    picture_options,
     check_writable,
+    look_from,
+    parse_columns,
+    picture_options,
 )
-from z2p_renderer.pipeline.cli.progress import scan_label, note_if_opaque, describe_points
+from z2p_renderer.pipeline.cli.progress import describe_points, note_if_opaque, scan_label
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.inference.batch import Task
@@ -141,7 +141,7 @@ class _Loop:
         """Write the loop of the file's only cloud; what is told of the cloud and of how it stands."""
         from z2p_core.interfaces import ScanError
         from z2p_renderer.pipeline.inference.render_scan import build_record
-        from z2p_renderer.pipeline.outputs.animation import render_frames, draw_opening
+        from z2p_renderer.pipeline.outputs.animation import draw_opening, render_frames
         from z2p_renderer.storage.images.animations import write_animation
         from z2p_renderer.storage.scans.clouds import format_suffix, read_clouds
 

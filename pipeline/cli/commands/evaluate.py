@@ -62,7 +62,7 @@ def evaluate(
     from z2p_core import registry
     from z2p_renderer.pipeline.evaluation.baselines import load_baselines
     from z2p_renderer.pipeline.evaluation.comparison_sheet import count_sheets
-    from z2p_renderer.pipeline.outputs.sheet_files import check_sheet_places
+    from z2p_renderer.pipeline.outputs.contact_sheet import check_sheet_places
     from z2p_renderer.storage.meshes import find_meshes
     from z2p_renderer.storage.models.checkpoints import find_weights
 

@@ -16,15 +16,22 @@ from z2p_renderer.pipeline.cli.errors import is_debugging
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
 from z2p_renderer.pipeline.cli.options.palettes import PALETTES, palette_colors
-from z2p_renderer.pipeline.cli.options.param_types import FileFormat, SheetGrid, OutputPath, is_output_folder
+from z2p_renderer.pipeline.cli.options.param_types import FileFormat, OutputPath, SheetGrid, is_output_folder
 from z2p_renderer.pipeline.cli.options.pictures import (
     check_view_options,
-    parse_columns,
-    look_from,
-    picture_options,
     check_writable,
+    look_from,
+    parse_columns,
+    picture_options,
 )
-from z2p_renderer.pipeline.cli.progress import Progress, outcome_to_json, open_progress, report_outcomes, settings_to_json, note_if_opaque
+from z2p_renderer.pipeline.cli.progress import (
+    Progress,
+    note_if_opaque,
+    open_progress,
+    outcome_to_json,
+    report_outcomes,
+    settings_to_json,
+)
 
 if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
     from z2p_renderer.pipeline.inference.batch import Outcome, Task
@@ -162,7 +169,7 @@ def _check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: 
 
     folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
     if options["sheet"] is not None:
-        from z2p_renderer.pipeline.outputs.sheet_files import check_sheet_places
+        from z2p_renderer.pipeline.outputs.contact_sheet import check_sheet_places
 
         columns, rows = options["sheet"]
         count = -(-len(tasks) // (columns * rows))

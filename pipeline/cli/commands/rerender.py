@@ -13,7 +13,14 @@ import click
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import CommandError, is_debugging
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, RerenderCommand
-from z2p_renderer.pipeline.cli.options.param_types import BackgroundColor, Degrees, MarginShare, Resolution, SmoothRadius, OutputPath
+from z2p_renderer.pipeline.cli.options.param_types import (
+    BackgroundColor,
+    Degrees,
+    MarginShare,
+    OutputPath,
+    Resolution,
+    SmoothRadius,
+)
 from z2p_renderer.pipeline.cli.options.pictures import check_writable
 from z2p_renderer.pipeline.cli.progress import note_if_opaque
 

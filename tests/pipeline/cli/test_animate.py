@@ -17,7 +17,7 @@ from z2p_core.interfaces import SettingError
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.outputs.animation import Motion, flicker, render_frames, draw_opening
+from z2p_renderer.pipeline.outputs.animation import Motion, draw_opening, render_frames
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
 from z2p_renderer.storage.images.animations import write_animation
 from z2p_renderer.storage.images.image_files import PictureError, read_record
@@ -71,19 +71,6 @@ def test_a_steady_frame_is_the_mean_of_its_neighbours_on_the_way(renderer: Rende
     assert np.abs(steady[0][..., 3] - around[..., 3].mean(0)).max() <= 1
     premultiplied = (around[..., :3] * alpha).mean(0)
     assert np.abs(steady[0][..., :3] * (steady[0][..., 3:] / 255) - premultiplied).max() <= 2
-
-
-def test_flicker_counts_wrong_change_and_nothing_else() -> None:
-    rng = np.random.default_rng(0)
-    truth = rng.integers(0, 200, size=(5, 8, 8, 4)).astype(np.uint8)
-    truth[..., 3] = 255
-    mask = np.ones((5, 8, 8), bool)
-    assert flicker(truth, truth, mask) == 0
-    assert flicker(truth + np.array([9, 9, 9, 0], np.uint8), truth, mask) == pytest.approx(0, abs=1e-4)
-    noisy = truth.copy()
-    noisy[::2, ..., :3] += 10  # every second frame is brighter
-    assert flicker(noisy, truth, mask) == pytest.approx(10, abs=0.01)
-    assert flicker(noisy, truth, mask & (np.arange(8) < 4)) == pytest.approx(10, abs=0.01)
 
 
 FRAMES = [np.full((21, 31, 4), (255, 40 * step, 0, 255), np.uint8) for step in range(6)]
