@@ -22,7 +22,7 @@ from z2p_core.parallel import run_async, parallel_rows
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
 from z2p_core.shading.light_transport import Quality, Lighting
-from z2p_core.shading.surfels import surfel_radii
+from z2p_core.shading.surfels import make_surfels
 from z2p_core.surface.normals import MOST_POINTS, tangents, thinned
 
 SLACK = 0.7
@@ -87,7 +87,7 @@ class Surfels(GBuffer):
         typical = max(float(np.median(spacing)), 1e-3)
         spread = max(typical, SPARSE * float(np.quantile(spacing, 0.9)))
         lighting = self.lighting(points, normals, spread, scene, floor, self.detail)
-        found, radii = surfel_radii(found, typical)
+        found, radii = make_surfels(found, typical)
         lighting.shade(found, radii, lamp_sets_for(camera))
         normals = faced(found.points, found.normals, camera.position)
         rotation = camera.rotation.astype(np.float32)

@@ -1,7 +1,9 @@
-"""The discs that a cloud's points are drawn as: how large each is, and further ones in small holes.
+"""The surfels that a cloud is drawn as: a disc at each point, and further discs that close small holes.
 
-A disc closes the surface up to its neighbours' (after Zwicker et al., Surface Splatting, 2001), and leaves borders as
-they are. A small hole amid a surface is the scan's, not the thing's: a disc of its own closes it.
+A surfel's radius comes from its Voronoi cell among its neighbors in the tangent plane: discs that wide close the
+surface (after Zwicker et al., Surface Splatting, 2001). Where a cell reaches so far that chance does not explain it,
+the point lies at the rim of a hole. A small hole within a surface comes from the scan rather than from the object, and
+is closed by a disc of its own; borders and large holes stay open.
 """
 
 from __future__ import annotations
@@ -15,78 +17,101 @@ from z2p_core.linalg import row_dots
 from z2p_core.surface.normals import Tangents
 
 RADIUS_PER_VORONOI_EXTENT = 1.45
-"""Radius of a disc in those of its Voronoi cell, which alone would close the surface."""
-SMALLEST, LARGEST = 0.8, 1.5
-"""Radius of a disc in spacings, at least and at most."""
-NEARBY, FARTHER = 24, 48
-"""Neighbours that a cell is looked for among, and those among which one that they leave open is looked for again."""
-HOLE, TORN, BORDER = 1.9, 3.5, 0.7
-"""Spacings that a cell reaches at a hole, at least, and at a border or a large hole: chance leaves no gaps of more than
-two, and scans look better with small holes closed. And the radius of a border's disc, which closes nothing."""
-NARROWEST, WIDEST = 0.5, 2.5
-"""Of a disc in the cloud's spacing, and in that around it: a sparse part is closed, a stray point stays a dot."""
-ABOUT = 0.6
-"""Of a Voronoi cell's reach, how far the places about a disc's middle lie from it."""
+"""Radius of a surfel over the extent of its Voronoi cell; 1 would just close the surface."""
+MIN_RADIUS_SPACINGS = 0.8
+MAX_RADIUS_SPACINGS = 1.5
+"""Limits of a surfel's radius, in its own spacing (which is limited by the two constants below)."""
+MIN_SPACING_SHARE = 0.5
+"""Smallest spacing of a point that counts, over the cloud's median spacing."""
+MAX_SPACING_SHARE = 2.5
+"""Largest one, over the spacing of its neighbors: a sparse region is closed, an isolated point stays a dot."""
+CELL_NEIGHBORS = 24
+"""Neighbors among which a Voronoi cell is computed."""
+RIM_CELL_NEIGHBORS = 48
+"""Neighbors among which it is computed again for points that seem to lie at a hole."""
+HOLE_MIN_SPACINGS = 1.9
+"""Extent of a Voronoi cell from which on a point lies at the rim of a hole, in spacings: random points leave no gaps
+of more than 2."""
+HOLE_MAX_SPACINGS = 3.5
+"""Extent from which on it lies at a border or at a hole too large to be closed, in spacings."""
+BORDER_RADIUS_SPACINGS = 0.7
+"""Radius of surfels at borders, in spacings: they close nothing."""
 SAMPLES_PER_DISC = 5
-"""That tell where a disc lies: its middle, and four about it."""
-AROUND, APART = 32, 0.75
-"""Points near a hole's middle that tell whether it is one, and the spacings within which two middles count as one."""
+"""Points that stand for a surfel's disc in shadow maps: its center, and four around it."""
+SAMPLE_OFFSET_EXTENTS = 0.6
+"""Distance of those four from the center, over the extent of the Voronoi cell."""
+HOLE_NEIGHBORS = 32
+"""Points around a hole's center that decide whether it is one."""
+MERGE_DISTANCE_SPACINGS = 0.75
+"""Grid cell in which two centers of holes count as one, in spacings."""
 
 
-def surfel_radii(found: Tangents, typical: float) -> tuple[Tangents, np.ndarray]:
-    """The discs of a cloud of that spacing: the tangents, with those of discs in holes at the end, and radii (M,)."""
-    share = np.clip(found.spacing, NARROWEST * typical, WIDEST * np.maximum(found.around, typical))
-    nearby = np.ascontiguousarray(found.neighbours[:, :NEARBY])
-    reaches, _ = native.voronoi_extent(found.points, found.normals, np.arange(len(share), dtype=np.int32), nearby)
-    radii = np.clip(RADIUS_PER_VORONOI_EXTENT * reaches, SMALLEST * share, LARGEST * share)
-    near = np.maximum(np.minimum(found.spacing, found.around), NARROWEST * typical)
-    rim = np.flatnonzero(reaches > HOLE * near).astype(np.int32)
-    if not len(rim):
-        return found, radii
-    farther, _ = found.grid.neighbours(rim, FARTHER)
-    solid, ends = native.voronoi_extent(found.points, found.normals, rim, farther, in_space=True)
-    torn = rim[np.minimum(solid, reaches[rim]) > TORN * near[rim]]
-    radii[torn] = BORDER * near[torn]
-    small = (solid > HOLE * near[rim]) & (solid < TORN * near[rim])
-    return _add_hole_surfels(found, radii, rim[small], solid[small], ends[small], typical)
+def make_surfels(surface: Tangents, spacing: float) -> tuple[Tangents, np.ndarray]:
+    """The surfels of a surface with that median spacing, and their radii (M,) float32 in world units.
 
-
-def disc_sample_points(found: Tangents, radii: np.ndarray) -> np.ndarray:
-    """Points (PLACES M, 3) float32 that tell where discs of radii (M,) lie better than their middles alone.
-
-    Each disc's middle, and four places about it in its plane.
+    The first N surfels are those of the surface's points; those that close holes follow.
     """
-    normals = found.normals
-    aside = np.eye(3, dtype=np.float32)[np.abs(normals).argmin(axis=1)]
-    first = np.cross(normals, aside)
-    first *= (ABOUT / RADIUS_PER_VORONOI_EXTENT * radii / np.sqrt(row_dots(first, first)))[:, None].astype(np.float32)
-    second, middles = np.cross(normals, first), found.points
-    places = np.stack([middles, middles + first, middles - first, middles + second, middles - second], axis=1)
-    return places.reshape(-1, 3)  # a disc's stay together, as their shadows do in memory
+    points, normals = surface.points, surface.normals
+    widest = MAX_SPACING_SHARE * np.maximum(surface.around, spacing)
+    own_spacing = np.clip(surface.spacing, MIN_SPACING_SHARE * spacing, widest)
+    nearest = np.ascontiguousarray(surface.neighbours[:, :CELL_NEIGHBORS])
+    extents, _ = native.voronoi_extent(points, normals, np.arange(len(points), dtype=np.int32), nearest)
+    radii = np.clip(
+        RADIUS_PER_VORONOI_EXTENT * extents, MIN_RADIUS_SPACINGS * own_spacing, MAX_RADIUS_SPACINGS * own_spacing
+    )
+    local_spacing = np.maximum(np.minimum(surface.spacing, surface.around), MIN_SPACING_SHARE * spacing)
+    rim = np.flatnonzero(extents > HOLE_MIN_SPACINGS * local_spacing).astype(np.int32)
+    if not len(rim):
+        return surface, radii
+    more_neighbors, _ = surface.grid.neighbours(rim, RIM_CELL_NEIGHBORS)
+    hole_radii, hole_centers = native.voronoi_extent(points, normals, rim, more_neighbors, in_space=True)
+    at_border = rim[np.minimum(hole_radii, extents[rim]) > HOLE_MAX_SPACINGS * local_spacing[rim]]
+    radii[at_border] = BORDER_RADIUS_SPACINGS * local_spacing[at_border]
+    small = hole_radii > HOLE_MIN_SPACINGS * local_spacing[rim]
+    small &= hole_radii < HOLE_MAX_SPACINGS * local_spacing[rim]
+    return _add_hole_surfels(surface, radii, rim[small], hole_radii[small], hole_centers[small], spacing)
+
+
+def disc_sample_points(surfels: Tangents, radii: np.ndarray) -> np.ndarray:
+    """Points (SAMPLES_PER_DISC M, 3) float32 that stand for the surfels' discs: each center, and four around it.
+
+    Five points cover a disc's area evenly enough for shadow maps, which its center alone does not.
+    """
+    normals, centers = surfels.normals, surfels.points
+    least_axis = np.eye(3, dtype=np.float32)[np.abs(normals).argmin(axis=1)]
+    first = np.cross(normals, least_axis)
+    offset = SAMPLE_OFFSET_EXTENTS / RADIUS_PER_VORONOI_EXTENT * radii
+    first *= (offset / np.sqrt(row_dots(first, first)))[:, None].astype(np.float32)
+    second = np.cross(normals, first)
+    samples = np.stack([centers, centers + first, centers - first, centers + second, centers - second], axis=1)
+    return samples.reshape(-1, 3)  # a disc's samples lie next to each other, as their shadows then do in memory
 
 
 def _add_hole_surfels(
-    found: Tangents, radii: np.ndarray, rim: np.ndarray, reaches: np.ndarray, middles: np.ndarray, typical: float
-) -> tuple[Tangents, np.ndarray]:
-    """The tangents and radii of a cloud of that spacing, with those of discs in holes at the end.
+    surface: Tangents, radii: np.ndarray, rim: np.ndarray, hole_radii: np.ndarray, hole_centers: np.ndarray,
+    spacing: float,
+) -> tuple[Tangents, np.ndarray]:  # fmt: skip
+    """The surfels and radii of a surface with that median spacing, with surfels that close holes at the end.
 
-    Points at the rim (M,) reach so far (M,) into them, up to their middles (M, 3).
+    `rim` (R,) int32 are the points at rims; the hole at each has the radius (R,) and the center (R, 3).
     """
-    cells = np.floor(middles / (APART * typical)).astype(np.int64)
-    _, once = np.unique(cells, axis=0, return_index=True)
-    rim, reaches, middles = rim[once], reaches[once], middles[once]
-    around = found.grid.around(middles, AROUND)
-    own, middles, normals = native.find_hole_discs(found.points, found.normals, middles, found.normals[rim], reaches, around)
-    kept = own > 0
-    if not kept.any():
-        return found, radii
-    rim, count = rim[kept], found.neighbours.shape[1]
-    further = replace(
-        found,
-        points=np.concatenate([found.points, middles[kept]]),
-        spacing=np.concatenate([found.spacing, found.spacing[rim]]),
-        normals=np.concatenate([found.normals, normals[kept]]),
-        around=np.concatenate([found.around, found.around[rim]]),
-        neighbours=np.concatenate([found.neighbours, found.grid.around(middles[kept], count)]),
+    cells = np.floor(hole_centers / (MERGE_DISTANCE_SPACINGS * spacing)).astype(np.int64)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    rim, hole_radii, hole_centers = rim[first], hole_radii[first], hole_centers[first]
+    nearest = surface.grid.around(hole_centers, HOLE_NEIGHBORS)
+    disc_radii, centers, normals = native.find_hole_discs(
+        surface.points, surface.normals, hole_centers, surface.normals[rim], hole_radii, nearest
     )
-    return further, np.concatenate([radii, own[kept]])
+    is_hole = disc_radii > 0
+    if not is_hole.any():
+        return surface, radii
+    rim, centers, neighbor_count = rim[is_hole], centers[is_hole], surface.neighbours.shape[1]
+    surfels = replace(
+        surface,
+        points=np.concatenate([surface.points, centers]),
+        spacing=np.concatenate([surface.spacing, surface.spacing[rim]]),
+        normals=np.concatenate([surface.normals, normals[is_hole]]),
+        around=np.concatenate([surface.around, surface.around[rim]]),
+        neighbours=np.concatenate([surface.neighbours, surface.grid.around(centers, neighbor_count)]),
+    )
+    return surfels, np.concatenate([radii, disc_radii[is_hole]])

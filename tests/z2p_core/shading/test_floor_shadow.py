@@ -9,7 +9,7 @@ from made_clouds import sphere
 from z2p_core import native
 from z2p_core.shading.area_light import cosine_hemisphere, area_light_samples
 from z2p_core.shading.floor_shadow import FLOOR_HALF_WIDTH, shadow_casters, floor_occlusion, is_sparse, eroded_share
-from z2p_core.shading.surfels import surfel_radii, disc_sample_points
+from z2p_core.shading.surfels import make_surfels, disc_sample_points
 from z2p_core.surface.normals import tangents
 
 LIGHT, HEIGHT, RADIUS = (3.6, 30.0, 50.0), -0.6, 0.5
@@ -19,7 +19,7 @@ def shades_of(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Shade of the lamp and of the sky below a ball about the origin of so many random points."""
     found = tangents(np.float32(sphere(count) * RADIUS))
     spacing = float(np.median(found.spacing))
-    further, radii = surfel_radii(found, spacing)
+    further, radii = make_surfels(found, spacing)
     apart = is_sparse(spacing)
     casters = shadow_casters(found.points, spacing, further, radii, apart)
     return floor_occlusion(found.points, spacing, casters, LIGHT, HEIGHT, 1, apart)
@@ -53,7 +53,7 @@ def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
 
 def test_points_wider_apart_than_the_floor_is_hide_nothing() -> None:
     found = tangents(np.float32(sphere(12) * 100))
-    further, radii = surfel_radii(found, 100.0)
+    further, radii = make_surfels(found, 100.0)
     casters = shadow_casters(found.points, 100.0, further, radii, True)
     for shade in floor_occlusion(found.points, 100.0, casters, LIGHT, -100.0, 1, True):
         assert shade.shape == (2, 2) and not shade.any()
@@ -61,7 +61,7 @@ def test_points_wider_apart_than_the_floor_is_hide_nothing() -> None:
 
 def test_places_about_a_disc_lie_in_its_plane_on_a_cross() -> None:
     found = tangents(np.float32(sphere(800)))
-    further, radii = surfel_radii(found, float(np.median(found.spacing)))
+    further, radii = make_surfels(found, float(np.median(found.spacing)))
     middles, *places = disc_sample_points(further, radii).reshape(-1, 5, 3).swapaxes(0, 1)
     assert np.array_equal(middles, further.points)
     away = np.stack(places) - middles
@@ -86,7 +86,7 @@ def shade_below_a_plate(count: int, gap: float) -> tuple[np.ndarray, np.ndarray,
     flat = np.concatenate([rng.uniform(-0.25, 0.25, (above, 2)), rng.uniform(-0.6, 0.6, (count - above, 2))])
     found = tangents(np.float32(np.column_stack([flat, np.where(np.arange(count) < above, 0, -gap)])))
     spacing = float(np.median(found.spacing))
-    further, radii = surfel_radii(found, spacing)
+    further, radii = make_surfels(found, spacing)
     up, lamps = found.normals * np.sign(found.normals[:, 2:]), area_light_samples(LIGHT, 16)
     casters = shadow_casters(found.points, spacing, further, radii, is_sparse(spacing))
     light = native.direct_lighting(found.points, up, casters, *lamps, spacing, 1.0)[0]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from z2p_core.shading.surfels import surfel_radii
+from z2p_core.shading.surfels import make_surfels
 from z2p_core.surface.normals import tangents
 
 SPACING = 0.02
@@ -14,7 +14,7 @@ HOLE = 2.4 * SPACING
 def discs_of(cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Middles and radii of the discs of its points, and of those in holes."""
     found = tangents(np.float32(cloud))
-    further, radii = surfel_radii(found, max(float(np.median(found.spacing)), 1e-3))
+    further, radii = make_surfels(found, max(float(np.median(found.spacing)), 1e-3))
     count = len(found.points)
     for values in (further.points, further.spacing, further.normals, further.around, further.neighbours):
         assert len(values) == len(radii)
