@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -78,7 +77,7 @@ def read_view(path: Path, resolution: int, controls: dict[str, Control]) -> Reco
 
 
 def downsample_images(rgba: np.ndarray, coverage: np.ndarray, factor: int) -> tuple[np.ndarray, np.ndarray]:
-    """Image (H, W, 4) and coverage (H, W), both uint8, downsampled by `factor`; colours are averaged in linear light."""
+    """Image (H, W, 4) and coverage (H, W), both uint8, downsampled by `factor` in linear light."""
     if factor == 1:
         return rgba, coverage
     smaller = bytes_from_unit(shrink(unit_from_bytes(rgba), factor))

@@ -1,8 +1,8 @@
 """The code and the packages that shape each stage's result: their digests and versions are in its fingerprint.
 
 Digests are of syntax trees without docstrings, so comments and layout change nothing. The lists are written by hand and
-tested: a module that a stage's code imports must be in `STAGE_CODE` or, with the reason, in `NOT_IN_FINGERPRINT`. A name is a
-module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code that no
+tested: a module that a stage's code imports must be in `STAGE_CODE` or, with the reason, in `NOT_IN_FINGERPRINT`. A name
+is a module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code that no
 module imports; of what is not Python or C every byte counts.
 
 A change that gives the same results (a refactoring) can be vouched for with `z2p adopt`, at no cost.
@@ -102,7 +102,8 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         "z2p_core.config.pipeline:batch_size", "z2p_core.config.pipeline:samples_until", "z2p_core.images",
         "z2p_core.placement.bounding_sphere",
         *(f"z2p_core.quality.{name}" for name in ("flip_loss", "losses", "metrics:PIXELS_PER_DEGREE",
-                                                  "separable_filter")),
+                                                  "metrics:SSIM_WINDOW", "metrics:FOREGROUND_COVERAGE",
+                                                  "separable_filter", "validation_metrics")),
         "z2p_core.meshes.synthetic_noise", *_NETWORK,
     ),
     "evaluate": (
@@ -135,7 +136,8 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         *(f"{_PAPER}.page.{name}" for name in ("report", "color_fidelity", "results", "captions", "summary", "plots",
                                                "tables")),
         *(f"{_PAPER}.methods:{name}" for name in ("Method", "BASELINE", "TRUTH", "WEIGHTS")),
-        f"{_PAPER}.measure:ROWS_FILE", f"{_PAPER}.timing:TIMES_FILE", f"{_PAPER}.uncertainty:UNCERTAINTY_FILE", "storage.models.checkpoints",
+        f"{_PAPER}.measure:ROWS_FILE", f"{_PAPER}.timing:TIMES_FILE", f"{_PAPER}.uncertainty:UNCERTAINTY_FILE",
+        "storage.models.checkpoints",
     ),
     "compare": (
         "workflows.ablation.stages:Compare",

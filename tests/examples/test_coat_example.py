@@ -154,6 +154,11 @@ def test_the_pipeline_and_inference_take_the_control(stranger: Stranger) -> None
     assert refused.returncode == 2
     assert re.search(r"--coat: coat is 2, expected 0 to 1", refused.stderr)
     assert not list(stranger.folder.glob("refused/*.png"))
+    script = f"import numpy, z2p_core; points = numpy.load('scan.npy'); weights = {str(weights)!r}\n"
+    script += "print(z2p_core.render(points, coat=0.8, weights=weights, size=64).record['controls']['coat'])"
+    called = stranger.run("-c", script)
+    assert called.returncode == 0, called.stderr
+    assert called.stdout == "[0.8]\n"
 
 
 @pytest.mark.slow

@@ -1,1 +1,1 @@
-"""What `z2p_core` offers to Python: `render`, the `Picture` that it returns, `Previewer`, and the point types it accepts."""
+"""What `z2p_core` offers to Python: `render`, its result `Picture`, `Previewer`, and the types of points they take."""

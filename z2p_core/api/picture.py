@@ -1,4 +1,4 @@
-"""`Picture`, the result of `z2p_core.render`: shows itself in notebooks, saves itself, carries the record of its making."""
+"""`Picture`, the result of `z2p_core.render`: it shows itself in notebooks, saves itself, and has a record."""
 
 from __future__ import annotations
 

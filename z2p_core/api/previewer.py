@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.api.backend import load_backend
-from z2p_core.api.picture import sheet
+from z2p_core.api.picture import tile_images
 from z2p_core.api.render import RenderWarning, chosen_size, render
 from z2p_core.interfaces import ScanError
 
@@ -62,7 +62,7 @@ class Previewer:
         except Exception as error:  # whatever a stranger's tensor raises: see the class
             return self._notice(error)
         pictures = [self._drawn(cloud) for cloud in clouds]
-        return sheet(pictures) if pictures else self._notice(ValueError("an empty batch"))
+        return tile_images(pictures) if pictures else self._notice(ValueError("an empty batch"))
 
     def _drawn(self, cloud: Any) -> np.ndarray:
         try:
@@ -76,4 +76,4 @@ class Previewer:
         self.error = " ".join(str(error).split()) or type(error).__name__
         with suppress(RenderWarning):  # where warnings were made errors
             warnings.warn(f"preview: {self.error}", RenderWarning, stacklevel=4)
-        return load_backend().notice(self.error, self._size)
+        return load_backend().draw_message(self.error, self._size)

@@ -1,4 +1,4 @@
-"""`render`: points in, a picture out. The whole of z2p for those who live in Python."""
+"""`render`: points in, a picture out."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from z2p_core import registry
-from z2p_core.api.backend import RenderRequest, load_backend
-from z2p_core.api.picture import Picture, sheet
+from z2p_core.api.backend import RenderedImage, RenderRequest, load_backend
+from z2p_core.api.picture import Picture, tile_images
 from z2p_core.api.point_arrays import point_arrays
 from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.errors.messages import error_reason
@@ -24,14 +24,21 @@ from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SIDE_LIMITS
 
 MAX_NAMED_COLORS = 4
-"""Mean colours that a warning names."""
-
-
+"""How many mean colors a warning lists."""
 DEFAULT_SIDE = 512
+"""Width and height of a picture in pixels, unless the caller names a size."""
+
+
+ControlValue = str | float | Sequence[float] | None
+"""What a control may be set to: text as on the command line, a number, or numbers; None for its default."""
 
 
 class RenderWarning(UserWarning):
-    """Something was left out or replaced on the way to the picture; the message says what and what to do."""
+    """Something was left out or replaced on the way to the picture; the message says what, and what to do."""
+
+
+class UnknownArgument(SettingError, TypeError):
+    """A keyword that is neither an argument of `render` nor an installed control; the message names the nearest one."""
 
 
 def render(
@@ -42,11 +49,6 @@ def render(
     view: str | float | tuple[float, float] = "auto",
     azimuth: float = 0.0,
     camera: Viewpoint | Picture | Mapping[str, Any] | str | Path | None = None,
-    color: str | Sequence[float] | None = None,
-    light: str | Sequence[float] | None = None,
-    elevation: float | None = None,
-    metallic: float | None = None,
-    roughness: float | None = None,
     size: int | tuple[int, int] | None = None,
     resolution: int | tuple[int, int] | None = None,
     background: str | Sequence[float] | None = None,
@@ -57,15 +59,15 @@ def render(
     cut_top: float = 0.0,
     smooth: str | float = "auto",
     weights: str | Path = "auto",
-    **controls: Any,
+    **controls: ControlValue,
 ) -> Picture:
     """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
 
     Args:
         points: array or tensor (N, 3 or more), of which x, y, z count, or a batch (B, N, 3 or more); a cloud of
             open3d, trimesh, pyvista or laspy; a list of these; or the path of a file. Any unit, any offset.
-        colors: per-point colours (N, 3), for a batch (B, N, 3) or a list of (N, 3). The weights know none: a cloud's
-            mean becomes the colour of the whole object, with a warning, unless `color` is given. Floats in [0, 1], or
+        colors: per-point colors (N, 3), for a batch (B, N, 3) or a list of (N, 3). The weights know none: a cloud's
+            mean becomes the color of the whole object, with a warning, unless `color` is given. Floats in [0, 1], or
             integers to 255 (to 1 if none is larger).
         up: the data's axis that points up, ``+Z`` (or ``Z``), ``-Y``, ...; ``auto`` looks for a depth camera's own,
             then weighs the shape against what is usual for the format. None: ``auto`` for a file, as in `z2p
@@ -75,79 +77,109 @@ def render(
         azimuth: degrees that the object is turned by on top of that.
         camera: another picture or its `picture.camera`, or a file that --save-camera wrote; the object keeps its true
             size and place before it. Replaces `up` and `view`.
-        color: CSS name, ``#hex`` or sRGB triple in [0, 1].
-        light: distance 3 to 4.5, azimuth -90 to 90 (0 behind the camera, positive to the right), elevation 25 to 75.
-        elevation: the camera's, 0 to 80 degrees above the horizon.
-        metallic, roughness: 0 to 1, for weights that carry them; so with the other `controls`.
-        size, resolution: two names for one thing, pixels: one number or (width, height), 32 to 4096; None: 512.
-        background: None for transparent, or like `color`.
-        supersample: draw this many times as large and average down.
-        fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to what is to be seen, the shadow included).
-        margin: what is left free around the object's bounding sphere, or with ``tight`` around what is to be seen: a
-            share of the shorter side, 0 to 0.45, or percent as in ``"10%"``. None: 0.1, or 0.02 with ``tight``.
-        keep_outliers: keep stray points that make the object small, and what lies far behind a depth camera's subject.
+        size, resolution: the picture's size in pixels, one number or (width, height), 32 to 4096; two names for the
+            same argument. None: 512.
+        background: None for transparent, or a CSS name, ``#hex`` or sRGB triple in [0, 1].
+        supersample: render this many times as large and average down, 1 to 4.
+        fit: ``frame`` (the bounding sphere fits) or ``tight`` (trimmed to the visible part, the shadow included).
+        margin: free border around the object's bounding sphere, or with ``tight`` around the visible part: a share of
+            the shorter side, 0 to 0.45, or percent as in ``"10%"``. None: 0.1, or 0.02 with ``tight``.
+        keep_outliers: keep outliers that make the object small, and points far behind a depth camera's subject.
         cut_top: percent of the height to cut off from above, to look into a room.
-        smooth: make the surface smooth over patches of that radius, 0 to 0.3 of the frame's; ``auto``: only a depth
-            camera's noisy clouds, of which it closes small gaps as well; 0: neither.
-        weights: a shipped name or a .safetensors file; ``auto`` takes of the shipped ones those that carry the controls
-            asked for, and for noisy clouds those made for noise.
+        smooth: smooth the surface over patches of that radius, 0 to 0.3 of the frame's; ``auto``: only a depth
+            camera's noisy clouds, whose small gaps are then closed as well; 0: neither.
+        weights: a shipped name or a .safetensors file; ``auto`` takes shipped ones that carry the controls asked for,
+            and for noisy clouds those trained on noise.
+        **controls: the value of a control, by its name: text as on the command line, a number, or numbers. Every
+            installed control has a keyword, those of other packages too; None stands for its default. Built in are
+
+            - color: CSS name, ``#hex`` or sRGB triple in [0, 1].
+            - light: distance 3 to 4.5, azimuth -90 to 90 (0 behind the camera, positive to the right), elevation 25
+              to 75.
+            - elevation: the camera's, 0 to 80 degrees above the horizon.
+            - metallic, roughness: 0 to 1, for weights that carry them.
 
     Raises:
         ScanError: the points are no cloud (a ValueError).
-        SettingError: a setting that cannot be (a ValueError).
-        WeightsError: no such weights (a ValueError).
+        SettingError: a setting is invalid (a ValueError).
+        UnknownArgument: a keyword is neither an argument nor an installed control (a TypeError and a SettingError).
+        WeightsError: there are no such weights (a ValueError).
     """
     _check_names(controls)
-    wishes = {"color": color, "light": light, "elevation": elevation, "metallic": metallic, "roughness": roughness}
-    table, notes = None if colors is None else _color_table(colors), []
     if up is None:
         up = "auto" if isinstance(points, str | Path) else "+Z"
-    request = RenderRequest(up, view, azimuth, camera, {**wishes, **controls}, chosen_size(size, resolution), background,
-                      _factor(supersample), _tight(fit), _switch("keep_outliers", keep_outliers), _percent(cut_top),
-                      smooth, margin, _weights(weights))  # fmt: skip
-    if isinstance(points, str | Path):
-        request, told = _colored(request, table, [])
-        pictures, batched = load_backend().draw_file(Path(points), request), False
-    else:
-        given = point_arrays(points)
-        request, told = _colored(request, table, given.clouds)
-        if given.unused_columns:
-            notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): no normals or per-point "
-                         "colours are drawn")
-        elif given.coloured and table is None:
-            notes.append("the cloud's colours were left out: no per-point colours are drawn; color= chooses one for it")
-        pictures, batched = load_backend().draw(given.clouds, request), given.batched
-    for note in dict.fromkeys([*told, *notes, *(note for picture in pictures for note in picture.notes)]):
+    if isinstance(camera, Picture):
+        camera = camera.camera
+    request = RenderRequest(
+        up, view, azimuth, camera, controls, chosen_size(size, resolution), background, _factor(supersample),
+        _tight(fit), _switch("keep_outliers", keep_outliers), _percent(cut_top), smooth, margin, _weights(weights),
+    )  # fmt: skip
+    images, notes, is_batch = _render_images(points, colors, request)
+    for note in dict.fromkeys([*notes, *(note for image in images for note in image.notes)]):
         warnings.warn(note, RenderWarning, stacklevel=2)
-    if not pictures:
+    if not images:
         raise ScanError("expected clouds, got an empty batch")
-    if not batched and len(pictures) == 1:
+    pictures = tuple(Picture(image.array, image.record, image.notes) for image in images)
+    if not is_batch and len(pictures) == 1:
         return pictures[0]
     record = {**pictures[0].record, "batch": len(pictures)}
-    return Picture(sheet([picture.array for picture in pictures]), record, parts=tuple(pictures))
+    return Picture(tile_images([picture.array for picture in pictures]), record, parts=pictures)
+
+
+def _signature_with_controls() -> inspect.Signature:
+    """The signature of `render` with a keyword for each installed control, as `help` and notebooks show it."""
+    signature = inspect.signature(render)
+    parameters = [one for one in signature.parameters.values() if one.kind is not inspect.Parameter.VAR_KEYWORD]
+    controls = [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation="ControlValue")
+                for name in registry.names("controls") if name not in signature.parameters]  # fmt: skip
+    return signature.replace(parameters=[*parameters, *controls])
+
+
+render.__signature__ = _signature_with_controls()  # type: ignore[attr-defined]
+
+
+def _render_images(
+    points: Any, colors: Any, request: RenderRequest
+) -> tuple[list[RenderedImage], list[str], bool]:
+    """An image of each cloud, what to warn of beside their own notes, and whether `points` is a batch."""
+    table = None if colors is None else _color_table(colors)
+    if isinstance(points, str | Path):
+        request, notes = _colored(request, table, [])
+        return load_backend().render_file(Path(points), request), notes, False
+    given = point_arrays(points)
+    request, notes = _colored(request, table, given.clouds)
+    if given.unused_columns:
+        notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): no normals or per-point "
+                     "colours are drawn")
+    elif given.coloured and table is None:
+        notes.append("the cloud's colours were left out: no per-point colours are drawn; color= chooses one for it")
+    return load_backend().render_arrays(given.clouds, request), notes, given.batched
 
 
 def _check_names(controls: Collection[str]) -> None:
     """
     Raises:
-        SettingError: a name that is neither an argument of `render` nor an installed control.
+        UnknownArgument: a name is neither an argument of `render` nor an installed control.
     """
-    unknown = sorted(set(controls) - set(registry.names("controls")))
+    installed = registry.names("controls")
+    unknown = sorted(set(controls) - set(installed))
     if unknown:
-        known = [name for name in inspect.signature(render).parameters if name != "controls"]
-        like = suggest_name(unknown[0], [name.replace("_", "-") for name in known])
-        guess = "" if like is None else f" (did you mean {like.split()[0].replace('-', '_')}?)"
-        expected = f"{', '.join(known)}, or an installed control"
-        raise SettingError(f"unknown argument {unknown[0]!r}{guess}; expected {expected}")
+        known = [*(name for name in inspect.signature(render).parameters if name not in installed), *installed]
+        nearest = suggest_name(unknown[0], [name.replace("_", "-") for name in known])
+        guess = "" if nearest is None else f" (did you mean {nearest.split()[0].replace('-', '_')}?)"
+        raise UnknownArgument(f"unknown argument {unknown[0]!r}{guess}; expected {', '.join(known)}, or another "
+                              "installed control")
 
 
-def _colored(request: RenderRequest, table: np.ndarray | None, clouds: Sequence[np.ndarray]) -> tuple[RenderRequest, list[str]]:
-    """The request with one colour a cloud in place of per-point ones (N, 3), and what to say about it."""
+def _colored(
+    request: RenderRequest, table: np.ndarray | None, clouds: Sequence[np.ndarray]
+) -> tuple[RenderRequest, list[str]]:
+    """The request with one color for each cloud instead of per-point ones (N, 3), and a warning about it."""
     if table is None:
         return request, []
     means = _mean_colors(table, clouds)
     unknown = "these weights draw no per-point colours: the whole object has "
-    if request.controls["color"] is not None:
+    if request.controls.get("color") is not None:
         return request, [f"{unknown}the colour given"]
     told = list(dict.fromkeys("#" + "".join(f"{round(255 * channel):02x}" for channel in mean) for mean in means))
     named = ", ".join(told[:MAX_NAMED_COLORS]) + (", ..." if len(told) > MAX_NAMED_COLORS else "")
