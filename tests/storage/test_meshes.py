@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from z2p_core.interfaces import ScanError
-from z2p_renderer.storage.scans.clouds import is_smooth_surface, read_mesh, write_mesh
+from z2p_renderer.storage.meshes import is_smooth_surface, read_mesh, write_mesh
 
 TETRAHEDRON = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float64)
 SIDES = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])

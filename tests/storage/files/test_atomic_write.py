@@ -17,7 +17,7 @@ def names(folder: Path) -> list[str]:
     return [path.name for path in folder.iterdir()]
 
 
-@pytest.mark.parametrize("lasting", [False, True])
+@pytest.mark.parametrize("durable", [False, True])
 def test_the_content_is_there_and_nothing_beside_it(tmp_path: Path, durable: bool) -> None:
     path = tmp_path / "new" / "folders" / "one.bin"
     for content in (b"first", b""):
