@@ -98,9 +98,9 @@ class LazyGroup(click.Group):
             is_broken_pipe = isinstance(error, OSError) and error.errno == errno.EPIPE  # click exits quietly on it
             if is_debugging() or is_broken_pipe:
                 raise
-            from z2p_renderer.storage.files.disk_errors import disk_refusal
+            from z2p_renderer.storage.files.disk_errors import disk_error_message
 
-            if refusal := disk_refusal(error):
+            if refusal := disk_error_message(error):
                 raise TemporaryError(refusal) from None
             raise CommandError(error_line(error)) from None
 
