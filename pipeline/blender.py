@@ -1,8 +1,8 @@
 """The Blender child process: the only file that imports bpy (GPL), so nothing else of z2p ever does.
 
 Started by `pipeline.render` as ``python -m z2p_renderer.pipeline.blender JOB``. JOB is a folder with ``job.json`` and
-``mesh.npz``; each picture is written into it as a multi-layer OpenEXR file of scene-linear float values, and a line
-``done STEM SECONDS`` is printed when it is whole. What a scene means is in `z2p_core.scene` and `z2p_core.camera`.
+``mesh.npz``. Each picture is written into it as a multi-layer OpenEXR file of scene-linear float values; a line
+``done STEM SECONDS`` is printed when it is complete. `z2p_core.scene` and `z2p_core.camera` define the scene.
 """
 
 from __future__ import annotations
@@ -23,17 +23,18 @@ from z2p_core.camera import DISTANCE, FIELD_OF_VIEW, light_position
 from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 
 FLOOR_SIDE = 60.0
+"""Side of the square floor, world units."""
 FLOOR_GAP = 1e-3
-"""The floor lies this far below the lowest point: a flat sheet lying right in it would turn black."""
+"""Gap between floor and lowest point, world units; a flat sheet that coincides with the floor would render black."""
 SHARP_ANGLE = math.radians(40)
-"""Smooth-shaded meshes keep edges sharper than this: CAD models stay crisp."""
+"""Smooth-shaded meshes keep edges sharper than this, so that CAD models stay crisp."""
 DENOISER_SETTINGS = {"fast": ("FAST", "FAST"), "balanced": ("BALANCED", "ACCURATE"), "high": ("HIGH", "ACCURATE")}
-"""Of Open Image Denoise: its quality, and how it cleans the albedo and normals that guide it.
+"""Setting -> Open Image Denoise's quality, and the prefiltering of the albedo and normals that guide it.
 
-To clean these apart takes as long again as the picture itself, and only mirror images gain by it.
+Accurate prefiltering doubles the time, and only mirror reflections improve.
 """
 DIFFUSE_INPUTS = {"Roughness": 1.0, "Metallic": 0.0, "Specular IOR Level": 0.0}
-"""Principled BSDF without its specular lobe: a plain diffuse surface, as the paper's."""
+"""Inputs of the Principled BSDF that make it purely diffuse, as in the paper."""
 
 
 def main(job_folder: Path) -> None:
@@ -45,16 +46,16 @@ def main(job_folder: Path) -> None:
         return
     with np.load(job_folder / "mesh.npz") as arrays:
         mesh = make_mesh(arrays["vertices"], arrays["faces"], bool(arrays["smooth"]))
-    studio = BlenderScene(mesh, job["settings"])
+    scene = BlenderScene(mesh, job["settings"])
     for stem, description in job["scenes"]:
         started = time.perf_counter()
-        studio.arrange(SceneDescription.from_json(description))
-        studio.render(job_folder / f"{stem}.exr", zlib.crc32(f"{job['settings']['seed']} {stem}".encode()) >> 1)
+        scene.pose(SceneDescription.from_json(description))
+        scene.render(job_folder / f"{stem}.exr", zlib.crc32(f"{job['settings']['seed']} {stem}".encode()) >> 1)
         print(f"done {stem} {time.perf_counter() - started:.3f}", flush=True)
 
 
 def make_mesh(vertices: np.ndarray, faces: np.ndarray, smooth: bool) -> Any:
-    """Blender mesh of float vertices (V, 3) and triangles (M, 3); validated, for an index out of range would crash."""
+    """Blender mesh of float vertices (V, 3) and triangles (M, 3); validated, as an index out of range would crash."""
     mesh = bpy.data.meshes.new("object")
     mesh.from_pydata(vertices.tolist(), [], faces.tolist(), shade_flat=not smooth)
     mesh.validate()
@@ -65,14 +66,14 @@ def make_mesh(vertices: np.ndarray, faces: np.ndarray, smooth: bool) -> Any:
 
 
 class BlenderScene:
-    """The paper's scene (section 3.2): object, floor that catches shadow, square area light, ambient light, camera."""
+    """The paper's scene (section 3.2): object, shadow-catching floor, square area light, ambient light, camera."""
 
     def __init__(self, mesh: Any, settings: dict[str, Any]) -> None:
         self.scene = bpy.context.scene
         self.vertices = np.array([vertex.co for vertex in mesh.vertices])
         self.object = self._add("object", mesh)
         self.surface = self._add_material(mesh)
-        self.plain: dict[str, Any] = {}  # inputs that some scene has set, at Blender's own values
+        self.default_inputs: dict[str, Any] = {}  # Blender's values of the inputs that some scene has set
         self.floor = self._add_floor()
         self.light = self._add_light()
         self.camera = self._add("camera", bpy.data.cameras.new("camera"))
@@ -80,8 +81,8 @@ class BlenderScene:
         self._add_world()
         self._configure(settings)
 
-    def arrange(self, description: SceneDescription) -> None:
-        """Pose object, floor, light, camera and material as described."""
+    def pose(self, description: SceneDescription) -> None:
+        """Sets object, floor, light, camera and material as the description says."""
         rotation = np.array(description.rotation)
         lowest = float((self.vertices @ rotation[2]).min()) if description.floor is None else description.floor
         self.object.matrix_world = Matrix.Translation((0, 0, description.lift)) @ Matrix(rotation.tolist()).to_4x4()
@@ -89,15 +90,15 @@ class BlenderScene:
         _look_at_origin(self.light, Vector(light_position(description.light)))
         elevation = math.radians(description.elevation)
         _look_at_origin(self.camera, DISTANCE * Vector((0, -math.cos(elevation), math.sin(elevation))))
-        for name, value in {**self.plain, **DIFFUSE_INPUTS, **description.material}.items():
+        for name, value in {**self.default_inputs, **DIFFUSE_INPUTS, **description.material}.items():
             if name not in self.surface.inputs:
                 raise SystemExit(f"the Principled BSDF of Blender {bpy.app.version_string} has no input {name!r}")
             field = self.surface.inputs[name]
-            self.plain.setdefault(name, _copied_value(field.default_value))
+            self.default_inputs.setdefault(name, _copied_value(field.default_value))
             field.default_value = value
 
     def render(self, path: Path, seed: int) -> None:
-        """Write the picture's passes as a multi-layer OpenEXR file; the seed moves the noise."""
+        """Renders and writes all passes as a multi-layer OpenEXR file; `seed` is that of Cycles' noise."""
         self.scene.cycles.seed = seed
         self.scene.render.filepath = str(path)
         bpy.ops.render.render(write_still=True)
@@ -126,10 +127,10 @@ class BlenderScene:
         return floor
 
     def _add_light(self) -> Any:
-        lamp = bpy.data.lights.new("light", "AREA")
-        lamp.shape, lamp.size = "SQUARE", LIGHT_SIDE
-        lamp.energy = LIGHT_RADIANCE * LIGHT_SIDE**2 * math.pi  # watts of a one-sided emitter of that radiance
-        light = self._add("light", lamp)
+        area_light = bpy.data.lights.new("light", "AREA")
+        area_light.shape, area_light.size = "SQUARE", LIGHT_SIDE
+        area_light.energy = LIGHT_RADIANCE * LIGHT_SIDE**2 * math.pi  # watts of a one-sided emitter of that radiance
+        light = self._add("light", area_light)
         light.visible_camera = False
         return light
 
@@ -146,7 +147,7 @@ class BlenderScene:
         cycles.samples = settings["samples"]
         cycles.max_bounces = settings["bounces"]
         cycles.use_adaptive_sampling = False
-        cycles.use_light_tree = False  # one lamp and an even sky: nothing to choose from, and it costs a seventh
+        cycles.use_light_tree = False  # useless with one light and a constant sky, and a seventh slower
         cycles.use_denoising = settings["denoise"] != "off"
         if cycles.use_denoising:
             cycles.denoiser = "OPENIMAGEDENOISE"
@@ -188,12 +189,12 @@ def export_suzanne(path: Path) -> None:
 
 
 def _copied_value(value: Any) -> Any:
-    """A copy of an input's value that later assignments do not reach."""
+    """A copy of an input's value; Blender's own object changes with later assignments."""
     return value if isinstance(value, (int, float)) else tuple(value)
 
 
 def _look_at_origin(item: Any, position: Vector) -> None:
-    """Stand at `position`, looking at the origin with +Z up; Blender's lights and cameras look along their -Z."""
+    """Places a light or camera at `position`, looking at the origin with +Z up; Blender's lights and cameras look along their -Z."""
     item.location = position
     item.rotation_mode = "QUATERNION"
     item.rotation_quaternion = (-position).to_track_quat("-Z", "Y")

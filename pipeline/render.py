@@ -1,6 +1,6 @@
 """Cycles renders of a mesh: one Blender child process a call, resumable picture by picture.
 
-bpy is GPL and may crash on a bad mesh: it lives in `pipeline.blender`, started here as a process of its own.
+bpy is GPL and may crash on a bad mesh, so `pipeline.blender` runs it in a separate process.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from z2p_renderer.storage.meshes import Mesh, read_mesh
 
 PASSES = ("depth", "normal", "shadow")
 MAX_DEPTH = 1000.0
-"""Depth beyond which a pixel's first sample saw nothing, in world units."""
+"""Depth beyond which a pixel's first sample hit nothing, world units."""
 DENOISE = ("off", "fast", "balanced", "high")
 
 Scenes = Sequence[tuple[str, SceneDescription]]
 
 
 class RenderError(RuntimeError):
-    """Blender did not deliver; the message says which mesh and picture, and ends with Blender's last lines."""
+    """Blender failed; the message names the mesh and the picture, and ends with Blender's last lines."""
 
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """How Cycles renders; all but `threads` shape the pixels."""
+    """Cycles settings; all but `threads` affect the pixels."""
 
     resolution: tuple[int, int] = (512, 512)
     """Width and height in pixels."""
@@ -52,7 +52,7 @@ class RenderSettings:
     passes: tuple[str, ...] = ()
     seed: int = 0
     threads: int = 0
-    """0: all cores."""
+    """0 for all cores."""
 
     def __post_init__(self) -> None:
         if self.denoise not in DENOISE:
@@ -62,7 +62,7 @@ class RenderSettings:
                 raise ValueError(f"passes: expected some of {', '.join(PASSES)}, got {name!r}")
 
     def shaping(self) -> dict[str, Any]:
-        """All that shapes the pixels, by name, for fingerprints."""
+        """All settings that affect the pixels, by name, for fingerprints."""
         return {name: value for name, value in asdict(self).items() if name != "threads"}
 
 
@@ -80,10 +80,10 @@ def render_scenes(
     Raises:
         ScanError: the mesh cannot be read.
         RenderError: Blender failed or left out a picture.
-        DiskError: the disk is full, be it here or in Blender.
+        DiskError: the disk is full, here or in Blender.
     """
     if all((out / f"{stem}.png").exists() for stem, _ in scenes):
-        return  # without a look at the mesh
+        return  # without reading the mesh
     mesh = read_mesh(mesh_path)
     placed = Mesh(bounding_sphere(mesh.vertices).normalise(mesh.vertices), mesh.faces, mesh.smooth)
     render_mesh(placed, scenes, out, settings, log, mesh_path.name)
@@ -106,7 +106,7 @@ def render_mesh(
 
     Raises:
         RenderError: Blender failed or left out a picture.
-        DiskError: the disk is full, be it here or in Blender.
+        DiskError: the disk is full, here or in Blender.
     """
     out.mkdir(parents=True, exist_ok=True)
     missing = [(stem, scene) for stem, scene in scenes if not (out / f"{stem}.png").exists()]
@@ -122,8 +122,8 @@ def render_mesh(
         for done, stem in enumerate(_run_blender(job, name), start=1):
             try:
                 _write_outputs(job / f"{stem}.exr", out, stem)
-            except (RuntimeError, LookupError, ValueError) as error:  # whatever OpenEXR makes of half a file
-                raise _failure(job, f"{name}: Blender left no whole picture of {stem} ({error})") from error
+            except (RuntimeError, LookupError, ValueError) as error:  # what OpenEXR raises on an incomplete file
+                raise _failure(job, f"{name}: Blender left no complete picture of {stem} ({error})") from error
             rate = done / (time.perf_counter() - started) * 60
             log(f"{Path(name).stem}: {stem} rendered, {done} of {len(missing)}, {rate:.1f} images a minute")
     left = [stem for stem, _ in missing if not (out / f"{stem}.png").exists()]
@@ -132,20 +132,20 @@ def render_mesh(
 
 
 def read_render(path: Path, shape: tuple[int, ...]) -> np.ndarray:
-    """Float32 in [0, 1] of a kept render.
+    """A stored render as float32 in [0, 1] of the given shape.
 
     Raises:
         RenderError: it is missing, damaged, or of another shape.
     """
     try:
         with Image.open(path) as image:
-            picture = np.asarray(image)
+            pixels = np.asarray(image)
     except (OSError, SyntaxError) as error:  # pillow raises SyntaxError on a broken chunk
         raise RenderError(f"{path}: not a readable picture ({error}); delete {path.parent} to render again") from error
-    if picture.shape != shape or picture.dtype != np.uint8:
-        raise RenderError(f"{path}: expected {shape} uint8, got {picture.shape} {picture.dtype}; "
+    if pixels.shape != shape or pixels.dtype != np.uint8:
+        raise RenderError(f"{path}: expected {shape} uint8, got {pixels.shape} {pixels.dtype}; "
                           f"delete {path.parent} to render again")
-    return unit_from_bytes(picture)
+    return unit_from_bytes(pixels)
 
 
 def export_suzanne(path: Path) -> None:
@@ -177,14 +177,14 @@ def _run_blender(job: Path, name: str) -> Iterator[str]:
         raise _failure(job, f"{name}: Blender exited with {blender.returncode}\nits last lines:\n" + "\n".join(last))
 
 
-def _failure(folder: Path, told: str) -> RenderError | DiskError:
-    """The error for a failure of Blender, which writes into `folder`: a full disk shows in it in many ways."""
+def _failure(folder: Path, message: str) -> RenderError | DiskError:
+    """The error for a failure of Blender, which writes into `folder`; a full disk makes it fail in many ways."""
     refused = disk_error_message(told, folder) or full_disk_message(folder)
-    return DiskError(refused) if refused else RenderError(told)
+    return DiskError(refused) if refused else RenderError(message)
 
 
 def _write_outputs(exr: Path, out: Path, stem: str) -> None:
-    """Turn scene-linear passes into the files of `out`; the picture comes last, so its presence means whole."""
+    """Converts scene-linear passes to the files of `out`; the picture is written last and marks the view complete."""
     import OpenEXR  # late: the pipeline extra
 
     channels = {}
@@ -202,7 +202,7 @@ def _write_outputs(exr: Path, out: Path, stem: str) -> None:
 
 
 def _npz_bytes(pack: Callable[..., None] = np.savez, **arrays: Any) -> bytes:
-    """Arrays as the bytes of an npz: one that is written to a full disk would complain a second time as it goes."""
+    """Arrays as the bytes of an npz file, to be written at once: np.savez on a full disk raises a second error."""
     content = io.BytesIO()
     pack(content, **arrays)
     return content.getvalue()
@@ -222,6 +222,6 @@ def _extra_passes(channels: dict[str, np.ndarray], coverage: np.ndarray) -> dict
     return passes
 
 
-def _save_png(picture: np.ndarray, path: Path) -> None:
+def _save_png(image: np.ndarray, path: Path) -> None:
     with atomic_path(path, durable=True) as temporary:
-        Image.fromarray(picture).save(temporary, format="PNG", compress_level=3)
+        Image.fromarray(image).save(temporary, format="PNG", compress_level=3)

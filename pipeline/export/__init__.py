@@ -1,4 +1,4 @@
-"""From weights to the ONNX file beside them, for engines without torch.
+"""Exports weights to an ONNX file beside them, for engines without torch.
 
 ``python -m z2p_renderer.pipeline.export WEIGHTS...``
 """
@@ -19,13 +19,13 @@ from z2p_renderer.storage.models.onnx_files import save_onnx
 
 OPSET = 17
 TRACE_SHAPE = (2, 72, 104)
-"""Batch, height and width that the network is traced at; batch, height and width of the model are free."""
+"""Batch, height and width at which the network is traced; the model takes any."""
 
 
 def export_onnx(weights: Path) -> Path:
-    """The ONNX file of a weights file, beside it: mapping, padding and statistics included, of any batch and size.
+    """Writes the ONNX file of a weights file beside it: the whole network, for any batch and image size.
 
-    Constants that float16 holds without loss are stored so, and widened when an engine loads them.
+    Constants that float16 holds without loss are stored so; engines get them as float32.
 
     Raises:
         WeightsError: they cannot be loaded.
@@ -36,7 +36,7 @@ def export_onnx(weights: Path) -> Path:
 
 
 def check_exporter() -> None:
-    """Nothing, when all that exports is installed; asked before a training, not after it.
+    """Raises if a library that `export_onnx` needs is missing; to be called before a long training.
 
     Raises:
         ImportError: onnx or onnxruntime is missing; the message says how to get it.
@@ -48,7 +48,7 @@ def check_exporter() -> None:
 
 
 def _trace_network(loaded: LoadedWeights) -> bytes:
-    """The network as torch's tracing exporter writes it: its successor takes twenty times as long."""
+    """ONNX model of the network by torch's tracing exporter, which is twenty times as fast as its successor."""
     import torch
 
     network, (batch, height, width) = loaded.build(), TRACE_SHAPE
@@ -62,7 +62,7 @@ def _trace_network(loaded: LoadedWeights) -> bytes:
     axes = {"buffers": {0: "batch", **sides}, "encoding": {1: "rows", 2: "columns"}, "settings": {0: "batch"}}
     written = io.BytesIO()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # on tracing, and on the exporter's age
+        warnings.simplefilter("ignore")  # about tracing, and that the exporter is deprecated
         torch.onnx.export(
             network, inputs, written, input_names=list(axes), output_names=["picture"], opset_version=OPSET,
             dynamic_axes={**axes, "picture": {0: "batch", **sides}}, dynamo=False,
@@ -71,7 +71,7 @@ def _trace_network(loaded: LoadedWeights) -> bytes:
 
 
 def _fold_constants(model: bytes) -> bytes:
-    """The model with all constants folded, which saves every later start the work."""
+    """The model with its constants folded, which makes every later start faster."""
     forbid_telemetry()
     import onnxruntime
 

@@ -1,4 +1,4 @@
-"""What 8 bits are scaled by: clouds of the shapes that z2p makes itself, as the network meets them."""
+"""Calibration inputs for int8 quantisation: random clouds and views of the built-in shapes."""
 
 from __future__ import annotations
 
@@ -11,20 +11,22 @@ from z2p_core.meshes.triangle_sampling import sample_uniform
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_renderer.pipeline.export.graph_rewrite import EngineInputs
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.rendering.views import sample_view, place_in_scene
+from z2p_renderer.pipeline.rendering.views import place_in_scene, sample_view
 from z2p_renderer.pipeline.shapes import SUZANNE, TRAINING_SHAPES, shape
 
 POINT_RANGE = 1_000, 20_000
-"""Smallest and largest cloud."""
+"""Fewest and most points of a cloud, log-uniform."""
 IMAGE_SIDE = 256
-"""Of the pictures: onnxruntime wants all of one size."""
-NOISY_SHARE, MAX_NOISE = 1 / 3, 0.02
-"""Share of clouds with noise, and the most of it, in units of the shape's radius: real scans have some."""
+"""Side of the images, pixels; onnxruntime needs one size for all."""
+NOISY_SHARE = 1 / 3
+"""Share of the clouds that get noise, as real scans have it."""
+MAX_NOISE = 0.02
+"""Largest standard deviation of the noise, in units of the shape's radius."""
 
 
 def calibration_inputs(renderer: Renderer, count: int, rng: np.random.Generator) -> Iterator[EngineInputs]:
-    """What the engine is given for `count` random views of the built-in shapes, each control drawn as for training."""
-    names = [name for name in TRAINING_SHAPES if name != SUZANNE]  # Blender would have to make her
+    """Engine inputs for `count` random views of the built-in shapes; controls are sampled as for training."""
+    names = [name for name in TRAINING_SHAPES if name != SUZANNE]  # Suzanne would need Blender
     for index in range(count):
         view = sample_view(renderer.controls, rng, upright=0.5)
         if renderer.fixed_elevation is not None:

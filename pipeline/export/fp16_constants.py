@@ -1,4 +1,4 @@
-"""Constants of an ONNX model as float16 where that loses nothing, which halves its file, and back."""
+"""Lossless float16 storage of an ONNX model's constants, which halves its file, and back to float32."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 MIN_FP16_ELEMENTS = 256
-"""Elements below which a constant stays as it is."""
+"""Smaller constants stay float32."""
 
 
 def to_fp16_constants(onnx: bytes) -> bytes:
-    """The model with its large constants as float16 where that loses nothing, each behind a cast to float32."""
+    """The model with its large constants as float16 where that is lossless, each with a cast to float32."""
     from onnx import checker, load_from_string, numpy_helper
 
     model = load_from_string(onnx)
@@ -21,7 +21,7 @@ def to_fp16_constants(onnx: bytes) -> bytes:
         if array.dtype == np.float32 and array.size >= MIN_FP16_ELEMENTS and np.array_equal(_fp16_round_trip(array), array):
             name = constant.name
             graph.initializer.remove(constant)
-            nodes += add_constant(graph, name, array, halved=True)
+            nodes += add_constant(graph, name, array, is_fp16=True)
     replace_nodes(graph, [*nodes, *graph.node])
     checker.check_model(model)
     written: bytes = model.SerializeToString()
@@ -29,7 +29,7 @@ def to_fp16_constants(onnx: bytes) -> bytes:
 
 
 def to_fp32_constants(onnx: bytes) -> bytes:
-    """The model with float32 constants in place of float16 ones and the casts behind them."""
+    """The model with float32 constants in place of float16 ones and their casts."""
     from onnx import load_from_string, numpy_helper
 
     model = load_from_string(onnx)
@@ -45,20 +45,20 @@ def to_fp32_constants(onnx: bytes) -> bytes:
 
 
 def read_constant(graph: Any, name: str) -> tuple[np.ndarray, bool]:
-    """A constant in float32, and whether it is stored as float16."""
+    """Constant `name` as a float32 array, and whether it is stored as float16."""
     from onnx import numpy_helper
 
     stored = {constant.name: constant for constant in graph.initializer}
-    halved = f"{name}.half" in stored
-    return numpy_helper.to_array(stored[f"{name}.half" if halved else name]).astype(np.float32), halved
+    is_fp16 = f"{name}.half" in stored
+    return numpy_helper.to_array(stored[f"{name}.half" if is_fp16 else name]).astype(np.float32), is_fp16
 
 
-def add_constant(graph: Any, name: str, value: np.ndarray, halved: bool) -> list[Any]:
-    """Stores a constant; the nodes that widen it, if it is to be stored as float16."""
+def add_constant(graph: Any, name: str, value: np.ndarray, is_fp16: bool) -> list[Any]:
+    """Adds constant `name` to the graph; returns the cast node that a float16 one needs."""
     from onnx import TensorProto, helper, numpy_helper
 
     value = np.ascontiguousarray(value)
-    if not halved:
+    if not is_fp16:
         graph.initializer.append(numpy_helper.from_array(value, name))
         return []
     graph.initializer.append(numpy_helper.from_array(value.astype(np.float16), f"{name}.half"))
@@ -66,21 +66,21 @@ def add_constant(graph: Any, name: str, value: np.ndarray, halved: bool) -> list
 
 
 def replace_nodes(graph: Any, nodes: list[Any]) -> None:
-    """Gives the graph these nodes, each after those that it reads of, and drops what nothing reads."""
-    wanted, left = {output.name for output in graph.output}, list(nodes)
+    """Sets the graph's nodes, sorted topologically, without nodes and constants that no output depends on."""
+    outputs, remaining = {output.name for output in graph.output}, list(nodes)
     while True:
-        read = wanted | {name for node in left for name in node.input}
-        used = [node for node in left if not read.isdisjoint(node.output)]
-        if len(used) == len(left):
+        read = outputs | {name for node in remaining for name in node.input}
+        used = [node for node in remaining if not read.isdisjoint(node.output)]
+        if len(used) == len(remaining):
             break
-        left = used
+        remaining = used
     known = {constant.name for constant in graph.initializer} | {given.name for given in graph.input} | {""}
     ordered: list[Any] = []
-    while left:
-        ready = [node for node in left if known.issuperset(node.input)]
+    while remaining:
+        ready = [node for node in remaining if known.issuperset(node.input)]
         ordered += ready
         known.update(output for node in ready for output in node.output)
-        left = [node for node in left if not known.issuperset(node.output)]
+        remaining = [node for node in remaining if not known.issuperset(node.output)]
     constants = [constant for constant in graph.initializer if constant.name in read]
     for field, content in ((graph.node, ordered), (graph.initializer, constants)):
         del field[:]
@@ -88,6 +88,6 @@ def replace_nodes(graph: Any, nodes: list[Any]) -> None:
 
 
 def _fp16_round_trip(array: np.ndarray) -> np.ndarray:
-    """What float16 keeps of a float32 array; infinite where that is too large for it."""
+    """A float32 array rounded to float16 and back; values beyond float16's range become infinite."""
     with np.errstate(over="ignore"):
         return array.astype(np.float16).astype(np.float32)

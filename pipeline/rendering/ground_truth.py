@@ -1,4 +1,4 @@
-"""Ground truth: Blender's renders of a mesh's scenes, one stored result a scene, so that the next weights find them."""
+"""Ground truth: Blender's renders of a mesh's scenes, stored one result per scene and shared by all evaluations."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from z2p_renderer.pipeline.render import RenderSettings, render_scenes
 from z2p_renderer.storage.results.fingerprints import fingerprint, stage_fields
 from z2p_renderer.storage.results.store import Entry, Store
 
-PICTURE_FILE, COVERAGE_FILE = "picture.png", "picture.coverage.png"
+PICTURE_FILE = "picture.png"
+COVERAGE_FILE = "picture.coverage.png"
 
 
 def render_references(
@@ -24,10 +25,10 @@ def render_references(
     root: Path,
     log: Callable[[str], None] = lambda line: None,
 ) -> list[Path]:
-    """Picture of each scene (its coverage beside it), rendered only where the store at `root` does not hold it sound.
+    """Path of each scene's picture (its coverage beside it); renders those that the store at `root` lacks.
 
-    `identity` is the sha256 of the mesh's file. One Blender process renders all that is missing, picture by picture: a
-    killed one keeps what it has.
+    `identity` is the sha256 of the mesh's file. One Blender process renders all missing pictures one by one; after a
+    kill, finished ones are kept.
 
     Raises:
         ScanError: the mesh cannot be read.
@@ -35,36 +36,36 @@ def render_references(
     """
     store = Store(root)
     entries = [reference_entry(mesh_path.stem, identity, scene, settings) for scene in scenes]
-    whole = Entry("reference", mesh_path.stem, _shared(identity, settings))
-    with store.lock(whole):
+    shared = Entry("reference", mesh_path.stem, _shared(identity, settings))
+    with store.lock(shared):
         for entry in entries:
             store.quarantine_if_damaged(entry)
         pairs = list(zip(entries, scenes, strict=True))
         missing = {scene_stem(scene): scene for entry, scene in pairs if not store.complete(entry)}
-        work = store.work_folder(whole)
+        work = store.work_folder(shared)
         if missing:
             render_scenes(mesh_path, list(missing.items()), work, settings, log)
         for entry, scene in pairs:
             store.produce(entry, partial(_move_files, work, scene_stem(scene)))
-        shutil.rmtree(work, ignore_errors=True)  # also what a run has left that was killed right before
+        shutil.rmtree(work, ignore_errors=True)  # also leftovers of a killed run
     return [store.folder(entry) / PICTURE_FILE for entry in entries]
 
 
 def reference_entry(name: str, identity: str, scene: SceneDescription, settings: RenderSettings) -> Entry:
-    """The stored result of one scene."""
+    """Store entry of one scene's render."""
     fields = _shared(identity, settings) | {"scene": scene.to_json()}
     return Entry("reference", f"reference/{name}/{scene_stem(scene)}", fields)
 
 
 def legacy_picture_path(root: Path, identity: str, scene: SceneDescription, settings: RenderSettings) -> Path:
-    """Where the picture lies if z2p rendered it before such pictures had manifests."""
+    """Path of the picture if an old z2p rendered it, before such pictures had manifests."""
     fields = {"schema": 1, "stage": "render", "stage_version": 1}
     fields |= {"mesh": identity, "parameters": settings.shaping()}
     return root / fingerprint(fields)[:32] / f"{scene_stem(scene)}.png"
 
 
 def scene_stem(scene: SceneDescription) -> str:
-    """Name of a scene's picture while Blender renders it; the seed of its noise follows from it."""
+    """Name of a scene's picture while Blender renders it; the seed of its noise derives from it."""
     return fingerprint(scene.to_json())[:16]
 
 
@@ -73,5 +74,6 @@ def _shared(identity: str, settings: RenderSettings) -> dict[str, Any]:
 
 
 def _move_files(work: Path, name: str, folder: Path) -> None:
-    (work / f"{name}.png").rename(folder / PICTURE_FILE)  # first: without it, after a kill, the view is rendered again
+    # the picture first: after a kill, a view without it is rendered again
+    (work / f"{name}.png").rename(folder / PICTURE_FILE)
     (work / f"{name}.coverage.png").rename(folder / COVERAGE_FILE)

@@ -1,4 +1,4 @@
-"""Points on meshes: the pool that training draws its clouds from, and single clouds for evaluation."""
+"""Samples points on meshes: the pool that training draws clouds from, and single clouds for evaluation."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from z2p_renderer.storage.results.fingerprints import file_digest
 
 
 def sample_pool(mesh_path: Path, config: SampleConfig, seed: int, out: Path) -> Path:
-    """``out/pool.npy``: points (P, 3) float32 on the mesh, in the unit sphere (the mesh's bounding sphere, scaled).
+    """Writes ``out/pool.npy``: points (P, 3) float32 on the mesh, whose bounding sphere is scaled to the unit sphere.
 
-    One render and this pool give endless clouds, where the paper's training has ten fixed ones a render. The points
-    follow from the mesh's bytes, the config and the seed, not from the file's name or from other meshes.
+    The pool gives a new random cloud for every sample, where the paper trains on ten fixed clouds per render. The
+    points depend on the mesh's bytes, the config and the seed, not on the file's name or on other meshes.
 
     Raises:
-        ScanError: the mesh cannot be read, or fewer than 1 point is asked for.
+        ScanError: the mesh cannot be read, or `config.points` is below 1.
         PluginError: the sampler is unknown or broken.
     """
     rng = np.random.default_rng([seed, int(file_digest(mesh_path)[:16], 16)])
@@ -42,9 +42,9 @@ def sample_cloud(
     noise_scale: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Cloud (count, 3) float32 on the mesh, normalised by the mesh's own `sphere`, then noisy.
+    """Cloud (count, 3) float32 sampled on the mesh, normalised by the mesh's bounding `sphere`, plus noise.
 
-    A cloud's own sphere would shift it by pixels against the render. The noise's scale is in units of the radius.
+    The cloud's own bounding sphere would shift it by pixels against the render. `noise_scale` is in radii.
 
     Raises:
         ScanError: the mesh has no area, or `count` is below 1.

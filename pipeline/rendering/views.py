@@ -21,19 +21,19 @@ from z2p_renderer.pipeline.render import RenderSettings, render_scenes
 
 @dataclass(frozen=True)
 class View:
-    """One random view: what Blender renders, and what each control was set to."""
+    """One random view: the scene that Blender renders, and the value of each control."""
 
     scene: SceneDescription
     values: dict[str, Value]
 
 
 def load_controls(names: tuple[str, ...]) -> dict[str, Control]:
-    """Controls by name, in the order in which they make up the settings vector."""
+    """Controls by name, in the order of the settings vector."""
     return {name: registry.load("controls", name)() for name in names}
 
 
 def sample_view(controls: dict[str, Control], rng: np.random.Generator, upright: float) -> View:
-    """View whose mesh is turned about +Z only with probability `upright`, any way otherwise."""
+    """Random view; with probability `upright` the mesh is rotated about +Z only, else by any rotation."""
     rotation = turn(rng.uniform(0, 360)) if rng.uniform() < upright else random_rotation(rng)
     values = {name: control.draw(rng) for name, control in controls.items()}
     return View(describe(controls, values, rotation), values)
@@ -54,7 +54,7 @@ def place_in_scene(cloud: np.ndarray, scene: SceneDescription) -> np.ndarray:
 
 
 def view_rng(seed: int, identity: str, index: int) -> np.random.Generator:
-    """Generator of view number `index` of the mesh with that content digest (hex): renaming a mesh moves no view."""
+    """Random generator of view `index` of the mesh with content digest `identity` (hex), whatever the mesh's name."""
     return np.random.default_rng([seed, int(identity[:16], 16), index])
 
 
@@ -67,9 +67,9 @@ def render_chunk(
     out: Path,
     log: Callable[[str], None] = print,
 ) -> None:
-    """Render views first to last - 1 of a mesh into `out`, each with ``view_NNNNN.json`` (scene and values).
+    """Renders views `first` to `last` - 1 of a mesh into `out`, each with ``view_NNNNN.json`` (scene and values).
 
-    `identity` is the mesh's content digest in hex. What `out` holds already is kept.
+    `identity` is the mesh's content digest in hex. Views that `out` holds already are kept.
     """
     out.mkdir(parents=True, exist_ok=True)
     controls = load_controls(config.controls)
@@ -83,6 +83,6 @@ def render_chunk(
 
 
 def training_render_settings(config: RenderConfig) -> RenderSettings:
-    """What the render stage needs of its config."""
+    """The Cycles settings of the render stage's config."""
     side = config.resolution
     return RenderSettings((side, side), config.samples, config.denoise, config.bounces, config.passes, config.seed)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import torch
 
-from z2p_core.network.crop_window import CROP_MARGIN, padded_extent, crop_side
+from z2p_core.network.crop_window import CROP_MARGIN, crop_side, padded_extent
 from z2p_renderer.pipeline.training.dataset import Batch
 
 MARGIN_RANGE = (CROP_MARGIN // 2, 2 * CROP_MARGIN)

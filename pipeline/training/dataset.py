@@ -1,6 +1,6 @@
-"""Training batches from shards: a fresh cloud, its z-buffer, its settings and its target for every sample.
+"""Training batches from shards: a fresh cloud, its buffers, its settings and its target for every sample.
 
-What a batch holds depends on the seed and on its number alone, so that a resumed run sees what an undisturbed one sees.
+A batch depends on the seed and on its number alone, so a resumed run sees the batches of an uninterrupted one.
 """
 
 from __future__ import annotations
@@ -29,13 +29,15 @@ from z2p_renderer.pipeline.training.shadow_debias import remove_shadow_bias
 from z2p_renderer.storage.shards import Record, Shard
 
 RECORD_CACHE_BYTES = 2 * 1024**3
-"""Decoded renders kept in memory; what does not fit is decoded again each time."""
+"""Memory for decoded renders; those that do not fit are decoded again each time."""
 BUFFER_CACHE_BYTES = 6 * 1024**3
-"""Drawn buffers kept for `TrainConfig.reuse`; those that do not fit are drawn again, the same."""
-PREFETCHED_BATCHES, LOADER_THREADS = 4, 2
-"""Batches made ahead, and at once: drawing buffers holds no lock."""
+"""Memory for drawn buffers (`TrainConfig.reuse`); those that do not fit are drawn again, with the same result."""
+PREFETCHED_BATCHES = 4
+"""Batches made ahead of the training step."""
+LOADER_THREADS = 2
+"""Batches made at once; drawing buffers releases the interpreter's lock."""
 TRAINING_SEED, VALIDATION_SEED, EPOCH_SEED, SPLIT_SEED = 0, 1, 2, 3
-"""First words of the seeds of the random generators, so that no two uses share one."""
+"""First words of the seeds of the random generators, one for each use, so that their streams differ."""
 
 
 class DatasetError(ValueError):
@@ -57,29 +59,29 @@ class Batch:
 
     def to(self, device: torch.device) -> Batch:
         """The same batch on a device."""
-        moved = (tensor.to(device) for tensor in (self.buffers, self.settings, self.target, self.coverage))
-        return Batch(*moved)
+        tensors = (self.buffers, self.settings, self.target, self.coverage)
+        return Batch(*(tensor.to(device) for tensor in tensors))
 
 
 @dataclass(frozen=True)
 class _Sample:
-    """One cloud's buffers (C, R, R) float32, the record of its render, and what the teacher draws of it."""
+    """One cloud's buffers (C, R, R) float32, the record of its render, and the teacher's image of it."""
 
     buffers: np.ndarray
     record: Record
-    taught: np.ndarray | None = None
-    """(R, R, 4) uint8, colour times alpha and alpha; None where there is no teacher."""
+    teacher_image: np.ndarray | None = None
+    """(R, R, 4) uint8, premultiplied RGBA; None without a teacher."""
 
 
 class CloudDataset:
-    """Every record of some shards, split into training and validation."""
+    """All records of some shards, split into training and validation, as batches with random clouds."""
 
     def __init__(self, shards: Sequence[Path], config: TrainConfig, zbuffer: ZBuffer, gbuffer: GBuffer) -> None:
         """
         Raises:
             ShardError: a shard is damaged.
             DatasetError: no shards, shards of different controls or resolutions, or fewer than two records.
-            WeightsError, TeacherError: weights that cannot teach.
+            WeightsError, TeacherError: the teacher's weights cannot be used.
         """
         self.config = config
         self.zbuffer, self.gbuffer = zbuffer, gbuffer
@@ -91,9 +93,9 @@ class CloudDataset:
         self._check()
         self._teacher = Teacher(config.teacher, self.resolution, self.controls) if config.teacher else None
         self._pools = [shard.pool for shard in self.shards]
-        self._cache: dict[tuple[tuple[int, int], int], Record] = {}
-        self._room, self._buffers_room = RECORD_CACHE_BYTES, BUFFER_CACHE_BYTES
-        self._drawn: dict[tuple[tuple[int, int], int], tuple[int, np.ndarray, np.ndarray | None]] = {}
+        self._record_cache: dict[tuple[tuple[int, int], int], Record] = {}
+        self._record_bytes_left, self._buffer_bytes_left = RECORD_CACHE_BYTES, BUFFER_CACHE_BYTES
+        self._buffer_cache: dict[tuple[tuple[int, int], int], tuple[int, np.ndarray, np.ndarray | None]] = {}
         places = [(number, row) for number, shard in enumerate(self.shards) for row in range(len(shard))]
         if len(places) < 2:
             raise DatasetError(f"expected two records or more, to train on and to validate with, got {len(places)}")
@@ -103,23 +105,24 @@ class CloudDataset:
         self.training = [places[place] for place in sorted(order[held_out:])]
 
     def batch(self, step: int) -> Batch:
-        """Training batch number `step`, counted from 0; the sides take turns.
+        """Training batch number `step`, counted from 0; the sides alternate.
 
-        At each side every record comes once an epoch, in a new order.
+        At each side every record appears once per epoch, in a new order.
         """
         turn, number = divmod(step, len(self.sides))
         side, count = self.sides[number], len(self.training)
         size = batch_size(side, self.config.batch, self.sides)
-        before = turn * self.sides.count(side) + self.sides[:number].count(side)  # batches at this side
+        earlier = turn * self.sides.count(side) + self.sides[:number].count(side)  # batches at this side
         samples = []
-        for position in range(before * size, (before + 1) * size):
+        for position in range(earlier * size, (earlier + 1) * size):
             epoch, place = divmod(position, count)
-            order = np.random.default_rng((EPOCH_SEED, self.config.seed, self.sides.index(side), epoch)).permutation(count)
+            rng = np.random.default_rng((EPOCH_SEED, self.config.seed, self.sides.index(side), epoch))
+            order = rng.permutation(count)
             samples.append(self._training_sample(int(order[place]), side, epoch // self.config.reuse))
         return _collate(samples, self.config.haze, self.config.teacher_share)
 
     def validation_batch(self, numbers: Sequence[int]) -> Batch:
-        """The held-out samples of these numbers at the first side, each with a cloud that is always the same."""
+        """Held-out samples `numbers` at the first side; each one's cloud depends on the seed and its number alone."""
         rngs = [np.random.default_rng((VALIDATION_SEED, self.config.seed, number)) for number in numbers]
         places = [self.validation[number] for number in numbers]
         samples = [self._sample(place, self.sides[0], rng) for place, rng in zip(places, rngs, strict=True)]
@@ -127,18 +130,19 @@ class CloudDataset:
 
     @contextmanager
     def batches(self, first: int, last: int) -> Iterator[Iterator[Batch]]:
-        """Training batches `first` to `last` - 1, made ahead in threads that end with the context."""
+        """Training batches `first` to `last` - 1, prefetched by threads that end with the context."""
         with ThreadPoolExecutor(max_workers=LOADER_THREADS, thread_name_prefix="batches") as executor:
 
-            def ahead() -> Iterator[Batch]:
-                pending = [executor.submit(self.batch, step) for step in range(first, min(first + PREFETCHED_BATCHES, last))]
+            def prefetched() -> Iterator[Batch]:
+                begun = min(first + PREFETCHED_BATCHES, last)
+                pending = [executor.submit(self.batch, step) for step in range(first, begun)]
                 for step in range(first, last):
                     yield pending.pop(0).result()
                     if step + PREFETCHED_BATCHES < last:
                         pending.append(executor.submit(self.batch, step + PREFETCHED_BATCHES))
 
             try:
-                yield ahead()
+                yield prefetched()
             finally:
                 executor.shutdown(wait=True, cancel_futures=True)
 
@@ -147,7 +151,7 @@ class CloudDataset:
         """The camera elevation of every record in degrees; None where it is one of the controls.
 
         Raises:
-            DatasetError: it is no control, and yet the records differ in it.
+            DatasetError: elevation is no control, but differs between the records.
         """
         if any(control["name"] == "elevation" for control in self.controls):
             return None
@@ -164,85 +168,86 @@ class CloudDataset:
             raise DatasetError(fault)
 
     def _training_sample(self, number: int, side: int, drawing: int) -> _Sample:
-        """Sample of a training record with the cloud of that drawing, which is kept until the next one."""
+        """Sample of a training record with cloud number `drawing`, whose buffers are cached until the next one."""
         place = self.training[number]
-        kept = self._drawn.get((place, side))
+        cached = self._buffer_cache.get((place, side))
         rng = np.random.default_rng((TRAINING_SEED, self.config.seed, side, number, drawing))
-        in_mirror = self.config.mirror and bool(rng.integers(2))
-        if kept and kept[0] == drawing:
-            return _Sample(kept[1].astype(np.float32), self._record(place, side, in_mirror), kept[2])
-        # at the resolution of the shards the teacher would have no more to go by
-        sample = self._sample(place, side, rng, in_mirror, self._teacher if side < self.resolution else None)
+        is_mirrored = self.config.mirror and bool(rng.integers(2))
+        if cached and cached[0] == drawing:
+            return _Sample(cached[1].astype(np.float32), self._record(place, side, is_mirrored), cached[2])
+        # at the shards' own resolution a teacher has no advantage
+        sample = self._sample(place, side, rng, is_mirrored, self._teacher if side < self.resolution else None)
         if self.config.reuse > 1:
             packed = sample.buffers.astype(np.float16)
-            if kept or packed.nbytes <= self._buffers_room:
-                self._buffers_room -= 0 if kept else packed.nbytes
-                self._drawn[place, side] = drawing, packed, sample.taught
-            sample = replace(sample, buffers=packed.astype(np.float32))  # the same whether it was kept or not
+            if cached or packed.nbytes <= self._buffer_bytes_left:
+                self._buffer_bytes_left -= 0 if cached else packed.nbytes
+                self._buffer_cache[place, side] = drawing, packed, sample.teacher_image
+            sample = replace(sample, buffers=packed.astype(np.float32))  # rounded whether it was cached or not
         return sample
 
     def _sample(
-        self, place: tuple[int, int], side: int, rng: np.random.Generator, in_mirror: bool = False,
+        self, place: tuple[int, int], side: int, rng: np.random.Generator, is_mirrored: bool = False,
         teacher: Teacher | None = None,
     ) -> _Sample:
-        record, pool = self._record(place, side, in_mirror), self._pools[place[0]]
+        record, pool = self._record(place, side, is_mirrored), self._pools[place[0]]
         rotation = np.array(record.scene.rotation, dtype=np.float32)
         scene = record.scene
-        if scene.floor is None:  # the mesh's own: the pool is dense enough to tell it
+        if scene.floor is None:  # the mesh's lowest point; the pool is dense enough to give it
             scene = replace(scene, floor=float(dot_axis(pool, rotation[2]).min()))
         cloud = rotate_points(draw_training_cloud(pool, self.config, rng), rotation)
         cloud[:, 2] += scene.lift
-        if in_mirror:
+        if is_mirrored:
             cloud[:, 0] *= -1
         buffers = draw_buffers(cloud, Camera(side, side, scene.elevation), scene, self.zbuffer, self.gbuffer)
-        return _Sample(buffers, record, self._taught(teacher, cloud, scene, record, side) if teacher else None)
+        return _Sample(buffers, record, self._teacher_image(teacher, cloud, scene, record, side) if teacher else None)
 
-    def _taught(
+    def _teacher_image(
         self, teacher: Teacher, cloud: np.ndarray, scene: SceneDescription, record: Record, side: int
     ) -> np.ndarray:
-        """What the teacher draws; where scenes may be seen in a mirror, the mean with what it draws there."""
-        picture = teacher.picture(cloud, scene, record.settings, side)
+        """The teacher's image (side, side, 4) uint8; with `TrainConfig.mirror` the mean with its mirrored image."""
+        image = teacher.picture(cloud, scene, record.settings, side)
         if self.config.mirror:
-            other = mirror_record(record)
-            there = replace(other.scene, floor=scene.floor)
-            drawn = teacher.picture(cloud * np.array([-1, 1, 1], np.float32), there, other.settings, side)
-            picture = (picture + drawn[:, ::-1]) / 2
-        return bytes_from_unit(picture)
+            mirrored = mirror_record(record)
+            mirrored_scene = replace(mirrored.scene, floor=scene.floor)
+            mirrored_cloud = cloud * np.array([-1, 1, 1], np.float32)
+            other = teacher.picture(mirrored_cloud, mirrored_scene, mirrored.settings, side)
+            image = (image + other[:, ::-1]) / 2
+        return bytes_from_unit(image)
 
-    def _record(self, place: tuple[int, int], side: int, in_mirror: bool = False) -> Record:
-        record = self._cache.get((place, side))
+    def _record(self, place: tuple[int, int], side: int, is_mirrored: bool = False) -> Record:
+        record = self._record_cache.get((place, side))
         if record is None:
             record = self.shards[place[0]].read(place[1])
             rgba, coverage = downsample_images(record.rgba, record.coverage, self.resolution // side)
             record = replace(record, rgba=rgba, coverage=coverage)
             size = record.rgba.nbytes + record.coverage.nbytes
-            if size <= self._room:
-                self._room -= size
-                self._cache[place, side] = record
-        return mirror_record(record) if in_mirror else record
+            if size <= self._record_bytes_left:
+                self._record_bytes_left -= size
+                self._record_cache[place, side] = record
+        return mirror_record(record) if is_mirrored else record
 
 
 def _collate(samples: list[_Sample], haze: float, teacher_share: float = 0.0) -> Batch:
-    """The samples' batch, its targets the renders without that haze, and on the object in part the teacher's."""
+    """Batch of samples. Targets are renders without shadow bias `haze`, blended on the object with the teacher's."""
     records = [sample.record for sample in samples]
     rgba = _float_images([record.rgba for record in records])
     coverage = torch.from_numpy(np.stack([record.coverage for record in records])).float()[:, None] / 255
     target = remove_shadow_bias(torch.cat([rgba[:, :3] * rgba[:, 3:], rgba[:, 3:]], dim=1), coverage, haze)
-    taught = [sample.taught for sample in samples if sample.taught is not None]
-    if taught:  # for all samples or for none, which are of one side; its floor may have learnt haze
-        target = torch.lerp(target, _float_images(taught), teacher_share * (coverage > 0))
+    taught_images = [sample.teacher_image for sample in samples if sample.teacher_image is not None]
+    if taught_images:  # all samples of a batch have one or none; not on the floor: a teacher's shadows may be biased
+        target = torch.lerp(target, _float_images(taught_images), teacher_share * (coverage > 0))
     settings = torch.from_numpy(np.stack([record.settings for record in records]))
     buffers = torch.from_numpy(np.stack([sample.buffers for sample in samples]))
     return Batch(buffers, settings, target, coverage)
 
 
-def _float_images(pictures: list[np.ndarray]) -> torch.Tensor:
-    """Values (B, 4, R, R) float32 in [0, 1] of pictures (R, R, 4) uint8."""
-    return torch.from_numpy(np.stack(pictures)).permute(0, 3, 1, 2).float() / 255
+def _float_images(images: list[np.ndarray]) -> torch.Tensor:
+    """Values (B, 4, R, R) float32 in [0, 1] of images (R, R, 4) uint8."""
+    return torch.from_numpy(np.stack(images)).permute(0, 3, 1, 2).float() / 255
 
 
 def _shared_attribute(shards: list[Shard], key: str) -> Any:
-    """The attribute that all shards must share."""
+    """The value of attribute `key`, which all shards must share."""
     if not shards:
         raise DatasetError("expected shards to train on, got none")
     for shard in shards[1:]:

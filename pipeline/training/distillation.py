@@ -40,7 +40,7 @@ class Teacher:
     """
 
     def __init__(self, weights: str, resolution: int, controls: list[dict[str, Any]]) -> None:
-        """Teacher of a shipped name or a file, which draws at `resolution` with settings of the shards' `controls`.
+        """Teacher of a shipped name or a file; draws at `resolution` with the shards' `controls`.
 
         Raises:
             WeightsError: no such weights, a file that holds none, or no installed engine can run them.
@@ -52,7 +52,9 @@ class Teacher:
         expected = [[control["name"], control["version"]] for control in controls]
         known = [[control["name"], control["version"]] for control in self._loaded.card["controls"]]
         if known != expected:
-            raise TeacherError(f"train.teacher: expected weights whose controls are {expected}, got {known} in {weights}")
+            raise TeacherError(
+                f"train.teacher: expected weights whose controls are {expected}, got {known} in {weights}"
+            )
         self._engine = start_engine(self._loaded, file, teacher_engine(), threads=1, exact=True)
         cells = Camera(resolution, resolution).frame_coordinates(step=self._loaded.config.unshuffle)
         self._encoding = self._loaded.encoder.encode(*cells)

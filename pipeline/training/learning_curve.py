@@ -1,4 +1,4 @@
-"""What a training run leaves to look at: the learning curve (CSV and picture) and strips of sample pictures."""
+"""What a training run writes for people: the learning curve (CSV and PNG) and strips of validation images."""
 
 from __future__ import annotations
 
@@ -13,41 +13,25 @@ from PIL import Image
 from torch import Tensor
 
 from z2p_core.images import bytes_from_unit
-from z2p_core.quality.losses import grey_on_white, rgb_on_white, ssim
+from z2p_core.quality.losses import rgb_on_white
 from z2p_renderer.storage.files.atomic_write import atomic_path, atomic_write
 
 Row = dict[str, float]
-
-
-def validation_metrics(prediction: Tensor, target: Tensor, coverage: Tensor) -> Row:
-    """Means over a batch of premultiplied pictures (B, 4, H, W): PSNR on white and on the object, SSIM, L1 of alpha.
-
-    Quick stand-ins for the evaluation's metrics: SSIM is of the whole picture in grey.
-    """
-    squared = (rgb_on_white(prediction) - rgb_on_white(target)).square()
-    inside = (coverage > 0.9).to(squared.dtype)
-    errors = {
-        "psnr_white": squared.mean((1, 2, 3)),
-        "psnr_foreground": (squared * inside).sum((1, 2, 3)) / (3 * inside.sum((1, 2, 3))).clamp_min(1),
-    }
-    row = {f"validation_{name}": float(-10 * error.clamp_min(1e-10).log10().mean()) for name, error in errors.items()}
-    row["validation_ssim"] = float(ssim(grey_on_white(prediction), grey_on_white(target)).mean())
-    row["validation_alpha_l1"] = float((prediction[:, 3] - target[:, 3]).abs().mean())
-    return row
+"""One row of the curve: column name to value."""
 
 
 def write_validation_strip(path: Path, buffers: Tensor, prediction: Tensor, target: Tensor) -> None:
     """A PNG with a row for each sample: first z-buffer channel, prediction on white, target on white."""
-    drawn = buffers[:, :1].clamp(0, 1).expand(-1, 3, -1, -1)
-    shown = [drawn, rgb_on_white(prediction), rgb_on_white(target)]
-    columns = torch.cat(shown, dim=3).clamp(0, 1).cpu()  # (B, 3, H, 3W)
-    picture = np.concatenate([row.permute(1, 2, 0).numpy() for row in columns])
+    zbuffer = buffers[:, :1].clamp(0, 1).expand(-1, 3, -1, -1)
+    images = [zbuffer, rgb_on_white(prediction), rgb_on_white(target)]
+    columns = torch.cat(images, dim=3).clamp(0, 1).cpu()  # (B, 3, H, 3W)
+    image = np.concatenate([row.permute(1, 2, 0).numpy() for row in columns])
     with atomic_path(path) as temporary:
-        Image.fromarray(bytes_from_unit(picture)).save(temporary, format="PNG")
+        Image.fromarray(bytes_from_unit(image)).save(temporary, format="PNG")
 
 
 def write_learning_curve(folder: Path, rows: Sequence[Row]) -> None:
-    """`curve.csv` with a line for each row, empty where it lacks a column, and `curve.png` of the same numbers."""
+    """`curve.csv` with a line per row (empty where the row lacks a column), and `curve.png` of the same numbers."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     text = io.StringIO()
     writer = csv.DictWriter(text, columns, lineterminator="\n")

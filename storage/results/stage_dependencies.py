@@ -2,8 +2,8 @@
 
 Digests are of syntax trees without docstrings, so comments and layout change nothing. The lists are written by hand and
 tested: a module that a stage's code imports must be in `STAGE_CODE` or, with the reason, in `NOT_IN_FINGERPRINT`. A name
-is a module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code that no
-module imports; of what is not Python or C every byte counts.
+is a module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code
+that no module imports; of what is not Python or C every byte counts.
 
 A change that gives the same results (a refactoring) can be vouched for with `z2p adopt`, at no cost.
 """
