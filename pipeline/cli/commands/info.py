@@ -9,10 +9,12 @@ from typing import Any
 
 import click
 
+from z2p_renderer.pipeline.cli.errors import ExitStatus
+
 
 @click.command()
 @click.argument("figures", nargs=-1, required=True, metavar="FIGURE...", type=click.Path(path_type=Path))
-@click.option("--json", "as_json", is_flag=True, help="The whole record, a JSON line a figure.")
+@click.option("--json", "as_json", is_flag=True, help="Print the whole record, one JSON line for each figure.")
 def info(figures: tuple[Path, ...], as_json: bool) -> None:
     """Show what made a picture: its scan, camera, controls, weights and version.
 
@@ -34,13 +36,13 @@ def info(figures: tuple[Path, ...], as_json: bool) -> None:
         if as_json:
             click.echo(json.dumps({"figure": str(figure), **record}))
         else:
-            click.echo("\n".join([printable(figure), *(f"  {key:<11} {text}" for key, text in _rows(record))]))
+            click.echo("\n".join([printable(figure), *(f"  {key:<11} {text}" for key, text in _record_rows(record))]))
     if failed:
-        click.get_current_context().exit(1)
+        click.get_current_context().exit(ExitStatus.SOME_FAILED)
 
 
-def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """What people want to know of a record, in words."""
+def _record_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The table that people read: (name, text) for each part of a complete record."""
     from z2p_renderer.pipeline.outputs.gallery import placement_rows
 
     source, stance, weights = record["input"], record["stance"], record["weights"]
@@ -53,7 +55,7 @@ def _rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         ("view", f"azimuth {stance['azimuth']:g}, {stance['view_reason']}"),
         ("camera", f"centre {', '.join(f'{number:.6g}' for number in record['camera']['centre'])}; "
                    f"radius {record['camera']['radius']:.6g}; elevation {record['camera']['elevation']:g}"),
-        ("left out", f"strays: {stance['outliers']}, points far behind: {stance['background']}"),
+        ("left out", f"outliers: {stance['outliers']}, points far behind: {stance['background']}"),
         *placement_rows(record),
         ("smooth", f"over {stance['smooth']:.2g} of the frame's radius" if stance.get("smooth") else "as it is"),
         ("size", f"{record['resolution'][0]} x {record['resolution'][1]}, supersample {record['supersample']}, "

@@ -24,32 +24,36 @@ from z2p_renderer.pipeline.cli.options.param_types import (
 from z2p_renderer.pipeline.cli.options.pictures import check_writable
 from z2p_renderer.pipeline.cli.progress import note_if_opaque
 
-if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
+if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
+    import numpy as np
+
+    from z2p_core.placement.viewpoint import Viewpoint
     from z2p_renderer.pipeline.inference.look import Crop, Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 
 @click.command(cls=RerenderCommand, context_settings={"show_default": True})
 @click.argument("figure", type=click.Path(path_type=Path), metavar="FIGURE")
-@click.option("--output", "-o", type=OutputPath(file=True), metavar="OUT", show_default=False,
-              help="The new picture.  [default: FIGURE with _2 before its suffix]")
 @click.option("--input", "scan", type=click.Path(path_type=Path), metavar="SCAN",
-              help="The scan, if it has moved since.")
+              help="The scan, if it has been moved.")
 @click.option("--weights", metavar="W", help="Other weights: a shipped name or a .safetensors file.")
-@click.option("--engine", metavar="NAME", help="Another engine for the network; see z2p plugins.")
 @click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
-              help="Turn the object by so much more than it is.")
+              help="Turn the object by so many degrees more.")
 @click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
               help="Another camera: JSON of --save-camera, or another picture.")
-@click.option("--smooth", type=SmoothRadius(), help="Make the surface smooth over patches of that radius; 0: leave it.")
+@click.option("--smooth", type=SmoothRadius(), help="Smooth the surface over patches of this radius; 0: do not.")
 @click.option("--resolution", "--size", type=Resolution(), help="Another size in pixels.")
-@click.option("--background", type=BackgroundColor(), help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1.")
+@click.option("--background", type=BackgroundColor(),
+              help="transparent, or a CSS colour name, #hex or r,g,b from 0 to 1.")
 @click.option("--supersample", type=click.IntRange(1, 4), metavar="N", help="Draw N times as large and average down.")
-@click.option("--fit", type=click.Choice(["frame", "tight"]), help="tight trims the picture to what is to be seen.")
+@click.option("--fit", type=click.Choice(["frame", "tight"]), help="tight trims the picture to what is visible.")
 @click.option("--margin", type=MarginShare(), metavar="SHARE",
-              help="Left free around the object, as a share of the shorter side or in percent: 0.1 or 10%.")
-@click.option("--overwrite", is_flag=True, help="Replace OUT where it is there already.")
-@click.option("--quiet", "-q", is_flag=True, help="Say nothing.")
+              help="Free space around the object, as a share of the shorter side or in percent: 0.1 or 10%.")
+@click.option("--output", "-o", type=OutputPath(file=True), metavar="OUT", show_default=False,
+              help="The new picture.  [default: FIGURE with _2 before its suffix]")
+@click.option("--engine", metavar="NAME", help="Another engine for the network; see z2p plugins.")
+@click.option("--overwrite", is_flag=True, help="Replace OUT if it exists.")
+@click.option("--quiet", "-q", is_flag=True, help="Print nothing.")
 @click.pass_context
 def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path | None, **options: Any) -> None:
     """Draw a picture of z2p again with something changed; all else stays as its record has it.
@@ -58,16 +62,12 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     z2p rerender fig.png --color teal --light 3.5,-40,50
     z2p rerender fig.png --resolution 2048 --background white -o fig_print.tif
 
-    The scan is looked for beside the picture, where it was, and must not have changed since.
+    The scan is looked for at its place beside the picture, and must not have changed since.
     """
     from z2p_renderer.storage.images.image_files import check_picture_suffix, read_record, write_picture
 
     record = read_record(figure, complete=True)
-    if "motion" in record:
-        raise CommandError(f"{figure} is a loop; make it again with z2p animate SCAN --load-camera {figure}")
-    if "batch" in record:
-        raise CommandError(f"{figure} is a sheet of {record['batch']} clouds, of which its record tells the first; draw it "
-                      "again in Python, or save and change its pictures one by one, as sheet[0].save(...)")
+    _check_single_picture(record, figure)
     output = output or figure.with_stem(f"{figure.stem}_2")
     if output.exists() and not options["overwrite"]:
         raise click.UsageError(f"{output} is there already; name another --output or add --overwrite", ctx)
@@ -75,34 +75,75 @@ def rerender(ctx: click.Context, figure: Path, output: Path | None, scan: Path |
     check_writable(output.parent)
     if options["background"] is None and record["background"] == "transparent" and not options["quiet"]:
         note_if_opaque(output.suffix.lower())
+    scan, controls = _find_scan(record, figure, scan), ctx.meta.get(CONTROL_SETTINGS_KEY, {})
     with warnings.catch_warnings():
         if not is_debugging():
             warnings.simplefilter("ignore")
-        picture, look, made_by = _drawn_again(record, _scan(record, figure, scan), output, ctx.meta.get(CONTROL_SETTINGS_KEY, {}),
-                                              options)  # fmt: skip
-    write_picture(picture, output, look.background, made_by)
+        picture, look, new_record = _draw_again(record, scan, output, controls, options)
+    write_picture(picture, output, look.background, new_record)
     if not options["quiet"]:
         click.echo(f"rendered: {figure} -> {output}", err=True)
 
 
-def _drawn_again(
-    record: Mapping[str, Any], scan: Path, output: Path, values: dict[str, Value], options: dict[str, Any]
-) -> tuple[Any, Look, dict[str, Any]]:
-    """The new picture, the look it has and the record of it."""
+def _check_single_picture(record: Mapping[str, Any], figure: Path) -> None:
+    """Raises CommandError for loops and for sheets that Python wrote: their records describe one cloud only."""
+    if "motion" in record:
+        raise CommandError(f"{figure} is a loop; make it again with z2p animate SCAN --load-camera {figure}")
+    if "batch" in record:
+        raise CommandError(f"{figure} is a sheet of {record['batch']} clouds, and its record describes the first only; "
+                           "draw it again in Python, or save and change its pictures one by one, as sheet[0].save(...)")
+
+
+def _find_scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
+    """The file that the picture's cloud came from: the `given` one, or one beside the picture; its digest is compared.
+
+    Raises:
+        CommandError: no such file is found, or its content has changed.
+    """
+    from z2p_renderer.storage.results.fingerprints import file_digest
+
+    source = record["input"]
+    if source.get("name") is None:
+        raise CommandError(f"{figure} was drawn from an array in Python, not from a file; draw it there again with "
+                           "z2p_core.render(points, camera=...)")
+    if given:
+        candidates = [given]
+    else:
+        recorded = [figure.parent / source["path"]] if source["path"] else []
+        candidates = [*recorded, figure.parent / source["name"], Path(source["name"])]
+    files = [candidate for candidate in candidates if candidate.is_file()]
+    if not files:
+        if given is None and source["path"] is None:
+            raise CommandError("the scan came through standard input, so no file is known; name one with --input")
+        looked = ", ".join(dict.fromkeys(str(candidate) for candidate in candidates))
+        raise CommandError(f"the scan {source['name']} is not to be found (looked for {looked}); name it with --input")
+    for file in files:
+        if file_digest(file) == source["sha256"]:
+            return file
+    if given:
+        raise CommandError(f"{given} is not the scan that the picture was drawn from (other content); draw it anew "
+                           f"with z2p run-inference {given} --load-camera {figure}")
+    raise CommandError(f"{files[0]} has changed since; draw it anew with z2p run-inference {files[0]} "
+                       f"--load-camera {figure}")
+
+
+def _draw_again(
+    record: Mapping[str, Any], scan: Path, output: Path, controls: dict[str, Value], options: dict[str, Any]
+) -> tuple[np.ndarray, Look, dict[str, Any]]:
+    """The new picture (H, W, 4) uint8, the look that it has, and its record."""
     from z2p_core.interfaces import ScanError
     from z2p_renderer.pipeline.inference.batch import describe_source
-    from z2p_renderer.pipeline.inference.render_scan import build_record as record_of
-    from z2p_renderer.pipeline.inference.render_scan import render_scan
+    from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.storage.models.checkpoints import shipped_weights
     from z2p_renderer.storage.scans.clouds import format_suffix, read_each
 
-    name = options["weights"] or record["weights"]["name"]
-    if options["weights"] is None and name not in shipped_weights():
-        raise CommandError(f"the picture was drawn with weights that z2p does not ship, {name!r}; name their file with "
-                      "--weights")
-    renderer = load_renderer(name, values, engine=_engine(record, options["engine"]))
-    look = _look(record, renderer, name, values, options).written_as(output.suffix.lower())
+    weights = options["weights"] or record["weights"]["name"]
+    if options["weights"] is None and weights not in shipped_weights():
+        raise CommandError(f"the picture was drawn with weights that z2p does not ship, {weights!r}; name their file "
+                           "with --weights")
+    renderer = load_renderer(weights, controls, engine=_select_engine(record, options["engine"]))
+    look = _build_changed_look(record, renderer, weights, controls, options).written_as(output.suffix.lower())
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
     clouds = read_each(scan, columns)
@@ -112,125 +153,102 @@ def _drawn_again(
     if isinstance(cloud, ScanError):
         raise cloud
     drawing = render_scan(renderer, cloud, format_suffix(scan), look)
-    made_by = record_of(drawing, look, describe_source(scan, output, source["cloud"], columns))
+    new_record = build_record(drawing, look, describe_source(scan, output, source["cloud"], columns))
     if options["weights"] is None:
-        made_by["weights_chosen"] = record.get("weights_chosen", False)
+        new_record["weights_chosen"] = record.get("weights_chosen", False)
     if options["load_camera"] is None:
-        if not options["azimuth"]:  # why it stands as it stands is known from the first time
-            made_by["stance"] = {**record["stance"], "smooth": drawing.placement.smoothing_radius}
-        if "azimuth" in record["placing"]:  # once it was not told
-            made_by["placing"]["azimuth"] = record["placing"]["azimuth"] + options["azimuth"]
-    return drawing.picture, look, made_by
+        if not options["azimuth"]:  # keeps the reasons for the placement, which the first drawing found
+            new_record["stance"] = {**record["stance"], "smooth": drawing.placement.smoothing_radius}
+        if "azimuth" in record["placing"]:  # missing in older records
+            new_record["placing"]["azimuth"] = record["placing"]["azimuth"] + options["azimuth"]
+    return drawing.picture, look, new_record
 
 
-def _engine(record: Mapping[str, Any], asked: str | None) -> str | None:
-    """Name of the engine that is asked for, or that drew the picture, if it is here; None for the usual one."""
+def _select_engine(record: Mapping[str, Any], given: str | None) -> str | None:
+    """The given engine, else the one that drew the picture if it is installed; None for the automatic choice."""
     from z2p_core.registry import PluginError
     from z2p_renderer.pipeline.inference.engine_selection import check_engine
 
-    name: str | None = record.get("engine")  # once it was not told
-    if asked is not None or name is None:
-        return asked
+    recorded: str | None = record.get("engine")  # missing in older records
+    if given is not None or recorded is None:
+        return given
     try:
-        check_engine(name)
+        check_engine(recorded)
     except PluginError:
-        click.echo(f"note: the engine {name!r} that drew the picture is not installed; pixels may differ a little",
+        click.echo(f"note: the engine {recorded!r} that drew the picture is not installed; pixels may differ a little",
                    err=True)
         return None
-    return name
+    return recorded
 
 
-def _look(
-    record: Mapping[str, Any], renderer: AnyRenderer, name: str, given: dict[str, Value], options: dict[str, Any]
+def _build_changed_look(
+    record: Mapping[str, Any], renderer: AnyRenderer, weights: str, controls: dict[str, Value], options: dict[str, Any]
 ) -> Look:
-    """The look of the record with the changes."""
-    from z2p_core.placement.margin import parse_margin, without_margin
-    from z2p_core.placement.viewpoint import viewpoint_from_json
+    """The look of the record with the changes that `controls` and `options` make."""
     from z2p_renderer.pipeline.inference.look import build_look
     from z2p_renderer.pipeline.inference.renderer import Renderer
-    from z2p_renderer.storage.cameras import read_camera
 
-    named = options["weights"] is None and isinstance(renderer, Renderer)
-    if named and renderer.weights["sha256"] != record["weights"]["sha256"]:
-        click.echo(f"note: the weights {name!r} are others than those of the picture; its look may differ", err=True)
-    margin, camera = _margin(record, options), viewpoint_from_json(record["camera"])
-    if options["load_camera"] is not None:
-        camera = read_camera(options["load_camera"])
-    elif record.get("fit") != "tight":
-        camera = without_margin(camera, parse_margin(record.get("margin")))  # once it was not told: the usual one
-    if "elevation" in given:
-        camera = replace(camera, elevation=given["elevation"][0])
-    before = {key: value for key, value in record["controls"].items() if key in renderer.controls}
-    dropped = sorted(set(record["controls"]) - set(before))
+    recorded_weights = options["weights"] is None and isinstance(renderer, Renderer)
+    if recorded_weights and renderer.weights["sha256"] != record["weights"]["sha256"]:
+        click.echo(f"note: the weights {weights!r} are others than those of the picture; its look may differ", err=True)
+    recorded_controls = {key: value for key, value in record["controls"].items() if key in renderer.controls}
+    dropped = sorted(set(record["controls"]) - set(recorded_controls))
     if dropped and not options["quiet"]:
-        click.echo(f"note: the weights {name!r} have no {' or '.join(dropped)}; the picture's is left out", err=True)
+        click.echo(f"note: the weights {weights!r} have no {' or '.join(dropped)}; the picture's is left out", err=True)
     if options["load_camera"] is not None:
-        before.pop("elevation", None)  # the loaded camera has its own
+        recorded_controls.pop("elevation", None)  # the loaded camera has its own
     placing = record["placing"]
     changed = {key: record[key] if options[key] is None else options[key]
                for key in ("resolution", "background", "supersample", "fit")}  # fmt: skip
     return build_look(
-        renderer, {**before, **given}, up=placing["up"], view=placing["view"], azimuth=options["azimuth"],
-        camera=camera, keep_outliers=placing["keep_outliers"], cut_top=placing["cut_top"],
+        renderer, {**recorded_controls, **controls}, up=placing["up"], view=placing["view"], azimuth=options["azimuth"],
+        camera=_changed_camera(record, controls, options), keep_outliers=placing["keep_outliers"],
+        cut_top=placing["cut_top"],
         smooth=placing.get("smooth", 0.0) if options["smooth"] is None else options["smooth"],  # older records: none
         size=changed["resolution"], background=changed["background"], supersample=changed["supersample"],
-        tight=changed["fit"] == "tight", margin=margin, crop=_crop(record, given, options),
+        tight=changed["fit"] == "tight", margin=_changed_margin(record, options),
+        crop=_kept_crop(record, controls, options),
     )  # fmt: skip
 
 
-def _margin(record: Mapping[str, Any], options: dict[str, Any]) -> float | None:
-    """The margin that is asked for, else the picture's where it is framed as before.
+def _changed_camera(record: Mapping[str, Any], controls: dict[str, Value], options: dict[str, Any]) -> Viewpoint:
+    """The loaded camera, else the picture's without its margin; with the elevation that is given."""
+    from z2p_core.placement.margin import parse_margin, without_margin
+    from z2p_core.placement.viewpoint import viewpoint_from_json
+    from z2p_renderer.storage.cameras import read_camera
+
+    camera = viewpoint_from_json(record["camera"])
+    if options["load_camera"] is not None:
+        camera = read_camera(options["load_camera"])
+    elif record.get("fit") != "tight":
+        camera = without_margin(camera, parse_margin(record.get("margin")))  # older records: the default margin
+    return replace(camera, elevation=controls["elevation"][0]) if "elevation" in controls else camera
+
+
+def _changed_margin(record: Mapping[str, Any], options: dict[str, Any]) -> float | None:
+    """The given margin, else the picture's if the framing stays; None for the default margin.
 
     Raises:
-        click.UsageError: a loaded camera chooses how large the object is.
+        click.UsageError: a margin is given with a loaded camera, which determines the size of the object already.
     """
     from z2p_core.placement.margin import parse_margin
 
-    before, fit = record.get("fit"), options["fit"] or record.get("fit")
+    recorded_fit, fit = record.get("fit"), options["fit"] or record.get("fit")
     if options["margin"] is not None:
         if options["load_camera"] is not None and fit == "frame":
             raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out")
         return float(options["margin"])
-    kept = fit == before and (fit == "tight" or options["load_camera"] is None)
-    return parse_margin(record.get("margin")) if kept else None
+    keeps_framing = fit == recorded_fit and (fit == "tight" or options["load_camera"] is None)
+    return parse_margin(record.get("margin")) if keeps_framing else None
 
 
-def _crop(record: Mapping[str, Any], given: dict[str, Value], options: dict[str, Any]) -> Crop | None:
-    """The crop of the picture's series, which lasts while nothing moves in it: neither object nor shadow nor frame."""
+def _kept_crop(record: Mapping[str, Any], controls: dict[str, Value], options: dict[str, Any]) -> Crop | None:
+    """The crop of the picture's series, if it still applies: object, shadow, aspect ratio and fit are unchanged."""
     (width, height), (old_width, old_height) = options["resolution"] or record["resolution"], record["resolution"]
-    changed = options["load_camera"] is not None or options["margin"] is not None
-    moved = options["azimuth"] or changed or {"elevation", "light"} & set(given)
-    if moved or width * old_height != height * old_width or options["fit"] is not None or record.get("window") is None:
+    has_other_camera = options["load_camera"] is not None or options["margin"] is not None
+    has_moved = options["azimuth"] or has_other_camera or {"elevation", "light"} & set(controls)
+    has_other_frame = width * old_height != height * old_width or options["fit"] is not None
+    if has_moved or has_other_frame or record.get("window") is None:
         return None
     left, top, right, bottom = record["window"]
     return left, top, right, bottom
-
-
-def _scan(record: Mapping[str, Any], figure: Path, given: Path | None) -> Path:
-    """The file that the picture's cloud came from, checked against the digest.
-
-    Raises:
-        CommandError: it is nowhere to be found, or has changed.
-    """
-    from z2p_renderer.storage.results.fingerprints import file_digest
-
-    source = record["input"]
-    if source.get("name") is None:
-        raise CommandError(f"{figure} was drawn from an array in Python, not from a file; draw it there again with "
-                      "z2p_core.render(points, camera=...)")
-    places = [given] if given else [figure.parent / source["path"]] if source["path"] else []
-    places += [] if given else [figure.parent / source["name"], Path(source["name"])]
-    found = [place for place in places if place.is_file()]
-    if not found:
-        if given is None and source["path"] is None:
-            raise CommandError("the scan came through standard input, so no file is known; name one with --input")
-        looked = ", ".join(dict.fromkeys(str(place) for place in places))
-        raise CommandError(f"the scan {source['name']} is not to be found (looked for {looked}); name it with --input")
-    for place in found:
-        if file_digest(place) == source["sha256"]:
-            return place
-    if given:
-        raise CommandError(f"{given} is not the scan that the picture was drawn from (other content); draw it anew with "
-                      f"z2p run-inference {given} --load-camera {figure}")
-    raise CommandError(f"{found[0]} has changed since; draw it anew with z2p run-inference {found[0]} "
-                  f"--load-camera {figure}")

@@ -1,4 +1,4 @@
-"""Colours for series of figures that colour-blind readers can tell apart too."""
+"""Color palettes for series of figures, which color-blind readers can tell apart as well."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ PALETTES = {
     "tol-muted": ("#88ccee", "#44aa99", "#117733", "#332288", "#ddcc77", "#999933", "#cc6677", "#882255", "#aa4499"),
     "greys": ("#f2f2f2", "#cccccc", "#a6a6a6", "#808080", "#595959"),
 }
-"""Name -> colours in the order of use: Okabe and Ito (2008, without black), Paul Tol's schemes (2021), and greys."""
+"""Name -> colors in the order of use: Okabe and Ito (2008, without black), Paul Tol's schemes (2021), and greys."""
 
 
 def palette_colors(name: str) -> tuple[Value, ...]:
-    """The colours of a palette, sRGB in [0, 1].
+    """The colors of a palette, as sRGB in [0, 1].
 
     Raises:
-        KeyError: an unknown name.
+        KeyError: there is no palette of that name.
     """
     return tuple((int(c[1:3], 16) / 255, int(c[3:5], 16) / 255, int(c[5:7], 16) / 255) for c in PALETTES[name])

@@ -1,4 +1,4 @@
-"""What options of several words of meaning are read from."""
+"""Types of option values that click does not have: paths to write, axes, views, sizes, colors."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ import click
 from z2p_core.scene import SIDE_LIMITS
 
 MAX_ELEVATION_DEGREES = 80
-"""Elevation of a camera above the horizon that weights know at most, degrees."""
+"""Largest camera elevation above the horizon that weights are trained for, degrees."""
 MAX_NAME_BYTES = 255
-"""Bytes that the name of a file or folder has at most, on nearly every file system."""
+"""Longest name of a file or folder on nearly every file system, bytes."""
 IS_FOLDER_KEY = "z2p.folder"
-"""Key in click's context: whether the user's output ends in a slash, as only a folder's name does."""
+"""Key in click's context: True if the user's output ends in a slash, and thus names a folder."""
 
 
 class OutputPath(click.ParamType):
-    """Path of what is to be written; with `file` a file's alone. A slash at its end makes it a folder's."""
+    """Path to write to. One that ends in a slash names a folder, which is refused if `file` is True."""
 
     name = "OUT"
 
@@ -30,7 +30,7 @@ class OutputPath(click.ParamType):
         self.file = file
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        if isinstance(value, Path):  # click may hand back what came from here
+        if isinstance(value, Path):  # click converts defaults and converted values again
             return value
         if not value:
             self.fail("expected a path, got ''; is the variable empty that should hold it?", param, ctx)
@@ -48,7 +48,7 @@ class OutputPath(click.ParamType):
 
 
 def is_output_folder(ctx: click.Context, output: Path) -> bool:
-    """Whether an output is a folder, or is to be one."""
+    """Whether an output is a folder, or is written as one."""
     return bool(ctx.meta.get(IS_FOLDER_KEY)) or output.is_dir()
 
 
@@ -80,13 +80,13 @@ class ViewDirection(click.ParamType):
     name = "auto|front|sensor|AZ[,EL]"
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        """As the words are written."""
+        """The name as it is, which click would write in capitals."""
         return self.name
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> str | float | tuple[float, float]:
-        if isinstance(value, tuple | float):  # click may hand back what came from here
+        if isinstance(value, tuple | float):  # click converts defaults and converted values again
             return value
         if value.lower() in ("auto", "front", "sensor"):
             return str(value.lower())
@@ -94,14 +94,15 @@ class ViewDirection(click.ParamType):
             azimuth, *elevation = (float(part) for part in value.split(","))
         except ValueError:
             azimuth, elevation = math.nan, []
-        if not (math.isfinite(azimuth) and len(elevation) < 2 and all(0 <= one <= MAX_ELEVATION_DEGREES for one in elevation)):
-            self.fail(f"expected auto, front, sensor, or AZ or AZ,EL in degrees with EL from 0 to {MAX_ELEVATION_DEGREES}, got "
-                      f"{value!r}", param, ctx)  # fmt: skip
+        in_range = len(elevation) < 2 and all(0 <= degrees <= MAX_ELEVATION_DEGREES for degrees in elevation)
+        if not (math.isfinite(azimuth) and in_range):
+            self.fail("expected auto, front, sensor, or AZ or AZ,EL in degrees with EL from 0 to "
+                      f"{MAX_ELEVATION_DEGREES}, got {value!r}", param, ctx)  # fmt: skip
         return (azimuth, elevation[0]) if elevation else azimuth
 
 
 class FileFormat(click.Choice):
-    """A kind of file, by its name or its suffix, in either case."""
+    """A file format, given by its name or its suffix, in upper or lower case."""
 
     def __init__(self, kinds: Sequence[str], suffixes: Mapping[str, str]) -> None:
         super().__init__(list(kinds), case_sensitive=False)
@@ -113,7 +114,7 @@ class FileFormat(click.Choice):
 
 
 class MarginShare(click.ParamType):
-    """A share of the picture's shorter side; see `z2p_core.placement.margin.parse_margin`."""
+    """Margin as a share of the picture's shorter side; see `z2p_core.placement.margin.parse_margin`."""
 
     name = "SHARE"
 
@@ -128,12 +129,12 @@ class MarginShare(click.ParamType):
 
 
 class SmoothRadius(click.ParamType):
-    """``auto``, or a radius; see `pipeline.inference.parse_settings.parse_smoothing`."""
+    """Smoothing radius, or ``auto``; see `pipeline.inference.parse_settings.parse_smoothing`."""
 
     name = "auto|R"
 
     def get_metavar(self, param: click.Parameter, ctx: click.Context) -> str:
-        """As the words are written."""
+        """The name as it is, which click would write in capitals."""
         return self.name
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str | float:
@@ -147,7 +148,7 @@ class SmoothRadius(click.ParamType):
 
 
 class Degrees(click.ParamType):
-    """A finite number."""
+    """An angle in degrees: any finite number."""
 
     name = "DEG"
 
@@ -162,7 +163,7 @@ class Degrees(click.ParamType):
 
 
 class Elevation(click.ParamType):
-    """Degrees, or the word ``random``: drawn for each view as in training."""
+    """Camera elevation in degrees, or ``random``: sampled for each view as in training."""
 
     name = "DEG|random"
 
@@ -184,18 +185,18 @@ class Resolution(click.ParamType):
     name = "W[,H]"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        if isinstance(value, tuple):  # click may hand back what came from here
+        if isinstance(value, tuple):  # click converts defaults and converted values again
             return value
         match = re.fullmatch(r"\s*(\d{1,6})\s*(?:[,xX]\s*(\d{1,6})\s*)?", value)
         width, height = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
-        least, most = SIDE_LIMITS
-        if not (least <= width <= most and least <= height <= most):
-            self.fail(f"expected W or W,H with sides from {least} to {most} pixels, got {value!r}", param, ctx)
+        minimum, maximum = SIDE_LIMITS
+        if not (minimum <= width <= maximum and minimum <= height <= maximum):
+            self.fail(f"expected W or W,H with sides from {minimum} to {maximum} pixels, got {value!r}", param, ctx)
         return width, height
 
 
 class BackgroundColor(click.ParamType):
-    """sRGB triple in [0, 1] from a CSS name or ``#hex``; the word ``transparent`` stays itself."""
+    """sRGB triple in [0, 1] from a CSS name, ``#hex`` or ``r,g,b``; or the word ``transparent``."""
 
     name = "COLOR"
 
@@ -214,7 +215,7 @@ class BackgroundColor(click.ParamType):
 
 
 class SheetGrid(click.ParamType):
-    """Columns and rows from ``4x3``."""
+    """Columns and rows of a contact sheet, as in ``4x3``."""
 
     name = "COLSxROWS"
 

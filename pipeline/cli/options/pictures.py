@@ -1,4 +1,4 @@
-"""The options that every command shares which draws pictures, and the look that they stand for."""
+"""The options that `z2p render` and `z2p animate` share, and the look that they describe."""
 
 from __future__ import annotations
 
@@ -20,41 +20,43 @@ from z2p_renderer.pipeline.cli.options.param_types import (
     ViewDirection,
 )
 
-if TYPE_CHECKING:  # at run time these wait until the options have been read: they are slow to import
+if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
 Command = Callable[..., Any]
 
 PICTURE_OPTIONS = (
-    click.option("--recursive", "-r", is_flag=True, help="Look into sub folders, and mirror them in OUT."),
+    click.option("--recursive", "-r", is_flag=True, help="Read sub folders as well, and mirror them in OUT."),
     click.option("--columns", metavar="NAMES",
-                 help="What the columns of text files and .bin hold, as in x,y,z,r,g,b; of them x, y and z are read."),
+                 help="Names of the columns of text files and .bin, as in x,y,z,r,g,b; x, y and z are read."),
     click.option("--weights", default="auto", metavar="W",
-                 help="Shipped name or a .safetensors file; auto: of those shipped the ones that carry the controls "
-                 "asked for, and for noisy clouds those made for noise."),
+                 help="Shipped name or a .safetensors file; auto: the shipped ones that have the given controls, and "
+                 "those made for noise if a cloud is noisy."),
     click.option("--engine", metavar="NAME",
-                 help="What runs the network: onnxruntime, openvino, torch; quicker, less exact by a grey level or two "
-                 "on average: onnxruntime-int8, openvino-bf16, openvino-int8. Default: onnxruntime-int8 on processors "
-                 "with AVX2, else the first of the others that is installed."),
+                 help="Engine that runs the network: onnxruntime, openvino, torch; or, faster and less exact by one or "
+                 "two grey levels on average: onnxruntime-int8, openvino-bf16, openvino-int8. Default: "
+                 "onnxruntime-int8 on processors with AVX2, else the first of the others that is installed."),
     click.option("--up", default="auto", type=UpAxis(),
-                 help="Axis that points up in the data; auto: a depth camera's own, else what the format holds usual, "
-                 "or the way an object stands."),
+                 help="Axis that points up in the data; auto: that of a depth camera, else the usual one of the "
+                 "format, or the one by which the object stands."),
     click.option("--view", default="auto", type=ViewDirection(),
-                 help="Side to look from. auto: a depth camera's own, else a three-quarter view that shows most; "
-                 "front: the data's own; sensor; or degrees from the front, as azimuth or azimuth,elevation."),
+                 help="Direction to look from. auto: that of a depth camera, else the three-quarter view that shows "
+                 "most; front: the front of the data; sensor; or degrees from the front, as azimuth or "
+                 "azimuth,elevation."),
     click.option("--azimuth", default=0.0, type=Degrees(), metavar="DEG",
-                 help="Turn the object by so much more than --view does, about its up axis, counter-clockwise from "
-                 "above: relative to the chosen view, while --view AZ is absolute."),
+                 help="Turn the object about its up axis, counter-clockwise from above, relative to the chosen view "
+                 "(--view AZ is absolute)."),
     click.option("--load-camera", type=click.Path(path_type=Path), metavar="FILE",
-                 help="Look as before: JSON that --save-camera wrote, or a picture of z2p; without --up and --view."),
+                 help="Use the camera of a JSON file that --save-camera wrote, or of a picture of z2p; without --up "
+                 "and --view."),
     click.option("--keep-outliers", is_flag=True,
-                 help="Keep stray points that make the object small, and what is far behind a depth camera's subject."),
+                 help="Keep outliers, which make the object small, and the background of a depth camera's subject."),
     click.option("--cut-top", default=0.0, type=FiniteRange(0, 100, max_open=True), metavar="PERCENT",
-                 help="Cut off so much of the height from above, to look into a room."),
+                 help="Cut off this share of the height at the top, to look into a room."),
     click.option("--smooth", default="auto", type=SmoothRadius(),
-                 help="Make the surface smooth over patches of that radius, 0.1 being a tenth of the frame's; auto: "
-                 "only for a depth camera's noisy clouds; 0: as it was measured, gaps too."),
+                 help="Smooth the surface over patches of this radius, as a share of the frame's radius; auto: only "
+                 "noisy clouds of depth cameras; 0: never, and leave gaps open."),
     click.option("--resolution", "--size", default="512", type=Resolution(),
                  help="In pixels: 512, 640,480 or 640x480."),
     click.option("--background", default="transparent", type=BackgroundColor(),
@@ -62,31 +64,32 @@ PICTURE_OPTIONS = (
     click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="N",
                  help="Draw N times as large and average down: smoother edges."),
     click.option("--fit", default="frame", type=click.Choice(["frame", "tight"]),
-                 help="tight trims the picture to what is to be seen, its shadow included."),
+                 help="tight trims the picture to what is visible, shadow included."),
     click.option("--margin", type=MarginShare(), metavar="SHARE",
-                 help="Left free around the object, as a share of the shorter side or in percent (0.1 or 10%); with "
+                 help="Free space around the object, as a share of the shorter side or in percent (0.1 or 10%); with "
                  "--fit tight around its shadow too.  [default: 0.1, tight 0.02]"),
 )  # fmt: skip
+"""In the order of the help: input, view, picture."""
 
 
 def picture_options(command: Command) -> Command:
-    """The command with the shared options, in their order."""
+    """Decorator that adds `PICTURE_OPTIONS` to a command."""
     for option in reversed(PICTURE_OPTIONS):
         command = option(command)
     return command
 
 
-def check_view_options(ctx: click.Context, given: dict[str, Value], options: dict[str, Any]) -> None:
-    """Makes sure that no two options settle the same of the view, of which one would be passed over.
+def check_view_options(ctx: click.Context, controls: dict[str, Value], options: dict[str, Any]) -> None:
+    """Refuses options of which one would have no effect, because both determine the view, elevation or size.
 
     Raises:
-        click.UsageError: two do.
+        click.UsageError: two such options are given.
     """
     default = click.core.ParameterSource.DEFAULT
     for name in ("view", "up"):
         if options["load_camera"] is not None and ctx.get_parameter_source(name) is not default:
             raise click.UsageError(f"--load-camera and --{name} both choose the view; leave one out", ctx)
-    if isinstance(options["view"], tuple) and "elevation" in given:
+    if isinstance(options["view"], tuple) and "elevation" in controls:
         raise click.UsageError("--view AZ,EL and --elevation both choose the elevation; leave one out", ctx)
     if options["load_camera"] is not None and options["margin"] is not None and options["fit"] == "frame":
         raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out", ctx)
@@ -112,10 +115,10 @@ def look_from(renderer: AnyRenderer, given: dict[str, Value], options: dict[str,
 
 
 def parse_columns(options: dict[str, Any]) -> tuple[str, ...] | None:
-    """Names of a text file's columns, in lower case.
+    """The names of a text file's columns, in lower case; None if --columns is not given.
 
     Raises:
-        click.UsageError: x, y and z are not all among them, once each.
+        click.UsageError: x, y and z are not among them exactly once each.
     """
     if options["columns"] is None:
         return None
@@ -128,10 +131,11 @@ def parse_columns(options: dict[str, Any]) -> tuple[str, ...] | None:
 
 
 def check_writable(folder: Path, option: str = "--output") -> None:
-    """Nothing, once it is sure that files can be written into the `option`'s folder, which is made if need be.
+    """Makes sure that files can be written into the folder that `option` names; makes the folder if it is missing.
 
     Raises:
         click.UsageError: they cannot.
+        OSError: the disk is full or read-only, say; see `storage.files.disk_errors`.
     """
     import os
 
@@ -144,8 +148,8 @@ def check_writable(folder: Path, option: str = "--output") -> None:
         probe.touch()
         probe.unlink()
     except OSError as error:
-        if disk_error_message(error):  # of a disk, which is no mistake in the call
+        if disk_error_message(error):  # not a mistake in the call
             raise
-        taken = folder.exists() and not folder.is_dir()
-        reason = f"expected a folder or a picture's name, got {file_kind(folder)}" if taken else error.strerror
+        is_file = folder.exists() and not folder.is_dir()
+        reason = f"expected a folder or a picture's name, got {file_kind(folder)}" if is_file else error.strerror
         raise click.UsageError(f"cannot write to {folder}: {reason}; choose another {option}") from None
