@@ -19,7 +19,7 @@ from z2p_renderer.pipeline.cli.options.param_types import FileFormat, FiniteRang
 from z2p_renderer.pipeline.cli.options.pictures import (
     check_view_options,
     check_writable,
-    look_from,
+    look_from_options,
     parse_columns,
     picture_options,
 )
@@ -80,7 +80,7 @@ def _run(ctx: click.Context, inputs: tuple[str, ...], output: Path, options: dic
     from z2p_renderer.storage.files.printable_names import printable
 
     renderer = load_renderer(options["weights"], values, engine=options["engine"])
-    look = look_from(renderer, values, options)
+    look = look_from_options(renderer, values, options)
     motion = Motion(options["motion"], options["frames"], options["steady"])
     failed = False
     for task in _plan(ctx, scans, inputs, output, options):

@@ -95,7 +95,7 @@ def check_view_options(ctx: click.Context, controls: dict[str, Value], options: 
         raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out", ctx)
 
 
-def look_from(renderer: AnyRenderer, given: dict[str, Value], options: dict[str, Any]) -> Look:
+def look_from_options(renderer: AnyRenderer, controls: dict[str, Value], options: dict[str, Any]) -> Look:
     """The look that a command's options and its control settings stand for.
 
     Raises:
@@ -106,7 +106,7 @@ def look_from(renderer: AnyRenderer, given: dict[str, Value], options: dict[str,
 
     file = options["load_camera"]
     return build_look(
-        renderer, given, up=options["up"], view=options["view"], azimuth=options["azimuth"],
+        renderer, controls, up=options["up"], view=options["view"], azimuth=options["azimuth"],
         camera=None if file is None else read_camera(file), keep_outliers=options["keep_outliers"],
         cut_top=options["cut_top"], smooth=options["smooth"], size=options["resolution"],
         background=options["background"], supersample=options["supersample"], tight=options["fit"] == "tight",

@@ -1,0 +1,106 @@
+"""Files that `z2p render` writes beside the pictures: the camera, contact sheets and the gallery."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from z2p_renderer.pipeline.cli.options.pictures import check_writable
+
+if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
+    from z2p_renderer.pipeline.inference.batch import Outcome, Task
+    from z2p_renderer.pipeline.inference.look import Look
+
+
+def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: dict[str, Any]) -> None:
+    """Makes sure, before the first picture is drawn, that contact sheets, gallery and camera replace no other files.
+
+    Raises:
+        click.UsageError: a contact sheet would replace a picture of this run.
+        SettingError: a file of another kind is in the place of a sheet or of the camera.
+        PictureError: a file of another kind is in the place of the gallery.
+    """
+    from z2p_renderer.storage.images.image_files import FORMATS
+
+    folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
+    if options["sheet"] is not None:
+        from z2p_renderer.pipeline.outputs.contact_sheet import check_sheet_places
+
+        columns, rows = options["sheet"]
+        count = -(-len(tasks) // (columns * rows))
+        names = {"sheet.png", *(f"sheet_{number}.png" for number in range(2, count + 1))}
+        for task in tasks:
+            if task.output.parent == folder and task.output.name in names:
+                raise click.UsageError(f"--sheet writes {task.output}, which is the picture of {task.scan} too; rename "
+                                       "the scan", ctx)  # fmt: skip
+        check_sheet_places(folder, count)
+    if options["gallery"]:
+        from z2p_renderer.pipeline.outputs.gallery import check_gallery_place
+
+        check_gallery_place(folder / "gallery.html")
+    if options["save_camera"] is not None:
+        from z2p_renderer.storage.cameras import check_camera_place
+
+        taken = [path for task in tasks for path in (task.scan, task.output)]
+        check_camera_place(options["save_camera"], [*taken, folder / "gallery.html"])
+        check_writable(options["save_camera"].parent, "--save-camera")
+
+
+def write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> int:
+    """Writes the camera, contact sheets and gallery that the options ask for; returns how many of them failed."""
+    from z2p_renderer.storage.images.image_files import is_readable_picture
+
+    pictures = [path for outcome in done for path in outcome.outputs
+                if path.is_file() and (outcome.status != "failed" or is_readable_picture(path))]  # fmt: skip
+    folder = output if output.is_dir() else output.parent
+    extras: dict[str, Callable[[], list[Path]]] = {}
+    if options["save_camera"] is not None:
+        extras["the camera"] = lambda: _save_camera(done, look, options)
+    if options["sheet"] is not None and pictures:
+        extras["the contact sheets"] = lambda: _write_sheets(pictures, folder, options["sheet"])
+    if options["gallery"] and pictures:
+        extras["the gallery"] = lambda: _write_gallery(pictures, folder)
+    failed = 0
+    for name, write in extras.items():
+        try:
+            written = write()
+        except OSError as error:  # the disk is full, say; the pictures have been written
+            failed += 1
+            click.echo(f"failed: {name}: {error.strerror or error}", err=True)
+            continue
+        for path in () if options["quiet"] else written:
+            click.echo(f"wrote {path}", err=True)
+    return failed
+
+
+def _write_sheets(pictures: list[Path], folder: Path, grid: tuple[int, int]) -> list[Path]:
+    from z2p_renderer.pipeline.outputs.contact_sheet import write_contact_sheets
+
+    return write_contact_sheets(pictures, folder, *grid)
+
+
+def _write_gallery(pictures: list[Path], folder: Path) -> list[Path]:
+    from z2p_renderer.pipeline.outputs.gallery import write_gallery
+
+    return [write_gallery(pictures, folder / "gallery.html")]
+
+
+def _save_camera(done: list[Outcome], look: Look, options: dict[str, Any]) -> list[Path]:
+    from z2p_core.placement.margin import with_margin
+    from z2p_renderer.storage.cameras import read_camera, write_camera
+
+    viewpoints = [viewpoint for outcome in done for viewpoint in outcome.viewpoints]
+    if options["same_frame"] and look.placement_options.viewpoint is not None:
+        viewpoints = [with_margin(look.placement_options.viewpoint, look.frame_margin)]
+    if not viewpoints and done[0].status == "skipped":
+        viewpoints = [read_camera(done[0].outputs[0])]
+    if len(viewpoints) > 1:
+        raise click.UsageError(f"--save-camera: the file's {len(viewpoints)} clouds have a camera each; "
+                               "add --same-frame")
+    if not viewpoints:
+        return []  # the file failed, which has been reported
+    write_camera(viewpoints[0], options["save_camera"])
+    return [options["save_camera"]]
