@@ -1,4 +1,4 @@
-"""The rough rendering in half the time: light from fewer directions, and shadows of points instead of discs."""
+"""The rough rendering in half the time: light from fewer directions, shadows of points instead of discs."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ from z2p_renderer.plugins.gbuffers.surfels import Surfels
 
 
 class Sketch(Surfels):
-    """The channels of `Surfels`, less sure of light and, for neighbours do not agree upon them, of normals."""
+    """The channels of `Surfels`, with less accurate light, and normals that the network does not refine."""
 
     name = "sketch"
     version = "1"
     refines = "surfels"
-    detail = Quality(sky=8, below=8, mirrored=16, floor_sky=64, discs=False, agreed=False)
+    quality = Quality(
+        sky_axes=8, floor_directions=8, mirror_directions=16, floor_sky_directions=64, use_disc_shadows=False,
+        use_normal_gnn=False,
+    )  # fmt: skip

@@ -1,162 +1,290 @@
-"""A rough rendering of the bare cloud: surfels lit through shadow maps, and the shadow that they cast on the floor.
+"""A rough rendering of the bare cloud: surfels under the scene's light, and the shadow that they cast on the floor.
 
-Each point becomes a small disc in the plane through its neighbours (after Zwicker et al., Surface Splatting, 2001),
-which ends where the surface turns away. Nothing is solved for: normals are only turned to the viewer. What the network
-would have to imagine from light's three numbers alone, where shade and shadow fall, is here in its place; the network
-makes a clean picture of it.
+Each point becomes a disc in its tangent plane (after Zwicker et al., Surface Splatting, 2001), clipped where the
+surface turns away. No surface is reconstructed: normals are only turned to face the viewer. The network thus receives
+shading and shadow in place, rather than three numbers for the light, and makes a clean image of them.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import partial
-from typing import ClassVar
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, Camera
+from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer
-from z2p_core.linalg import row_dots, rotate_points
-from z2p_core.parallel import run_async, parallel_rows
+from z2p_core.linalg import rotate_points, row_dots
+from z2p_core.parallel import parallel_rows, run_async
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
-from z2p_core.shading.light_transport import Quality, Lighting
+from z2p_core.shading.floor_occlusion import FloorOcclusion, floor_occlusion, is_sparse, shadow_casters
+from z2p_core.shading.floor_shadow import cloud_radiance_from_floor, draw_floor_shadow
+from z2p_core.shading.light_transport import (
+    BouncedLight,
+    LightField,
+    LightScene,
+    Quality,
+    base_color,
+    begin_floor_visibility,
+    begin_point_visibility,
+    bounce_light,
+    direct_radiance,
+)
 from z2p_core.shading.surfels import make_surfels
-from z2p_core.surface.normals import MOST_POINTS, tangents, thinned
+from z2p_core.surface.normals import MOST_POINTS, Tangents, tangents, thinned
 
-SLACK = 0.7
-"""How far behind the nearest disc another still counts, in radii."""
-SPARSE = 0.6
-"""Light takes the cloud for as sparse as so much of the spacing that a tenth of the points exceed, if that is more."""
-SURE, FULL = 15.0, 2.7
-"""Of coverage: what discs only touch with their rim stays in doubt. Of density: what discs of that radius add up to
-where they lie all around; about a third of it is the surface's border."""
-SMALL, MIDDLING = 600, 900
-"""Sides of pictures, in pixels, up to which such lamps stand over the floor once, and twice; over larger ones four
-times, for the steps that they leave in a penumbra grow with the picture."""
-STRAIGHT = 1e-5
-"""Width of a cloud, in its length, up to which it is a line, whose patches could face any way across it."""
-HOLE_RIM = 4
-"""Points at the rim of a hole whose mean colour it gets."""
-APART = 3.6
-"""Square of the distance from point to point, in covered pixels for each point."""
-SPARSE_APART, TRUST, MOST_TRUST = 5.0, 0.15, 0.6
-"""Pixels from point to point from which on the network's picture stays as it is; and the share that the discs' colours
-have in it for each pixel less, and at most."""
-ALIKE = 8 / 255
-"""How far the network's colour and a disc's differ by chance, at most: by more where the network mends something."""
-SHADOW_TRUST, SHADOW_ALIKE = 0.25, 0.06
-"""Share that the floor's shadow as it is cast here has in the picture's, where they differ by no more."""
-SHADED = 0.15
-"""Alpha of the floor's shadow from which on the network is needed for it: fainter, it is as good as it is cast."""
-FEWEST_SURE = 4000
-"""Points from which on that holds: the shadow of fewer has gaps, which only the network closes."""
+BLEND_DEPTH_RADII = 0.7
+"""How far behind the nearest surfel another one is still blended with it, in radii."""
+COVERAGE_GAIN = 15.0
+"""coverage = 1 - exp(-COVERAGE_GAIN * w), w the sum of the surfels' weights: low where only a disc's rim is."""
+FULL_WEIGHT = 2.7
+"""density = min(w / FULL_WEIGHT, 1): the sum of weights within a surface. At its border it is about a third of that."""
+MIN_SPACING = 1e-3
+"""Smallest spacing of a cloud that counts, in world units."""
+SPARSE_QUANTILE, SPARSE_SPACING_SHARE = 0.9, 0.6
+"""Light takes the cloud's spacing to be at least this share of this quantile of its points' spacings."""
+ONE_SET_MAX_SIDE = 600
+"""Longer side of an image up to which one set of light samples casts the floor's shadow, in pixels."""
+TWO_SETS_MAX_SIDE = 900
+"""Side up to which two sets do; for larger images there are four, as the steps in a penumbra grow with the image."""
+MAX_LINE_WIDTH = 1e-5
+"""Width of a cloud over its length up to which it is a line: normals are then undefined around it."""
+HOLE_RIM_POINTS = 4
+"""Points at the rim of a hole whose mean color its surfel gets."""
+GREY_ALBEDO = 0.5
+"""Albedo of the grey radiance: it stays below white under the nearest light."""
 STRIPS = 6
-"""Strips of a picture, which the cores take in turn. One core draws the same ones: which discs are hidden is told
-within each strip, so with others a few discs near their borders would show, or not."""
+"""Strips of an image that the cores rasterize in turn. One core draws the same strips: surfels are culled within each
+strip, so that other strips would change a few pixels near their borders."""
+
+PIXEL_AREA_PER_POINT = 3.6
+"""Square of the distance between neighboring points, over the number of covered pixels for each point."""
+MAX_BLEND_SPACING = 5.0
+"""Distance between neighboring points, in pixels, from which on the network's image is left as it is."""
+BLEND_SHARE_PER_PIXEL, MAX_BLEND_SHARE = 0.15, 0.6
+"""Share of the surfels' colors in the final image for each pixel less than that, and its maximum."""
+MAX_COLOR_SHIFT = 8 / 255
+"""Largest difference between the two that is taken for noise: larger ones are corrections by the network."""
+SHADOW_BLEND_SHARE = 0.25
+"""Share of the cast shadow in the final image."""
+MAX_SHADOW_SHIFT = 0.06
+"""Largest difference in alpha between the cast shadow and the network's at which that share counts in full."""
+NETWORK_SHADOW_ALPHA = 0.15
+"""Alpha of the cast shadow from which on the network has to draw it; fainter shadow is shown as it was cast."""
+MIN_CAST_SHADOW_POINTS = 4000
+"""Points of a cloud below which the network draws all shadow, as the cast one has gaps."""
+
+
+class Shader(Protocol):
+    """What a G-buffer's surface looks like under a given light."""
+
+    def surfel_values(self, viewer: np.ndarray) -> list[np.ndarray]:
+        """Values of each point for the layers to be rasterized.
+
+        The first layer's are radiances (N, 4) in sRGB towards the viewer (3,): grey, then in the surface's material.
+        Each further layer has five values (N, 5).
+        """
+
+    def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
+        """Completes the radiance in rows [first, last) of the first layer (9, H, W), after all have been rasterized."""
+
+
+@dataclass(frozen=True)
+class DiffuseShader:
+    """A diffuse surface of one color: its radiance is the same from everywhere."""
+
+    light: LightField
+    color: np.ndarray
+
+    def surfel_values(self, viewer: np.ndarray) -> list[np.ndarray]:
+        albedo = np.array([GREY_ALBEDO, *self.color], dtype=np.float32)
+        return [srgb_from_linear(np.clip(albedo * self.light.bounced.radiance(albedo), 0, 1))]
+
+    def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
+        """Nothing: what surfels show of it is all there is."""
 
 
 class Surfels(GBuffer):
-    """Ten channels.
+    """Ten channels (`z2p_core.shading.channels.GBufferChannel`): coverage, density, depth, normal, radiance, shadow.
 
-    Coverage; density, a third at a border; depth, 1 near to 0 far; normal to the right and down (2); grey radiance,
-    then radiance in the surface's colour (3), sRGB; all of these 0 off the discs. Last the floor shadow's alpha. Light
-    is the lamp's, the sky's, what the lit floor sends back, and what parts of the cloud send to each other and the
-    floor.
+    Light is the area light's, the sky's, what the lit floor sends back, and what parts of the cloud send to each other
+    and to the floor.
     """
 
     name = "surfels"
     version = "11"
     channels = len(GBufferChannel)
-    lighting: ClassVar[type[Lighting]] = Lighting
-    detail: ClassVar[Quality] = Quality()
+    quality: ClassVar[Quality] = Quality()
 
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
-        picture = np.empty((self.channels, camera.height, camera.width), dtype=np.float32)
-        self.draw_into(picture, cloud, camera, scene)
-        return picture
+        features = np.empty((self.channels, camera.height, camera.width), dtype=np.float32)
+        self.draw_into(features, cloud, camera, scene)
+        return features
 
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
+        """The whole pass, in the order in which its steps need each other's results.
+
+        A second core finds out which points see which while this one makes surfels and casts shadows, and draws the
+        floor's shadow while this one shades and rasterizes.
+        """
         if not len(cloud):
             out.fill(0)
             return
-        floor = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
-        found = tangents(thinned(cloud, MOST_POINTS), self.detail.agreed)
-        points, spacing, normals = found.points, found.spacing, faced(found.points, found.normals, camera.position)
-        typical = max(float(np.median(spacing)), 1e-3)
-        spread = max(typical, SPARSE * float(np.quantile(spacing, 0.9)))
-        lighting = self.lighting(points, normals, spread, scene, floor, self.detail)
-        found, radii = make_surfels(found, typical)
-        lighting.shade(found, radii, lamp_sets_for(camera))
-        normals = faced(found.points, found.normals, camera.position)
-        rotation = camera.rotation.astype(np.float32)
-        facing = rotate_points(normals, rotation)
-        centres = native.offset_disc_centers(found.points, normals, radii, found.neighbours)
-        seen = rotate_points(centres - camera.position.astype(np.float32), rotation)
-        clips = native.disc_clip_planes(seen, facing, radii, found.neighbours)
-        lighting.follow()
-        shadow = run_async(lighting.draw_shadow, camera, out[GBufferChannel.SHADOW])
-        kept = partial(with_holes, neighbours=found.neighbours)
-        layers = [np.column_stack([facing[:, :2], kept(lighting.colors(camera.position))])]
-        layers += [np.column_stack([facing[:, 2], kept(further)]) for further in lighting.further()]
-        pictures = [out[RASTERIZED], *(np.empty_like(out[RASTERIZED]) for _ in layers[1:])]
-        draw = partial(native.rasterize_surfels, seen, facing, radii, clips)
+        quality = self.quality
+        surface = tangents(thinned(cloud, MOST_POINTS), quality.use_normal_gnn)
+        spacing = max(float(np.median(surface.spacing)), MIN_SPACING)
+        floor_height = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
+        lit = light_scene(surface, spacing, camera, scene, floor_height)
+        point_visibility = begin_point_visibility(lit, quality)
+        floor_visibility = begin_floor_visibility(lit, quality)
 
-        def draw_strips(begin: int, end: int) -> None:
-            for strip in range(begin, end):
-                rows = (strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS)
-                for layer, picture in zip(layers, pictures, strict=True):
-                    draw(layer, camera, SLACK, SURE, FULL, *DEPTH_RANGE, picture, rows)
-                lighting.finish(camera, rows, pictures)
+        surfels, radii = make_surfels(surface, spacing)
+        use_discs = quality.use_disc_shadows and is_sparse(lit.spacing)
+        casters = shadow_casters(lit.points, lit.spacing, surfels, radii, use_discs)
+        direct = direct_radiance(lit, casters)
+        occlusion = floor_occlusion(
+            lit.points, lit.spacing, casters, lit.light, lit.floor.height, light_sample_sets(camera), use_discs,
+            quality.floor_sky_directions,
+        )  # fmt: skip
+        projected = project_surfels(surfels, radii, camera)
 
-        parallel_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
+        seen_by_points, seen_by_floor = point_visibility.result(), floor_visibility.result()
+        bounced = bounce_light(lit, direct, occlusion, seen_by_points, seen_by_floor, quality)
+        shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, scene, out)
+        shader = self.shader(LightField(lit, direct, occlusion, bounced), scene)
+        rasterize(projected, shader, camera, out[RASTERIZED])
         shadow.result()
 
+    def shader(self, light: LightField, scene: SceneDescription) -> Shader:
+        """What the surface looks like in that light."""
+        return DiffuseShader(light, base_color(scene))
+
+    def _draw_shadow(
+        self, lit: LightScene, occlusion: FloorOcclusion, bounced: BouncedLight, floor_visibility: np.ndarray,
+        camera: Camera, scene: SceneDescription, out: np.ndarray,
+    ) -> None:  # fmt: skip
+        radiance = cloud_radiance_from_floor(bounced, floor_visibility, base_color(scene))
+        directions = self.quality.mirror_directions
+        draw_floor_shadow(lit, occlusion, radiance, directions, camera, out[GBufferChannel.SHADOW])
+
     def elsewhere(self, features: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray] | None:
-        if points < FEWEST_SURE:
+        if points < MIN_CAST_SHADOW_POINTS:
             return None
         shadow = features[GBufferChannel.SHADOW]
         floor = np.zeros((4, *features.shape[1:]), np.float32)
         floor[3] = shadow
-        return features[GBufferChannel.COVERAGE] + (shadow > SHADED), floor
+        return features[GBufferChannel.COVERAGE] + (shadow > NETWORK_SHADOW_ALPHA), floor
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
-        coverage = features[GBufferChannel.COVERAGE]
-        apart = math.sqrt(APART * float(coverage.sum()) / max(min(points, MOST_POINTS), 1))
-        trust = min(TRUST * (SPARSE_APART - apart), MOST_TRUST)
-        if trust > 0:
-            native.reconcile(picture, coverage, features[RADIANCE_RGB], trust, ALIKE)
-        native.reconcile_shadow(picture[3], coverage, features[GBufferChannel.SHADOW], SHADOW_TRUST, SHADOW_ALIKE)
+        coverage, shadow = features[GBufferChannel.COVERAGE], features[GBufferChannel.SHADOW]
+        drawn_points = max(min(points, MOST_POINTS), 1)
+        pixel_spacing = math.sqrt(PIXEL_AREA_PER_POINT * float(coverage.sum()) / drawn_points)
+        share = min(BLEND_SHARE_PER_PIXEL * (MAX_BLEND_SPACING - pixel_spacing), MAX_BLEND_SHARE)
+        if share > 0:
+            native.reconcile(picture, coverage, features[RADIANCE_RGB], share, MAX_COLOR_SHIFT)
+        native.reconcile_shadow(picture[3], coverage, shadow, SHADOW_BLEND_SHARE, MAX_SHADOW_SHIFT)
 
 
-def lamp_sets_for(camera: Camera) -> int:
-    """How many times lamps stand over the floor for a picture of that size."""
+@dataclass(frozen=True)
+class ProjectedSurfels:
+    """M surfels in the camera's axes, of which the first N belong to points and the others close holes."""
+
+    centers: np.ndarray
+    """(M, 3) float32, relative to the camera's position."""
+    normals: np.ndarray
+    """(M, 3) float32, facing the camera."""
+    radii: np.ndarray
+    """(M,) float32, world units."""
+    clip_planes: np.ndarray
+    """(M, 4, 4) float32, see `z2p_core.native.disc_clip_planes`."""
+    neighbors: np.ndarray
+    """(M, K) int32: rows of the points nearest to each."""
+
+
+def light_scene(
+    surface: Tangents, spacing: float, camera: Camera, scene: SceneDescription, floor: float
+) -> LightScene:  # fmt: skip
+    """The surface's points under the scene's light, facing the camera, above a floor at that height.
+
+    Shadows take the cloud to be as sparse as its sparser regions, so that they stay closed there.
+    """
+    sparse_spacing = SPARSE_SPACING_SHARE * float(np.quantile(surface.spacing, SPARSE_QUANTILE))
+    normals = face_viewer(surface.points, surface.normals, camera.position)
+    return LightScene.create(surface.points, normals, max(spacing, sparse_spacing), scene, floor)
+
+
+def light_sample_sets(camera: Camera) -> int:
+    """How many sets of light samples cast the floor's shadow in an image of that size."""
     side = max(camera.width, camera.height)
-    return 1 if side <= SMALL else 2 if side <= MIDDLING else 4
+    return 1 if side <= ONE_SET_MAX_SIDE else 2 if side <= TWO_SETS_MAX_SIDE else 4
 
 
-def with_holes(colors: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
-    """Colours (M, C) of discs with these neighbours (M, K): those of the points (N, C), and in holes of the rim."""
-    rim = neighbours[len(colors) :, :HOLE_RIM]
-    return np.concatenate([colors, colors[rim].mean(axis=1)])
+def project_surfels(surfels: Tangents, radii: np.ndarray, camera: Camera) -> ProjectedSurfels:
+    """The surfels as the camera sees them: lowered to the curved surface on average, and clipped where it bends."""
+    rotation = camera.rotation.astype(np.float32)
+    normals = face_viewer(surfels.points, surfels.normals, camera.position)
+    centers = native.offset_disc_centers(surfels.points, normals, radii, surfels.neighbours)
+    normals = rotate_points(normals, rotation)
+    centers = rotate_points(centers - camera.position.astype(np.float32), rotation)
+    clip_planes = native.disc_clip_planes(centers, normals, radii, surfels.neighbours)
+    return ProjectedSurfels(centers, normals, radii, clip_planes, surfels.neighbours)
 
 
-def line_through(points: np.ndarray) -> np.ndarray | None:
-    """The direction (3,) float32 of the line that all points (N, 3) lie on, 0 for one point; None if there is none."""
+def rasterize(surfels: ProjectedSurfels, shader: Shader, camera: Camera, out: np.ndarray) -> None:
+    """Draws shaded surfels into `out` (9, H, W), the channels `RASTERIZED`; both cores take strips of it in turn.
+
+    The kernel averages six values of each surfel. The first layer has two components of the normal and four radiances;
+    a further one, for shaders that need it, the third component and five more values.
+    """
+    first, *further = (fill_holes(values, surfels.neighbors) for values in shader.surfel_values(camera.position))
+    values = [np.column_stack([surfels.normals[:, :2], first])]
+    values += [np.column_stack([surfels.normals[:, 2], more]) for more in further]
+    layers = [out, *(np.empty_like(out) for _ in further)]
+    draw = partial(native.rasterize_surfels, surfels.centers, surfels.normals, surfels.radii, surfels.clip_planes)
+
+    def draw_strips(begin: int, end: int) -> None:
+        for strip in range(begin, end):
+            rows = (strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS)
+            for value, layer in zip(values, layers, strict=True):
+                draw(value, camera, BLEND_DEPTH_RADII, COVERAGE_GAIN, FULL_WEIGHT, *DEPTH_RANGE, layer, rows)
+            shader.shade_pixels(camera, rows, layers)
+
+    parallel_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)
+
+
+def fill_holes(values: np.ndarray, neighbors: np.ndarray) -> np.ndarray:
+    """Values (M, C) of all surfels with these neighbors (M, K), from those of the points (N, C).
+
+    Surfels that close holes get the mean of the nearest points, which lie at the rim.
+    """
+    rim = neighbors[len(values) :, :HOLE_RIM_POINTS]
+    return np.concatenate([values, values[rim].mean(axis=1)])
+
+
+def line_direction(points: np.ndarray) -> np.ndarray | None:
+    """Direction (3,) float32 of the line on which all points (N, 3) lie: 0 for a single point, None without one."""
     if len(points) < 2:
         return np.zeros(3, np.float32)
-    apart = (points - points[0]).astype(np.float64)
-    squares, axes = np.linalg.eigh(apart.T @ apart)
-    return axes[:, 2].astype(np.float32) if squares[1] <= STRAIGHT**2 * squares[2] else None
+    offsets = (points - points[0]).astype(np.float64)
+    squared_extents, axes = np.linalg.eigh(offsets.T @ offsets)
+    is_line = squared_extents[1] <= MAX_LINE_WIDTH**2 * squared_extents[2]
+    return axes[:, 2].astype(np.float32) if is_line else None
 
 
-def faced(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:
-    """Normals (N, 3) of points (N, 3), each turned towards the viewer (3,); on a line, as far as they can turn."""
-    line = line_through(points)
+def face_viewer(points: np.ndarray, normals: np.ndarray, viewer: np.ndarray) -> np.ndarray:
+    """Normals (N, 3) of points (N, 3), flipped where they point away from the viewer (3,).
+
+    On a line, where any normal across it will do, they are turned towards the viewer as far as possible.
+    """
+    line = line_direction(points)
     if line is not None:
-        towards = viewer.astype(np.float32) - points
-        towards -= (towards @ line)[:, None] * line
-        return towards / np.maximum(np.linalg.norm(towards, axis=1, keepdims=True), 1e-6)
-    away = row_dots(points - viewer.astype(np.float32), normals) > 0
-    return normals * np.where(away, np.float32(-1), np.float32(1))[:, None]
+        view = viewer.astype(np.float32) - points
+        view -= (view @ line)[:, None] * line
+        return view / np.maximum(np.linalg.norm(view, axis=1, keepdims=True), 1e-6)
+    faces_away = row_dots(points - viewer.astype(np.float32), normals) > 0
+    return normals * np.where(faces_away, np.float32(-1), np.float32(1))[:, None]

@@ -78,4 +78,4 @@ RADIANCE_RGB = slice(GBufferChannel.RADIANCE_RED, GBufferChannel.RADIANCE_BLUE +
 """The three channels of radiance in the surface's own material."""
 STEADY_RGB = slice(MaterialChannel.STEADY_RED, MaterialChannel.STEADY_BLUE + 1)
 RASTERIZED = slice(0, GBufferChannel.SHADOW)
-"""The channels that `z2p_core.native.surfels` draws in one pass: three of its own, then six values of each surfel."""
+"""The channels that `z2p_core.native.rasterize_surfels` draws: three of its own, then six values of each surfel."""

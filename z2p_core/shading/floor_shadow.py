@@ -1,106 +1,70 @@
-"""What casts the shadows of a cloud, and how much of the lamp's and the sky's light it hides from the floor below it.
-
-The floor's shade is counted in cells, in which the shadows of points close up (`native/shade.c`). A cell that a shadow
-only touches is in it, and points fall short of outlines; how wide the cells are, and how many lamps' shadows are made
-narrower, leaves neither too much shade nor too little on the whole, as rays through the meshes of clouds of 1,000 to
-40,000 points tell.
-"""
+"""The shadow on the floor as the camera sees it: missing light, and what the floor mirrors of the cloud."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 
 from z2p_core import native
-from z2p_core.parallel import parallel_map
-from z2p_core.shading.area_light import cosine_hemisphere, jittered_sample_sets, area_light_quad
-from z2p_core.shading.surfels import SAMPLES_PER_DISC, disc_sample_points
-from z2p_core.surface.normals import Tangents
+from z2p_core.camera import Camera
+from z2p_core.shading.floor_occlusion import FLOOR_HALF_WIDTH, FloorOcclusion, eroded_share
+from z2p_core.shading.light_transport import IRRADIANCE_CELLS, BouncedLight, LightScene
+from z2p_core.shading.microfacet import specular_directions
 
-Shading = list[Callable[[], np.ndarray]]
-"""What work out shades each, on whichever core is idle."""
-
-FLOOR_HALF_WIDTH, MIN_FLOOR_CELL, MAX_FLOOR_CELLS = 4.5, 0.0125, 720
-"""Extent of the floor that shadows are kept for, its finest cell in world units, and its most cells a side."""
-POINT_CELLS_PER_SPACING = 1.5
-"""Spacing of points in the cells that their shadows close up in."""
-SPARSE_MIN_CELLS, DISC_CELLS_PER_SPACING, DISC_BALL_SPACINGS = 2.0, 2.4, 0.2
-"""Spacing in finest cells from which on points are spread out to their discs, the cells that a spacing then has, and
-the radius of the balls that these are. Denser ones gain little by it and would cost much."""
-POINT_MAP_CELLS_PER_SPACING, DISC_MAP_CELLS_PER_SPACING = 1.5, 3.0
-"""Cells for each spacing of the maps that tell which points lie in others' shadows, of points and of discs."""
-UNERODED_SHARE_PER_CELL = 0.4
-"""Share of the lamps that points fall short of outlines for, for each cell that they lie apart."""
-POINT_BALL_SPACINGS = 0.7
-"""Radius in spacings of the balls that points are where a lamp draws their shadow out."""
-FLOOR_LIGHT_SAMPLES, FLOOR_SKY_DIRECTIONS, MAX_SKY_POINTS = 64, 128, 10_000
-"""Lamps that stand for the light, a square number; directions that stand for the sky, and the points of a larger cloud
-that are enough for them, since its shade is soft."""
-LIGHT_BLUR_CELLS, SKY_BLUR_CELLS = 2, 3
-"""Cells to every side over which steps are averaged that so few lamps leave in a penumbra, and directions in the sky's
-shadow."""
-SKY_DISTANCE = 50.0
-"""Distance at which a lamp is a direction."""
+FLOOR_ROUGHNESS = 0.5
+FLOOR_IOR = 1.5
+"""Roughness and index of refraction of the floor, Blender's defaults for a surface without a material."""
+SECOND_BOUNCE_SHARE = 0.5
+"""Share of the second bounce in the cloud's mirror image: with it shadows are as dark as in path traced images."""
 
 
-def shadow_casters(
-    points: np.ndarray, spacing: float, found: Tangents, radii: np.ndarray, apart: bool
-) -> native.Casters:
-    """What casts the shadows of points (N, 3) of that spacing: themselves, or, where they lie `apart`, their discs.
+def draw_floor_shadow(
+    scene: LightScene, occlusion: FloorOcclusion, cloud_radiance: np.ndarray, mirror_directions: int, camera: Camera,
+    out: np.ndarray,
+) -> None:  # fmt: skip
+    """Draws into `out` (H, W) the alpha in [0, 1] of the floor's shadow as the camera sees it.
 
-    These are `found`, the points' own first, with `radii` (M,).
+    The floor is slightly glossy: where it mirrors the cloud instead of the sky, `cloud_radiance` (G, G), see
+    `cloud_radiance_from_floor`, replaces the sky's. `mirror_directions` sample the floor's specular lobe.
     """
-    if not apart:
-        return native.Casters(points, np.arange(len(points), dtype=np.int32), spacing / POINT_MAP_CELLS_PER_SPACING)
-    holes = found.neighbours[len(points) :, 0]  # whose discs belong to the nearest point
-    owners = np.concatenate([np.arange(len(points), dtype=np.int32), holes])
-    return native.Casters(disc_sample_points(found, radii), np.repeat(owners, SAMPLES_PER_DISC), spacing / DISC_MAP_CELLS_PER_SPACING)
+    height = scene.floor.height
+    cells = len(occlusion.light) // 2  # coarser ones will do for what is mirrored
+    viewpoints = mirrored_viewpoints(camera.position, height, mirror_directions)
+    eroded = eroded_share(scene.spacing, cells)
+    mirrored = native.floor_shade(scene.points, viewpoints, height, FLOOR_HALF_WIDTH, cells, eroded)
+    native.floor_shadow(*occlusion, mirrored, cloud_radiance, scene.floor, camera, out)
 
 
-def is_sparse(spacing: float) -> bool:
-    """Whether points of that spacing lie so far apart that they are better spread out to their discs."""
-    return spacing >= SPARSE_MIN_CELLS * MIN_FLOOR_CELL
+def cloud_radiance_from_floor(
+    bounced: BouncedLight, floor_visibility: np.ndarray, color: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """Mean radiance (G, G) of a cloud of that color (3,) as the floor's cells see it, averaged over the color too."""
+    first, second = bounced.floor
+    radiance = color.mean() * first + SECOND_BOUNCE_SHARE * (color**2).mean() * second
+    white = np.ones((2, bounced.points[0].shape[1]), np.float32)
+    coverage = native.floor_glow(white, floor_visibility, IRRADIANCE_CELLS)
+    mean: np.ndarray = _sum_3x3(radiance) / np.maximum(_sum_3x3(coverage), 1e-6)
+    return mean
 
 
-def floor_occlusion(
-    points: np.ndarray, spacing: float, casters: native.Casters, light: tuple[float, float, float], height: float,
-    sets: int, apart: bool, sky_count: int = FLOOR_SKY_DIRECTIONS,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Shares (S, S) of the lamp's and of the sky's light that points (N, 3) of that spacing hide from a floor.
+def mirrored_viewpoints(viewer: np.ndarray, floor: float, count: int) -> np.ndarray:
+    """Positions (count, 3) below a rough floor from which a viewer (3,) would see what the floor mirrors to it.
 
-    The lamp's shadow is that of the casters, points or, where these lie `apart`, discs. The floor lies at that
-    `height`; so many `sets` (1, 2 or 4) of lamps stand for the light, and `sky_count` directions for the sky.
+    The lobe that is reflected to the viewer is assumed to have the same shape everywhere, that below the origin.
     """
-    if apart:
-        side, narrowed, ball = _cell_count(spacing / DISC_CELLS_PER_SPACING), 1.0, DISC_BALL_SPACINGS
-    else:
-        side, ball = _cell_count(spacing / POINT_CELLS_PER_SPACING), POINT_BALL_SPACINGS
-        narrowed = eroded_share(spacing, side)
-    cast_by = partial(native.floor_shade, casters.places, floor=height, half=FLOOR_HALF_WIDTH, side=side, narrowed=narrowed,
-                      ball=ball * spacing, soft=LIGHT_BLUR_CELLS, square=area_light_quad(light))  # fmt: skip
-    lamps: Shading = [partial(cast_by, places) for places in jittered_sample_sets(light, FLOOR_LIGHT_SAMPLES, sets)]
-    *shades, first, second = parallel_map(lamps + _sky_occlusion_halves(points, spacing, height, sky_count))
-    sky = native.in_other_cells((first + second) / np.float32(2), side)
-    return sum(shades[1:], shades[0]) / np.float32(sets), sky
+    view = viewer - (0.0, 0.0, floor)
+    distance = float(np.linalg.norm(view))
+    toward_viewer = np.array([view[0], view[1], 0.0]) / max(math.hypot(view[0], view[1]), 1e-9)
+    axes = np.stack([toward_viewer, np.cross((0.0, 0.0, 1.0), toward_viewer), (0.0, 0.0, 1.0)])
+    directions = specular_directions(round(float(view[2]) / distance, 4), FLOOR_ROUGHNESS, FLOOR_IOR, count)
+    positions: np.ndarray = np.array([0.0, 0.0, floor]) - distance * directions @ axes
+    return positions
 
 
-def eroded_share(spacing: float, side: int) -> float:
-    """Share of the lamps whose shadows on `side` cells a side are made narrower, for points of that spacing."""
-    return max(1 - UNERODED_SHARE_PER_CELL * spacing * side / (2 * FLOOR_HALF_WIDTH), 0)
-
-
-def _sky_occlusion_halves(points: np.ndarray, spacing: float, height: float, count: int) -> Shading:
-    """What work out the share (Q, Q) that points (N, 3) hide of the sky's light, from half of so many directions."""
-    every = -(-len(points) // MAX_SKY_POINTS)
-    side = _cell_count(spacing * math.sqrt(every) / POINT_CELLS_PER_SPACING)
-    ways, fewer = SKY_DISTANCE * cosine_hemisphere(count), points[::every]
-    return [partial(native.floor_shade, fewer, ways[half::2], height, FLOOR_HALF_WIDTH, side, 1.0, soft=SKY_BLUR_CELLS)
-            for half in (0, 1)]  # fmt: skip
-
-
-def _cell_count(cell: float) -> int:
-    """Cells a side, of about that width; two at least, between which a shade can be told."""
-    return max(min(MAX_FLOOR_CELLS, int(2 * FLOOR_HALF_WIDTH / max(cell, MIN_FLOOR_CELL))), 2)
+def _sum_3x3(cells: np.ndarray) -> np.ndarray:
+    """Sum (H, W) of each cell and the eight around it; cells beyond the border count as 0."""
+    padded = np.pad(cells, 1)
+    rows = padded[:-2] + padded[1:-1] + padded[2:]
+    total: np.ndarray = rows[:, :-2] + rows[:, 1:-1] + rows[:, 2:]
+    return total

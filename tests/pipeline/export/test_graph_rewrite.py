@@ -11,7 +11,7 @@ import onnx
 import onnxruntime
 import pytest
 
-from z2p_core.contracts.engine_checks import ROUGH
+from z2p_core.contracts.engines import INEXACT_TOLERANCE
 from z2p_core.network.final_convs import FinalConvs
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.export.calibration import calibration_inputs
@@ -112,7 +112,7 @@ def test_eight_bits_are_near_and_their_graph_holds_no_weights(make_weights: Call
     kinds = operators(small)
     assert kinds.count("QuantizeLinear") > 10 and kinds.count("Conv") == operators(model).count("Conv")
     off = np.abs(drawn(small, given[3]) - drawn(model, given[3]))
-    assert 0 < off.mean() < ROUGH
+    assert 0 < off.mean() < INEXACT_TOLERANCE
     save_graph(file, load_weights(file).digest, small, INT8)
     assert graph_path(file, INT8).stat().st_size < 0.25 * file.stat().st_size
     assert load_graph(file, load_weights(file).digest, INT8) == small

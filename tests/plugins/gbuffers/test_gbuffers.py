@@ -77,7 +77,7 @@ def test_where_points_are_dense_the_picture_moves_towards_its_discs(count, off):
     features, moved = reconciled(count, off)
     whole = features[COVERAGE] == 1
     share = -moved[:3, whole] / off
-    assert whole.sum() > 500 and share.min() > 0.05 and share.max() <= surfels.MOST_TRUST + 1e-3
+    assert whole.sum() > 500 and share.min() > 0.05 and share.max() <= surfels.MAX_BLEND_SHARE + 1e-3
     assert np.ptp(share) < 1e-3 and not moved[3].any() and not moved[:, features[COVERAGE] < 0.9].any()
 
 
@@ -88,7 +88,7 @@ def test_denser_points_are_trusted_more_and_sparse_ones_not_at_all():
 
 
 def test_a_picture_moves_little_where_it_says_otherwise():
-    near, far = (np.abs(reconciled(40_000, off)[1]).max() for off in (surfels.ALIKE, 0.3))
+    near, far = (np.abs(reconciled(40_000, off)[1]).max() for off in (surfels.MAX_COLOR_SHIFT, 0.3))
     assert far == pytest.approx(near, rel=1e-3)
 
 
@@ -96,9 +96,9 @@ def test_a_picture_moves_little_where_it_says_otherwise():
 def test_the_floors_shadow_moves_a_quarter_of_the_way_to_what_was_cast_where_it_is_about_that(count):
     features, moved = reconciled(count, 0.0, shadow=0.02)
     off = features[COVERAGE] == 0
-    np.testing.assert_allclose(moved[3, off], -surfels.SHADOW_TRUST * 0.02, atol=1e-6)
+    np.testing.assert_allclose(moved[3, off], -surfels.SHADOW_BLEND_SHARE * 0.02, atol=1e-6)
     assert not moved[3, features[COVERAGE] > 0.1].any() and not moved[:3, off].any()
-    assert not reconciled(count, 0.0, shadow=2.1 * surfels.SHADOW_ALIKE)[1][3, off].any()
+    assert not reconciled(count, 0.0, shadow=2.1 * surfels.MAX_SHADOW_SHIFT)[1][3, off].any()
 
 
 def test_light_from_a_side_lights_that_side_and_throws_the_shadow_to_the_other():
@@ -236,7 +236,7 @@ def test_the_penumbra_of_a_thin_thing_falls_in_finer_steps_in_larger_pictures(mo
     pole = np.column_stack([0.02 * np.cos(turn), 0.02 * np.sin(turn), height]).astype(np.float32)
     scene = SceneDescription(light=(3.5, -60.0, 40.0))
     fine = Surfels().draw(pole, Camera(800, 800), scene)[SHADOW]
-    monkeypatch.setattr(surfels, "lamp_sets_for", lambda camera: 1)
+    monkeypatch.setattr(surfels, "light_sample_sets", lambda camera: 1)
     coarse = Surfels().draw(pole, Camera(800, 800), scene)[SHADOW]
     assert fine.sum() == pytest.approx(coarse.sum(), rel=0.02)
     steps = [np.abs(np.diff(shadow[:, 500:], axis=0)).sum() for shadow in (fine, coarse)]
@@ -248,7 +248,8 @@ def test_beside_the_cloud_and_its_dark_shadow_the_picture_is_what_was_cast():
     beside = Surfels().elsewhere(features, 4000)
     assert beside is not None
     shown, floor = beside
-    assert (shown[features[COVERAGE] > 0] > 0).all() and (shown[features[SHADOW] > surfels.SHADED] > 0).all()
+    assert (shown[features[COVERAGE] > 0] > 0).all()
+    assert (shown[features[SHADOW] > surfels.NETWORK_SHADOW_ALPHA] > 0).all()
     left = shown == 0
     assert features[SHADOW][left].max() > 0.02 and left.mean() > 0.3
     assert not floor[:3].any() and np.array_equal(floor[3], features[SHADOW])

@@ -5,7 +5,13 @@ import pytest
 
 from z2p_core.camera import light_position
 from z2p_core.scene import LIGHT_RADIANCE, LIGHT_SIDE
-from z2p_core.shading.area_light import cosine_hemisphere, jittered_sample_sets, area_light_samples, area_light_quad, hemisphere_axes
+from z2p_core.shading.area_light import (
+    area_light_quad,
+    area_light_samples,
+    cosine_hemisphere,
+    hemisphere_axes,
+    jittered_sample_sets,
+)
 
 
 def test_the_area_light_is_a_square_that_faces_the_origin():

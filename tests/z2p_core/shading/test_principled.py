@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.shading.microfacet import TABLE_COSINES, fresnel_dielectric, directional_albedo_table, normalized_fresnel
+from z2p_core.shading.microfacet import TABLE_COSINES, directional_albedo_table, fresnel_dielectric, normalized_fresnel
 from z2p_core.shading.principled import Principled
 
 FACING = np.linspace(0.05, 1, 20, dtype=np.float32)

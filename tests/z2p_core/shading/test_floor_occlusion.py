@@ -7,9 +7,9 @@ import pytest
 from made_clouds import sphere
 
 from z2p_core import native
-from z2p_core.shading.area_light import cosine_hemisphere, area_light_samples
-from z2p_core.shading.floor_shadow import FLOOR_HALF_WIDTH, shadow_casters, floor_occlusion, is_sparse, eroded_share
-from z2p_core.shading.surfels import make_surfels, disc_sample_points
+from z2p_core.shading.area_light import area_light_samples, cosine_hemisphere
+from z2p_core.shading.floor_occlusion import FLOOR_HALF_WIDTH, eroded_share, floor_occlusion, is_sparse, shadow_casters
+from z2p_core.shading.surfels import disc_sample_points, make_surfels
 from z2p_core.surface.normals import tangents
 
 LIGHT, HEIGHT, RADIUS = (3.6, 30.0, 50.0), -0.6, 0.5
