@@ -16,6 +16,8 @@ MADE = {
     "render_arrays.py": ["same_camera.png", "second.webp", "sheet.png", "trimesh.png", "vase.png"],
     "training_preview.py": ["step_0000.png", "step_0100.png", "step_0200.png", "step_0300.png"],
 }
+KEPT = {"make_buffer_figure.py": "buffers.png", "make_overview.py": "overview.png"}
+"""Script -> its figure in docs/images."""
 
 
 @pytest.mark.parametrize("name", MADE)
@@ -28,3 +30,15 @@ def test_an_example_runs_and_draws(name: str, tmp_path: Path) -> None:
     for path in (tmp_path / "out").iterdir():
         picture = np.asarray(Image.open(path).convert("RGB")).astype(int)
         assert np.ptp(picture) > 100, path  # something is to be seen
+
+
+@pytest.mark.parametrize("name", KEPT)
+def test_a_figure_of_the_docs_can_be_made_again(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "figure.png"
+    done = subprocess.run([sys.executable, EXAMPLES / name, out], capture_output=True, text=True,
+                          env={**os.environ, "OMP_NUM_THREADS": "1"})  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    made = np.asarray(Image.open(out).convert("RGB")).astype(int)
+    kept = np.asarray(Image.open(EXAMPLES.parent / "docs" / "images" / KEPT[name]).convert("RGB")).astype(int)
+    assert made.shape == kept.shape
+    assert np.abs(made - kept).mean() < 2  # weights, fonts and palettes may change a little
