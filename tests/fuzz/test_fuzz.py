@@ -98,7 +98,7 @@ def test_a_seed_and_a_number_make_one_input_and_others_another(tmp_path: Path) -
     assert made[0] == made[1] != made[2]
 
 
-def test_all_formats_that_are_read_are_attacked_with_files_that_can_be(tmp_path: Path) -> None:
+def test_fuzzing_covers_every_readable_format(tmp_path: Path) -> None:
     assert set(readable_suffixes()) <= set(MADE)
     rng = np.random.default_rng(2)
     for suffix in readable_suffixes():

@@ -46,7 +46,7 @@ def test_color_reaches_blender_in_linear_light() -> None:
     assert srgb_from_linear(red) == pytest.approx(0.5)
 
 
-def test_light_is_drawn_over_the_whole_range_and_stays_in_front_of_the_object() -> None:
+def test_random_lights_cover_the_range_before_the_object() -> None:
     light, rng = load("light"), np.random.default_rng(0)
     draws = np.array([light.draw(rng) for _ in range(2000)])
     low, high = np.array(light.slider.low), np.array(light.slider.high)
@@ -75,7 +75,7 @@ def test_elevation_is_mostly_drawn_where_people_look_from() -> None:
 
 
 @pytest.mark.parametrize(("name", "entry"), [("metallic", "Metallic"), ("roughness", "Roughness")])
-def test_material_controls_set_their_input_and_bring_the_specular_lobe_back(name: str, entry: str) -> None:
+def test_material_controls_set_principled_bsdf_inputs(name: str, entry: str) -> None:
     scene = SceneDescription()
     load(name).apply((0.7,), scene)
     assert scene.material == {entry: 0.7, "Specular IOR Level": 0.5}

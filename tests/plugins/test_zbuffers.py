@@ -53,7 +53,7 @@ def test_point_order_does_not_matter(zbuffer):
 
 
 @pytest.mark.parametrize("zbuffer", [PaperZBuffer(), SplatPyramid()])
-def test_nearest_point_wins_and_points_behind_the_camera_are_dropped(zbuffer):
+def test_nearest_point_wins_and_those_behind_are_dropped(zbuffer):
     camera = Camera(64, 64, 0.0)
     near, far = np.array([[0, -0.5, 0]], np.float32), np.array([[0, 0.5, 0]], np.float32)
     behind = np.array([[0, -5, 0], [0.1, -3.6, 0]], np.float32)  # the second in the camera's own plane

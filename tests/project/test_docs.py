@@ -167,7 +167,7 @@ def test_the_sweeps_that_are_named_are_all() -> None:
         assert [name for name in SWEEP_NAMES if name != "base" and not re.search(rf"\b{name}\b", text)] == []
 
 
-def test_what_is_said_of_going_on_from_shipped_weights_can_be_planned() -> None:
+def test_documented_fine_tuning_can_be_planned() -> None:
     from z2p_core.config import PipelineConfig, from_dict
     from z2p_renderer.workflows.plan import make_plan
 

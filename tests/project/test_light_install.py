@@ -84,7 +84,7 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable
     return install
 
 
-def test_the_wheel_is_for_every_python_and_names_the_oldest_c_library_that_will_do(wheel: Path) -> None:
+def test_wheel_tag_fits_every_python_and_names_its_glibc(wheel: Path) -> None:
     name = wheel.name.removesuffix(".whl").split("-")
     assert name[2:4] == ["py3", "none"]
     assert sys.platform != "linux" or name[4].startswith(("manylinux_2_17_", "linux_"))  # the latter with musl
@@ -133,7 +133,7 @@ def test_a_script_may_have_neighbours_of_any_name(
 
 
 @pytest.mark.skipif(sys.version_info >= (3, 14), reason="luigi is not for this Python")
-def test_luigi_finds_the_pipeline_by_its_short_name_wherever_it_runs(
+def test_luigi_finds_the_module_workflows_from_anywhere(
     installed: Callable[[str], Path], tmp_path: Path
 ) -> None:
     tested = shutil.copytree(installed(THIS), tmp_path / "venv", symlinks=True)

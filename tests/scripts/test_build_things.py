@@ -31,7 +31,7 @@ def test_things_are_new_for_each_number_and_the_same_for_a_seed(
     assert not set(other.values()) & set(first.values())
 
 
-def test_things_stand_near_the_floor_and_are_about_as_large_as_one(
+def test_built_objects_stand_on_the_floor_at_unit_size(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for name in build(monkeypatch, tmp_path, "--each", "6"):
@@ -40,7 +40,7 @@ def test_things_stand_near_the_floor_and_are_about_as_large_as_one(
         assert 0.3 < np.ptp(vertices, axis=0).max() < 2.5, name
 
 
-def test_a_boxs_sides_share_no_vertices_so_that_its_edges_stay_sharp() -> None:
+def test_box_faces_share_no_vertices() -> None:
     vertices, faces = mesh_parts.joined(mesh_parts.box((1, 2, 3), (0, 0, 0)))
     corners = vertices[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

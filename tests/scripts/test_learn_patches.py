@@ -30,7 +30,7 @@ def meshes(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(("noise", "neighbours"), [(0.0, 16), (0.02, 21)])
-def test_the_kernel_computes_what_the_network_of_the_shipped_header_does(
+def test_kernel_matches_the_network_of_the_shipped_header(
     meshes: Path, noise: float, neighbours: int
 ) -> None:
     rng = np.random.default_rng(1)

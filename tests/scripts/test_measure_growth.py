@@ -42,7 +42,7 @@ def test_a_curve_is_found_again_and_tells_what_reaches_a_target(floor: float, ra
     assert fit.reaches(fit.floor) is None
 
 
-def test_three_points_make_no_curve_and_growth_that_hurts_reaches_nothing() -> None:
+def test_too_few_points_make_no_growth_curve() -> None:
     assert growth.fitted([(1, 3), (2, 2), (4, 1)]) is None
     worse = growth.fitted([(x, 0.08 + 0.01 * x) for x in (0.25, 0.5, 1, 2)])
     assert worse is not None and worse.reaches(0.07) is None

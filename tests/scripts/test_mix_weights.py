@@ -31,7 +31,7 @@ def test_each_number_is_the_mean_by_the_share(after: Path, tmp_path: Path) -> No
         np.testing.assert_allclose(tensor, before.tensors[name] + 0.125, atol=1e-5)
 
 
-def test_weights_of_other_networks_and_shares_outside_are_refused(after: Path, tmp_path: Path) -> None:
+def test_mixing_refuses_other_networks_and_bad_shares(after: Path, tmp_path: Path) -> None:
     out = tmp_path / "mixed.safetensors"
     with pytest.raises(ValueError, match="expected weights of the same network"):
         mix_weights.mix("material", str(after), out, 0.5)

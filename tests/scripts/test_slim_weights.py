@@ -65,7 +65,7 @@ def test_what_was_never_heard_is_not_missed(make_weights: Callable[..., Path], t
 
 @pytest.mark.parametrize("further", [("--fine", "8"), ("--coarse",)])
 @pytest.mark.parametrize("encoder", ["none", "fourier"])
-def test_what_goes_over_no_single_pixels_begins_as_the_picture_without_them(
+def test_new_final_convs_start_as_the_identity(
     make_weights: Callable[..., Path], tmp_path: Path, encoder: str, further: tuple[str, ...]
 ) -> None:
     whole, lean = tmp_path / "whole.safetensors", tmp_path / "lean.safetensors"

@@ -30,7 +30,7 @@ def run(monkeypatch: pytest.MonkeyPatch, meshes: Path, out: Path, *options: str)
     return {path.name: path.read_bytes() for path in sorted(out.iterdir())}
 
 
-def test_each_mesh_gets_relatives_that_are_new_and_the_same_for_a_seed(
+def test_mesh_variations_are_new_and_seeded(
     meshes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = run(monkeypatch, meshes, tmp_path / "a", "--each", "3")

@@ -49,7 +49,7 @@ def test_ply_vertices_after_another_element_and_with_colours(tmp_path: Path) -> 
     assert np.array_equal(read(path)[0], np.column_stack([rows[axis] for axis in "xyz"]))
 
 
-def test_ply_needs_no_mesh_library_whose_import_takes_a_fifth_of_a_second(tmp_path: Path) -> None:
+def test_reading_ply_does_not_import_trimesh(tmp_path: Path) -> None:
     path = tmp_path / "scan.ply"
     path.write_bytes(ply(cloud(5), "ascii", "float"))
     code = f"import sys; from z2p_renderer.storage.scans.clouds import Path, read_clouds; read_clouds(Path({str(path)!r}))"
@@ -162,7 +162,7 @@ def sensor(path: Path, blob: bytes) -> Sensor | None:
     return raw.sensor
 
 
-def test_pcd_sensor_of_an_organised_cloud_stands_at_the_origin_and_faces_the_points(tmp_path: Path) -> None:
+def test_organised_pcd_without_viewpoint_has_sensor_at_origin(tmp_path: Path) -> None:
     ahead = sensor(tmp_path / "a.pcd", pcd(b"1 2 3\nnan nan nan\n1 2 4\n5 1 2"))
     assert ahead is not None
     assert np.array_equal(ahead.position, [0, 0, 0]) and np.array_equal(ahead.rotation, np.eye(3))
@@ -290,7 +290,7 @@ def test_obj_and_off_refusals(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("data", ["ascii", "binary", "binary_compressed"])
-def test_pcd_fields_of_count_0_padding_and_capitals_are_as_pcl_has_them(tmp_path: Path, data: str) -> None:
+def test_pcd_odd_fields_are_read_as_pcl_reads_them(tmp_path: Path, data: str) -> None:
     points = cloud(50, "f4")
     names = ("intensity", "Z", "_", "X", "Y", "_")
     rows = np.zeros(50, [("intensity", "<f4"), ("Z", "<f4"), ("p", "u1", 3), ("X", "<f4"), ("Y", "<f4"), ("q", "u1")])

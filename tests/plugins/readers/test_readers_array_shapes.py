@@ -188,7 +188,7 @@ def test_nan_of_the_kind_that_signals_is_nan_and_no_warning(tmp_path: Path, widt
      (XYZ / np.linalg.norm(XYZ, axis=1)[:, None], r"columns 1 to 3 may be normals .* array\[:, 3:6\]"),
      (1.6e9 + np.arange(60)[:, None] / 10, r"column 1 may be times")],
 )  # fmt: skip
-def test_an_array_whose_first_columns_are_no_coordinates_is_refused(
+def test_array_with_other_leading_columns_is_refused(
     tmp_path: Path, before: np.ndarray, told: str
 ) -> None:
     with pytest.raises(ScanError, match=told):

@@ -232,7 +232,7 @@ def test_garbage_is_a_scan_error(tmp_path: Path, suffix: str) -> None:
     refused(tmp_path / f"a{suffix}", np.random.default_rng(7).bytes(5000), ".")
 
 
-def test_stl_and_glb_give_each_vertex_once_where_the_scene_puts_it(tmp_path: Path) -> None:
+def test_stl_and_glb_vertices_are_unique_and_transformed(tmp_path: Path) -> None:
     ball = trimesh.creation.icosphere(subdivisions=2)
     expected = {tuple(row) for row in ball.vertices.astype("f4").tolist()}
     for suffix in (".stl", ".glb"):

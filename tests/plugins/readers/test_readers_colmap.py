@@ -76,7 +76,7 @@ def read(folder: Path) -> RawCloud:
     return cloud
 
 
-def test_points_are_read_and_the_rest_of_a_models_folder_passed_over(tmp_path: Path) -> None:
+def test_colmap_folder_yields_points_and_skips_other_files(tmp_path: Path) -> None:
     folder = model(tmp_path / "sparse" / "0", images_bin(poses(np.array([0.0, -1, 0]))))
     told: list[Path] = []
     found = find_scans([str(folder)], False, told.append)

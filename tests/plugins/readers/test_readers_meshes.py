@@ -43,7 +43,7 @@ def test_packed_glb_is_refused_by_the_packings_name(
 
 
 @pytest.mark.parametrize(("component", "kind", "one"), [(5122, "<i2", 32767), (5121, "u1", 255), (5120, "i1", 127)])
-def test_glb_positions_in_whole_numbers_stand_for_parts_of_one_where_the_file_says_so(
+def test_glb_normalized_integer_positions_are_scaled(
     tmp_path: Path, component: int, kind: str, one: int
 ) -> None:
     rows = np.arange(27).reshape(9, 3).astype(kind)
@@ -69,7 +69,7 @@ def test_glb_positions_in_whole_numbers_stand_for_parts_of_one_where_the_file_sa
 
 
 @pytest.mark.parametrize("mode", range(7))
-def test_glb_of_points_lines_and_triangles_in_any_mode_shows_its_vertices(tmp_path: Path, mode: int) -> None:
+def test_glb_of_any_primitive_mode_is_read(tmp_path: Path, mode: int) -> None:
     rows = cloud(6, "<f4")
     accessors = [{"bufferView": 0, "componentType": 5126, "count": 6, "type": "VEC3"}]
     tree = {"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "mode": mode}]}], "accessors": accessors,
@@ -108,7 +108,7 @@ def test_stl_of_another_length_than_promised(tmp_path: Path) -> None:
 FACET = "facet normal 0 0 1\nouter loop\nvertex {0} 0 0\nvertex {0} 1 0\nvertex {0} 0 1\nendloop\nendfacet\n"
 
 
-def test_stl_in_text_of_several_solids_in_capitals_and_after_empty_lines(tmp_path: Path) -> None:
+def test_ascii_stl_with_odd_layout_is_read(tmp_path: Path) -> None:
     first, second = (f"solid {name}\n{FACET.format(x)}endsolid {name}\n" for name, x in (("a", 0), ("b", 5)))
     both = np.array([[0, 0, 0], [0, 1, 0], [0, 0, 1], [5, 0, 0], [5, 1, 0], [5, 0, 1]])
     for text in (first + second, (first + second).upper(), "\n\n" + first + second):
@@ -123,7 +123,7 @@ def test_stl_without_triangles_says_so(tmp_path: Path) -> None:
     refused(tmp_path / "a.stl", "solid a\nendsolid a\n", "holds no triangle")
 
 
-def test_gltf_with_its_buffer_beside_it_or_in_it_shows_its_vertices(tmp_path: Path) -> None:
+def test_gltf_buffers_may_be_embedded_or_separate(tmp_path: Path) -> None:
     rows = cloud(30, "f4")
     (tmp_path / "some scan.bin").write_bytes(rows.tobytes())
     for uri in ("", "some%20scan.bin"):

@@ -74,7 +74,7 @@ def test_columns_of_a_sweep_that_are_named_count(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("columns", [3, 4, 6])
 @pytest.mark.parametrize("kind", ["<f8", "<f4"])
-def test_an_array_of_float64_is_told_even_where_columns_are_named(tmp_path: Path, columns: int, kind: str) -> None:
+def test_float64_without_header_is_reported(tmp_path: Path, columns: int, kind: str) -> None:
     path, table = tmp_path / "a.bin", np.resize(cloud(90), (45, columns)).astype(kind)
     path.write_bytes(table.astype("<f8").tobytes())
     for names in (None, ("x", "y", "z")):
@@ -133,7 +133,7 @@ def sweep(rows: int = 4000) -> np.ndarray:
 
 @pytest.mark.parametrize("rows", [3960, 3961, 3962])
 @pytest.mark.parametrize("width", [4, 5])
-def test_sweeps_of_any_length_stand_up_and_are_seen_as_their_lidar_looks(
+def test_lidar_sweeps_get_up_and_view_of_their_sensor(
     tmp_path: Path, width: int, rows: int
 ) -> None:
     table = np.ascontiguousarray(sweep(rows)[:, :width])

@@ -28,7 +28,7 @@ def test_text_round_trip_is_exact(tmp_path: Path, suffix: str, columns: int) -> 
         assert np.array_equal(read(path)[0], table[:, :3])
 
 
-def test_text_keeps_rows_that_are_not_finite_and_a_byte_order_mark_away(tmp_path: Path) -> None:
+def test_non_finite_rows_stay_and_a_byte_order_mark_goes(tmp_path: Path) -> None:
     path = tmp_path / "scan.xyz"
     path.write_bytes(b"\xef\xbb\xbf1 2 3\r\nnan inf 0\r\n")
     assert np.array_equal(read(path)[0], [[1, 2, 3], [np.nan, np.inf, 0]], equal_nan=True)
@@ -96,7 +96,7 @@ def refusal(path: Path, text: str, columns: str = "") -> str:
 
 @pytest.mark.parametrize("suffix", [".xyz", ".txt", ".csv", ".pts"])
 @pytest.mark.parametrize("separator", ["\t", " ", "  ", ";", "; ", " \t"])
-def test_decimal_commas_are_points_where_something_else_parts_the_numbers(
+def test_decimal_commas_are_read_with_other_separators(
     tmp_path: Path, suffix: str, separator: str
 ) -> None:
     table = np.random.default_rng(3).normal(size=(20, 3)) * ([[1e-6], [1], [1e20], [1e3]] * 5)
@@ -106,11 +106,11 @@ def test_decimal_commas_are_points_where_something_else_parts_the_numbers(
 
 @pytest.mark.parametrize("text", ["1, 2, 3\n4, 5, 6", "1 ,2 ,3\n4 ,5 ,6", "1,2,3\n4,5,6", "1 , 2 , 3\n4,5, 6",
                                   "1 2 3\n4,5,6", "1,2 3\n4 5,6", "1;2 3\n4; 5;6", "1\t2,3\n4 5 6"])  # fmt: skip
-def test_commas_part_numbers_unless_every_field_has_the_form_of_a_decimal(tmp_path: Path, text: str) -> None:
+def test_commas_separate_unless_every_field_is_a_decimal(tmp_path: Path, text: str) -> None:
     assert np.array_equal(given(tmp_path / "a.txt", text), [[1, 2, 3], [4, 5, 6]])
 
 
-def test_decimal_commas_that_could_be_either_follow_all_sampled_lines(tmp_path: Path) -> None:
+def test_ambiguous_commas_follow_all_sampled_lines(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     assert np.array_equal(given(path, "1,2 3,4 5,6\n7,8 9,1 0,25"), [[1.2, 3.4, 5.6], [7.8, 9.1, 0.25]])
     assert np.array_equal(given(path, "1,2 3,4 5,6\n1 2 3,4,5,6"), [[1, 2, 3], [1, 2, 3]])  # six columns
@@ -168,7 +168,7 @@ def test_names_that_are_recognised(tmp_path: Path, head: str) -> None:
     assert not is_prose(path)
 
 
-def test_names_that_are_not_recognised_are_refused_until_the_user_names_them(tmp_path: Path) -> None:
+def test_unknown_column_names_need_the_columns_option(tmp_path: Path) -> None:
     path, rows = tmp_path / "a.csv", "1,2,3\n4,5,6\n"
     for head in ("lon,lat,name", "Ostwerte,Hochwert,H", "Point 1,Point 2,Point 3", "easting,northing,alt,height"):
         refusal_of_head = refusal(path, f"{head}\n{rows}")
@@ -198,7 +198,7 @@ def test_first_lines_that_begin_as_comments_are_left_out(tmp_path: Path, sign: s
      ("x\ty\tz\tlabel\n1\t2\t3\told oak\n4\t5\t6\t\n", ""), ('x,y,z,i\n"1","2","3",0\n4,5,6,1\n', ""),
      ("x,y,z,when\n1,2,3,2024-01-01 12:00\n4,5,6,\n", ""), ("\tx\ty\tz\t\n 1\t2\t3\t\t\n 4\t5\t6\t\t\n", "")]
 )  # fmt: skip
-def test_other_columns_may_hold_words_where_names_tell_them_apart(tmp_path: Path, text: str, columns: str) -> None:
+def test_named_columns_allow_words_in_other_columns(tmp_path: Path, text: str, columns: str) -> None:
     assert np.array_equal(given(tmp_path / "a.csv", text, columns), [[1, 2, 3], [4, 5, 6]])
 
 
@@ -258,7 +258,7 @@ def test_what_begins_as_a_note_is_still_prose(tmp_path: Path) -> None:
         assert not is_prose(tmp_path / "e.txt"), text
 
 
-def test_where_the_user_names_columns_a_line_of_words_may_stand_first(tmp_path: Path) -> None:
+def test_with_named_columns_a_title_line_is_skipped(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     for text in ("lon,lat,name\n1,2,3\n", "// by hand\na;b;c;d\n1;2;3;oak\n", "1,2,3,oak\n"):
         path.write_text(text)

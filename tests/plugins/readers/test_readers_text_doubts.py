@@ -61,7 +61,7 @@ def test_what_stands_before_the_coordinates_is_asked_about(tmp_path: Path, suffi
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_count_of_the_rows_before_the_coordinates_is_left_out_and_told(tmp_path: Path, suffix: str) -> None:
+def test_leading_row_index_column_is_skipped_with_a_note(tmp_path: Path, suffix: str) -> None:
     for first in (0, 1):
         cloud = read(tmp_path / f"a{suffix}", table(np.arange(240) + first, XYZ, COLOURS))
         assert np.array_equal(cloud.points, XYZ) and "column 1 counts the rows" in cloud.note
@@ -72,7 +72,7 @@ def test_a_count_of_the_rows_before_the_coordinates_is_left_out_and_told(tmp_pat
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize(("first", "names"), [(NORMALS, "nx,ny,nz"), (COLOURS, "r,g,b")])
-def test_normals_or_colours_before_the_coordinates_are_asked_about(
+def test_leading_normals_or_colours_need_the_columns_option(
     tmp_path: Path, suffix: str, first: np.ndarray, names: str
 ) -> None:
     with pytest.raises(ScanError, match=f"columns 1 to 3 may be .*--columns {names},x,y,z or --columns x,y,z,c4,c5,c6"):

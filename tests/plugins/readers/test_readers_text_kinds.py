@@ -94,7 +94,7 @@ def test_viewers_names_of_the_axes(tmp_path: Path, viewer: str, separator: str) 
     assert not is_prose(tmp_path / "a.csv")
 
 
-def test_axes_behind_other_columns_and_beside_other_names_of_them(tmp_path: Path) -> None:
+def test_axis_columns_are_found_among_others_by_name(tmp_path: Path) -> None:
     path, beside = tmp_path / "a.csv", np.arange(60)[:, None]
     livox = "Version,Slot ID,LiDAR Index,Rsvd,Error Code,Timestamp,X,Y,Z,Reflectivity,Tag,Ori_x,Ori_y,Ori_z"
     table = np.column_stack([np.repeat(beside, 6, 1), XYZ, np.repeat(beside, 5, 1)])

@@ -29,7 +29,7 @@ def test_such_a_line_above_numbered_rows(tmp_path: Path, title: str) -> None:
 
 
 @pytest.mark.parametrize("first", ["0,1,2", "1,2,3"])
-def test_a_first_point_of_whole_numbers_stays_among_others_of_such(tmp_path: Path, first: str) -> None:
+def test_a_first_row_of_integers_is_a_point_among_integers(tmp_path: Path, first: str) -> None:
     points = given(tmp_path / "a.csv", [first, "5,7,9", "3,1,4", "8,8,1"])
     assert points[0].tolist() == [float(cell) for cell in first.split(",")] and len(points) == 4
 
@@ -43,7 +43,7 @@ def test_names_of_rows_have_no_title_in_r(tmp_path: Path, title: str, names: str
     assert np.array_equal(given(tmp_path / "a.txt", [title, *rows]), POINTS)
 
 
-def test_a_title_with_too_few_names_is_asked_about_where_rows_have_none(tmp_path: Path) -> None:
+def test_header_with_too_few_names_needs_the_columns_option(tmp_path: Path) -> None:
     rows = "".join(f"{row},7\n" for row in ROWS)
     refused(tmp_path / "a.csv", f"x,y,z\n{rows}", "names 3 columns .* the file has 4")
 

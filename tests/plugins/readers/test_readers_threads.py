@@ -26,7 +26,7 @@ with ThreadPoolExecutor(len(paths)) as pool:
 """
 
 
-def test_meshes_of_several_formats_are_read_at_once_in_a_fresh_process(tmp_path: Path) -> None:
+def test_meshes_can_be_read_in_parallel_from_the_start(tmp_path: Path) -> None:
     import trimesh
 
     for name in ("a.glb", "b.glb", "c.stl"):

@@ -44,7 +44,7 @@ def test_rows_that_are_not_finite_are_dropped_and_counted(tmp_path: Path) -> Non
     assert np.array_equal(scan.points, np.delete(array, [2, 5, 9], axis=0))
 
 
-def test_batch_gives_labelled_scans_and_suffix_case_does_not_matter(tmp_path: Path) -> None:
+def test_batches_give_labelled_scans_in_any_suffix_case(tmp_path: Path) -> None:
     batch = np.random.default_rng(2).normal(size=(4, 10, 3))
     np.save(tmp_path / "a.npy", batch)
     (tmp_path / "a.npy").rename(tmp_path / "A.NPY")
@@ -268,7 +268,7 @@ def test_a_path_that_leads_nowhere_is_guessed_where_that_is_sure(tmp_path: Path)
             find_scans([str(tmp_path / wrong)], False)
 
 
-def test_a_picture_in_the_place_of_a_scan_is_told_how_it_is_named(tmp_path: Path) -> None:
+def test_an_image_given_as_scan_is_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "bunny.ply").touch()
     with pytest.raises(ScanError, match=r"a picture that is to be written is named by --output .*bunny\.png"):
         find_scans([str(tmp_path / "bunny.ply"), str(tmp_path / "bunny.png")], False)

@@ -73,7 +73,7 @@ def test_what_goes_wrong_ends_the_file_and_not_the_process(
         read(tmp_path / f"{stem}.fragile")
 
 
-def test_all_that_a_reader_says_comes_back_and_nothing_on_the_screen(
+def test_child_reader_output_is_returned_not_printed(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     whole, bare = read(tmp_path / "loud.fragile")

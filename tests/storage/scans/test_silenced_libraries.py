@@ -41,7 +41,7 @@ def test_only_libraries_warnings_are_kept_back_and_only_within() -> None:
         assert len(told) == 3 and list(warnings.filters) == before
 
 
-def test_threads_that_read_at_once_leave_the_filters_as_they_were() -> None:
+def test_parallel_reading_restores_warning_filters() -> None:
     before = list(warnings.filters)
     barrier = threading.Barrier(4)
 
@@ -59,7 +59,7 @@ def test_threads_that_read_at_once_leave_the_filters_as_they_were() -> None:
     assert list(warnings.filters) == before
 
 
-def test_what_libraries_log_is_kept_back_unless_somebody_asked_for_logs() -> None:
+def test_library_logs_are_silent_unless_configured() -> None:
     code = ("import logging, sys; from z2p_renderer.storage.scans.silenced_libraries import quiet\n"
             "if len(sys.argv) > 1: logging.basicConfig(format='%(message)s')\n"
             "with quiet(): logging.getLogger('laspy.lasreader').error('within')\n"

@@ -24,7 +24,7 @@ def refused(path: Path, blob: bytes, told: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", sorted({*CLOUDS, *SCENES} - set(readable_suffixes())))
-def test_formats_that_stay_unread_say_what_they_are_and_what_to_do(tmp_path: Path, suffix: str) -> None:
+def test_unsupported_formats_get_advice_on_conversion(tmp_path: Path, suffix: str) -> None:
     refused(tmp_path / f"a{suffix}", b"\x01\x02\x03" * 9, rf"a\{suffix}: (is|holds) .*, which z2p does not read; \w")
 
 
@@ -57,7 +57,7 @@ def test_files_that_are_what_they_say_are_read(tmp_path: Path, name: str) -> Non
     assert np.array_equal(read_clouds(tmp_path / name)[0].points, POINTS)
 
 
-def test_a_folder_passes_over_unread_clouds_and_tells_of_them_alone(tmp_path: Path) -> None:
+def test_folders_skip_and_report_only_unsupported_clouds(tmp_path: Path) -> None:
     write_cloud(tmp_path / "a.ply", POINTS)
     for name in ("b.splat", "c.bag", "d.blend", "e.jpg", "f.zip"):
         (tmp_path / name).write_bytes(b"?")

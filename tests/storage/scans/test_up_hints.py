@@ -111,7 +111,7 @@ def test_a_damaged_or_doubtful_description_counts_for_nothing(tmp_path: Path, te
     assert read(path).up == ""
 
 
-def test_a_folder_or_a_pipe_in_the_place_of_a_description_counts_for_nothing(tmp_path: Path) -> None:
+def test_a_folder_or_pipe_as_description_is_ignored(tmp_path: Path) -> None:
     (tmp_path / "scan.xyz").write_text(ROWS)
     (tmp_path / "metadata.json").mkdir()
     os.mkfifo(tmp_path / "scan.json")
@@ -127,7 +127,7 @@ def test_a_scene_of_the_same_name_makes_its_axis_usual(tmp_path: Path) -> None:
     assert [(scan.up, scan.up_certain) for scan in scans] == [("+Y", False), ("", True), ("+Z", True)]
 
 
-def test_what_a_reader_is_certain_of_stays_and_what_is_usual_gives_way(tmp_path: Path) -> None:
+def test_certain_up_of_a_reader_wins_over_hints(tmp_path: Path) -> None:
     path = tmp_path / "scan.ply"
     path.write_text(text_of(".ply", "Y up"))
     given = [RawCloud(POINTS, up="-X", up_certain=certain, up_reason="so") for certain in (True, False)]
@@ -136,7 +136,7 @@ def test_what_a_reader_is_certain_of_stays_and_what_is_usual_gives_way(tmp_path:
     assert [cloud.up for cloud in up_hints.with_up_hints(given, path, path)] == ["-X", "-X"]
 
 
-def test_heights_above_the_globe_count_before_a_phones_usual_axis(tmp_path: Path) -> None:
+def test_geographic_heights_win_over_a_phones_usual_axis(tmp_path: Path) -> None:
     path = tmp_path / "walk.csv"
     rows = "".join(f"{8 + x / 1000:.7f},{47 + y / 1000:.7f},{400 + z:.3f}\n" for x, y, z in POINTS)
     path.write_text(f"# iPhone\nlongitude,latitude,altitude\n{rows}")

@@ -79,7 +79,7 @@ def test_a_models_cameras_tell_of_the_clouds_that_colmap_makes(tmp_path: Path, n
     assert cloud.upward is not None and np.allclose(cloud.upward, TILTED) and cloud.seen_from is not None
 
 
-def test_without_its_model_a_fused_cloud_is_taken_as_colmaps_though_not_for_sure(tmp_path: Path) -> None:
+def test_fused_cloud_alone_gets_colmaps_axes_as_uncertain(tmp_path: Path) -> None:
     fused, other = cloud_of(tmp_path / "fused.ply"), cloud_of(tmp_path / "refused.ply")
     assert (fused.up, fused.up_certain, other.up) == ("-Y", False, "")
 
@@ -90,7 +90,7 @@ def test_damaged_cameras_of_a_model_count_for_nothing(tmp_path: Path) -> None:
         assert cloud_of(tmp_path / "a.ply").up == ""
 
 
-def test_the_cloud_that_a_transforms_file_names_is_its_cameras_own(tmp_path: Path) -> None:
+def test_transforms_json_gives_up_to_the_cloud_it_names(tmp_path: Path) -> None:
     transforms(tmp_path, TILTED, ply_file_path="./points/sparse_pc.ply")
     cloud = cloud_of(tmp_path / "sparse_pc.ply")
     assert (cloud.up, cloud.up_certain) == ("+Z", True)
@@ -98,7 +98,7 @@ def test_the_cloud_that_a_transforms_file_names_is_its_cameras_own(tmp_path: Pat
 
 
 @pytest.mark.parametrize("up, axis", [((0, 1, 0), "+Y"), ((0, 0, 1), "+Z"), ((-1, 0, 0), "-X"), ((0, -1, 0), "-Y")])
-def test_for_another_cloud_beside_it_their_axis_is_no_more_than_usual(tmp_path: Path, up: Any, axis: str) -> None:
+def test_cameras_only_suggest_up_for_other_clouds_nearby(tmp_path: Path, up: Any, axis: str) -> None:
     transforms(tmp_path, np.array(up, dtype=float), ply_file_path="other.ply")
     cloud = cloud_of(tmp_path / "a.ply")
     assert (cloud.up, cloud.up_certain, cloud.upward, cloud.seen_from) == (axis, False, None, None)
@@ -124,7 +124,7 @@ def test_without_cameras_the_world_counts_as_it_was_turned(tmp_path: Path, turn:
 
 @pytest.mark.parametrize("matrix", [3, [[1, 2], [3]], [[float("nan"), 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], None,
                                     [[0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], [["a"] * 4] * 4])  # fmt: skip
-def test_cameras_that_are_none_leave_the_world_as_nerfstudio_has_it(tmp_path: Path, matrix: Any) -> None:
+def test_invalid_cameras_leave_nerfstudios_usual_axes(tmp_path: Path, matrix: Any) -> None:
     for frames in ([{"transform_matrix": matrix}], [], [{}], [matrix]):
         (tmp_path / "transforms.json").write_text(json.dumps({"frames": frames, "ply_file_path": "a.ply"}))
         cloud = cloud_of(tmp_path / "a.ply")
@@ -137,7 +137,7 @@ def test_a_damaged_transforms_file_counts_for_nothing(tmp_path: Path, text: str)
     assert cloud_of(tmp_path / "a.ply").up == ""
 
 
-def test_the_points_that_a_splat_model_began_with_stand_as_its_cameras(tmp_path: Path) -> None:
+def test_initial_points_of_a_splat_model_use_its_cameras_up(tmp_path: Path) -> None:
     cameras = [{"position": place.tolist(), "rotation": axes.tolist()} for axes, place in around(TILTED)]
     (tmp_path / "cameras.json").write_text(json.dumps(cameras))
     told, other = cloud_of(tmp_path / "input.ply"), cloud_of(tmp_path / "a.ply")
