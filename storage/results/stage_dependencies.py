@@ -108,7 +108,9 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluation.evaluate", "pipeline.evaluation.baselines:with_true_floor",
-        "pipeline.evaluation.comparison_sheet", "pipeline.outputs.point_preview", "pipeline.outputs.contact_sheet",
+        "pipeline.evaluation.comparison_sheet", "pipeline.outputs.point_preview",
+        *(f"pipeline.outputs.contact_sheet:{name}" for name in (
+            "SHEET_KEYWORD", "check_sheet_places", "is_sheet", "remove_surplus_sheets", "sheet_path")),
         "pipeline.rendering.mesh_samples:sample_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",
         "z2p_core.quality.metrics", "z2p_core.meshes.synthetic_noise",
         "z2p_core.meshes.triangle_sampling", *_RENDERER, *_RENDERS, *_NETWORK, *_CONTROLS,

@@ -40,7 +40,7 @@ ODD = {
     "controls.color": [[1e9, 0, 0]], "input": ["scan.ply"], "input.name": [3], "input.cloud": [-1, "0"],
     "weights": [None], "weights.name": [{}], "resolution": [[0, 32], [32], "32x32", [1e6, 1e6], [10**30, 1]],
     "background": ["opaque", [2, 0, 0], [1, 2]], "supersample": [0, 10**6, 1.5], "fit": ["loose"],
-    "placing": [[]], "placing.view": [{}], "stance.azimuth": ["north"], "stance.outlier_count": [-1, 1.5],
+    "placing": [[]], "placing.view": [{}], "stance.azimuth": ["north"], "stance.outliers": [-1, 1.5],
     "camera": ["front", {}], "camera.radius": [0, -1, "1"], "camera.rotation": [[[1, 0], [0, 1]], "none"],
     "camera.centre": [[1, 2], ["1", "2", "3"]], "window": [[1, 2]], "motion": [3], "batch": [0], "version": [1],
 }  # fmt: skip
