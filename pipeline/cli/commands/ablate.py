@@ -1,4 +1,4 @@
-"""`z2p ablate`: starts luigi as a process of its own, as `z2p pipeline` does."""
+"""`z2p ablate`: runs luigi in a process of its own, as `z2p pipeline` does."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from z2p_renderer.pipeline.cli.commands.train_pipeline import pipeline_options, 
 
 
 @click.command()
-@pipeline_options("A base and its variants. The default is a file of the clone: name it where z2p was installed "
+@pipeline_options("A base and its variants. The default is a file of the clone: name it if z2p was installed "
                   "without --editable.", "configs/ablations.toml")
 def ablate(**options: Any) -> None:
     """Train variants of a config for the same budget, and compare them in a table.

@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from z2p_core import __version__, registry
+from z2p_core.errors.messages import error_reason
 
 PACKAGES = ("numpy", "onnxruntime", "openvino", "torch", "onnx",
             "pillow", "click", "safetensors", "trimesh", "pypcd4", "laspy", "lazrs", "jinja2",
@@ -19,10 +20,10 @@ PACKAGES = ("numpy", "onnxruntime", "openvino", "torch", "onnx",
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="JSON instead of text.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 def report(as_json: bool) -> None:
-    """Print what a bug report needs: versions, machine, weights and plugins. No name or path of yours is in it."""
-    facts = _facts()
+    """Print what a bug report needs: versions, machine, weights and plugins. It holds no user name and no path."""
+    facts = _collect_facts()
     if as_json:
         click.echo(json.dumps(facts, indent=2))
         return
@@ -32,8 +33,8 @@ def report(as_json: bool) -> None:
             click.echo(f"  {name:<18} {value}")
 
 
-def _facts() -> dict[str, dict[str, Any]]:
-    """Sections of facts; nothing in them tells who or where the user is."""
+def _collect_facts() -> dict[str, dict[str, Any]]:
+    """Section -> {name: value}; nothing in them identifies the user."""
     from z2p_renderer.storage.models.checkpoints import shipped_weights
     from z2p_renderer.storage.results.fingerprints import file_digest
     from z2p_renderer.storage.scans.memory_limit import free_memory
@@ -52,13 +53,13 @@ def _facts() -> dict[str, dict[str, Any]]:
         "machine": machine,
         "packages": {name: _version(name) for name in PACKAGES},
         "weights": weights,
-        "plugins": _plugins(),
+        "plugins": _plugin_lines(),
     }
 
 
-def _plugins() -> dict[str, str]:
-    """Group -> names of its plugins, with the packages of strangers and what is broken."""
-    told: dict[str, str] = {}
+def _plugin_lines() -> dict[str, str]:
+    """Group -> names of its plugins, each with its package if it is not z2p's, and with why it is broken if it is."""
+    groups: dict[str, str] = {}
     for group in registry.GROUPS:
         names = []
         for plugin in registry.installed(group):
@@ -66,11 +67,11 @@ def _plugins() -> dict[str, str]:
                 registry.load(group, plugin.name)
                 broken = ""
             except registry.PluginError as error:
-                broken = f" BROKEN: {' '.join(str(error).split())}"
+                broken = f" BROKEN: {error_reason(error)}"
             origin = "" if plugin.origin.startswith("z2p-renderer ") else f" ({plugin.origin})"
             names.append(f"{plugin.name}{origin}{broken}")
-        told[group] = ", ".join(names)
-    return told
+        groups[group] = ", ".join(names)
+    return groups
 
 
 def _version(package: str) -> str:

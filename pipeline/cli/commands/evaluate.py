@@ -16,48 +16,49 @@ from z2p_core.scene import SIDE_LIMITS
 from z2p_renderer.pipeline.cli.errors import CommandError
 from z2p_renderer.pipeline.cli.options.param_types import Elevation, FiniteRange
 
-PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
+REQUIRED_PACKAGES = ("bpy", "kornia", "flip_evaluator", "matplotlib")
 INSTALL = install_advice("pipeline")
 
 
-def _split(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
+def _split_names(context: click.Context, parameter: click.Parameter, text: str) -> tuple[str, ...]:
     names = (name.strip() for name in text.split(","))
     return tuple(dict.fromkeys(name for name in names if name))
 
 
 @click.command(context_settings={"show_default": True})
 @click.option("--meshes", required=True, type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder of meshes to render and to draw clouds from.")
+              help="Folder of meshes to render and to sample clouds from.")
 @click.option("--weights", default="regular", metavar="W", help="Shipped name or a .safetensors file.")
-@click.option("--engine", default="torch", metavar="NAME", help="What runs the network; see `z2p plugins`.")
+@click.option("--engine", default="torch", metavar="NAME", help="Engine that runs the network; see `z2p plugins`.")
 @click.option("--output", "-o", required=True, type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
               help="Folder for metrics.json and the contact sheet.")
 @click.option("--truth", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder that keeps the Blender renders for the next time.  [default: OUTPUT/truth]")
+              help="Folder that keeps the Blender renders for later evaluations.  [default: OUTPUT/truth]")
 @click.option("--views", default=4, type=click.IntRange(min=1), metavar="V", help="Views of each mesh.")
 @click.option("--points", default=5000, type=click.IntRange(min=1), metavar="N", help="Points in each cloud.")
 @click.option("--noise", default=0.0, type=FiniteRange(min=0), metavar="S",
               help="Standard deviation of Gaussian noise, in units of the mesh's radius.")
-@click.option("--sampler", default="uniform", metavar="NAME", help="How clouds are drawn; see `z2p plugins`.")
+@click.option("--sampler", default="uniform", metavar="NAME", help="How points are sampled; see `z2p plugins`.")
 @click.option("--seed", default=0, type=click.IntRange(min=0), metavar="K", help="Seed of views, clouds and noise.")
 @click.option("--seeds", default=1, type=click.IntRange(min=1), metavar="N",
-              help="How many seeds, from --seed on: means over all, and their spread.")
-@click.option("--resolution", default=256, type=click.IntRange(*SIDE_LIMITS), metavar="R", help="Side of the pictures.")
-@click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples a pixel.")
+              help="Number of seeds, starting at --seed: prints means over all, and their spread.")
+@click.option("--resolution", default=256, type=click.IntRange(*SIDE_LIMITS), metavar="R",
+              help="Side of the pictures, in pixels.")
+@click.option("--samples", default=64, type=click.IntRange(min=1), metavar="N", help="Cycles samples per pixel.")
 @click.option("--bounces", default=3, type=click.IntRange(min=0), metavar="N",
-              help="How often light may bounce; 6 for what is glossy.")
+              help="Number of light bounces in Cycles; use 6 for glossy surfaces.")
 @click.option("--supersample", default=1, type=click.IntRange(1, 4), metavar="K",
               help="Draw K times as large and average down, as z2p run-inference does.")
 @click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
-@click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split,
-              help="Comma-separated baselines to put beside it, as bpa,poisson,balls; see `z2p plugins`.")
+@click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split_names,
+              help="Comma-separated baselines to compare with, as bpa,poisson,balls; see `z2p plugins`.")
 def evaluate(
     meshes: Path, weights: str, engine: str, output: Path, truth: Path | None, baseline: tuple[str, ...],
     **options: Any,
 ) -> None:
     """Measure weights against Blender renders of meshes.
 
-    Writes metrics.json (a row a mesh and view, and the means) and a contact sheet, and prints the means.
+    Writes metrics.json (a row for each mesh and view, and the means) and a contact sheet, and prints the means.
     """
     from z2p_core import registry
     from z2p_renderer.pipeline.evaluation.baselines import load_baselines
@@ -71,15 +72,15 @@ def evaluate(
     config = EvaluateConfig(**options)
     load_baselines(baseline)
     registry.load("engines", engine)
-    found, file = find_meshes(meshes), find_weights(weights)
-    check_sheet_places(output, count_sheets(len(found) * config.views * config.seeds))  # before hours of rendering
-    missing = [package for package in PACKAGES if importlib.util.find_spec(package) is None]
+    mesh_files, weights_file = find_meshes(meshes), find_weights(weights)
+    check_sheet_places(output, count_sheets(len(mesh_files) * config.views * config.seeds))  # before hours of rendering
+    missing = [package for package in REQUIRED_PACKAGES if importlib.util.find_spec(package) is None]
     if missing:
         raise CommandError(f"evaluation needs {', '.join(missing)}; {INSTALL}")
     try:
         from z2p_renderer.pipeline.evaluation.evaluate import evaluate as measure
 
-        measure(found, file, output, config, truth or output / "truth", _say, baseline, engine)
+        measure(mesh_files, weights_file, output, config, truth or output / "truth", _print_progress, baseline, engine)
     except SystemLibraryError as error:
         raise CommandError(str(error)) from error
     except ImportError as error:
@@ -89,24 +90,24 @@ def evaluate(
 
 
 def _print_means(metrics: dict[str, Any]) -> None:
-    """A line a figure: its mean and, where there are baselines, theirs beside it under a line of names.
+    """Prints a line for each metric with its mean; with baselines, theirs follow in columns below a line of names.
 
-    Where there are several seeds, the spread (standard deviation) of their means follows each mean.
+    With several seeds, each mean is followed by the standard deviation of the seeds' means.
     """
     columns = [metrics, *metrics["baselines"].values()]
-    several = len(metrics["seeds"]) > 1
+    has_spread = len(metrics["seeds"]) > 1
     if metrics["baselines"]:
-        wide = 19 if several else 9
-        click.echo(" ".join([f"{'':<16}", *(f"{name:>{wide}}" for name in ("z2p", *metrics["baselines"]))]))
+        width = 19 if has_spread else 9
+        click.echo(" ".join([f"{'':<16}", *(f"{name:>{width}}" for name in ("z2p", *metrics["baselines"]))]))
     for name in dict.fromkeys(name for column in columns for name in column["means"]):
         numbers = []
         for column in columns:
             mean, spread = column["means"].get(name), column["spread_over_seeds"].get(name)
             numbers.append(f"{'-':>9}" if mean is None else f"{mean:9.4f}")
-            if several:
+            if has_spread:
                 numbers.append(f"{'':>9}" if spread is None else f"+-{spread:7.4f}")
         click.echo(" ".join([f"{name:<16}", *numbers]))
 
 
-def _say(line: str) -> None:
+def _print_progress(line: str) -> None:
     click.echo(line, err=True)

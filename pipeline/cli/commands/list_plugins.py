@@ -12,11 +12,11 @@ from z2p_core.registry import Plugin, PluginError
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="A JSON list instead of a table.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of a table.")
 def plugins(as_json: bool) -> None:
     """List the installed plugins with their package and version.
 
-    Each is loaded; one that fails to is listed as broken, with the reason.
+    Each plugin is loaded; one that fails to load is listed as broken, with the reason.
     """
     rows = [_plugin_row(plugin) for group in registry.GROUPS for plugin in registry.installed(group)]
     if as_json:
@@ -29,12 +29,12 @@ def plugins(as_json: bool) -> None:
 
 
 @click.command()
-@click.option("--json", "as_json", is_flag=True, help="A JSON list instead of a table.")
+@click.option("--json", "as_json", is_flag=True, help="Print a JSON list instead of a table.")
 def formats(as_json: bool) -> None:
     """List the readable point-cloud formats: suffix, reader and the reader's package."""
     rows = []
     for plugin in registry.installed("readers"):
-        reader, error = _loaded(plugin)
+        reader, error = _load_plugin(plugin)
         if reader is None:
             click.echo(f"Warning: {error}", err=True)
             continue
@@ -47,7 +47,7 @@ def formats(as_json: bool) -> None:
 
 
 def _plugin_row(plugin: Plugin) -> dict[str, Any]:
-    loaded, error = _loaded(plugin)
+    loaded, error = _load_plugin(plugin)
     distribution, _, distribution_version = plugin.origin.rpartition(" ")
     return {
         "group": plugin.group,
@@ -62,8 +62,8 @@ def _plugin_row(plugin: Plugin) -> dict[str, Any]:
     }
 
 
-def _loaded(plugin: Plugin) -> tuple[Any, str | None]:
-    """The plugin's class and None, or None and why it fails to load."""
+def _load_plugin(plugin: Plugin) -> tuple[Any, str | None]:
+    """(class of the plugin, None), or (None, the reason why it fails to load)."""
     try:
         return registry.load(plugin.group, plugin.name), None
     except PluginError as error:

@@ -1,4 +1,4 @@
-"""`z2p report-paper`: starts luigi as a process of its own, as `z2p pipeline` does."""
+"""`z2p report-paper`: runs luigi in a process of its own, as `z2p pipeline` does."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from z2p_renderer.pipeline.cli.commands.train_pipeline import check_luigi, run_p
 
 @click.command()
 @click.option("--config", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="TOML",
-              help="What the report holds.", show_default="all of it")
+              help="The contents of the report.", show_default="all of it")
 @click.option("--meshes", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder of meshes never trained on; shapes of the project's own without it.")
+              help="Folder of meshes that were never trained on.", show_default="built-in shapes")
 @click.option("--scans", type=click.Path(exists=True, file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder of scans to show beside the baselines.")
-@click.option("--weights", metavar="NAMES", help="Comma-separated shipped names or .safetensors files; all that are "
-              "shipped without it.")
+              help="Folder of scans that are shown beside the baselines.")
+@click.option("--weights", metavar="NAMES", help="Comma-separated shipped names or .safetensors files.",
+              show_default="all shipped ones")
 @click.option("--sweeps", metavar="NAMES", help="Comma-separated sweeps: noise, density, sampling, inner, scale, "
               "single, lift, light, color, turning, material, sheet, scene, bumps, gap.",
               show_default="all of the config's")
 @click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
-              help="Folder for everything that is made.", show_default="runs")
-@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Tasks that run at the same time.",
+              help="Folder for all results.", show_default="runs")
+@click.option("--workers", type=click.IntRange(min=1), metavar="N", help="Number of tasks that run at the same time.",
               show_default="1")
-@click.option("--explain", is_flag=True, help="Say first why each stage runs.")
-@click.option("--dry-run", is_flag=True, help="Say what would run and why; write nothing.")
+@click.option("--explain", is_flag=True, help="Print first why each stage runs.")
+@click.option("--dry-run", is_flag=True, help="Print what would run and why; write nothing.")
 @click.pass_context
 def report_paper(ctx: click.Context, explain: bool, dry_run: bool, **options: Path | str | int | None) -> None:
     """Make the paper's evaluation: sweeps, tables, limits and baselines, in one page with JSON and CSV.
 
-    Runs `luigi --module workflows PaperReport --local-scheduler` and ends with its exit status. Each method on each
-    sweep of each mesh is kept, so other weights or a further sweep only make what is new.
+    Runs `luigi --module workflows PaperReport --local-scheduler` and ends with its exit status. The results of each
+    method on each sweep of each mesh are kept, so that other weights or another sweep compute only what is new.
     """
     check_luigi()
     command = [sys.executable, "-m", "luigi", "--module", "workflows", "PaperReport", "--local-scheduler"]

@@ -1,6 +1,6 @@
-"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each hands its words to a process.
+"""`z2p status`, `verify`, `gc`, `adopt`, `scheduler`: each passes its arguments on to ``python -m workflows``.
 
-That is ``python -m workflows``. Wrong words, and those that ask for help, are answered here.
+Wrong arguments and --help are answered here, so that they need no luigi.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ from z2p_renderer.pipeline.cli.commands.train_pipeline import check_luigi, run_p
 from z2p_renderer.pipeline.cli.options.workspace import build_command
 
 _ARGUMENTS_KEY = "z2p.words"
+"""Key in click's context of the arguments as they were typed."""
 
 
 class ForwardedCommand(click.Command):
-    """A command that keeps its words as they were typed."""
+    """A command that keeps its arguments as they were typed."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ctx.meta[_ARGUMENTS_KEY] = list(args)
@@ -27,12 +28,12 @@ class ForwardedCommand(click.Command):
 
 def _forwarded(name: str) -> click.Command:
     @click.pass_context
-    def hand_on(ctx: click.Context, /, **_: Any) -> None:
+    def forward(ctx: click.Context, /, **_: Any) -> None:
         check_luigi()
-        words = [sys.executable, "-m", "workflows", name, *ctx.meta[_ARGUMENTS_KEY]]
-        ctx.exit(run_process(words, child_environment()))
+        arguments = [sys.executable, "-m", "workflows", name, *ctx.meta[_ARGUMENTS_KEY]]
+        ctx.exit(run_process(arguments, child_environment()))
 
-    return build_command(name, hand_on, ForwardedCommand)
+    return build_command(name, forward, ForwardedCommand)
 
 
 status, verify, gc, adopt, scheduler = map(_forwarded, ("status", "verify", "gc", "adopt", "scheduler"))
