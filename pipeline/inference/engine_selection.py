@@ -62,7 +62,7 @@ def start_engine(
                            f"{error_reason(error)}); write its export again: {_export(file)}") from error
     _started.add(engine)
     if chosen.reads_onnx and (chosen.reads_int8 or whole is None):  # graph files leave out the last of a network
-        engine.last = FinalConvs.of(loaded.weights.tensors, loaded.config)
+        engine.last = FinalConvs.from_tensors(loaded.weights.tensors, loaded.config)
     return engine
 
 

@@ -1,4 +1,4 @@
-"""What an engine makes once for each size of picture."""
+"""A cache of what an engine prepares once for each image size."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from functools import lru_cache
 from typing import TypeVar
 
 Size = TypeVar("Size", bound=Hashable)
-Made = TypeVar("Made")
+Prepared = TypeVar("Prepared")
 
 MAX_CACHED_SIZES = 4
-"""Sizes whose networks are kept at a time, the last used ones."""
+"""Sizes that are kept at a time, the most recently used ones."""
 
 
-def cached_per_size(make: Callable[[Size], Made]) -> Callable[[Size], Made]:
-    """`make`, but what it has made for a size is kept; threads that ask at a time wait for each other."""
-    kept, lock = lru_cache(MAX_CACHED_SIZES)(make), threading.Lock()
+def cached_per_size(prepare: Callable[[Size], Prepared]) -> Callable[[Size], Prepared]:
+    """`prepare` with a cache of its results; concurrent threads wait for each other, so that each size is made once."""
+    cached, lock = lru_cache(MAX_CACHED_SIZES)(prepare), threading.Lock()
 
-    def made(size: Size) -> Made:
+    def get(size: Size) -> Prepared:
         with lock:
-            return kept(size)
+            return cached(size)
 
-    return made
+    return get

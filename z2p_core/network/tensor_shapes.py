@@ -1,6 +1,7 @@
-"""What tensors a network of `z2p_core.network.unet` has, told by its configuration alone: nothing is built or allocated.
+"""Names and shapes of the tensors of a network of `z2p_core.network.unet`, from its configuration alone.
 
-So weights of strangers are compared with their card where torch is not installed, and before anything is made of them.
+Nothing is built or allocated. So untrusted weights can be compared with their card without torch, and before anything
+is made of them.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from z2p_core.config import FINE_BLOCK, NetworkConfig
 from z2p_core.errors.value_limits import Choice, Count, Limit, ListOf
 
 MAX_WEIGHTS = 500_000_000
-"""Numbers in all tensors of a network; the largest that ships has 3 million."""
+"""Largest number of weights of a network; the largest one that ships has 3 million."""
 KINDS = ("unshuffle_unet", "adain_unet")
 CONDITIONINGS = ("adain", "input")
 SIZE_LIMITS: dict[str, Limit] = {
@@ -24,12 +25,13 @@ SIZE_LIMITS: dict[str, Limit] = {
     "mapping": Count(1, 16_384),
     "conditioning": Choice(CONDITIONINGS),
 }
-"""What a configuration and a card may say of a network, each by itself: absurd sizes are refused before all else."""
+"""Limits of each field of a network's configuration or card: absurd sizes are refused before anything else."""
 Shapes = dict[str, tuple[int, ...]]
+"""Shape of each tensor by its name in the state dict."""
 
 
 def network_config_fault(config: NetworkConfig) -> str:
-    """What cannot be about a network, in words that begin with the key; empty where all is well."""
+    """Message, beginning with the key, on fields of a configuration that do not fit each other; "" if all do."""
     if config.kind not in KINDS:
         return f"kind: unknown network {config.kind!r}; known: {', '.join(KINDS)}"
     if len(config.widths) < 2 or min(*config.widths, config.mapping, config.unshuffle, config.refine + 1) < 1:
@@ -49,9 +51,9 @@ def network_config_fault(config: NetworkConfig) -> str:
 
 
 def network_shapes(config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int) -> Shapes:
-    """Name -> shape of every tensor in the state of the network that `build_network` makes of these."""
-    parts = _unshuffle_unet if config.kind == "unshuffle_unet" else _adain_unet
-    shapes = dict(parts(config, buffer_channels, encoder_channels, settings))
+    """Shape of every tensor in the state dict of the network that `build_network` makes of these arguments."""
+    layers = _unshuffle_unet if config.kind == "unshuffle_unet" else _adain_unet
+    shapes = dict(layers(config, buffer_channels, encoder_channels, settings))
     if config.conditioning == "adain":
         inputs = (settings, config.mapping, config.mapping)
         for layer, before in zip((0, 2, 4), inputs, strict=True):
@@ -63,8 +65,8 @@ def _unshuffle_unet(
     config: NetworkConfig, buffer_channels: int, encoder_channels: int, settings: int
 ) -> Iterator[tuple[str, tuple[int, ...]]]:
     widths, cell = config.widths, config.unshuffle**2
-    beside = settings if config.conditioning == "input" else 0
-    inputs = buffer_channels * cell + encoder_channels + beside
+    setting_planes = settings if config.conditioning == "input" else 0
+    inputs = buffer_channels * cell + encoder_channels + setting_planes
     yield from _with_bias("stem", widths[0] + 4 * cell, inputs, 1, 1).items()
     for level, (fine, coarse) in enumerate(pairwise(widths)):
         yield from _residual(f"encode.{level}", 1, fine, config)

@@ -81,7 +81,7 @@ def test_the_streamlined_is_the_same_network(make_weights: Callable[..., Path], 
     model, renderer = export_onnx(file).read_bytes(), Renderer(file)
     loaded = renderer._loaded
     lean = optimize_graph(model, loaded.buffer_channels, loaded.config.unshuffle)
-    touch = FinalConvs.of(loaded.weights.tensors, loaded.config)
+    touch = FinalConvs.from_tensors(loaded.weights.tensors, loaded.config)
     for batch, width, height in ((1, 64, 64), (2, 97, 61), (3, 33, 130)):
         inputs = random_inputs(renderer, batch, width, height)
         assert np.abs(whole(lean, inputs, touch) - drawn(model, inputs)).max() < 1e-3  # random weights: steep

@@ -37,7 +37,7 @@ def by_torch(of: dict[str, np.ndarray], cells: np.ndarray, buffers: np.ndarray, 
 )
 def test_it_is_what_torch_makes_of_it(cell: int, units: int, width: int, height: int) -> None:
     rng = np.random.default_rng(width)
-    touch = FinalConvs.of(of := tensors(units, rng), NetworkConfig(unshuffle=cell, refine=units, widths=(8,)))
+    touch = FinalConvs.from_tensors(of := tensors(units, rng), NetworkConfig(unshuffle=cell, refine=units, widths=(8,)))
     cells = rng.random((2, 4 * cell**2, height // cell, width // cell), dtype=np.float32)
     buffers = rng.standard_normal((2, CHANNELS, height, width), dtype=np.float32)
     assert touch is not None
@@ -46,7 +46,7 @@ def test_it_is_what_torch_makes_of_it(cell: int, units: int, width: int, height:
 
 def test_every_row_is_the_same_whoever_draws_it() -> None:
     rng = np.random.default_rng(0)
-    touch = FinalConvs.of(tensors(16, rng), NetworkConfig())
+    touch = FinalConvs.from_tensors(tensors(16, rng), NetworkConfig())
     cells = rng.random((1, 64, 40, 50), dtype=np.float32)
     buffers = rng.random((1, CHANNELS, 160, 200), dtype=np.float32)
     assert touch is not None
@@ -58,7 +58,7 @@ def test_every_row_is_the_same_whoever_draws_it() -> None:
 @pytest.mark.parametrize(("width", "height", "wide", "high"), [(64, 32, 64, 32), (65, 31, 96, 32), (1, 33, 32, 64)])
 def test_buffers_are_padded_by_zeros_to_the_networks_stride(width: int, height: int, wide: int, high: int) -> None:
     rng = np.random.default_rng(0)
-    touch = FinalConvs.of(tensors(4, rng), NetworkConfig(unshuffle=4, widths=(8, 8, 8, 8), refine=4))
+    touch = FinalConvs.from_tensors(tensors(4, rng), NetworkConfig(unshuffle=4, widths=(8, 8, 8, 8), refine=4))
     buffers = rng.random((2, CHANNELS, height, width), dtype=np.float32)
     assert touch is not None and touch.stride == 32
     padded = touch.padded(buffers)
@@ -68,7 +68,7 @@ def test_buffers_are_padded_by_zeros_to_the_networks_stride(width: int, height: 
 
 @pytest.mark.parametrize("shape", [{"refine": 0}, {"kind": "adain_unet"}])
 def test_networks_without_these_convolutions_have_none(shape: dict[str, Any]) -> None:
-    assert FinalConvs.of({}, NetworkConfig(**shape)) is None
+    assert FinalConvs.from_tensors({}, NetworkConfig(**shape)) is None
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_networks_without_these_convolutions_have_none(shape: dict[str, Any]) ->
     [((64, 8, 9), (CHANNELS, 32, 32)), ((16, 8, 8), (CHANNELS, 32, 32)), ((64, 8, 8), (CHANNELS - 1, 32, 32))],
 )
 def test_what_does_not_fit_is_refused(cells: tuple[int, ...], buffers: tuple[int, ...]) -> None:
-    touch = FinalConvs.of(tensors(16, np.random.default_rng(0)), NetworkConfig())
+    touch = FinalConvs.from_tensors(tensors(16, np.random.default_rng(0)), NetworkConfig())
     assert touch is not None
     with pytest.raises(ValueError, match="expected cells of 4 pixels a side"):
         touch.finish(np.zeros((1, *cells), np.float32), np.zeros((1, *buffers), np.float32))
