@@ -10,26 +10,27 @@ encoding, S settings, M width of the mapping network, u unshuffle factor, W a le
 
 The names of layers are the keys of the state dict of every weights file, and so cannot change. In standard terms:
 
-=========================== ===================================================================================
-key                         layer
-=========================== ===================================================================================
-mapping.layers.{0,2,4}      mapping network: settings to the style vector w (linear layers)
-stem                        `UnshuffleUNet`: input projection (1x1), and the skip connection from input to output
-encode.{level}              encoder blocks, from the finest level on
-shrink.{level}              downsampling (2x2 convolution with stride 2)
-bottom                      bottleneck blocks
-grow.{level}                upsampling: 1x1 convolution before nearest neighbors; transposed convolution in `AdainUNet`
-decode.{level}              decoder blocks, stored from the finest level on, run from the coarsest on
-*.first, \*.second         3x3 convolutions of a block
-*.modulate.{i}, tint,      modulation of a block; of the decoder's output before `head`; of the convolutions of
-*.{first,second}_modulation a block of `AdainUNet`
-*.affine                   linear layer of a modulation: w to scale and shift of each channel
-head                        output projection (3x3 convolution to cells of u x u pixels; 1x1 in `AdainUNet`)
-sharpen.look                `Sharpen`: strided convolution of the buffers
-sharpen.reread              `Sharpen`: convolution of the image's blocks
-sharpen.leave               `Sharpen`: output convolution of the residual
-look, touch                 final convolutions at full resolution: in and out
-=========================== ===================================================================================
+============================== =======================================================================================
+key                            layer
+============================== =======================================================================================
+mapping.layers.{0,2,4}         mapping network, linear layers: settings to the style vector w
+stem                           `UnshuffleUNet`: input projection (1x1), and the skip connection from input to output
+encode.{level}                 encoder blocks, from the finest level on
+shrink.{level}                 downsampling: 2x2 convolution with stride 2
+bottom                         bottleneck blocks
+grow.{level}                   upsampling: 1x1 convolution, then nearest neighbors; `AdainUNet`: transposed convolution
+decode.{level}                 decoder blocks; listed from the finest level on, run from the coarsest on
+*.first, *.second              3x3 convolutions of a block; a list of them in `ResidualBlocks`
+*.modulate.{i}                 modulation between these two in `ResidualBlocks`
+*.{first,second}_modulation    AdaIN after each of the two in `AdainConvolutions`
+tint                           modulation of the decoder's output
+*.affine                       linear layer of a modulation: w to a scale and a shift of each channel
+head                           output projection: 3x3 convolution to cells of u x u pixels; `AdainUNet`: 1x1
+sharpen.look                   `Sharpen`: strided convolution of the buffers
+sharpen.reread                 `Sharpen`: convolution of the image's blocks
+sharpen.leave                  `Sharpen`: output convolution of the residual
+look, touch                    final convolutions at full resolution, in and out
+============================== =======================================================================================
 """
 
 from __future__ import annotations
