@@ -1,4 +1,4 @@
-"""Moving pictures: an object that turns before the camera, or a light that goes from side to side and back."""
+"""Loops: an object that turns in front of the camera, or a light that moves from side to side and back."""
 
 from __future__ import annotations
 
@@ -27,81 +27,83 @@ from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, select_
 from z2p_renderer.storage.scans.clouds import Scan
 
 LIGHT_SWING_DEGREES = 80.0
-"""Degrees to either side that the light goes."""
+"""Largest azimuth of the moving light, to either side."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What moves, and how finely."""
+    """What moves in a loop, and in how many frames."""
 
     kind: str = "turn"
-    """``turn``: once around, counter-clockwise from above; ``light``: the light to the right, to the left and back."""
+    """``turn``: the object, once around, counter-clockwise from above; ``light``: the light, right, left and back."""
     frames: int = 48
     steady: int = 1
-    """Pictures that each frame is the mean of, spread over its share of the way."""
+    """Number of pictures averaged into each frame, spread evenly over the time of the frame (motion blur)."""
 
 
 def draw_opening(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
-    """How the cloud of a file with that suffix stands as a loop begins, and which weights draw all of it: a sketch.
+    """A small picture of the loop's start, whose placement and weights the whole loop is drawn with.
 
     Raises:
-        ScanError: the cloud has no extent, or no sensor though its view is asked for.
+        ScanError: the cloud has no extent, or has no sensor and the look asks for the sensor's view.
     """
     sketch = replace(look.untrimmed, width=64, height=64, supersample=1)
     return render_scan(renderer, scan, suffix, sketch)
 
 
-def render_frames(first: RenderedScan, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
-    """The frames (H, W, 4) uint8, straight RGBA, of a loop: the last goes over into the first.
+def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, motion: Motion) -> Iterator[np.ndarray]:
+    """The frames (H, W, 4) uint8, straight RGBA, of an endless loop.
 
-    `first` is the scan's `draw_opening` by the same look. With `look.tight` all frames are cut alike, to what shows in any
-    of them; they then come after the last was drawn.
+    `opening` is the scan's `draw_opening` with the same look. With `look.tight` all frames are cropped to the union of
+    their visible parts, so that the first is yielded after the last is drawn.
 
     Raises:
-        SettingError: the light is to move, but the weights carry no such control.
+        SettingError: the light is to move, but the weights do not have the control 'light'.
     """
-    renderer = first.renderer
+    renderer = opening.renderer
     if motion.kind == "light" and "light" not in renderer.controls:
         raise SettingError("these weights do not carry the control 'light', so it cannot move")
-    points = select_points(scan, suffix, look.placement_options).points  # chosen and made smooth once, not for every frame
-    if first.placement.smoothing_radius:
-        base = without_margin(first.viewpoint, look.frame_margin)  # radii are in the frame's
-        points = base.unplace(smoothed(base.place(points), first.placement.smoothing_radius))
+    points = select_points(scan, suffix, look.placement_options).points  # selected and smoothed once for all frames
+    if opening.placement.smoothing_radius:
+        base = without_margin(opening.viewpoint, look.frame_margin)  # whose radius the smoothing radius is relative to
+        points = base.unplace(smoothed(base.place(points), opening.placement.smoothing_radius))
     scan = replace(scan, points=points)
     look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0))
-    shots = (_render_frame(renderer, scan, suffix, look, motion, first, number) for number in range(motion.frames))
+    frames = (_render_frame(renderer, scan, suffix, look, motion, opening, number) for number in range(motion.frames))
     if not look.tight:
-        yield from shots
+        yield from frames
         return
-    drawn = list(shots)
+    drawn = list(frames)
     box = content_box(np.max([frame[..., 3] for frame in drawn], axis=0), look.margin)
     yield from (crop_box(frame, box) for frame in drawn)
 
 
 def _render_frame(
-    renderer: AnyRenderer, scan: Scan, suffix: str, look: Look, motion: Motion, first: RenderedScan, number: int
+    renderer: AnyRenderer, scan: Scan, suffix: str, look: Look, motion: Motion, opening: RenderedScan, number: int
 ) -> np.ndarray:
-    """One frame: the mean of `motion.steady` pictures around its place on the way."""
-    offsets = [(part + 0.5) / motion.steady - 0.5 for part in range(motion.steady)]
-    shots = []
+    """One frame: the mean, with premultiplied alpha, of `motion.steady` pictures around its time."""
+    offsets = [(index + 0.5) / motion.steady - 0.5 for index in range(motion.steady)]
+    pictures = []
     for offset in offsets:
-        share = (number + offset) / motion.frames
-        values, viewpoint = _settings_at(look.values, first, motion.kind, share)
-        placing = replace(look.placement_options, viewpoint=viewpoint, azimuth=0.0)
-        shown = replace(look, values=values, placement_options=placing, tight=False, margin=None)  # the viewpoint has it
-        shots.append(render_scan(renderer, scan, suffix, shown).picture)
-    if len(shots) == 1:
-        return shots[0]
-    mean = np.mean([premultiplied_from_straight(unit_from_bytes(shot)) for shot in shots], axis=0)
+        time = (number + offset) / motion.frames
+        values, viewpoint = _settings_at(look.values, opening, motion.kind, time)
+        placement_options = replace(look.placement_options, viewpoint=viewpoint, azimuth=0.0)
+        # no margin: the opening's viewpoint includes it
+        shown = replace(look, values=values, placement_options=placement_options, tight=False, margin=None)
+        pictures.append(render_scan(renderer, scan, suffix, shown).picture)
+    if len(pictures) == 1:
+        return pictures[0]
+    mean = np.mean([premultiplied_from_straight(unit_from_bytes(picture)) for picture in pictures], axis=0)
     return bytes_from_unit(straight_from_premultiplied(mean))
 
 
 def _settings_at(
-    given: dict[str, Value], first: RenderedScan, kind: str, share: float
+    controls: dict[str, Value], opening: RenderedScan, kind: str, time: float
 ) -> tuple[dict[str, Value], Viewpoint]:
-    """Settings and viewpoint at a share of the way, 0 to 1."""
+    """Control settings and viewpoint at a time from 0 to 1, the share of the loop that has passed."""
     if kind == "turn":
-        rotation = turn(360.0 * share) @ np.array(first.viewpoint.rotation)
-        return given, replace(first.viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()))
-    radius, _, height = first.values["light"]
-    return {**given, "light": (radius, LIGHT_SWING_DEGREES * math.sin(2 * math.pi * share), height)}, first.viewpoint
+        rotation = turn(360.0 * time) @ np.array(opening.viewpoint.rotation)
+        return controls, replace(opening.viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()))
+    radius, _, height = opening.values["light"]
+    azimuth = LIGHT_SWING_DEGREES * math.sin(2 * math.pi * time)
+    return {**controls, "light": (radius, azimuth, height)}, opening.viewpoint

@@ -1,4 +1,4 @@
-"""Pictures and loops that are there already: whether they show the cloud that is asked for, and as it is asked for."""
+"""Pictures and loops that are there already: whether they show the same cloud, with the same settings."""
 
 from __future__ import annotations
 
@@ -20,15 +20,22 @@ def kept_output_note(
     picture: Path, source: Mapping[str, Any], look: Look, renderer: AnyRenderer,
     motion: Mapping[str, Any] | None = None, named: bool = False,
 ) -> str | None:
-    """What to say of a picture that stays as it is, in words or nothing; None where it is to be drawn.
+    """How an existing picture differs from the settings, in words (or ""), if it is kept; None if it is drawn again.
 
-    That is so where its scan has changed since, or nothing is in the file; also, for one that the user `named`, where
-    it shows the scan otherwise than asked. `source` and `motion` are what a new picture's record would say of its cloud
-    and, of a loop, of its frames; `renderer` is what would draw it. A picture without a record is another program's,
-    and stays; so does an MP4, whose record only its players read.
+    It is drawn again if its scan has changed or the file is empty; and, if the user `named` this picture, also if it
+    was drawn with other settings. Pictures without a record are another program's and are kept. So are MP4 files,
+    whose record cannot be read here.
+
+    Args:
+        picture: the existing file.
+        source: what the record of a new picture would say of its cloud.
+        look: the settings of a new picture.
+        renderer: the renderer that would draw it.
+        motion: what the record of a new loop would say of its motion; None for pictures.
+        named: True if the user named the picture itself, not a folder.
 
     Raises:
-        PictureError: it shows another cloud, or nothing that can be read.
+        PictureError: it shows another cloud, or cannot be read.
     """
     if picture.stat().st_size == 0:
         return None
@@ -43,69 +50,76 @@ def kept_output_note(
                            "choose another --output, or --overwrite")
     if not record:
         return "without a record of z2p"
-    drawn = record.get("input", {})
-    if all(drawn.get(name) == source[name] for name in ("sha256", "cloud")):
-        others = _changed_settings(record, source, look, renderer) + _changed_motion(record.get("motion"), motion)
-        if named and others:
+    recorded = record.get("input", {})
+    if all(recorded.get(name) == source[name] for name in ("sha256", "cloud")):
+        changes = _changed_settings(record, source, look, renderer) + _changed_motion(record.get("motion"), motion)
+        if named and changes:
             return None
-        return f"with another {' and another '.join(others)}" if others else ""
-    if source["path"] is not None and drawn.get("path") == source["path"]:
+        return f"with another {' and another '.join(changes)}" if changes else ""
+    if source["path"] is not None and recorded.get("path") == source["path"]:
         return None
-    path = drawn.get("path")
+    path = recorded.get("path")
     other = "of standard input" if path is None else printable(Path(os.path.normpath(picture.parent / path)))
     raise PictureError(f"{printable(picture)} is there already and shows another cloud, {other}: choose another "
                        "--output, or --overwrite")  # fmt: skip
 
 
-def _changed_motion(drawn: Mapping[str, Any] | None, asked: Mapping[str, Any] | None) -> list[str]:
-    """What of a loop's motion is otherwise than asked."""
-    if drawn is None or asked is None:
-        return [] if drawn is asked else ["motion"]
-    return [{"kind": "motion"}.get(name, name) for name, value in asked.items() if drawn.get(name) != value]
-
-
-def _changed_settings(record: Mapping[str, Any], source: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> list[str]:
-    """What of the settings a picture was drawn with otherwise."""
-    others = _changed_controls(record, look, renderer)
-    viewpoint, placed = look.placement_options.viewpoint, record.get("placing", {})
+def _changed_settings(
+    record: Mapping[str, Any], source: Mapping[str, Any], look: Look, renderer: AnyRenderer
+) -> list[str]:
+    """Names of the settings that a picture was drawn with and that are different now."""
+    changes = _changed_controls(record, look, renderer)
+    options, recorded = look.placement_options, record.get("placing", {})
     if _has_other_camera(record, look):
-        others.append("camera")
-    replaced = () if viewpoint is None else ("up", "view")
-    others += [name.replace("_", "-") for name in RECORDED_OPTIONS
-               if name in placed and name not in replaced and placed[name] != getattr(look.placement_options, name)]  # fmt: skip
-    background = "transparent" if look.background is None else list(look.background)
-    asked_for = {"resolution": [look.width, look.height], "background": background, "supersample": look.supersample,
-                 "fit": "tight" if look.tight else "frame", "margin": look.margin}  # fmt: skip
-    others += [name for name, value in asked_for.items() if record.get(name) != value]
+        changes.append("camera")
+    replaced_by_camera = () if options.viewpoint is None else ("up", "view")
+    changes += [name.replace("_", "-") for name in RECORDED_OPTIONS if name in recorded
+                and name not in replaced_by_camera and recorded[name] != getattr(options, name)]  # fmt: skip
+    settings = {
+        "resolution": [look.width, look.height],
+        "background": "transparent" if look.background is None else list(look.background),
+        "supersample": look.supersample,
+        "fit": "tight" if look.tight else "frame",
+        "margin": look.margin,
+    }
+    changes += [name for name, value in settings.items() if record.get(name) != value]
     if _has_other_weights(record, renderer):
-        others.append("choice of weights")
+        changes.append("choice of weights")
     if look.crop is not None and record.get("window") != list(look.crop):
-        others.append("crop")
+        changes.append("crop")
     if record.get("input", {}).get("columns") != source.get("columns"):
-        others.append("choice of columns")
-    return others
+        changes.append("choice of columns")
+    return changes
 
 
 def _changed_controls(record: Mapping[str, Any], look: Look, renderer: AnyRenderer) -> list[str]:
-    """The controls that a picture was drawn with otherwise; one that is not given has its slider's default."""
-    drawn, asked = record.get("controls", {}), renderer.settings(look.values)
+    """Names of the controls whose values differ from the record's; controls that are not given have their defaults."""
+    recorded, settings = record.get("controls", {}), renderer.settings(look.values)
     if "elevation" not in look.values and record.get("stance", {}).get("elevation") is not None:
-        asked.pop("elevation", None)  # the view chose it
-    return [name for name, value in asked.items() if name in drawn and drawn[name] != list(value)]
+        settings.pop("elevation", None)  # the automatic view chose the recorded one
+    return [name for name, value in settings.items() if name in recorded and recorded[name] != list(value)]
 
 
 def _has_other_camera(record: Mapping[str, Any], look: Look) -> bool:
-    """Whether a picture was taken by another camera than the given one; or by a given one, where now none is."""
-    viewpoint = with_margin(look.placement_options.viewpoint, look.frame_margin) if look.placement_options.viewpoint else None
-    if viewpoint is None:
+    """True if the picture was taken with another camera than the loaded one, or with a loaded one if none is now."""
+    options = look.placement_options
+    if options.viewpoint is None:
         return bool(record.get("stance", {}).get("up") == FIXED_CAMERA)
-    drawn, asked = record.get("camera", {}), viewpoint.to_json()
-    turned = look.placement_options.azimuth or record.get("placing", {}).get("azimuth")
-    return any(drawn.get(name) != asked[name] for name in ("centre", "radius", *(() if turned else ("rotation",))))
+    recorded, camera = record.get("camera", {}), with_margin(options.viewpoint, look.frame_margin).to_json()
+    is_turned = options.azimuth or record.get("placing", {}).get("azimuth")  # then rotations differ, as azimuths may
+    compared = ("centre", "radius") if is_turned else ("centre", "radius", "rotation")
+    return any(recorded.get(name) != camera[name] for name in compared)
 
 
 def _has_other_weights(record: Mapping[str, Any], renderer: AnyRenderer) -> bool:
-    """Whether other weights drew a picture, or may have: those that the cloud chooses are known only to its record."""
-    if isinstance(renderer, AutoRenderer):
-        return not record.get("weights_chosen", True)  # once it was not told
+    """True if other weights drew the picture, or if the user named weights for one of them only."""
+    if isinstance(renderer, AutoRenderer):  # it chooses by the cloud, so the weights themselves cannot be compared
+        return not record.get("weights_chosen", True)  # missing in older records
     return bool(record.get("weights", {}).get("sha256") != renderer.weights["sha256"])
+
+
+def _changed_motion(recorded: Mapping[str, Any] | None, motion: Mapping[str, Any] | None) -> list[str]:
+    """Names of the settings of a loop's motion that differ from the record's; both are None for pictures."""
+    if recorded is None or motion is None:
+        return [] if recorded is motion else ["motion"]
+    return [{"kind": "motion"}.get(name, name) for name, value in motion.items() if recorded.get(name) != value]

@@ -40,7 +40,7 @@ def pipeline_options(config_help: str, config_default: str) -> Callable[[Callabl
         click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
                      help="Folder for the results of all stages.", show_default="runs"),
         click.option("--workers", type=click.IntRange(min=1), metavar="N",
-                     help="Number of tasks that run at the same time.",                      show_default="1"),
+                     help="Number of tasks that run at the same time.", show_default="1"),
         click.option("--scheduler", metavar="URL", help="URL of a running luigid, as http://HOST:8082, which shares "
                      "the work among all pipelines that name it; see docs/cluster.md."),
         click.option("--explain", is_flag=True, help="Print first why each stage runs."),

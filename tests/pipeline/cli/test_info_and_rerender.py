@@ -161,7 +161,7 @@ def test_info_tells_what_was_cut_off_and_kept(
 ) -> None:
     assert render(scans / "one.npy", "--cut-top", 20, "--keep-outliers", "--gallery").exit_code == 0
     words = " ".join(z2p("info", tmp_path / "out" / "one.png").stdout.split())
-    assert "cut off 20 % of the height" in words and "kept strays" in words
+    assert "cut off 20 % of the height" in words and "kept outliers" in words
     assert "20 % of the height" in (tmp_path / "out" / "gallery.html").read_text()
     assert render(scans / "one.npy", "--overwrite").exit_code == 0
     assert "cut off" not in z2p("info", tmp_path / "out" / "one.png").stdout
