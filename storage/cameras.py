@@ -1,4 +1,4 @@
-"""Cameras on disk: a viewpoint as JSON, or out of a picture that z2p wrote."""
+"""Cameras on disk: viewpoints in JSON files, and in the records of pictures."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from z2p_renderer.storage.files.printable_names import is_file, is_folder, path_
 from z2p_renderer.storage.images.image_files import FORMATS, PictureError, read_record
 
 MAX_CAMERA_BYTES = 1 << 16
-"""A camera file has fewer; what is larger is not read to find out."""
+"""Camera files are smaller; larger files are not read."""
 
 
 def check_camera_place(path: Path, taken: Iterable[Path] = ()) -> None:
-    """Makes sure that a camera written there replaces nothing but a camera.
+    """Makes sure that a camera written to `path` would replace nothing but a camera.
 
-    `taken` are the files that the run reads or writes otherwise.
+    `taken` are the other files that the run reads or writes.
 
     Raises:
-        SettingError: a folder, a picture's name, one of `taken`, or a file that is no camera.
+        SettingError: `path` is a folder, the name of a picture, one of `taken`, or an existing file that is no camera.
     """
-    told = f"--save-camera {printable(path)}: expected the name of a JSON file"
+    expected = f"--save-camera {printable(path)}: expected the name of a JSON file"
     if is_folder(path):
-        raise SettingError(f"{told}, got a folder; add a name, as {printable(path / 'camera.json')}")
+        raise SettingError(f"{expected}, got a folder; add a name, as {printable(path / 'camera.json')}")
     if path.suffix.lower() in (*FORMATS, ".gif"):
-        raise SettingError(f"{told}, got a picture's; each picture holds its camera anyway, see --load-camera")
+        raise SettingError(f"{expected}, got a picture's; each picture holds its camera anyway, see --load-camera")
     if any(_is_same_file(path, other) for other in taken):
-        raise SettingError(f"{told}, got a file that this run reads or writes; choose another")
+        raise SettingError(f"{expected}, got a file that this run reads or writes; choose another")
     if path_exists(path) and not _is_camera(path):
-        raise SettingError(f"{told}, got a file that is there already and no camera of z2p; choose another")
+        raise SettingError(f"{expected}, got a file that is there already and no camera of z2p; choose another")
 
 
 def write_camera(viewpoint: Viewpoint, path: Path) -> None:
-    """Write a viewpoint as a JSON file, whole or not at all."""
+    """Writes a viewpoint as a JSON file, atomically."""
     atomic_write((json.dumps(viewpoint.to_json(), indent=2) + "\n").encode(), path)
 
 
 def read_camera(path: Path) -> Viewpoint:
-    """The viewpoint of a JSON file that `write_camera` wrote, or the one that a picture was taken with.
+    """The viewpoint in a JSON file that `write_camera` wrote, or in the record of a picture.
 
     Raises:
-        SettingError: no such file, no JSON, a picture without a record, or no camera in it.
+        SettingError: the file is missing, is no JSON, is a picture without a record, or holds no camera.
     """
     try:
         picture = path.suffix.lower() in (*FORMATS, ".gif")
@@ -65,11 +65,11 @@ def read_camera(path: Path) -> Viewpoint:
 
 
 def _read_head(path: Path) -> bytes:
-    """The first bytes of a file, enough to hold a camera; of one that is no file (a pipe, say), none are waited for.
+    """The first bytes of a file, enough for a camera; something other than a file, as a pipe, is not read.
 
     Raises:
         OSError: there is no such file.
-        SettingError: it is none.
+        SettingError: the path is that of something other than a file, or cannot be one.
     """
     if path_exists(path) and not is_file(path):
         raise SettingError(f"expected a JSON file or a picture, got {file_kind(path)}")
@@ -81,7 +81,7 @@ def _read_head(path: Path) -> bytes:
 
 
 def _is_same_file(path: Path, other: Path) -> bool:
-    """Whether two names lead to one file, be it there already or not."""
+    """Whether two paths lead to the same file, whether or not it exists."""
     return os.path.realpath(path) == os.path.realpath(other) or (
         path_exists(path) and path_exists(other) and path.samefile(other)
     )

@@ -1,4 +1,4 @@
-"""The files that settings come from."""
+"""Configuration files."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def read_config_text(path: Path) -> str:
     """The text of a TOML file.
 
     Raises:
-        ConfigError: there is no such file, or it is not in UTF-8, as TOML is.
+        ConfigError: there is no such file, or it is not encoded in UTF-8, as TOML must be.
     """
     if not is_file(path):
         raise ConfigError(f"--config: expected a TOML file, got {str(path)!r}, which is no file")

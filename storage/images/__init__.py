@@ -1,1 +1,1 @@
-"""Pictures and animations on disk, with the record of what made them."""
+"""Pictures and animations on disk, with the record of what made them inside."""

@@ -1,4 +1,4 @@
-"""Pictures on disk: PNG, WebP, JPEG and TIFF, written whole or not at all, with the record of what made them inside."""
+"""Pictures on disk: PNG, WebP, JPEG and TIFF, written atomically, each with a record of what made it inside."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.errors.messages import UserError
+from z2p_core.errors.messages import UserError, error_reason
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_write, file_kind
 from z2p_renderer.storage.files.bounded_json import JsonError, read_json
@@ -20,18 +20,18 @@ from z2p_renderer.storage.images.record_schema import record_fault
 from z2p_renderer.storage.scans.silenced_libraries import quiet
 
 FORMATS = {".png": "PNG", ".webp": "WEBP", ".jpg": "JPEG", ".jpeg": "JPEG", ".tif": "TIFF", ".tiff": "TIFF"}
-"""Suffix -> format."""
+"""Suffix -> format, by pillow's name for it."""
 OPAQUE_SUFFIXES = frozenset({".jpg", ".jpeg", ".gif", ".mp4"})
-"""Suffixes whose format has no soft transparency; white is put behind unless another background is asked for."""
+"""Suffixes of formats without partial transparency; pictures in them get a white background if none is given."""
 RECORD_KEYWORD = "z2p"
 """Keyword of the PNG text chunk that holds the record, as JSON."""
 DESCRIPTION_TAG = 0x010E
-"""The EXIF and TIFF tag ImageDescription, which holds the record as ``z2p: {...}`` in the other formats."""
+"""The EXIF and TIFF tag ImageDescription, which holds the record as ``z2p: {...}`` in formats other than PNG."""
 WHITE = (1.0, 1.0, 1.0)
 
 
 class PictureError(UserError):
-    """A picture file that cannot be used; the message says what was expected, what came, and what to do."""
+    """A picture file that cannot be used; the message says what was expected, what was found, and what to do."""
 
 
 def write_picture(
@@ -40,12 +40,12 @@ def write_picture(
     background: tuple[float, float, float] | None = None,
     record: dict[str, Any] | None = None,
 ) -> None:
-    """Write a straight RGBA picture (H, W, 4) uint8 in the format of the suffix; opaque RGB over a background.
+    """Writes a picture (H, W, 4) uint8, straight RGBA, in the format of the path's suffix.
 
-    PNG, WebP and TIFF keep every bit; JPEG has quality 95.
+    With a `background` (sRGB in [0, 1]) the file is opaque RGB. PNG, WebP and TIFF are lossless; JPEG has quality 95.
 
     Raises:
-        PictureError: a suffix that stands for no format, or something other than a file lies there.
+        PictureError: the suffix stands for no supported format, or the path is that of something other than a file.
     """
     encoded = encode_picture(picture, path.suffix.lower(), background, record)
     try:
@@ -60,10 +60,10 @@ def encode_picture(
     background: tuple[float, float, float] | None = None,
     record: dict[str, Any] | None = None,
 ) -> bytes:
-    """The file that `write_picture` writes; `suffix` is lower-case with its dot.
+    """The content of the file that `write_picture` writes; `suffix` is in lower case, with its dot.
 
     Raises:
-        PictureError: a suffix that stands for no format.
+        PictureError: the suffix stands for no supported format.
     """
     check_picture_suffix(suffix)
     if background is None and suffix in OPAQUE_SUFFIXES:
@@ -72,7 +72,7 @@ def encode_picture(
         picture = bytes_from_unit(composite(unit_from_bytes(picture), background))
     if suffix == ".png":
         return encode_png(picture, {} if record is None else {RECORD_KEYWORD: json.dumps(record, allow_nan=False)})
-    from PIL import Image  # late: PNG, which most are, does without
+    from PIL import Image  # imported late: PNG, the usual format, does not need it
 
     image, encoded = Image.fromarray(picture), io.BytesIO()
     image.save(encoded, format=FORMATS[suffix], **_encoder_options(FORMATS[suffix], record))
@@ -80,7 +80,7 @@ def encode_picture(
 
 
 def check_picture_suffix(suffix: str) -> None:
-    """Nothing, when a suffix (lower-case, with its dot) stands for a format.
+    """Makes sure that a suffix (in lower case, with its dot) stands for a supported format.
 
     Raises:
         PictureError: it does not.
@@ -90,11 +90,10 @@ def check_picture_suffix(suffix: str) -> None:
 
 
 def read_record(path: Path, *, complete: bool = False) -> dict[str, Any]:
-    """The record inside a picture that z2p wrote; `complete` asks for all that it takes to draw it again.
+    """The record inside a picture that z2p wrote; `complete` requires all parts that `z2p rerender` needs.
 
     Raises:
-        PictureError: no picture, one without a record (a picture editor may have dropped it), or with a record that
-            cannot be one of z2p's.
+        PictureError: the file is no picture, has no record (picture editors may drop it), or has an invalid one.
     """
     text = _record_text(path)
     if text is None:
@@ -111,10 +110,10 @@ def read_record(path: Path, *, complete: bool = False) -> dict[str, Any]:
 
 
 def _record_text(path: Path) -> str | None:
-    """The text of the record, where there is one."""
+    """The record of a picture as JSON text; None if there is none."""
     from PIL import Image
 
-    if path_exists(path) and not is_file(path):  # a pipe would be waited for
+    if path_exists(path) and not is_file(path):  # reading a pipe would wait
         raise PictureError(f"{printable(path)}: expected a picture written by z2p, got {file_kind(path)}")
     try:
         with quiet(), Image.open(path) as image:
@@ -126,30 +125,30 @@ def _record_text(path: Path) -> str | None:
                 text = comment.decode(errors="replace")
             if text is None and hasattr(image, "tag_v2"):
                 text = image.tag_v2.get(DESCRIPTION_TAG)
-    except OSError as error:  # pillow's own error for what is no picture is one of these
+    except OSError as error:  # so is pillow's error for files that are no pictures
         reason = error.strerror or "not a picture that can be read"
         raise PictureError(f"{printable(path)}: {reason}; expected a picture written by z2p") from error
-    except Exception as error:  # pillow raises whatever a damaged file makes it stumble over
-        reason = " ".join(str(error).split())[:200]
-        raise PictureError(f"{printable(path)}: cannot be read ({type(error).__name__}: {reason})") from error
-    ours = isinstance(text, str) and text.startswith(f"{RECORD_KEYWORD}: ")
-    return str(text).removeprefix(f"{RECORD_KEYWORD}: ") if ours else None
+    except Exception as error:  # pillow raises all kinds of errors on damaged files
+        reason = f"{type(error).__name__}: {error_reason(error)}"
+        raise PictureError(f"{printable(path)}: cannot be read ({reason})") from error
+    is_record = isinstance(text, str) and text.startswith(f"{RECORD_KEYWORD}: ")
+    return str(text).removeprefix(f"{RECORD_KEYWORD}: ") if is_record else None
 
 
 def is_readable_picture(path: Path) -> bool:
-    """Whether a file is a picture, all of which can be read."""
+    """Whether a file is a picture that can be decoded completely."""
     from PIL import Image
 
     try:
         with quiet(), Image.open(path) as image:
             image.load()
-    except Exception:  # pillow raises whatever a damaged file makes it stumble over
+    except Exception:  # pillow raises all kinds of errors on damaged files
         return False
     return True
 
 
 def is_truncated(path: Path) -> bool:
-    """Whether a picture ends before its format says, told by its last bytes; those of a TIFF tell nothing."""
+    """Whether a picture file is cut off, judged by its last bytes; False for TIFF, which has no end mark."""
     with path.open("rb") as file:
         head = file.read(8)
         size = file.seek(0, os.SEEK_END)
@@ -157,26 +156,26 @@ def is_truncated(path: Path) -> bool:
         tail = file.read()
     if head.startswith(b"RIFF"):
         return size < 8 + int.from_bytes(head[4:8], "little")
-    ends = {b"\x89PNG": tail[4:8] == b"IEND", b"\xff\xd8\xff": tail.endswith(b"\xff\xd9"),
+    has_end_mark = {b"\x89PNG": tail[4:8] == b"IEND", b"\xff\xd8\xff": tail.endswith(b"\xff\xd9"),
             b"GIF8": tail.endswith(b";")}  # fmt: skip
-    return not next((whole for begin, whole in ends.items() if head.startswith(begin)), True)
+    return not next((has_end for start, has_end in has_end_mark.items() if head.startswith(start)), True)
 
 
 def record_text(record: dict[str, Any]) -> str:
-    """The record as the text that stands in a description or a comment; plain ascii, which is all they hold."""
+    """The record as text for a description or comment field, which hold ASCII only."""
     return f"{RECORD_KEYWORD}: {json.dumps(record, allow_nan=False)}"
 
 
 def _encoder_options(format: str, record: dict[str, Any] | None) -> dict[str, Any]:
-    """Pillow's options for a format, the record among them."""
+    """Pillow's options for saving in a format, including the record."""
     from PIL import Image
 
-    kinds: dict[str, dict[str, Any]] = {
+    options_of: dict[str, dict[str, Any]] = {
         "WEBP": {"lossless": True, "exact": True},
         "JPEG": {"quality": 95, "subsampling": 0},
         "TIFF": {"compression": "tiff_adobe_deflate"},
     }
-    options = kinds[format]
+    options = options_of[format]
     if record is None:
         return options
     if format == "TIFF":

@@ -1,4 +1,4 @@
-"""What the record inside a picture holds, key by key: pictures come from strangers, and records are edited by hand."""
+"""Limits of the values in a picture's record, key by key: pictures may come from anywhere, and be edited by hand."""
 
 from __future__ import annotations
 
@@ -20,28 +20,42 @@ from z2p_core.errors.value_limits import (
 )
 
 _TEXT = Text("a text", r"(?s:.*)", maximum=10_000)  # files may have a newline in their names
-_COORDINATE = Number(-1e150, 1e150)
+_NUMBER = Number(-1e150, 1e150)
+"""Squares of such numbers stay finite."""
 _COUNT = Count(0, 1 << 50)
-_ROTATION_ROW = ListOf(Number(-2, 2), 3, 3)
+_VECTOR = ListOf(_NUMBER, 3, 3)
+_MATRIX = ListOf(ListOf(Number(-2, 2), 3, 3), 3, 3)
+
 CAMERA_LIMITS = JsonObject(
-    {"centre": ListOf(_COORDINATE, 3, 3), "radius": Number(0, 1e150, exclude_minimum=True), "rotation": ListOf(_ROTATION_ROW, 3, 3),
-     "elevation": Number(-90, 90)},
-    {"floor": OrNone(_COORDINATE), "distance": _COORDINATE, "field_of_view": _COORDINATE},
-)  # fmt: skip
-_STANCE = JsonObject(
-    {},
-    {"up": _TEXT, "up_reason": _TEXT, "view_reason": _TEXT, "hint": _TEXT, "azimuth": OrNone(_COORDINATE),
-     "elevation": OrNone(_COORDINATE), "outliers": _COUNT, "outside": _COUNT, "background": _COUNT, "added": _COUNT,
-     "far": _COUNT, "rounded": _COORDINATE, "smooth": _COORDINATE, "turned": _COORDINATE},
-)  # fmt: skip
-_PLACING = JsonObject(
-    {},
-    {"up": OrNone(AnyOf((_TEXT, ListOf(_COORDINATE, 3, 3)))), "view": OrNone(AnyOf((_TEXT, _COORDINATE, ListOf(_COORDINATE, 2, 2)))),
-     "azimuth": _COORDINATE, "keep_outliers": Boolean(),
-     "cut_top": Number(0, 100), "smooth": OrNone(AnyOf((_TEXT, _COORDINATE)))},
-)  # fmt: skip
-_INPUT = JsonObject({}, {"name": OrNone(_TEXT), "path": OrNone(_TEXT), "sha256": _TEXT, "cloud": _COUNT,
-                   "columns": OrNone(ListOf(_TEXT, 0, 100))})  # fmt: skip
+    {
+        "centre": _VECTOR,
+        "radius": Number(0, 1e150, exclude_minimum=True),
+        "rotation": _MATRIX,
+        "elevation": Number(-90, 90),
+    },
+    {"floor": OrNone(_NUMBER), "distance": _NUMBER, "field_of_view": _NUMBER},
+)
+_STANCE = JsonObject({}, {
+    **dict.fromkeys(("up", "up_reason", "view_reason", "hint"), _TEXT),
+    **dict.fromkeys(("azimuth", "elevation"), OrNone(_NUMBER)),
+    **dict.fromkeys(("outliers", "outside", "background", "added", "far"), _COUNT),
+    **dict.fromkeys(("rounded", "smooth", "turned"), _NUMBER),
+})  # fmt: skip
+_PLACING = JsonObject({}, {
+    "up": OrNone(AnyOf((_TEXT, _VECTOR))),
+    "view": OrNone(AnyOf((_TEXT, _NUMBER, ListOf(_NUMBER, 2, 2)))),
+    "azimuth": _NUMBER,
+    "keep_outliers": Boolean(),
+    "cut_top": Number(0, 100),
+    "smooth": OrNone(AnyOf((_TEXT, _NUMBER))),
+})  # fmt: skip
+_INPUT = JsonObject({}, {
+    "name": OrNone(_TEXT),
+    "path": OrNone(_TEXT),
+    "sha256": _TEXT,
+    "cloud": _COUNT,
+    "columns": OrNone(ListOf(_TEXT, 0, 100)),
+})  # fmt: skip
 _PARTS: dict[str, Any] = {
     "version": _TEXT,
     "input": _INPUT,
@@ -57,8 +71,8 @@ _PARTS: dict[str, Any] = {
     "margin": OrNone(AnyOf((Number(-1, 1), _TEXT))),
     "placing": _PLACING,
     "stance": _STANCE,
-    "window": ListOf(_COORDINATE, 4, 4),
-    "motion": MappingOf(AnyOf((_TEXT, Boolean(), _COORDINATE))),
+    "window": ListOf(_NUMBER, 4, 4),
+    "motion": MappingOf(AnyOf((_TEXT, Boolean(), _NUMBER))),
     "batch": Count(1, 1 << 30),
 }
 RECORD_LIMITS = JsonObject({"record": Count(1, 1)}, _PARTS)
@@ -67,15 +81,20 @@ _REDRAWABLE_LIMITS = JsonObject({
                                        "fit", "placing")},
     "input": JsonObject({"name": OrNone(_TEXT), "sha256": _TEXT, "cloud": _COUNT}),
     "weights": JsonObject({"name": _TEXT, "sha256": _TEXT}),
-    "stance": JsonObject({"up": _TEXT, "up_reason": _TEXT, "azimuth": _COORDINATE, "view_reason": _TEXT, "outliers": _COUNT,
-                    "background": _COUNT}),
+    "stance": JsonObject({
+        **dict.fromkeys(("up", "up_reason", "view_reason"), _TEXT),
+        "azimuth": _NUMBER,
+        **dict.fromkeys(("outliers", "background"), _COUNT),
+    }),
 })  # fmt: skip
-"""What a picture is drawn again by; parts that came later are missed by nobody."""
+"""The parts that drawing a picture again needs; newer parts are optional, for older pictures lack them."""
 
 
 def record_fault(record: Any, *, complete: bool = False) -> str:
-    """What cannot be about a record, in words; empty where all is well. `complete` asks for all that it takes to draw
-    the picture again."""
+    """What is wrong with a record, in words; empty if it is valid.
+
+    `complete` also requires all parts that drawing the picture again needs.
+    """
     try:
         check_value(record, RECORD_LIMITS, "")
         if complete:

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from z2p_renderer.pipeline.cli.options.workspace import HELP
+from z2p_renderer.pipeline.cli.options.workspace import COMMAND_HELP
 
 SCRIPT = """
 import sys
@@ -23,11 +23,11 @@ def run(*words: list[str]) -> str:
 
 
 def test_help_needs_no_luigi():
-    said = run(*([name, "--help"] for name in HELP))
+    said = run(*([name, "--help"] for name in COMMAND_HELP))
     parts = said.split("status 0\n")
-    assert len(parts) == len(HELP) + 1
-    for name, part in zip(HELP, parts[:-1], strict=True):
-        assert f"Usage: z2p {name}" in part and HELP[name].split("\n")[0].split(";")[0][:40] in part
+    assert len(parts) == len(COMMAND_HELP) + 1
+    for name, part in zip(COMMAND_HELP, parts[:-1], strict=True):
+        assert f"Usage: z2p {name}" in part and COMMAND_HELP[name].split("\n")[0].split(";")[0][:40] in part
         assert ("--port" if name == "scheduler" else "--workspace") in part
 
 
