@@ -194,7 +194,7 @@ def _copied_value(value: Any) -> Any:
 
 
 def _look_at_origin(item: Any, position: Vector) -> None:
-    """Places a light or camera at `position`, looking at the origin with +Z up; Blender's lights and cameras look along their -Z."""
+    """Places a light or camera at `position`, looking at the origin with +Z up; both look along their -Z in Blender."""
     item.location = position
     item.rotation_mode = "QUATERNION"
     item.rotation_quaternion = (-position).to_track_quat("-Z", "Y")

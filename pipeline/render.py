@@ -179,7 +179,7 @@ def _run_blender(job: Path, name: str) -> Iterator[str]:
 
 def _failure(folder: Path, message: str) -> RenderError | DiskError:
     """The error for a failure of Blender, which writes into `folder`; a full disk makes it fail in many ways."""
-    refused = disk_error_message(told, folder) or full_disk_message(folder)
+    refused = disk_error_message(message, folder) or full_disk_message(folder)
     return DiskError(refused) if refused else RenderError(message)
 
 

@@ -1,6 +1,6 @@
-"""What others make of the same clouds, in the ground truth's place, light and floor.
+"""Runs baselines and painters on clouds, in the ground truth's scenes.
 
-A baseline makes a mesh, which Cycles renders; a painter draws the picture itself.
+A baseline reconstructs a mesh, which Cycles renders; a painter draws the picture itself.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ Log = Callable[[str], None]
 class BaselineResult:
     """A baseline's picture of a cloud.
 
-    `picture` (H, W, 4) float32 is straight sRGB RGBA in [0, 1], all 0 where there is an `error`: what the baseline said
-    of a cloud that it could not use. The seconds are those of the reconstruction, step by step in `steps` where the
-    baseline tells them, and of Blender, its start included; one mesh's scenes share theirs evenly.
+    `picture` (H, W, 4) float32 is straight sRGB RGBA in [0, 1]; it is all 0 if the baseline failed with `error`.
+    `seconds` are those of the reconstruction, split in `steps` if the baseline reports them, and `render_seconds` those
+    of Blender with its start, shared evenly among the scenes of one mesh.
     """
 
     picture: np.ndarray
@@ -79,7 +79,7 @@ def run_baseline(
 
 
 def run_baseline_on_scenes(
-    rival: Competitor,
+    competitor: Competitor,
     cloud: np.ndarray,
     cloud_fields: Mapping[str, Any],
     rng: np.random.Generator,
@@ -90,63 +90,64 @@ def run_baseline_on_scenes(
 ) -> list[BaselineResult]:
     """Pictures of a normalised cloud (N, 3) in scenes, whose `floor` is the true mesh's.
 
-    Kept under `root`, as the ground truth is, by all that shapes them; `cloud_fields` are what shapes the cloud. A
-    cloud is reconstructed once for all scenes that are missing, and once a viewpoint where the baseline asks for it.
+    They are stored under `root`, as the ground truth is, by the fingerprint of their inputs; `cloud_fields` identify
+    the cloud. A cloud is reconstructed once for all missing scenes, or once per viewpoint if the baseline needs that.
 
     Raises:
         PluginError: the baseline breaks its contract.
-        RenderError: Blender failed, or a kept render is damaged.
+        RenderError: Blender failed, or a stored render is damaged.
     """
-    folder = root / fingerprint(_fields(rival, settings))[:32]
+    folder = root / fingerprint(_fields(competitor, settings))[:32]
     stems = [fingerprint({"cloud": cloud_fields, "scene": scene.to_json()})[:32] for scene in scenes]
-    with Store(root).lock(Entry("reference", rival.name, {"folder": folder.name, "cloud": cloud_fields})):
+    with Store(root).lock(Entry("reference", competitor.name, {"folder": folder.name, "cloud": cloud_fields})):
         wanted = dict(zip(stems, scenes, strict=True))
         missing = [(stem, scene) for stem, scene in wanted.items() if not (folder / f"{stem}.json").exists()]
-        drawn = int(rng.integers(2**32))  # whichever pictures are missing, each mesh has its own random numbers
-        for viewer, jobs in _group_by_reconstruction(rival, missing).items():
+        seed = int(rng.integers(2**32))  # each mesh has its own random numbers, whichever pictures are missing
+        for viewer, jobs in _group_by_reconstruction(competitor, missing).items():
             folder.mkdir(parents=True, exist_ok=True)
             for stem, _ in jobs:
-                (folder / f"{stem}.png").unlink(missing_ok=True)  # cut off before its times were written
-            own = np.random.default_rng([drawn, int(fingerprint({"viewer": viewer})[:16], 16)])
-            told = _run_and_render(rival, cloud, own, jobs, folder, settings, log)
+                (folder / f"{stem}.png").unlink(missing_ok=True)  # left by a run killed before it wrote the times
+            mesh_rng = np.random.default_rng([seed, int(fingerprint({"viewer": viewer})[:16], 16)])
+            record = _run_and_render(competitor, cloud, mesh_rng, jobs, folder, settings, log)
             for stem, _ in jobs:
-                atomic_write(json.dumps(told).encode(), folder / f"{stem}.json", durable=True)
+                atomic_write(json.dumps(record).encode(), folder / f"{stem}.json", durable=True)
     return [_read_result(folder, stem, settings) for stem in stems]
 
 
-def _fields(rival: Competitor, settings: RenderSettings) -> dict[str, Any]:
-    """What shapes a rival's pictures of any cloud and scene: the renderer, the plugin, and what stands between them."""
-    fields = stage_fields("render") | {"baseline": plugin_fields(rival), "parameters": settings.shaping()}
-    fields["code"] = {**fields["code"], "pipeline.evaluation.baselines": cached_part_digest("pipeline.evaluation.baselines")}
+def _fields(competitor: Competitor, settings: RenderSettings) -> dict[str, Any]:
+    """Fingerprint fields of a competitor's pictures of any cloud and scene: renderer, plugin and this module."""
+    fields = stage_fields("render") | {"baseline": plugin_fields(competitor), "parameters": settings.shaping()}
+    module = "pipeline.evaluation.baselines"
+    fields["code"] = {**fields["code"], module: cached_part_digest(module)}
     return fields
 
 
 def with_true_floor(scene: SceneDescription, vertices: np.ndarray) -> SceneDescription:
-    """The scene with its floor where Blender puts it under the true mesh of normalised vertices (V, 3)."""
+    """The scene with its floor where Blender puts it: under the lowest of the true mesh's vertices (V, 3)."""
     lowest = float((vertices.astype(np.float64) @ np.array(scene.rotation)[2]).min())
     return replace(scene, floor=lowest)
 
 
 def viewer_position(scene: SceneDescription) -> np.ndarray:
-    """Place (3,) of the scene's camera in the axes of the cloud before it is turned and lifted."""
+    """Position (3,) of the scene's camera in the axes of the cloud before it is rotated and lifted."""
     position = Camera(1, 1, scene.elevation).position - (0.0, 0.0, scene.lift)
     viewer: np.ndarray = np.array(scene.rotation).T @ position
     return viewer
 
 
-def _group_by_reconstruction(rival: Competitor, jobs: list[Job]) -> dict[Any, list[Job]]:
-    """The jobs that one reconstruction serves, by the viewer it is for; a painter needs none, and has each alone."""
-    if not hasattr(rival, "reconstruct"):
+def _group_by_reconstruction(competitor: Competitor, jobs: list[Job]) -> dict[Any, list[Job]]:
+    """Jobs that share a reconstruction, by viewer position (None for all views); a painter's jobs are all separate."""
+    if not hasattr(competitor, "reconstruct"):
         return {job[0]: [job] for job in jobs}
     groups: dict[Any, list[Job]] = {}
     for stem, scene in jobs:
-        viewer = tuple(np.round(viewer_position(scene), 9).tolist()) if rival.for_view else None
+        viewer = tuple(np.round(viewer_position(scene), 9).tolist()) if competitor.for_view else None
         groups.setdefault(viewer, []).append((stem, scene))
     return groups
 
 
 def _run_and_render(
-    rival: Competitor,
+    competitor: Competitor,
     cloud: np.ndarray,
     rng: np.random.Generator,
     jobs: list[Job],
@@ -154,27 +155,27 @@ def _run_and_render(
     settings: RenderSettings,
     log: Log,
 ) -> dict[str, Any]:
-    """What is kept beside the pictures: times, and the error of a baseline that made none."""
-    _warm_up(rival)
-    maker = rival()
+    """Runs the competitor and renders its mesh; returns the record of times, or of the error if it failed."""
+    _warm_up(competitor)
+    method = competitor()
     started = time.perf_counter()
     try:
-        if not hasattr(maker, "reconstruct"):
-            _save(_paint(maker, cloud, jobs[0][1], settings), folder / f"{jobs[0][0]}.png")
-            return _record(maker, time.perf_counter() - started, 0.0)
-        vertices, faces = maker.reconstruct_for(cloud, viewer_position(jobs[0][1]), rng)
+        if not hasattr(method, "reconstruct"):
+            _save(_paint(method, cloud, jobs[0][1], settings), folder / f"{jobs[0][0]}.png")
+            return _record(method, time.perf_counter() - started, 0.0)
+        vertices, faces = method.reconstruct_for(cloud, viewer_position(jobs[0][1]), rng)
     except ScanError as error:
-        log(f"{rival.name}: {error}; an empty picture counts")
+        log(f"{competitor.name}: {error}; an empty picture is measured")
         return {"seconds": None, "render_seconds": None, "error": str(error), "steps": {}}
     seconds = time.perf_counter() - started
-    _check(rival.name, vertices, faces)
+    _check(competitor.name, vertices, faces)
     started = time.perf_counter()
-    render_mesh(Mesh(vertices, faces, smooth=True), jobs, folder, settings, name=rival.name)
-    return _record(maker, seconds, (time.perf_counter() - started) / len(jobs))
+    render_mesh(Mesh(vertices, faces, smooth=True), jobs, folder, settings, name=competitor.name)
+    return _record(method, seconds, (time.perf_counter() - started) / len(jobs))
 
 
-def _record(maker: Any, seconds: float, render_seconds: float) -> dict[str, Any]:
-    steps = {step: round(taken, 4) for step, taken in maker.seconds.items()}
+def _record(method: Any, seconds: float, render_seconds: float) -> dict[str, Any]:
+    steps = {step: round(taken, 4) for step, taken in method.seconds.items()}
     return {"seconds": round(seconds, 4), "render_seconds": round(render_seconds, 4), "error": "", "steps": steps}
 
 
@@ -188,8 +189,10 @@ def _paint(painter: Painter, cloud: np.ndarray, scene: SceneDescription, setting
     placed = cloud.astype(np.float64) @ np.array(scene.rotation).T + (0.0, 0.0, scene.lift)
     picture = painter.paint(placed.astype(np.float32), Camera(width, height, scene.elevation), scene)
     if picture.shape != (height, width, 4) or not (picture.min() >= 0 and picture.max() <= 1):
-        raise registry.PluginError(f"painter {painter.name!r}: expected ({height}, {width}, 4) in [0, 1], "
-                                   f"got {picture.shape} from {picture.min():g} to {picture.max():g}")
+        raise registry.PluginError(
+            f"painter {painter.name!r}: expected ({height}, {width}, 4) in [0, 1], "
+            f"got {picture.shape} from {picture.min():g} to {picture.max():g}"
+        )
     return bytes_from_unit(picture)
 
 
@@ -199,23 +202,23 @@ def _save(picture: np.ndarray, path: Path) -> None:
 
 
 def _read_result(folder: Path, stem: str, settings: RenderSettings) -> BaselineResult:
-    told = _read_record(folder / f"{stem}.json")
+    record = _read_record(folder / f"{stem}.json")
     shape = (settings.resolution[1], settings.resolution[0], 4)
-    picture = np.zeros(shape, np.float32) if told["error"] else read_render(folder / f"{stem}.png", shape)
-    return BaselineResult(picture, told["seconds"], told["render_seconds"], told["error"], told["steps"])
+    picture = np.zeros(shape, np.float32) if record["error"] else read_render(folder / f"{stem}.png", shape)
+    return BaselineResult(picture, record["seconds"], record["render_seconds"], record["error"], record["steps"])
 
 
 @cache
-def _warm_up(rival: Competitor) -> None:
-    """Nothing: a small cloud goes through first, so that no cloud's time holds the import of libraries."""
+def _warm_up(competitor: Competitor) -> None:
+    """Runs the competitor on a small cloud, so that no measured time includes the import of libraries."""
     points = np.random.default_rng(0).normal(size=(200, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
-    maker = rival()
-    with suppress(ScanError):  # told when a cloud that counts is refused
-        if hasattr(maker, "reconstruct"):
-            maker.reconstruct(points, np.random.default_rng(0))
+    method = competitor()
+    with suppress(ScanError):  # an error on a measured cloud is reported there
+        if hasattr(method, "reconstruct"):
+            method.reconstruct(points, np.random.default_rng(0))
         else:
-            maker.paint(points.astype(np.float32), Camera(32, 32), SceneDescription())
+            method.paint(points.astype(np.float32), Camera(32, 32), SceneDescription())
 
 
 def _check(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:
@@ -229,7 +232,8 @@ def _check(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:
 
 def _read_record(path: Path) -> dict[str, Any]:
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
-        return {name: told[name] for name in ("seconds", "render_seconds", "error")} | {"steps": told.get("steps", {})}
+        record = json.loads(path.read_text(encoding="utf-8"))
+        required = {name: record[name] for name in ("seconds", "render_seconds", "error")}
+        return required | {"steps": record.get("steps", {})}
     except (ValueError, KeyError, TypeError) as error:
         raise RenderError(f"{path}: not a readable record ({error}); delete it to render again") from error

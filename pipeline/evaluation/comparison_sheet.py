@@ -1,4 +1,4 @@
-"""Contact sheets of an evaluation: a row a view, with what went in, what came out, and what should have."""
+"""Comparison sheets of an evaluation: one row per view with the input, the methods' pictures and the ground truth."""
 
 from __future__ import annotations
 
@@ -23,10 +23,16 @@ from z2p_renderer.pipeline.outputs.contact_sheet import (
 from z2p_renderer.pipeline.outputs.point_preview import draw_dots
 
 COLUMNS = ("cloud", "z-buffer (Eq. 1)", "picture", "ground truth")
-"""Titles; those of other pictures to compare with come before the ground truth."""
+"""Column titles; those of further methods come before the ground truth."""
 ROWS_PER_SHEET = 12
-CELL_SIDE, CELL_GAP, LABEL_WIDTH, TITLE_HEIGHT = 192, 6, 150, 24
-"""Sides of a cell, the gap between cells, the label column and the title line, in pixels."""
+CELL_SIDE = 192
+"""Side of a cell, pixels."""
+CELL_GAP = 6
+"""Gap between cells, pixels."""
+LABEL_WIDTH = 150
+"""Width of the column of labels, pixels."""
+TITLE_HEIGHT = 24
+"""Height of the line of titles, pixels."""
 TEXT_COLOR = (40, 40, 40)
 
 
@@ -46,29 +52,29 @@ def make_row(
     truth: np.ndarray,
     others: Sequence[np.ndarray] = (),
 ) -> SheetRow:
-    """Row of a placed cloud (N, 3) seen from `elevation` degrees, and of straight sRGB RGBA pictures (H, W, 4).
+    """Row with a placed cloud (N, 3) seen from `elevation` degrees, its z-buffer, and pictures composited on white.
 
-    The pictures are float in [0, 1], all of one size, and are shown on white. The z-buffer is the paper's, of that
-    size too, whichever one the weights read.
+    The pictures (H, W, 4) are straight sRGB RGBA, float in [0, 1], all of one size. The z-buffer is the paper's,
+    whichever one the weights read.
     """
     height, width = truth.shape[:2]
     zbuffer: ZBuffer = registry.load("zbuffers", "paper")()
-    drawn = np.clip(zbuffer.draw(cloud, Camera(width, height, elevation))[0], 0, 1)
+    depth = np.clip(zbuffer.draw(cloud, Camera(width, height, elevation))[0], 0, 1)
     pictures = (
         draw_dots(cloud, Camera(CELL_SIDE, CELL_SIDE, elevation)),
-        np.repeat(drawn[..., None], 3, axis=2),
+        np.repeat(depth[..., None], 3, axis=2),
         *(composite(picture, (1.0, 1.0, 1.0)) for picture in (prediction, *others, truth)),
     )
     return SheetRow(label, tuple(_resize_to_cell(bytes_from_unit(picture)) for picture in pictures))
 
 
 def write_sheets(rows: Sequence[SheetRow], out: Path, others: Sequence[str] = ()) -> list[Path]:
-    """``out/sheet.png``, and ``sheet_2.png`` and on where the rows are more than `ROWS_PER_SHEET`; older ones go.
+    """Writes ``out/sheet.png``, and ``sheet_2.png`` etc. for more than `ROWS_PER_SHEET` rows; deletes older sheets.
 
-    `others` are the titles of the rows' other pictures.
+    `others` are the titles of the further methods.
 
     Raises:
-        SettingError: in place of a sheet there is something else; see `check_sheet_places`.
+        SettingError: a sheet's path holds another file; see `check_sheet_places`.
     """
     check_sheet_places(out, count_sheets(len(rows)))
     titles = (*COLUMNS[:-1], *others, COLUMNS[-1])
@@ -83,7 +89,7 @@ def write_sheets(rows: Sequence[SheetRow], out: Path, others: Sequence[str] = ()
 
 
 def count_sheets(rows: int) -> int:
-    """How many sheets so many rows take."""
+    """Number of sheets for a number of rows."""
     return -(-rows // ROWS_PER_SHEET)
 
 
@@ -92,10 +98,12 @@ def _draw_sheet(rows: Sequence[SheetRow], titles: Sequence[str]) -> Image.Image:
     sheet = Image.new("RGB", (LABEL_WIDTH + len(titles) * step, TITLE_HEIGHT + len(rows) * step), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(13)
     for column, title in enumerate(titles):
-        pen.text((LABEL_WIDTH + column * step + CELL_SIDE // 2, TITLE_HEIGHT // 2), title, TEXT_COLOR, font, anchor="mm")
+        center = (LABEL_WIDTH + column * step + CELL_SIDE // 2, TITLE_HEIGHT // 2)
+        pen.text(center, title, TEXT_COLOR, font, anchor="mm")
     for index, row in enumerate(rows):
         top = TITLE_HEIGHT + index * step
-        pen.multiline_text((CELL_GAP, top + CELL_GAP), "\n".join(_cut_to_width(line, pen, font) for line in row.label), TEXT_COLOR, font)
+        label = "\n".join(_cut_to_width(line, pen, font) for line in row.label)
+        pen.multiline_text((CELL_GAP, top + CELL_GAP), label, TEXT_COLOR, font)
         for column, cell in enumerate(row.cells):
             left = LABEL_WIDTH + column * step
             sheet.paste(Image.fromarray(cell), (left, top))
@@ -104,7 +112,7 @@ def _draw_sheet(rows: Sequence[SheetRow], titles: Sequence[str]) -> Image.Image:
 
 
 def _cut_to_width(line: str, pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont | ImageFont.ImageFont) -> str:
-    """The line, cut so that it stays in the label column."""
+    """The line, cut to fit the label column."""
     if pen.textlength(line, font) <= LABEL_WIDTH - 2 * CELL_GAP:
         return line
     while line and pen.textlength(line + "...", font) > LABEL_WIDTH - 2 * CELL_GAP:
@@ -113,8 +121,8 @@ def _cut_to_width(line: str, pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeF
 
 
 def _resize_to_cell(picture: np.ndarray) -> np.ndarray:
-    """Picture (H, W, 3) uint8 at the cell's size; small ones keep their pixels visible."""
+    """Image (H, W, 3) uint8 resized to the cell; small ones by nearest neighbour, so that their pixels stay visible."""
     if picture.shape[:2] == (CELL_SIDE, CELL_SIDE):
         return picture
-    how = Image.Resampling.NEAREST if picture.shape[0] < CELL_SIDE else Image.Resampling.BOX
-    return np.asarray(Image.fromarray(picture).resize((CELL_SIDE, CELL_SIDE), how))
+    method = Image.Resampling.NEAREST if picture.shape[0] < CELL_SIDE else Image.Resampling.BOX
+    return np.asarray(Image.fromarray(picture).resize((CELL_SIDE, CELL_SIDE), method))

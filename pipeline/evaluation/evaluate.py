@@ -1,4 +1,4 @@
-"""How good weights are: their pictures of sampled clouds against Blender's renders of the meshes."""
+"""Measures weights: their pictures of clouds sampled on meshes, against Blender's renders of these meshes."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.bounding_sphere import Sphere, bounding_sphere
 from z2p_core.quality.metrics import METRIC_NAMES, image_metrics
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.evaluation.baselines import load_baselines, with_true_floor, run_baseline
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines, run_baseline, with_true_floor
 from z2p_renderer.pipeline.evaluation.comparison_sheet import SheetRow, make_row, write_sheets
 from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.render import RenderSettings, read_render
 from z2p_renderer.pipeline.rendering.ground_truth import render_references
 from z2p_renderer.pipeline.rendering.mesh_samples import sample_cloud
-from z2p_renderer.pipeline.rendering.views import View, describe, sample_view, place_in_scene, view_rng
+from z2p_renderer.pipeline.rendering.views import View, describe, place_in_scene, sample_view, view_rng
 from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 from z2p_renderer.storage.models.checkpoints import find_weights
@@ -38,14 +38,13 @@ if TYPE_CHECKING:
     from z2p_core.interfaces import Baseline
 
 UPRIGHT_SHARE = 0.5
-"""Share of the views that turn the mesh about +Z only, as in training."""
-
+"""Share of the views that rotate the mesh about +Z only, as in training."""
 WEIGHTS_KEY = ""
-"""Stands for the weights where the baselines have their names."""
+"""Key of the weights among the methods; the baselines' keys are their names."""
 
 Log = Callable[[str], None]
 Result = tuple[dict[str, Any], np.ndarray]
-"""Row of figures, and the picture (H, W, 4) float32 in [0, 1], straight sRGB RGBA, that they judge."""
+"""Row of metrics, and the measured picture: (H, W, 4) float32 in [0, 1], straight sRGB RGBA."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +60,10 @@ class EvaluationMesh:
 
 @dataclass(frozen=True)
 class Trial:
-    """One view of a mesh by the one seed of `config`.
+    """One view of a mesh for one seed: the cloud that methods get, and the render that they should reproduce.
 
-    The normalised cloud (N, 3) float32 goes in, and the render should come out: `truth` (H, W, 4) is straight sRGB
-    RGBA, `coverage` (H, W) the object's share of each pixel; float32 in [0, 1].
+    `cloud` (N, 3) float32 lies in the unit sphere, before the scene rotates it. `truth` (H, W, 4) is straight sRGB
+    RGBA, `coverage` (H, W) the object's share of each pixel; both float32 in [0, 1].
     """
 
     subject: EvaluationMesh
@@ -86,66 +85,72 @@ def evaluate(
     baselines: Sequence[str] = (),
     engine: str = REFERENCE_ENGINE,
 ) -> Path:
-    """``out/metrics.json``: a row a mesh, view and seed, means and spread; beside it the pictures and contact sheets.
+    """Writes ``out/metrics.json`` (a row per mesh, view and seed; means; spread), pictures and comparison sheets.
 
-    Views and clouds follow from the seed, the mesh's bytes and the view's number, not from names or other meshes.
-    Each of `baselines` gets the same clouds, and its own rows and means under its name. Ground truth and the baselines'
-    pictures are kept under `truth_root` by what shapes them, so that the next weights find them there. `engine` runs
-    the network.
+    Views and clouds depend on the seed, the mesh's bytes and the view's number, not on names or other meshes.
+    Each of `baselines` gets the same clouds, and its own rows and means under its name. Ground truth and baselines'
+    pictures are stored under `truth_root` by their fingerprint and reused for other weights. `engine` runs the network.
 
     Raises:
         ScanError: no meshes, or one that cannot be read.
-        WeightsError, PluginError: the weights, the engine, or a plugin that they or the config need, cannot be used.
-        SettingError: an elevation that the weights do not know.
-        RenderError: Blender failed, or a kept render is damaged.
+        WeightsError, PluginError: the weights, the engine or a needed plugin cannot be used.
+        SettingError: an elevation that the weights were not trained for.
+        RenderError: Blender failed, or a stored render is damaged.
     """
     if not meshes:
         raise ScanError("expected meshes to evaluate on, got none; give a folder with at least one")
-    registry.load("samplers", config.sampler)  # an unknown one shows before the first render
-    rivals = load_baselines(baselines)
+    registry.load("samplers", config.sampler)  # an unknown sampler fails before the first render
+    competitors = load_baselines(baselines)
     renderer = Renderer(weights, engine=engine)
-    subjects = [_load_evaluation_mesh(name, path) for name, path in meshes.items()]  # so does a broken mesh
+    evaluation_meshes = [_load_evaluation_mesh(name, path) for name, path in meshes.items()]  # so does a broken mesh
     (out / "pictures").mkdir(parents=True, exist_ok=True)
-    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (WEIGHTS_KEY, *rivals)}
+    rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (WEIGHTS_KEY, *competitors)}
     sheet: list[SheetRow] = []
-    trials = (_trials(subject, renderer, run, truth_root, log) for run in split_seeds(config) for subject in subjects)
+    trials = (
+        _trials(mesh, renderer, one_seed, truth_root, log)
+        for one_seed in split_seeds(config) for mesh in evaluation_meshes
+    )  # fmt: skip
     for trial in chain.from_iterable(trials):
         results = {WEIGHTS_KEY: _run_weights(renderer, trial)}
-        results |= {name: _run_baseline(rival, trial, truth_root, log) for name, rival in rivals.items()}
+        results |= {name: _run_baseline(competitor, trial, truth_root, log) for name, competitor in competitors.items()}
         for name, (row, _) in results.items():
             rows[name].append(row)
         _save_pictures(trial, results, out / "pictures", log)
         sheet.append(_sheet_row(trial, results))
-    write_sheets(sheet, out, tuple(rivals))
-    settings = _settings(config, weights, engine, subjects, rivals)
+    write_sheets(sheet, out, tuple(competitors))
+    settings = _settings(config, weights, engine, evaluation_meshes, competitors)
     summaries = {name: {**summarise(own), "rows": own} for name, own in rows.items()}
-    return _write_json(out / "metrics.json", {"settings": settings, **summaries.pop(WEIGHTS_KEY), "baselines": summaries})
+    ours = summaries.pop(WEIGHTS_KEY)
+    return _write_json(out / "metrics.json", {"settings": settings, **ours, "baselines": summaries})
 
 
 def split_seeds(config: EvaluateConfig) -> list[EvaluateConfig]:
-    """A config of one seed for each that is measured."""
+    """One config per seed that `config` measures."""
     return [replace(config, seed=config.seed + number, seeds=1) for number in range(config.seeds)]
 
 
 def _settings(
-    config: EvaluateConfig, weights: str | Path, engine: str, subjects: Sequence[EvaluationMesh],
-    rivals: Mapping[str, type[Baseline]],
+    config: EvaluateConfig,
+    weights: str | Path,
+    engine: str,
+    evaluation_meshes: Sequence[EvaluationMesh],
+    competitors: Mapping[str, type[Baseline]],
 ) -> dict[str, Any]:
-    """What was measured, and on what."""
+    """The settings of the evaluation, as `metrics.json` records them."""
     return {
         "config": to_dict(config),
         "weights": {"name": Path(weights).name, "sha256": file_digest(find_weights(weights))},
         "engine": engine,
-        "meshes": {subject.name: subject.identity for subject in subjects},
-        "baselines": [plugin_fields(plugin) for plugin in rivals.values()],
+        "meshes": {subject.name: subject.identity for subject in evaluation_meshes},
+        "baselines": [plugin_fields(plugin) for plugin in competitors.values()],
     }
 
 
 def sample_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> list[View]:
-    """The views of a mesh with that content digest, at the config's elevation or, where it has none, at any.
+    """Random views of the mesh with content digest `identity`; `config.elevation` of None draws that too.
 
     Raises:
-        SettingError: an elevation that the weights do not know.
+        SettingError: an elevation that the weights were not trained for.
     """
     controls, elevation = renderer.controls, config.elevation
     if "elevation" not in controls:
@@ -169,17 +174,17 @@ def sample_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> l
 def render_ground_truth(
     subject: EvaluationMesh, scenes: Sequence[SceneDescription], config: EvaluateConfig, truth_root: Path, log: Log
 ) -> list[Path]:
-    """Picture of each scene (its coverage beside it), rendered only where `truth_root` does not hold it yet.
+    """Path of each scene's picture (its coverage beside it); renders those that `truth_root` lacks.
 
-    Asking for more views, or for other weights with the same controls, keeps what is there.
+    More views, or other weights with the same controls, reuse what is stored.
     """
     return render_references(subject.path, subject.identity, scenes, ground_truth_settings(config), truth_root, log)
 
 
 def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Means, spread (standard deviation over the rows), means by mesh, and by seed with the spread of these.
+    """Means, spread (standard deviation over rows), means per mesh and per seed, and the spread over seeds.
 
-    Rows without a figure are left out of it.
+    Each metric is taken over the rows that have it.
     """
     groups: dict[str, dict[Any, list[Mapping[str, Any]]]] = {"mesh": {}, "seed": {}}
     for row in rows:
@@ -237,17 +242,18 @@ def _run_baseline(baseline: type[Baseline], trial: Trial, truth_root: Path, log:
     rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), trial.index, 2])
     scene = with_true_floor(trial.view.scene, subject.sphere.normalise(subject.mesh.vertices))
     settings = ground_truth_settings(config)
-    rebuilt = run_baseline(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log)
-    row = {**_metrics_row(rebuilt.picture, trial), "seconds": rebuilt.seconds, "render_seconds": rebuilt.render_seconds}
-    return row | ({"error": rebuilt.error} if rebuilt.error else {}), rebuilt.picture
+    result = run_baseline(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log)
+    row = {**_metrics_row(result.picture, trial), "seconds": result.seconds, "render_seconds": result.render_seconds}
+    return row | ({"error": result.error} if result.error else {}), result.picture
 
 
 def _save_pictures(trial: Trial, results: Mapping[str, Result], folder: Path, log: Log) -> None:
-    """Write MESH_SEED_VIEW.png, and MESH_SEED_VIEW_NAME.png for each baseline."""
+    """Writes MESH_SEED_VIEW.png, and MESH_SEED_VIEW_NAME.png for each baseline."""
     for name, (row, picture) in results.items():
         stem = f"{trial.subject.name}_{trial.config.seed}_{trial.index}" + (f"_{name}" if name else "")
         Image.fromarray(bytes_from_unit(picture)).save(folder / f"{stem}.png")
-        log(" ".join(filter(None, (trial.subject.name, str(trial.index), name))) + ": " + ", ".join(_metric_labels(row)))
+        title = " ".join(filter(None, (trial.subject.name, str(trial.index), name)))
+        log(f"{title}: {', '.join(_metric_labels(row))}")
 
 
 def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
@@ -258,31 +264,31 @@ def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
 
 
 def _metrics_row(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
-    figures = image_metrics(picture, trial.truth, trial.coverage)
+    metrics = image_metrics(picture, trial.truth, trial.coverage)
     return {"mesh": trial.subject.name, "seed": trial.config.seed, "view": trial.index} | {
-        name: _rounded_or_none(value) for name, value in figures.items()
+        name: _rounded_or_none(value) for name, value in metrics.items()
     }
 
 
 def ground_truth_settings(config: EvaluateConfig) -> RenderSettings:
-    """How the ground truth is rendered."""
+    """Cycles settings of the ground truth."""
     side = config.resolution
     return RenderSettings((side, side), config.samples, config.denoise, config.bounces, seed=config.seed)
 
 
-def _metric_labels(figures: Mapping[str, float | None]) -> list[str]:
-    shown = {"psnr_foreground": "object {:.1f} dB", "ssim": "SSIM {:.3f}", "flip": "FLIP {:.3f}"}
-    return [form.format(figures[name]) for name, form in shown.items() if figures[name] is not None]
+def _metric_labels(metrics: Mapping[str, float | None]) -> list[str]:
+    formats = {"psnr_foreground": "object {:.1f} dB", "ssim": "SSIM {:.3f}", "flip": "FLIP {:.3f}"}
+    return [form.format(metrics[name]) for name, form in formats.items() if metrics[name] is not None]
 
 
 def _aggregate(rows: Sequence[Mapping[str, Any]], measure: Callable[[list[float]], Any]) -> dict[str, float]:
     names = (*METRIC_NAMES, "seconds", "render_seconds")
-    found = {name: [row[name] for row in rows if row.get(name) is not None] for name in names}
-    return {name: round(float(measure(values)), 6) for name, values in found.items() if values}
+    values = {name: [row[name] for row in rows if row.get(name) is not None] for name in names}
+    return {name: round(float(measure(column)), 6) for name, column in values.items() if column}
 
 
 def _rounded_or_none(value: float) -> float | None:
-    """JSON has no nan."""
+    """The value rounded to 6 digits; None for nan, which JSON lacks."""
     return None if math.isnan(value) else round(value, 6)
 
 

@@ -43,8 +43,7 @@ def check_exporter() -> None:
     """
     missing = [name for name in ("onnx", "onnxruntime") if importlib.util.find_spec(name) is None]
     if missing:
-        raise ImportError(f'to export weights, {" and ".join(missing)} must be installed; '
-                          f"{install_advice('pipeline')}")
+        raise ImportError(f"to export weights, {' and '.join(missing)} must be installed; {install_advice('pipeline')}")
 
 
 def _trace_network(loaded: LoadedWeights) -> bytes:
@@ -82,4 +81,3 @@ def _fold_constants(model: bytes) -> bytes:
         options.intra_op_num_threads, options.log_severity_level = 1, 3
         onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
         return Path(options.optimized_model_filepath).read_bytes()
-

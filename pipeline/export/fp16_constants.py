@@ -18,7 +18,8 @@ def to_fp16_constants(onnx: bytes) -> bytes:
     graph, nodes = model.graph, []
     for constant in list(graph.initializer):
         array = numpy_helper.to_array(constant)
-        if array.dtype == np.float32 and array.size >= MIN_FP16_ELEMENTS and np.array_equal(_fp16_round_trip(array), array):
+        is_large = array.dtype == np.float32 and array.size >= MIN_FP16_ELEMENTS
+        if is_large and np.array_equal(_fp16_round_trip(array), array):
             name = constant.name
             graph.initializer.remove(constant)
             nodes += add_constant(graph, name, array, is_fp16=True)

@@ -186,7 +186,11 @@ class CloudDataset:
         return sample
 
     def _sample(
-        self, place: tuple[int, int], side: int, rng: np.random.Generator, is_mirrored: bool = False,
+        self,
+        place: tuple[int, int],
+        side: int,
+        rng: np.random.Generator,
+        is_mirrored: bool = False,
         teacher: Teacher | None = None,
     ) -> _Sample:
         record, pool = self._record(place, side, is_mirrored), self._pools[place[0]]

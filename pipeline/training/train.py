@@ -194,9 +194,7 @@ def _choose_device(name: str) -> torch.device:
 class _Progress:
     """A live progress bar on a terminal; elsewhere a log line every `LOG_SECONDS`."""
 
-    def __init__(
-        self, step: int, steps: int, samples: Callable[[int], int], log: Callable[[str], object]
-    ) -> None:
+    def __init__(self, step: int, steps: int, samples: Callable[[int], int], log: Callable[[str], object]) -> None:
         self.bar = tqdm(total=steps, initial=step, unit="step", disable=not sys.stderr.isatty(), file=sys.stderr)
         self.first, self.steps, self.samples, self.log = step, steps, samples, log
         self.started = self.last_logged = time.monotonic()

@@ -1,1 +1,1 @@
-"""Built-in baselines: what one could do today instead of z2p."""
+"""Built-in baselines: other ways to draw a point cloud, compared with z2p."""

@@ -1,6 +1,6 @@
-"""Oriented normals of a bare cloud: what both surface reconstructions start from.
+"""Oriented normals by open3d, with which `bpa` and `poisson` start.
 
-A change here changes the results of `bpa` and `poisson`: raise the version of both.
+A change here changes the results of both: raise their versions.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import ScanError
 
 NEIGHBORS = 16
+"""Neighbours of a point for its normal, and for the graph along which normals are oriented."""
 
 
 def estimate_oriented_normals(cloud: np.ndarray) -> Any:
-    """open3d PointCloud of points (N, 3) with unit normals, turned to agree along the tangent planes.
+    """open3d PointCloud of points (N, 3) with unit normals, oriented consistently along tangent planes.
 
     Raises:
-        ScanError: too few points, or points that have no surface.
+        ScanError: too few points, or points that span no volume.
     """
     with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
@@ -34,7 +35,7 @@ def estimate_oriented_normals(cloud: np.ndarray) -> Any:
     scan.estimate_normals(open3d.geometry.KDTreeSearchParamKNN(NEIGHBORS))
     try:
         scan.orient_normals_consistent_tangent_plane(NEIGHBORS)
-    except RuntimeError as error:  # its triangulation refuses points in one plane
+    except RuntimeError as error:  # its triangulation fails for coplanar points
         message = f"the normals cannot be oriented ({error_reason(error)}); expected points that span a volume"
         raise ScanError(message) from error
     return scan

@@ -1,4 +1,4 @@
-"""A function of a library that may never come back, in a process of its own, which is ended when it takes too long."""
+"""Runs a library function that may hang in a separate process, which is killed after a time limit."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from z2p_core.interfaces import ScanError
 
 
 class SubprocessFunction:
-    """Calls `function`, which must be a module's own, in a process that is kept for the next call.
+    """Calls `function`, a module-level one, in a process that is kept for the next call.
 
-    It is started afresh (not forked), since libraries' threads do not outlive a fork.
+    The process is spawned, not forked, since a library's threads do not survive a fork.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -25,7 +25,7 @@ class SubprocessFunction:
         self._owner = 0
 
     def __call__(self, *arguments: Any, within: float) -> Any:
-        """What the function gives for these arguments, in at most so many seconds.
+        """Result of the function for these arguments, in at most `within` seconds.
 
         Raises:
             ScanError: it took longer, its process died, or it raised an error.
@@ -42,7 +42,7 @@ class SubprocessFunction:
             except (EOFError, OSError):
                 code = self._end()
                 raise ScanError(f"{name} died (exit status {code}); give another cloud") from None
-            except BaseException:  # an interrupt: the answer that is still to come is not the next call's
+            except BaseException:  # an interrupt: else the pending result would be taken for the next call's
                 if self._process is not None:
                     self._end()
                 raise
@@ -54,11 +54,11 @@ class SubprocessFunction:
         if self._process is not None and self._owner == os.getpid() and self._process.is_alive():
             return
         context = multiprocessing.get_context("spawn")
-        self._pipe, theirs = context.Pipe()
-        self._process = context.Process(target=_serve_calls, args=(self._function, theirs), daemon=True)
+        self._pipe, child_pipe = context.Pipe()
+        self._process = context.Process(target=_serve_calls, args=(self._function, child_pipe), daemon=True)
         self._process.start()
         self._owner = os.getpid()
-        theirs.close()
+        child_pipe.close()
 
     def _end(self) -> int | None:
         self._process.kill()
@@ -70,7 +70,7 @@ class SubprocessFunction:
 
 
 def _serve_calls(function: Callable[..., Any], pipe: Any) -> None:
-    """Answers calls until the other end is gone."""
+    """Runs calls from the pipe until its other end is closed."""
     while True:
         try:
             arguments = pipe.recv()

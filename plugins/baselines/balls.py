@@ -1,4 +1,4 @@
-"""A small ball at each point: what a renderer shows of a cloud when nobody reconstructs a surface."""
+"""A small ball at each point, as renderers show a cloud without reconstruction."""
 
 from __future__ import annotations
 
@@ -7,9 +7,11 @@ import numpy as np
 from z2p_core.interfaces import Baseline, ScanError
 
 BALL_RADIUS = 0.014
-"""In world units, whatever the density: balls nearly touch on an object of 5,000 points, and part on sparser ones."""
-SUBDIVISIONS, MANY_POINTS = 1, 20_000
-"""Of the icosahedron: 80 triangles, plenty for a ball of a few pixels, smoothly shaded; from so many points on 20."""
+"""World units, whatever the density: balls almost touch for an object of 5,000 points."""
+SUBDIVISIONS = 1
+"""Of the icosahedron: 80 smooth-shaded triangles suffice for a ball of a few pixels."""
+MANY_POINTS = 20_000
+"""Points from which on balls are not subdivided: 20 triangles each."""
 
 
 class Balls(Baseline):

@@ -1,4 +1,4 @@
-"""Ball pivoting (Bernardini et al., TVCG 1999): a ball rolls over the points and leaves triangles."""
+"""Ball-pivoting surface reconstruction (Bernardini et al., TVCG 1999)."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
-from z2p_renderer.plugins.baselines._normals import mesh_arrays, estimate_oriented_normals
+from z2p_renderer.plugins.baselines._normals import estimate_oriented_normals, mesh_arrays
 from z2p_renderer.plugins.baselines._subprocess import SubprocessFunction
 
 RADII_IN_SPACINGS = (1.5, 2.5, 4.0)
-"""Of the balls, in units of the mean distance to the nearest neighbour."""
+"""Radii of the balls, in units of the mean distance to the nearest neighbour."""
 TIME_LIMIT_SECONDS = 300.0
-"""Seconds. On scans whose density varies a lot, open3d's balls roll for hours, if they ever stop."""
+"""On scans of strongly varying density open3d's ball pivoting takes hours, or does not end."""
 
 
 class BallPivoting(Baseline):
@@ -28,7 +28,7 @@ class BallPivoting(Baseline):
         """Vertices (V, 3) float64, the cloud's points, and triangles (M, 3) int64 between them.
 
         Raises:
-            ScanError: too few points, points that no ball touches by three, or balls that do not come to rest.
+            ScanError: too few points, points on which no triangle forms, or the time limit is exceeded.
         """
         with self.timed("normals"):
             scan = estimate_oriented_normals(cloud)
@@ -36,15 +36,17 @@ class BallPivoting(Baseline):
         if spacing == 0:
             raise ScanError(f"expected points apart from each other, got {len(cloud)} that all come twice")
         radii = [radius * spacing for radius in RADII_IN_SPACINGS]
-        vertices, faces = BALL_PIVOTING_SUBPROCESS(np.asarray(scan.points), np.asarray(scan.normals), radii, within=TIME_LIMIT_SECONDS)
+        vertices, faces = BALL_PIVOTING_SUBPROCESS(
+            np.asarray(scan.points), np.asarray(scan.normals), radii, within=TIME_LIMIT_SECONDS
+        )
         return vertices, faces
 
 
 def ball_pivoting(points: np.ndarray, normals: np.ndarray, radii: list[float]) -> Any:
-    """Vertices (V, 3) float64 and triangles (M, 3) int64 that balls of these radii leave on points (N, 3).
+    """Vertices (V, 3) float64 and triangles (M, 3) int64 of ball pivoting on oriented points (N, 3).
 
     Raises:
-        ScanError: they leave no triangle.
+        ScanError: there is no triangle.
     """
     with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra

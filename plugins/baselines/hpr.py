@@ -1,4 +1,4 @@
-"""Hidden point removal and the triangles between the points that are left (Katz, Tal, Basri, SIGGRAPH 2007)."""
+"""Hidden point removal, and triangles between the visible points (Katz, Tal, Basri, SIGGRAPH 2007)."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from z2p_core.interfaces import Baseline, ScanError
 from z2p_renderer.plugins.baselines._normals import mesh_arrays
 
 FLIP_RADIUS = 360.0
-"""Radius of the sphere that the points are flipped over, in world units: a hundred times the camera's distance."""
+"""Radius of the sphere for spherical flipping, world units: a hundred times the camera's distance."""
 MAX_SIDE_RATIO = 4.0
-"""Sides of a triangle, in typical sides: longer ones join an outline to what lies behind it."""
+"""Longest side of a kept triangle, relative to the median: longer ones connect an outline to the background."""
 
 
 class VisibleTriangles(Baseline):
-    """What the camera sees of the cloud as triangles; nothing of its far side, so shadows come from the near one."""
+    """Triangles of the visible side of the cloud alone, which also casts the shadows."""
 
     name = "hpr"
     version = "1"

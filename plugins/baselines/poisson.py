@@ -1,4 +1,4 @@
-"""Screened Poisson reconstruction (Kazhdan and Hoppe, TOG 2013), trimmed where no points support it."""
+"""Screened Poisson surface reconstruction (Kazhdan and Hoppe, TOG 2013), trimmed at low density."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import numpy as np
 
 from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline
-from z2p_renderer.plugins.baselines._normals import mesh_arrays, estimate_oriented_normals
+from z2p_renderer.plugins.baselines._normals import estimate_oriented_normals, mesh_arrays
 
 OCTREE_DEPTH = 8
-"""Of the octree: 256 cells a side."""
+"""Depth of the octree: 256 cells along a side."""
 TRIMMED_SHARE = 0.03
-"""Share of the vertices that go, those of lowest density: the surface closes over every gap otherwise."""
+"""Share of vertices removed, those of lowest density; else the surface closes every gap."""
 
 
 class Poisson(Baseline):
-    """Open3D's screened Poisson surface, on one thread: on more, sums in another order give other bytes."""
+    """Open3D's screened Poisson surface, single-threaded, as threads change the order of sums and so the bytes."""
 
     name = "poisson"
     version = "1"
@@ -32,7 +32,9 @@ class Poisson(Baseline):
 
         with self.timed("normals"):
             scan = estimate_oriented_normals(cloud)
-        mesh, densities = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(scan, depth=OCTREE_DEPTH, n_threads=1)
+        mesh, densities = open3d.geometry.TriangleMesh.create_from_point_cloud_poisson(
+            scan, depth=OCTREE_DEPTH, n_threads=1
+        )
         density: np.ndarray = np.asarray(densities)
         if len(density):
             mesh.remove_vertices_by_mask(density < np.quantile(density, TRIMMED_SHARE))

@@ -1,4 +1,4 @@
-"""Oriented splats (Zwicker et al., Surface Splatting, 2001) as geometry: a disc at each point, in its tangent plane."""
+"""Surface splats (Zwicker et al., Surface Splatting, 2001) as geometry: a disc in each point's tangent plane."""
 
 from __future__ import annotations
 
@@ -8,15 +8,16 @@ from z2p_core.errors.missing_system_libraries import explain_missing_libraries
 from z2p_core.interfaces import Baseline, ScanError
 
 NEIGHBORS = 12
+"""Neighbours of a point for its tangent plane and spacing."""
 RADIUS_IN_SPACINGS = 1.3
-"""Of a disc, in spacings (the side of a point's share of the surface): wide enough to leave few holes."""
+"""Radius of a disc in spacings, a spacing being the root of a point's area: large enough to leave few holes."""
 DISC_CORNERS = 8
 HEIGHT_JITTER_IN_SPACINGS = 0.05
-"""Spacings that discs lie above and below their points, at random: in one plane they would shade each other black."""
+"""Range of a disc's random offset along its normal, in spacings: coplanar discs would shadow each other."""
 
 
 class Splats(Baseline):
-    """An octagon around every point, in the plane through its neighbours; shaded from both sides, so never oriented."""
+    """An octagon around every point in its PCA tangent plane, two-sided, so that normals need no orientation."""
 
     name = "splats"
     version = "1"
@@ -47,16 +48,16 @@ class Splats(Baseline):
 
 
 def _tangent_axes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Two unit tangents (N, 3) each and the spacing (N,) of points (N, 3), by their nearest ones."""
+    """Two unit tangents, (N, 3) each, and the spacing (N,) of points (N, 3), by PCA of their nearest neighbours."""
     with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
 
-    places = open3d.core.Tensor.from_numpy(points)
-    search = open3d.core.nns.NearestNeighborSearch(places)
+    positions = open3d.core.Tensor.from_numpy(points)
+    search = open3d.core.nns.NearestNeighborSearch(positions)
     search.knn_index()
-    nearest, squared = (found.numpy() for found in search.knn_search(places, NEIGHBORS + 1))
-    around = points[nearest]
-    around = around - around.mean(axis=1, keepdims=True)
-    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", around, around))  # ascending: the normal comes first
-    spacing = np.sqrt(np.pi * squared[:, -1] / NEIGHBORS)
+    neighbor_indices, squared_distances = (result.numpy() for result in search.knn_search(positions, NEIGHBORS + 1))
+    neighbors = points[neighbor_indices]
+    neighbors = neighbors - neighbors.mean(axis=1, keepdims=True)
+    _, axes = np.linalg.eigh(np.einsum("nki,nkj->nij", neighbors, neighbors))  # ascending: the normal comes first
+    spacing = np.sqrt(np.pi * squared_distances[:, -1] / NEIGHBORS)
     return axes[:, :, 1], axes[:, :, 2], spacing

@@ -1,13 +1,13 @@
-"""Ablations: a base configuration, and variants of its training that each change something, for the same budget.
+"""The configuration of ablations: a base, and variants of its training with the same budget.
 
-A TOML file holds what a FullPipeline's does, and a table for each variant:
+A TOML file holds the pipeline's keys for the base, and a table for each variant:
 
     [variants.no-ssim]
     title = "no SSIM in the loss"
     why = "whether likeness of structure earns its time"
     train.loss.ssim = 0.0
 
-Variants change the training alone, neither its steps nor its batch: renders, shards and measure are shared.
+Variants change `train` alone, and neither its steps nor its batch; renders, shards and evaluation are shared.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from z2p_core.config.pipeline import ConfigError, PipelineConfig, TrainConfig, f
 BASE = "base"
 """Name of the base among the variants."""
 BUDGET_KEYS = ("steps", "batch", "resolutions")
-"""Keys of `train` that say how much a run sees."""
+"""Keys of `train` that determine the number of samples, which variants must not change."""
 
 
 @dataclass(frozen=True)
@@ -33,13 +33,13 @@ class Variant:
     title: str
     why: str
     config: PipelineConfig
-    """All of it, the base's values included."""
+    """The complete configuration, with the base's values."""
     changes: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
     """Key below `train` -> the base's value and its own; empty for the base."""
 
     @property
     def is_repeat(self) -> bool:
-        """Whether it is the base with other random numbers, which shows how much chance does."""
+        """Whether it differs from the base in the seed alone, which measures random variation."""
         return set(self.changes) == {"seed"}
 
 
@@ -52,15 +52,15 @@ class AblationsConfig:
 
     @property
     def name(self) -> str:
-        """What the results are kept under."""
+        """Name under which the results are stored."""
         return self.base.name
 
 
 def parse_ablations(text: str, source: str = "config") -> AblationsConfig:
-    """AblationsConfig of a TOML text; what the base leaves out keeps the defaults.
+    """AblationsConfig of a TOML text; keys that the base lacks keep their defaults.
 
     Raises:
-        ConfigError: not TOML, no variants, an unknown key, a value of the wrong type, or a variant that cannot be one.
+        ConfigError: not TOML, no variants, an unknown key, a value of the wrong type, or an invalid variant.
     """
     data = toml_tables(text, source)
     tables = data.pop("variants", {})
@@ -72,13 +72,13 @@ def parse_ablations(text: str, source: str = "config") -> AblationsConfig:
 
 
 def with_meshes(config: AblationsConfig, meshes: str, evaluate_meshes: str) -> AblationsConfig:
-    """The same on other folders of meshes; an empty one keeps the config's."""
+    """The same ablations on other folders of meshes; an empty path keeps the config's folder."""
 
-    def there(one: PipelineConfig) -> PipelineConfig:
+    def on_meshes(one: PipelineConfig) -> PipelineConfig:
         return replace(one, meshes=meshes or one.meshes, evaluate_meshes=evaluate_meshes or one.evaluate_meshes)
 
-    variants = tuple(replace(one, config=there(one.config)) for one in config.variants)
-    return AblationsConfig(there(config.base), variants)
+    variants = tuple(replace(one, config=on_meshes(one.config)) for one in config.variants)
+    return AblationsConfig(on_meshes(config.base), variants)
 
 
 def _variant(name: str, table: Any, base: PipelineConfig, where: str) -> Variant:
@@ -102,10 +102,10 @@ def _variant(name: str, table: Any, base: PipelineConfig, where: str) -> Variant
 
 
 def _changed(base: TrainConfig, changes: Any, where: str) -> TrainConfig:
-    """The training with the values of a table in place of its own."""
+    """The base's training with the values of a variant's table."""
     if not isinstance(changes, dict):
         raise ConfigError(f"{where}: expected a table, got {changes!r}")
-    from_dict(TrainConfig, changes, where)  # for errors that name the key as the file has it
+    from_dict(TrainConfig, changes, where)  # raises errors with the keys of the file
     train: TrainConfig = from_dict(TrainConfig, _merged(to_dict(base), changes), where)
     return train
 
@@ -117,7 +117,7 @@ def _merged(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, An
 
 def _leaves(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Nested values by their dotted keys."""
-    found: dict[str, Any] = {}
+    leaves: dict[str, Any] = {}
     for key, value in values.items():
-        found |= _leaves(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
-    return found
+        leaves |= _leaves(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+    return leaves

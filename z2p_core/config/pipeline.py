@@ -1,4 +1,7 @@
-"""One frozen dataclass a stage; their defaults are the `quick` pipeline. TOML files in `configs/` override them."""
+"""The pipeline's configuration: a frozen dataclass per stage, with the defaults of the `quick` pipeline.
+
+TOML files in `configs/` override them.
+"""
 
 from __future__ import annotations
 
@@ -13,16 +16,16 @@ from z2p_core.errors.value_limits import describe_value
 from z2p_core.meshes.synthetic_noise import NOISE_KINDS
 
 FINE_BLOCK = 2
-"""Side of the pixel blocks in which the fast network goes over its picture."""
+"""Side of the pixel blocks on which `NetworkConfig.fine` convolutions work."""
 
 
 class ConfigError(UserError):
-    """A configuration that cannot be used; the message names the key, what was expected and what came."""
+    """A configuration that cannot be used; the message names the key, the expectation and the value."""
 
 
 @dataclass(frozen=True)
 class SampleConfig:
-    """Points drawn once from each mesh; training draws its fresh clouds from this pool."""
+    """The pool of points sampled once on each mesh; training draws a new cloud from it for every sample."""
 
     sampler: str = "uniform"
     points: int = 50_000
@@ -36,15 +39,15 @@ class RenderConfig:
     controls: tuple[str, ...] = ("color", "light", "elevation")
     views: int = 6
     chunk: int = 10
-    """Views rendered by one task."""
+    """Views per task."""
     resolution: int = 128
     samples: int = 4
-    """Cycles samples a pixel. Noise averages out over the targets; what denoising few of them smears is learnt."""
+    """Cycles samples per pixel. Noise averages out over the targets; the bias of denoising few samples does not."""
     denoise: str = "fast"
     """``off``, ``fast``, ``balanced`` or ``high``: OpenImageDenoise's quality."""
     bounces: int = 3
     upright: float = 0.5
-    """Share of the views that turn the mesh about +Z only; the others turn it any way."""
+    """Share of the views that rotate the mesh about +Z only; the others use any rotation."""
     passes: tuple[str, ...] = ()
     """Extra passes to keep: any of ``depth``, ``normal``, ``shadow``."""
     seed: int = 0
@@ -55,12 +58,12 @@ class ShardConfig:
     """HDF5 shards, one for each mesh."""
 
     resolution: int = 128
-    """Side of the stored pictures, the largest that training can use; the render's or a divisor of it."""
+    """Side of the stored images, the largest that training can use: the render's, or a divisor of it."""
 
 
 @dataclass(frozen=True)
 class NetworkConfig:
-    """Shape of the network; saved with the weights and enough to rebuild it."""
+    """Shape of the network; saved with the weights, and sufficient to rebuild it."""
 
     kind: str = "unshuffle_unet"
     """``unshuffle_unet`` (fast) or ``adain_unet`` (the paper's)."""
@@ -69,28 +72,28 @@ class NetworkConfig:
     unshuffle: int = 4
     """Side of the pixel blocks folded into channels before the first level; the paper's network has none (1)."""
     fine: int = 0
-    """Channels with which the fast network goes over its picture in blocks of 2x2 pixels; 0 for none (the paper)."""
+    """Channels of the fast network's convolutions on blocks of 2x2 pixels after the U-Net; 0 for none (the paper)."""
     refine: int = 16
-    """Channels with which it goes over single pixels after that, which takes engines longer; 0 for none (the paper)."""
+    """Channels of its final convolutions on single pixels, which cost engines time; 0 for none (the paper)."""
     mapping: int = 512
     """Length of w, the mapped settings vector."""
     conditioning: str = "adain"
     """``adain``: the settings modulate features (paper Eq. 2); ``input``: they are constant channels of the input."""
     zbuffer: str = "splats"
     gbuffer: str = "surfels"
-    """Rough features of the lit scene beside the z-buffer; ``none`` leaves light to the settings alone (the paper)."""
+    """Features of the lit scene beside the z-buffer; ``none`` leaves light to the settings vector alone (the paper)."""
     encoder: str = "none"
-    """``fourier`` tells where in the picture a pixel lies (paper section 3.3), which a G-buffer makes needless."""
+    """``fourier`` encodes each pixel's position (paper section 3.3); unnecessary with a G-buffer."""
 
     @property
     def stride(self) -> int:
-        """Pixels of the picture along a side of one at the coarsest level."""
+        """Image pixels along the side of one pixel of the coarsest level."""
         return self.unshuffle * 2 ** (len(self.widths) - 1)
 
 
 @dataclass(frozen=True)
 class LossConfig:
-    """Weights of the loss terms; a term of weight 0 is not computed."""
+    """Weights of the loss terms (`z2p_core.quality.losses`); a term of weight 0 is not computed."""
 
     color_l2: float = 0.0
     magnitude_l1: float = 0.0
@@ -99,69 +102,68 @@ class LossConfig:
     ssim: float = 0.2
     gradient_l1: float = 0.5
     visible: float = 0.0
-    """Differences as an eye sees them, among which small ones count more than they do in the colour terms (FLIP)."""
+    """Visible differences: a simplified FLIP, in which small differences count more than in the colour terms."""
     flip: float = 0.0
-    """FLIP itself, edges and points included, of every fourth picture: it is slow."""
+    """FLIP itself, edges and points included, for every fourth image of a batch, as it is slow."""
     foreground: float = 1.0
-    """How much more colour errors weigh on the object than elsewhere."""
+    """Additional weight of colour errors on the object."""
     masked: bool = False
-    """Colour terms on the object alone, as the paper's authors' script does."""
+    """Colour terms on the object alone, as in the script of the paper's authors."""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """One training run; `steps` and `batch` together say how many samples are seen."""
+    """One training run; `steps` and `batch` determine the number of samples."""
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
     loss: LossConfig = field(default_factory=LossConfig)
     start: str = ""
-    """Weights to fine-tune: a shipped name, or a file; empty begins at random. They must be of this very network, but
-    may lack the last of the controls, and know a G-buffer that this one refines."""
+    """Weights to fine-tune, a shipped name or a file; empty starts from random weights. They must have the same
+    `network`, but may lack the last controls, and may have the G-buffer that this one refines."""
     teacher: str = ""
-    """Weights to learn from beside the renders, a shipped name or a file; empty for none. They draw each cloud at the
-    shards' resolution, with `mirror` in a mirror as well, and the mean is shrunk to the side trained at, where that is
-    smaller."""
+    """Weights to distil, a shipped name or a file; empty for none. They draw each cloud at the shards' resolution (with
+    `mirror` also mirrored, and the mean is taken), downsampled to the training side if that is smaller."""
     teacher_share: float = 0.5
-    """Their share of the target that is learnt, where the object is; the rest is the render's."""
+    """The teacher's share of the target on the object; the rest is the render."""
     haze: float = 0.0
-    """By how much noise darkens faint shade on the renders' floor, in alpha, which is taken from what is learnt: 0.0025
+    """Bias in alpha by which noise darkens faint shadows on the renders' floor; it is removed from the targets. 0.0025
     for 4 to 16 samples with fast denoising (`scripts/measure_haze.py`)."""
     resolutions: tuple[int, ...] = ()
-    """Sides trained at, in turn step by step, each a divisor of the shards'; empty for theirs alone. A step at a larger
-    side takes fewer samples, so that all steps cost the same. Clouds are drawn anew at each side, never resized."""
+    """Image sides trained at, alternating by step, each a divisor of the shards'; empty for theirs alone. Steps at
+    larger sides take fewer samples, so that all steps cost the same. Buffers are drawn at each side, never resized."""
     steps: int = 150
     batch: int = 8
-    """Samples a step at the smallest side."""
+    """Samples per step at the smallest side."""
     learning_rate: float = 1e-3
     warmup: int = 50
     points: tuple[int, int] = (1_000, 20_000)
-    """Smallest and largest cloud, drawn log-uniformly for each sample."""
+    """Fewest and most points of a cloud, log-uniform for each sample."""
     reuse: int = 1
-    """Epochs for which a render keeps its cloud: drawing buffers may take longer than learning from them."""
+    """Epochs for which a render keeps its cloud, as drawing buffers may take longer than a training step."""
     even: float = 0.0
-    """Share of the clouds that are spread evenly, as voxel filters leave them; the others are random."""
+    """Share of the clouds that are evenly spaced, as after a voxel filter; the others are random."""
     holes: float = 0.0
-    """Share of the clouds that miss some patches, as scans do; the network learns to close them."""
+    """Share of the clouds with holes, as scans have them; the network learns to close them."""
     cropped: bool = False
-    """Learnt from windows around the clouds, at least as narrow as what the weights are then given of a picture."""
+    """Trains on crops around the clouds, about as tight as those that inference gives to the network."""
     mirror: bool = False
-    """Half of the samples have left and right exchanged, another half each time their clouds are drawn."""
+    """Mirrors a random half of the samples left to right, anew whenever their clouds are drawn."""
     noise: str = "none"
     """``none``, ``uniform`` or ``gaussian``."""
     noise_scale: float = 0.0
-    """Largest noise amplitude, in units of the mesh's radius; each sample draws its own up to it."""
+    """Largest noise amplitude, in units of the mesh's radius; each sample's is uniform from 0 to it."""
     average: float = 0.999
-    """Decay of the weights' exponential moving average, which is what ships; 0 for none."""
+    """Decay of the exponential moving average of the weights, which is what is saved; 0 for none."""
     validate_every: int = 75
     validation_share: float = 0.05
-    """Share of the shards' samples kept from training for the learning curve."""
+    """Share of the shards' samples held out for validation."""
     checkpoint_every: int = 50
     seed: int = 0
 
 
 @dataclass(frozen=True)
 class EvaluateConfig:
-    """How finished weights are measured."""
+    """How weights are measured."""
 
     views: int = 2
     points: int = 5_000
@@ -173,12 +175,12 @@ class EvaluateConfig:
     denoise: str = "high"
     bounces: int = 3
     supersample: int = 1
-    """How much larger the weights draw before their picture is shrunk to the resolution."""
+    """Factor by which the weights draw larger before their picture is downsampled to `resolution`."""
     elevation: float | None = 20.0
-    """Camera elevation of every view in degrees; None draws it as training does."""
+    """Camera elevation of every view in degrees; None samples it as in training."""
     seed: int = 0
     seeds: int = 1
-    """How many seeds from `seed` on are measured, each with views, clouds and noise of its own."""
+    """Number of seeds, from `seed` on, each with its own views, clouds and noise."""
 
 
 @dataclass(frozen=True)
@@ -187,9 +189,9 @@ class PipelineConfig:
 
     name: str = "quick"
     meshes: str = "builtin"
-    """A folder of meshes, or ``builtin`` for shapes that the project makes itself."""
+    """A folder of meshes, or ``builtin`` for the shapes of `pipeline.shapes`."""
     evaluate_meshes: str = ""
-    """A folder of meshes never trained on; empty for the built-in ones kept aside, or the training meshes."""
+    """A folder of meshes not used in training; empty for the built-in validation shapes, or the training meshes."""
     sample: SampleConfig = field(default_factory=SampleConfig)
     render: RenderConfig = field(default_factory=RenderConfig)
     shard: ShardConfig = field(default_factory=ShardConfig)
@@ -198,7 +200,7 @@ class PipelineConfig:
 
 
 def parse_config(text: str, source: str = "config") -> PipelineConfig:
-    """PipelineConfig of a TOML text; what it leaves out keeps the defaults.
+    """PipelineConfig of a TOML text; missing keys keep their defaults.
 
     Raises:
         ConfigError: not TOML, an unknown key, or a value of the wrong type.
@@ -211,9 +213,9 @@ def toml_tables(text: str, source: str) -> dict[str, Any]:
     """The tables of a TOML text.
 
     Raises:
-        ConfigError: not TOML, numbers of thousands of digits, or tables nested as no config is.
+        ConfigError: not TOML, numbers of thousands of digits, or tables nested too deeply.
     """
-    import tomllib  # late: pictures need none
+    import tomllib  # late: inference reads no TOML
 
     try:
         return tomllib.loads(text)
@@ -222,19 +224,19 @@ def toml_tables(text: str, source: str) -> dict[str, Any]:
 
 
 def batch_size(side: int, batch: int, sides: Sequence[int]) -> int:
-    """Samples of a training step at one of the sides that take turns: fewer at larger ones, for as many pixels."""
+    """Samples of a training step at `side`, one of the alternating `sides`: fewer at larger ones, for equal cost."""
     return max(1, round(batch * (min(sides) / side) ** 2))
 
 
 def samples_until(step: int, batch: int, sides: Sequence[int]) -> int:
-    """Samples that a training has seen after so many steps, at sides that take turns."""
+    """Samples that a training has seen after `step` steps at alternating `sides`."""
     sizes = [batch_size(side, batch, sides) for side in sides]
-    turns, more = divmod(step, len(sizes))
-    return turns * sum(sizes) + sum(sizes[:more])
+    rounds, rest = divmod(step, len(sizes))
+    return rounds * sum(sizes) + sum(sizes[:rest])
 
 
 def training_fault(config: TrainConfig, resolution: int) -> str:
-    """What cannot be about a training on shards of that resolution, in words; empty where all is well."""
+    """Error message for a training config on shards of that resolution; empty if it is valid."""
     for side in config.resolutions:
         if side < 1 or resolution % side:
             return f"resolutions: expected divisors of the shards' {resolution}, got {side}"
@@ -253,10 +255,8 @@ def training_fault(config: TrainConfig, resolution: int) -> str:
 
 
 def to_dict(config: Any) -> dict[str, Any]:
-    """Plain nested dict of any config dataclass, tuples as lists: JSON-able, and `from_dict` reads it back."""
-    return {
-        field.name: _plain(getattr(config, field.name)) for field in dataclasses.fields(config)
-    }
+    """Nested dict of a config dataclass, tuples as lists: can be written as JSON and read back by `from_dict`."""
+    return {field.name: _plain(getattr(config, field.name)) for field in dataclasses.fields(config)}
 
 
 def from_dict(kind: type[Any], data: dict[str, Any], source: str = "config") -> Any:
@@ -292,7 +292,9 @@ def _read(hint: Any, value: Any, source: str) -> Any:
         return tuple(_read(arguments[0], item, source) for item in value)
     if type(None) in arguments:
         return None if value is None else _read(arguments[0], value, source)
-    if hint is float and type(value) is int and abs(value) < 2**1000:  # what is larger is refused below
+    if (
+        hint is float and type(value) is int and abs(value) < 2**1000
+    ):  # larger integers do not fit and are refused below
         return float(value)
     if type(value) is not hint:
         raise ConfigError(f"{source}: expected {hint.__name__}, got {describe_value(value)}")

@@ -1,4 +1,4 @@
-"""Limits of every value in a configuration of the pipeline: checked when the plan is made, and not hours later."""
+"""Limits of all values of the pipeline's configuration, checked when the plan is made, not hours later."""
 
 from __future__ import annotations
 
@@ -26,8 +26,10 @@ from z2p_core.network.tensor_shapes import SIZE_LIMITS, network_config_fault
 
 DENOISE = ("off", "fast", "balanced", "high")
 PASSES = ("depth", "normal", "shadow")
-MIN_SIDE, MAX_SIDE = 11, 8192
-"""Pixels: structural similarity needs a window of 11."""
+MIN_SIDE = 11
+"""Pixels: the window of structural similarity (`z2p_core.quality.metrics.SSIM_WINDOW`)."""
+MAX_SIDE = 8192
+"""Pixels."""
 SEED_LIMIT = Count(0, 2**32 - 1)
 SIDE_LIMIT = Count(MIN_SIDE, MAX_SIDE)
 SAMPLES_LIMIT = Count(1, 65_536)
@@ -40,7 +42,7 @@ _WEIGHT = Number(0, 1e6)
 
 @dataclass(frozen=True)
 class Plugin:
-    """The name of an installed plugin of some groups, or another name."""
+    """The name of an installed plugin of some groups, or one of the names `also`."""
 
     groups: tuple[str, ...]
     also: tuple[str, ...] = ()
@@ -57,7 +59,11 @@ class Plugin:
         return isinstance(value, str) and value in self.known
 
 
-SAMPLE: dict[str, Limit | DataclassFields] = {"sampler": Plugin(("samplers",)), "points": POINTS_LIMIT, "seed": SEED_LIMIT}
+SAMPLE: dict[str, Limit | DataclassFields] = {
+    "sampler": Plugin(("samplers",)),
+    "points": POINTS_LIMIT,
+    "seed": SEED_LIMIT,
+}
 RENDER: dict[str, Limit | DataclassFields] = {
     "controls": ListOf(Plugin(("controls",)), 1, 100, distinct=True),
     "views": Count(1, 100_000),
@@ -138,10 +144,10 @@ PIPELINE: dict[str, Limit | DataclassFields] = {
 
 
 def check_values(config: PipelineConfig) -> None:
-    """Nothing, when each value is within its limits and all of them fit together.
+    """Checks that each value of the config is within its limits, and that the values are consistent.
 
     Raises:
-        ConfigError: one is not, or they do not; the message names the key.
+        ConfigError: a value is out of its limits, or contradicts others; the message names the key.
         PluginError: a plugin is not installed.
     """
     check_limits(config, PIPELINE)
@@ -160,10 +166,10 @@ def check_values(config: PipelineConfig) -> None:
 
 
 def check_limits(config: Any, limits: dict[str, Limit | DataclassFields], prefix: str = "") -> None:
-    """Nothing, when each value of a config dataclass is within its limits.
+    """Checks that each value of a config dataclass is within its limits.
 
     Raises:
-        ConfigError: one is not; the message names the key.
+        ConfigError: a value is not; the message names the key.
         PluginError: a plugin is not installed.
     """
     try:

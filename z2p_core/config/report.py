@@ -1,4 +1,4 @@
-"""What the report on the paper's evaluation holds; TOML files such as ``configs/report.toml`` override the defaults."""
+"""The configuration of the report on the paper; TOML files such as ``configs/report.toml`` override the defaults."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from z2p_core.config.report_limits import REPORT
 
 @dataclass(frozen=True)
 class NumberSweep:
-    """One thing varied over numbers; no levels leave the sweep out."""
+    """A parameter varied over numbers; without levels the sweep is left out."""
 
     levels: tuple[float, ...] = ()
     meshes: int = 0
-    """How many of the meshes take part, the first by name; 0 for all. Sweeps over shapes of their own ignore it."""
+    """Number of meshes, the first by name; 0 for all. Sweeps over synthetic shapes ignore it."""
 
 
 @dataclass(frozen=True)
 class NameSweep:
-    """The same over things that have names."""
+    """A parameter varied over names; without levels the sweep is left out."""
 
     levels: tuple[str, ...] = ()
     meshes: int = 0
@@ -32,28 +32,28 @@ Sweep = NumberSweep | NameSweep
 
 @dataclass(frozen=True)
 class ReportConfig:
-    """The whole report: which meshes, which methods, which sweeps. `pipeline.evaluation.paper.cases.sweeps` tells what each varies."""
+    """The report: its meshes, methods and sweeps. `pipeline.evaluation.paper.cases.sweeps` defines what each varies."""
 
     name: str = "paper-report"
     meshes: str = "builtin"
-    """A folder of meshes never trained on, or ``builtin`` for the project's own that are kept aside."""
+    """A folder of meshes not used in training, or ``builtin`` for the built-in validation shapes."""
     scans: str = ""
-    """A folder of scans to show beside the baselines, without numbers; empty for none."""
+    """A folder of scans that all methods draw, without metrics; empty for none."""
     weights: tuple[str, ...] = ()
-    """Shipped names or files; empty for all that are shipped."""
+    """Shipped names or files; empty for all shipped ones."""
     baselines: tuple[str, ...] = ("bpa", "poisson", "hpr", "splats", "balls", "screen")
     views: int = 1
     """Views of each mesh."""
     points: int = 5_000
-    """Points in a cloud, where they are not what is varied."""
+    """Points of a cloud, except in the sweep over densities."""
     resolution: int = 256
     samples: int = 16
     denoise: str = "high"
     seed: int = 0
     time_repeats: int = 3
-    """How often each time of Tables 2 and 3 is taken; the median counts."""
+    """Repeats of each time of Tables 2 and 3, of which the median is reported."""
     trust_draws: int = 8
-    """Resampled pictures that a map of disagreement is made of; 0 leaves that section out."""
+    """Pictures of random half clouds per disagreement map; 0 leaves the section out."""
     trust_meshes: int = 0
     base: NumberSweep = NumberSweep((0.0,))
     noise: NumberSweep = NumberSweep((0.0, 0.001, 0.005, 0.01, 0.02, 0.03))
@@ -74,28 +74,28 @@ class ReportConfig:
 
     def sweeps(self) -> dict[str, Sweep]:
         """The sweeps that have levels, by name, in the report's order."""
-        found = {one.name: getattr(self, one.name) for one in fields(self)}
-        return {name: one for name, one in found.items() if isinstance(one, NumberSweep | NameSweep) and one.levels}
+        values = {one.name: getattr(self, one.name) for one in fields(self)}
+        return {name: one for name, one in values.items() if isinstance(one, NumberSweep | NameSweep) and one.levels}
 
 
 SWEEP_NAMES = tuple(one.name for one in fields(ReportConfig) if one.type in ("NumberSweep", "NameSweep"))
 
 
 def parse_report(text: str, source: str = "config") -> ReportConfig:
-    """ReportConfig of a TOML text; what it leaves out keeps the defaults.
+    """ReportConfig of a TOML text; missing keys keep their defaults.
 
     Raises:
-        ConfigError: not TOML, an unknown key, a value of the wrong type, or one that cannot be.
+        ConfigError: not TOML, an unknown key, a value of the wrong type, or one out of its limits.
     """
     data = toml_tables(text, source)
     return check_report(from_dict(ReportConfig, data, source), source)
 
 
 def check_report(config: Any, source: str = "config") -> ReportConfig:
-    """The config itself, when its values can be.
+    """The config itself, after checking its values.
 
     Raises:
-        ConfigError: one cannot; the message names it.
+        ConfigError: a value is out of its limits; the message names it.
     """
     check_limits(config, REPORT, f"{source}: ")
     if config.trust_draws == 1:

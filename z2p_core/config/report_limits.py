@@ -1,11 +1,19 @@
-"""Limits of every value in a configuration of the report on the paper's evaluation."""
+"""Limits of all values of the report's configuration."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any
 
-from z2p_core.config.pipeline_limits import DENOISE, FOLDER_LIMIT, NAME_LIMIT, POINTS_LIMIT, SAMPLES_LIMIT, SEED_LIMIT, Plugin
+from z2p_core.config.pipeline_limits import (
+    DENOISE,
+    FOLDER_LIMIT,
+    NAME_LIMIT,
+    POINTS_LIMIT,
+    SAMPLES_LIMIT,
+    SEED_LIMIT,
+    Plugin,
+)
 from z2p_core.errors.value_limits import Choice, Count, DataclassFields, Limit, ListOf, Number, Text
 
 _MESHES = Count(0, 100_000)
@@ -19,7 +27,7 @@ class _Colour:
     expected: str = "a CSS colour name or #hex"
 
     def allows(self, value: Any) -> bool:
-        from PIL import ImageColor  # late: reports alone have colours
+        from PIL import ImageColor  # late: only the report needs it
 
         if not isinstance(value, str) or len(value) > 100:
             return False
@@ -31,7 +39,7 @@ class _Colour:
 
 @dataclass(frozen=True)
 class _Sweep:
-    """Levels of one kind, and how many meshes take part."""
+    """The levels of a sweep, and its number of meshes."""
 
     level: Limit
 
@@ -58,7 +66,7 @@ SWEEPS: dict[str, Limit] = {
     "bumps": Number(1, 128),
     "gap": Number(0, 2, exclude_minimum=True),
 }
-"""What a level of each sweep may be."""
+"""Sweep -> limit of its levels."""
 
 REPORT: dict[str, Limit | DataclassFields] = {
     "name": NAME_LIMIT,

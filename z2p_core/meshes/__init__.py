@@ -1,1 +1,1 @@
-"""Points sampled on triangle meshes, and noise added to them."""
+"""Points sampled on triangle meshes, and synthetic noise."""

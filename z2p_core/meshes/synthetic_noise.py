@@ -1,4 +1,4 @@
-"""Noise on clouds, in units of the mesh's bounding sphere (paper section 4: the noise variant and its sweep)."""
+"""Adds synthetic noise to clouds, in units of the mesh's bounding sphere (paper section 4)."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ NOISE_KINDS = ("none", "uniform", "gaussian")
 
 
 def add_noise(cloud: np.ndarray, kind: str, scale: float, rng: np.random.Generator) -> np.ndarray:
-    """Cloud (N, 3) of the same dtype, each coordinate moved at random; a copy even where nothing moves.
+    """Cloud (N, 3), of the same dtype, plus independent noise per coordinate; always a copy.
 
-    `cloud` lies in world units (the mesh's radius is 1), and so does `scale`: the half-width of ``uniform`` noise, the
+    `scale` is in the cloud's units, in which the mesh's radius is 1: the half-width of ``uniform`` noise, or the
     standard deviation of ``gaussian`` noise. ``none`` draws nothing from `rng`.
 
     Raises:
@@ -22,5 +22,5 @@ def add_noise(cloud: np.ndarray, kind: str, scale: float, rng: np.random.Generat
         raise ValueError(f"noise scale: expected a number from 0, in units of the mesh's radius, got {scale:g}")
     if kind == "none" or scale == 0:
         return cloud.copy()
-    moved = rng.uniform(-scale, scale, cloud.shape) if kind == "uniform" else rng.normal(0.0, scale, cloud.shape)
-    return (cloud + moved).astype(cloud.dtype)
+    noise = rng.uniform(-scale, scale, cloud.shape) if kind == "uniform" else rng.normal(0.0, scale, cloud.shape)
+    return (cloud + noise).astype(cloud.dtype)

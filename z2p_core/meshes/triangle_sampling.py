@@ -1,4 +1,4 @@
-"""Points on the triangles of a mesh: what every sampler starts from."""
+"""Uniform sampling of points on the triangles of a mesh; every sampler plugin starts from it."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ def triangle_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def sample_uniform(vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Exactly `count` points (count, 3) float64 on the triangles, equally likely everywhere on their area.
+    """Exactly `count` points (count, 3) float64, uniformly distributed over the triangles' area.
 
-    Triangles without area get no points. The same generator state gives the same bytes.
+    Triangles of area 0 get no points. The same generator state gives the same bytes.
 
     Raises:
         ScanError: `count` is below 1, or no triangle has a finite area above 0.
     """
     if count < 1:
         raise ScanError(f"expected at least 1 point to sample, got {count}")
-    reached = np.cumsum(triangle_areas(vertices, faces))
-    total = float(reached[-1]) if len(reached) else 0.0
+    cumulative_areas = np.cumsum(triangle_areas(vertices, faces))
+    total = float(cumulative_areas[-1]) if len(cumulative_areas) else 0.0
     if not 0 < total < np.inf:
         raise ScanError(
             f"expected triangles with a finite area above 0, got {len(faces)} whose area is {total:g}; repair the mesh"
         )
-    # 'right' steps over triangles of area 0, even when the number drawn is exactly 0
-    chosen = np.searchsorted(reached, rng.random(count) * total, side="right")
-    chosen = np.minimum(chosen, np.searchsorted(reached, total, side="left"))
+    # 'right' skips triangles of area 0, even if the random number is exactly 0
+    chosen = np.searchsorted(cumulative_areas, rng.random(count) * total, side="right")
+    chosen = np.minimum(chosen, np.searchsorted(cumulative_areas, total, side="left"))
     corners = _corners(vertices, faces[chosen])
-    # the square root makes the density even over a triangle
+    # the square root makes the density uniform over a triangle (Osada et al. 2002)
     root, along = np.sqrt(rng.random((count, 1))), rng.random((count, 1))
     first, second = root * (1 - along), root * along
     edges = corners[:, 1:] - corners[:, :1]

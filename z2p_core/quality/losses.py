@@ -41,7 +41,7 @@ def total_loss(
     weight = color_weight(coverage, config)
     color, true_color = prediction[:, :3], target[:, :3]
     terms = {
-        "color_l2": lambda: weighted_mean((color - true_color).squared(), weight),
+        "color_l2": lambda: weighted_mean((color - true_color).square(), weight),
         "magnitude_l1": lambda: weighted_mean((magnitude(color) - magnitude(true_color)).abs(), weight),
         "alpha_l1": lambda: (prediction[:, 3:] - target[:, 3:]).abs().mean(),
         "color_l1": lambda: weighted_mean((color - true_color).abs(), weight),
@@ -73,7 +73,7 @@ def weighted_mean(error: Tensor, weight: Tensor) -> Tensor:
 
 def magnitude(color: Tensor) -> Tensor:
     """Length (B, 1, H, W) of each pixel's colour; the small constant keeps the gradient finite at black."""
-    return (color.squared().sum(1, keepdim=True) + 1e-6).sqrt()
+    return (color.square().sum(1, keepdim=True) + 1e-6).sqrt()
 
 
 def gradient_l1(difference: Tensor) -> Tensor:
@@ -94,7 +94,7 @@ def visible_difference(first: Tensor, second: Tensor) -> Tensor:
     A blur removes what a viewer at 67 pixels a degree cannot resolve; the rest counts by its power of 0.7 (Andersson et
     al., FLIP, 2020). FLIP works in perceptual colour spaces; for a loss, sRGB is close enough.
     """
-    squared = gaussian_blur(first - second, VISIBLE_SIGMA).squared().mean(1, keepdim=True)
+    squared = gaussian_blur(first - second, VISIBLE_SIGMA).square().mean(1, keepdim=True)
     return (squared + VISIBLE_EPSILON**2) ** (VISIBLE_POWER / 2) - VISIBLE_EPSILON**VISIBLE_POWER
 
 

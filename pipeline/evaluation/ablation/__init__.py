@@ -1,1 +1,1 @@
-"""Variants of a training, compared."""
+"""Ablations: the comparison of a training run's variants."""

@@ -1,4 +1,4 @@
-"""What became of each variant: its figures beside the base's, its size, its time, and what may be concluded."""
+"""Results of each variant: its metrics against the base's, its size, its time, and a verdict."""
 
 from __future__ import annotations
 
@@ -18,19 +18,21 @@ from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_renderer.storage.models.checkpoints import load_weights
 
 DECIDING_METRIC = "psnr_foreground"
-"""The figure by which a variant is better or worse, dB; more is better."""
-BETTER, WORSE, NO_DIFFERENCE = "better", "worse", "no difference that can be told"
+"""The metric that decides whether a variant is better or worse, dB; more is better."""
+BETTER = "better"
+WORSE = "worse"
+NO_DIFFERENCE = "no difference that can be told"
 Folders = Mapping[str, tuple[Path, Path]]
-"""Variant -> folders of its training's and its evaluation's results."""
+"""Variant -> folders of its training and evaluation results."""
 
 
 @dataclass(frozen=True)
 class MetricDifference:
-    """A variant's figure less the base's, on the same clouds and views."""
+    """A variant's metric minus the base's, on the same clouds and views."""
 
     mean: float
     error: float | None
-    """Standard error of the mean over the meshes; None of one mesh."""
+    """Standard error of the mean over the meshes; None for a single mesh."""
 
 
 @dataclass(frozen=True)
@@ -39,35 +41,35 @@ class VariantResult:
 
     variant: Variant
     means: Mapping[str, float]
-    """Figure of `z2p_core.quality.metrics` -> mean over all rows; ``seconds``, of drawing a picture, beside them."""
+    """Metric of `z2p_core.quality.metrics` -> mean over all rows; also ``seconds`` per picture."""
     differences: Mapping[str, MetricDifference]
-    """Figure -> difference to the base; none of the base itself."""
+    """Metric -> difference to the base; empty for the base itself."""
     weights: int
-    """Numbers in the network."""
+    """Number of parameters of the network."""
     samples: int
-    """Samples that it has seen."""
+    """Training samples seen."""
     seconds: float | None
-    """Seconds of its training, on whatever machine and beside whatever ran; None when it was stopped and went on."""
+    """Seconds of its training, on whatever machine and under whatever load; None if it was interrupted and resumed."""
     curve: Sequence[tuple[float, float]]
     """(samples seen, validation PSNR on the object in dB)."""
     results: tuple[str, ...]
-    """Its results, below the workspace: training and evaluation."""
+    """Paths of its training and evaluation results, relative to the workspace."""
 
     def verdict(self, chance: float | None) -> str:
-        """``better``, ``worse``, or neither where `chance` or two standard errors reach as far as the difference.
+        """`BETTER` or `WORSE` if the difference exceeds both `chance` and two standard errors, else `NO_DIFFERENCE`.
 
-        Where neither is known nothing can be told.
+        `chance` is the effect of other seeds, dB. If neither it nor the error is known, there is no difference.
         """
-        found = self.differences.get(DECIDING_METRIC)
-        if found is None or (chance is None and found.error is None):
+        difference = self.differences.get(DECIDING_METRIC)
+        if difference is None or (chance is None and difference.error is None):
             return NO_DIFFERENCE
-        if abs(found.mean) <= max(chance or 0, 2 * (found.error or 0)):
+        if abs(difference.mean) <= max(chance or 0, 2 * (difference.error or 0)):
             return NO_DIFFERENCE
-        return BETTER if found.mean > 0 else WORSE
+        return BETTER if difference.mean > 0 else WORSE
 
 
 def read_variant_results(config: AblationsConfig, folders: Folders) -> list[VariantResult]:
-    """The outcome of every variant, in the config's order.
+    """The result of every variant, in the config's order.
 
     Raises:
         OSError: a result is missing.
@@ -78,7 +80,7 @@ def read_variant_results(config: AblationsConfig, folders: Folders) -> list[Vari
 
 
 def chance_of(outcomes: Sequence[VariantResult]) -> float | None:
-    """Largest change of the deciding figure, dB, by nothing but other random numbers; None when none were tried."""
+    """Largest change of the deciding metric, dB, between runs that differ in the seed alone; None if there are none."""
     repeats = [one.differences.get(DECIDING_METRIC) for one in outcomes if one.variant.is_repeat]
     return max((abs(one.mean) for one in repeats if one), default=None)
 
@@ -87,11 +89,11 @@ def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, M
     own, training = _rows(evaluate), variant.config.train
     sides = training.resolutions or (variant.config.shard.resolution,)
     tensors = load_weights(train / "weights.safetensors").tensors
-    differences = {name: found for name in METRIC_NAMES if variant.name != BASE and (found := difference(own, base, name))}
+    changes = {} if variant.name == BASE else {name: difference(own, base, name) for name in METRIC_NAMES}
     return VariantResult(
         variant=variant,
         means=json.loads((evaluate / "metrics.json").read_text(encoding="utf-8"))["means"],
-        differences=differences,
+        differences={name: change for name, change in changes.items() if change},
         weights=sum(tensor.size for tensor in tensors.values()),
         samples=samples_until(training.steps, training.batch, sides),
         seconds=seconds_of(train / "task.log"),
@@ -101,9 +103,9 @@ def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, M
 
 
 def difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str) -> MetricDifference | None:
-    """The mean over meshes of a figure's differences, of rows by (mesh, ...) that both have; None without any.
+    """Mean over meshes of metric `name`'s difference, from the rows by (mesh, ...) that both have; None without any.
 
-    Views of a mesh resemble each other, so the meshes are what the standard error counts.
+    Views of one mesh are correlated, so the standard error is taken over meshes.
     """
     meshes: dict[str, list[float]] = {}
     for key in own.keys() & base.keys():
@@ -118,7 +120,7 @@ def difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str) -> Me
 
 
 def seconds_of(log: Path) -> float | None:
-    """Seconds that a task took by its log; None when that does not tell, or tells of several starts."""
+    """Seconds of a task by its log; None if the log lacks them or has several starts."""
     text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
     found = re.findall(r": done in ([\d.]+) s$", text, flags=re.MULTILINE)
     starts = re.findall(r": started$", text, flags=re.MULTILINE)

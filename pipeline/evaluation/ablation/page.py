@@ -1,4 +1,4 @@
-"""The ablations as a page to read, and the same numbers as CSV and JSON."""
+"""The ablations as a Markdown page, and the same numbers as CSV and JSON."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from z2p_core.config.ablation import AblationsConfig
 from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_renderer.pipeline.evaluation.ablation.curves import draw_curves
 from z2p_renderer.pipeline.evaluation.ablation.outcomes import (
-    NO_DIFFERENCE,
     BETTER,
     DECIDING_METRIC,
+    NO_DIFFERENCE,
     WORSE,
-    MetricDifference,
     Folders,
+    MetricDifference,
     VariantResult,
     chance_of,
     read_variant_results,
@@ -33,7 +33,7 @@ HEAD = ("variant", "what it changes", "object dB", "to the base", "white dB", "t
 
 
 def write_ablations(config: AblationsConfig, folders: Folders, command: str, out: Path) -> list[Path]:
-    """``ablations.md``, ``.csv`` and ``.json`` and ``curves.png`` in `out`; `command` is what makes them.
+    """Writes ``ablations.md``, ``.csv`` and ``.json`` and ``curves.png`` to `out`; the page cites `command`.
 
     Raises:
         OSError: a result is missing.
@@ -41,26 +41,26 @@ def write_ablations(config: AblationsConfig, folders: Folders, command: str, out
     """
     outcomes = read_variant_results(config, folders)
     rows = rows_of(outcomes)
-    told = {
+    content = {
         "z2p": __version__, "name": config.name, "command": command, "base": to_dict(config.base),
         "deciding": DECIDING_METRIC, "chance_db": chance_of(outcomes), "variants": rows,
     }  # fmt: skip
     texts = {"ablations.md": page(config, outcomes, command), "ablations.csv": _as_csv(rows),
-             "ablations.json": json.dumps(told, indent=1) + "\n"}  # fmt: skip
+             "ablations.json": json.dumps(content, indent=1) + "\n"}  # fmt: skip
     for name, text in texts.items():
         atomic_write(text.encode(), out / name)
     return [*(out / name for name in texts), draw_curves(outcomes, out / "curves.png")]
 
 
 def rows_of(outcomes: Sequence[VariantResult]) -> list[dict[str, Any]]:
-    """A plain dict for each variant."""
+    """One JSON object per variant."""
     chance = chance_of(outcomes)
     return [
         {
             "name": one.variant.name, "title": one.variant.title, "why": one.variant.why,
             "changes": {key: list(values) for key, values in one.variant.changes.items()},
             "means": dict(one.means),
-            "differences": {name: asdict(found) for name, found in one.differences.items()},
+            "differences": {name: asdict(difference) for name, difference in one.differences.items()},
             "verdict": one.verdict(chance) if one.differences else "", "weights": one.weights, "samples": one.samples,
             "train_seconds": one.seconds, "results": list(one.results),
         }
@@ -103,7 +103,7 @@ def _cells(one: VariantResult) -> tuple[str, ...]:
 
 
 def _conclusions(outcomes: Sequence[VariantResult]) -> list[str]:
-    """What won, what lost and what cannot be told, with how that was decided."""
+    """Lines on which variants are better, worse or no different, and how that was decided."""
     chance = chance_of(outcomes)
     seeds = sum(one.variant.is_repeat for one in outcomes)
     how = "By PSNR on the object. A difference counts that is larger than two standard errors over the meshes"
@@ -132,16 +132,16 @@ def _as_csv(rows: Sequence[dict[str, Any]]) -> str:
         flat = {**row, **row["means"], "picture_seconds": row["means"].get("seconds")}
         flat["changes"] = "; ".join(f"{key}={_value(after)}" for key, (_, after) in row["changes"].items())
         flat |= dict(zip(("train", "evaluate"), row["results"], strict=True))
-        for name, found in row["differences"].items():
-            flat |= {f"{name}_difference": found["mean"], f"{name}_error": found["error"]}
+        for name, difference in row["differences"].items():
+            flat |= {f"{name}_difference": difference["mean"], f"{name}_error": difference["error"]}
         writer.writerow(flat)
     return text.getvalue()
 
 
-def _difference(found: MetricDifference | None) -> str:
-    if found is None:
+def _difference(difference: MetricDifference | None) -> str:
+    if difference is None:
         return "–"
-    return f"{found.mean:+.2f}" + ("" if found.error is None else f" ± {found.error:.2f}")
+    return f"{difference.mean:+.2f}" + ("" if difference.error is None else f" ± {difference.error:.2f}")
 
 
 def _number(value: float | None, form: str, unit: str = "") -> str:

@@ -1,4 +1,5 @@
-"""Table 1, what each method can do: every tick of a method that runs here is a figure held against a bound."""
+"""The paper's Table 1, capabilities of each method: every entry of a method that runs here is a measured metric
+against a bound."""
 
 from __future__ import annotations
 
@@ -17,20 +18,21 @@ QUOTED_METHODS: dict[str, dict[str, str]] = {
     "DSS (splatting)": dict(raw="yes", normals="yes / no", unseen="yes", inner="yes", points="no", shadows="no",
                             colors="yes", scenes="yes"),
 }  # fmt: skip
-"""What does not run here: the paper's Table 1; of Point2Mesh what its text says, ? where it says nothing."""
+"""Methods that do not run here, quoted from the paper's Table 1 (Point2Mesh: from its text; ? where it is silent)."""
 PAPER_ANSWERS: dict[str, tuple[str, ...]] = {
     "raw": ("yes", "yes", "yes", "yes"), "normals": ("yes / no", "yes", "no", "yes"),
     "unseen": ("yes", "yes", "yes", "yes"), "inner": ("yes", "yes", "no", "yes"),
     "points": ("no", "yes", "no", "yes"), "shadows": ("no", "no", "yes", "yes"),
     "colors": ("yes", "yes", "yes", "no"), "scenes": ("yes", "yes", "yes", "no"),
 }  # fmt: skip
-"""The paper's word on splatting, screen space, reconstruction, and Z2P."""
+"""Capability -> the paper's answer for splatting, screen space, reconstruction and Z2P."""
 PAPER_FAMILY = {"splats": 0, "balls": 0, "screen": 1, "hpr": 2, "bpa": 2, "poisson": 2}
+"""Baseline -> its column in `PAPER_ANSWERS`."""
 
 
 @dataclass(frozen=True)
 class CapabilityVerdict:
-    """`passed` is None where nothing was measured; `why` gives the figure and the bound."""
+    """`passed` is None if nothing was measured; `why` gives the measured value; `paper` the paper's answer."""
 
     passed: bool | None
     why: str
@@ -39,7 +41,7 @@ class CapabilityVerdict:
 
 @dataclass(frozen=True)
 class Capability:
-    """A row of the table, and how it is tested."""
+    """A row of the table, and its test in words."""
 
     key: str
     title: str
@@ -49,40 +51,55 @@ class Capability:
 CAPABILITIES = (
     Capability("raw", "Raw xyz points", "every plain cloud, given as bare xyz, gives a picture"),
     Capability("normals", "Handles points without normals", "no step of it solves for oriented normals"),
-    Capability("unseen", "Generalizes to unseen objects", "object PSNR of the plain case is 18 dB or more on every mesh"),
-    Capability("inner", "Robust to internal points", "most inner points cost 0.05 of SSIM or less; object PSNR does not "
-            "see matter beside the object"),
+    Capability(
+        "unseen", "Generalizes to unseen objects", "object PSNR of the plain case is 18 dB or more on every mesh"
+    ),
+    Capability(
+        "inner",
+        "Robust to internal points",
+        "most inner points cost 0.05 of SSIM or less; object PSNR does not see matter beside the object",
+    ),
     Capability("points", "Robust to number of points", "object PSNR at 1,000 to 20,000 points stays within 4 dB"),
     Capability("shadows", "Shadows", "half of the floor's true shadow or more is there in the plain case"),
     Capability("colors", "Per point colors", "it takes a colour for each point"),
     Capability("scenes", "Scene level scans", "most objects on one floor cost 3 dB of object PSNR or less against one"),
 )
-MIN_UNSEEN_PSNR, MAX_INNER_SSIM_LOSS, MAX_DENSITY_PSNR_RANGE, MIN_SHADOW_SHARE, MAX_SCENE_PSNR_LOSS = 18.0, 0.05, 4.0, 0.5, 3.0
+MIN_UNSEEN_PSNR = 18.0
+"""dB on the object, plain case, every mesh."""
+MAX_INNER_SSIM_LOSS = 0.05
+MAX_DENSITY_PSNR_RANGE = 4.0
+"""dB on the object between the densities of `DENSITY_RANGE`."""
+MIN_SHADOW_SHARE = 0.5
+MAX_SCENE_PSNR_LOSS = 3.0
+"""dB on the object, most objects against one."""
 DENSITY_RANGE = (1_000, 20_000)
+"""Fewest and most points of the density test."""
 
 
-def assess_capabilities(findings: Results, method: str, is_weights: bool) -> dict[str, CapabilityVerdict]:
-    """Verdict on each ability of a method that ran."""
+def assess_capabilities(results: Results, method: str, is_weights: bool) -> dict[str, CapabilityVerdict]:
+    """Verdict on each capability of a method that ran."""
     family = 3 if is_weights else PAPER_FAMILY.get(method)
     tests: Mapping[str, Callable[[Results, str, bool], CapabilityVerdict]] = {
         "raw": _raw, "normals": _normals, "unseen": _unseen, "inner": _inner, "points": _points, "shadows": _shadows,
         "colors": _colors, "scenes": _scenes,
     }  # fmt: skip
-    found = {}
+    verdicts = {}
     for key, test in tests.items():
-        verdict = test(findings, method, is_weights)
-        found[key] = CapabilityVerdict(verdict.passed, verdict.why, "" if family is None else PAPER_ANSWERS[key][family])
-    return found
+        verdict = test(results, method, is_weights)
+        verdicts[key] = CapabilityVerdict(
+            verdict.passed, verdict.why, "" if family is None else PAPER_ANSWERS[key][family]
+        )
+    return verdicts
 
 
-def _raw(findings: Results, method: str, is_weights: bool) -> CapabilityVerdict:
-    rows = findings.rows("base", method)
+def _raw(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
+    rows = results.rows("base", method)
     drawn = sum("error" not in row for row in rows)
     return CapabilityVerdict(drawn == len(rows) if rows else None, f"{drawn} of {len(rows)} clouds")
 
 
-def _normals(findings: Results, method: str, is_weights: bool) -> CapabilityVerdict:
-    rows = findings.rows("base", method)
+def _normals(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
+    rows = results.rows("base", method)
     if not rows:
         return CapabilityVerdict(None, "not measured")
     needs = any("normals" in row.get("steps", {}) for row in rows)
@@ -91,21 +108,25 @@ def _normals(findings: Results, method: str, is_weights: bool) -> CapabilityVerd
     return CapabilityVerdict(not needs, ("a step of it orients normals" if needs else "no such step") + inside)
 
 
-def _unseen(findings: Results, method: str, is_weights: bool) -> CapabilityVerdict:
-    by_mesh = findings.by_mesh("base", method, "psnr_foreground")
+def _unseen(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
+    by_mesh = results.by_mesh("base", method, "psnr_foreground")
     if not by_mesh:
         return CapabilityVerdict(None, "not measured")
     worst = min(by_mesh, key=lambda mesh: by_mesh[mesh])
     return CapabilityVerdict(by_mesh[worst] >= MIN_UNSEEN_PSNR, f"worst {by_mesh[worst]:.1f} dB ({worst})")
 
 
-def _inner(findings: Results, method: str, is_weights: bool) -> CapabilityVerdict:
-    loss = _loss_over_sweep(findings, "inner", method, "ssim")
-    return CapabilityVerdict(None, "not measured") if loss is None else CapabilityVerdict(loss <= MAX_INNER_SSIM_LOSS, _describe_loss(loss, "{:.3f}"))
+def _inner(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
+    loss = _loss_over_sweep(results, "inner", method, "ssim")
+    return (
+        CapabilityVerdict(None, "not measured")
+        if loss is None
+        else CapabilityVerdict(loss <= MAX_INNER_SSIM_LOSS, _describe_loss(loss, "{:.3f}"))
+    )
 
 
-def _points(findings: Results, method: str, is_weights: bool) -> CapabilityVerdict:
-    levels = {level: value for level, value in findings.curve("density", method, "psnr_foreground")
+def _points(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
+    levels = {level: value for level, value in results.curve("density", method, "psnr_foreground")
               if DENSITY_RANGE[0] <= float(level) <= DENSITY_RANGE[1]}  # fmt: skip
     if len(levels) < 2:
         return CapabilityVerdict(None, "not measured")
@@ -113,23 +134,31 @@ def _points(findings: Results, method: str, is_weights: bool) -> CapabilityVerdi
     return CapabilityVerdict(spread <= MAX_DENSITY_PSNR_RANGE, f"{spread:.1f} dB over {len(levels)} densities")
 
 
-def _shadows(findings: Results, method: str, is_weights: bool) -> CapabilityVerdict:
-    kept = mean(findings.values("base", method, "shadow_kept"))
-    return CapabilityVerdict(None, "not measured") if kept is None else CapabilityVerdict(kept >= MIN_SHADOW_SHARE, f"{kept:.0%} of the shadow")
+def _shadows(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
+    kept = mean(results.values("base", method, "shadow_kept"))
+    return (
+        CapabilityVerdict(None, "not measured")
+        if kept is None
+        else CapabilityVerdict(kept >= MIN_SHADOW_SHARE, f"{kept:.0%} of the shadow")
+    )
 
 
-def _colors(findings: Results, method: str, is_weights: bool) -> CapabilityVerdict:
+def _colors(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
     return CapabilityVerdict(False, "takes xyz alone here")
 
 
-def _scenes(findings: Results, method: str, is_weights: bool) -> CapabilityVerdict:
-    loss = _loss_over_sweep(findings, "scene", method, "psnr_foreground")
-    return CapabilityVerdict(None, "not measured") if loss is None else CapabilityVerdict(loss <= MAX_SCENE_PSNR_LOSS, _describe_loss(loss, "{:.1f} dB"))
+def _scenes(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
+    loss = _loss_over_sweep(results, "scene", method, "psnr_foreground")
+    return (
+        CapabilityVerdict(None, "not measured")
+        if loss is None
+        else CapabilityVerdict(loss <= MAX_SCENE_PSNR_LOSS, _describe_loss(loss, "{:.1f} dB"))
+    )
 
 
-def _loss_over_sweep(findings: Results, sweep: str, method: str, figure: str) -> float | None:
-    """What the last level of a sweep costs of a figure against the first."""
-    curve: Sequence[tuple[str, float]] = findings.curve(sweep, method, figure)
+def _loss_over_sweep(results: Results, sweep: str, method: str, figure: str) -> float | None:
+    """Decrease of a metric from the first to the last level of a sweep."""
+    curve: Sequence[tuple[str, float]] = results.curve(sweep, method, figure)
     return curve[0][1] - curve[-1][1] if len(curve) > 1 else None
 
 

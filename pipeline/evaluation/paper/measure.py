@@ -1,4 +1,4 @@
-"""One method on one sweep of one mesh: its pictures, and a row of figures for each."""
+"""Runs one method on one sweep of one mesh: pictures, and a row of metrics for each."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from z2p_core.images import bytes_from_unit, composite
 from z2p_core.quality.metrics import image_metrics
 from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import render_case_truths
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case, TrueMesh, sweep_cases
-from z2p_renderer.pipeline.evaluation.paper.methods import TRUTH, MethodImage, Method, draw_cases
+from z2p_renderer.pipeline.evaluation.paper.methods import TRUTH, Method, MethodImage, draw_cases
 from z2p_renderer.pipeline.outputs.point_preview import draw_dots
 from z2p_renderer.pipeline.rendering.views import place_in_scene
 
 ROWS_FILE = "rows.json"
 WHITE = (1.0, 1.0, 1.0)
 FLOOR_COVERAGE = 0.01
-"""Coverage below which a pixel shows the floor, where shadows are told by."""
+"""Coverage below which a pixel shows the floor, where shadows are measured."""
 Log = Callable[[str], None]
 Truths = Sequence[tuple[np.ndarray, np.ndarray]]
 
@@ -38,13 +38,13 @@ def measure(
     out: Path,
     log: Log = lambda line: None,
 ) -> Path:
-    """``out/rows.json``: a row a level and view, with the name of its picture in `out`; no row has a figure of nan.
+    """Writes ``out/rows.json``: a row per level and view with its picture's name in `out`; nan metrics are left out.
 
-    For the truth the pictures are Blender's, and ``input_NN.png`` beside them shows the points.
+    For the ground truth the pictures are Blender's, and ``input_NN.png`` shows the points.
 
     Raises:
         ScanError, WeightsError, PluginError: the mesh or the method cannot be used.
-        RenderError: Blender failed, or a kept render is damaged.
+        RenderError: Blender failed, or a stored render is damaged.
     """
     cases = sweep_cases(sweep, subject, config)
     truths = render_case_truths(cases, config, truth_root, log)
@@ -64,7 +64,9 @@ def measure(
                 row |= case_metrics(one.picture, *truths[index]) | _contrast_kept(cases, index, drawn, truths)
         row |= {"seconds": one.seconds, "steps": dict(one.steps)} if one.seconds is not None else {}
         rows.append(row | ({"error": one.error} if one.error else {}))
-        log(f"{sweep} {subject.name if subject else 'own shapes'} {case.level} {method.name}: {_describe_row(rows[-1])}")
+        log(
+            f"{sweep} {subject.name if subject else 'own shapes'} {case.level} {method.name}: {_describe_row(rows[-1])}"
+        )
     path = out / ROWS_FILE
     path.write_text(json.dumps({"sweep": sweep, "mesh": subject.name if subject else "", "method": method.name,
                                 "rows": rows}, indent=1) + "\n", encoding="utf-8")  # fmt: skip
@@ -72,21 +74,21 @@ def measure(
 
 
 def case_metrics(picture: np.ndarray, truth: np.ndarray, coverage: np.ndarray) -> dict[str, float]:
-    """The six figures of `z2p_core.quality.metrics`, and how much of the true shadow is there; those that can be told.
+    """The six metrics of `z2p_core.quality.metrics` and ``shadow_kept``, without those that are nan.
 
-    The shadow's share is the gain of the picture's alpha on the truth's where the object covers nothing: 1 for the
-    same shadow, 0 for none.
+    ``shadow_kept`` is the least-squares gain of the picture's alpha on the true alpha where the object covers nothing:
+    1 for the same shadow, 0 for none.
     """
-    found = image_metrics(np.clip(picture, 0, 1), truth, coverage)
+    metrics = image_metrics(np.clip(picture, 0, 1), truth, coverage)
     floor = coverage < FLOOR_COVERAGE
-    found["shadow_kept"] = least_squares_gain(picture[..., 3][floor], truth[..., 3][floor])
-    return {name: round(value, 6) for name, value in found.items() if not math.isnan(value)}
+    metrics["shadow_kept"] = least_squares_gain(picture[..., 3][floor], truth[..., 3][floor])
+    return {name: round(value, 6) for name, value in metrics.items() if not math.isnan(value)}
 
 
 def contrast_kept(picture: np.ndarray, plain: np.ndarray, truth: np.ndarray, plain_truth: np.ndarray) -> float:
-    """How much of the change between two true pictures is in a method's two: 1 all of it, 0 none.
+    """Share of the difference between two true pictures that a method's pictures show: 1 all of it, 0 none.
 
-    The gain of (picture - plain) on (truth - plain truth), all straight sRGB RGBA (H, W, 4), laid on white.
+    The gain of (picture - plain) on (truth - plain truth), all straight sRGB RGBA (H, W, 4), composited on white.
     """
     ours = composite(picture, WHITE) - composite(plain, WHITE)
     theirs = composite(truth, WHITE) - composite(plain_truth, WHITE)
@@ -94,13 +96,13 @@ def contrast_kept(picture: np.ndarray, plain: np.ndarray, truth: np.ndarray, pla
 
 
 def least_squares_gain(ours: np.ndarray, theirs: np.ndarray) -> float:
-    """Slope of the least-squares line through the origin from their values to ours; nan where theirs are all 0."""
+    """Slope of the least-squares line through the origin of `ours` over `theirs`; nan if `theirs` are all 0."""
     power = float((theirs.astype(np.float64) ** 2).sum())
     return float((ours.astype(np.float64) * theirs).sum()) / power if power > 0 else math.nan
 
 
 def draw_points(case: Case, side: int) -> np.ndarray:
-    """Picture (H, W, 4) float64 on white with a dot a point, near ones darker."""
+    """Picture (H, W, 4) float64 of the case's points as dots on white, near ones darker."""
     camera = Camera(side, side, case.scene.elevation)
     return np.dstack([draw_dots(place_in_scene(case.cloud, case.scene), camera), np.ones((side, side))])
 
@@ -122,6 +124,6 @@ def _save(picture: np.ndarray, path: Path) -> None:
 
 
 def _describe_row(row: dict[str, Any]) -> str:
-    shown = {"psnr_foreground": "object {:.1f} dB", "ssim": "SSIM {:.3f}", "contrast_kept": "kept {:.2f}"}
-    parts = [form.format(row[name]) for name, form in shown.items() if name in row]
+    formats = {"psnr_foreground": "object {:.1f} dB", "ssim": "SSIM {:.3f}", "contrast_kept": "kept {:.2f}"}
+    parts = [form.format(row[name]) for name, form in formats.items() if name in row]
     return ", ".join(parts) or row.get("error", "rendered")

@@ -1,4 +1,4 @@
-"""What is compared: weights, which draw clouds through the network, and baselines and painters, by one interface."""
+"""The compared methods behind one interface: weights (the network), baselines and painters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ import numpy as np
 from z2p_core import registry
 from z2p_core.config.report import ReportConfig
 from z2p_core.images import unit_from_bytes
-from z2p_renderer.pipeline.evaluation.baselines import load_baselines, with_true_floor, run_baseline_on_scenes
+from z2p_renderer.pipeline.evaluation.baselines import load_baselines, run_baseline_on_scenes, with_true_floor
 from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import report_render_settings
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case
 from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
@@ -34,7 +34,7 @@ TRUTH = "truth"
 
 @dataclass(frozen=True)
 class Method:
-    """What a method is called in the report, of what kind it is, and which plugin or weights' file it stands for."""
+    """A method's name in the report, its kind, and its source: the name of a plugin, or of weights or their file."""
 
     name: str
     kind: str
@@ -43,7 +43,7 @@ class Method:
 
 @dataclass(frozen=True)
 class MethodImage:
-    """A method's picture of a case: (H, W, 4) float32 in [0, 1], or None where it cannot draw it at all."""
+    """A method's picture of a case: (H, W, 4) float32 in [0, 1], or None if it cannot draw the case."""
 
     picture: np.ndarray | None
     seconds: float | None = None
@@ -54,11 +54,11 @@ class MethodImage:
 def draw_cases(
     method: Method, cases: Sequence[Case], config: ReportConfig, root: Path, log: Log = lambda line: None
 ) -> list[MethodImage]:
-    """A method's pictures of cases; what baselines render is kept under `root`, beside the ground truth.
+    """A method's pictures of cases; renders of baselines are stored under `root`, beside the ground truth.
 
     Raises:
         WeightsError, PluginError: the method cannot be used.
-        RenderError: Blender failed, or a kept render is damaged.
+        RenderError: Blender failed, or a stored render is damaged.
     """
     if method.kind == WEIGHTS:
         return [draw_case(method, case, config) for case in cases]
@@ -66,24 +66,26 @@ def draw_cases(
     groups: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
         groups.setdefault(cloud_digest(case.cloud), []).append(index)
-    rival = load_baselines([method.source])[method.source]
+    competitor = load_baselines([method.source])[method.source]
     for digest, indices in groups.items():
         scenes = [with_true_floor(cases[index].scene, cases[index].truth.vertices) for index in indices]
         rng = np.random.default_rng([config.seed, 5])
         cloud = cases[indices[0]].cloud
-        rebuilt = run_baseline_on_scenes(rival, cloud, {"sha256": digest}, rng, scenes, report_render_settings(config), root, log)
-        for index, one in zip(indices, rebuilt, strict=True):
+        results = run_baseline_on_scenes(
+            competitor, cloud, {"sha256": digest}, rng, scenes, report_render_settings(config), root, log
+        )
+        for index, one in zip(indices, results, strict=True):
             steps = {**one.steps, "render": one.render_seconds or 0.0}
             drawn[index] = MethodImage(one.picture, one.seconds, steps, one.error)
     return [one for one in drawn if one is not None]
 
 
 def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarray | None = None) -> MethodImage:
-    """The weights' picture of a case, or of another cloud in its place."""
+    """The weights' picture of a case, optionally with another cloud."""
     renderer = load_renderer(find_weights(method.source))
-    lacking = [name for name in case.needs if name not in renderer.controls]
-    if lacking:
-        return MethodImage(None, error=f"these weights do not carry {' and '.join(lacking)}")
+    missing = [name for name in case.needs if name not in renderer.controls]
+    if missing:
+        return MethodImage(None, error=f"these weights do not carry {' and '.join(missing)}")
     placed = place_in_scene(case.cloud if cloud is None else cloud, case.scene)
     floor = with_true_floor(case.scene, case.truth.vertices).floor
     values = {name: value for name, value in case.values.items() if name in renderer.controls}
@@ -93,7 +95,7 @@ def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarra
 
 
 def load_renderer(file: Path) -> Renderer:
-    """The weights of a file, loaded once a process and content; the engine is that which quality is measured with."""
+    """The weights of a file on the reference engine; loaded once per process and content."""
     return _loaded(file, file_digest(file))
 
 
@@ -101,17 +103,17 @@ def load_renderer(file: Path) -> Renderer:
 def _loaded(file: Path, digest: str) -> Renderer:
     renderer = Renderer(file, engine=REFERENCE_ENGINE)
     elevation = renderer.fixed_elevation
-    renderer.render(np.zeros((1, 3), np.float32), None, 64, 64, 0.0 if elevation is None else -0.1)  # warmed up
+    renderer.render(np.zeros((1, 3), np.float32), None, 64, 64, 0.0 if elevation is None else -0.1)  # warm-up
     return renderer
 
 
 def cloud_digest(cloud: np.ndarray) -> str:
-    """What tells a cloud (N, 3) from others, in float32."""
+    """sha256 (64 hex digits) of a cloud (N, 3) in float32."""
     return hashlib.sha256(np.ascontiguousarray(cloud, np.float32).tobytes()).hexdigest()
 
 
 def method_fields(method: Method) -> dict[str, Any]:
-    """What shapes the method's pictures, for fingerprints."""
+    """Fingerprint fields of the method's pictures."""
     if method.kind == TRUTH:
         return {"kind": TRUTH}
     if method.kind == BASELINE:

@@ -1,4 +1,4 @@
-"""Real scans through every method: pictures side by side; nobody knows their true surface, so there are no numbers."""
+"""Draws real scans with every method; their true surface is unknown, so there are pictures and no metrics."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from z2p_core.config.report import ReportConfig
 from z2p_core.images import bytes_from_unit, unit_from_bytes
 from z2p_renderer.pipeline.evaluation.baselines import load_baselines, run_baseline_on_scenes
 from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import report_render_settings
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import VIEW_CONTROLS, SYNTHETIC_SETTINGS, Case
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import SYNTHETIC_SETTINGS, VIEW_CONTROLS, Case
 from z2p_renderer.pipeline.evaluation.paper.measure import ROWS_FILE, draw_points
 from z2p_renderer.pipeline.evaluation.paper.methods import WEIGHTS, Method, cloud_digest, load_renderer
 from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
@@ -25,7 +25,7 @@ from z2p_renderer.storage.results.fingerprints import file_digest
 from z2p_renderer.storage.scans.clouds import format_suffix, read_clouds
 
 MAX_POINTS = 20_000
-"""Larger scans are thinned at random to so many: what takes minutes on a baseline would be no fair picture either."""
+"""Larger scans are randomly subsampled to so many points, as some baselines would take minutes."""
 Log = Callable[[str], None]
 
 
@@ -33,7 +33,7 @@ def draw_scans(
     method: Method, scans: Sequence[Path], config: ReportConfig, truth_root: Path, out: Path,
     log: Log = lambda line: None,
 ) -> Path:  # fmt: skip
-    """``out/rows.json``: a row a scan with its picture, or with the method's error; ``input_NN.png`` shows the points.
+    """Writes ``out/rows.json``: a row per scan with its picture, or the method's error; ``input_NN.png`` is the cloud.
 
     Raises:
         ScanError: a file cannot be read.
@@ -49,13 +49,15 @@ def draw_scans(
                                "picture": f"{index:02}.png"}  # fmt: skip
         rows.append(row | ({"error": error} if error else {}))
         log(f"scan {path.name} {method.name}: {error or 'drawn'}")
-    found = out / ROWS_FILE
-    found.write_text(json.dumps({"sweep": "scans", "mesh": "", "method": method.name, "rows": rows}, indent=1) + "\n")
-    return found
+    rows_path = out / ROWS_FILE
+    rows_path.write_text(
+        json.dumps({"sweep": "scans", "mesh": "", "method": method.name, "rows": rows}, indent=1) + "\n"
+    )
+    return rows_path
 
 
 def _scan_case(path: Path, config: ReportConfig) -> Case:
-    """The scan as `z2p run-inference` would place it, seen from 20 degrees."""
+    """Case of a scan, placed as `z2p run-inference` does, at 20 degrees of elevation."""
     scan = read_clouds(path)[0]
     placed = place_scan(scan, format_suffix(path), PlacementOptions())
     cloud = placed.cloud
@@ -70,14 +72,16 @@ def _scan_case(path: Path, config: ReportConfig) -> Case:
 def _draw_scan(
     method: Method, case: Case, path: Path, config: ReportConfig, root: Path, log: Log
 ) -> tuple[np.ndarray, str]:
-    """Picture (H, W, 4) float32 in [0, 1], and what the method said of a scan that it could not use."""
+    """Picture (H, W, 4) float32 in [0, 1], and the method's error for a scan that it cannot use, else empty."""
     side = config.resolution
     if method.kind == WEIGHTS:
         renderer = load_renderer(find_weights(method.source))
         values = {name: value for name, value in case.values.items() if name in renderer.controls}
         return unit_from_bytes(renderer.render(case.cloud, values, side, side, case.scene.floor)), ""
-    rival = load_baselines([method.source])[method.source]
-    fields = {"sha256": cloud_digest(case.cloud)}  # not the file's: how it is placed may change
+    competitor = load_baselines([method.source])[method.source]
+    fields = {"sha256": cloud_digest(case.cloud)}  # not the file's digest: placement may change
     rng = np.random.default_rng([config.seed, 5])
-    made = run_baseline_on_scenes(rival, case.cloud, fields, rng, [case.scene], report_render_settings(config), root, log)[0]
-    return made.picture, made.error
+    result = run_baseline_on_scenes(
+        competitor, case.cloud, fields, rng, [case.scene], report_render_settings(config), root, log
+    )[0]
+    return result.picture, result.error

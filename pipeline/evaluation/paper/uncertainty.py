@@ -1,4 +1,4 @@
-"""Whether a map can tell where a picture is invented: disagreement of pictures drawn from half of the points each."""
+"""Scores uncertainty maps: does disagreement between pictures of random half clouds predict where a picture errs?"""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from z2p_renderer.pipeline.evaluation.paper.methods import Method, draw_case
 
 UNCERTAINTY_FILE = "trust.json"
 SUBSAMPLE_SHARE = 0.5
-"""Of the points in each draw."""
+"""Share of the points in each random subset."""
 SPARSENESS_RADIUS = 4
-"""Reach, pixels, of the window in which points are counted for the rival map of sparseness."""
+"""Radius of the window in which the sparseness map counts points, pixels."""
 REMOVED_SHARES = np.arange(0, 1, 0.05)
-"""Shares of the pixels that are left out, the least trusted first."""
+"""Shares of the pixels that the sparsification curve removes, the most uncertain first."""
 DISPLAY_GAIN = 4.0
-"""Times as bright as they are, maps are shown."""
+"""Factor by which maps are brightened for display."""
 Log = Callable[[str], None]
 
 
 def measure_uncertainty(
     subject: TrueMesh, method: Method, config: ReportConfig, truth_root: Path, out: Path, log: Log = lambda line: None
 ) -> Path:
-    """``out/trust.json``: a row a view with what each map is worth; beside it the maps of the first view.
+    """Writes ``out/trust.json``: a row per view with the score of each map; and the maps of the first view.
 
-    Maps: ``disagreement`` (spread over draws of half of the points), and two that cost nothing, to be beaten: ``edges``
-    (how much the picture changes from pixel to pixel) and ``sparseness`` (few points near the pixel).
+    Maps: ``disagreement`` (spread over pictures of random half clouds), and two free ones as references: ``edges`` (the
+    picture's gradient) and ``sparseness`` (few points near the pixel).
 
     Raises:
         WeightsError, PluginError: the weights cannot be used.
-        RenderError: Blender failed, or a kept render is damaged.
+        RenderError: Blender failed, or a stored render is damaged.
     """
     cases = sweep_cases("base", subject, config)
     truths = render_case_truths(cases, config, truth_root, log)
@@ -53,9 +53,9 @@ def measure_uncertainty(
         error = np.abs(picture - composite(truth, WHITE)).mean(-1)
         maps = {"disagreement": disagreement(method, case, config), "edges": _edge_strength(picture),
                 "sparseness": _sparseness(case, config.resolution)}  # fmt: skip
-        shown = coverage > 0  # around it nothing is easier than to be sure
-        worths = {name: score_map(found[shown], error[shown]) for name, found in maps.items()}
-        rows.append({"view": case.view, "maps": worths})
+        on_object = coverage > 0  # elsewhere certainty is trivial
+        scores = {name: score_map(values[on_object], error[on_object]) for name, values in maps.items()}
+        rows.append({"view": case.view, "maps": scores})
         if index == 0:
             for name, drawing in {"picture": picture, "error": DISPLAY_GAIN * error, **{
                 "disagreement": DISPLAY_GAIN * maps["disagreement"]}}.items():  # fmt: skip
@@ -68,7 +68,7 @@ def measure_uncertainty(
 
 
 def disagreement(method: Method, case: Case, config: ReportConfig) -> np.ndarray:
-    """Map (H, W) of the standard deviation, on white, of pictures that are each drawn from half of the points."""
+    """Map (H, W) of the standard deviation, on white, between pictures of random half clouds."""
     rng = np.random.default_rng([config.seed, 7])
     pictures = []
     for _ in range(config.trust_draws):
@@ -81,31 +81,33 @@ def disagreement(method: Method, case: Case, config: ReportConfig) -> np.ndarray
 
 
 def score_map(predicted: np.ndarray, error: np.ndarray) -> dict[str, float]:
-    """What a map of doubt is worth against the true error, both (N,) or (H, W).
+    """Scores of an uncertainty map `predicted` against the true `error`, both (N,) or (H, W).
 
-    ``rank_correlation`` is Spearman's. ``area`` lies under the sparsification curve: the error of what is left, over
-    the error of all, as the most doubted pixels are taken away; 1 for a map that knows nothing. ``best_area`` is that
-    of the error itself, and ``gain`` the share of the way from 1 to it: 1 for a perfect map, 0 for a worthless one.
+    ``rank_correlation`` is Spearman's. ``area`` is that under the sparsification curve: mean error of the remaining
+    pixels, relative to all, as the most uncertain ones are removed; 1 for a random map. ``best_area`` is that of the
+    error itself. ``gain`` = (1 - area) / (1 - best_area): 1 for a perfect map, 0 for a random one.
     """
-    doubt, truth = predicted.ravel().astype(np.float64), error.ravel().astype(np.float64)
-    area, best = _area_under_sparsification(doubt, truth), _area_under_sparsification(truth, truth)
-    correlation = float(np.corrcoef(_ranks(doubt), _ranks(truth))[0, 1]) if np.ptp(doubt) and np.ptp(truth) else 0.0
+    uncertainty, truth = predicted.ravel().astype(np.float64), error.ravel().astype(np.float64)
+    area, best = _area_under_sparsification(uncertainty, truth), _area_under_sparsification(truth, truth)
+    correlation = (
+        float(np.corrcoef(_ranks(uncertainty), _ranks(truth))[0, 1]) if np.ptp(uncertainty) and np.ptp(truth) else 0.0
+    )
     gain = (1 - area) / (1 - best) if best < 1 else 0.0
     return {"rank_correlation": round(correlation, 6), "area": round(area, 6), "best_area": round(best, 6),
             "gain": round(gain, 6)}  # fmt: skip
 
 
-def _area_under_sparsification(doubt: np.ndarray, error: np.ndarray) -> float:
-    """Mean over `REMOVED_SHARES` of the error that is left, as a share of the whole."""
-    ordered = error[np.argsort(-doubt, kind="stable")]
-    whole = ordered.mean()
-    if whole == 0:
+def _area_under_sparsification(uncertainty: np.ndarray, error: np.ndarray) -> float:
+    """Mean over `REMOVED_SHARES` of the remaining pixels' error, relative to all."""
+    ordered = error[np.argsort(-uncertainty, kind="stable")]
+    total = ordered.mean()
+    if total == 0:
         return 1.0
-    return float(np.mean([ordered[int(step * len(ordered)) :].mean() / whole for step in REMOVED_SHARES]))
+    return float(np.mean([ordered[int(step * len(ordered)) :].mean() / total for step in REMOVED_SHARES]))
 
 
 def _ranks(values: np.ndarray) -> np.ndarray:
-    """Ranks (N,) of values (N,); equal ones share their mean."""
+    """Ranks (N,) of values (N,); ties share their mean rank."""
     _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
     last = np.cumsum(counts)
     ranks: np.ndarray = (last - (counts - 1) / 2)[which.reshape(-1)]
@@ -119,14 +121,16 @@ def _edge_strength(picture: np.ndarray) -> np.ndarray:
 
 
 def _sparseness(case: Case, side: int) -> np.ndarray:
-    """Map (H, W): the fewer points around a pixel, the higher."""
+    """Map (H, W): minus the number of points around each pixel."""
     placed = case.cloud.astype(np.float64) @ np.array(case.scene.rotation).T + (0, 0, case.scene.lift)
     pixels, _ = Camera(side, side, case.scene.elevation).project(placed)
     column, row = np.floor(pixels).astype(int).T
-    seen = (column >= 0) & (column < side) & (row >= 0) & (row < side)
+    inside = (column >= 0) & (column < side) & (row >= 0) & (row < side)
     counts = np.zeros((side, side))
-    np.add.at(counts, (row[seen], column[seen]), 1)
+    np.add.at(counts, (row[inside], column[inside]), 1)
     for axis in (0, 1):
-        counts = np.sum([np.roll(counts, step, axis) for step in range(-SPARSENESS_RADIUS, SPARSENESS_RADIUS + 1)], axis=0)
-    sparse: np.ndarray = -counts
-    return sparse
+        counts = np.sum(
+            [np.roll(counts, step, axis) for step in range(-SPARSENESS_RADIUS, SPARSENESS_RADIUS + 1)], axis=0
+        )
+    sparseness: np.ndarray = -counts
+    return sparseness

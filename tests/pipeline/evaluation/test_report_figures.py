@@ -85,7 +85,7 @@ def test_the_first_paragraph_counts_where_baselines_are_ahead() -> None:
 
 
 def test_less_is_better_for_flip() -> None:
-    found = {duel.figure: duel for duel in compare_best(findings(row("base", "0", "regular", 25.0, flip=0.2),
+    found = {one.metric: one for one in compare_best(findings(row("base", "0", "regular", 25.0, flip=0.2),
                                                           row("base", "0", "bpa", 25.0, flip=0.1)), "base")}
     assert found["flip"].lost and not found["ssim"].lost
 

@@ -115,7 +115,7 @@ def test_the_prefetching_thread_ends_and_tells_its_errors(shards):
         next(ahead)
         raise KeyboardInterrupt
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("batches")]
-    data._cache.clear()
+    data._record_cache.clear()
     data.training = [(0, 99)] * len(data.training)
     with pytest.raises(IndexError), data.batches(0, 3) as ahead:
         next(ahead)

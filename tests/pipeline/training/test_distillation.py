@@ -70,9 +70,9 @@ def test_what_is_taught_is_the_mean_with_the_scene_in_a_mirror(shards):
     rng = np.random.default_rng(0)
     record = data._record(data.training[0], 32)
     scene, cloud = replace(record.scene, floor=-1.0), rng.normal(size=(500, 3)).astype(np.float32) * 0.3
-    one = data._taught(data._teacher, cloud, scene, record, 32)
+    one = data._teacher_image(data._teacher, cloud, scene, record, 32)
     turned = mirror_record(record)
-    other = data._taught(data._teacher, cloud * np.float32([-1, 1, 1]), replace(turned.scene, floor=-1.0), turned, 32)
+    other = data._teacher_image(data._teacher, cloud * np.float32([-1, 1, 1]), replace(turned.scene, floor=-1.0), turned, 32)
     np.testing.assert_array_equal(one, other[:, ::-1])
     alone = data._teacher.picture(cloud, scene, record.settings, 32)
     assert np.abs(one / 255 - alone).max() > 1 / 255

@@ -1,1 +1,1 @@
-"""What the report on the paper measures: its sweeps, their clouds, and the ground truth of each."""
+"""The cases of the report on the paper: parameter sweeps, their clouds and scenes, and their ground truth."""

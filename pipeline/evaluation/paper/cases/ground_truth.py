@@ -1,4 +1,4 @@
-"""Ground truth of the report's cases, kept in the store that `z2p evaluate` uses and shared with it where it can be."""
+"""Ground truth of the report's cases, in the store of `z2p evaluate` and shared with it where the scenes match."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ Log = Callable[[str], None]
 
 
 def report_render_settings(config: ReportConfig) -> RenderSettings:
-    """How the truth and the baselines' meshes are rendered: alike."""
+    """Cycles settings of the ground truth and of the baselines' meshes alike."""
     return RenderSettings((config.resolution, config.resolution), config.samples, config.denoise, seed=config.seed)
 
 
 def render_case_truths(
     cases: Sequence[Case], config: ReportConfig, root: Path, log: Log = lambda line: None
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Picture (H, W, 4) and coverage (H, W) of each case, float32 in [0, 1]; rendered where `root` lacks them.
+    """True picture (H, W, 4) and coverage (H, W) of each case, float32 in [0, 1]; renders those that `root` lacks.
 
     Raises:
-        RenderError: Blender failed, or a kept render is damaged.
+        RenderError: Blender failed, or a stored render is damaged.
     """
     settings, side = report_render_settings(config), config.resolution
     paths: list[Path] = [Path()] * len(cases)
@@ -43,13 +43,13 @@ def render_case_truths(
             paths[index] = _render_synthetic(case.truth, case.scene, settings, root, log)
         else:
             shared.setdefault(case.subject.identity, []).append(index)
-    for indices in shared.values():  # all scenes of a mesh in one Blender
+    for indices in shared.values():  # all scenes of a mesh in one Blender process
         subject = cases[indices[0]].subject
         if subject is None or subject.path is None:
-            raise ValueError("a case whose truth is a file's mesh needs that file")
+            raise ValueError("a case with a subject needs the path of its mesh file, got none")
         scenes = [cases[index].scene for index in indices]
-        found = render_references(subject.path, subject.identity, scenes, settings, root, log)
-        for index, path in zip(indices, found, strict=True):
+        rendered = render_references(subject.path, subject.identity, scenes, settings, root, log)
+        for index, path in zip(indices, rendered, strict=True):
             paths[index] = path
     return [(read_render(path, (side, side, 4)), read_render(path.with_suffix(".coverage.png"), (side, side)))
             for path in paths]  # fmt: skip
@@ -62,7 +62,7 @@ def mesh_digest(mesh: Mesh) -> str:
 
 
 def _render_synthetic(mesh: Mesh, scene: SceneDescription, settings: RenderSettings, root: Path, log: Log) -> Path:
-    """Picture of a mesh that is placed in the unit sphere already, and keeps its size."""
+    """Path of the picture of a synthetic mesh, which is not scaled to the unit sphere."""
     fields: dict[str, Any] = stage_fields("reference") | {
         "placed": mesh_digest(mesh), "parameters": settings.shaping(), "scene": scene.to_json(),
     }  # fmt: skip

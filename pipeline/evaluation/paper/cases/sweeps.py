@@ -1,4 +1,4 @@
-"""The report's sweeps: what each varies, and the cases (cloud, scene, true mesh) that each of its levels stands for."""
+"""The report's parameter sweeps: the cases (cloud, scene, true mesh) of each level of each sweep."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from z2p_renderer.storage.meshes import Mesh, read_mesh
 from z2p_renderer.storage.results.fingerprints import file_digest
 
 VIEW_CONTROLS = ("color", "light", "elevation")
-"""What views are drawn with: those of every training but the materials'."""
+"""Controls that are sampled for views: those that all weights have."""
 UNIT_SPHERE = Sphere((0.0, 0.0, 0.0), 1.0)
 SYNTHETIC_SETTINGS: dict[str, Value] = {"color": (0.3, 0.45, 0.65), "light": (3.75, -40.0, 50.0), "elevation": (20.0,)}
 SYNTHETIC_SWEEPS = ("sheet", "scene", "bumps", "gap")
-"""Sweeps over shapes made for them, whatever the meshes."""
+"""Sweeps over synthetic shapes instead of the meshes."""
 MAX_SCENE_POINTS_FACTOR = 4
-"""Clouds of scenes have so many times the points, at the most, that a single object has."""
+"""The cloud of several objects has at most so many times the points of a single object's."""
 
 
 @dataclass(frozen=True)
 class TrueMesh:
-    """A true mesh in the unit sphere; `path` and `identity` (sha256) are those of its file, empty for a made one."""
+    """A true mesh in the unit sphere; `path` and `identity` (sha256) are those of its file."""
 
     name: str
     mesh: Mesh
@@ -47,25 +47,25 @@ class TrueMesh:
 
 @dataclass(frozen=True)
 class Case:
-    """One picture that every method is asked for, and what it should show."""
+    """One picture that every method draws, with the true mesh and scene."""
 
     level: str
     view: int
     cloud: np.ndarray
-    """(N, 3) float32 in the true mesh's axes, before the scene turns and lifts both."""
+    """(N, 3) float32 in the true mesh's axes, before the scene rotates and lifts both."""
     scene: SceneDescription
     values: Mapping[str, Value]
-    """Control -> value, of every control that shaped the scene."""
+    """Control -> value, of every control applied to the scene."""
     truth: Mesh
-    """The true mesh, placed as the cloud is."""
+    """The true mesh, in the cloud's axes."""
     subject: TrueMesh | None = None
-    """Where the truth is the very mesh of a file: its renders are shared with `z2p evaluate`."""
+    """Set if the truth is the unchanged mesh of a file: its renders are shared with `z2p evaluate`."""
     needs: tuple[str, ...] = ()
-    """Controls without which weights cannot draw it."""
+    """Controls that weights need to draw it."""
     reference: str = ""
-    """Level of the case that this one is a change of, where what is measured is how much of the change is kept."""
+    """Level of the plain case that this one modifies, where the contrast of the change is measured; else empty."""
     points: int = 0
-    """Points of the cloud that are on the surface, the first ones."""
+    """Number of points on the surface; they come first in the cloud."""
 
     @property
     def x(self) -> float | None:
@@ -88,7 +88,7 @@ def read_true_mesh(name: str, path: Path) -> TrueMesh:
 
 
 def sweep_cases(name: str, subject: TrueMesh | None, config: ReportConfig) -> list[Case]:
-    """The cases of a sweep, level by level and in each view by view; `subject` is None where it has its own shapes."""
+    """The cases of a sweep, by level and then by view; `subject` is None for sweeps over synthetic shapes."""
     levels: Sequence[Any] = config.sweeps()[name].levels
     if name in SYNTHETIC_SWEEPS or subject is None:
         return [case for level in levels for case in _SYNTHETIC_CASES[name](level, config)]
@@ -101,92 +101,92 @@ def sweep_cases(name: str, subject: TrueMesh | None, config: ReportConfig) -> li
 
 
 def base_views(subject: TrueMesh, config: ReportConfig) -> list[View]:
-    """The subject's views: those that `z2p evaluate` draws with the same seed at 20 degrees."""
-    drawing = SimpleNamespace(controls=load_controls(VIEW_CONTROLS), fixed_elevation=None)
-    return sample_views(drawing, subject.identity, EvaluateConfig(views=config.views, seed=config.seed))  # type: ignore[arg-type]
+    """The subject's views: those of `z2p evaluate` for the same seed, at 20 degrees."""
+    renderer = SimpleNamespace(controls=load_controls(VIEW_CONTROLS), fixed_elevation=None)
+    return sample_views(renderer, subject.identity, EvaluateConfig(views=config.views, seed=config.seed))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
 class _BaseCase:
-    """The plain case that a level changes something of."""
+    """The unmodified case of a view, from which each level of a sweep derives its own."""
 
     subject: TrueMesh
     view: View
     index: int
     config: ReportConfig
 
-    def rng(self, what: int = 0) -> np.random.Generator:
-        """The same for every level, so that only what is varied differs."""
-        return np.random.default_rng([self.config.seed, int(self.subject.identity[:16], 16), self.index, 3, what])
+    def rng(self, stream: int = 0) -> np.random.Generator:
+        """The same random numbers for every level, so that only the varied parameter differs."""
+        return np.random.default_rng([self.config.seed, int(self.subject.identity[:16], 16), self.index, 3, stream])
 
     def cloud(self, count: int = 0, sampler: str = "uniform", noise: float = 0.0) -> np.ndarray:
-        """(N, 3) float32."""
+        """Cloud (N, 3) float32 sampled on the subject."""
         kind = "gaussian" if noise else "none"
         count = count or self.config.points
         return sample_cloud(self.subject.mesh, UNIT_SPHERE, sampler, count, kind, noise, self.rng())
 
     def case(self, cloud: np.ndarray, **changes: Any) -> Case:
-        """The plain case of a cloud, with changes."""
+        """The base case with another cloud and other `changes`."""
         case = Case("", self.index, cloud.astype(np.float32), self.view.scene, self.view.values, self.subject.mesh,
                     self.subject)  # fmt: skip
         return replace(case, **changes)
 
-    def seen(self, needs: tuple[str, ...] = (), rotation: np.ndarray | None = None, **values: Value) -> Case:
-        """The plain cloud with controls set anew, or turned."""
+    def with_controls(self, needs: tuple[str, ...] = (), rotation: np.ndarray | None = None, **values: Value) -> Case:
+        """The base cloud with other values of controls, or another rotation."""
         controls = load_controls((*VIEW_CONTROLS, *needs))
         rotation = np.array(self.view.scene.rotation) if rotation is None else rotation
-        chosen = {**self.view.values, **values}
-        return self.case(self.cloud(), scene=describe(controls, chosen, rotation), values=chosen, needs=needs)
+        all_values = {**self.view.values, **values}
+        return self.case(self.cloud(), scene=describe(controls, all_values, rotation), values=all_values, needs=needs)
 
 
-def _vary_sampler(level: str, start: _BaseCase) -> Case:
+def _vary_sampler(level: str, base: _BaseCase) -> Case:
     if level == "non-uniform":
-        return start.case(non_uniform(start.subject.mesh, start.config.points, start.rng()))
-    return start.case(start.cloud(sampler=level))
+        return base.case(non_uniform(base.subject.mesh, base.config.points, base.rng()))
+    return base.case(base.cloud(sampler=level))
 
 
-def _vary_inner_points(level: float, start: _BaseCase) -> Case:
-    count = round(level * start.config.points)
-    surface = start.cloud()[: start.config.points - count]
-    inner = inner_points(start.subject.mesh, count, start.rng(1))
-    return start.case(np.concatenate([surface, inner.astype(np.float32)]), points=len(surface))
+def _vary_inner_points(level: float, base: _BaseCase) -> Case:
+    count = round(level * base.config.points)
+    surface = base.cloud()[: base.config.points - count]
+    inner = inner_points(base.subject.mesh, count, base.rng(1))
+    return base.case(np.concatenate([surface, inner.astype(np.float32)]), points=len(surface))
 
 
-def _vary_scale(level: float, start: _BaseCase) -> Case:
-    mesh = start.subject.mesh
+def _vary_scale(level: float, base: _BaseCase) -> Case:
+    mesh = base.subject.mesh
     smaller = Mesh(mesh.vertices * level, mesh.faces, mesh.smooth)
-    return start.case(start.cloud() * level, truth=smaller, subject=start.subject if level == 1 else None)
+    return base.case(base.cloud() * level, truth=smaller, subject=base.subject if level == 1 else None)
 
 
-def _vary_depth_camera(level: str, start: _BaseCase) -> Case:
-    scene = start.view.scene
-    cloud = single_view(start.subject.mesh, np.array(scene.rotation), scene.elevation, level, start.config.points,
-                        start.rng(1))  # fmt: skip
-    return start.case(cloud)
+def _vary_depth_camera(level: str, base: _BaseCase) -> Case:
+    scene = base.view.scene
+    cloud = single_view(base.subject.mesh, np.array(scene.rotation), scene.elevation, level, base.config.points,
+                        base.rng(1))  # fmt: skip
+    return base.case(cloud)
 
 
-def _vary_light(level: float, start: _BaseCase) -> Case:
-    radius, _, elevation = start.view.values["light"]
-    return start.seen(light=(radius, level, elevation))
+def _vary_light(level: float, base: _BaseCase) -> Case:
+    radius, _, elevation = base.view.values["light"]
+    return base.with_controls(light=(radius, level, elevation))
 
 
-def _vary_material(level: str, start: _BaseCase) -> Case:
+def _vary_material(level: str, base: _BaseCase) -> Case:
     metallic, roughness = (float(part) for part in level.split(","))
-    return start.seen(("metallic", "roughness"), metallic=(metallic,), roughness=(roughness,))
+    return base.with_controls(("metallic", "roughness"), metallic=(metallic,), roughness=(roughness,))
 
 
 _MESH_CASES: dict[str, Callable[[Any, _BaseCase], Case]] = {
-    "base": lambda level, start: start.case(start.cloud()),
-    "noise": lambda level, start: start.case(start.cloud(noise=level)),
-    "density": lambda level, start: start.case(start.cloud(round(level))),
+    "base": lambda level, base: base.case(base.cloud()),
+    "noise": lambda level, base: base.case(base.cloud(noise=level)),
+    "density": lambda level, base: base.case(base.cloud(round(level))),
     "sampling": _vary_sampler,
     "inner": _vary_inner_points,
     "scale": _vary_scale,
     "single": _vary_depth_camera,
-    "lift": lambda level, start: start.case(start.cloud(), scene=replace(start.view.scene, lift=level)),
+    "lift": lambda level, base: base.case(base.cloud(), scene=replace(base.view.scene, lift=level)),
     "light": _vary_light,
-    "color": lambda level, start: start.seen(color=_color(level)),
-    "turning": lambda level, start: start.seen(rotation=turn(level) @ np.array(start.view.scene.rotation)),
+    "color": lambda level, base: base.with_controls(color=_color(level)),
+    "turning": lambda level, base: base.with_controls(rotation=turn(level) @ np.array(base.view.scene.rotation)),
     "material": _vary_material,
 }
 
@@ -204,23 +204,42 @@ def _synthetic_case(level: str, mesh: Mesh, count: int, seed: int, azimuth: floa
 
 
 def _vary_bumps(level: float, config: ReportConfig) -> list[Case]:
-    ball = [_synthetic_case("0", synthetic_shapes.harmonic_ball(0), config.points, config.seed)] if level == config.bumps.levels[0] else []
-    return [*ball, _synthetic_case(_level_name(level), synthetic_shapes.harmonic_ball(level), config.points, config.seed, reference="0")]
+    plain = []
+    if level == config.bumps.levels[0]:
+        plain = [_synthetic_case("0", synthetic_shapes.harmonic_ball(0), config.points, config.seed)]
+    return [
+        *plain,
+        _synthetic_case(
+            _level_name(level), synthetic_shapes.harmonic_ball(level), config.points, config.seed, reference="0"
+        ),
+    ]
 
 
 def _vary_gap(level: float, config: ReportConfig) -> list[Case]:
-    solid, told = f"solid {_level_name(level)}", _level_name(level)
-    return [_synthetic_case(solid, synthetic_shapes.parallel_plates(level, solid=True), config.points, config.seed),
-            _synthetic_case(told, synthetic_shapes.parallel_plates(level), config.points, config.seed, reference=solid)]  # fmt: skip
+    name = _level_name(level)
+    solid = f"solid {name}"
+    return [
+        _synthetic_case(solid, synthetic_shapes.parallel_plates(level, solid=True), config.points, config.seed),
+        _synthetic_case(name, synthetic_shapes.parallel_plates(level), config.points, config.seed, reference=solid),
+    ]
 
 
 _SYNTHETIC_CASES: dict[str, Callable[[Any, ReportConfig], list[Case]]] = {
-    "sheet": lambda level, config: [_synthetic_case(_level_name(level), synthetic_shapes.tilted_sheet(level), config.points, config.seed, 25.0)],
-    "scene": lambda level, config: [_synthetic_case(_level_name(level), synthetic_shapes.objects_on_floor(level),
-                                          round(min(level, MAX_SCENE_POINTS_FACTOR) * config.points), config.seed, 20.0)],
+    "sheet": lambda level, config: [
+        _synthetic_case(_level_name(level), synthetic_shapes.tilted_sheet(level), config.points, config.seed, 25.0)
+    ],
+    "scene": lambda level, config: [
+        _synthetic_case(
+            _level_name(level),
+            synthetic_shapes.objects_on_floor(level),
+            round(min(level, MAX_SCENE_POINTS_FACTOR) * config.points),
+            config.seed,
+            20.0,
+        )
+    ],
     "bumps": _vary_bumps,
     "gap": _vary_gap,
-}  # fmt: skip
+}
 
 
 def _level_name(level: Any) -> str:

@@ -1,4 +1,4 @@
-"""Clouds that no sampler draws: denser on one side, with points inside, or as one depth camera sees them."""
+"""Clouds that samplers do not give: non-uniform density, points inside the mesh, simulated depth cameras."""
 
 from __future__ import annotations
 
@@ -14,33 +14,36 @@ from z2p_core.meshes.triangle_sampling import sample_uniform
 from z2p_renderer.storage.meshes import Mesh
 
 DENSITY_RATIO = 10.0
-"""How many times as dense the densest side of a non-uniform cloud is as its thinnest."""
-SENSOR_AZIMUTH, SENSOR_SIDE = 40.0, 160
-"""Where the depth camera stands beside the picture's own, degrees, and its pixels along a side."""
+"""Density of the densest side of a non-uniform cloud, relative to the sparsest."""
+SENSOR_AZIMUTH = 40.0
+"""Azimuth of the depth camera relative to the picture's camera, degrees."""
+SENSOR_SIDE = 160
+"""Side of the depth camera's image, pixels."""
 SENSOR_NOISE = 0.004
-"""Standard deviation along the ray, world units."""
+"""Standard deviation of depth along the ray, world units."""
 MIN_SENSOR_COSINE = 0.25
-"""Cosine of the steepest surface that it still measures when it leaves holes."""
-HOLE_COUNT, HOLE_RADIUS = 8, 0.12
-"""Patches without a measurement, and their radius in world units."""
-TRIES = 60
+"""Smallest cosine between ray and normal at which the camera with holes still measures."""
+HOLE_COUNT = 8
+HOLE_RADIUS = 0.12
+"""Radius of a hole without measurements, world units."""
+MAX_REJECTION_ROUNDS = 60
 
 
 def non_uniform(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Points (count, 3) float64 on a mesh in the unit sphere, `DENSITY_RATIO` times as dense on the +X side as on the -X."""
-    found: list[np.ndarray] = []
-    while sum(map(len, found)) < count:
+    """Points (count, 3) float64 on a mesh, `DENSITY_RATIO` times as dense at its +X end as at its -X end."""
+    parts: list[np.ndarray] = []
+    while sum(map(len, parts)) < count:
         points = sample_uniform(mesh.vertices, mesh.faces, 4 * count, rng)
         low, high = points[:, 0].min(), points[:, 0].max()
         share = DENSITY_RATIO ** ((points[:, 0] - low) / max(high - low, 1e-9) - 1)
-        found.append(points[rng.random(len(points)) < share])
-    return np.concatenate(found)[:count]
+        parts.append(points[rng.random(len(points)) < share])
+    return np.concatenate(parts)[:count]
 
 
 def inner_points(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray:
-    """Points (count, 3) float64 inside a mesh, as generative networks leave them.
+    """Points (count, 3) float64 inside a mesh, as generative networks produce them.
 
-    A mesh that encloses hardly anything, as an open sheet, gets points between random pairs of its surface's instead.
+    A mesh that encloses almost no volume, like an open sheet, gets points between random pairs of surface points.
     """
     with explain_missing_libraries("open3d"):
         import open3d  # late: the pipeline extra
@@ -49,13 +52,15 @@ def inner_points(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray
         return np.empty((0, 3))
     scene = _ray_scene(mesh)
     low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    found: list[np.ndarray] = []
-    for _ in range(TRIES):
-        tried = rng.uniform(low, high, (4 * count, 3))
-        inside = scene.compute_occupancy(open3d.core.Tensor.from_numpy(tried.astype(np.float32)), nsamples=5).numpy()
-        found.append(tried[inside > 0.5])
-        if sum(map(len, found)) >= count:
-            return np.concatenate(found)[:count]
+    parts: list[np.ndarray] = []
+    for _ in range(MAX_REJECTION_ROUNDS):
+        candidates = rng.uniform(low, high, (4 * count, 3))
+        inside = scene.compute_occupancy(
+            open3d.core.Tensor.from_numpy(candidates.astype(np.float32)), nsamples=5
+        ).numpy()
+        parts.append(candidates[inside > 0.5])
+        if sum(map(len, parts)) >= count:
+            return np.concatenate(parts)[:count]
     first, second = (sample_uniform(mesh.vertices, mesh.faces, count, rng) for _ in range(2))
     between: np.ndarray = first + rng.random((count, 1)) * (second - first)
     return between
@@ -64,10 +69,10 @@ def inner_points(mesh: Mesh, count: int, rng: np.random.Generator) -> np.ndarray
 def single_view(
     mesh: Mesh, rotation: np.ndarray, elevation: float, kind: str, count: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """At most `count` points (N, 3) float64 that a depth camera beside the picture's sees of a mesh in the unit sphere.
+    """At most `count` points (N, 3) float64 of a mesh in the unit sphere, measured by a simulated depth camera.
 
-    `rotation` turns the mesh into the world. ``clean`` measures exactly, ``noise`` adds noise along the ray, ``holes``
-    misses steep surfaces and patches besides. The points are in the mesh's own axes.
+    `rotation` takes the mesh to the world. `kind` is ``clean``, ``noise`` (along the ray) or ``holes`` (noise, and no
+    measurement at grazing angles and in random patches). The points are in the mesh's own axes.
 
     Raises:
         ValueError: an unknown kind.
@@ -78,9 +83,9 @@ def single_view(
 
     if kind not in ("clean", "noise", "holes"):
         raise ValueError(f"single view: expected clean, noise or holes, got {kind!r}")
-    place, rays = _sensor(rotation, elevation)
-    given = np.concatenate([np.broadcast_to(place, rays.shape), rays], axis=1).astype(np.float32)
-    cast = _ray_scene(mesh).cast_rays(open3d.core.Tensor.from_numpy(np.ascontiguousarray(given)))
+    position, rays = _sensor(rotation, elevation)
+    origins_and_rays = np.concatenate([np.broadcast_to(position, rays.shape), rays], axis=1).astype(np.float32)
+    cast = _ray_scene(mesh).cast_rays(open3d.core.Tensor.from_numpy(np.ascontiguousarray(origins_and_rays)))
     depth, normals = cast["t_hit"].numpy(), cast["primitive_normals"].numpy()
     hit = np.isfinite(depth)
     if kind == "holes":
@@ -90,7 +95,7 @@ def single_view(
     depth, rays = depth[hit].astype(np.float64), rays[hit]
     if kind != "clean":
         depth = depth + rng.normal(0, SENSOR_NOISE, len(depth))
-    points: np.ndarray = place + depth[:, None] * rays
+    points: np.ndarray = position + depth[:, None] * rays
     if kind == "holes":
         centres = points[rng.choice(len(points), HOLE_COUNT)]
         kept = (np.linalg.norm(points[:, None] - centres, axis=2) > HOLE_RADIUS).all(axis=1)
@@ -99,7 +104,7 @@ def single_view(
 
 
 def _sensor(rotation: np.ndarray, elevation: float) -> tuple[np.ndarray, np.ndarray]:
-    """Place (3,) and unit rays (S * S, 3) of the depth camera, in the mesh's axes."""
+    """Position (3,) and unit rays (S * S, 3) of the depth camera, in the mesh's axes."""
     angle = math.radians(elevation)
     back = turn(SENSOR_AZIMUTH) @ np.array([0.0, -math.cos(angle), math.sin(angle)])
     right = np.cross(-back, (0.0, 0.0, 1.0))

@@ -1,6 +1,6 @@
-"""Shapes made to find limits: bumps of rising frequency, plates that near each other, sheets, and whole scenes.
+"""Synthetic shapes that probe limits: bumps of rising frequency, parallel plates, thin sheets, many objects.
 
-Each is closed or open as told, lies in the unit sphere, and is not scaled to it: what is compared keeps its place.
+Each lies in the unit sphere without being scaled to it, so that the compared parts stay in place.
 """
 
 from __future__ import annotations
@@ -13,30 +13,34 @@ from z2p_renderer.pipeline.shapes import shape
 from z2p_renderer.storage.meshes import Mesh
 
 TURN = 2 * np.pi
-BALL_RADIUS, BUMP_SLOPE = 0.85, 0.5
-"""Radius of the bumpy ball; the bumps' amplitude times their degree: steepness, not height, stays the same."""
+BALL_RADIUS = 0.85
+"""Radius of the bumpy ball, world units."""
+BUMP_SLOPE = 0.5
+"""Relative amplitude of the bumps times their degree, so that steepness is constant, not height."""
 BALL_CELLS = (480, 240)
+"""Grid cells along longitude and latitude."""
 PLATE_SIZE = (0.05, 1.0, 0.8)
 """Thickness, depth and height of a plate, world units."""
 SHEET_CELLS = 60
+"""Grid cells along a side of the sheet."""
 SCENE_SHAPES = ("torus_knot", "rounded_block", "vase", "gear", "bumpy_ball", "seashell", "klein_bottle")
 
 
 def harmonic_ball(degree: float) -> Mesh:
-    """A ball with bumps: the real spherical harmonic of that degree and half its order; 0 for the ball alone."""
+    """A ball with bumps: the real spherical harmonic of `degree` and order degree / 2; a plain ball for degree 0."""
     u, v = np.meshgrid(*(np.linspace(0, 1, cells + 1) for cells in BALL_CELLS), indexing="ij")
     longitude, polar = TURN * u, np.pi * v
     wave = np.zeros_like(u)
     if degree:
         wave = BUMP_SLOPE / degree * _spherical_harmonic(int(degree), longitude, polar)
     radius = BALL_RADIUS * (1 + wave) / (1 + BUMP_SLOPE / 4)
-    places = np.stack([radius * np.sin(polar) * np.cos(longitude), radius * np.sin(polar) * np.sin(longitude),
+    positions = np.stack([radius * np.sin(polar) * np.cos(longitude), radius * np.sin(polar) * np.sin(longitude),
                        radius * np.cos(polar)], axis=-1)  # fmt: skip
-    return Mesh(*_grid_mesh(places), smooth=True)
+    return Mesh(*_grid_mesh(positions), smooth=True)
 
 
 def parallel_plates(distance: float, solid: bool = False) -> Mesh:
-    """Two upright plates that far apart, seen from their edges; `solid` fills the gap between them."""
+    """Two upright plates `distance` apart, seen edge-on; `solid` fills the gap between them."""
     thickness, depth, height = PLATE_SIZE
     outer = distance / 2 + thickness
     if solid:
@@ -46,14 +50,14 @@ def parallel_plates(distance: float, solid: bool = False) -> Mesh:
 
 
 def tilted_sheet(thickness: float) -> Mesh:
-    """A wavy sheet that thick, tilted towards the camera; of thickness 0 it is open and has one side."""
+    """A wavy sheet of that thickness, tilted towards the camera; with thickness 0 it is a single open layer."""
     u, v = np.meshgrid(*[np.linspace(-1, 1, SHEET_CELLS + 1)] * 2, indexing="ij")
     height = 0.18 * np.sin(5 * u + 1) * np.cos(4 * v)
     layers = []
     for side in (1, -1) if thickness else (1,):
-        places = 0.62 * np.stack([u, v, height], axis=-1)
-        places[..., 2] += side * thickness / 2
-        layers.append(_grid_mesh(places if side > 0 else places[::-1]))
+        positions = 0.62 * np.stack([u, v, height], axis=-1)
+        positions[..., 2] += side * thickness / 2
+        layers.append(_grid_mesh(positions if side > 0 else positions[::-1]))
     vertices, faces = (np.concatenate(parts) for parts in zip(*_offset_faces(layers), strict=True))
     if thickness:
         faces = np.concatenate([faces, _join_rims(vertices, faces)])
@@ -62,21 +66,21 @@ def tilted_sheet(thickness: float) -> Mesh:
 
 
 def objects_on_floor(count: float) -> Mesh:
-    """So many objects side by side on one floor."""
+    """`count` objects side by side on one floor, scaled to the unit sphere."""
     side = int(np.ceil(np.sqrt(count)))
     parts = []
     for index in range(int(count)):
         vertices, faces = shape(SCENE_SHAPES[index % len(SCENE_SHAPES)])
         placed = bounding_sphere(vertices).normalise(vertices).astype(np.float64) @ turn(40.0 * index).T
         placed[:, 2] -= placed[:, 2].min()
-        spot = (np.array([index % side, index // side, 0.0]) - (side - 1) / 2 * np.array([1, 1, 0])) * 2.1
-        parts.append((placed + spot, faces))
+        floor_position = (np.array([index % side, index // side, 0.0]) - (side - 1) / 2 * np.array([1, 1, 0])) * 2.1
+        parts.append((placed + floor_position, faces))
     vertices, faces = (np.concatenate(joined) for joined in zip(*_offset_faces(parts), strict=True))
     return Mesh(bounding_sphere(vertices).normalise(vertices).astype(np.float64), faces, smooth=True)
 
 
 def _spherical_harmonic(degree: int, longitude: np.ndarray, polar: np.ndarray) -> np.ndarray:
-    """Real spherical harmonic of that degree and order degree / 2, scaled to reach from -1 to 1."""
+    """Real spherical harmonic of `degree` and order degree / 2, scaled to [-1, 1]."""
     order, cosine = max(degree // 2, 1), np.cos(polar)
     before, now = np.zeros_like(cosine), np.sin(polar) ** order
     for step in range(order, degree):  # (n - m + 1) P(n+1) = (2n + 1) x P(n) - (n + m) P(n-1)
@@ -86,19 +90,19 @@ def _spherical_harmonic(degree: int, longitude: np.ndarray, polar: np.ndarray) -
     return scaled
 
 
-def _grid_mesh(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices (V, 3) and triangles (M, 3) of a grid of places (A, B, 3); those at one place are joined."""
-    columns, rows = places.shape[0] - 1, places.shape[1] - 1
+def _grid_mesh(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (V, 3) and triangles (M, 3) of a grid of positions (A, B, 3), with coincident vertices merged."""
+    columns, rows = positions.shape[0] - 1, positions.shape[1] - 1
     corner = (np.arange(columns)[:, None] * (rows + 1) + np.arange(rows)).ravel()
     quads = np.stack([corner, corner + rows + 1, corner + rows + 2, corner + 1], axis=1)
     faces = np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    vertices, which = np.unique(np.round(places.reshape(-1, 3), 7) + 0.0, axis=0, return_inverse=True)
+    vertices, which = np.unique(np.round(positions.reshape(-1, 3), 7) + 0.0, axis=0, return_inverse=True)
     a, b, c = which.reshape(-1)[faces].T
     return vertices, np.stack([a, b, c], axis=1)[(a != b) & (b != c) & (c != a)]
 
 
 def _join_rims(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Triangles (M, 3) that join the open edges of two like layers, the second of which comes after the first."""
+    """Triangles (M, 3) that join the open edges of two equal layers, whose vertices follow one another."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     keys = np.sort(edges, axis=1) @ (len(vertices), 1)
     single = edges[np.isin(keys, [key for key, times in zip(*np.unique(keys, return_counts=True), strict=True)
@@ -112,7 +116,7 @@ def _join_rims(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def _box_mesh(boxes: list[tuple[tuple[float, float, float], tuple[float, float, float]]]) -> Mesh:
-    """Boxes with the given centres and half sides, flat-shaded."""
+    """Boxes of given (centre, half sides), flat-shaded."""
     corners = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=np.float64)
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     triangles = np.array([(q[0], q[i], q[i + 1]) for q in quads for i in (1, 2)])
@@ -122,9 +126,9 @@ def _box_mesh(boxes: list[tuple[tuple[float, float, float], tuple[float, float, 
 
 
 def _offset_faces(parts: list[tuple[np.ndarray, np.ndarray]]) -> list[tuple[np.ndarray, np.ndarray]]:
-    """The parts with their faces numbered on, as one list of all vertices has them."""
-    counted, first = [], 0
+    """The (vertices, faces) parts with faces that index the concatenation of all vertices."""
+    offset_parts, first = [], 0
     for vertices, faces in parts:
-        counted.append((vertices, faces + first))
+        offset_parts.append((vertices, faces + first))
         first += len(vertices)
-    return counted
+    return offset_parts

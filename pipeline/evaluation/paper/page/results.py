@@ -1,4 +1,4 @@
-"""All measured rows of a report, and the means, spreads and winners that are told of them."""
+"""All measured rows of a report, and statistics over them: means, spreads, best methods."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ METRICS: dict[str, tuple[str, str, bool]] = {
     "ssim": ("SSIM", "{:.4f}", True),
     "flip": ("FLIP", "{:.4f}", False),
 }
-"""Figure -> its title, how it is told, and whether more is better."""
+"""Metric -> its title, its format, and whether more is better."""
 CONTRAST_KEPT = "contrast_kept"
-"""Best at 1: below it contrast is lost, above it there is more than in truth."""
+"""Metric whose best value is 1: below it contrast is lost, above it is exaggerated."""
 
 
 @dataclass(frozen=True)
 class Results:
-    """Rows of every method, sweep and mesh; each has ``sweep``, ``mesh``, ``method`` and ``result``, its folder."""
+    """Rows of every method, sweep and mesh; each has ``sweep``, ``mesh``, ``method`` and ``result`` (its folder)."""
 
     every: tuple[dict[str, Any], ...]
     methods: tuple[Method, ...]
 
     def rows(self, sweep: str, method: str, level: str | None = None) -> list[dict[str, Any]]:
-        """Rows of a method in a sweep, at one level or all."""
+        """Rows of a method in a sweep, at one level or at all."""
         return [row for row in self.every if row["sweep"] == sweep and row["method"] == method
                 and (level is None or row["level"] == level)]  # fmt: skip
 
@@ -43,23 +43,23 @@ class Results:
         """Names of the meshes in a sweep."""
         return list(dict.fromkeys(row["mesh"] for row in self.every if row["sweep"] == sweep))
 
-    def values(self, sweep: str, method: str, figure: str, level: str | None = None) -> list[float]:
-        """The figure of every row that has it."""
-        return [row[figure] for row in self.rows(sweep, method, level) if figure in row]
+    def values(self, sweep: str, method: str, metric: str, level: str | None = None) -> list[float]:
+        """The metric of every row that has it."""
+        return [row[metric] for row in self.rows(sweep, method, level) if metric in row]
 
-    def curve(self, sweep: str, method: str, figure: str) -> list[tuple[str, float]]:
-        """Level and mean of the figure, for each level that has it."""
-        found = [(level, mean(self.values(sweep, method, figure, level))) for level in self.levels(sweep)]
-        return [(level, value) for level, value in found if value is not None]
+    def curve(self, sweep: str, method: str, metric: str) -> list[tuple[str, float]]:
+        """(level, mean of the metric) for each level that has it."""
+        means = [(level, mean(self.values(sweep, method, metric, level))) for level in self.levels(sweep)]
+        return [(level, value) for level, value in means if value is not None]
 
-    def by_mesh(self, sweep: str, method: str, figure: str) -> dict[str, float]:
-        """Mesh -> mean of the figure."""
-        found = {}
+    def by_mesh(self, sweep: str, method: str, metric: str) -> dict[str, float]:
+        """Mesh -> mean of the metric."""
+        means = {}
         for mesh in self.meshes(sweep):
-            value = mean([row[figure] for row in self.rows(sweep, method) if row["mesh"] == mesh and figure in row])
+            value = mean([row[metric] for row in self.rows(sweep, method) if row["mesh"] == mesh and metric in row])
             if value is not None:
-                found[mesh] = value
-        return found
+                means[mesh] = value
+        return means
 
     def named(self, kind: str) -> list[str]:
         """Names of the methods of a kind, in order."""
@@ -68,11 +68,11 @@ class Results:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The best weights against the best baseline in one figure at one place."""
+    """The best weights against the best baseline in one metric, at one level of a sweep."""
 
     sweep: str
     level: str
-    figure: str
+    metric: str
     ours: str
     our_value: float
     theirs: str
@@ -81,55 +81,55 @@ class Comparison:
     @property
     def lost(self) -> bool:
         """Whether the baseline wins."""
-        more = METRICS[self.figure][2]
+        more = METRICS[self.metric][2]
         return self.their_value > self.our_value if more else self.their_value < self.our_value
 
 
 def read_results(folders: Mapping[str, Path], methods: Sequence[Method]) -> Results:
-    """Findings of the folders of measured results, by the names of their steps."""
+    """Rows of the folders of measured results, given by their steps' names."""
     every = []
     for name, folder in folders.items():
         if not name.startswith(("measure/", "scans/")):
             continue
-        told = json.loads((folder / ROWS_FILE).read_text(encoding="utf-8"))
-        kind, *parts = name.split("/")  # names of today: files may have others since a result was made
-        sweep, of, method = parts if kind == "measure" else (told["sweep"], told["mesh"], *parts)
-        where = {"sweep": sweep, "mesh": told["mesh"] and of, "method": method,
+        content = json.loads((folder / ROWS_FILE).read_text(encoding="utf-8"))
+        kind, *parts = name.split("/")  # the steps' names, not the files': meshes may have been renamed since
+        sweep, of, method = parts if kind == "measure" else (content["sweep"], content["mesh"], *parts)
+        where = {"sweep": sweep, "mesh": content["mesh"] and of, "method": method,
                  "result": f"{folder.parent.name}/{folder.name}"}  # fmt: skip
-        every += [{**row, **where} for row in told["rows"]]
+        every += [{**row, **where} for row in content["rows"]]
     return Results(tuple(every), tuple(methods))
 
 
 def compare_best(findings: Results, sweep: str) -> list[Comparison]:
-    """A duel for each level and figure of a sweep that weights and baselines both have."""
-    found = []
+    """A comparison for each level and metric of a sweep that both weights and baselines have."""
+    comparisons = []
     for level in findings.levels(sweep):
-        for figure, (_, _, more) in METRICS.items():
+        for metric, (_, _, more) in METRICS.items():
             best = []
             for kind in (WEIGHTS, BASELINE):
-                means = {name: mean(findings.values(sweep, name, figure, level)) for name in findings.named(kind)}
+                means = {name: mean(findings.values(sweep, name, metric, level)) for name in findings.named(kind)}
                 known = {name: value for name, value in means.items() if value is not None}
                 if known:
                     name = (max if more else min)(known, key=lambda one: known[one])
                     best.append((name, known[name]))
             if len(best) == 2:
-                found.append(Comparison(sweep, level, figure, *best[0], *best[1]))
-    return found
+                comparisons.append(Comparison(sweep, level, metric, *best[0], *best[1]))
+    return comparisons
 
 
-def best_value(figure: str, values: Sequence[float]) -> float | None:
-    """The best of values of a figure; None of nothing."""
-    if figure == CONTRAST_KEPT:
+def best_value(metric: str, values: Sequence[float]) -> float | None:
+    """The best of a metric's values; None if there are none."""
+    if metric == CONTRAST_KEPT:
         return min(values, key=lambda value: abs(1 - value), default=None)
-    more = figure in METRICS and METRICS[figure][2]
+    more = metric in METRICS and METRICS[metric][2]
     return (max if more else min)(values, default=None)
 
 
 def mean(values: Sequence[float]) -> float | None:
-    """The mean; None of nothing."""
+    """The mean; None if there are no values."""
     return statistics.fmean(values) if values else None
 
 
 def spread(values: Sequence[float]) -> float | None:
-    """The standard deviation; None of nothing."""
+    """The standard deviation; None if there are no values."""
     return statistics.pstdev(values) if values else None
