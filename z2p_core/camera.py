@@ -1,6 +1,6 @@
-"""The one camera that Blender and the z-buffer share, and the world it looks at.
+"""The camera that Blender, the z-buffer and the G-buffer share, and the world coordinates that it looks at.
 
-World: right-handed, +Z up, the floor below. The object is centred on its bounding sphere and scaled to radius 1. The
+World: right-handed, +Z up, the floor below. The object's bounding sphere is centered and scaled to radius 1. The
 camera stands on the -Y side and looks at the origin from `DISTANCE`, `elevation` degrees above the horizon; its axes
 are OpenCV's (+X right, +Y down, +Z forward). Pixels are square; pixel (column i, row j) covers [i, i+1) x [j, j+1).
 """
@@ -44,7 +44,7 @@ class Camera:
 
     @property
     def position(self) -> np.ndarray:
-        """Camera centre (3,) in the world."""
+        """Camera center (3,) in the world."""
         angle = math.radians(self.elevation)
         return DISTANCE * np.array([0.0, -math.cos(angle), math.sin(angle)])
 
@@ -68,7 +68,7 @@ class Camera:
     def frame_coordinates(self, step: int = 1) -> tuple[np.ndarray, np.ndarray]:
         """Positions u, v (height/step, width/step) float32 of the centres of step x step cells.
 
-        They run over [0, 1] in the square frame, as in Eq. 3; the parts of a longer side beyond it lie outside.
+        They run over [0, 1] in the square frame, as in Eq. 3 of the paper, and beyond it along a longer side.
         """
         side = min(self.width, self.height)
         column = (np.arange(0, self.width, step) + step / 2 - self.width / 2) / side + 0.5
@@ -89,7 +89,7 @@ def light_position(light: tuple[float, float, float]) -> np.ndarray:
 
 
 def turn(azimuth: float) -> np.ndarray:
-    """Rotation (3, 3) about +Z by `azimuth` degrees, counter-clockwise from above: how a view is turned."""
+    """Rotation matrix (3, 3) about +Z by `azimuth` degrees, counter-clockwise from above, by which a view is turned."""
     angle = math.radians(azimuth)
     sin, cos = math.sin(angle), math.cos(angle)
     return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""Depth of the nearest point at every pixel, and of every window: what z-buffers are made from (paper section 3.1)."""
+"""Depth of the nearest point in every pixel and in every window: the parts of z-buffers (paper section 3.1)."""
 
 from __future__ import annotations
 
@@ -25,23 +25,24 @@ MAX_THREADS = 8
 def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndarray:
     """Depth (H + 2 margin, W + 2 margin) float32 of the nearest point in each pixel, infinity where there is none.
 
-    Each point of the cloud (N, 3) float32, world units, falls into the one pixel that holds its projection. The margin
-    keeps points outside the picture whose window may reach into it. Points behind the camera are dropped.
+    Each point of the cloud (N, 3) float32, in world units, falls into the one pixel that contains its projection. The
+    margin, in pixels on every side, keeps points outside the image whose window reaches into it. Points behind the
+    camera are dropped.
     """
     threads = min(MAX_THREADS, core_count(), len(cloud) // MIN_POINTS_PER_THREAD)
     if threads < 2:
         return native.nearest_depth(cloud, camera, margin)
     parts = np.array_split(cloud, threads)
-    pictures = run_in_threads([partial(native.nearest_depth, part, camera, margin) for part in parts])
+    parts_depths = run_in_threads([partial(native.nearest_depth, part, camera, margin) for part in parts])
     nearest = pictures[0]
     for other in pictures[1:]:
         np.minimum(nearest, other, out=nearest)
     return nearest
 
 
-def window_minimum(picture: np.ndarray, size: int) -> np.ndarray:
-    """Minimum (H - size + 1, W - size + 1) of every size x size window of (H, W) float32.
+def window_minimum(depths: np.ndarray, size: int) -> np.ndarray:
+    """Minimum (H - size + 1, W - size + 1) of every size x size window of depths (H, W) float32.
 
-    Exact for splats of intensity as well, because Eq. 1 falls with depth.
+    Also exact for the largest intensity in each window, because Eq. 1 decreases with depth.
     """
-    return native.window_minimum(picture, size)
+    return native.window_minimum(depths, size)

@@ -25,7 +25,7 @@ import numpy as np
 from z2p_core import native
 from z2p_core.linalg import row_dots
 from z2p_core.parallel import begin_parallel_rows
-from z2p_core.scene import AMBIENT, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
+from z2p_core.scene import AMBIENT, DEFAULT_BASE_COLOR, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
 from z2p_core.shading.area_light import area_light_quad, area_light_samples, cosine_hemisphere, hemisphere_axes
 from z2p_core.shading.floor_occlusion import FLOOR_HALF_WIDTH, FLOOR_SKY_DIRECTIONS, FloorOcclusion
 
@@ -42,8 +42,6 @@ BOUNCES = 2
 """How often light is followed from the cloud to the cloud and to the floor."""
 MAX_BOUNCE_RATIO = 0.9
 """Largest ratio of one bounce to the one before that is assumed for the bounces which are not computed."""
-DEFAULT_BASE_COLOR = (0.8, 0.8, 0.8, 1.0)
-"""Base color of Blender's Principled BSDF where no control sets one, linear."""
 
 
 @dataclass(frozen=True)

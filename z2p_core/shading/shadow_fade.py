@@ -50,7 +50,7 @@ def _fade_around_object(strip: np.ndarray, kept: np.ndarray, object_share: np.nd
 
 
 def _fade_ramp(side: int, band: int) -> np.ndarray:
-    """Share (side,) float32 of a shadow that is kept: 0 at both ends, 1 from `band` pixels on, a smooth step between."""
+    """Share (side,) float32 of a shadow that is kept: 0 at both ends, 1 from `band` pixels on, smooth between."""
     distance = np.minimum(np.arange(side), np.arange(side)[::-1])
     share = np.minimum(distance / max(band, 1), 1).astype(np.float32)
     ramp: np.ndarray = share * share * (3 - 2 * share)
