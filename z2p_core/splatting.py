@@ -33,9 +33,9 @@ def nearest_depth(cloud: np.ndarray, camera: Camera, margin: int = 0) -> np.ndar
     if threads < 2:
         return native.nearest_depth(cloud, camera, margin)
     parts = np.array_split(cloud, threads)
-    parts_depths = run_in_threads([partial(native.nearest_depth, part, camera, margin) for part in parts])
-    nearest = pictures[0]
-    for other in pictures[1:]:
+    depths = run_in_threads([partial(native.nearest_depth, part, camera, margin) for part in parts])
+    nearest = depths[0]
+    for other in depths[1:]:
         np.minimum(nearest, other, out=nearest)
     return nearest
 
