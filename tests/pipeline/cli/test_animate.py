@@ -1,4 +1,4 @@
-"""Loops: they close, show the right motion, keep their record, and one bad file leaves the others."""
+"""Loops close, show the right motion and keep their record; a bad file does not stop the others."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def loop(renderer: Renderer, scan: Scan, suffix: str, look: Look, motion: Motion
     return render_frames(draw_opening(renderer, scan, suffix, look), scan, suffix, look, motion)
 
 
-def test_a_turn_is_the_still_picture_turned_on(renderer: Renderer, cloud: np.ndarray) -> None:
+def test_frames_of_a_turn_equal_still_pictures_of_turned_cameras(renderer: Renderer, cloud: np.ndarray) -> None:
     look = replace(LOOK, placement_options=PlacementOptions("+Y", view=10.0))
     frames = list(loop(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
     for number, frame in enumerate(frames):
@@ -43,7 +43,7 @@ def test_a_turn_is_the_still_picture_turned_on(renderer: Renderer, cloud: np.nda
         assert np.abs(frame.astype(int) - render_scan(renderer, usable(cloud), ".ply", still).picture).max() <= 2
 
 
-def test_a_smoothed_turn_begins_with_the_still_picture(renderer: Renderer, cloud: np.ndarray) -> None:
+def test_a_turn_of_a_smoothed_cloud_begins_with_its_picture(renderer: Renderer, cloud: np.ndarray) -> None:
     look = replace(LOOK, placement_options=PlacementOptions("+Z", view=10.0, smooth=0.3))
     first = next(loop(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
     looks = (look, replace(look, placement_options=PlacementOptions("+Z", view=10.0, smooth=0.0)))
@@ -58,12 +58,12 @@ def test_a_light_sweep_goes_right_left_and_back(renderer: Renderer, cloud: np.nd
     assert not np.array_equal(frames[0], frames[1])
 
 
-def test_no_light_to_move(make_weights: Callable[..., Path], cloud: np.ndarray) -> None:
+def test_a_light_sweep_needs_weights_with_a_light(make_weights: Callable[..., Path], cloud: np.ndarray) -> None:
     with pytest.raises(SettingError, match="'light'"):
         list(loop(Renderer(make_weights(("color",))), usable(cloud), "", LOOK, Motion("light", 4, 1)))
 
 
-def test_a_steady_frame_is_the_mean_of_its_neighbours_on_the_way(renderer: Renderer, cloud: np.ndarray) -> None:
+def test_a_steady_frame_is_the_mean_of_pictures_around_it(renderer: Renderer, cloud: np.ndarray) -> None:
     fine = list(loop(renderer, usable(cloud), "", LOOK, Motion(frames=12, steady=1)))
     steady = list(loop(renderer, usable(cloud), "", LOOK, Motion(frames=4, steady=3)))
     around = np.stack([fine[-1], fine[0], fine[1]]).astype(float)
@@ -91,7 +91,7 @@ def test_loops_keep_frames_time_and_record(tmp_path: Path, suffix: str) -> None:
 
 @pytest.mark.parametrize(("suffix", "rate", "total"), [(".webp", 24, 250), (".gif", 24, 250), (".webp", 60, 100),
                                                        (".gif", 60, 120)])  # fmt: skip
-def test_a_loop_lasts_as_long_as_its_rate_says(tmp_path: Path, suffix: str, rate: float, total: int) -> None:
+def test_the_duration_of_a_loop_follows_its_frame_rate(tmp_path: Path, suffix: str, rate: float, total: int) -> None:
     write_animation(FRAMES, path := tmp_path / f"a{suffix}", rate)
     stays = []
     for frame in ImageSequence.Iterator(Image.open(path)):
@@ -100,7 +100,7 @@ def test_a_loop_lasts_as_long_as_its_rate_says(tmp_path: Path, suffix: str, rate
     assert sum(stays) == total and min(stays) >= 16 and max(stays) - min(stays) <= 10
 
 
-def test_a_webp_loop_stays_transparent_and_a_gif_gets_a_background(tmp_path: Path) -> None:
+def test_webp_loops_are_transparent_and_gifs_have_a_background(tmp_path: Path) -> None:
     clear = [np.full((20, 20, 4), (0, 0, 255, alpha), np.uint8) for alpha in (0, 100)]
     write_animation(clear, tmp_path / "a.webp", 10)
     assert np.asarray(Image.open(tmp_path / "a.webp").convert("RGBA"))[..., 3].max() == 0
@@ -116,7 +116,7 @@ def test_a_webp_loop_stays_transparent_and_a_gif_gets_a_background(tmp_path: Pat
         write_animation(clear, tmp_path / "a.avi", 10)
 
 
-def test_an_mp4_has_even_sides_and_its_frames(tmp_path: Path) -> None:
+def test_an_mp4_has_even_sides_and_all_frames(tmp_path: Path) -> None:
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
     write_animation(FRAMES, tmp_path / "a.mp4", 12, record={"record": 1})
     reader = imageio_ffmpeg.read_frames(str(tmp_path / "a.mp4"))
@@ -127,7 +127,7 @@ def test_an_mp4_has_even_sides_and_its_frames(tmp_path: Path) -> None:
     assert np.abs(shots[0][10, 10].astype(int) - (255, 0, 0)).max() < 20
 
 
-def test_a_missing_video_extra_is_told_before_anything_is_drawn(
+def test_a_missing_video_extra_is_reported_before_drawing(
     z2p: Callable[..., Result], tiny_weights: Path, scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
@@ -136,7 +136,7 @@ def test_a_missing_video_extra_is_told_before_anything_is_drawn(
     assert not (tmp_path / "out").exists()
 
 
-def test_the_command(
+def test_animate_makes_loops_of_files_and_folders(
     z2p: Callable[..., Result], tiny_weights: Path, scans: Path, tmp_path: Path, cloud: np.ndarray
 ) -> None:
     (scans / "bad.ply").write_bytes(b"no")
@@ -167,7 +167,7 @@ def test_the_command(
     assert still.exit_code == 2 and "run-inference" in still.stderr and not (tmp_path / "a.png").exists()
 
 
-def test_the_colours_of_an_mp4_are_those_of_bt_709_and_it_says_so(tmp_path: Path) -> None:
+def test_mp4_colours_are_bt_709_and_tagged_so(tmp_path: Path) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
     colors = [(255, 0, 0), (0, 255, 0), (0, 0, 255), (40, 120, 200), (255, 255, 255), (12, 12, 12)]
     frame = np.zeros((48, 16 * len(colors), 4), np.uint8)
@@ -175,8 +175,9 @@ def test_the_colours_of_an_mp4_are_those_of_bt_709_and_it_says_so(tmp_path: Path
         frame[:, 16 * index : 16 * (index + 1)] = (*color, 255)
     path = tmp_path / "colours.mp4"
     write_animation([frame] * 3, path, 12)
-    told = subprocess.run([ffmpeg, "-hide_banner", "-i", str(path)], capture_output=True, text=True, check=False).stderr
-    assert "yuv420p(tv, bt709" in told, told
+    command = [ffmpeg, "-hide_banner", "-i", str(path)]
+    output = subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    assert "yuv420p(tv, bt709" in output, output
     words = [ffmpeg, "-loglevel", "error", "-i", str(path), "-vf", "scale=in_color_matrix=bt709:in_range=tv", "-f",
              "rawvideo", "-pix_fmt", "rgb24", "-frames:v", "1", "-"]  # fmt: skip
     raw = subprocess.run(words, capture_output=True, check=True).stdout

@@ -1,3 +1,5 @@
+"""The command line as a whole: help, errors, suggestions, listings, and commands that start processes."""
+
 from __future__ import annotations
 
 import importlib.util
@@ -43,17 +45,17 @@ def test_every_subcommand_has_help(z2p: Callable[..., Result], name: str) -> Non
     assert f"z2p {name}" in result.output or f"main {name}" in result.output
 
 
-def test_unknown_subcommand(z2p: Callable[..., Result]) -> None:
+def test_an_unknown_command_is_wrong_usage(z2p: Callable[..., Result]) -> None:
     assert z2p("rnder").exit_code == 2
 
 
 def test_render_is_run_inference(z2p: Callable[..., Result]) -> None:
     assert COMMANDS["render"][0] == COMMANDS["run-inference"][0] and next(iter(COMMANDS)) == "render"
-    told = [z2p(name, "--help").output.partition("\n")[2] for name in ("render", "run-inference")]
-    assert told[0] == told[1] and "z2p render scans/" in told[0]
+    lines = [z2p(name, "--help").output.partition("\n")[2] for name in ("render", "run-inference")]
+    assert lines[0] == lines[1] and "z2p render scans/" in lines[0]
 
 
-def test_a_scan_in_the_place_of_a_command_hints_at_render(z2p: Callable[..., Result], tmp_path: Path) -> None:
+def test_a_scan_in_place_of_a_command_suggests_render(z2p: Callable[..., Result], tmp_path: Path) -> None:
     scan = tmp_path / "my scan.ply"
     scan.touch()
     for words in ((scan, "-o", "a.png"), (tmp_path,), (tmp_path / "*.ply",)):
@@ -67,13 +69,13 @@ def test_a_scan_in_the_place_of_a_command_hints_at_render(z2p: Callable[..., Res
     [("draw", "render"), ("Render", "render"), ("run_inference", "run-inference"), ("rendr", "render"),
      ("gif", "animate"), ("train", "pipeline"), ("help", "--help"), ("version", "--version"), ("statsu", "status")],
 )  # fmt: skip
-def test_an_unknown_command_is_guessed_by_its_meaning(z2p: Callable[..., Result], word: str, meant: str) -> None:
+def test_an_unknown_command_gets_a_suggestion(z2p: Callable[..., Result], word: str, meant: str) -> None:
     result = z2p(word)
     assert result.exit_code == 2 and result.stderr.endswith(f"Did you mean: z2p {meant}\n")
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [(("render", "--out", "x"), "--output?"), (("render", "--output-dir=x"), "--output?"),
      (("render", "--colour", "red"), "--color?"), (("render", "--width", 9), "--resolution?"),
      (("render", "--transparent"), "--background transparent?"), (("render", "-j", 4), "--jobs?"),
@@ -83,14 +85,14 @@ def test_an_unknown_command_is_guessed_by_its_meaning(z2p: Callable[..., Result]
      (("--versoin",), "--version?")],
     ids=str,
 )  # fmt: skip
-def test_an_unknown_option_is_guessed_by_its_meaning(
-    z2p: Callable[..., Result], words: tuple[object, ...], told: str
+def test_an_unknown_option_gets_a_suggestion(
+    z2p: Callable[..., Result], words: tuple[object, ...], message: str
 ) -> None:
     result = z2p(*words[:1], "a.ply", *words[1:]) if words[0] in COMMANDS else z2p(*words)
-    assert result.exit_code == 2 and told in result.stderr and result.stderr.count("No such option") == 1
+    assert result.exit_code == 2 and message in result.stderr and result.stderr.count("No such option") == 1
 
 
-def test_a_format_goes_by_its_suffix_too(
+def test_a_format_may_be_given_by_its_suffix(
     z2p: Callable[..., Result], tiny_weights: Path, cloud: np.ndarray, tmp_path: Path
 ) -> None:
     np.save(tmp_path / "a.npy", cloud)
@@ -105,16 +107,16 @@ def test_a_format_goes_by_its_suffix_too(
     ("words", "axis"), [("y", "+Y"), ("Y", "+Y"), ("-z", "-Z"), ("z-up", "+Z"), ("+Xup", "+X"), ("minus y", "-Y"),
                         ("AUTO", "auto"), ("yz", None), ("W", None), ("--y", None), ("", None)],
 )  # fmt: skip
-def test_up_goes_by_its_usual_spellings(words: str, axis: str | None) -> None:
+def test_up_takes_the_usual_spellings_of_axes(words: str, axis: str | None) -> None:
     assert parse_up_axis(words) == axis
 
 
-def test_an_option_of_another_meaning_is_not_guessed(z2p: Callable[..., Result]) -> None:
+def test_an_option_of_another_meaning_is_not_suggested(z2p: Callable[..., Result]) -> None:
     for words in (("evaluate", "--view", 1), ("render", "a.ply", "--seeds", 1), ("render", "a.ply", "--points", 1)):
         assert "Did you mean" not in z2p(*words).stderr
 
 
-def test_listings(z2p: Callable[..., Result]) -> None:
+def test_plugins_and_formats_are_listed(z2p: Callable[..., Result]) -> None:
     rows = json.loads(z2p("plugins", "--json").stdout)
     assert {row["group"] for row in rows} == set(registry.GROUPS)
     [color] = [row for row in rows if row["name"] == "color"]
@@ -128,7 +130,7 @@ def test_listings(z2p: Callable[..., Result]) -> None:
         assert "z2p" in result.output
 
 
-def test_an_unexpected_error_is_one_line_and_a_traceback_on_request(
+def test_an_unexpected_error_is_one_line_unless_debugging(
     z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(group: str) -> list[object]:
@@ -144,7 +146,7 @@ def test_an_unexpected_error_is_one_line_and_a_traceback_on_request(
     assert isinstance(z2p("formats").exception, RuntimeError)
 
 
-def test_evaluate_hands_on_its_options_and_prints_the_means(
+def test_evaluate_passes_its_options_on_and_prints_means(
     z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     called: list[tuple[object, ...]] = []
@@ -193,7 +195,7 @@ def test_evaluate_hands_on_its_options_and_prints_the_means(
     assert z2p("evaluate", "--meshes", meshes, "--output", out, "--weights", "nosuch").exit_code == 2
 
 
-def test_pipeline_starts_luigi_with_only_what_was_given(
+def test_pipeline_passes_only_given_options_to_luigi(
     z2p: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from z2p_renderer.pipeline.cli.commands import train_pipeline
@@ -219,7 +221,7 @@ def test_pipeline_starts_luigi_with_only_what_was_given(
     [([10] * 30 + [0], 0), ([25] * 10 + [0], 0), ([25] * 11 + [0], 25), ([10, 25, 30], 30), ([10, 25] * 10 + [0], 0)],
     ids=["others work for long", "left undone for a while", "left undone for good", "failed at last", "both"],
 )
-def test_a_worker_looks_again_as_long_as_others_work(
+def test_a_worker_waits_while_other_workers_run_tasks(
     statuses: list[int], end: int, z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from z2p_renderer.pipeline.cli.commands import train_pipeline
@@ -230,7 +232,7 @@ def test_a_worker_looks_again_as_long_as_others_work(
     assert z2p("pipeline", "--scheduler", "http://127.0.0.1:8082").exit_code == end
 
 
-def test_a_child_finds_our_packages_whatever_the_working_folder_holds(tmp_path: Path) -> None:
+def test_child_processes_import_nothing_from_the_working_folder(tmp_path: Path) -> None:
     from z2p_renderer.pipeline.child_process import child_environment
 
     (tmp_path / "storage").mkdir()
@@ -253,7 +255,7 @@ def test_blenders_process_runs_no_file_of_the_working_folder(tmp_path: Path, mon
     assert "a file of the user" not in str(error.value)
 
 
-def test_a_process_hands_on_its_exit_status() -> None:
+def test_the_exit_status_of_a_child_process_is_returned() -> None:
     from z2p_renderer.pipeline.cli.commands.train_pipeline import run_process
 
     assert run_process([sys.executable, "-c", "raise SystemExit(30)"], dict(os.environ)) == 30
@@ -261,7 +263,7 @@ def test_a_process_hands_on_its_exit_status() -> None:
 
 
 @pytest.mark.parametrize("name", ["pipeline", "evaluate"])
-def test_a_missing_pipeline_extra_is_said(
+def test_a_missing_pipeline_extra_is_reported(
     z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     (tmp_path / "a.ply").touch()
@@ -272,7 +274,7 @@ def test_a_missing_pipeline_extra_is_said(
     assert 'pip install -c constraints.txt ".[pipeline]"' in result.stderr
 
 
-def test_a_report_tells_versions_and_nobodys_name(z2p: Callable[..., Result]) -> None:
+def test_a_bug_report_has_versions_and_no_user_name(z2p: Callable[..., Result]) -> None:
     facts = json.loads(z2p("report", "--json").stdout)
     assert facts["packages"]["numpy"].count(".") == 2 and facts["packages"]["torch"] != "-"
     assert facts["weights"]["regular"].startswith("sha256 ")
@@ -283,7 +285,7 @@ def test_a_report_tells_versions_and_nobodys_name(z2p: Callable[..., Result]) ->
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
-def test_completion_completes(z2p: Callable[..., Result], shell: str) -> None:
+def test_completion_scripts_complete_options(z2p: Callable[..., Result], shell: str) -> None:
     result = z2p("completion", shell)
     assert result.exit_code == 0 and "_Z2P_COMPLETE" in result.output
     words = {"bash": {"COMP_WORDS": "z2p run-inference --met", "COMP_CWORD": "2"},
@@ -296,12 +298,12 @@ def test_completion_completes(z2p: Callable[..., Result], shell: str) -> None:
     assert "--metallic" in done.stdout, done.stderr
 
 
-def test_help_is_in_sections_and_a_figures_own_settings_are_its_defaults(z2p: Callable[..., Result]) -> None:
-    told = z2p("run-inference", "--help").output
-    places = [told.index(f"\n{heading}:\n") for heading in ("Input", "View", "Picture", "Look", "Output")]
+def test_help_has_sections_and_rerender_shows_no_defaults(z2p: Callable[..., Result]) -> None:
+    text = z2p("run-inference", "--help").output
+    places = [text.index(f"\n{heading}:\n") for heading in ("Input", "View", "Picture", "Look", "Output")]
     assert places == sorted(places)
-    assert places[3] < told.rindex("--color") < told.rindex("--light") < places[4]
-    assert "[default: 3.6,-40,50]" in " ".join(told.split())
+    assert places[3] < text.rindex("--color") < text.rindex("--light") < places[4]
+    assert "[default: 3.6,-40,50]" in " ".join(text.split())
     assert "3.6,-40,50]" not in " ".join(z2p("rerender", "--help").output.split())
 
 
@@ -324,7 +326,7 @@ cli.main(["slow"])
 """
 
 
-def test_a_second_interrupt_ends_what_the_first_one_waits_for() -> None:
+def test_a_second_interrupt_ends_the_process_at_once() -> None:
     process = subprocess.Popen([sys.executable, "-c", PATIENT], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
                                text=True)  # fmt: skip
     assert process.stdout is not None and process.stdout.readline() == "begun\n"
@@ -333,22 +335,22 @@ def test_a_second_interrupt_ends_what_the_first_one_waits_for() -> None:
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(1)  # a thread is still at work
     process.send_signal(signal.SIGINT)
-    told = process.communicate(timeout=20)[1]
-    assert process.returncode == 130 and not told
+    stderr = process.communicate(timeout=20)[1]
+    assert process.returncode == 130 and not stderr
 
 
 @pytest.mark.parametrize("words", [("pipeline", "--dry-run"), ("status",), ("ablate", "--dry-run")])
-def test_a_config_that_is_not_utf8_is_told_in_one_line(tmp_path: Path, words: tuple[str, ...]) -> None:
+def test_a_config_that_is_not_utf8_is_refused_in_one_line(tmp_path: Path, words: tuple[str, ...]) -> None:
     config = tmp_path / "latin.toml"
     config.write_bytes('name = "a" # Größe\n'.encode("latin-1"))
-    told = subprocess.run([sys.executable, "-m", "z2p_renderer.pipeline.cli", *words, "--config", str(config)],
+    result = subprocess.run([sys.executable, "-m", "z2p_renderer.pipeline.cli", *words, "--config", str(config)],
                           check=False,
                           capture_output=True, text=True, cwd=tmp_path)  # fmt: skip
-    assert told.returncode not in (0, 1) and "Traceback" not in told.stdout + told.stderr
-    assert "is not UTF-8" in told.stdout + told.stderr
+    assert result.returncode not in (0, 1) and "Traceback" not in result.stdout + result.stderr
+    assert "is not UTF-8" in result.stdout + result.stderr
 
 
-def test_streams_that_the_shell_closed_lead_nowhere(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
+def test_closed_standard_streams_do_not_spoil_pictures(tiny_weights: Path, scans: Path, tmp_path: Path) -> None:
     words = f"run-inference --weights {tiny_weights} --resolution 64 {scans / 'one.npy'}"
     for number, closed in enumerate(("", "2>&-", "<&- >&- 2>&-")):
         line = f"{sys.executable} -m z2p_renderer.pipeline.cli {words} -o {tmp_path / str(number)} {closed}"

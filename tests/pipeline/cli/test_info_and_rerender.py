@@ -1,4 +1,4 @@
-"""`z2p info` and `z2p rerender`: the record is shown, and it draws the same picture, with only the change changed."""
+"""`z2p info` shows a picture's record; `z2p rerender` draws the same picture with only the given changes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def pixels(path: Path) -> np.ndarray:
     return np.asarray(Image.open(path))
 
 
-def test_nothing_changed_gives_the_same_file_again(rerender: Callable[..., Result], figure: Path) -> None:
+def test_rerender_without_changes_gives_the_same_file(rerender: Callable[..., Result], figure: Path) -> None:
     result = rerender(figure)
     assert (result.exit_code, result.stderr) == (0, f"rendered: {figure} -> {figure.with_name('one_2.png')}\n")
     assert figure.with_name("one_2.png").read_bytes() == figure.read_bytes()
@@ -47,7 +47,7 @@ def test_nothing_changed_gives_the_same_file_again(rerender: Callable[..., Resul
         (("--elevation", "60"), {"elevation": [60]}),
     ],
 )
-def test_only_what_is_asked_for_changes(
+def test_rerender_changes_only_the_given_settings(
     rerender: Callable[..., Result], figure: Path, tmp_path: Path, words: tuple[str, ...], changed: dict[str, Any]
 ) -> None:
     out = tmp_path / "new.png"
@@ -61,7 +61,7 @@ def test_only_what_is_asked_for_changes(
         assert after["camera"] == before["camera"]
 
 
-def test_a_changed_figure_is_what_inference_would_have_drawn(
+def test_a_changed_figure_equals_a_new_render(
     rerender: Callable[..., Result], render: Callable[..., Result], scans: Path, figure: Path, tmp_path: Path
 ) -> None:
     assert rerender(figure, "-o", tmp_path / "a.png", "--color", "red", "--resolution", "48,40", "--background",
@@ -71,7 +71,7 @@ def test_a_changed_figure_is_what_inference_would_have_drawn(
     assert np.abs(pixels(tmp_path / "a.png").astype(int) - pixels(tmp_path / "b.png")).max() <= 2  # angles add up
 
 
-def test_a_figure_stays_as_smooth_as_it_was_unless_asked_otherwise(
+def test_rerender_keeps_the_smoothing_unless_it_is_given(
     rerender: Callable[..., Result], render: Callable[..., Result], z2p: Callable[..., Result], scans: Path,
     tmp_path: Path,
 ) -> None:
@@ -90,10 +90,10 @@ def test_a_figure_stays_as_smooth_as_it_was_unless_asked_otherwise(
 
 
 def test_info_shows_the_record(z2p: Callable[..., Result], figure: Path, tmp_path: Path) -> None:
-    told = z2p("info", figure)
-    assert told.exit_code == 0
+    result = z2p("info", figure)
+    assert result.exit_code == 0
     for words in ("one.npy", "color       0, 0, 1", "azimuth", "weights     tiny", "32 x 32"):
-        assert words in told.stdout
+        assert words in result.stdout
     record = json.loads(z2p("info", figure, "--json").stdout)
     assert record.pop("figure") == str(figure)
     assert record == read_record(figure)
@@ -103,7 +103,7 @@ def test_info_shows_the_record(z2p: Callable[..., Result], figure: Path, tmp_pat
     assert "holds no record" in mixed.stderr and "one.npy" in mixed.stdout
 
 
-def test_a_scan_that_moved_or_changed(
+def test_a_moved_scan_is_found_and_a_changed_one_refused(
     rerender: Callable[..., Result], scans: Path, figure: Path, tmp_path: Path
 ) -> None:
     moved = tmp_path / "elsewhere"
@@ -122,7 +122,7 @@ def test_a_scan_that_moved_or_changed(
     assert changed.exit_code == 2 and "has changed since" in changed.stderr
 
 
-def test_what_cannot_be_drawn_again_says_why(
+def test_pictures_that_cannot_be_drawn_again_are_refused(
     z2p: Callable[..., Result], rerender: Callable[..., Result], figure: Path, tiny_weights: Path, cloud: np.ndarray,
     tmp_path: Path,
 ) -> None:
@@ -143,20 +143,20 @@ def test_what_cannot_be_drawn_again_says_why(
     assert rerender(tmp_path / "bad.png").exit_code == 2
 
 
-def test_what_the_new_weights_lack_and_what_a_format_hides_is_told(
+def test_missing_controls_and_lost_transparency_are_noted(
     render: Callable[..., Result], rerender: Callable[..., Result], make_weights: Callable[..., Path], scans: Path,
     tmp_path: Path,
 ) -> None:
     shiny = make_weights(controls=("color", "light", "elevation", "metallic"))
     assert render(scans / "one.npy", "--weights", shiny, "--metallic", 1).exit_code == 0
-    told = rerender(tmp_path / "out" / "one.png", "-o", tmp_path / "dull.jpg")
-    assert told.exit_code == 0 and "the weights" in told.stderr and "have no metallic" in told.stderr
-    assert "JPEG has no soft transparency" in told.stderr
+    result = rerender(tmp_path / "out" / "one.png", "-o", tmp_path / "dull.jpg")
+    assert result.exit_code == 0 and "the weights" in result.stderr and "have no metallic" in result.stderr
+    assert "JPEG has no soft transparency" in result.stderr
     for words in (("-o", tmp_path / "a.png"), ("-o", tmp_path / "a.jpg", "--background", "white", "--quiet")):
         assert "transparency" not in rerender(tmp_path / "out" / "one.png", *words).stderr
 
 
-def test_info_tells_what_was_cut_off_and_kept(
+def test_info_shows_cut_top_and_kept_outliers(
     render: Callable[..., Result], z2p: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     assert render(scans / "one.npy", "--cut-top", 20, "--keep-outliers", "--gallery").exit_code == 0
@@ -167,7 +167,7 @@ def test_info_tells_what_was_cut_off_and_kept(
     assert "cut off" not in z2p("info", tmp_path / "out" / "one.png").stdout
 
 
-def test_one_cloud_of_a_batch_file(
+def test_rerender_draws_the_same_cloud_of_a_batch_file(
     render: Callable[..., Result], rerender: Callable[..., Result], cloud: np.ndarray, tmp_path: Path
 ) -> None:
     np.save(tmp_path / "many.npy", np.stack([cloud, cloud[:, ::-1], cloud * [1, 2, 3]]))
@@ -177,7 +177,7 @@ def test_one_cloud_of_a_batch_file(
     assert np.array_equal(pixels(tmp_path / "again.png"), pixels(third))
 
 
-def test_a_picture_of_python_finds_its_scan_from_wherever_it_was_saved(
+def test_a_picture_saved_by_python_finds_its_scan(
     rerender: Callable[..., Result], scans: Path, tiny_weights: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import z2p_core
@@ -195,7 +195,7 @@ def test_a_picture_of_python_finds_its_scan_from_wherever_it_was_saved(
     assert str(tmp_path) not in picture._repr_png_().decode("latin1")
 
 
-def test_the_engine_that_drew_it_draws_it_again(z2p: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_rerender_uses_the_recorded_engine(z2p: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     figure = tmp_path / "one.png"
     drawn = z2p("run-inference", scans / "one.npy", "-o", figure, "--engine", "openvino", "--resolution", 64)
     assert drawn.exit_code == 0, drawn.output
@@ -206,7 +206,7 @@ def test_the_engine_that_drew_it_draws_it_again(z2p: Callable[..., Result], scan
     assert read_record(tmp_path / "other.png")["engine"] == "torch"
 
 
-def test_an_engine_that_is_gone_is_told(
+def test_a_recorded_engine_that_is_missing_is_noted(
     rerender: Callable[..., Result], figure: Path, tmp_path: Path
 ) -> None:
     record = read_record(figure) | {"engine": "abacus"}
@@ -215,7 +215,7 @@ def test_an_engine_that_is_gone_is_told(
     assert result.exit_code == 0 and "the engine 'abacus' that drew the picture is not installed" in result.stderr
 
 
-def test_what_formats_put_behind_stays_behind(
+def test_the_white_background_of_a_jpeg_is_kept(
     render: Callable[..., Result], rerender: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     figure = tmp_path / "a.jpg"
@@ -229,11 +229,13 @@ def test_what_formats_put_behind_stays_behind(
         assert read_record(tmp_path / name)["background"] == background
 
 
-@pytest.mark.parametrize(("output", "told"), [("a.bmp", "expected a picture named"), ("/proc/x/a.png", "cannot write")])
-def test_where_nothing_can_be_written_is_told_before_it_is_drawn(
-    rerender: Callable[..., Result], figure: Path, tmp_path: Path, output: str, told: str,
+@pytest.mark.parametrize(
+    ("output", "message"), [("a.bmp", "expected a picture named"), ("/proc/x/a.png", "cannot write")]
+)
+def test_an_unwritable_output_is_refused_before_drawing(
+    rerender: Callable[..., Result], figure: Path, tmp_path: Path, output: str, message: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("z2p_renderer.pipeline.inference.render_scan.render_scan", None)  # not called
     result = rerender(figure, "-o", tmp_path / output)
-    assert result.exit_code == 2 and told in result.stderr
+    assert result.exit_code == 2 and message in result.stderr

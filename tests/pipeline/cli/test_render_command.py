@@ -1,3 +1,5 @@
+"""`z2p render`: lines and JSON for each file, options, and exit statuses."""
+
 from __future__ import annotations
 
 import json
@@ -33,20 +35,22 @@ def add_plugin(monkeypatch: pytest.MonkeyPatch, group: str, name: str, target: s
     monkeypatch.setattr(registry, "_entries", lambda asked: entries if asked == group else original(asked))
 
 
-def test_a_folder_becomes_pictures_and_says_so(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_a_folder_is_rendered_with_a_line_for_each_file(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
     result = render(scans)
     assert result.exit_code == 0, result.output
     assert pictures(tmp_path / "out") == ["one.png", "two.png"]
     picture = Image.open(tmp_path / "out" / "one.png")
     assert (picture.mode, picture.size) == ("RGBA", (32, 32))
     assert result.stdout == ""
-    told = result.stderr.splitlines()
-    assert [line.split(":")[0] for line in told[:2]] == ["rendered", "rendered"]
-    assert all(re.search(r"; up \+[XYZ]: .*; azimuth -?\d+ from the file's front: ", line) for line in told[:2])
-    assert told[2:] == ["2 rendered, 0 skipped, 0 failed"]
+    lines = result.stderr.splitlines()
+    assert [line.split(":")[0] for line in lines[:2]] == ["rendered", "rendered"]
+    assert all(re.search(r"; up \+[XYZ]: .*; azimuth -?\d+ from the file's front: ", line) for line in lines[:2])
+    assert lines[2:] == ["2 rendered, 0 skipped, 0 failed"]
 
 
-def test_a_bad_file_gets_one_line_and_the_rest_is_finished(
+def test_a_bad_file_gets_one_line_and_the_rest_is_rendered(
     render: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     (scans / "a bad one.ply").write_bytes(b"not a ply at all\n\n")
@@ -62,7 +66,7 @@ def test_a_bad_file_gets_one_line_and_the_rest_is_finished(
     assert lines(result)[0]["error"] and lines(result)[1]["error"] is None
 
 
-def test_json_tells_all_of_a_file(
+def test_json_lines_have_all_fields(
     render: Callable[..., Result], scans: Path, tmp_path: Path, cloud: np.ndarray
 ) -> None:
     broken_rows = cloud.copy()
@@ -92,7 +96,7 @@ def test_json_tells_all_of_a_file(
     assert "; up -Y: as asked; azimuth -30 from the file's front: the front, turned on by -30)" in result.stderr
 
 
-def test_quiet_tells_of_failures_only(render: Callable[..., Result], scans: Path) -> None:
+def test_quiet_reports_failures_only(render: Callable[..., Result], scans: Path) -> None:
     assert render(scans, "--quiet").output == ""
     (scans / "bad.ply").write_bytes(b"no")
     result = render(scans, "--quiet")
@@ -100,7 +104,9 @@ def test_quiet_tells_of_failures_only(render: Callable[..., Result], scans: Path
     assert [line.split(":")[0] for line in result.stderr.splitlines()] == ["failed"]
 
 
-def test_jobs_change_nothing(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_the_number_of_jobs_does_not_change_pictures(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
     render(scans, output=tmp_path / "alone")
     result = render(scans, "--jobs", 2, output=tmp_path / "pair")
     assert result.exit_code == 0, result.output
@@ -133,13 +139,15 @@ def test_white_background_is_the_transparent_picture_on_white(
 
 
 @pytest.mark.parametrize(("text", "size"), [("64,32", (64, 32)), ("48X96", (48, 96)), ("33", (33, 33))])
-def test_resolution(render: Callable[..., Result], scans: Path, tmp_path: Path, text: str, size: object) -> None:
+def test_resolution_takes_one_side_or_two(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, text: str, size: object
+) -> None:
     assert render(scans / "one.npy", "--resolution", text).exit_code == 0
     assert Image.open(tmp_path / "out" / "one.png").size == size
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (("--resolution", "31"), "32 to 4096"),
         (("--resolution", "4096", "--supersample", "4"), "at most 8192"),
@@ -178,17 +186,17 @@ def test_resolution(render: Callable[..., Result], scans: Path, tmp_path: Path, 
         (("--nosuch", "1"), "--nosuch"),
     ],
 )
-def test_wrong_usage(
-    render: Callable[..., Result], scans: Path, tmp_path: Path, words: tuple[str, ...], told: str
+def test_wrong_usage_exits_with_2(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, words: tuple[str, ...], message: str
 ) -> None:
     result = render(scans, *words)
     assert result.exit_code == 2, result.output
-    assert told in " ".join(result.stderr.split())
+    assert message in " ".join(result.stderr.split())
     assert "Traceback" not in result.output
     assert not (tmp_path / "out").exists()
 
 
-def test_weights_without_elevation_take_only_their_own(
+def test_weights_without_elevation_accept_only_their_own(
     render: Callable[..., Result], make_weights: Callable[..., Path], scans: Path
 ) -> None:
     fixed = make_weights(("color",), fixed_elevation=35.0)
@@ -201,7 +209,7 @@ def test_weights_without_elevation_take_only_their_own(
     assert "know only 35 degrees, got 20" in result.stderr
 
 
-def test_a_damaged_weights_file(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_a_damaged_weights_file_is_refused(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     (tmp_path / "pickle.pt").write_bytes(b"\x80\x02cos\nsystem\n.")
     result = render(scans, weights=tmp_path / "pickle.pt")
     assert result.exit_code == 2
@@ -209,7 +217,7 @@ def test_a_damaged_weights_file(render: Callable[..., Result], scans: Path, tmp_
     assert "pickle" in result.stderr
 
 
-def test_a_broken_control_hurts_only_who_asks_for_it(
+def test_a_broken_control_fails_only_when_it_is_used(
     z2p: Callable[..., Result], render: Callable[..., Result], scans: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add_plugin(monkeypatch, "controls", "torn", "no_such_module_anywhere:Torn")
@@ -227,24 +235,24 @@ def test_a_broken_control_hurts_only_who_asks_for_it(
     assert "broken: control 'torn'" in table.output
 
 
-def test_a_control_named_like_an_option_gets_a_name_of_its_own(
+def test_a_control_named_like_an_option_gets_a_prefix(
     z2p: Callable[..., Result], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     add_plugin(monkeypatch, "controls", "output", "z2p_renderer.plugins.controls.metallic:Metallic")
     assert "--control-output" in z2p("run-inference", "--help").output
 
 
-def test_installed_controls_are_options_with_their_sliders_words(z2p: Callable[..., Result]) -> None:
-    told = " ".join(z2p("run-inference", "--help").output.split())
+def test_installed_controls_are_options_with_their_help(z2p: Callable[..., Result]) -> None:
+    text = " ".join(z2p("run-inference", "--help").output.split())
     names = registry.names("controls")
     assert {"color", "light", "elevation", "metallic", "roughness"} <= set(names)
     for name in ("color", "light", "elevation", "metallic", "roughness"):
         slider = registry.load("controls", name).slider
-        assert f"--{name} {slider.metavar}" in told
-        assert slider.help[:20] in told
+        assert f"--{name} {slider.metavar}" in text
+        assert slider.help[:20] in text
 
 
-def test_the_installed_command_in_a_process(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
+def test_the_command_runs_in_a_process_of_its_own(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
     (scans / "bad.las").write_bytes(b"LASF but no more")
     done = subprocess.run(
         [sys.executable, "-m", "z2p_renderer.pipeline.cli", "run-inference", "scans", "--output", "out", "--json",
@@ -258,7 +266,7 @@ def test_the_installed_command_in_a_process(scans: Path, tiny_weights: Path, tmp
     assert pictures(tmp_path / "out") == ["one.png", "two.png"]
 
 
-def test_on_a_terminal_each_file_has_its_line_too(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
+def test_on_a_terminal_each_file_has_a_line(scans: Path, tiny_weights: Path, tmp_path: Path) -> None:
     """Which way was taken for up is never guessed silently, bar or no bar."""
     ours, theirs = pty.openpty()
     words = ["run-inference", scans, "-o", tmp_path / "out", "--weights", tiny_weights, "--resolution", "32"]
@@ -270,7 +278,7 @@ def test_on_a_terminal_each_file_has_its_line_too(scans: Path, tiny_weights: Pat
     assert shown.count("; up +") == 2 and "2 rendered, 0 skipped, 0 failed" in shown
 
 
-def test_ctrl_c_is_told_apart_from_failed_files(
+def test_ctrl_c_has_an_exit_status_of_its_own(
     render: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from z2p_renderer.pipeline.inference import batch

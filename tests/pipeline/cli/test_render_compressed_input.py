@@ -1,4 +1,4 @@
-"""Scans that come zipped, through standard input, with named columns, or too large."""
+"""Scans that are compressed, come through standard input, have named columns, or are too large."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def pixels(path: Path) -> np.ndarray:
     return np.asarray(Image.open(path))
 
 
-def test_gzipd_scans_are_read_and_named_without_gz(
+def test_gzipped_scans_are_read_and_named_without_gz(
     render: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     assert render(scans).exit_code == 0
@@ -42,7 +42,7 @@ def test_gzipd_scans_are_read_and_named_without_gz(
     assert read_record(tmp_path / "unzipped" / "one.png")["input"]["name"] == "one.npy.gz"
 
 
-def test_damaged_gz_is_one_line(scans: Path, tmp_path: Path) -> None:
+def test_a_damaged_gz_is_reported_in_one_line(scans: Path, tmp_path: Path) -> None:
     whole = gzip.compress((scans / "one.npy").read_bytes())
     for content in (b"no gzip", whole[:50], whole[:-8] + bytes(8), b""):
         (tmp_path / "a.npy.gz").write_bytes(content)
@@ -54,7 +54,7 @@ def test_damaged_gz_is_one_line(scans: Path, tmp_path: Path) -> None:
         read_clouds(tmp_path / "a.foo.gz")
 
 
-def test_what_does_not_fit_into_memory_is_refused_and_not_tried(
+def test_files_too_large_for_memory_are_refused_at_once(
     scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "bomb.xyz.gz").write_bytes(gzip.compress(b"0 0 0\n" * 4_000_000, 1))
@@ -67,12 +67,12 @@ def test_what_does_not_fit_into_memory_is_refused_and_not_tried(
     assert len(read_clouds(scans / "one.npy")[0].points) == 400
 
 
-def test_what_begins_like_gzip_on_standard_input_and_is_none(tmp_path: Path) -> None:
+def test_standard_input_with_a_false_gzip_header_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ScanError, match="begins like a gzip file"):
         spool(io.BytesIO(b"\x1f\x8b" + bytes(range(200))), tmp_path)
 
 
-def test_a_pipe_in_a_folder_is_not_waited_for(render: Callable[..., Result], scans: Path) -> None:
+def test_a_pipe_in_a_folder_is_passed_over(render: Callable[..., Result], scans: Path) -> None:
     os.mkfifo(scans / "pipe.txt")
     result = render(scans)
     assert result.exit_code == 1 and "pipe.txt: expected a file" in result.stderr and "2 rendered" in result.stderr
@@ -91,13 +91,13 @@ def stl(triangles: int, stray: bytes = b"") -> bytes:
      (stl(9)[:-50], ".txt"), (b"\n v 1 2 3\n", ".obj"), (b"solid a\n", ".stl"),
      (b"\x89HDF\r\n\x1a\n", ".h5"), (b"\x1f\x8b", ".txt")]
 )  # fmt: skip
-def test_standard_input_is_told_by_how_it_begins(tmp_path: Path, content: bytes, suffix: str) -> None:
+def test_the_format_of_standard_input_is_detected(tmp_path: Path, content: bytes, suffix: str) -> None:
     for blob in (content, gzip.compress(content)):
         path = spool(io.BytesIO(blob), tmp_path)
         assert path.name.removesuffix(".gz") == f"stdin{suffix}" and path.read_bytes() == blob
 
 
-def test_tables_with_names_and_words_come_through_standard_input(tiny_weights: Path, tmp_path: Path) -> None:
+def test_text_tables_are_read_from_standard_input(tiny_weights: Path, tmp_path: Path) -> None:
     rows = [f"old oak,{x},{y},{x * y}" for x in range(5) for y in range(5)]
     words = ["run-inference", "-", "-o", str(tmp_path / "a.png"), "--weights", str(tiny_weights), "--resolution", "32"]
     result = CliRunner().invoke(main, words, input="\n".join(["label,x,y,z", *rows]).encode("utf-16"))
@@ -105,7 +105,7 @@ def test_tables_with_names_and_words_come_through_standard_input(tiny_weights: P
 
 
 @pytest.mark.parametrize("form", ["npy", "xyz", "xyz.gz"])
-def test_standard_input(tiny_weights: Path, scans: Path, tmp_path: Path, form: str) -> None:
+def test_standard_input_is_rendered(tiny_weights: Path, scans: Path, tmp_path: Path, form: str) -> None:
     blob = (scans / "one.npy").read_bytes()
     if form != "npy":
         blob = (scans / "two.xyz").read_bytes()
@@ -135,7 +135,7 @@ def test_standard_input_of_a_real_process(tiny_weights: Path, scans: Path, tmp_p
     assert Image.open(tmp_path / "a.png").size == (32, 32)
 
 
-def test_a_time_before_the_coordinates_is_asked_about_until_it_is_named(
+def test_a_time_before_the_coordinates_needs_column_names(
     render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
 ) -> None:
     table = np.hstack([1.6e9 + np.arange(len(cloud))[:, None] / 8, cloud, np.ones((len(cloud), 2))])
@@ -153,7 +153,7 @@ def test_a_time_before_the_coordinates_is_asked_about_until_it_is_named(
         assert render(tmp_path / "six.xyz", "--columns", text).exit_code == 2
 
 
-def test_what_a_reader_took_for_granted_is_told_in_the_files_line(
+def test_a_readers_note_is_in_the_line_of_the_file(
     render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
 ) -> None:
     np.savetxt(tmp_path / "numbered.txt", np.column_stack([np.arange(len(cloud)), cloud]))
@@ -162,7 +162,7 @@ def test_what_a_reader_took_for_granted_is_told_in_the_files_line(
     assert f" s; {note}; up " in result.stderr and json.loads(result.stdout)["note"] == note
 
 
-def test_a_url_is_refused_with_a_word_why(render: Callable[..., Result]) -> None:
+def test_a_url_is_refused_with_the_reason(render: Callable[..., Result]) -> None:
     result = render("https://example.org/a.ply")
     assert result.exit_code == 2
     assert "is a URL; z2p reads local files only, so download it first" in result.stderr

@@ -1,3 +1,5 @@
+"""`z2p render`: which files the inputs stand for, and which pictures they become."""
+
 from __future__ import annotations
 
 import errno
@@ -20,7 +22,9 @@ def lines(result: Result) -> list[dict[str, object]]:
     return [json.loads(line) for line in result.stdout.splitlines()]
 
 
-def test_shared_stems_and_odd_names(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+def test_files_with_equal_stems_and_odd_names_get_own_pictures(
+    render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
+) -> None:
     folder = tmp_path / "odd"
     folder.mkdir()
     for name in ("a.xyz", "a.txt", "with space.xyz", "größe 点.xyz", "two\nlines.xyz"):
@@ -44,12 +48,14 @@ def test_recursive_mirrors_sub_folders(render: Callable[..., Result], scans: Pat
     assert pictures(tmp_path / "out") == ["sub/deep/two.png", "two.png"]
 
 
-def test_a_glob_and_a_file_given_twice(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_a_file_given_twice_is_rendered_once(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     assert render(f"{scans}/*.npy", scans / "one.npy").exit_code == 0
     assert pictures(tmp_path / "out") == ["one.png"]
 
 
-def test_a_batch_file(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+def test_each_cloud_of_a_batch_file_gets_a_picture(
+    render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
+) -> None:
     np.save(tmp_path / "many.npy", np.stack([cloud, cloud * (1, 2, 1), cloud * (1, 1, 3)]))
     result = render(tmp_path / "many.npy", "--json")
     assert result.exit_code == 0, result.output
@@ -61,7 +67,7 @@ def test_a_batch_file(render: Callable[..., Result], tmp_path: Path, cloud: np.n
 
 
 @pytest.mark.parametrize("bad", [np.nan, 0.0])
-def test_one_bad_cloud_of_a_batch_file_leaves_the_others(
+def test_a_bad_cloud_of_a_batch_file_leaves_the_others(
     render: Callable[..., Result], z2p: Callable[..., Result], tiny_weights: Path, tmp_path: Path, cloud: np.ndarray,
     bad: float,
 ) -> None:
@@ -86,7 +92,7 @@ def test_output_may_name_one_picture(render: Callable[..., Result], scans: Path,
     assert "2 scans" in result.stderr
 
 
-def test_outputs_there_before_are_skipped_unless_overwritten(
+def test_existing_pictures_are_skipped_unless_overwritten(
     render: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "out").mkdir()
@@ -102,7 +108,7 @@ def test_outputs_there_before_are_skipped_unless_overwritten(
     assert (tmp_path / "out" / "one.png").read_bytes() != mine
 
 
-def test_an_output_that_cannot_be_written(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_an_unwritable_output_is_wrong_usage(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     for output in (tmp_path / "file", tmp_path / "file" / "out", tmp_path / "file" / "a.png"):
         result = render(scans / "one.npy", output=output)
@@ -110,7 +116,7 @@ def test_an_output_that_cannot_be_written(render: Callable[..., Result], scans: 
         assert "cannot write to" in result.stderr
 
 
-def test_inputs_that_match_nothing(render: Callable[..., Result], tmp_path: Path) -> None:
+def test_inputs_that_match_nothing_are_refused(render: Callable[..., Result], tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     for source in (tmp_path / "empty", tmp_path / "missing.ply", f"{tmp_path}/*.ply"):
         result = render(source)
@@ -120,7 +126,7 @@ def test_inputs_that_match_nothing(render: Callable[..., Result], tmp_path: Path
     assert render().exit_code == 2
 
 
-def test_a_scan_named_in_two_ways_is_drawn_once(
+def test_a_scan_named_in_two_ways_is_rendered_once(
     render: Callable[..., Result], scans: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(scans)
@@ -129,7 +135,9 @@ def test_a_scan_named_in_two_ways_is_drawn_once(
     assert "2 rendered, 0 skipped, 0 failed" in result.stderr
 
 
-def test_prose_in_a_folder_is_passed_over_and_said(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_prose_in_a_folder_is_passed_over_with_a_line(
+    render: Callable[..., Result], scans: Path, tmp_path: Path
+) -> None:
     for name, text in {"README.txt": "Scans of a fox.\nMade in May.\n", "list.csv": "name,owner\na,b\n", "e.txt": "",
                        "one number.txt": "12\n"}.items():  # fmt: skip
         (scans / name).write_text(text)
@@ -139,8 +147,8 @@ def test_prose_in_a_folder_is_passed_over_and_said(render: Callable[..., Result]
     result = render(scans)
     assert result.exit_code == 0, result.output
     assert sorted(path.stem for path in (tmp_path / "out").iterdir()) == ["one", "plain", "table", "two"]
-    told = [line for line in result.stderr.splitlines() if line.startswith("passed over: ")]
-    assert len(told) == 4 and all("or the file itself" in line for line in told)
+    lines = [line for line in result.stderr.splitlines() if line.startswith("passed over: ")]
+    assert len(lines) == 4 and all("or the file itself" in line for line in lines)
     (scans / "list.csv").write_text("lon,lat,top\n" + "".join(rows))
     assert render(scans, "--columns", "x,y,z").exit_code == 0
     assert (tmp_path / "out" / "list.png").exists()
@@ -148,7 +156,7 @@ def test_prose_in_a_folder_is_passed_over_and_said(render: Callable[..., Result]
     assert named.exit_code == 1 and "failed: " in named.stderr
 
 
-def test_a_full_disk_at_the_end_is_one_line_and_the_pictures_are_there(
+def test_a_full_disk_at_the_end_loses_no_pictures(
     render: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*words: object, **more: object) -> None:

@@ -1,4 +1,4 @@
-"""One frame for clouds that do not fit together, or of which one cannot be read."""
+"""One frame for clouds of very different sizes, or of which one cannot be read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from click.testing import Result
 from z2p_renderer.storage.images.image_files import read_record
 
 
-def test_clouds_that_vanish_in_the_common_frame_are_named(
+def test_clouds_too_small_in_the_common_frame_are_named(
     render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
 ) -> None:
     folder = tmp_path / "series"
@@ -32,7 +32,7 @@ def test_clouds_that_vanish_in_the_common_frame_are_named(
     assert "note: " not in render(folder, "--same-frame").stderr
 
 
-def test_a_series_outlasts_what_the_disk_does_to_one_file(
+def test_a_series_survives_a_file_that_cannot_be_read(
     render: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from z2p_renderer.storage.scans import unpack
@@ -50,7 +50,7 @@ def test_a_series_outlasts_what_the_disk_does_to_one_file(
     assert alone.exit_code == 75 and "no space left" in alone.stderr
 
 
-def test_up_view_and_weights_of_a_series_are_those_of_its_first_cloud(
+def test_the_first_cloud_sets_up_view_and_weights_of_a_series(
     render: Callable[..., Result], tmp_path: Path
 ) -> None:
     rng = np.random.default_rng(0)
@@ -68,6 +68,6 @@ def test_up_view_and_weights_of_a_series_are_those_of_its_first_cloud(
         for record in records:
             assert record["camera"]["rotation"] == own["camera"]["rotation"]
             assert record["weights"] == own["weights"]
-        told = series.stderr.splitlines()[0]
-        assert f"up {own['stance']['up']}: {own['stance']['up_reason']}" in told
-        assert ("weights denoise" in told) == (own["weights"]["name"] == "denoise") == (first == "b")
+        text = series.stderr.splitlines()[0]
+        assert f"up {own['stance']['up']}: {own['stance']['up_reason']}" in text
+        assert ("weights denoise" in text) == (own["weights"]["name"] == "denoise") == (first == "b")

@@ -1,4 +1,4 @@
-"""What a run refuses before it draws: paths that would cost a file, and options that contradict each other."""
+"""What a run refuses before it draws: outputs that would replace other files, and contradicting options."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from click.testing import Result
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "message"),
     [("scans/one.npy", "reads or writes"), ("scans/../scans/one.npy", "reads or writes"),
      ("link.npy", "reads or writes"), ("out/one.png", "a picture's"), ("new.webp", "a picture's"),
      ("scans", "a folder"), ("notes.json", "no camera"), ("notes.json/cam.json", "cannot write to")],
 )  # fmt: skip
-def test_a_camera_replaces_nothing_but_a_camera(
-    render: Callable[..., Result], scans: Path, tmp_path: Path, name: str, told: str
+def test_save_camera_replaces_only_cameras(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, name: str, message: str
 ) -> None:
     (tmp_path / "notes.json").write_text('{"mine": 1}')
     (tmp_path / "link.npy").symlink_to(scans / "one.npy")
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     result = render(scans / "one.npy", "--save-camera", tmp_path / name)
     assert result.exit_code == 2 and "--save-camera" in result.stderr
-    assert told in " ".join(result.stderr.split())
+    assert message in " ".join(result.stderr.split())
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before  # nor was it drawn
     for _ in range(2):  # its own, again
         assert render(scans / "one.npy", "--overwrite", "--save-camera", tmp_path / "cam.json").exit_code == 0
 
 
-def test_a_slash_at_its_end_makes_the_output_a_folder(
+def test_an_output_with_a_slash_at_its_end_is_a_folder(
     z2p: Callable[..., Result], render: Callable[..., Result], scans: Path, tmp_path: Path, tiny_weights: Path
 ) -> None:
     assert render(scans, output=f"{tmp_path}/new.png/").exit_code == 0
@@ -41,7 +41,7 @@ def test_a_slash_at_its_end_makes_the_output_a_folder(
 
 @pytest.mark.parametrize("words", [("--output", ""), ("--output", "-"), ("",), ("--fps", "nan"), ("--cut-top", "nan"),
                                    ("--load-camera", "cam.json", "--up", "+Z"), ("--view", "3,4", "--elevation", "9")])
-def test_loops_refuse_the_same(
+def test_animate_refuses_the_same_contradictions(
     z2p: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -24,7 +24,7 @@ def pixels(path: Path) -> np.ndarray:
     return np.asarray(Image.open(path))
 
 
-def test_a_saved_camera_looks_the_same_again(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_a_saved_camera_gives_the_same_picture(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     camera = tmp_path / "cam.json"
     assert render(scans / "one.npy", "--azimuth", 33, "--elevation", 44, "--save-camera", camera).exit_code == 0
     first = tmp_path / "out" / "one.png"
@@ -42,7 +42,7 @@ def test_a_saved_camera_looks_the_same_again(render: Callable[..., Result], scan
     assert (tmp_path / "again.json").read_bytes() == camera.read_bytes()
 
 
-def test_cameras_that_cannot_be(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_impossible_cameras_are_refused(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     several = render(scans, "--save-camera", tmp_path / "cam.json")
     assert several.exit_code == 2 and "add --same-frame" in several.stderr
     (tmp_path / "bad.json").write_text("{}")
@@ -61,7 +61,7 @@ def write_camera_far(folder: Path) -> Path:
     return folder / "far.json"
 
 
-def test_one_frame_for_a_series(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+def test_same_frame_gives_a_series_one_camera(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
     folder = tmp_path / "series"
     folder.mkdir()
     small = (cloud - cloud.mean(0)) / 3 + cloud.mean(0) + [2.0, 0, 0]
@@ -85,7 +85,7 @@ def test_one_frame_for_a_series(render: Callable[..., Result], tmp_path: Path, c
     assert np.array_equal(pixels(tmp_path / "again" / "b.png"), pixels(tmp_path / "out" / "b.png"))
 
 
-def test_a_series_is_trimmed_alike(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+def test_a_series_has_one_crop(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
     """Every picture is the same part of its frame, which loses nothing of any of them."""
     folder = tmp_path / "series"
     folder.mkdir()
@@ -105,7 +105,7 @@ def test_a_series_is_trimmed_alike(render: Callable[..., Result], tmp_path: Path
         assert (part[..., 3] >= MIN_VISIBLE_ALPHA).sum() == (whole[..., 3] >= MIN_VISIBLE_ALPHA).sum()
 
 
-def test_a_redrawn_picture_keeps_the_crop_of_its_series_while_nothing_moves(
+def test_rerender_keeps_the_crop_of_a_series_if_nothing_moves(
     render: Callable[..., Result], z2p: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     result = render(scans, "--same-frame", "--fit", "tight", "--resolution", "64,48", weights="regular")
@@ -121,7 +121,9 @@ def test_a_redrawn_picture_keeps_the_crop_of_its_series_while_nothing_moves(
 
 
 @pytest.mark.parametrize(("word", "suffix"), [("webp", ".webp"), ("jpeg", ".jpg"), ("tiff", ".tif"), ("png", ".png")])
-def test_formats(render: Callable[..., Result], scans: Path, tmp_path: Path, word: str, suffix: str) -> None:
+def test_pictures_are_written_in_every_format(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, word: str, suffix: str
+) -> None:
     result = render(scans, "--format", word)
     assert result.exit_code == 0
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [f"one{suffix}", f"two{suffix}"]
@@ -131,22 +133,22 @@ def test_formats(render: Callable[..., Result], scans: Path, tmp_path: Path, wor
     assert alone.exit_code == 0 and Image.open(tmp_path / f"mine{suffix}").size == (32, 32)
 
 
-def test_formats_that_contradict_each_other(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_contradicting_formats_are_refused(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     result = render(scans / "one.npy", "--format", "webp", output=tmp_path / "a.png")
     assert result.exit_code == 2 and "does not fit" in result.stderr
     assert render(scans / "one.npy", "--format", "tiff", output=tmp_path / "a.tiff").exit_code == 0
 
 
-@pytest.mark.parametrize(("name", "told"), [("a.bmp", ".png, .webp"), ("a.gif", "z2p animate"), ("a.PDF", ".tiff")])
-def test_other_pictures_are_refused(
-    render: Callable[..., Result], scans: Path, tmp_path: Path, name: str, told: str
+@pytest.mark.parametrize(("name", "message"), [("a.bmp", ".png, .webp"), ("a.gif", "z2p animate"), ("a.PDF", ".tiff")])
+def test_unsupported_picture_suffixes_are_refused(
+    render: Callable[..., Result], scans: Path, tmp_path: Path, name: str, message: str
 ) -> None:
     result = render(scans / "one.npy", output=tmp_path / name)
-    assert result.exit_code == 2 and told in " ".join(result.stderr.split())
+    assert result.exit_code == 2 and message in " ".join(result.stderr.split())
     assert not (tmp_path / name).exists()
 
 
-def test_palettes_are_opaque_colours_used_in_turn(
+def test_palette_colours_are_used_in_turn(
     render: Callable[..., Result], scans: Path, tmp_path: Path, cloud: np.ndarray
 ) -> None:
     for name in PALETTES:
@@ -162,7 +164,7 @@ def test_palettes_are_opaque_colours_used_in_turn(
     assert both.exit_code == 2 and "leave one out" in both.stderr
 
 
-def test_contact_sheets(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
+def test_contact_sheets_have_the_given_grid(render: Callable[..., Result], scans: Path, tmp_path: Path) -> None:
     for number in range(5):
         (scans / f"more{number}.npy").write_bytes((scans / "one.npy").read_bytes())
     result = render(scans, "--sheet", "3x2")
@@ -177,7 +179,7 @@ def test_contact_sheets(render: Callable[..., Result], scans: Path, tmp_path: Pa
 
 @pytest.mark.parametrize(("option", "name"), [(("--sheet", "1x1"), "sheet.png"), (("--sheet", "1x1"), "sheet_2.png"),
                                               (("--gallery",), "gallery.html")])  # fmt: skip
-def test_sheets_and_galleries_replace_nothing_of_others(
+def test_sheets_and_galleries_replace_no_other_files(
     render: Callable[..., Result], scans: Path, tmp_path: Path, option: tuple[str, ...], name: str
 ) -> None:
     own = tmp_path / "out" / name
@@ -206,7 +208,7 @@ def test_a_scan_called_sheet_keeps_its_picture(
         assert picture.read_bytes() == before
 
 
-def test_one_bad_cloud_leaves_the_others_their_frame(
+def test_a_bad_cloud_does_not_change_the_common_frame(
     render: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     np.save(scans / "few.npy", np.random.default_rng(0).normal(size=(4, 3)))
@@ -215,7 +217,7 @@ def test_one_bad_cloud_leaves_the_others_their_frame(
     assert (tmp_path / "out" / "one.png").exists()
 
 
-def test_a_contact_sheet_has_the_pictures_own_size_up_to_a_limit(tmp_path: Path) -> None:
+def test_contact_sheet_cells_fit_the_pictures_up_to_a_limit(tmp_path: Path) -> None:
     for side, cell in ((20, 96), (200, 200), (900, 320)):
         Image.new("RGBA", (side, side // 2), "red").save(tmp_path / f"{side}.png")
         write_contact_sheets([tmp_path / f"{side}.png"], tmp_path, 1, 1)
@@ -242,7 +244,7 @@ class Page(HTMLParser):
             self.text += data
 
 
-def test_the_gallery_is_one_page_with_everything_inside(
+def test_the_gallery_is_one_self_contained_page(
     render: Callable[..., Result], scans: Path, tmp_path: Path, cloud: np.ndarray
 ) -> None:
     evil = '<script>alert(1)</script> & "quotes" \'x\'.npy'.replace("/", "")
@@ -262,7 +264,7 @@ def test_the_gallery_is_one_page_with_everything_inside(
     assert "0, 0.502, 0.502" in page.text and "one.npy" in page.text
 
 
-def test_a_gallery_takes_pictures_of_an_earlier_run_along(
+def test_the_gallery_includes_pictures_of_an_earlier_run(
     render: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     assert render(scans).exit_code == 0

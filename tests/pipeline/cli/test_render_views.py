@@ -1,3 +1,5 @@
+"""`z2p render`: views from the sensors of depth cameras."""
+
 from __future__ import annotations
 
 import json
@@ -30,7 +32,7 @@ def stance(result: Result) -> dict[str, Any]:
     return found
 
 
-def test_a_depth_cameras_file_is_seen_from_its_sensor(render: Callable[..., Result], organised: Path) -> None:
+def test_depth_camera_files_are_seen_from_their_sensor(render: Callable[..., Result], organised: Path) -> None:
     result = render(organised, "--json")
     assert result.exit_code == 0, result.output
     found = stance(result)
@@ -39,7 +41,7 @@ def test_a_depth_cameras_file_is_seen_from_its_sensor(render: Callable[..., Resu
     assert "up -Y: as its depth camera stood; azimuth 0 from the file's front, elevation " in result.stderr
 
 
-def test_the_users_elevation_and_the_weights_own_win(
+def test_given_and_fixed_elevations_override_the_sensors(
     render: Callable[..., Result], organised: Path, make_weights: Callable[..., Path], tmp_path: Path
 ) -> None:
     assert stance(render(organised, "--json", "--elevation", "50"))["elevation"] == 50
@@ -54,18 +56,18 @@ def test_the_users_elevation_and_the_weights_own_win(
     assert "know only 35 degrees, got 60" in result.stderr
 
 
-def test_a_sensors_view_of_a_plain_cloud_fails_as_its_file_alone(
+def test_view_sensor_fails_for_files_without_a_sensor(
     render: Callable[..., Result], organised: Path, scans: Path
 ) -> None:
     result = render(organised, scans / "one.npy", "--view", "sensor")
     assert result.exit_code == 1
-    told = result.stderr.splitlines()
-    assert [line.split(":")[0] for line in told[:2]] == ["rendered", "failed"]
-    assert "no sensor to look from" in told[1]
-    assert told[2] == "1 rendered, 0 skipped, 1 failed"
+    lines = result.stderr.splitlines()
+    assert [line.split(":")[0] for line in lines[:2]] == ["rendered", "failed"]
+    assert "no sensor to look from" in lines[1]
+    assert lines[2] == "1 rendered, 0 skipped, 1 failed"
 
 
-def test_strays_are_told(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
+def test_outliers_are_reported(render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray) -> None:
     np.save(tmp_path / "stray.npy", np.vstack([cloud, [[90.0, 0, 0]], [[0, 99.0, 0]]]))
     result = render(tmp_path / "stray.npy", "--json")
     assert stance(result)["outliers"] == 2
@@ -77,7 +79,7 @@ def test_strays_are_told(render: Callable[..., Result], tmp_path: Path, cloud: n
     assert Image.open(tmp_path / "out" / "stray.png").tobytes() != clipped
 
 
-def test_clouds_of_a_batch_each_get_their_view_in_one_line(
+def test_clouds_of_a_batch_file_share_one_line(
     render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
 ) -> None:
     turned = (cloud - cloud.mean(0))[:, [1, 0, 2]]

@@ -1,4 +1,4 @@
-"""Commands that luigi does the work of: their help, and what is wrong in a call, are told where it is not installed."""
+"""Commands that luigi carries out: their help and wrong usage are answered where luigi is not installed."""
 
 import subprocess
 import sys
@@ -23,13 +23,13 @@ def run(*words: list[str]) -> str:
 
 
 def test_help_needs_no_luigi():
-    said = run(*([name, "--help"] for name in COMMAND_HELP))
-    parts = said.split("status 0\n")
+    helps = run(*([name, "--help"] for name in COMMAND_HELP))
+    parts = helps.split("status 0\n")
     assert len(parts) == len(COMMAND_HELP) + 1
     for name, part in zip(COMMAND_HELP, parts[:-1], strict=True):
         assert f"Usage: z2p {name}" in part and COMMAND_HELP[name].split("\n")[0].split(";")[0][:40] in part
         assert ("--port" if name == "scheduler" else "--workspace") in part
 
 
-def test_a_wrong_option_is_told_without_luigi():
+def test_a_wrong_option_is_reported_without_luigi():
     assert "status 2" in run(["gc", "--yess"])

@@ -1,4 +1,4 @@
-"""Pictures that are there already: kept where they show the cloud, drawn anew where it changed, never taken for it."""
+"""Existing pictures are kept if they show the cloud, drawn again if it changed, and never replaced if not ours."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def drawn(renderer: Renderer, scan: Path, output: Path, look: Look = LOOK, **mor
     return outcome
 
 
-def test_a_picture_of_the_same_cloud_stays(renderer: Renderer, scan: Path, tmp_path: Path) -> None:
+def test_a_picture_of_the_same_cloud_is_kept(renderer: Renderer, scan: Path, tmp_path: Path) -> None:
     output = tmp_path / "a.png"
     assert drawn(renderer, scan, output).status == "ok"
     before = output.read_bytes()
@@ -52,7 +52,7 @@ def test_a_picture_of_the_same_cloud_stays(renderer: Renderer, scan: Path, tmp_p
     assert drawn(renderer, Path(moved), output).status == "skipped", "its content tells it"
 
 
-def test_a_picture_of_a_cloud_that_changed_is_drawn_anew(
+def test_a_picture_of_a_changed_cloud_is_drawn_again(
     renderer: Renderer, scan: Path, tmp_path: Path, cloud: np.ndarray
 ) -> None:
     drawn(renderer, scan, tmp_path / "a.png")
@@ -63,7 +63,7 @@ def test_a_picture_of_a_cloud_that_changed_is_drawn_anew(
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp", ".tif"])
-def test_a_picture_of_another_cloud_is_neither_taken_for_it_nor_lost(
+def test_a_picture_of_another_cloud_is_not_replaced(
     renderer: Renderer, scan: Path, tmp_path: Path, cloud: np.ndarray, suffix: str
 ) -> None:
     output, other = tmp_path / f"a{suffix}", tmp_path / "y" / "a.npy"
@@ -77,7 +77,7 @@ def test_a_picture_of_another_cloud_is_neither_taken_for_it_nor_lost(
     assert output.read_bytes() == before
 
 
-def test_the_clouds_of_a_file_are_told_apart(
+def test_the_clouds_of_one_file_are_distinguished(
     renderer: Renderer, tmp_path: Path, cloud: np.ndarray
 ) -> None:
     np.save(tmp_path / "a.npy", np.stack([cloud, cloud[:, ::-1]]))
@@ -88,45 +88,47 @@ def test_the_clouds_of_a_file_are_told_apart(
 
 
 @pytest.mark.parametrize(
-    ("look", "told"),
+    ("look", "message"),
     [
         (replace(LOOK, values={"color": (0.1, 0.2, 0.3)}), "with another color"),
         (replace(LOOK, width=48), "with another resolution"),
         (replace(LOOK, placement_options=PlacementOptions(up="-X", view=30.0)), "with another up and another view"),
         (replace(LOOK, placement_options=PlacementOptions(keep_outliers=True)), "with another keep-outliers"),
         (replace(LOOK, placement_options=PlacementOptions(azimuth=90.0)), "with another azimuth"),
-        (replace(LOOK, placement_options=PlacementOptions(cut_top=10.0, smooth=0.1)), "with another cut-top and another smooth"),
+        (replace(LOOK, placement_options=PlacementOptions(cut_top=10.0, smooth=0.1)),
+         "with another cut-top and another smooth"),
         (replace(LOOK, background=(1.0, 1.0, 1.0), tight=True), "with another background and another fit"),
-        (replace(LOOK, placement_options=PlacementOptions(viewpoint=Viewpoint((0.0, 0.0, 0.0), 9.0, tuple(map(tuple, np.eye(3))), 20.0))),
+        (replace(LOOK, placement_options=PlacementOptions(
+            viewpoint=Viewpoint((0.0, 0.0, 0.0), 9.0, tuple(map(tuple, np.eye(3))), 20.0))),
          "with another camera"),
     ],
 )  # fmt: skip
-def test_what_it_shows_otherwise_than_asked_is_said(
-    renderer: Renderer, scan: Path, tmp_path: Path, look: Look, told: str
+def test_different_settings_of_a_kept_picture_are_named(
+    renderer: Renderer, scan: Path, tmp_path: Path, look: Look, message: str
 ) -> None:
     output = tmp_path / "a.png"
     drawn(renderer, scan, output)
     before = output.read_bytes()
     outcome = drawn(renderer, scan, output, look)
-    assert (outcome.status, outcome.kept) == ("skipped", told) and output.read_bytes() == before
+    assert (outcome.status, outcome.kept) == ("skipped", message) and output.read_bytes() == before
     output.unlink()
     drawn(renderer, scan, output, look)
     assert drawn(renderer, scan, output, look).kept == "", "once it is drawn so there is nothing to say"
 
 
-def test_the_same_place_seen_from_another_side_is_another_camera(
+def test_a_camera_turned_about_the_cloud_is_another_camera(
     renderer: Renderer, scan: Path, tmp_path: Path
 ) -> None:
     output = tmp_path / "a.png"
     drawn(renderer, scan, output)
     same = viewpoint_from_json(read_record(output)["camera"])
     turned = replace(same, rotation=tuple(same.rotation[row] for row in (1, 2, 0)))
-    told = {side: drawn(renderer, scan, output, replace(LOOK, placement_options=PlacementOptions(viewpoint=side))).kept
+    notes = {side: drawn(renderer, scan, output, replace(LOOK, placement_options=PlacementOptions(viewpoint=side))).kept
             for side in (same, turned)}  # fmt: skip
-    assert told == {same: "", turned: "with another camera"}
+    assert notes == {same: "", turned: "with another camera"}
 
 
-def test_a_folder_that_grew_says_which_pictures_have_another_camera_and_colour(
+def test_kept_pictures_of_a_series_name_camera_and_colour(
     render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
 ) -> None:
     folder = tmp_path / "series"
@@ -140,7 +142,7 @@ def test_a_folder_that_grew_says_which_pictures_have_another_camera_and_colour(
     assert "is there already, with another color and another camera; --overwrite" in result.stderr
 
 
-def test_json_lists_the_pictures_that_are_there(
+def test_json_lists_existing_pictures(
     render: Callable[..., Result], tmp_path: Path, cloud: np.ndarray
 ) -> None:
     np.save(tmp_path / "a.npy", np.stack([cloud, np.full_like(cloud, np.nan)]))
@@ -149,7 +151,7 @@ def test_json_lists_the_pictures_that_are_there(
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".webp"])
-def test_what_is_no_picture_is_neither_taken_for_one_nor_lost(
+def test_a_file_that_is_no_picture_is_not_replaced(
     render: Callable[..., Result], scans: Path, tmp_path: Path, suffix: str
 ) -> None:
     first, second = (tmp_path / "out" / f"{name}{suffix}" for name in ("one", "two"))
@@ -164,7 +166,7 @@ def test_what_is_no_picture_is_neither_taken_for_one_nor_lost(
     assert (tmp_path / "out" / "gallery.html").read_text().count("<figure ") == 1  # of what can be read
 
 
-def test_other_weights_are_told_where_the_cloud_does_not_choose_them(
+def test_other_weights_are_named_unless_chosen_by_the_cloud(
     renderer: Renderer, make_weights: Callable[..., Path], scan: Path, tmp_path: Path
 ) -> None:
     output = tmp_path / "a.png"
@@ -178,10 +180,11 @@ def test_other_weights_are_told_where_the_cloud_does_not_choose_them(
 
 @pytest.mark.parametrize(
     "other", [{"width": 48}, {"values": {"color": (1.0, 0.0, 0.0)}}, {"background": (1.0, 1.0, 1.0)}, {"tight": True},
-              {"margin": 0.2}, {"supersample": 2}, {"placement_options": PlacementOptions("+Y")}, {"placement_options": PlacementOptions(azimuth=30.0)}],
+              {"margin": 0.2}, {"supersample": 2}, {"placement_options": PlacementOptions("+Y")},
+              {"placement_options": PlacementOptions(azimuth=30.0)}],
     ids=str,
 )  # fmt: skip
-def test_a_named_picture_is_drawn_again_when_a_setting_changes_or_goes(
+def test_a_named_picture_is_drawn_again_for_changed_settings(
     renderer: Renderer, scan: Path, tmp_path: Path, other: dict[str, Any]
 ) -> None:
     output, changed = tmp_path / "a.png", replace(LOOK, **other)
@@ -191,7 +194,7 @@ def test_a_named_picture_is_drawn_again_when_a_setting_changes_or_goes(
     assert outcome.status == "skipped" and outcome.kept.startswith("with another "), "one of a folder stays"
 
 
-def test_a_named_picture_is_drawn_again_without_the_camera_that_it_had(
+def test_a_named_picture_is_drawn_again_without_its_camera(
     renderer: Renderer, scan: Path, tmp_path: Path
 ) -> None:
     output = tmp_path / "a.png"
@@ -202,7 +205,7 @@ def test_a_named_picture_is_drawn_again_without_the_camera_that_it_had(
         assert drawn(renderer, scan, output, look, single=True).status == status
 
 
-def test_a_picture_of_another_program_stays_and_is_told(
+def test_a_picture_of_another_program_is_kept_and_named(
     render: Callable[..., Result], scans: Path, tmp_path: Path
 ) -> None:
     mine = tmp_path / "out" / "one.png"
@@ -214,7 +217,7 @@ def test_a_picture_of_another_program_stays_and_is_told(
     assert f"{mine} is there already, without a record of z2p; --overwrite" in result.stderr
 
 
-def test_a_loop_that_is_there_is_told_like_a_picture(
+def test_an_existing_loop_is_treated_like_a_picture(
     z2p: Callable[..., Result], tiny_weights: Path, scans: Path, tmp_path: Path, cloud: np.ndarray
 ) -> None:
     def animate(*words: object) -> Result:

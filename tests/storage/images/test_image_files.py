@@ -1,4 +1,4 @@
-"""Pictures keep their pixels and their record in every format; what is no picture of z2p is told apart."""
+"""Pictures keep their pixels and their record in every format; files without a record are refused."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ def test_pixels_and_record_survive(suffix: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", FORMATS)
-def test_a_background_makes_it_opaque(suffix: str, tmp_path: Path) -> None:
+def test_a_background_makes_pictures_opaque(suffix: str, tmp_path: Path) -> None:
     write_picture(np.zeros((40, 40, 4), np.uint8), tmp_path / f"a{suffix}", (1.0, 0.5, 0.0))
     picture = Image.open(tmp_path / f"a{suffix}")
     assert picture.mode == "RGB"
     assert np.abs(np.asarray(picture).astype(int) - (255, 128, 0)).max() <= 2
 
 
-def test_a_picture_without_a_record_is_told_apart(tmp_path: Path) -> None:
+def test_files_without_a_record_are_refused(tmp_path: Path) -> None:
     write_picture(PICTURE, tmp_path / "a.png")
     with pytest.raises(PictureError, match=r"a\.png: holds no record"):
         read_record(tmp_path / "a.png")

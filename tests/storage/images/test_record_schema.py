@@ -1,4 +1,4 @@
-"""Records inside pictures: those that z2p writes are sound, and edited ones are refused by the key that cannot be."""
+"""Records inside pictures: those that z2p writes are valid; edited ones are refused with the invalid key."""
 
 import json
 from pathlib import Path
@@ -29,9 +29,9 @@ def changed(record: object, path: str, value: object) -> dict:
 
 
 def picture(path: Path, text: str) -> Path:
-    told = PngInfo()
-    told.add_itxt("z2p", text)
-    Image.new("RGBA", (8, 8), "teal").save(path, pnginfo=told)
+    info = PngInfo()
+    info.add_itxt("z2p", text)
+    Image.new("RGBA", (8, 8), "teal").save(path, pnginfo=info)
     return path
 
 
@@ -47,7 +47,7 @@ ODD = {
 
 
 @pytest.mark.parametrize("path", ODD)
-def test_a_value_that_cannot_be_is_refused_by_its_key(record, path, tmp_path):
+def test_an_impossible_value_is_refused_by_its_key(record, path, tmp_path):
     assert record_fault(record, complete=True) == ""
     for value in ODD[path]:
         fault = record_fault(changed(record, path, value))
@@ -74,7 +74,7 @@ def test_a_text_that_is_no_record_is_refused(text, tmp_path):
 
 
 @pytest.mark.parametrize("part", ["input", "stance", "weights", "camera", "controls", "resolution"])
-def test_what_draws_a_picture_again_must_all_be_there(record, part, tmp_path):
+def test_a_complete_record_needs_all_its_parts(record, part, tmp_path):
     less = {key: value for key, value in record.items() if key != part}
     file = picture(tmp_path / "less.png", json.dumps(less))
     assert read_record(file) == less
@@ -82,7 +82,7 @@ def test_what_draws_a_picture_again_must_all_be_there(record, part, tmp_path):
         read_record(file, complete=True)
 
 
-def test_no_picture_stops_a_gallery(record, tmp_path):
+def test_damaged_pictures_do_not_stop_a_gallery(record, tmp_path):
     files = [tmp_path / f"{name}.png" for name in ("cut", "empty", "text", "gone", "folder", "bomb")]
     sound = picture(tmp_path / "sound.png", json.dumps(record))
     files[0].write_bytes(sound.read_bytes()[:60])
@@ -95,6 +95,6 @@ def test_no_picture_stops_a_gallery(record, tmp_path):
     assert all(f">{file.stem}</a>" in page for file in [*files, sound])
 
 
-def test_half_a_pair_of_signs_stops_no_gallery(record, tmp_path):
+def test_a_lone_surrogate_does_not_stop_a_gallery(record, tmp_path):
     file = picture(tmp_path / "odd.png", json.dumps(changed(record, "stance.view_reason", "of \udc00")))
     assert "of &#56320;" in write_gallery([file], tmp_path / "index.html").read_text()

@@ -1,4 +1,4 @@
-"""Guesses of names: what was meant, a slip of the keys, and nothing where nothing is sure."""
+"""Suggestions for unknown names: synonyms, typing errors, and none if it is not clear what was meant."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KNOWN = ("output", "format", "up", "view", "azimuth", "load-camera", "resolution
      ("camera", "load-camera"), ("padding", "margin"), ("force", "overwrite"), ("threads", "jobs"),
      ("crop", "fit tight"), ("same_frame", "same-frame"), ("UP_AXIS", "up")],
 )  # fmt: skip
-def test_a_word_of_others_is_the_option_of_that_meaning(name: str, guess: str) -> None:
+def test_a_synonym_suggests_the_option_of_its_meaning(name: str, guess: str) -> None:
     assert suggest_name(name, KNOWN) == guess
 
 
@@ -26,21 +26,21 @@ def test_a_word_of_others_is_the_option_of_that_meaning(name: str, guess: str) -
     [("ouput", "output"), ("lihgt", "light"), ("colr", "color"), ("sise", "size"), ("heigth", "resolution"),
      ("backgrund", "background"), ("resoltuoin", "resolution"), ("overwirte", "overwrite")],
 )  # fmt: skip
-def test_a_slip_of_the_keys_is_seen_through(name: str, guess: str) -> None:
+def test_typing_errors_are_corrected(name: str, guess: str) -> None:
     assert suggest_name(name, KNOWN) == guess
 
 
 @pytest.mark.parametrize("name", ["frames", "noise", "views", "points", "seed", "blubb", "x", "", "dpi"])
-def test_a_word_of_another_meaning_is_no_slip(name: str) -> None:
+def test_a_word_of_another_meaning_is_not_corrected(name: str) -> None:
     assert suggest_name(name, KNOWN) is None
 
 
-def test_what_is_as_near_to_two_names_is_neither() -> None:
+def test_a_name_equally_close_to_two_others_is_not_corrected() -> None:
     assert closest_name("lath", ["path", "lathe"]) is None
     assert closest_name("lathee", ["path", "lathe"]) == "lathe"
 
 
-def test_slips_are_counted_once_each() -> None:
+def test_the_edit_distance_counts_each_typing_error_once() -> None:
     pairs = (("same", "same"), ("light", "lihgt"), ("light", "ligt"), ("light", "lights"), ("light", "sight"))
     assert [edit_distance(*pair) for pair in pairs] == [0, 1, 1, 1, 1]
     assert edit_distance("kitten", "sitting") == 3

@@ -1,4 +1,4 @@
-"""Advice on what to install: it names what is ours, and extras that there are."""
+"""Advice on what to install names this project and existing extras."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ CODE = [path for folder in ("z2p_core", "pipeline", "storage", "workflows", "plu
 EXTRAS = set(tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"])
 
 
-def test_advice_is_what_works_in_a_clone() -> None:
+def test_the_advised_command_works_in_a_clone() -> None:
     assert install_advice("video").endswith('pip install -c constraints.txt ".[video]"')
     assert install_advice().endswith('pip install -c constraints.txt "."')
     assert (ROOT / "constraints.txt").exists() and ENGINE_EXTRAS <= EXTRAS
 
 
 @pytest.mark.parametrize("path", CODE, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_no_message_names_a_package_of_a_stranger_or_an_extra_that_is_none(path: Path) -> None:
+def test_advice_names_only_existing_extras(path: Path) -> None:
     code = path.read_text()
     assert not re.search(r"pip install [^.\n]*\bz2p\b(?!-renderer)", code) and "z2p[" not in code
     named = set(re.findall(r"install_advice\(\s*['\"](\w+)['\"]", code))

@@ -13,22 +13,22 @@ from z2p_renderer.storage.shards import ShardError
 
 
 @pytest.mark.parametrize("text", ["", "expected x, got 'é' — 点群", "a" * MAX_MESSAGE_CHARACTERS])
-def test_what_can_be_shown_stays_as_it_is(text):
+def test_printable_text_is_unchanged(text):
     assert one_line(text) == text == str(UserError(text))
 
 
-def test_signs_that_no_terminal_shows_are_escaped():
+def test_unprintable_characters_are_escaped():
     assert one_line("a\nb\r\nc\0d\x1b[2Je\ud800f\u202eg") == "a b c\\x00d\\x1b[2Je\\ud800f\\u202eg"
 
 
-def test_of_a_long_message_the_beginning_and_the_end_stay():
-    told = one_line("expected a number, got " + "9" * 10_000 + "; give one")
-    assert len(told) == MAX_MESSAGE_CHARACTERS
-    assert told.startswith("expected a number, got 99") and told.endswith("99; give one")
+def test_long_messages_lose_their_middle():
+    message = one_line("expected a number, got " + "9" * 10_000 + "; give one")
+    assert len(message) == MAX_MESSAGE_CHARACTERS
+    assert message.startswith("expected a number, got 99") and message.endswith("99; give one")
 
 
 @pytest.mark.parametrize("kind", [ScanError, SettingError, ConfigError, WeightsError, PictureError, ShardError])
-def test_every_error_of_ours_is_one_line_and_survives_a_pickle(kind):
+def test_user_errors_are_one_line_and_can_be_pickled(kind):
     error = kind("got\n" + "x" * 5000)
     assert "\n" not in str(error) and len(str(error)) == MAX_MESSAGE_CHARACTERS and isinstance(error, ValueError)
     assert str(pickle.loads(pickle.dumps(error))) == str(error)
