@@ -83,5 +83,5 @@ def misplaced_option_error(error: click.NoSuchOption) -> click.UsageError:
     name = closest_name(error.option_name, ("--help", "--version"))
     if name is not None:
         return click.UsageError(f"No such option: {error.option_name}. Did you mean {name}?", error.ctx)
-    return click.UsageError(f"No such option: {error.option_name}. Options of a command stand behind its name, as in "
+    return click.UsageError(f"No such option: {error.option_name}. Options of a command follow its name, as in "
                             f"z2p {RENDER_COMMAND} INPUT {error.option_name} ...", error.ctx)  # fmt: skip

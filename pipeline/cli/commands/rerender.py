@@ -188,8 +188,11 @@ def _build_changed_look(
     from z2p_renderer.pipeline.inference.look import build_look
     from z2p_renderer.pipeline.inference.renderer import Renderer
 
-    recorded_weights = options["weights"] is None and isinstance(renderer, Renderer)
-    if recorded_weights and renderer.weights["sha256"] != record["weights"]["sha256"]:
+    if (
+        options["weights"] is None
+        and isinstance(renderer, Renderer)
+        and renderer.weights["sha256"] != record["weights"]["sha256"]
+    ):
         click.echo(f"note: the weights {weights!r} are others than those of the picture; its look may differ", err=True)
     recorded_controls = {key: value for key, value in record["controls"].items() if key in renderer.controls}
     dropped = sorted(set(record["controls"]) - set(recorded_controls))

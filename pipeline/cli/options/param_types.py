@@ -104,13 +104,13 @@ class ViewDirection(click.ParamType):
 class FileFormat(click.Choice):
     """A file format, given by its name or its suffix, in upper or lower case."""
 
-    def __init__(self, kinds: Sequence[str], suffixes: Mapping[str, str]) -> None:
-        super().__init__(list(kinds), case_sensitive=False)
-        self._suffixes = suffixes
+    def __init__(self, formats: Sequence[str], aliases: Mapping[str, str]) -> None:
+        super().__init__(list(formats), case_sensitive=False)
+        self._aliases = aliases
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         name = value.lower().lstrip(".")
-        return super().convert(self._suffixes.get(name, name), param, ctx)
+        return super().convert(self._aliases.get(name, name), param, ctx)
 
 
 class MarginShare(click.ParamType):
