@@ -1,4 +1,4 @@
-"""What is timed: clouds of any size, weights, and the folder that they lie in."""
+"""Inputs of the benchmarks: clouds of any size, an example mesh, and random weights."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-SHIPPED = "regular"
-"""The weights whose network is timed."""
+SHIPPED_WEIGHTS = "regular"
+"""Name of the weights whose network is timed."""
 
 
-def cloud_of(count: int) -> np.ndarray:
-    """Points (count, 3) float32 on a lobed closed surface in the unit sphere; the same ones every time."""
+def make_cloud(count: int) -> np.ndarray:
+    """Points (count, 3) float32 on a lobed closed surface in the unit sphere; the same for the same count."""
     rng = np.random.default_rng(count)
     points = rng.standard_normal((count, 3), dtype=np.float32)
     points /= np.linalg.norm(points, axis=1, keepdims=True)
@@ -20,8 +20,8 @@ def cloud_of(count: int) -> np.ndarray:
     return points
 
 
-def own_mesh(folder: Path) -> Path:
-    """A mesh of z2p's own, written into the folder."""
+def write_example_mesh(folder: Path) -> Path:
+    """Writes a built-in mesh into the folder; returns its path."""
     from z2p_renderer.pipeline.shapes import shape
     from z2p_renderer.storage.meshes import write_mesh
 
@@ -31,7 +31,7 @@ def own_mesh(folder: Path) -> Path:
 
 
 def random_weights(folder: Path) -> Path:
-    """Weights of the shipped network's shape with random numbers: they take the same time as trained ones."""
+    """Writes random weights of the shipped network's shape, which take the same time as trained ones."""
     import torch
 
     from z2p_core.network.unet import build_network
@@ -39,7 +39,7 @@ def random_weights(folder: Path) -> Path:
     from z2p_renderer.pipeline.inference.loading import load_plugins
     from z2p_renderer.storage.models.checkpoints import save_weights
 
-    shipped = load_plugins(SHIPPED)
+    shipped = load_plugins(SHIPPED_WEIGHTS)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(0)
         channels, settings = shipped.buffer_channels, shipped.settings

@@ -1,9 +1,8 @@
-"""How long a picture takes, stage by stage and from end to end: ``python benchmarks/picture.py``.
+"""Times a picture, stage by stage and end to end: ``python benchmarks/picture.py``.
 
-Prints a table (median, quartiles, limit, ratio to the baseline of the same run), and writes ``picture.json`` and curves
-of time against points and against resolution to --output. A quiet machine is needed for figures that mean something:
-the load is told with them, and ``--busy`` counts processor time instead. ``--quick`` takes a minute;
-``--points 1e8`` draws the whole curve.
+Prints a table (median, quartiles, limit, ratio to the baseline of the same run), and writes ``picture.json`` and plots
+of time against points and against resolution to --output. Use a quiet machine: the load is printed too, and ``--busy``
+measures processor time instead. ``--quick`` takes a minute; ``--points 1e8`` plots the full range.
 """
 
 from __future__ import annotations
@@ -22,9 +21,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from curves import draw_curve
-from measure import Figure, clocks, measure, table
-from subjects import cloud_of, random_weights
+from inputs import make_cloud, random_weights
+from plot_times import plot_times
+from timing import Timing, clocks, markdown_table, time_call
 
 from z2p_core import registry
 from z2p_core.camera import Camera
@@ -36,15 +35,22 @@ from z2p_renderer.storage.images.image_files import encode_picture
 from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights
 from z2p_renderer.storage.scans.clouds import read_clouds
 
-FEW = 5_000
+CLOUD_POINTS = 5_000
+"""Points of the usual cloud."""
 ZBUFFER_LIMITS = {5_000: 2.0, 1_000_000: 6.0, 10_000_000: 40.0}
+"""Points -> milliseconds."""
 PICTURE_LIMITS = {256: 10.0, 512: 30.0}
-PROCESS_LIMIT, FOLDER_LIMIT, MEMORY_LIMIT = 700.0, 8000.0, 600.0
-"""Milliseconds of a process and of one that draws a folder of `CLOUDS`, and MB."""
-CLOUDS = 200
-LOOP = "z-buffer, 5k points, double loop"
-PAPER = "the paper's U-Net, torch, 512"
-BOTH = "double loop and the paper's U-Net"
+"""Side in pixels -> milliseconds."""
+PROCESS_LIMIT = 700.0
+"""Milliseconds from process start to one PNG."""
+FOLDER_LIMIT = 8000.0
+"""Milliseconds of a process that draws a folder of `FOLDER_CLOUDS`."""
+MEMORY_LIMIT = 600.0
+"""Peak memory of that process, MB."""
+FOLDER_CLOUDS = 200
+DOUBLE_LOOP = "z-buffer, 5k points, double loop"
+PAPER_NETWORK = "the paper's U-Net, torch, 512"
+PAPER_TOTAL = "double loop and the paper's U-Net"
 
 
 def main() -> None:
@@ -57,16 +63,18 @@ def main() -> None:
     with tempfile.TemporaryDirectory(prefix="z2p-benchmark-") as folder:
         weights = random_weights(Path(folder)) if options.weights == "random" else Path(options.weights)
         load = os.getloadavg()[0]
-        figures = [*_zbuffers(options, weights), *_networks(options, weights), *_cuda(weights)]
-        figures += [*_baseline(figures), *_whole(options, weights, Path(folder))]
-        curves, memory = _curves(options, weights), _peak(options, weights, Path(folder))
+        timings = [*_zbuffers(options, weights), *_networks(options, weights), *_cuda(weights)]
+        timings += [*_paper_total(timings), *_end_to_end(options, weights, Path(folder))]
+        curves, memory = _plot_curves(options, weights), _peak_memory(options, weights, Path(folder))
     machine = _machine(options, load, memory)
     clock = "processor time" if options.busy else "time"
     print(f"{machine['processor']}, {clock} on {options.threads} of {machine['cores']} cores, load {load:.1f} before\n")
-    print(table(figures))
+    print(markdown_table(timings))
     if memory is not None:
-        print(f"\npeak memory of z2p over a folder of {CLOUDS} clouds: {memory:.0f} MB, limit {MEMORY_LIMIT:.0f}")
-    content = {"machine": machine, "figures": [one.to_json() for one in figures], "curves": curves}
+        print(
+            f"\npeak memory of z2p over a folder of {FOLDER_CLOUDS} clouds: {memory:.0f} MB, limit {MEMORY_LIMIT:.0f}"
+        )
+    content = {"machine": machine, "figures": [one.to_json() for one in timings], "curves": curves}
     (options.output / "picture.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     print(f"\nwrote {options.output / 'picture.json'} and the curves beside it")
 
@@ -86,111 +94,115 @@ def _options() -> Any:
     return options
 
 
-def _zbuffers(options: Any, weights: Path) -> list[Figure]:
-    from rivals import double_loop, torch_scatter
+def _zbuffers(options: Any, weights: Path) -> list[Timing]:
+    from reference_implementations import double_loop, torch_scatter
 
     camera, (zbuffer, gbuffer) = Camera(512, 512), _buffers(weights)
-    figures = [measure(LOOP, partial(double_loop, cloud_of(FEW), camera), warm=False, repeats=3)]
+    figures = [time_call(DOUBLE_LOOP, partial(double_loop, make_cloud(CLOUD_POINTS), camera), warm=False, repeats=3)]
     for count, limit in ZBUFFER_LIMITS.items():
         if count > options.points:
             continue
-        cloud, told = cloud_of(count), _told(count)
-        scatter = f"z-buffer, {told} points, torch scatter"
-        figures.append(measure(scatter, partial(torch_scatter, cloud, camera)))
-        floor = measure("read", partial(np.max, cloud.view(np.uint32).reshape(-1))).median
-        figures.append(measure(f"z-buffer, {told} points", partial(zbuffer.draw, cloud, camera), limit,
-                               LOOP if count == FEW else scatter, floor))  # fmt: skip
+        cloud, points = make_cloud(count), _count_name(count)
+        scatter = f"z-buffer, {points} points, torch scatter"
+        figures.append(time_call(scatter, partial(torch_scatter, cloud, camera)))
+        floor = time_call("read", partial(np.max, cloud.view(np.uint32).reshape(-1))).median
+        figures.append(time_call(f"z-buffer, {points} points", partial(zbuffer.draw, cloud, camera), limit,
+                               DOUBLE_LOOP if count == CLOUD_POINTS else scatter, floor))  # fmt: skip
     scene = SceneDescription()
-    figures += [measure(f"G-buffer, {_told(count)} points", partial(gbuffer.draw, cloud_of(count), camera, scene))
-                for count in (FEW, 100_000)]  # fmt: skip
+    figures += [
+        time_call(f"G-buffer, {_count_name(count)} points", partial(gbuffer.draw, make_cloud(count), camera, scene))
+        for count in (CLOUD_POINTS, 100_000)
+    ]
     return figures
 
 
 def _buffers(weights: Path) -> tuple[Any, Any]:
-    """The z-buffer and the G-buffer that the weights know."""
+    """The z-buffer and the G-buffer of the weights."""
     loaded = load_plugins(find_weights(weights))
     return loaded.zbuffer, loaded.gbuffer
 
 
-def _networks(options: Any, weights: Path) -> list[Figure]:
+def _networks(options: Any, weights: Path) -> list[Timing]:
     figures = []
     if not options.quick:
-        from rivals import paper_network
+        from reference_implementations import paper_network
 
-        figures.append(measure(PAPER, paper_network(512), repeats=3, warm=False))
+        figures.append(time_call(PAPER_NETWORK, paper_network(512), repeats=3, warm=False))
     for side in (256, 512):
-        for name in reversed(_engines(weights, options.threads)):  # torch comes first, as the others' baseline
+        for name in reversed(_engines(weights, options.threads)):  # torch first, as it is the baseline of the others
             renderer = Renderer(weights, options.threads, name)
-            run = partial(renderer._engine.draw, *renderer.inputs(cloud_of(FEW), None, side, side))
-            figures.append(measure(f"network, {name}, {side}", run, baseline=f"network, torch, {side}"))
+            run = partial(renderer._engine.draw, *renderer.inputs(make_cloud(CLOUD_POINTS), None, side, side))
+            figures.append(time_call(f"network, {name}, {side}", run, baseline=f"network, torch, {side}"))
     return figures
 
 
-def _cuda(weights: Path) -> list[Figure]:
-    """Time on the graphics card, transfers apart, with what its memory's bandwidth allows as a floor."""
+def _cuda(weights: Path) -> list[Timing]:
+    """Times on the graphics card, without transfers, and the lower bound by its memory bandwidth."""
     import torch
 
     if not torch.cuda.is_available():
         return []
-    from rivals import cuda_network
+    from reference_implementations import cuda_network
 
     figures = []
     for side in (256, 512):
         for batch in (1, 16):
             run, floor = cuda_network(weights, side, batch)
-            figures.append(measure(f"network, torch on CUDA, {side}, batch {batch}", run, floor=floor))
+            figures.append(time_call(f"network, torch on CUDA, {side}, batch {batch}", run, floor=floor))
     return figures
 
 
 def _engines(weights: Path, threads: int) -> list[str]:
     """The engines that can run these weights here."""
-    able = []
+    engines = []
     for name in registry.names("engines"):
         try:
             Renderer(weights, threads, name)
         except (WeightsError, registry.PluginError):
             continue
-        able.append(name)
-    return able
+        engines.append(name)
+    return engines
 
 
-def _baseline(figures: list[Figure]) -> list[Figure]:
-    """The paper's whole path, from the times of its parts."""
-    parts = [one for one in figures if one.what in (LOOP, PAPER)]
+def _paper_total(timings: list[Timing]) -> list[Timing]:
+    """The paper's method in total: the sum of the times of its parts."""
+    parts = [one for one in timings if one.what in (DOUBLE_LOOP, PAPER_NETWORK)]
     if len(parts) < 2:
         return []
     sums = (sum(getattr(one, name) for one in parts) for name in ("median", "low", "high"))
-    return [Figure(BOTH, *sums, min(one.repeats for one in parts))]
+    return [Timing(PAPER_TOTAL, *sums, min(one.repeats for one in parts))]
 
 
-def _whole(options: Any, weights: Path, folder: Path) -> list[Figure]:
-    cloud, scan = cloud_of(FEW), folder / "scans" / "scan_000.xyz"
+def _end_to_end(options: Any, weights: Path, folder: Path) -> list[Timing]:
+    cloud, scan = make_cloud(CLOUD_POINTS), folder / "scans" / "scan_000.xyz"
     scan.parent.mkdir()
-    for number in range(CLOUDS if not (options.quick or options.busy) else 1):
+    for number in range(FOLDER_CLOUDS if not (options.quick or options.busy) else 1):
         np.savetxt(scan.with_name(f"scan_{number:03d}.xyz"), cloud, fmt="%.6f")
     np.save(folder / "scan.npy", cloud)
     figures = [
-        measure("read, 5k points, .xyz", partial(read_clouds, scan)),
-        measure("read, 5k points, .npy", partial(read_clouds, folder / "scan.npy")),
-        measure("place, 5k points", partial(place_scan, read_clouds(scan)[0], ".xyz", PlacementOptions())),
+        time_call("read, 5k points, .xyz", partial(read_clouds, scan)),
+        time_call("read, 5k points, .npy", partial(read_clouds, folder / "scan.npy")),
+        time_call("place, 5k points", partial(place_scan, read_clouds(scan)[0], ".xyz", PlacementOptions())),
     ]
     engines = _engines(weights, options.threads)
     for side, limit in PICTURE_LIMITS.items():
         for name in engines:
             run = partial(Renderer(weights, options.threads, name).render, cloud, None, side, side)
-            baseline = BOTH if side == 512 else None
-            figures.append(measure(f"points to RGBA, {side}, {name}", run, limit, baseline))
+            baseline = PAPER_TOTAL if side == 512 else None
+            figures.append(time_call(f"points to RGBA, {side}, {name}", run, limit, baseline))
     picture = Renderer(weights, options.threads).render(cloud)
-    figures.append(measure("encode, 512, .png", partial(encode_picture, picture, ".png")))
+    figures.append(time_call("encode, 512, .png", partial(encode_picture, picture, ".png")))
     if options.quick or options.busy:  # the processor time of other processes is not ours
         return figures
     command = _command(weights)
     alone = [*command, str(scan), "-o", str(folder / "one.png")]
-    figures.append(measure("process start to PNG, 5k points, 512", partial(_process, alone), PROCESS_LIMIT, repeats=5))
+    figures.append(
+        time_call("process start to PNG, 5k points, 512", partial(_process, alone), PROCESS_LIMIT, repeats=5)
+    )
     for name in engines:
         many = [*command, str(scan.parent), "-o", str(folder / "many"), "--engine", name]
-        told = f"process, a folder of {CLOUDS} clouds of 5k points, {name}"
-        figures.append(measure(told, partial(_process, many), FOLDER_LIMIT, repeats=3, warm=False))
+        what = f"process, a folder of {FOLDER_CLOUDS} clouds of 5k points, {name}"
+        figures.append(time_call(what, partial(_process, many), FOLDER_LIMIT, repeats=3, warm=False))
     return figures
 
 
@@ -198,34 +210,36 @@ def _process(command: list[str]) -> None:
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 
-def _curves(options: Any, weights: Path) -> dict[str, Any]:
-    """Milliseconds against points and against the side, also drawn."""
+def _plot_curves(options: Any, weights: Path) -> dict[str, Any]:
+    """Milliseconds against points and against the image's side, also plotted."""
     camera, scene, (zbuffer, gbuffer) = Camera(512, 512), SceneDescription(), _buffers(weights)
     counts = [10**power for power in range(3, 9) if 10**power <= options.points]
     points: dict[str, list[float]] = {"z-buffer": [], "G-buffer": [], "reading 12 bytes a point": []}
     for count in counts:
-        cloud = cloud_of(count)
+        cloud = make_cloud(count)
         runs = (partial(zbuffer.draw, cloud, camera), partial(gbuffer.draw, cloud, camera, scene),
                 partial(np.max, cloud.view(np.uint32).reshape(-1)))  # fmt: skip
         for name, run in zip(points, runs, strict=True):
-            points[name].append(measure(name, run, repeats=5).median)
+            points[name].append(time_call(name, run, repeats=5).median)
     sides = (128, 256, 512) if options.quick else (128, 256, 512, 1024, 2048)
-    renderer, cloud = Renderer(weights, options.threads), cloud_of(FEW)
-    pixels = [measure("picture", partial(renderer.render, cloud, None, side, side), repeats=5).median for side in sides]
+    renderer, cloud = Renderer(weights, options.threads), make_cloud(CLOUD_POINTS)
+    pixels = [
+        time_call("picture", partial(renderer.render, cloud, None, side, side), repeats=5).median for side in sides
+    ]
     resolution = {f"points to RGBA, {renderer.engine}": pixels}
-    draw_curve(options.output / "points.png", "points", counts, points, ZBUFFER_LIMITS)
-    draw_curve(options.output / "resolution.png", "side in pixels", sides, resolution, PICTURE_LIMITS)
+    plot_times(options.output / "points.png", "points", counts, points, ZBUFFER_LIMITS)
+    plot_times(options.output / "resolution.png", "side in pixels", sides, resolution, PICTURE_LIMITS)
     return {"points": {"at": counts, **points}, "resolution": {"at": list(sides), **resolution}}
 
 
-def _peak(options: Any, weights: Path, folder: Path) -> float | None:
-    """Peak memory in MB of a process that draws a folder, told by a small one between: a child inherits our peak."""
+def _peak_memory(options: Any, weights: Path, folder: Path) -> float | None:
+    """Peak memory in MB of a process that draws a folder, measured by a small parent, as a child inherits our peak."""
     if options.quick or options.busy:
         return None
-    told = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True)"
-    told += "; print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3)"
+    program = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True)"
+    program += "; print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3)"
     command = [*_command(weights), str(folder / "scans"), "-o", str(folder / "many")]
-    return float(subprocess.run([sys.executable, "-c", told, *command], check=True, capture_output=True).stdout)
+    return float(subprocess.run([sys.executable, "-c", program, *command], check=True, capture_output=True).stdout)
 
 
 def _command(weights: Path) -> list[str]:
@@ -250,7 +264,7 @@ def _cpuinfo() -> str:
     return path.read_text() if path.exists() else ""
 
 
-def _told(count: int) -> str:
+def _count_name(count: int) -> str:
     return f"{count // 1_000_000}M" if count >= 1_000_000 else f"{count // 1000}k"
 
 

@@ -1,4 +1,4 @@
-"""Curves of time, with the limit beside them."""
+"""Plots times with their limits."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 
-def draw_curve(
+def plot_times(
     path: Path, label: str, at: Sequence[int], lines: Mapping[str, Sequence[float]], limits: Mapping[int, float]
 ) -> None:
-    """Writes a picture of milliseconds against `at`, both on a logarithmic axis; the limits are a dashed line."""
+    """Writes a log-log plot of milliseconds against `at`, a line per name; the limits are a dashed line."""
     import matplotlib
 
     matplotlib.use("Agg")

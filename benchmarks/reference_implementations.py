@@ -1,4 +1,4 @@
-"""What z2p is timed against: Eq. 1 as a double loop, as torch scatter, and the paper's network in torch."""
+"""Reference implementations to time z2p against: Eq. 1 as a double loop and as torch scatter; the paper's network."""
 
 from __future__ import annotations
 
@@ -23,31 +23,31 @@ PAPER_SETTINGS = 7
 
 def double_loop(cloud: np.ndarray, camera: Camera) -> np.ndarray:
     """The paper's z-buffer (H, W), one point and one pixel of its window at a time."""
-    picture = np.zeros((camera.height, camera.width), np.float32)
+    image = np.zeros((camera.height, camera.width), np.float32)
     pixels, depths = camera.project(cloud)
     reach = SPLAT_WINDOW // 2
     for (x, y), depth in zip(pixels, depths, strict=True):
         value = math.exp(-(float(depth) - INTENSITY_ALPHA) / INTENSITY_BETA)
         for row in range(int(y) - reach, int(y) + reach + 1):
             for column in range(int(x) - reach, int(x) + reach + 1):
-                if 0 <= row < camera.height and 0 <= column < camera.width and value > picture[row, column]:
-                    picture[row, column] = value
-    return picture
+                if 0 <= row < camera.height and 0 <= column < camera.width and value > image[row, column]:
+                    image[row, column] = value
+    return image
 
 
 def torch_scatter(cloud: np.ndarray, camera: Camera) -> torch.Tensor:
-    """The same as a scatter of the largest intensity and a max-pool."""
+    """The same z-buffer (1, 1, H, W) by scattering the largest intensity, and a max-pool."""
     points = torch.from_numpy(cloud)
     rotation = torch.from_numpy(camera.rotation.astype(np.float32))
-    inside = (points - torch.from_numpy(camera.position.astype(np.float32))) @ rotation.T
-    depth = inside[:, 2]
-    column = torch.floor(inside[:, 0] / depth * camera.focal + camera.width / 2).long()
-    row = torch.floor(inside[:, 1] / depth * camera.focal + camera.height / 2).long()
-    seen = (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height) & (depth > 0)
-    picture = torch.zeros(camera.height * camera.width)
-    value = torch.exp((INTENSITY_ALPHA - depth[seen]) / INTENSITY_BETA)
-    picture.scatter_reduce_(0, row[seen] * camera.width + column[seen], value, "amax")
-    return F.max_pool2d(picture.view(1, 1, camera.height, camera.width), SPLAT_WINDOW, 1, SPLAT_WINDOW // 2)
+    in_camera = (points - torch.from_numpy(camera.position.astype(np.float32))) @ rotation.T
+    depth = in_camera[:, 2]
+    column = torch.floor(in_camera[:, 0] / depth * camera.focal + camera.width / 2).long()
+    row = torch.floor(in_camera[:, 1] / depth * camera.focal + camera.height / 2).long()
+    visible = (column >= 0) & (row >= 0) & (column < camera.width) & (row < camera.height) & (depth > 0)
+    image = torch.zeros(camera.height * camera.width)
+    value = torch.exp((INTENSITY_ALPHA - depth[visible]) / INTENSITY_BETA)
+    image.scatter_reduce_(0, row[visible] * camera.width + column[visible], value, "amax")
+    return F.max_pool2d(image.view(1, 1, camera.height, camera.width), SPLAT_WINDOW, 1, SPLAT_WINDOW // 2)
 
 
 def paper_network(side: int) -> Callable[[], object]:
@@ -64,9 +64,9 @@ def paper_network(side: int) -> Callable[[], object]:
 
 
 def cuda_network(weights: Path, side: int, batch: int) -> tuple[Callable[[], object], float]:
-    """A call of the network on the graphics card in float32, ended when the card is done; and a floor in milliseconds.
+    """A synchronous call of the network on the graphics card in float32, and its lower bound in milliseconds.
 
-    The floor is reading all inputs and weights and writing all pictures once, at the bandwidth of copying on that card.
+    The bound is the time to read all inputs and weights and to write all images once, at the card's copy bandwidth.
     """
     loaded = load_plugins(weights)
     network = loaded.build().cuda()
@@ -83,8 +83,8 @@ def cuda_network(weights: Path, side: int, batch: int) -> tuple[Callable[[], obj
         torch.cuda.synchronize()
         return picture
 
-    moved = sum(tensor.nbytes for tensor in (*inputs, *network.parameters())) + 16 * batch * side * side
-    return run, 1e3 * moved / _bandwidth()
+    bytes_moved = sum(tensor.nbytes for tensor in (*inputs, *network.parameters())) + 16 * batch * side * side
+    return run, 1e3 * bytes_moved / _bandwidth()
 
 
 def _bandwidth() -> float:

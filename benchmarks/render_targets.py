@@ -1,9 +1,10 @@
-"""How near training targets come to the truth, and what they cost: ``python benchmarks/targets.py [MESH]``.
+"""Measures error and cost of training targets: ``python benchmarks/render_targets.py [MESH]``.
 
-Renders a few views of a mesh (by default a shape that z2p makes itself) at 512x512 with few samples and several seeds,
-makes them half as large, and compares them with clean renders: one picture alone, and the mean over the seeds. The
-noise of one picture averages out in training; what the mean still has wrong, for denoisers smear what they are unsure
-of, is learnt. Prints a table and writes ``targets.json`` to --output.
+Renders a few views of a mesh (by default a built-in shape) at 512x512 with few samples and several seeds, halves them,
+and compares them with clean renders: one picture alone, and the mean over the seeds. The noise of one picture averages
+out in training; the error of the mean, a bias of the denoiser, is learnt.
+
+Prints a table and writes ``render_targets.json`` to --output.
 """
 
 from __future__ import annotations
@@ -17,18 +18,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from subjects import own_mesh
+from inputs import write_example_mesh
 
 from z2p_core.images import area_average, shrink
 from z2p_core.quality.metrics import image_metrics
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.render import RenderSettings, read_render, render_scenes
-from z2p_renderer.pipeline.rendering.views import sample_view, load_controls
+from z2p_renderer.pipeline.rendering.views import load_controls, sample_view
 
 SIDE = 512
-CLEAN = RenderSettings((SIDE, SIDE), 256, "high", seed=1000)
-TRIED = ((4, "fast"), (4, "high"), (8, "fast"), (16, "fast"), (16, "high"))
-FIGURES = ("flip", "ssim", "shadow_l1")
+REFERENCE_SETTINGS = RenderSettings((SIDE, SIDE), 256, "high", seed=1000)
+SETTINGS = ((4, "fast"), (4, "high"), (8, "fast"), (16, "fast"), (16, "high"))
+METRICS = ("flip", "ssim", "shadow_l1")
 
 Scenes = list[tuple[str, SceneDescription]]
 
@@ -49,31 +50,31 @@ def main() -> None:
     rows = []
     with tempfile.TemporaryDirectory(prefix="z2p-targets-") as temporary:
         folder = Path(temporary)
-        mesh = options.mesh or own_mesh(folder)
-        clean, _ = _rendered(mesh, scenes, CLEAN, folder / "clean")
-        for samples, denoise in TRIED:
-            settings = replace(CLEAN, samples=samples, denoise=denoise)
+        mesh = options.mesh or write_example_mesh(folder)
+        clean, _ = _rendered(mesh, scenes, REFERENCE_SETTINGS, folder / "clean")
+        for samples, denoise in SETTINGS:
+            settings = replace(REFERENCE_SETTINGS, samples=samples, denoise=denoise)
             row = measured(mesh, scenes, settings, options.seeds, clean, folder / f"{samples}-{denoise}")
             rows.append({"samples": samples, "denoise": denoise, **row})
-            figures = " | ".join(f"{row[whose][name]:.4f}" for whose in ("one", "mean") for name in FIGURES)
+            figures = " | ".join(f"{row[whose][name]:.4f}" for whose in ("one", "mean") for name in METRICS)
             print(f"| {samples} | {denoise} | {row['seconds']:.1f} | {figures} |", flush=True)
-    (options.output / "targets.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+    (options.output / "render_targets.json").write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
 
 
 def measured(
     mesh: Path, scenes: Scenes, settings: RenderSettings, seeds: int, clean: np.ndarray, folder: Path
 ) -> dict[str, Any]:
-    """Seconds a picture, and the figures of one picture and of the mean over the seeds, both means over the views."""
+    """Seconds per picture, and the metrics of one picture and of the mean over seeds, averaged over the views."""
     drawn, seconds = zip(*(
         _rendered(mesh, scenes, replace(settings, seed=seed), folder / str(seed)) for seed in range(seeds)
     ), strict=True)  # fmt: skip
     compared = {"one": drawn[0], "mean": np.mean(drawn, axis=0)}
-    figures = {}
+    metrics = {}
     for name, pictures in compared.items():
-        found = [image_metrics(ours[..., :4], truth[..., :4], truth[..., 4])
+        rows = [image_metrics(ours[..., :4], truth[..., :4], truth[..., 4])
                  for ours, truth in zip(pictures, clean, strict=True)]  # fmt: skip
-        figures[name] = {figure: float(np.mean([own[figure] for own in found])) for figure in FIGURES}
-    return {"seconds": float(np.median(seconds)), **figures}
+        metrics[name] = {metric: float(np.mean([row[metric] for row in rows])) for metric in METRICS}
+    return {"seconds": float(np.median(seconds)), **metrics}
 
 
 def _rendered(mesh: Path, scenes: Scenes, settings: RenderSettings, out: Path) -> tuple[np.ndarray, float]:

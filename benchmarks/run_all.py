@@ -1,7 +1,7 @@
-"""Every benchmark of speed in one go: ``python benchmarks/everything.py [--shards DIR]``.
+"""Runs all benchmarks of speed and memory: ``python benchmarks/run_all.py [--shards DIR]``.
 
-Runs picture.py (clouds up to 100 million points), endurance.py, rendering.py and, with shards, training.py one after
-the other on what should be a quiet machine; prints their tables, and leaves their JSON and curves in --output.
+Runs picture.py (clouds up to 100 million points), memory.py, rendering.py and, with shards, training.py one after
+the other; prints their tables, and writes their JSON and plots to --output. Use a quiet machine.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ HERE = Path(__file__).parent
 
 
 def main() -> None:
-    """Run them all; the exit status tells of any that failed."""
+    """Runs them all; the exit status is not 0 if one failed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--weights", default="regular", help="name or file")
     parser.add_argument("--shards", type=Path, help="folder of shards to train on, as runs/shard")
@@ -23,7 +23,7 @@ def main() -> None:
     parser.add_argument("--output", type=Path, default=Path("previews/benchmarks"))
     options = parser.parse_args()
     shared, weights = ["--output", str(options.output)], ["--weights", options.weights, "--points", options.points]
-    runs = {"picture.py": weights, "endurance.py": weights, "rendering.py": []}
+    runs = {"picture.py": weights, "memory.py": weights, "rendering.py": []}
     if options.shards is not None:
         runs["training.py"] = [str(options.shards)]
     failed = []

@@ -1,4 +1,4 @@
-"""Times of one thing: how they are taken, and what is told of them."""
+"""Times calls, and formats the times as a table."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 REPEATS = 9
-BUDGET = 4.0
-"""Seconds that one figure may take beyond its first run; slow baselines get fewer repeats."""
+BUDGET_SECONDS = 4.0
+"""Time for the repeats of one call; slow ones get fewer repeats."""
 
 
 clocks: list[Callable[[], float]] = [time.perf_counter]
-"""The last is the one that is read; `time.process_time` leaves out what other processes took of a busy machine."""
+"""The last one is used; `time.process_time` excludes the time of other processes on a busy machine."""
 
 
 @dataclass(frozen=True)
-class Figure:
-    """Milliseconds of one thing, measured several times in this run."""
+class Timing:
+    """Milliseconds of one repeated call."""
 
     what: str
     median: float
@@ -28,44 +28,50 @@ class Figure:
     """Quartiles."""
     repeats: int
     limit: float | None = None
-    """What it should stay below, milliseconds on two quiet cores."""
+    """Upper limit, milliseconds on two quiet cores."""
     baseline: str | None = None
-    """The figure of the same run that it is compared with."""
+    """Name of the timing of the same run to compare with."""
     floor: float | None = None
-    """What the machine's memory allows, milliseconds."""
+    """Lower bound by memory bandwidth, milliseconds."""
 
     def to_json(self) -> dict[str, Any]:
         return asdict(self)
 
 
-def measure(
-    what: str, run: Callable[[], object], limit: float | None = None, baseline: str | None = None,
-    floor: float | None = None, repeats: int = REPEATS, warm: bool = True,
-) -> Figure:
-    """Times of `run`, called `repeats` times or as often as fits into the budget; once more before, to warm up."""
+def time_call(
+    what: str,
+    run: Callable[[], object],
+    limit: float | None = None,
+    baseline: str | None = None,
+    floor: float | None = None,
+    repeats: int = REPEATS,
+    warm: bool = True,
+) -> Timing:
+    """Times `run`, called `repeats` times or as often as fits into `BUDGET_SECONDS`, after one warm-up call."""
     clock = clocks[-1]
     if warm:
         run()
     times: list[float] = []
     began = time.perf_counter()
-    while len(times) < repeats and (not times or time.perf_counter() - began < BUDGET):
+    while len(times) < repeats and (not times or time.perf_counter() - began < BUDGET_SECONDS):
         start = clock()
         run()
         times.append(1e3 * (clock() - start))
     low, high = (min(times), max(times)) if len(times) < 4 else statistics.quantiles(times, n=4)[::2]
-    return Figure(what, statistics.median(times), low, high, len(times), limit, baseline, floor)
+    return Timing(what, statistics.median(times), low, high, len(times), limit, baseline, floor)
 
 
-def table(figures: list[Figure]) -> str:
-    """The figures as a Markdown table: median, quartiles, limit, floor and how many times as fast as the baseline."""
-    medians = {figure.what: figure.median for figure in figures}
+def markdown_table(timings: list[Timing]) -> str:
+    """Timings as a Markdown table: median, quartiles, limit, floor, and speed relative to the baseline."""
+    medians = {timing.what: timing.median for timing in timings}
     lines = ["| what | median ms | quartiles | limit | floor | ratio |", "|---|--:|--:|--:|--:|---|"]
-    for one in figures:
+    for one in timings:
         ratio = ""
         if one.baseline in medians:
             ratio = f"{medians[one.baseline] / one.median:.3g} x {one.baseline}"
         limit, floor = ("" if number is None else f"{number:.3g}" for number in (one.limit, one.floor))
         over = " !" if one.limit is not None and one.median > one.limit else ""
-        lines.append(f"| {one.what} | {one.median:.3g}{over} | {one.low:.3g} to {one.high:.3g} | {limit} | {floor} "
-                     f"| {ratio} |")
+        lines.append(
+            f"| {one.what} | {one.median:.3g}{over} | {one.low:.3g} to {one.high:.3g} | {limit} | {floor} | {ratio} |"
+        )
     return "\n".join(lines)

@@ -1,8 +1,8 @@
-"""How fast training goes, its data alone and its whole step: ``python benchmarks/training.py SHARD... [--config C]``.
+"""Times training, its data alone and its steps alone: ``python benchmarks/training.py SHARD... [--config C]``.
 
-A SHARD is a shard.h5, or a folder that holds some at any depth. Prints samples a second of making batches, of learning
-from batches that are there already, and of both together as a training runs them, with the share of the time that the
-trainer waits; and which functions making a batch spends its time in. Writes ``training.json`` to --output.
+A SHARD is a shard.h5, or a folder that holds some at any depth. Prints samples per second of making batches, of
+training steps on ready batches, and of both together as a training runs them, with the share of time that the steps
+wait for batches; and a profile of making batches. Writes ``training.json`` to --output.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from z2p_core.config import parse_config
 from z2p_renderer.pipeline.training.state import TrainingState, start_training
 from z2p_renderer.pipeline.training.train import _train_step
 
-MOST_FUNCTIONS = 12
+PROFILED_FUNCTIONS = 12
 
 
 def main() -> None:
@@ -35,47 +35,49 @@ def main() -> None:
     files = [file for path in options.shards for file in ([path] if path.is_file() else sorted(path.rglob("shard.h5")))]
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     run = start_training(files, config, device, options.precision)
-    told = {"shards": len(files), "renders": len(run.data.training), "steps": options.steps, "device": device.type,
+    setup = {"shards": len(files), "renders": len(run.data.training), "steps": options.steps, "device": device.type,
             "threads": options.threads, "cores": os.cpu_count(), "load before": os.getloadavg()[0]}  # fmt: skip
     read_all(run)
     rows, functions = [*alone(run, options.steps), together(run, options.steps)], profiled(run, options.steps)
-    print(", ".join(f"{name} {value}" for name, value in told.items()) + "\n")
+    print(", ".join(f"{name} {value}" for name, value in setup.items()) + "\n")
     print("| what | samples/s | ms a step | of processors | waiting |\n|---|--:|--:|--:|--:|")
     for row in rows:
         waiting = f"{row['waiting']:.0%}" if "waiting" in row else ""
-        print(f"| {row['what']} | {row['samples a second']:.1f} | {row['ms a step']:.0f} "
-              f"| {row['processor ms a step']:.0f} | {waiting} |")
+        print(
+            f"| {row['what']} | {row['samples a second']:.1f} | {row['ms a step']:.0f} "
+            f"| {row['processor ms a step']:.0f} | {waiting} |"
+        )
     shares = ", ".join(f"{name} {share:.0%}" for name, share in functions.items())
     print(f"\nof the processor's time of making batches: {shares}")
-    content = {**told, "rows": rows, "share of making a batch": functions}
+    content = {**setup, "rows": rows, "share of making a batch": functions}
     (options.output / "training.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def read_all(run: TrainingState) -> None:
-    """Reads every render once, as a training's first epoch does: later ones find them kept."""
+    """Reads every render once, as the first epoch does; later epochs use the cache."""
     for place in run.data.training:
         for side in set(run.data.sides):
             run.data._record(place, side)
 
 
 def alone(run: TrainingState, steps: int) -> list[dict[str, Any]]:
-    """Making batches in one thread, and learning from batches made before."""
+    """Times making batches in one thread, and training steps on ready batches."""
     batches = [run.data.batch(step) for step in range(2)]
-    _train_step(run, batches[0].to(run.device))  # the first one also allocates
-    made = _timed("making batches, one thread", steps, lambda number: len(run.data.batch(2 + number).settings))
-    learnt = _timed("learning from batches", steps, lambda number: _learn(run, batches[number % 2]))
-    return [made, learnt]
+    _train_step(run, batches[0].to(run.device))  # warm-up: the first step also allocates
+    data = _timed("making batches, one thread", steps, lambda number: len(run.data.batch(2 + number).settings))
+    steps_alone = _timed("learning from batches", steps, lambda number: _learn(run, batches[number % 2]))
+    return [data, steps_alone]
 
 
 def together(run: TrainingState, steps: int) -> dict[str, Any]:
-    """Training as it runs: batches are made ahead in threads beside the steps."""
+    """Times training as it runs: threads prefetch batches during the steps."""
     waited, samples, first = 0.0, 0, 1000
     began, used = time.perf_counter(), time.process_time()
     with run.data.batches(first, first + steps) as batches:
         for _ in range(steps):
-            asked = time.perf_counter()
+            requested = time.perf_counter()
             batch = next(batches)
-            waited += time.perf_counter() - asked
+            waited += time.perf_counter() - requested
             samples += _learn(run, batch)
     seconds = time.perf_counter() - began
     return {"what": "both, as a training runs", "samples a second": samples / seconds,
@@ -84,22 +86,22 @@ def together(run: TrainingState, steps: int) -> dict[str, Any]:
 
 
 def profiled(run: TrainingState, steps: int) -> dict[str, float]:
-    """Share of the time of making batches that each function took by itself."""
-    profile = cProfile.Profile(time.process_time)  # a busy machine must not blur it
+    """Share of the time of making batches that each function takes itself."""
+    profile = cProfile.Profile(time.process_time)  # processor time, so that other processes do not count
     profile.enable()
     for step in range(2000, 2000 + steps):
         run.data.batch(step)
     profile.disable()
     times: dict[str, float] = {}
     for (file, _, name), (_, _, own, _, callers) in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
-        if name == "call" and Path(file).stem == "calls":  # a kernel: told by who calls it
+        if name == "call" and Path(file).stem == "library":  # a kernel: named after its caller
             for (_, _, kernel), (_, _, within, _) in callers.items():
                 times[f"kernel {kernel}"] = times.get(f"kernel {kernel}", 0.0) + within
             continue
         key = f"{Path(file).stem}.{name}" if file != "~" else name
         times[key] = times.get(key, 0.0) + own
     total = sum(times.values())
-    most = sorted(times.items(), key=lambda entry: -entry[1])[:MOST_FUNCTIONS]
+    most = sorted(times.items(), key=lambda entry: -entry[1])[:PROFILED_FUNCTIONS]
     return {name: own / total for name, own in most}
 
 

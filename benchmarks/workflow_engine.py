@@ -1,7 +1,7 @@
-"""How long the workflow engine takes when there is nothing to do: ``python benchmarks/engine.py``.
+"""Times the workflow engine when there is nothing to do: ``python benchmarks/workflow_engine.py``.
 
 Prints the seconds that `complete()` takes over 1,000 tasks, and those of a whole fresh `luigi ... FullPipeline`, from
-the start of the process to its end. The results in the store are made up; the meshes are files of 1 MB.
+the start of the process to its end. The stored results are dummies; the meshes are files of 1 MB.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ def main() -> None:
         print(f"complete() over {len(tasks)} tasks: {seconds:.2f} s, {seconds / len(tasks) * 1e3:.2f} ms a task")
         for when in ("the first, which links the results", "a fresh one"):
             started = time.perf_counter()
-            said = _run()
+            output = _run()
             print(f"FullPipeline, {when}: {time.perf_counter() - started:.2f} s")
-        assert "everything is up to date" in said
+        assert "everything is up to date" in output
 
 
 def _make_inputs() -> None:

@@ -75,34 +75,34 @@ def read_variant_results(config: AblationsConfig, folders: Folders) -> list[Vari
         OSError: a result is missing.
         WeightsError: weights are damaged.
     """
-    base = _rows(folders[BASE][1])
-    return [_outcome(variant, *folders[variant.name], base) for variant in config.variants]
+    base = _read_rows(folders[BASE][1])
+    return [_read_variant_result(variant, *folders[variant.name], base) for variant in config.variants]
 
 
-def chance_of(outcomes: Sequence[VariantResult]) -> float | None:
+def seed_variation(outcomes: Sequence[VariantResult]) -> float | None:
     """Largest change of the deciding metric, dB, between runs that differ in the seed alone; None if there are none."""
     repeats = [one.differences.get(DECIDING_METRIC) for one in outcomes if one.variant.is_repeat]
     return max((abs(one.mean) for one in repeats if one), default=None)
 
 
-def _outcome(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, Mapping[str, Any]]) -> VariantResult:
-    own, training = _rows(evaluate), variant.config.train
+def _read_variant_result(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, Mapping[str, Any]]) -> VariantResult:
+    own, training = _read_rows(evaluate), variant.config.train
     sides = training.resolutions or (variant.config.shard.resolution,)
     tensors = load_weights(train / "weights.safetensors").tensors
-    changes = {} if variant.name == BASE else {name: difference(own, base, name) for name in METRIC_NAMES}
+    changes = {} if variant.name == BASE else {name: paired_difference(own, base, name) for name in METRIC_NAMES}
     return VariantResult(
         variant=variant,
         means=json.loads((evaluate / "metrics.json").read_text(encoding="utf-8"))["means"],
         differences={name: change for name, change in changes.items() if change},
         weights=sum(tensor.size for tensor in tensors.values()),
         samples=samples_until(training.steps, training.batch, sides),
-        seconds=seconds_of(train / "task.log"),
+        seconds=training_seconds(train / "task.log"),
         curve=read_curve(train / "curve.csv"),
         results=tuple(f"{folder.parent.name}/{folder.name}" for folder in (train, evaluate)),
     )
 
 
-def difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str) -> MetricDifference | None:
+def paired_difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str) -> MetricDifference | None:
     """Mean over meshes of metric `name`'s difference, from the rows by (mesh, ...) that both have; None without any.
 
     Views of one mesh are correlated, so the standard error is taken over meshes.
@@ -119,7 +119,7 @@ def difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str) -> Me
     return MetricDifference(float(means.mean()), error)
 
 
-def seconds_of(log: Path) -> float | None:
+def training_seconds(log: Path) -> float | None:
     """Seconds of a task by its log; None if the log lacks them or has several starts."""
     text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
     found = re.findall(r": done in ([\d.]+) s$", text, flags=re.MULTILINE)
@@ -134,6 +134,6 @@ def read_curve(path: Path) -> list[tuple[float, float]]:
     return [(float(samples), float(value)) for samples, value in rows if value]
 
 
-def _rows(evaluate: Path) -> dict[Any, dict[str, Any]]:
+def _read_rows(evaluate: Path) -> dict[Any, dict[str, Any]]:
     rows = json.loads((evaluate / "metrics.json").read_text(encoding="utf-8"))["rows"]
     return {(row["mesh"], row["seed"], row["view"]): row for row in rows}

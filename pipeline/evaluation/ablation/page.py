@@ -23,12 +23,12 @@ from z2p_renderer.pipeline.evaluation.ablation.outcomes import (
     Folders,
     MetricDifference,
     VariantResult,
-    chance_of,
+    seed_variation,
     read_variant_results,
 )
 from z2p_renderer.storage.files.atomic_write import atomic_write
 
-HEAD = ("variant", "what it changes", "object dB", "to the base", "white dB", "to the base", "SSIM", "FLIP",
+TABLE_HEAD = ("variant", "what it changes", "object dB", "to the base", "white dB", "to the base", "SSIM", "FLIP",
         "weights", "training", "a picture")  # fmt: skip
 
 
@@ -40,21 +40,21 @@ def write_ablations(config: AblationsConfig, folders: Folders, command: str, out
         WeightsError: weights are damaged.
     """
     outcomes = read_variant_results(config, folders)
-    rows = rows_of(outcomes)
+    rows = result_rows(outcomes)
     content = {
         "z2p": __version__, "name": config.name, "command": command, "base": to_dict(config.base),
-        "deciding": DECIDING_METRIC, "chance_db": chance_of(outcomes), "variants": rows,
+        "deciding": DECIDING_METRIC, "chance_db": seed_variation(outcomes), "variants": rows,
     }  # fmt: skip
-    texts = {"ablations.md": page(config, outcomes, command), "ablations.csv": _as_csv(rows),
+    texts = {"ablations.md": ablations_page(config, outcomes, command), "ablations.csv": _as_csv(rows),
              "ablations.json": json.dumps(content, indent=1) + "\n"}  # fmt: skip
     for name, text in texts.items():
         atomic_write(text.encode(), out / name)
     return [*(out / name for name in texts), draw_curves(outcomes, out / "curves.png")]
 
 
-def rows_of(outcomes: Sequence[VariantResult]) -> list[dict[str, Any]]:
+def result_rows(outcomes: Sequence[VariantResult]) -> list[dict[str, Any]]:
     """One JSON object per variant."""
-    chance = chance_of(outcomes)
+    chance = seed_variation(outcomes)
     return [
         {
             "name": one.variant.name, "title": one.variant.title, "why": one.variant.why,
@@ -68,18 +68,18 @@ def rows_of(outcomes: Sequence[VariantResult]) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-def page(config: AblationsConfig, outcomes: Sequence[VariantResult], command: str) -> str:
+def ablations_page(config: AblationsConfig, outcomes: Sequence[VariantResult], command: str) -> str:
     """The page in Markdown: how it was made, the table, what may be concluded, the curves, and why each was tried."""
-    table = [HEAD, ("---",) * len(HEAD), *(_cells(one) for one in outcomes)]
+    table = [TABLE_HEAD, ("---",) * len(TABLE_HEAD), *(_table_row(one) for one in outcomes)]
     whys = [f"- **{one.variant.title}** (`{one.variant.name}`): {one.variant.why}" for one in outcomes[1:]]
     return "\n".join([
-        f"# Ablations: {config.name}", "", "```sh", command, "```", "", _setting(config, outcomes), "",
+        f"# Ablations: {config.name}", "", "```sh", command, "```", "", _describe_setting(config, outcomes), "",
         *("| " + " | ".join(row) + " |" for row in table), "", *_conclusions(outcomes), "",
         "![Learning curves of all variants](curves.png)", "", "## Why each was tried", "", *whys, "",
     ])  # fmt: skip
 
 
-def _setting(config: AblationsConfig, outcomes: Sequence[VariantResult]) -> str:
+def _describe_setting(config: AblationsConfig, outcomes: Sequence[VariantResult]) -> str:
     train, measure = config.base.train, config.base.evaluate
     return (
         f"Every run sees {outcomes[0].samples:,} samples ({train.steps:,} steps of {train.batch}) of the same renders, "
@@ -89,22 +89,22 @@ def _setting(config: AblationsConfig, outcomes: Sequence[VariantResult]) -> str:
     )
 
 
-def _cells(one: VariantResult) -> tuple[str, ...]:
-    changes = ", ".join(f"`{key}` {_value(before)} → {_value(after)}" for key, (before, after) in
+def _table_row(one: VariantResult) -> tuple[str, ...]:
+    changes = ", ".join(f"`{key}` {_format_value(before)} → {_format_value(after)}" for key, (before, after) in
                         one.variant.changes.items())  # fmt: skip
     return (
         one.variant.title, changes or "–",
-        _number(one.means.get("psnr_foreground"), ".2f"), _difference(one.differences.get("psnr_foreground")),
-        _number(one.means.get("psnr_white"), ".2f"), _difference(one.differences.get("psnr_white")),
-        _number(one.means.get("ssim"), ".3f"), _number(one.means.get("flip"), ".3f"),
-        f"{one.weights / 1e6:.2f} M", _number(one.seconds, ".0f", " s"),
-        _number(1000 * one.means.get("seconds", 0.0) or None, ".0f", " ms"),
+        _format_number(one.means.get("psnr_foreground"), ".2f"), _format_difference(one.differences.get("psnr_foreground")),
+        _format_number(one.means.get("psnr_white"), ".2f"), _format_difference(one.differences.get("psnr_white")),
+        _format_number(one.means.get("ssim"), ".3f"), _format_number(one.means.get("flip"), ".3f"),
+        f"{one.weights / 1e6:.2f} M", _format_number(one.seconds, ".0f", " s"),
+        _format_number(1000 * one.means.get("seconds", 0.0) or None, ".0f", " ms"),
     )  # fmt: skip
 
 
 def _conclusions(outcomes: Sequence[VariantResult]) -> list[str]:
     """Lines on which variants are better, worse or no different, and how that was decided."""
-    chance = chance_of(outcomes)
+    chance = seed_variation(outcomes)
     seeds = sum(one.variant.is_repeat for one in outcomes)
     how = "By PSNR on the object. A difference counts that is larger than two standard errors over the meshes"
     if chance is None:
@@ -115,7 +115,7 @@ def _conclusions(outcomes: Sequence[VariantResult]) -> list[str]:
     lines = ["## What can be told", "", how, ""]
     judged = [one for one in outcomes[1:] if not one.variant.is_repeat]
     for verdict in (BETTER, WORSE, NO_DIFFERENCE):
-        names = [f"{one.variant.title} ({_difference(one.differences.get(DECIDING_METRIC))} dB)" for one in judged
+        names = [f"{one.variant.title} ({_format_difference(one.differences.get(DECIDING_METRIC))} dB)" for one in judged
                  if one.verdict(chance) == verdict]  # fmt: skip
         lines.append(f"- {verdict}: {', '.join(names) or 'none'}")
     return lines
@@ -130,7 +130,7 @@ def _as_csv(rows: Sequence[dict[str, Any]]) -> str:
     writer.writeheader()
     for row in rows:
         flat = {**row, **row["means"], "picture_seconds": row["means"].get("seconds")}
-        flat["changes"] = "; ".join(f"{key}={_value(after)}" for key, (_, after) in row["changes"].items())
+        flat["changes"] = "; ".join(f"{key}={_format_value(after)}" for key, (_, after) in row["changes"].items())
         flat |= dict(zip(("train", "evaluate"), row["results"], strict=True))
         for name, difference in row["differences"].items():
             flat |= {f"{name}_difference": difference["mean"], f"{name}_error": difference["error"]}
@@ -138,15 +138,15 @@ def _as_csv(rows: Sequence[dict[str, Any]]) -> str:
     return text.getvalue()
 
 
-def _difference(difference: MetricDifference | None) -> str:
+def _format_difference(difference: MetricDifference | None) -> str:
     if difference is None:
         return "–"
     return f"{difference.mean:+.2f}" + ("" if difference.error is None else f" ± {difference.error:.2f}")
 
 
-def _number(value: float | None, form: str, unit: str = "") -> str:
+def _format_number(value: float | None, form: str, unit: str = "") -> str:
     return "–" if value is None else f"{value:{form}}{unit}"
 
 
-def _value(value: Any) -> str:
+def _format_value(value: Any) -> str:
     return "-".join(map(str, value)) if isinstance(value, list) else str(value)

@@ -18,11 +18,11 @@ from z2p_renderer.pipeline.evaluation.ablation.outcomes import (
     BETTER,
     WORSE,
     MetricDifference,
-    chance_of,
-    difference,
+    seed_variation,
+    paired_difference,
     read_curve,
     read_variant_results,
-    seconds_of,
+    training_seconds,
 )
 from z2p_renderer.pipeline.evaluation.ablation.page import write_ablations
 from z2p_renderer.storage.models.checkpoints import load_weights
@@ -83,22 +83,22 @@ def folders(tmp_path: Path, weights: Path) -> dict[str, tuple[Path, Path]]:
 def test_differences_are_paired_and_their_error_is_over_the_meshes() -> None:
     base = {("a", 0, 0): {"x": 1.0}, ("a", 0, 1): {"x": 2.0}, ("b", 0, 0): {"x": 9.0}, ("b", 0, 1): {"x": None}}
     own = {("a", 0, 0): {"x": 2.0}, ("a", 0, 1): {"x": 5.0}, ("b", 0, 0): {"x": 13.0}, ("b", 0, 1): {"x": 1.0}}
-    found = difference(own, base, "x")
+    found = paired_difference(own, base, "x")
     assert found is not None and found.mean == pytest.approx(3.0)  # of a: (1 + 3) / 2, of b: 4
     assert found.error == pytest.approx(1.0)
-    one = difference({("a", 0, 0): {"x": 2.0}}, base, "x")
+    one = paired_difference({("a", 0, 0): {"x": 2.0}}, base, "x")
     assert one is not None and (one.mean, one.error) == (1.0, None)
-    assert difference(own, base, "y") is None
+    assert paired_difference(own, base, "y") is None
 
 
 def test_what_chance_could_have_done_is_no_win(folders: dict[str, tuple[Path, Path]]) -> None:
     outcomes = read_variant_results(CONFIG, folders)
-    chance = chance_of(outcomes)
+    chance = seed_variation(outcomes)
     assert chance == pytest.approx(0.3)
     verdicts = {one.variant.name: one.verdict(chance) for one in outcomes}
     assert verdicts == {"base": NO_DIFFERENCE, "up": BETTER, "down": WORSE, "same": NO_DIFFERENCE, "again": NO_DIFFERENCE}
     assert outcomes[3].verdict(None) == BETTER  # without another seed only the meshes' spread speaks against it
-    assert chance_of(outcomes[:4]) is None
+    assert seed_variation(outcomes[:4]) is None
 
 
 def test_one_mesh_and_no_other_seed_tell_nothing(folders: dict[str, tuple[Path, Path]]) -> None:
@@ -116,9 +116,9 @@ def test_size_samples_and_seconds_are_those_of_the_run(folders: dict[str, tuple[
 
 def test_a_training_that_went_on_has_no_seconds(tmp_path: Path) -> None:
     log = tmp_path / "task.log"
-    assert seconds_of(log) is None
+    assert training_seconds(log) is None
     log.write_text("a: started\na: started\na: done in 3.0 s\n")
-    assert seconds_of(log) is None
+    assert training_seconds(log) is None
 
 
 def test_page_csv_and_json_say_the_same(folders: dict[str, tuple[Path, Path]], tmp_path: Path) -> None:
