@@ -28,7 +28,7 @@ def inside(share: float) -> np.ndarray:
     return np.hypot(row - 48, column - 48) < share * CAMERA.focal * 0.6 / 3.55
 
 
-def test_nothing_reaches_out_to_the_pictures_edge() -> None:
+def test_closing_gaps_does_not_reach_the_images_edge() -> None:
     """Closing gaps must not draw a line from the object to a border that it is near."""
     alpha = paint(ball(300, radius=0.95))[..., 3]
     border = np.concatenate([alpha[:3].ravel(), alpha[-3:].ravel(), alpha[:, :3].ravel(), alpha[:, -3:].ravel()])
@@ -57,6 +57,6 @@ def test_hidden_points_do_not_shine_through() -> None:
     assert np.abs(hollow - filled)[core].mean() < 0.02
 
 
-def test_the_surface_has_its_colour() -> None:
+def test_the_surface_has_its_base_color() -> None:
     colors = paint(ball(5000), material={"Base Color": (0.8, 0.05, 0.05, 1.0)})[inside(0.7)]
     assert colors[:, 0].mean() > 2 * colors[:, 1].mean()

@@ -9,7 +9,7 @@ from z2p_core.camera import DEPTH_RANGE, DISTANCE, Camera, light_position, turn
 
 
 @pytest.mark.parametrize("elevation", [0.0, 20.0, 80.0])
-def test_origin_projects_to_the_centre_at_the_camera_distance(elevation: float) -> None:
+def test_origin_projects_to_the_center_at_camera_distance(elevation: float) -> None:
     pixels, depth = Camera(300, 200, elevation).project(np.zeros((1, 3)))
     np.testing.assert_allclose(pixels, [[150, 100]], atol=1e-9)
     np.testing.assert_allclose(depth, DISTANCE)
@@ -26,7 +26,7 @@ def test_axes_are_opencv() -> None:
 
 
 @pytest.mark.parametrize(("width", "height"), [(256, 256), (320, 180), (180, 320)])
-def test_unit_sphere_fits_whatever_the_shape_of_the_picture(width: int, height: int) -> None:
+def test_unit_sphere_fits_into_images_of_any_shape(width: int, height: int) -> None:
     rng = np.random.default_rng(0)
     points = rng.normal(size=(2000, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)

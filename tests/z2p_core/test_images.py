@@ -31,16 +31,16 @@ def test_srgb_and_linear_are_inverse(value: float) -> None:
 
 
 @given(unit, unit)
-def test_linear_light_rises_with_srgb(one: float, other: float) -> None:
+def test_linear_light_is_monotonic_in_srgb(one: float, other: float) -> None:
     assert (one <= other) == (linear_from_srgb(one) <= linear_from_srgb(other)) or one == pytest.approx(other)
 
 
 @pytest.mark.parametrize(("srgb", "linear"), [(0, 0), (0.04045, 0.0031308), (0.5, 0.2140411), (1, 1)])
-def test_srgb_is_the_standards_curve(srgb: float, linear: float) -> None:
+def test_srgb_follows_the_standards_curve(srgb: float, linear: float) -> None:
     assert linear_from_srgb(srgb) == pytest.approx(linear, abs=1e-6)
 
 
-def test_every_byte_survives() -> None:
+def test_every_byte_survives_the_round_trip() -> None:
     levels = np.arange(256, dtype=np.uint8)
     np.testing.assert_array_equal(bytes_from_unit(unit_from_bytes(levels)), levels)
     np.testing.assert_array_equal(bytes_from_unit(srgb_from_linear(linear_from_srgb(unit_from_bytes(levels)))), levels)
@@ -52,7 +52,7 @@ def test_bytes_are_clipped_not_wrapped() -> None:
 
 
 @given(pictures)
-def test_straight_survives_premultiplying_wherever_there_is_alpha(picture: np.ndarray) -> None:
+def test_premultiplying_is_invertible_where_alpha_is_positive(picture: np.ndarray) -> None:
     back = straight_from_premultiplied(premultiplied_from_straight(picture))
     np.testing.assert_array_equal(back[..., 3], picture[..., 3])
     solid = picture[..., 3] > 1e-6
@@ -61,7 +61,7 @@ def test_straight_survives_premultiplying_wherever_there_is_alpha(picture: np.nd
 
 
 @given(pictures, st.tuples(unit, unit, unit))
-def test_compositing_lies_between_colour_and_background(picture: np.ndarray, background: tuple[float, ...]) -> None:
+def test_composite_lies_between_color_and_background(picture: np.ndarray, background: tuple[float, ...]) -> None:
     over = composite(picture, background)
     color, behind = picture[..., :3], np.broadcast_to(background, picture[..., :3].shape)
     assert over.shape == color.shape
@@ -82,7 +82,7 @@ def test_shrinking_averages_light_not_srgb_values() -> None:
     assert shrink(picture, 2).dtype == np.float32
 
 
-def test_clear_pixels_give_no_colour_when_shrunk() -> None:
+def test_transparent_pixels_add_no_color_when_shrunk() -> None:
     picture = np.zeros((2, 2, 4))
     picture[0, 0] = (0.8, 0.3, 0.1, 1.0)
     picture[1, 1] = (0.0, 1.0, 0.0, 0.0)  # green that nobody sees
@@ -90,7 +90,7 @@ def test_clear_pixels_give_no_colour_when_shrunk() -> None:
 
 
 @given(pictures)
-def test_shrinking_by_one_and_flat_pictures_change_nothing(picture: np.ndarray) -> None:
+def test_shrinking_by_one_and_flat_images_change_nothing(picture: np.ndarray) -> None:
     solid = picture.copy()
     solid[..., 3] = np.maximum(solid[..., 3], 0.01)
     np.testing.assert_allclose(shrink(solid, 1), solid, atol=1e-5)
@@ -98,7 +98,7 @@ def test_shrinking_by_one_and_flat_pictures_change_nothing(picture: np.ndarray) 
     np.testing.assert_allclose(shrink(np.tile(pixel, (4, 4, 1)), 2), np.tile(pixel, (2, 2, 1)), atol=1e-5)
 
 
-def test_area_average_keeps_the_mean_and_refuses_what_does_not_divide() -> None:
+def test_area_average_keeps_the_mean_and_checks_the_factor() -> None:
     picture = np.random.default_rng(0).uniform(size=(6, 9, 4))
     small = area_average(picture, 3)
     assert small.shape == (2, 3, 4)

@@ -30,14 +30,14 @@ def assert_equal_up_to_rounding(found, expected, points):
 @pytest.mark.parametrize("camera", CAMERAS, ids=str)
 @pytest.mark.parametrize(("count", "spread"), [(1, 0.1), (511, 1.0), (5000, 1.0), (20_000, 4.0)])
 @pytest.mark.parametrize("margin", [0, 6])
-def test_depths_are_those_of_plain_numpy(camera, count, spread, margin):
+def test_nearest_depth_matches_the_numpy_reference(camera, count, spread, margin):
     cloud = cloud_of(count, spread)  # a spread of 4 has points beside and behind the camera
     found = nearest_depth(cloud, camera, margin)
     assert np.isfinite(found).any()
     assert_equal_up_to_rounding(found, reference_depth(cloud, camera, margin), count)
 
 
-def test_no_point_and_points_that_are_no_numbers_draw_nothing():
+def test_empty_clouds_and_nonfinite_points_draw_nothing():
     odd = np.array([[np.nan, 0, 0], [np.inf, 0, 0], [0, -np.inf, 0], [0, 0, np.nan], [1e30, -1e30, 1e30]], np.float32)
     for cloud in (odd, odd[:0]):
         assert np.isinf(nearest_depth(cloud, CAMERAS[0], 2)).all()
@@ -51,7 +51,7 @@ def test_points_in_the_cameras_plane_are_dropped():
     assert np.isinf(nearest_depth(np.float32([[0, -3.6, 0], [0.5, -3.6, 0.1], [0, -9, 0]]), camera)).all()
 
 
-def test_threads_draw_what_one_draws(monkeypatch):
+def test_threads_draw_the_same_as_one(monkeypatch):
     cloud, camera = cloud_of(3 * MIN_POINTS_PER_THREAD + 17), CAMERAS[3]
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     alone = nearest_depth(cloud, camera, 3)
@@ -70,7 +70,7 @@ def test_the_layout_of_the_points_does_not_matter(layout):
 
 @pytest.mark.parametrize("size", [1, 2, 3, 5, 7, 9, 13])
 @pytest.mark.parametrize("shape", [(13, 13), (40, 57), (130, 33)])
-def test_windows_are_those_of_plain_numpy(size, shape):
+def test_window_minimum_matches_the_numpy_reference(size, shape):
     rng = np.random.default_rng(size)
     picture = rng.uniform(2, 5, shape).astype(np.float32)
     picture[rng.random(shape) < 0.8] = np.inf

@@ -11,7 +11,7 @@ from z2p_core.images import linear_from_srgb
 from z2p_core.parallel import without_second_core
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, GBufferChannel
-from z2p_core.surface.normals import thinned
+from z2p_core.surface.normals import subsample_hashed
 from z2p_renderer.plugins.gbuffers import surfels
 from z2p_renderer.plugins.gbuffers.glossy import Glossy
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
@@ -42,7 +42,7 @@ def test_a_sphere_is_covered_and_its_normals_point_outwards():
 
 
 @pytest.mark.parametrize("side", [5, 96, 257])
-def test_one_core_draws_what_two_draw(side):
+def test_one_core_and_two_draw_the_same(side):
     cloud = np.concatenate([sphere_of(4000, 0.6), sphere_of(3000, 0.3) + np.float32([0.2, -0.7, 0.1])])
     camera = Camera(side, side)
     shared = Surfels().draw(cloud, camera, SCENE)
@@ -51,7 +51,7 @@ def test_one_core_draws_what_two_draw(side):
 
 
 @pytest.mark.parametrize("kind", [Surfels, Glossy])
-def test_a_picture_leaves_nothing_for_pythons_collector(kind):
+def test_drawing_leaves_no_reference_cycles(kind):
     kind().draw(sphere_of(), CAMERA, SCENE)  # what is kept for the next picture is there now
     gc.collect()
     gc.disable()
@@ -73,7 +73,7 @@ def reconciled(count, off, shadow=0.0):
 
 
 @pytest.mark.parametrize(("count", "off"), [(40_000, 0.01), (40_000, -0.02), (4000, 0.01)])
-def test_where_points_are_dense_the_picture_moves_towards_its_discs(count, off):
+def test_dense_clouds_blend_the_image_towards_surfel_colors(count, off):
     features, moved = reconciled(count, off)
     whole = features[COVERAGE] == 1
     share = -moved[:3, whole] / off
@@ -81,19 +81,19 @@ def test_where_points_are_dense_the_picture_moves_towards_its_discs(count, off):
     assert np.ptp(share) < 1e-3 and not moved[3].any() and not moved[:, features[COVERAGE] < 0.9].any()
 
 
-def test_denser_points_are_trusted_more_and_sparse_ones_not_at_all():
+def test_blend_share_grows_with_density_from_zero():
     found = [reconciled(count, 0.01) for count in (200, 4000, 10_000, 40_000)]
     shares = [np.abs(moved[:3, features[COVERAGE] == 1]).max() for features, moved in found]
     assert shares[0] == 0 < shares[1] < shares[2] <= shares[3] + 1e-6
 
 
-def test_a_picture_moves_little_where_it_says_otherwise():
+def test_large_differences_are_blended_by_a_limited_shift():
     near, far = (np.abs(reconciled(40_000, off)[1]).max() for off in (surfels.MAX_COLOR_SHIFT, 0.3))
     assert far == pytest.approx(near, rel=1e-3)
 
 
 @pytest.mark.parametrize("count", [200, 4000])
-def test_the_floors_shadow_moves_a_quarter_of_the_way_to_what_was_cast_where_it_is_about_that(count):
+def test_shadow_alpha_blends_towards_the_cast_one_if_close(count):
     features, moved = reconciled(count, 0.0, shadow=0.02)
     off = features[COVERAGE] == 0
     np.testing.assert_allclose(moved[3, off], -surfels.SHADOW_BLEND_SHARE * 0.02, atol=1e-6)
@@ -101,7 +101,7 @@ def test_the_floors_shadow_moves_a_quarter_of_the_way_to_what_was_cast_where_it_
     assert not reconciled(count, 0.0, shadow=2.1 * surfels.MAX_SHADOW_SHIFT)[1][3, off].any()
 
 
-def test_light_from_a_side_lights_that_side_and_throws_the_shadow_to_the_other():
+def test_light_and_shadow_lie_on_opposite_sides():
     left, right = (
         Surfels().draw(sphere_of(), CAMERA, replace(SCENE, light=(3.6, azimuth, 40.0))) for azimuth in (-70.0, 70.0)
     )
@@ -113,7 +113,7 @@ def test_light_from_a_side_lights_that_side_and_throws_the_shadow_to_the_other()
     assert left[SHADOW].min() >= 0 and left[SHADOW].max() <= 1
 
 
-def test_colours_are_those_of_the_material_and_the_rest_does_not_know_them():
+def test_base_color_affects_only_the_rgb_channels():
     picture = Surfels().draw(sphere_of(), CAMERA, SCENE)
     seen = picture[COVERAGE] > 0
     assert not picture[BLUE].any() and (picture[RED][seen] > picture[GREEN][seen]).all()
@@ -123,7 +123,7 @@ def test_colours_are_those_of_the_material_and_the_rest_does_not_know_them():
     np.testing.assert_array_equal(grey[RED], grey[BLUE])
 
 
-def test_a_bright_surface_gives_light_to_itself_and_to_the_floor():
+def test_bright_surfaces_light_themselves_and_the_floor():
     cave = sphere_of(8000)
     cave = cave[cave[:, 1] > -0.2]  # a bowl that opens to the viewer
     dark, bright = (
@@ -136,7 +136,7 @@ def test_a_bright_surface_gives_light_to_itself_and_to_the_floor():
     assert (bright[SHADOW] - dark[SHADOW])[shadowed].mean() < -0.005
 
 
-def test_gaps_of_chance_are_closed_and_a_hole_wider_than_they_are_stays_open():
+def test_random_gaps_are_closed_and_large_holes_stay_open():
     rng = np.random.default_rng(1)
     spacing = 1.2 / np.sqrt(3000)
     sheet = np.column_stack([rng.uniform(-0.6, 0.6, 3000), np.zeros(3000), rng.uniform(-0.6, 0.6, 3000)])
@@ -151,7 +151,7 @@ def test_gaps_of_chance_are_closed_and_a_hole_wider_than_they_are_stays_open():
     assert (torn[(reach > 5.5 * spacing) & (reach < 0.5)] > 0.5).mean() > 0.99
 
 
-def test_a_small_hole_is_closed_and_looks_like_what_is_around_it():
+def test_a_small_hole_is_closed_and_looks_like_its_rim():
     rng = np.random.default_rng(1)
     spacing = 1.2 / np.sqrt(3000)
     sheet = np.column_stack([rng.uniform(-0.6, 0.6, 3000), np.zeros(3000), rng.uniform(-0.6, 0.6, 3000)])
@@ -178,7 +178,7 @@ def test_density_is_about_a_third_at_the_border_of_a_sheet():
     assert picture[DENSITY][beside].mean() == pytest.approx(0.3, abs=0.1) and picture[DENSITY][within].mean() > 0.75
 
 
-def test_the_floor_touches_the_lowest_point_unless_it_is_told():
+def test_floor_touches_the_lowest_point_by_default():
     cloud = sphere_of()
     lowest = float(cloud[:, 2].min())
     resting, told, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=x)) for x in (None, lowest, lowest - 0.3))
@@ -186,7 +186,7 @@ def test_the_floor_touches_the_lowest_point_unless_it_is_told():
     assert np.array_equal(resting[:GREY], deep[:GREY]) and not np.array_equal(resting[SHADOW], deep[SHADOW])
 
 
-def test_noise_hardly_shows_in_the_shading():
+def test_noise_has_little_effect_on_shading():
     clean = Surfels().draw(sphere_of(6000), CAMERA, SCENE)
     rng = np.random.default_rng(1)
     cloud = (sphere_of(6000) + rng.normal(0, 0.012, (6000, 3))).astype(np.float32)
@@ -202,23 +202,23 @@ def test_two_points_face_the_camera():
 
 
 @pytest.mark.parametrize("along", [(0, 0, 1), (1, 0, 0), (0.5, 0.5, 0.7)])
-def test_a_line_is_seen_from_everywhere(along):
+def test_a_line_of_points_is_visible_from_any_side(along):
     line = np.linspace(-0.6, 0.6, 300)[:, None] * np.float32(along)
     picture = Surfels().draw(line, CAMERA, SCENE)
     ends, _ = CAMERA.project(line[[0, -1]])
     assert picture[COVERAGE].sum() > 0.5 * np.linalg.norm(ends[1] - ends[0])
 
 
-def test_large_clouds_are_thinned_evenly_whatever_their_order():
+def test_large_clouds_are_subsampled_evenly_in_any_order():
     cloud = sphere_of(100_000)
-    kept = thinned(cloud, 20_000)
+    kept = subsample_hashed(cloud, 20_000)
     assert len(kept) == pytest.approx(20_000, rel=0.03) and np.abs(kept.mean(0)).max() < 0.02
-    reversed_kept = thinned(cloud[::-1], 20_000)
+    reversed_kept = subsample_hashed(cloud[::-1], 20_000)
     np.testing.assert_array_equal(np.sort(kept, axis=0), np.sort(reversed_kept, axis=0))
-    assert thinned(kept, 40_000) is kept
+    assert subsample_hashed(kept, 40_000) is kept
 
 
-def test_a_part_with_fewer_points_is_closed_and_a_stray_point_stays_a_dot():
+def test_sparse_parts_are_closed_and_single_points_stay_dots():
     dense, sparse = sphere_of(8000, 0.4) - np.float32([0.45, 0, 0]), sphere_of(300, 0.4) + np.float32([0.45, 0, 0])
     alone = Surfels().draw(sparse, CAMERA, SCENE)[COVERAGE]
     beside = Surfels().draw(np.vstack([dense, sparse]), CAMERA, SCENE)[COVERAGE]
@@ -229,7 +229,7 @@ def test_a_part_with_fewer_points_is_closed_and_a_stray_point_stays_a_dot():
     assert (dot > 0.5).sum() < 12
 
 
-def test_the_penumbra_of_a_thin_thing_falls_in_finer_steps_in_larger_pictures(monkeypatch):
+def test_large_images_have_finer_steps_in_penumbrae(monkeypatch):
     """Lamps that stand for a square would cast as many shadows of a pole, side by side."""
     height = np.random.default_rng(0).uniform(-0.95, 0.95, 1500)
     turn = np.random.default_rng(1).uniform(0, 2 * np.pi, 1500)
@@ -243,7 +243,7 @@ def test_the_penumbra_of_a_thin_thing_falls_in_finer_steps_in_larger_pictures(mo
     assert steps[0] < 0.8 * steps[1]
 
 
-def test_beside_the_cloud_and_its_dark_shadow_the_picture_is_what_was_cast():
+def test_elsewhere_is_the_faint_cast_shadow():
     features = Surfels().draw(sphere_of(4000), CAMERA, SCENE)
     beside = Surfels().elsewhere(features, 4000)
     assert beside is not None

@@ -34,7 +34,7 @@ def drawn(metallic: float, roughness: float, color: tuple[float, float, float] =
     return np.where(picture[COVERAGE] > 0.99, linear_from_srgb(picture[RADIANCE_RGB]), np.nan)
 
 
-def test_a_matt_scene_is_drawn_as_before() -> None:
+def test_a_diffuse_scene_is_drawn_as_by_surfels() -> None:
     cloud, plain = ball(2000), SceneDescription(material={"Base Color": (0.5, 0.2, 0.1, 1.0)})
     ours, theirs = (kind().draw(cloud, CAMERA, plain) for kind in (Glossy, Surfels))
     np.testing.assert_allclose(ours[NOT_RGB], theirs[NOT_RGB], atol=1e-5)
@@ -44,7 +44,7 @@ def test_a_matt_scene_is_drawn_as_before() -> None:
     np.testing.assert_allclose(shining[NOT_RGB], diffuse[NOT_RGB], atol=1e-5)
 
 
-def test_the_lamp_is_seen_where_a_ball_mirrors_it() -> None:
+def test_the_highlight_lies_where_a_ball_mirrors_the_light() -> None:
     picture = drawn(1.0, 0.15).sum(0)
     towards_lamp, towards_eye = light_position(LIGHT), CAMERA.position
     halfway = towards_lamp / np.linalg.norm(towards_lamp) + towards_eye / np.linalg.norm(towards_eye)
@@ -54,7 +54,7 @@ def test_the_lamp_is_seen_where_a_ball_mirrors_it() -> None:
     assert np.hypot(*(bright - (row, column))) < 4, "pixels from where the mirror direction meets the lamp"
 
 
-def test_a_highlight_finer_than_the_points_is_as_bright_as_of_many() -> None:
+def test_a_highlight_smaller_than_the_spacing_is_as_bright() -> None:
     large, metal = Camera(256, 256), scene(1.0, 0.2, (0.03, 0.03, 0.03))
     brightest = [Glossy().draw(ball(count, seed), large, metal)[RED].max()
                  for count, seed in ((30_000, 0), (700, 1), (700, 2), (700, 3))]  # fmt: skip
@@ -62,7 +62,7 @@ def test_a_highlight_finer_than_the_points_is_as_bright_as_of_many() -> None:
     assert min(brightest[1:]) > 0.95 * brightest[0]
 
 
-def test_a_ridge_does_not_shine_by_the_mean_of_its_sides() -> None:
+def test_a_ridge_has_no_highlight_of_its_mean_normal() -> None:
     """Neither side of the roof mirrors the lamp to the viewer, but a surface between them would."""
     halfway = light_position(LIGHT) / np.linalg.norm(light_position(LIGHT)) + CAMERA.position / np.linalg.norm(
         CAMERA.position)  # fmt: skip
@@ -84,7 +84,7 @@ def test_roughness_blurs_the_highlight() -> None:
     assert spread[1] > 2 * spread[0]
 
 
-def test_metal_colours_what_it_reflects_and_plastic_does_not() -> None:
+def test_metal_tints_its_reflections_and_plastic_does_not() -> None:
     red = (0.6, 0.05, 0.05)
     metal, plastic, matt = drawn(1.0, 0.25, red), drawn(0.0, 0.25, red), drawn(0.0, 1.0, red)
     shine = plastic - matt
@@ -93,7 +93,7 @@ def test_metal_colours_what_it_reflects_and_plastic_does_not() -> None:
     assert np.nanmean(metal[1]) < 0.2 * np.nanmean(metal[0]), "that of metal has its colour"
 
 
-def test_metal_shows_the_lit_floor_from_below_and_the_sky_from_above() -> None:
+def test_metal_reflects_floor_from_below_and_sky_from_above() -> None:
     picture = drawn(1.0, 0.1, (1.0, 1.0, 1.0)).mean(0)
     rows = [np.nanmedian(row) for row in picture if np.isfinite(row).any()]
     top, bottom = np.mean(rows[3:10]), np.mean(rows[-14:-4])
@@ -105,7 +105,7 @@ def plate(count: int, seed: int, half: float = 0.6) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-half, half, (count, 2)).astype(np.float32)
 
 
-def test_smooth_metal_shows_the_walls_that_stand_on_it_and_rough_metal_does_not() -> None:
+def test_only_smooth_metal_mirrors_walls_standing_on_it() -> None:
     """A wall of half-grey metal, mirrored in a floor of the same, sends what it mirrors itself: half as much."""
     flat, upright = plate(12_000, 0), plate(12_000, 1)
     ground = np.column_stack([flat, np.full(len(flat), -0.3)]).astype(np.float32)
@@ -123,7 +123,7 @@ def test_smooth_metal_shows_the_walls_that_stand_on_it_and_rough_metal_does_not(
     assert shares[0] < 0.65 and shares[1] > 0.8
 
 
-def test_smooth_metal_shows_the_lamp_with_sharp_edges() -> None:
+def test_smooth_metal_mirrors_the_light_with_sharp_edges() -> None:
     """Few pixels lie between the lamp's image and the sky beside it; of a blurred highlight most do."""
     shares = []
     for roughness in (0.05, 0.25):
@@ -136,11 +136,11 @@ def test_smooth_metal_shows_the_lamp_with_sharp_edges() -> None:
     assert shares[0] < 0.5 < 1 < shares[1]
 
 
-def test_lobes_grow_wider_with_roughness() -> None:
+def test_lobe_sharpness_falls_with_roughness() -> None:
     found = [lobe_sharpness(roughness) for roughness in (0.0, 0.2, 0.3, 0.5, 1.0)]
     assert found == sorted(found, reverse=True) and found[-1] == pytest.approx(1) and np.isfinite(found).all()
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 5])
-def test_a_few_points_are_drawn_without_complaint(count: int) -> None:
+def test_clouds_of_few_points_are_drawn(count: int) -> None:
     assert np.isfinite(Glossy().draw(ball(6)[:count], CAMERA, scene(1.0, 0.0))).all()

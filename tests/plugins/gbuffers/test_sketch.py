@@ -38,7 +38,7 @@ def quick() -> np.ndarray:
     return Sketch().draw(two_balls(), CAMERA, SCENE)
 
 
-def test_discs_lie_where_the_careful_ones_do(careful: np.ndarray, quick: np.ndarray) -> None:
+def test_surfels_lie_where_those_of_surfels_do(careful: np.ndarray, quick: np.ndarray) -> None:
     assert quick.shape == careful.shape and Sketch.channels == Surfels.channels
     assert np.abs(quick[COVERAGE] - careful[COVERAGE]).mean() < 0.002
     inside = (careful[COVERAGE] == 1) & (quick[COVERAGE] == 1)
@@ -47,7 +47,7 @@ def test_discs_lie_where_the_careful_ones_do(careful: np.ndarray, quick: np.ndar
     assert off[NORMAL_XY].mean() < 0.01
 
 
-def test_light_and_shadow_are_about_the_same(careful: np.ndarray, quick: np.ndarray) -> None:
+def test_light_and_shadow_are_close_to_those_of_surfels(careful: np.ndarray, quick: np.ndarray) -> None:
     inside = (careful[COVERAGE] == 1) & (quick[COVERAGE] == 1)
     off = (quick - careful)[RADIANCE, inside]
     assert np.abs(off.mean()) < 0.01 and np.abs(off).mean() < 0.02
@@ -57,7 +57,7 @@ def test_light_and_shadow_are_about_the_same(careful: np.ndarray, quick: np.ndar
     assert np.abs(off.mean()) < 0.003 and np.abs(off).mean() < 0.006
 
 
-def test_weights_that_know_the_careful_one_can_learn_on_with_it() -> None:
+def test_weights_for_surfels_can_be_trained_on_with_sketch() -> None:
     assert Sketch.refines == Surfels.name
 
 
@@ -67,6 +67,6 @@ def test_any_number_of_points_is_drawn(count: int) -> None:
     assert np.isfinite(picture).all() and picture[COVERAGE].max() > 0
 
 
-def test_one_core_draws_what_two_draw(quick: np.ndarray) -> None:
+def test_one_core_and_two_draw_the_same(quick: np.ndarray) -> None:
     with without_second_core():
         np.testing.assert_array_equal(Sketch().draw(two_balls(), CAMERA, SCENE), quick)

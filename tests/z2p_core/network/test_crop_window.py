@@ -15,7 +15,7 @@ def shown_in(shape, rows, columns):
 
 
 @pytest.mark.parametrize("shape", [(512, 512), (256, 384), (250, 333), (61, 97), (33, 40)])
-def test_a_window_holds_what_is_shown_and_a_margin(shape):
+def test_crop_contains_the_mask_and_a_margin(shape):
     rng, (height, width) = np.random.default_rng(0), shape
     for _ in range(50):
         rows, columns = np.sort(rng.integers(0, height, 2)), np.sort(rng.integers(0, width, 2))
@@ -28,5 +28,5 @@ def test_a_window_holds_what_is_shown_and_a_margin(shape):
             assert length < last + 1 - first + 2 * CROP_MARGIN + STRIDE + CELL
 
 
-def test_a_window_around_nothing_is_the_smallest():
+def test_crop_of_an_empty_mask_is_the_smallest():
     assert crop_window(np.zeros((100, 200), bool), STRIDE, CELL) == (slice(0, STRIDE), slice(0, STRIDE))

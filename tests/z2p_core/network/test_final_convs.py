@@ -35,7 +35,7 @@ def by_torch(of: dict[str, np.ndarray], cells: np.ndarray, buffers: np.ndarray, 
     ("cell", "units", "width", "height"),
     [(4, 16, 96, 64), (4, 8, 4, 4), (2, 6, 94, 130), (3, 1, 189, 66), (1, 5, 97, 1), (4, 16, 484, 200), (5, 9, 95, 5)],
 )
-def test_it_is_what_torch_makes_of_it(cell: int, units: int, width: int, height: int) -> None:
+def test_final_convs_match_torch(cell: int, units: int, width: int, height: int) -> None:
     rng = np.random.default_rng(width)
     touch = FinalConvs.from_tensors(of := tensors(units, rng), NetworkConfig(unshuffle=cell, refine=units, widths=(8,)))
     cells = rng.random((2, 4 * cell**2, height // cell, width // cell), dtype=np.float32)
@@ -44,7 +44,7 @@ def test_it_is_what_torch_makes_of_it(cell: int, units: int, width: int, height:
     np.testing.assert_allclose(touch.finish(cells, buffers), by_torch(of, cells, buffers, cell), atol=1e-5)
 
 
-def test_every_row_is_the_same_whoever_draws_it() -> None:
+def test_one_core_and_two_give_the_same_rows() -> None:
     rng = np.random.default_rng(0)
     touch = FinalConvs.from_tensors(tensors(16, rng), NetworkConfig())
     cells = rng.random((1, 64, 40, 50), dtype=np.float32)
@@ -56,7 +56,7 @@ def test_every_row_is_the_same_whoever_draws_it() -> None:
 
 
 @pytest.mark.parametrize(("width", "height", "wide", "high"), [(64, 32, 64, 32), (65, 31, 96, 32), (1, 33, 32, 64)])
-def test_buffers_are_padded_by_zeros_to_the_networks_stride(width: int, height: int, wide: int, high: int) -> None:
+def test_buffers_are_zero_padded_to_the_networks_stride(width: int, height: int, wide: int, high: int) -> None:
     rng = np.random.default_rng(0)
     touch = FinalConvs.from_tensors(tensors(4, rng), NetworkConfig(unshuffle=4, widths=(8, 8, 8, 8), refine=4))
     buffers = rng.random((2, CHANNELS, height, width), dtype=np.float32)
@@ -67,7 +67,7 @@ def test_buffers_are_padded_by_zeros_to_the_networks_stride(width: int, height: 
 
 
 @pytest.mark.parametrize("shape", [{"refine": 0}, {"kind": "adain_unet"}])
-def test_networks_without_these_convolutions_have_none(shape: dict[str, Any]) -> None:
+def test_networks_without_final_convolutions_give_none(shape: dict[str, Any]) -> None:
     assert FinalConvs.from_tensors({}, NetworkConfig(**shape)) is None
 
 
@@ -75,7 +75,7 @@ def test_networks_without_these_convolutions_have_none(shape: dict[str, Any]) ->
     ("cells", "buffers"),
     [((64, 8, 9), (CHANNELS, 32, 32)), ((16, 8, 8), (CHANNELS, 32, 32)), ((64, 8, 8), (CHANNELS - 1, 32, 32))],
 )
-def test_what_does_not_fit_is_refused(cells: tuple[int, ...], buffers: tuple[int, ...]) -> None:
+def test_shapes_that_do_not_fit_are_refused(cells: tuple[int, ...], buffers: tuple[int, ...]) -> None:
     touch = FinalConvs.from_tensors(tensors(16, np.random.default_rng(0)), NetworkConfig())
     assert touch is not None
     with pytest.raises(ValueError, match="expected cells of 4 pixels a side"):

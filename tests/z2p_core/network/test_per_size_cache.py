@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from z2p_core.network.per_size_cache import MAX_CACHED_SIZES, cached_per_size
 
 
-def test_each_size_is_made_once_and_the_oldest_is_forgotten():
+def test_each_size_is_made_once_and_the_oldest_dropped():
     made = []
 
     def make(size):

@@ -24,7 +24,7 @@ def test_names_and_shapes_are_those_of_the_network(config, channels):
     assert network_shapes(config, *channels) == {name: tuple(one.shape) for name, one in network.state_dict().items()}
 
 
-def test_a_network_of_absurd_size_is_refused_and_never_made():
+def test_absurdly_large_networks_are_refused_unbuilt():
     for config in (NetworkConfig(widths=(10**9, 10**9)), NetworkConfig(mapping=10**6)):
         assert sum(map(prod, network_shapes(config, 3, 0, 7).values())) > MAX_WEIGHTS
         assert "at most 500,000,000 weights" in network_config_fault(config)

@@ -47,7 +47,7 @@ def test_adain_is_eq2():
             torch.testing.assert_close(result[picture, channel], by_hand, rtol=1e-4, atol=1e-4)
 
 
-def test_modulation_without_normalising_is_affine():
+def test_modulation_without_normalization_is_affine():
     layer, x, w = Modulation(4, 9), torch.randn(2, 4, 3, 3), torch.randn(2, 9)
     gamma, beta = layer.affine(w)[:, :, None, None].chunk(2, dim=1)
     torch.testing.assert_close(layer(x, w), (1 + gamma) * x + beta)
@@ -55,7 +55,7 @@ def test_modulation_without_normalising_is_affine():
 
 @pytest.mark.parametrize("config", [FAST, INPUT, FINE, PAPER], ids=["fast", "input", "fine", "paper"])
 @pytest.mark.parametrize("size", [(64, 64), (75, 100), (32, 33)])
-def test_any_size_gives_a_picture_in_range(config, size):
+def test_any_size_gives_an_image_in_range(config, size):
     network = network_of(config).eval()
     picture = network(*inputs_of(config, 2, *size))
     assert picture.shape == (2, 4, *size) and picture.dtype == torch.float32
@@ -63,7 +63,7 @@ def test_any_size_gives_a_picture_in_range(config, size):
 
 
 @pytest.mark.parametrize("config", [FAST, INPUT, FINE, PAPER], ids=["fast", "input", "fine", "paper"])
-def test_batch_mates_do_not_matter(config):
+def test_batch_elements_are_independent(config):
     network = network_of(config).train()
     zbuffer, encoding, settings = inputs_of(config, 3, 64, 64)
     together = network(zbuffer, encoding, settings)
@@ -101,7 +101,7 @@ def test_training_output_keeps_gradients_outside_the_range():
     assert network.eval()(*inputs_of(FAST, 1, 64, 64)).max() == 1
 
 
-def test_the_last_convolutions_start_as_nothing_and_reach_two_pixels():
+def test_final_convolutions_start_at_zero_and_reach_two_pixels():
     torch.manual_seed(0)
     network = build_network(FAST, 3, 0, 7).eval()
     without = build_network(replace(FAST, refine=0), 3, 0, 7).eval()
@@ -117,7 +117,7 @@ def test_the_last_convolutions_start_as_nothing_and_reach_two_pixels():
     assert (rows.min(), rows.max(), columns.min(), columns.max()) == (18, 22, 28, 32)
 
 
-def test_the_fine_block_starts_as_nothing_and_sees_what_lies_around_its_blocks():
+def test_sharpen_starts_at_zero_and_reads_around_its_blocks():
     torch.manual_seed(0)
     fine = network_of(FINE).sharpen
     torch.nn.init.zeros_(fine.leave.weight)
@@ -136,7 +136,7 @@ def test_a_network_without_encoding():
     assert network(torch.rand(1, 1, 40, 40), torch.zeros(0, 10, 10), torch.rand(1, 2)).shape == (1, 4, 40, 40)
 
 
-def test_settings_as_input_channels_are_heard_at_every_pixel_and_each_of_them():
+def test_settings_as_input_channels_affect_every_pixel():
     network = network_of(INPUT).train()
     assert not any(isinstance(layer, Modulation) for layer in network.modules()) and network.mapping is None
     zbuffer, encoding, settings = inputs_of(INPUT, 1, 64, 64)
@@ -148,7 +148,7 @@ def test_settings_as_input_channels_are_heard_at_every_pixel_and_each_of_them():
         assert ((network(zbuffer, encoding, 1 - settings) - picture).abs().amax(1) > 1e-5).all()
 
 
-def test_a_uniform_picture_has_finite_gradients():
+def test_a_uniform_input_has_finite_gradients():
     network = network_of(PAPER).train()
     network(torch.zeros(1, 3, 32, 32), torch.zeros(5, 32, 32), torch.zeros(1, 7)).sum().backward()
     assert all(parameter.grad.isfinite().all() for parameter in network.parameters())

@@ -28,7 +28,7 @@ def test_the_area_light_is_a_square_that_faces_the_origin():
 
 
 @pytest.mark.parametrize("sets", [1, 2, 4])
-def test_sets_of_lamps_interlock_on_the_same_square(sets):
+def test_jittered_sample_sets_interlock_on_the_same_square(sets):
     light = (3.5, -30.0, 60.0)
     middle, *sides = area_light_quad(light)
     places = np.concatenate(jittered_sample_sets(light, 64, sets)) - middle
@@ -40,14 +40,14 @@ def test_sets_of_lamps_interlock_on_the_same_square(sets):
     assert np.array_equal(jittered_sample_sets(light, 64, 1)[0], area_light_samples(light, 64)[0])
 
 
-def test_the_sky_is_above_and_even():
+def test_hemisphere_axes_point_up_and_are_uniform():
     sky = hemisphere_axes(24)
     np.testing.assert_allclose(np.linalg.norm(sky, axis=1), 1)
     assert (sky[:, 2] > 0).all() and np.abs(sky[:, :2].mean(0)).max() < 0.06
     assert sky[:, 2].mean() == pytest.approx(0.5, abs=1e-6)
 
 
-def test_each_direction_gives_a_floor_as_much_light():
+def test_cosine_hemisphere_gives_each_direction_equal_light():
     directions = cosine_hemisphere(4096)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-12)
     assert directions[:, 2].mean() == pytest.approx(2 / 3, abs=0.01)  # of a density that falls with the cosine

@@ -17,19 +17,19 @@ def surface(color: float, metallic: float, roughness: float, specular: float = 0
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
-def test_a_white_metal_gives_back_all(roughness: float) -> None:
+def test_white_metal_reflects_all_light(roughness: float) -> None:
     np.testing.assert_allclose(surface(1.0, 1.0, roughness).specular_albedo(FACING), 1, atol=0.01)
 
 
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
-def test_a_white_plastic_gives_back_all_of_white_light(roughness: float) -> None:
+def test_white_plastic_reflects_all_light(roughness: float) -> None:
     white = surface(1.0, 0.0, roughness)
     np.testing.assert_allclose(white.diffuse_albedo(FACING) + white.specular_albedo(FACING), 1, atol=1e-6)
 
 
 @pytest.mark.parametrize("metallic", [0.0, 0.4, 1.0])
 @pytest.mark.parametrize("roughness", ROUGHNESSES)
-def test_nothing_sends_more_than_it_gets(metallic: float, roughness: float) -> None:
+def test_no_surface_reflects_more_light_than_it_receives(metallic: float, roughness: float) -> None:
     for color in (0.0, 0.3, 0.9):
         one = surface(color, metallic, roughness)
         sent = one.diffuse_albedo(FACING) + one.specular_albedo(FACING)
@@ -37,21 +37,21 @@ def test_nothing_sends_more_than_it_gets(metallic: float, roughness: float) -> N
         assert (one.albedo >= color - 1e-6).all() and (one.albedo <= 1).all()
 
 
-def test_smooth_plastic_reflects_as_fresnel_says_and_smooth_metal_as_schlick() -> None:
+def test_smooth_plastic_follows_fresnel_and_metal_schlick() -> None:
     plastic = surface(0.0, 0.0, 0.0).specular_albedo(FACING)[:, 0]
     np.testing.assert_allclose(plastic[2:], fresnel_dielectric(FACING[2:], 1.5), rtol=0.05)
     metal = surface(0.4, 1.0, 0.0).specular_albedo(FACING)[:, 0]
     np.testing.assert_allclose(metal[2:], (0.4 + 0.6 * (1 - FACING) ** 5)[2:], rtol=0.03)
 
 
-def test_what_has_no_gloss_is_matt() -> None:
+def test_without_specular_level_the_surface_is_diffuse() -> None:
     dull = surface(0.3, 0.0, 1.0, specular=0.0)
     assert dull.specular_albedo(FACING).max() == 0
     np.testing.assert_allclose(dull.diffuse_albedo(FACING), 0.3, atol=1e-6)
     np.testing.assert_allclose(dull.albedo, 0.3)
 
 
-def test_a_lamp_straight_ahead_is_as_bright_as_the_surface_reflects() -> None:
+def test_specular_radiance_at_normal_incidence_is_f0() -> None:
     """Of a mirror's radiance 1, met head on: what metal and plastic reflect there."""
     ahead, shine = np.ones(1, np.float32), np.array([[1.0, 0.0, 0.0]], np.float32)
     np.testing.assert_allclose(surface(0.3, 1.0, 0.0).specular_radiance(shine, ahead), 0.3, rtol=1e-3)
@@ -61,7 +61,7 @@ def test_a_lamp_straight_ahead_is_as_bright_as_the_surface_reflects() -> None:
     np.testing.assert_allclose(surface(0.3, 0.5, 0.0).specular_radiance(grazing, ahead), 1, rtol=1e-3)
 
 
-def test_shares_of_the_smooth_and_the_roughest_are_what_is_known_of_them() -> None:
+def test_albedo_tables_match_known_limits() -> None:
     smooth, rough = directional_albedo_table(0.0, 1.5), directional_albedo_table(1.0, 1.5)
     np.testing.assert_allclose(smooth[5:, :2].sum(1), 1, atol=0.01)
     assert rough[-1, :2].sum() == pytest.approx(1 - np.log(2), abs=0.015), "the integral, by hand"

@@ -10,14 +10,14 @@ from z2p_core import native
 from z2p_core.shading.area_light import area_light_samples, cosine_hemisphere
 from z2p_core.shading.floor_occlusion import FLOOR_HALF_WIDTH, eroded_share, floor_occlusion, is_sparse, shadow_casters
 from z2p_core.shading.surfels import disc_sample_points, make_surfels
-from z2p_core.surface.normals import tangents
+from z2p_core.surface.normals import estimate_surface
 
 LIGHT, HEIGHT, RADIUS = (3.6, 30.0, 50.0), -0.6, 0.5
 
 
 def shades_of(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Shade of the lamp and of the sky below a ball about the origin of so many random points."""
-    found = tangents(np.float32(sphere(count) * RADIUS))
+    found = estimate_surface(np.float32(sphere(count) * RADIUS))
     spacing = float(np.median(found.spacing))
     further, radii = make_surfels(found, spacing)
     apart = is_sparse(spacing)
@@ -39,7 +39,7 @@ def hidden(side: int, step: int, ways: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("count", [500, 2_000, 6_000, 12_000, 40_000])
-def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
+def test_floor_occlusion_of_a_ball_matches_ray_casting(count: int) -> None:
     lamp, sky = shades_of(count)
     side, step = len(lamp), 1 + len(lamp) // 256  # some of the cells, evenly spread, stand for all
     lamp, sky = lamp[::step, ::step], sky[::step, ::step]
@@ -51,16 +51,16 @@ def test_a_ball_of_points_hides_as_much_as_a_ball(count: int) -> None:
     assert np.abs(sky - clear).sum() < 0.25 * clear.sum()
 
 
-def test_points_wider_apart_than_the_floor_is_hide_nothing() -> None:
-    found = tangents(np.float32(sphere(12) * 100))
+def test_points_farther_apart_than_the_floor_hide_nothing() -> None:
+    found = estimate_surface(np.float32(sphere(12) * 100))
     further, radii = make_surfels(found, 100.0)
     casters = shadow_casters(found.points, 100.0, further, radii, True)
     for shade in floor_occlusion(found.points, 100.0, casters, LIGHT, -100.0, 1, True):
         assert shade.shape == (2, 2) and not shade.any()
 
 
-def test_places_about_a_disc_lie_in_its_plane_on_a_cross() -> None:
-    found = tangents(np.float32(sphere(800)))
+def test_disc_samples_form_a_cross_in_the_discs_plane() -> None:
+    found = estimate_surface(np.float32(sphere(800)))
     further, radii = make_surfels(found, float(np.median(found.spacing)))
     middles, *places = disc_sample_points(further, radii).reshape(-1, 5, 3).swapaxes(0, 1)
     assert np.array_equal(middles, further.points)
@@ -72,7 +72,7 @@ def test_places_about_a_disc_lie_in_its_plane_on_a_cross() -> None:
     assert np.abs(np.einsum("na,na->n", away[0], away[2])).max() < 1e-6
 
 
-def test_the_farther_apart_points_lie_the_fewer_shadows_are_narrowed() -> None:
+def test_eroded_share_falls_with_spacing() -> None:
     shares = [eroded_share(spacing, 450) for spacing in (0.0, 0.01, 0.03, 1.0)]
     assert shares[0] == 1 > shares[1] > shares[2] > shares[3] == 0
 
@@ -84,7 +84,7 @@ def shade_below_a_plate(count: int, gap: float) -> tuple[np.ndarray, np.ndarray,
     """
     rng, above = np.random.default_rng(0), count // 7
     flat = np.concatenate([rng.uniform(-0.25, 0.25, (above, 2)), rng.uniform(-0.6, 0.6, (count - above, 2))])
-    found = tangents(np.float32(np.column_stack([flat, np.where(np.arange(count) < above, 0, -gap)])))
+    found = estimate_surface(np.float32(np.column_stack([flat, np.where(np.arange(count) < above, 0, -gap)])))
     spacing = float(np.median(found.spacing))
     further, radii = make_surfels(found, spacing)
     up, lamps = found.normals * np.sign(found.normals[:, 2:]), area_light_samples(LIGHT, 16)
@@ -103,7 +103,7 @@ def shade_below_a_plate(count: int, gap: float) -> tuple[np.ndarray, np.ndarray,
 
 
 @pytest.mark.parametrize("count", [500, 1_500, 5_000, 12_000, 40_000])
-def test_a_plate_of_points_throws_the_shadow_of_a_plate(count: int) -> None:
+def test_a_plate_of_points_casts_the_shadow_of_a_plate(count: int) -> None:
     for gap in (0.1, 0.3):
         lost, true, own = shade_below_a_plate(count, gap)
         assert lost.sum() == pytest.approx(true.sum(), rel=0.08)
@@ -111,6 +111,6 @@ def test_a_plate_of_points_throws_the_shadow_of_a_plate(count: int) -> None:
         assert (own > 0.5).sum() <= 1  # of 71 points at fewest, one at the rim may lean
 
 
-def test_a_shadow_begins_two_spacings_below_what_throws_it() -> None:
+def test_shadow_begins_two_spacings_below_its_caster() -> None:
     lost, true, own = shade_below_a_plate(5_000, 0.036)
     assert lost.sum() == pytest.approx(true.sum(), rel=0.1) and own.mean() < 0.02

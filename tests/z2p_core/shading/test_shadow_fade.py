@@ -9,7 +9,7 @@ from z2p_core.shading.shadow_fade import FADE_WIDTH, OPAQUE_ALPHA, fade_shadow
 
 
 @pytest.mark.parametrize("shape", [(100, 100), (60, 140), (32, 32), (33, 4096)])
-def test_a_shadow_is_gone_at_the_edge_and_as_it_was_inside(shape: tuple[int, int]) -> None:
+def test_shadow_is_zero_at_the_edge_and_unchanged_inside(shape: tuple[int, int]) -> None:
     picture = np.full((*shape, 4), 120, np.uint8)
     band = round(FADE_WIDTH * min(shape))
     alpha = fade_shadow(picture)[..., 3]
@@ -29,7 +29,7 @@ def test_the_object_is_never_faded() -> None:
     assert (after[-1, 32:, 3] == 0).all() and after[44, 40, 3] == 100 > after[47, 40, 3]
 
 
-def test_the_shadow_beside_the_object_fades_and_leaves_the_outline_its_light() -> None:
+def test_fading_shadow_keeps_the_light_of_the_outline() -> None:
     picture = np.zeros((50, 50, 4), np.uint8)
     picture[10:, 20:30] = (200, 100, 50, 255)
     picture[10:, 30] = (133, 67, 33, 192)  # half object, half a shadow of alpha 128
@@ -39,7 +39,7 @@ def test_the_shadow_beside_the_object_fades_and_leaves_the_outline_its_light() -
     assert (edge[1:, 3] == 0).all()
 
 
-def test_a_black_object_is_kept_too() -> None:
+def test_a_black_object_is_not_faded() -> None:
     picture = np.zeros((50, 50, 4), np.uint8)
     picture[10:, 20:30, 3] = 255
     assert np.array_equal(fade_shadow(picture)[:, 20:30], picture[:, 20:30])
@@ -51,6 +51,6 @@ def test_a_dark_shadow_fades_too() -> None:
     assert fade_shadow(picture)[0].max() == 0
 
 
-def test_pictures_of_a_pixel_do_not_fail() -> None:
+def test_images_of_one_or_two_pixels_do_not_fail() -> None:
     for shape in ((1, 1), (1, 40), (2, 2)):
         assert fade_shadow(np.full((*shape, 4), 100, np.uint8)).shape == (*shape, 4)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from z2p_core.shading.surfels import make_surfels
-from z2p_core.surface.normals import tangents
+from z2p_core.surface.normals import estimate_surface
 
 SPACING = 0.02
 HOLE = 2.4 * SPACING
@@ -13,13 +13,13 @@ HOLE = 2.4 * SPACING
 
 def discs_of(cloud: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Middles and radii of the discs of its points, and of those in holes."""
-    found = tangents(np.float32(cloud))
+    found = estimate_surface(np.float32(cloud))
     further, radii = make_surfels(found, max(float(np.median(found.spacing)), 1e-3))
     count = len(found.points)
-    for values in (further.points, further.spacing, further.normals, further.around, further.neighbours):
+    for values in (further.points, further.spacing, further.normals, further.neighbor_spacing, further.neighbors):
         assert len(values) == len(radii)
     np.testing.assert_allclose(np.linalg.norm(further.normals, axis=1), 1, atol=1e-4)
-    assert (further.neighbours < count).all()  # no disc in a hole counts as another's neighbour
+    assert (further.neighbors < count).all()  # no disc in a hole counts as another's neighbour
     return further.points[:count], radii[:count], further.points[count:], radii[count:]
 
 
@@ -59,13 +59,13 @@ def test_most_small_holes_are_closed_in_the_surface(bent):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_hole_that_chance_does_not_leave_stays_open(seed):
+def test_large_holes_stay_open(seed):
     _, _, middles, radii = discs_of(without(random_sheet(np.random.default_rng(seed)), 6 * SPACING))
     assert (np.hypot(middles[:, 0], middles[:, 1]) - radii > 3.5 * SPACING).all()
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_nothing_is_put_beyond_a_border(seed):
+def test_no_surfel_is_added_beyond_a_border(seed):
     _, _, middles, _ = discs_of(random_sheet(np.random.default_rng(seed)))
     assert (np.abs(middles[:, :2]) < 0.5).all()
 
@@ -87,13 +87,13 @@ def test_an_even_cloud_has_no_holes():
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 20])
-def test_the_smallest_clouds_have_a_disc_for_each_point(count):
+def test_smallest_clouds_have_a_surfel_for_each_point(count):
     points, radii, _, _ = discs_of(np.random.default_rng(0).random((count, 3)))
     assert len(points) == count and (radii > 0).all() and np.isfinite(radii).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_points_that_come_many_times_are_no_trouble(seed):
+def test_duplicate_points_give_finite_surfels(seed):
     """Where so many lie in one place, their spacing is 0."""
     rng = np.random.default_rng(seed)
     cloud = np.round(rng.normal(size=(2_000, 3)) * 3) / 8
