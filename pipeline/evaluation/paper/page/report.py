@@ -241,7 +241,7 @@ def _write_page(
              ("Truth and baselines' renders", f"Cycles, {config.resolution}x{config.resolution}, {config.samples} "
               f"samples, denoising {config.denoise}")]  # fmt: skip
     page = environment.get_template("report.html").render(
-        title=config.name, version=__version__, lead=summary, facts=facts, sections=sections, absent=missing
+        title=config.name, version=__version__, summary=summary, facts=facts, sections=sections, missing=missing
     )
     atomic_write(page.encode(), path)
 
