@@ -29,7 +29,7 @@ from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 from tqdm import tqdm
 
 from z2p_core.parallel import without_second_core
-from z2p_core.surface.normals import fitted
+from z2p_core.surface.normals import fit_local_patches
 from z2p_renderer.storage.meshes import find_meshes
 
 HEADER = Path(__file__).resolve().parents[1] / "z2p_core/native/c/points/normal_gnn_weights.h"
@@ -169,17 +169,17 @@ def measured(network: Refinement, shapes: Sequence[Shape]) -> Iterator[str]:
 
 def patches_of(true_points: np.ndarray, true_normals: np.ndarray, cloud: np.ndarray) -> Patches:
     """A cloud as the network gets it, from points (N, 3) with noise and what they were before it."""
-    own, count = fitted(cloud), len(cloud)
+    own, count = fit_local_patches(cloud), len(cloud)
     order = np.empty(count, np.int64)
     order[np.lexsort(own.grid.points.T)] = np.lexsort(cloud.T)  # the grid has sorted them
     points, normals, scale, found, true_points, true_normals = (
         torch.from_numpy(np.ascontiguousarray(array))
-        for array in (own.grid.points, own.normals, own.scale, own.neighbours,
+        for array in (own.grid.points, own.normals, own.scale, own.neighbors,
                       true_points[order].astype(np.float32), true_normals[order].astype(np.float32))
     )  # fmt: skip
     return Patches(
-        points, normals, scale, torch.full((count,), own.noise / own.typical), found,
-        torch.full(found.shape, 1 / found.shape[1]), true_points, true_normals, torch.full((count,), own.typical),
+        points, normals, scale, torch.full((count,), own.noise / own.median_spacing), found,
+        torch.full(found.shape, 1 / found.shape[1]), true_points, true_normals, torch.full((count,), own.median_spacing),
         torch.full((count,), 1 / count),
     )  # fmt: skip
 

@@ -1,39 +1,47 @@
-"""All that a plugin author reads: the things z2p lets a stranger replace or add.
+"""What a plugin can replace or add, and all that its author needs to read.
 
-A plugin is one class in one file, named in one entry point of its package. Built-in plugins use the same door.
+A plugin is one class in one file, named by one entry point of its package. The built-in plugins are found in the same
+way. For each kind: the entry-point group, the class to derive from, the methods to write, and when z2p calls them.
 
-=============================  =====================  ===========================================
-entry-point group              subclass               example
-=============================  =====================  ===========================================
-``z2p.controls``               `Control`              metallic: a number the user moves
-``z2p.zbuffers``               `ZBuffer`              the paper's 5x5 splat (Eq. 1)
-``z2p.gbuffers``               `GBuffer`              lit surfels and their shadow: a rough rendering
-``z2p.encoders``               `PositionalEncoder`    random Fourier features (Eq. 3)
-``z2p.engines``                `Engine`               onnxruntime: what runs the trained network
-``z2p.samplers``               `Sampler`              farthest-point sampling of a mesh
-``z2p.readers``                `Reader`               a point-cloud file format
-``z2p.baselines``              `Baseline`             ball pivoting, to compare pictures with
-``z2p.painters``               `Painter`              depth filled in on the screen, to compare with as well
-=============================  =====================  ===========================================
+====================  ===================  =======================  ==================================================
+group                 class                methods                  called
+====================  ===================  =======================  ==================================================
+``z2p.controls``      `Control`            slider, apply            once a picture or render: a number the user moves
+``z2p.zbuffers``      `ZBuffer`            draw                     once a picture: nearest points as an image (Eq. 1)
+``z2p.gbuffers``      `GBuffer`            draw                     once a picture: a rough rendering of the lit scene
+``z2p.encoders``      `PositionalEncoder`  create, from_state,      once an image size: features of a pixel's place
+                                           state, channels, encode  (Eq. 3)
+``z2p.engines``       `Engine`             __init__, run            once a picture: runs the trained network
+``z2p.samplers``      `Sampler`            sample                   once a training mesh: points on its surface
+``z2p.readers``       `Reader`             suffixes, read           once a file: points from a file format
+``z2p.baselines``     `Baseline`           reconstruct              once a cloud in evaluation: a mesh to compare with
+``z2p.painters``      `Painter`            paint                    once a picture in evaluation: an image to compare
+====================  ===================  =======================  ==================================================
 
-Every plugin has a ``name`` (that of its entry point) and a ``version``: raise the version whenever its results change.
-Randomness comes only from the ``rng`` argument. ``z2p_core.testing`` holds the contract suite that the built-ins pass.
+Every plugin has a ``name``, that of its entry point, and a ``version``: raise the version whenever its results change,
+for weights and kept results are bound to it. Classes are instantiated without arguments, except engines and encoders.
+Random numbers come only from the ``rng`` argument. Several threads may call a plugin's methods at once.
+
+Arrays are numpy's, C-contiguous. Clouds (N, 3) are float32 in world units: +Z is up, the object is in the unit sphere
+around the origin, and the camera looks at the origin from the -Y side (`z2p_core.camera.Camera`). Images are
+channels first, (C, H, W), unless a docstring says otherwise. "Premultiplied" is color times alpha.
+
+`z2p_core.testing` has a `check_*` function for each kind of plugin: the tests that the built-in ones pass.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import time
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
-from z2p_core.contracts.baseline import Baseline as Baseline
-from z2p_core.contracts.baseline import Painter as Painter
-from z2p_core.contracts.engine import Engine as Engine
-from z2p_core.contracts.engine import TrainedNetwork as TrainedNetwork
 from z2p_core.errors.messages import UserError
 from z2p_core.scene import SceneDescription
 
@@ -45,23 +53,35 @@ Value = tuple[float, ...]
 
 
 class SettingError(UserError):
-    """A setting that no control can take; the message says what was expected, what came, and how to mend it."""
+    """A setting that is invalid; the message names what was expected, what came, and how to mend it."""
+
+
+class ScanError(UserError):
+    """A point cloud that cannot be used; the message names what was expected, what came, and how to mend it."""
 
 
 @dataclass(frozen=True)
 class Slider:
-    """What a user moves: from this alone come the command-line option and a viewer's slider.
+    """Range of a control's value. The command-line option and the keyword of `z2p_core.render` are made from it.
 
-    Each tuple has one entry for each component (one for roughness; three for the light: radius, azimuth, elevation).
+    Each tuple has one entry for each component: one for roughness; three for the light (radius, azimuth, elevation).
+
+    Raises:
+        ValueError: the tuples differ in length, or a component has no range around its default.
     """
 
     components: tuple[str, ...]
+    """Names of the components, as error messages and ``R,AZ,EL`` forms list them."""
     low: Value
     high: Value
     default: Value
+    """The value of a picture for which the user sets nothing."""
     help: str
+    """One line for ``--help``."""
     unit: str = ""
+    """Unit in error messages, such as ``degrees``."""
     metavar: str = ""
+    """The option's placeholder in ``--help``, such as ``0..1``."""
 
     def __post_init__(self) -> None:
         sizes = {len(self.components), len(self.low), len(self.high), len(self.default)}
@@ -75,7 +95,11 @@ class Slider:
 
 
 class Control(ABC):
-    """One thing the user steers, told in one file: its slider, how it is drawn, encoded, and applied to the scene."""
+    """One setting of a picture: its slider, and how it is parsed, sampled, encoded, and applied to the scene.
+
+    The network reads the encodings of all its controls, one after another, as the settings vector s (paper section
+    3.3). Weights carry the controls that they were trained with.
+    """
 
     name: ClassVar[str]
     version: ClassVar[str]
@@ -83,14 +107,16 @@ class Control(ABC):
 
     @property
     def size(self) -> int:
-        """How many numbers it adds to the settings vector s (paper section 3.3); the length of `encode`'s result."""
+        """How many numbers it adds to the settings vector: the length of `encode`'s result."""
         return len(self.slider.components)
 
     def parse(self, text: str) -> Value:
-        """Value that the user's text stands for: comma-separated floats inside the slider's range.
+        """Value for the user's text: comma-separated floats inside the slider's range, unless overridden.
+
+        Called for the command line's option, and for text given to `z2p_core.render`.
 
         Raises:
-            SettingError: the text has another form, or a number lies outside its range.
+            SettingError: the text has another form, or a number is outside its range.
         """
         slider = self.slider
         expected = ",".join(slider.components)
@@ -103,10 +129,12 @@ class Control(ABC):
         return self.check(value)
 
     def check(self, value: Value) -> Value:
-        """The value itself, when every component is finite and inside the slider's range.
+        """The value itself, if every component is inside the slider's range.
+
+        Called for numbers given to `z2p_core.render` or kept in a picture's record.
 
         Raises:
-            SettingError: a component is outside; the message names it and its range.
+            SettingError: the number of components is wrong, or one is outside its range or not a number.
         """
         slider = self.slider
         if len(value) != len(slider.components):
@@ -119,82 +147,102 @@ class Control(ABC):
         return value
 
     def draw(self, rng: np.random.Generator) -> Value:
-        """Random value for one training render; uniform over the slider unless a control overrides it."""
+        """Sample a random value for one training render: uniform over the slider's range, unless overridden."""
         return tuple(float(rng.uniform(low, high)) for low, high in zip(self.slider.low, self.slider.high, strict=True))
 
     def encode(self, value: Value) -> tuple[float, ...]:
-        """The `size` numbers for the settings vector; the slider's range mapped to [0, 1] unless overridden."""
+        """The `size` numbers for the settings vector: the slider's range mapped to [0, 1], unless overridden."""
         ends = zip(value, self.slider.low, self.slider.high, strict=True)
         return tuple((number - low) / (high - low) for number, low, high in ends)
 
     def mirrored(self, value: Value) -> Value:
-        """Value for the same scene with left and right exchanged, as training shows it; itself unless overridden."""
+        """The value for the scene with left and right exchanged, for augmentation: the same one, unless overridden."""
         return value
 
     @abstractmethod
     def apply(self, value: Value, scene: SceneDescription) -> None:
-        """Write the value into the description of the Blender scene, e.g. ``scene.material["Metallic"] = value[0]``."""
+        """Write the value into the scene, e.g. ``scene.material["Metallic"] = value[0]``.
+
+        Called before a scene is rendered by Blender, for training, and before `GBuffer.draw`, for every picture.
+        """
 
 
 class ZBuffer(ABC):
-    """Turns a projected cloud into the picture that the network reads."""
+    """Rasterizes a cloud into the first channels that the network reads: the nearest points, seen by the camera."""
 
     name: ClassVar[str]
     version: ClassVar[str]
     channels: ClassVar[int]
+    """How many channels `draw` gives."""
 
     @abstractmethod
     def draw(self, cloud: np.ndarray, camera: Camera) -> np.ndarray:
-        """Picture (channels, height, width) float32 of a cloud (N, 3) float32 in world units; 0 where nothing is."""
+        """Image (channels, height, width) float32 of a cloud (N, 3); 0 where there is no point.
+
+        The order of the points must not matter, and `cloud` must not be changed.
+        """
 
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera) -> None:
-        """Draws all of `out`, contiguous, whatever is in it; one that does so without a copy overrides this."""
+        """Write the same image into `out`, whatever it holds. z2p calls this; override it to save a copy."""
         out[...] = self.draw(cloud, camera)
 
 
 class GBuffer(ABC):
-    """Draws rough features of the lit scene from the bare cloud, which the network reads beside the z-buffer.
+    """Renders features of the lit scene from the bare cloud, which the network reads after the z-buffer's channels.
 
-    A G-buffer is what deferred shading calls the pictures (depth, normals, light) that a last pass makes an image of.
-    Unlike a `ZBuffer` it knows the whole scene, and may look at a point's neighbours.
+    In deferred shading, a G-buffer is the set of images (depth, normals, light) from which a last pass makes the
+    picture. Unlike a `ZBuffer`, it gets the whole scene, and it may use a point's neighbors.
     """
 
     name: ClassVar[str]
     version: ClassVar[str]
     channels: ClassVar[int]
+    """How many channels `draw` gives; 0 for none."""
     refines: ClassVar[str] = ""
-    """Name of a G-buffer whose channels mean the same, so that its weights can be trained on with this one."""
+    """Name of a G-buffer whose channels have the same meaning: its weights can be trained further with this one."""
 
     @abstractmethod
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
-        """Picture (channels, height, width) float32, about [-1, 1], of a cloud (N, 3) float32 in world units.
+        """Features (channels, height, width) float32, about [-1, 1], of a cloud (N, 3).
 
-        `scene` has the light, the material and the floor; a floor of None touches the cloud's lowest point. Its
-        rotation and lift are those of the cloud already.
+        `scene` has the light, the material and the floor's height; a floor of None touches the cloud's lowest point.
+        The cloud is already turned and lifted as the scene's ``rotation`` and ``lift`` say. The order of the points
+        must not matter; neither `cloud` nor `scene` may be changed. N may be 0.
         """
 
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
-        """Draws all of `out`, contiguous, whatever is in it; one that does so without a copy overrides this."""
+        """Write the same features into `out`, whatever it holds. z2p calls this; override it to save a copy."""
         out[...] = self.draw(cloud, camera, scene)
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:  # noqa: B027 - most need none
-        """Moves the network's picture (4, H, W), colour times alpha and alpha, towards what it was drawn of, in place.
+        """Blend the network's output towards the rough rendering, in place. Called once a picture, after the network.
 
-        `features` (channels, H, W) are those of a cloud of so many points. Where they are as near to the truth as the
-        picture, and err in another way, a mean of both is nearer.
+        Args:
+            picture: (4, H, W) float32, premultiplied sRGB and alpha; it is changed.
+            features: (channels, H, W) float32, what `draw` gave.
+            points: number of points in the cloud.
+
+        Where the features are as accurate as the network, and err independently, a mean of both is more accurate.
         """
 
     def elsewhere(self, features: np.ndarray, points: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """What a picture is where the cloud is not; None if only a network can tell.
+        """The picture outside the cloud, so that the network runs only on a crop around it; None if it cannot be told.
 
-        Of features (channels, H, W) of so many points: first (H, W), above 0 where the cloud shows, or what else the
-        network has to mend; then the picture (4, H, W), as networks draw it, of all the rest.
+        Called before the network, for weights that were trained on crops.
+
+        Args:
+            features: (channels, H, W) float32, what `draw` gave.
+            points: number of points in the cloud.
+
+        Returns:
+            A mask (H, W) float32, above 0 where the network is needed; and the picture (4, H, W) float32, premultiplied
+            sRGB and alpha, that holds elsewhere.
         """
         return None
 
 
 class PositionalEncoder(ABC):
-    """Features of a pixel's place in the full frame, joined to the network's input (paper section 3.3, Eq. 3)."""
+    """Features of a pixel's position in the full frame, appended to the network's input (paper section 3.3, Eq. 3)."""
 
     name: ClassVar[str]
     version: ClassVar[str]
@@ -202,119 +250,294 @@ class PositionalEncoder(ABC):
     @classmethod
     @abstractmethod
     def create(cls, rng: np.random.Generator) -> PositionalEncoder:
-        """Encoder with its random numbers drawn, once, at the start of training."""
+        """A new encoder with its random numbers drawn. Called once, at the start of a training."""
 
     @classmethod
     @abstractmethod
     def from_state(cls, state: dict[str, Any]) -> PositionalEncoder:
-        """The encoder whose `state` was saved with the weights."""
+        """The encoder with that `state`. Called when weights are loaded; the state comes from their file."""
 
     @property
     @abstractmethod
     def state(self) -> dict[str, Any]:
-        """What must be saved with the weights to rebuild it: JSON-able numbers and lists."""
+        """What the weights' file must hold to rebuild the encoder: JSON-able finite numbers and lists."""
 
     @property
     @abstractmethod
     def channels(self) -> int:
-        """How many features a pixel gets; 0 for none."""
+        """Number of features of a pixel; 0 for none."""
 
     @abstractmethod
     def encode(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """Features (channels, H, W) float32 of pixel coordinates u, v (H, W), [0, 1] over the full square frame."""
+        """Features (channels, H, W) float32 at pixel coordinates u, v (H, W), in [0, 1] over the full square frame.
+
+        A pixel's features depend on its own u and v only, so that a crop gets those of the frame.
+        """
+
+
+class EngineCache(Protocol):
+    """Keeps what an engine prepares, from one process to the next. Entries may vanish at any time."""
+
+    def get(self, key: str) -> bytes | None:
+        """The content that was put under that key, unchanged; None if it is not there."""
+
+    def put(self, key: str, content: bytes) -> None:
+        """Keep the content under that key, if the disk allows it."""
+
+
+class FinalLayers(Protocol):
+    """The layers after a model that leaves out the last ones of its network: `z2p_core.network.final_convs`."""
+
+    def padded(self, buffers: np.ndarray) -> np.ndarray:
+        """Buffers (B, C, H, W) with the zero padding that the model expects."""
+
+    def finish(self, cells: np.ndarray, buffers: np.ndarray) -> np.ndarray:
+        """Images (B, 4, H, W) in [0, 1] from the model's output for padded buffers (B, C, H, W)."""
+
+
+@dataclass(frozen=True)
+class TrainedNetwork:
+    """A trained network in the forms that engines take; `z2p_core.network.unet.build_network` defines it."""
+
+    buffer_channels: int
+    """C: channels of the z-buffer and the G-buffer together."""
+    encoder_channels: int
+    """E: channels of the positional encoder; 0 for none, then the model has no input ``encoding``."""
+    settings: int
+    """S: length of the settings vector."""
+    onnx: bytes | None
+    """ONNX model with inputs ``buffers``, ``encoding`` and ``settings`` for any batch, height and width, and one
+    output: ``picture``; or ``cells``, where it leaves out the final layers (`FinalLayers`). None if there is no export
+    beside the weights."""
+    module: Callable[[], Any]
+    """Makes the torch module in evaluation mode, float32, on the CPU. It imports torch: call it only where needed."""
+    int8: bytes | None = None
+    """ONNX model with the same inputs, whose inner convolutions are in 8 bits (QDQ); None if the weights have none."""
+    shelf: EngineCache | None = None
+    """Cache for what the engine prepares; None for no cache."""
+    windows: bool = False
+    """Whether it runs on crops, each of another size: then an engine should not prepare for one size."""
+
+
+class Engine(ABC):
+    """Runs the trained network with some library. Several threads may call `run` at once.
+
+    z2p takes the engine that the user names; otherwise, of the installed engines that can run the weights and allow it
+    (`unasked`), the one of lowest `rank`.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    package: ClassVar[str]
+    """The library's import name. Import it in `__init__` only: the plugin's module is imported to list engines."""
+    rank: ClassVar[int]
+    """Automatic selection prefers lower ranks."""
+    reads_onnx: ClassVar[bool] = True
+    """Whether it needs `TrainedNetwork.onnx`; False if it takes the torch module."""
+    reads_int8: ClassVar[bool] = False
+    """Whether it needs `TrainedNetwork.int8` instead."""
+    exact: ClassVar[bool] = True
+    """Whether its results are within 2/255 of torch's. If not, `z2p evaluate --engine` measures what it loses."""
+
+    last: FinalLayers | None = None
+    """What `draw` runs after the model, where that leaves out the final layers. z2p sets it."""
+
+    @classmethod
+    def unasked(cls) -> bool:
+        """Whether automatic selection may pick this engine: exact ones, unless overridden."""
+        return cls.exact
+
+    @classmethod
+    def installed(cls) -> bool:
+        """Whether its library is installed; nothing is imported."""
+        return importlib.util.find_spec(cls.package) is not None
+
+    @abstractmethod
+    def __init__(self, network: TrainedNetwork, threads: int | None = None) -> None:
+        """Prepare to run that network on at most so many threads; None for as many as there are cores."""
+
+    @abstractmethod
+    def run(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
+        """The model's output: usually images (B, 4, H, W) float32 in [0, 1], premultiplied sRGB and alpha.
+
+        Args:
+            buffers: (B, C, H, W) float32; H, W >= 32.
+            encoding: (E, h, w) float32, at the centers of the network's pixel cells (sides rounded up).
+            settings: (B, S) float32 in [0, 1].
+
+        If `exact`, the result is within 2/255 of the torch network's at the 99.9th percentile. The inputs must not be
+        changed, nor an array that was returned before.
+        """
+
+    def draw(self, buffers: np.ndarray, encoding: np.ndarray, settings: np.ndarray) -> np.ndarray:
+        """The whole network's images (B, 4, H, W) for the inputs of `run`: the model, then the final layers."""
+        if self.last is None:
+            return self.run(buffers, encoding, settings)
+        height, width = buffers.shape[2:]
+        padded = self.last.padded(buffers)
+        return self.last.finish(self.run(padded, encoding, settings), padded)[:, :, :height, :width]
 
 
 class Sampler(ABC):
-    """Draws points on the surface of a mesh."""
+    """Samples points on the surface of a mesh, for training and evaluation."""
 
     name: ClassVar[str]
     version: ClassVar[str]
     packages: ClassVar[tuple[str, ...]] = ()
-    """Distributions whose versions count, as the code does, when results are told stale: ``("open3d",)``."""
+    """Distributions that shape the result, such as ``("open3d",)``: results are stale when their versions change."""
 
     @abstractmethod
     def sample(self, vertices: np.ndarray, faces: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-        """Exactly `count` points (count, 3) float64 on the triangles faces (M, 3) int of vertices (V, 3) float64."""
+        """Exactly `count` points (count, 3) float64 on triangles.
+
+        Args:
+            vertices: (V, 3) float64; must not be changed.
+            faces: (M, 3) int, indices of vertices; must not be changed.
+        """
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """Where a depth camera or scanner stood, in its file's axes."""
+    """Pose of the depth camera or scanner that took a cloud, in the file's axes."""
 
     position: np.ndarray
-    """Place (3,) float64 in the file's units."""
+    """Position (3,) float64 in the file's units."""
     rotation: np.ndarray
     """Matrix (3, 3) float64 from the sensor's OpenCV axes (+X right, +Y down, +Z forward) to the file's axes."""
 
 
 @dataclass(frozen=True)
 class RawCloud:
-    """One cloud as its file has it: points (N, 3) float64, and the sensor when the file tells of one."""
+    """One cloud as its file has it, and what the file says about it."""
 
     points: np.ndarray
+    """(N, 3) float64, in the file's axes and units."""
     sensor: Sensor | None = None
+    """The sensor's pose, if the file has it."""
     total: int | None = None
-    """How many points the file has, where those here only stand for them (`z2p_core.formats.row_subsampling`)."""
+    """Number of points in the file, where `points` is only a subsample (`z2p_core.formats.row_subsampling`)."""
     note: str = ""
-    """What the reader took for granted or left out, in a few words for the file's line."""
+    """What the reader assumed or left out, in a few words, shown in the file's line."""
     up: str = ""
-    """The file's axis that points up, such as ``-Y``, where its format or contents tell; empty where they do not."""
+    """The file's axis that points up, such as ``-Y``, where its format or contents tell; empty if unknown."""
     up_reason: str = ""
-    """What tells it, in a few words: ``the axes of COLMAP``."""
+    """Why, in a few words: ``the axes of COLMAP``."""
     up_certain: bool = True
-    """False where the axis is only usual for such files, so that the cloud's shape may overrule it."""
+    """False if the axis is only usual for such files, so that the cloud's shape may overrule it."""
     upward: np.ndarray | None = None
-    """The direction (3,) that points up, where it is none of the file's axes; `up` is the nearest one then."""
+    """The direction (3,) that points up, if it is none of the file's axes; `up` is then the nearest axis."""
     seen_from: np.ndarray | None = None
-    """A place (3,) from which people looked at it, where the file or what lies beside it tells of cameras."""
+    """A place (3,) from which the object was looked at, where the file, or one beside it, has camera poses."""
 
 
 MEMORY_A_POINT = 170
-"""Bytes that a point takes at the height of reading and placing it: seven times x, y, z in float64."""
+"""Peak memory, in bytes, of reading and placing one point: seven times x, y, z in float64."""
 MEMORY_A_BYTE = MEMORY_A_POINT // 12
+"""The same for each byte of a file of packed float32 coordinates."""
 MEMORY_A_CHARACTER = 26
-"""The same for a byte of text that is read as a whole and cut into words."""
+"""The same for each byte of text that is read whole and split into words."""
 
 
 class Reader(ABC):
-    """Reads one family of point-cloud files."""
+    """Reads one family of point-cloud files. Chosen by the file's suffix."""
 
     name: ClassVar[str]
     version: ClassVar[str]
     suffixes: ClassVar[tuple[str, ...]]
-    """Lower-case, with the dot: ``(".las", ".laz")``."""
+    """Suffixes of its files, lower-case, with the dot: ``(".las", ".laz")``."""
     packages: ClassVar[tuple[str, ...]] = ()
-    """Distributions whose versions count, as the code does, when results are told stale: ``("open3d",)``."""
+    """Distributions that shape the result, such as ``("open3d",)``: results are stale when their versions change."""
     columns: Sequence[str] | None = None
-    """What the user says that a text file's columns hold: ``("x", "y", "z", "r", "g", "b")``; others ignore it."""
+    """What the user says a text file's columns are: ``("x", "y", "z", "r", "g", "b")``. z2p sets it before `read`."""
     takes_columns: ClassVar[bool] = True
-    """Whether it may read by `columns`; where it does not, the file's line says that they were ignored."""
+    """Whether it uses `columns`; if not, the file's line says that they were ignored."""
 
     def memory(self, path: Path) -> int:
-        """Bytes that reading and placing the file take at the most, roughly: more than is free, and it is refused.
+        """Rough peak memory, in bytes, of reading and placing the file. Called first: z2p refuses what does not fit.
 
-        The default fits packed float32 coordinates; formats that pack tighter count their points instead.
+        The default suits packed float32 coordinates; formats that are packed tighter should count their points.
         """
         return MEMORY_A_BYTE * path.stat().st_size
 
     def is_fragile(self, path: Path) -> bool:
-        """Whether its library may end the whole process on such a file, if it is damaged.
+        """Whether its library may crash the process on a damaged file of this kind.
 
-        Then `read` runs in a process of its own, which takes a fifth of a second more: the class must be importable.
+        Then `read` runs in a process of its own, which takes 0.2 s longer; the class must be importable by its name.
         """
         return False
 
     @abstractmethod
     def read(self, path: Path) -> Sequence[RawCloud | np.ndarray]:
-        """List of the clouds in the file, each (N, 3) float64 in its own units; one for most formats, B for a batch.
+        """List of the clouds in the file: one for most formats, B for a batch.
 
-        A plain array stands for a cloud without a sensor. Rows that are not finite stay in: the caller drops and
-        counts them.
+        An array (N, 3) float64 stands for a `RawCloud` without further information. Keep rows that are not finite: the
+        caller drops and counts them.
 
         Raises:
-            ScanError: the file cannot be a cloud of this format, or lies about its size.
+            ScanError: the file is not of this format, is damaged, or holds no points.
         """
 
 
-class ScanError(UserError):
-    """A scan that cannot be used; the message says what was expected, what came, and what to do."""
+class Timed:
+    """Base of plugins whose steps are timed."""
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Step -> seconds so far, in the order in which the steps first ran; empty if none was timed."""
+        seconds: dict[str, float] = self.__dict__.setdefault("_seconds", {})
+        return seconds
+
+    @contextmanager
+    def timed(self, step: str) -> Iterator[None]:
+        """Add the time that the ``with`` block takes to the seconds of a step."""
+        started = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[step] = self.seconds.get(step, 0.0) + time.perf_counter() - started
+
+
+class Baseline(ABC, Timed):
+    """Reconstructs a mesh from a bare cloud, which Blender then renders: evaluation compares z2p with it."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    packages: ClassVar[tuple[str, ...]] = ()
+    """Distributions that shape the result, such as ``("open3d",)``: results are stale when their versions change."""
+    for_view: ClassVar[bool] = False
+    """Whether a mesh is only good for one viewpoint, so that every view needs its own."""
+
+    @abstractmethod
+    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """Vertices (V, 3) float64 and triangles (M, 3) int, M >= 1, of a cloud (N, 3) float in world units.
+
+        The cloud has no normals and no colors. The mesh lies where the cloud lies, in the unit sphere.
+
+        Raises:
+            ScanError: this cloud cannot be reconstructed; evaluation then counts an empty picture and goes on.
+        """
+
+    def reconstruct_for(
+        self, cloud: np.ndarray, viewer: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The mesh to be seen from `viewer` (3,), in the cloud's axes. Override it if `for_view`."""
+        return self.reconstruct(cloud, rng)
+
+
+class Painter(ABC, Timed):
+    """Draws a picture of a bare cloud by itself, without a mesh or Blender: evaluation compares z2p with it."""
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    packages: ClassVar[tuple[str, ...]] = ()
+    """Distributions that shape the result, such as ``("open3d",)``: results are stale when their versions change."""
+
+    @abstractmethod
+    def paint(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
+        """Image (H, W, 4) float32 in [0, 1], straight sRGB RGBA, of a cloud (N, 3).
+
+        `scene` has the light, the material and the floor; the cloud is already turned and lifted as it says.
+
+        Raises:
+            ScanError: this cloud cannot be drawn; evaluation then counts an empty picture and goes on.
+        """

@@ -27,16 +27,7 @@ def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: d
 
     folder = output.parent if output.suffix.lower() in FORMATS and not output.is_dir() else output
     if options["sheet"] is not None:
-        from z2p_renderer.pipeline.outputs.contact_sheet import check_sheet_places
-
-        columns, rows = options["sheet"]
-        count = -(-len(tasks) // (columns * rows))
-        names = {"sheet.png", *(f"sheet_{number}.png" for number in range(2, count + 1))}
-        for task in tasks:
-            if task.output.parent == folder and task.output.name in names:
-                raise click.UsageError(f"--sheet writes {task.output}, which is the picture of {task.scan} too; rename "
-                                       "the scan", ctx)  # fmt: skip
-        check_sheet_places(folder, count)
+        _check_sheets(ctx, tasks, folder, options["sheet"])
     if options["gallery"]:
         from z2p_renderer.pipeline.outputs.gallery import check_gallery_place
 
@@ -44,9 +35,22 @@ def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: d
     if options["save_camera"] is not None:
         from z2p_renderer.storage.cameras import check_camera_place
 
-        taken = [path for task in tasks for path in (task.scan, task.output)]
-        check_camera_place(options["save_camera"], [*taken, folder / "gallery.html"])
+        used_paths = [path for task in tasks for path in (task.scan, task.output)]
+        check_camera_place(options["save_camera"], [*used_paths, folder / "gallery.html"])
         check_writable(options["save_camera"].parent, "--save-camera")
+
+
+def _check_sheets(ctx: click.Context, tasks: list[Task], folder: Path, grid: tuple[int, int]) -> None:
+    from z2p_renderer.pipeline.outputs.contact_sheet import check_sheet_places, sheet_path
+
+    columns, rows = grid
+    sheet_count = -(-len(tasks) // (columns * rows))
+    sheets = {sheet_path(folder, number) for number in range(1, sheet_count + 1)}
+    for task in tasks:
+        if task.output in sheets:
+            raise click.UsageError(f"--sheet writes {task.output}, which is the picture of {task.scan} too; rename "
+                                   "the scan", ctx)  # fmt: skip
+    check_sheet_places(folder, sheet_count)
 
 
 def write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> int:

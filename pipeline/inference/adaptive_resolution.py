@@ -11,7 +11,7 @@ import numpy as np
 
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.parallel import parallel_rows
-from z2p_core.surface.normals import MOST_POINTS, typical_spacing
+from z2p_core.surface.normals import MAX_SURFACE_POINTS, median_spacing
 
 MIN_PIXELS_PER_SPACING = 6.0
 """Pixels from point to point, at least, in a picture that is drawn smaller."""
@@ -28,9 +28,9 @@ def render_size(cloud: np.ndarray, width: int, height: int) -> tuple[int, int]:
     """
     scale = Camera(width, height).focal / DISTANCE
     near = 4 * math.pi * (scale / (REDUCTION_FACTORS[0] * MIN_PIXELS_PER_SPACING)) ** 2  # so many points are close all over the unit sphere
-    if min(len(cloud), MOST_POINTS) >= near:
+    if min(len(cloud), MAX_SURFACE_POINTS) >= near:
         return width, height
-    apart = scale * typical_spacing(cloud)
+    apart = scale * median_spacing(cloud)
     small = min(width, height) / MIN_SHORTER_SIDE
     factor = max((step for step in REDUCTION_FACTORS if apart >= MIN_PIXELS_PER_SPACING * step and small >= step), default=1)
     return round(width / factor), round(height / factor)

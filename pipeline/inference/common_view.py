@@ -14,7 +14,7 @@ from z2p_core.linalg import bounding_box, dot_axis
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.viewpoint import Viewpoint, frame_points
 from z2p_core.rotations import random_rotation
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 from z2p_renderer.pipeline.inference.look import Crop, Look
 from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.trim import MIN_VISIBLE_ALPHA, content_box
@@ -161,4 +161,4 @@ def _outline(points: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     directions = np.vstack([rotation, *(random_rotation(rng) for _ in range(OUTLINE_DIRECTIONS // 3))])
     centred = points - points[0]
     farthest = [int(np.argmax(sign * (centred @ direction))) for direction in directions for sign in (1, -1)]
-    return np.vstack([points[np.unique(farthest)], even_share(points, MAX_OUTLINE_POINTS)])
+    return np.vstack([points[np.unique(farthest)], subsample_uniform(points, MAX_OUTLINE_POINTS)])

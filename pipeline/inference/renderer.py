@@ -10,7 +10,7 @@ import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, Camera
 from z2p_core.interfaces import Control, Engine, Value
-from z2p_core.native import straight_bytes
+from z2p_core.native import to_straight_rgba8
 from z2p_core.network.crop_window import crop_window
 from z2p_core.parallel import parallel_rows
 from z2p_core.scene import SceneDescription
@@ -101,7 +101,7 @@ class Renderer:
         features = buffers[0, self._loaded.zbuffer.channels :]
         image = self._run_network(buffers, features, encoding, settings, len(cloud))
         self._loaded.gbuffer.reconcile(image, features, len(cloud))
-        return straight_bytes(upsampled(image, width, height))
+        return to_straight_rgba8(upsampled(image, width, height))
 
     def inputs(
         self,

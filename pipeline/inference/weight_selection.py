@@ -10,7 +10,7 @@ from threading import Lock
 import numpy as np
 
 from z2p_core.interfaces import Control, SettingError, Value
-from z2p_core.surface.normals import scatter
+from z2p_core.surface.normals import noise_to_spacing
 from z2p_renderer.pipeline.inference.engine_selection import check_engine
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import shipped_weights
@@ -56,7 +56,7 @@ class AutoRenderer:
 
     def select(self, cloud: np.ndarray) -> tuple[Renderer, str]:
         """The renderer for a placed cloud (N, 3) float32, started; and the reason in words if it is not the default."""
-        noise = scatter(cloud)
+        noise = noise_to_spacing(cloud)
         with self._lock:  # several threads must not start the same engine
             if noise < MIN_NOISE_TO_SPACING or NOISY_CLOUD_WEIGHTS not in shipped_weights():
                 self._default.start()

@@ -18,7 +18,7 @@ from z2p_core.images import (
 from z2p_core.interfaces import SettingError, Value
 from z2p_core.placement.margin import without_margin
 from z2p_core.placement.viewpoint import Viewpoint
-from z2p_core.surface.mls_smoothing import smoothed
+from z2p_core.surface.mls_smoothing import smooth_cloud
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_scan
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box
@@ -66,7 +66,7 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
     points = select_points(scan, suffix, look.placement_options).points  # selected and smoothed once for all frames
     if opening.placement.smoothing_radius:
         base = without_margin(opening.viewpoint, look.frame_margin)  # whose radius the smoothing radius is relative to
-        points = base.unplace(smoothed(base.place(points), opening.placement.smoothing_radius))
+        points = base.unplace(smooth_cloud(base.place(points), opening.placement.smoothing_radius))
     scan = replace(scan, points=points)
     look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0))
     frames = (_render_frame(renderer, scan, suffix, look, motion, opening, number) for number in range(motion.frames))

@@ -11,7 +11,7 @@ from z2p_core.placement.background import is_room
 from z2p_core.placement.depth_camera import MILLIMETRES, implied_sensor
 from z2p_core.placement.outliers import few_of
 from z2p_core.placement.viewpoint import Viewpoint
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 from z2p_core.up_axis.choose import UpChoice
 
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
@@ -119,7 +119,7 @@ def _stepped(points: np.ndarray) -> str:
     """What to say of points (N, 3) of which an axis, but not all, takes few values; or nothing."""
     if len(points) < FEWEST_STEPPED:
         return ""
-    some = even_share(points, FEWEST_STEPPED)
+    some = subsample_uniform(points, FEWEST_STEPPED)
     different = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
     low, high = bounding_box(points)
     width = high - low

@@ -16,8 +16,8 @@ from z2p_core.placement.isolated_points import non_isolated_mask
 from z2p_core.placement.outliers import above_low_outliers_mask, inlier_mask, visible_cluster_mask
 from z2p_core.placement.viewpoint import Viewpoint, frame_points
 from z2p_core.rotations import align_to_vertical
-from z2p_core.surface.mls_smoothing import patch_radius, smoothed
-from z2p_core.surface.subsampling import with_fixed_start
+from z2p_core.surface.mls_smoothing import smoothing_radius, smooth_cloud
+from z2p_core.surface.subsampling import prepend_canonical_point
 from z2p_core.up_axis.choose import UpChoice
 from z2p_renderer.pipeline.placement.few_points import FEWEST_FOR_SURFACE, as_balls
 from z2p_renderer.pipeline.placement.hints import few_hint, hint_for, hint_for_placed, hint_for_settled, rounding
@@ -66,7 +66,7 @@ def place_scan(
     azimuth, wished, reason = choose_side(points, up, scan, placement_options, elevation)
     wished, beyond = allowed_elevation(wished, free)
     azimuth += placement_options.azimuth
-    viewpoint = frame_points(with_fixed_start(points), turn(azimuth) @ up.rotation, elevation if wished is None else wished)
+    viewpoint = frame_points(prepend_canonical_point(points), turn(azimuth) @ up.rotation, elevation if wished is None else wished)
     cloud, smooth = _smoothed(viewpoint.place(points), shown, placement_options)
     by_itself = (placement_options.up, placement_options.view) == ("auto", "auto")
     hint = few_hint(shown.few) if shown.few else hint_for(points, up, by_itself, whole=not placement_options.cut_top)
@@ -208,5 +208,5 @@ def _smoothed(cloud: np.ndarray, shown: SelectedPoints, placement_options: Place
     radius = placement_options.smooth
     if not isinstance(radius, float):
         measured = cloud[: len(cloud) - shown.added]
-        radius = 0.0 if shown.up.sensor is None else patch_radius(measured)
-    return (smoothed(cloud, radius), radius) if radius else (cloud, 0.0)
+        radius = 0.0 if shown.up.sensor is None else smoothing_radius(measured)
+    return (smooth_cloud(cloud, radius), radius) if radius else (cloud, 0.0)

@@ -13,7 +13,7 @@ from z2p_core.placement.depth_camera import METRES, MILLIMETRES, implied_sensor,
 from z2p_core.placement.view_selection import choose_view, view_from_sensor
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.rotations import align_to_vertical
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 from z2p_core.up_axis.axis_names import UP_ROTATIONS
 from z2p_core.up_axis.choose import UpChoice, choose_up
 from z2p_renderer.storage.scans.clouds import Scan
@@ -101,7 +101,7 @@ def _from_scanner(points: np.ndarray, up: UpChoice, sensor: Sensor) -> tuple[flo
 
     The camera's elevation stays: from the scanner's own height a scene around it is one line.
     """
-    middle = np.median(even_share(points, MEDIAN_SAMPLE), axis=0)
+    middle = np.median(subsample_uniform(points, MEDIAN_SAMPLE), axis=0)
     low, high = bounding_box(points)
     aside = up.rotation @ (sensor.position - middle)
     if np.hypot(*aside[:2]) > CENTRAL_SHARE * float((high - low).max()):

@@ -10,7 +10,7 @@ from z2p_core import registry
 from z2p_core.camera import Camera
 from z2p_core.images import premultiplied_from_straight, shrink, unit_from_bytes
 from z2p_core.interfaces import Engine
-from z2p_core.native import straight_bytes
+from z2p_core.native import to_straight_rgba8
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
@@ -63,5 +63,5 @@ class Teacher:
         """Premultiplied RGBA (side, side, 4) float32 in [0, 1] of a placed cloud (N, 3) with settings (S,)."""
         camera = Camera(self.resolution, self.resolution, scene.elevation)
         buffers = draw_buffers(cloud, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
-        drawn = straight_bytes(self._engine.draw(buffers[None], self._encoding, settings[None])[0])
+        drawn = to_straight_rgba8(self._engine.draw(buffers[None], self._encoding, settings[None])[0])
         return premultiplied_from_straight(shrink(unit_from_bytes(drawn), self.resolution // side))

@@ -171,7 +171,7 @@ class PrincipledShader:
         """
         positions, axes, powers = area_light_samples(self.light.scene.light, SPECULAR_LIGHT_SAMPLES)
         alpha = alpha_from_roughness(self.surface.roughness, MIN_SAMPLED_ALPHA)
-        return native.gloss(points, normals, view, positions, axes[0], float(powers[0]), alpha, IOR)
+        return native.specular_radiance(points, normals, view, positions, axes[0], float(powers[0]), alpha, IOR)
 
     def light_reflection(self, points: np.ndarray, normals: np.ndarray, view: np.ndarray) -> np.ndarray:
         """The GGX terms (M, 3) of the unshadowed area light: sampled, or those of its image on smooth surfaces."""
@@ -179,7 +179,7 @@ class PrincipledShader:
             return self.sampled_light_reflection(points, normals, view)[0]
         blur = IMAGE_BLUR_PER_ALPHA * alpha_from_roughness(self.surface.roughness, MIN_IMAGE_ALPHA)
         quad = area_light_quad(self.light.scene.light)
-        return native.image(points, normals, view, quad, LIGHT_RADIANCE, blur, IOR)
+        return native.sharp_light_reflection(points, normals, view, quad, LIGHT_RADIANCE, blur, IOR)
 
     def reflected_radiance(
         self, points: np.ndarray, normals: np.ndarray, view: np.ndarray, outgoing: OutgoingRadiance,
@@ -198,11 +198,11 @@ class PrincipledShader:
         sky_share, downwards = self.split_at_horizon(lobes)
         floor = self.light.scene.floor
         positions, light_hidden, sky_hidden = self.intersect_floor(points, downwards)
-        to_light = floor.lamps.mean(0) - positions
+        to_light = floor.light_positions.mean(0) - positions
         squared = (to_light**2).sum(1)
-        cos_light = np.maximum(-dot_axis(to_light, floor.axis), 0)  # times the distance, as is the floor's cosine
-        lit = floor.power * cos_light * to_light[:, 2] / (squared * squared * math.pi)
-        floor_radiance = floor.albedo * (lit * (1 - light_hidden) + floor.sky * (1 - sky_hidden))
+        cos_light = np.maximum(-dot_axis(to_light, floor.light_axis), 0)  # times the distance, as is the floor's cosine
+        lit = floor.light_power * cos_light * to_light[:, 2] / (squared * squared * math.pi)
+        floor_radiance = floor.albedo * (lit * (1 - light_hidden) + floor.sky_radiance * (1 - sky_hidden))
         radiance: np.ndarray = AMBIENT * sky_share + floor_radiance * (1 - sky_share)
         return radiance
 
@@ -226,7 +226,7 @@ class PrincipledShader:
         cells = len(occlusion.light)
         distance = (floor.height - points[:, 2]) / np.minimum(rays[:, 2], -1e-3)
         positions = points + distance[:, None] * rays
-        column, row = ((positions[:, axis] + floor.half) * cells / (2 * floor.half) for axis in (0, 1))
+        column, row = ((positions[:, axis] + floor.half_size) * cells / (2 * floor.half_size) for axis in (0, 1))
         inside = (column >= 0) & (row >= 0) & (column < cells) & (row < cells)
         cell = (np.where(inside, row, 0).astype(np.intp), np.where(inside, column, 0).astype(np.intp))
         light_hidden, sky_hidden = (np.where(inside, hidden[cell], 0) for hidden in occlusion)

@@ -36,7 +36,7 @@ from z2p_core.shading.light_transport import (
     direct_radiance,
 )
 from z2p_core.shading.surfels import make_surfels
-from z2p_core.surface.normals import MOST_POINTS, Tangents, tangents, thinned
+from z2p_core.surface.normals import MAX_SURFACE_POINTS, SurfacePoints, estimate_surface, subsample_hashed
 
 BLEND_DEPTH_RADII = 0.7
 """How far behind the nearest surfel another one is still blended with it, in radii."""
@@ -136,7 +136,7 @@ class Surfels(GBuffer):
             out.fill(0)
             return
         quality = self.quality
-        surface = tangents(thinned(cloud, MOST_POINTS), quality.use_normal_gnn)
+        surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), quality.use_normal_gnn)
         spacing = max(float(np.median(surface.spacing)), MIN_SPACING)
         floor_height = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
         lit = light_scene(surface, spacing, camera, scene, floor_height)
@@ -182,12 +182,12 @@ class Surfels(GBuffer):
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:
         coverage, shadow = features[GBufferChannel.COVERAGE], features[GBufferChannel.SHADOW]
-        drawn_points = max(min(points, MOST_POINTS), 1)
+        drawn_points = max(min(points, MAX_SURFACE_POINTS), 1)
         pixel_spacing = math.sqrt(PIXEL_AREA_PER_POINT * float(coverage.sum()) / drawn_points)
         share = min(BLEND_SHARE_PER_PIXEL * (MAX_BLEND_SPACING - pixel_spacing), MAX_BLEND_SHARE)
         if share > 0:
-            native.reconcile(picture, coverage, features[RADIANCE_RGB], share, MAX_COLOR_SHIFT)
-        native.reconcile_shadow(picture[3], coverage, shadow, SHADOW_BLEND_SHARE, MAX_SHADOW_SHIFT)
+            native.blend_towards(picture, coverage, features[RADIANCE_RGB], share, MAX_COLOR_SHIFT)
+        native.blend_shadow_towards(picture[3], coverage, shadow, SHADOW_BLEND_SHARE, MAX_SHADOW_SHIFT)
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ class ProjectedSurfels:
 
 
 def light_scene(
-    surface: Tangents, spacing: float, camera: Camera, scene: SceneDescription, floor: float
+    surface: SurfacePoints, spacing: float, camera: Camera, scene: SceneDescription, floor: float
 ) -> LightScene:  # fmt: skip
     """The surface's points under the scene's light, facing the camera, above a floor at that height.
 
@@ -224,15 +224,15 @@ def light_sample_sets(camera: Camera) -> int:
     return 1 if side <= ONE_SET_MAX_SIDE else 2 if side <= TWO_SETS_MAX_SIDE else 4
 
 
-def project_surfels(surfels: Tangents, radii: np.ndarray, camera: Camera) -> ProjectedSurfels:
+def project_surfels(surfels: SurfacePoints, radii: np.ndarray, camera: Camera) -> ProjectedSurfels:
     """The surfels as the camera sees them: lowered to the curved surface on average, and clipped where it bends."""
     rotation = camera.rotation.astype(np.float32)
     normals = face_viewer(surfels.points, surfels.normals, camera.position)
-    centers = native.offset_disc_centers(surfels.points, normals, radii, surfels.neighbours)
+    centers = native.offset_disc_centers(surfels.points, normals, radii, surfels.neighbors)
     normals = rotate_points(normals, rotation)
     centers = rotate_points(centers - camera.position.astype(np.float32), rotation)
-    clip_planes = native.disc_clip_planes(centers, normals, radii, surfels.neighbours)
-    return ProjectedSurfels(centers, normals, radii, clip_planes, surfels.neighbours)
+    clip_planes = native.disc_clip_planes(centers, normals, radii, surfels.neighbors)
+    return ProjectedSurfels(centers, normals, radii, clip_planes, surfels.neighbors)
 
 
 def rasterize(surfels: ProjectedSurfels, shader: Shader, camera: Camera, out: np.ndarray) -> None:

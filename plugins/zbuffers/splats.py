@@ -6,7 +6,7 @@ import numpy as np
 
 from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.interfaces import ZBuffer
-from z2p_core.native import intensity
+from z2p_core.native import depth_to_intensity
 from z2p_core.splatting import INTENSITY_ALPHA, INTENSITY_BETA, SPLAT_WINDOW, nearest_depth, window_minimum
 
 WIDE_WINDOW = 13
@@ -33,7 +33,7 @@ class SplatPyramid(ZBuffer):
         paper = paper[inner_margin:-inner_margin, inner_margin:-inner_margin]
         single = single[margin:-margin, margin:-margin]
         for channel, depth in enumerate((paper, single, wide)):
-            intensity(depth, INTENSITY_ALPHA, INTENSITY_BETA, out[channel])
+            depth_to_intensity(depth, INTENSITY_ALPHA, INTENSITY_BETA, out[channel])
         np.subtract(DEPTH_RANGE[1], paper, out=out[3])
         out[3] *= 0.5  # one over the depth range, which is 2
         np.clip(out[3], 0.0, 1.0, out=out[3])

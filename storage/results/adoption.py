@@ -1,8 +1,8 @@
-"""Vouching: results made by other code are taken over as they are, when a user says that they would be the same.
+"""Adoption: results of older code are taken over unchanged when a user states that the new code gives the same.
 
-Two results mean the same when all but code agrees: parameters, mesh contents and plugins' versions, and what they were
-made of, back to the meshes. Only such results can be adopted. A new entry gets the same files, and its manifest tells
-whose they were, what differed, and the user's reason.
+A result can be adopted for an entry if everything but code is equal: parameters, mesh contents, plugin versions, and
+the same for all upstream results back to the meshes. The new entry gets the same files; its manifest records the old
+fingerprint, the differences and the user's reason.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from z2p_renderer.storage.results.store import Entry, Store, StoreError, check_r
 from z2p_renderer.storage.results.work_note import read_note, write_note
 
 VIEW_RANGE = ("first", "last")
-"""Fields of a render that say which views it holds; results made of renders name them by the other fields."""
+"""Fields of a render that say which views it holds. Downstream results refer to a mesh's renders without them."""
 
 
 @dataclass(frozen=True)
@@ -32,45 +32,45 @@ class Candidate:
     old_fingerprint: str
     differences: tuple[str, ...]
     files: Mapping[str, Path] | None = None
-    """New name -> file, of a result from before there were manifests; None for all that the manifest lists."""
+    """New name -> file, for a result without a manifest; None: all files that the manifest lists."""
     unfinished: bool = False
-    """The folder is a work folder: checkpoints of a training, views of a chunk that is not whole."""
+    """True for a work folder: checkpoints of a training, views of an incomplete chunk."""
 
 
 def find_candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str]) -> list[Candidate]:
-    """What can be adopted for the planned entries of some stages that are not complete.
+    """Results that can be adopted for those planned entries of `stages` that are not complete.
 
-    `planned` is a whole plan, upstream first. Of several results that mean the same, the newest of the latest stage
-    version is taken, but none of a later version than the installed one. Renders are found however their views were cut
-    into chunks.
+    `planned` is a whole plan, upstream first. Of several results that are equal but for code, the newest of the latest
+    stage version is taken; results of a later stage version than the installed one are left out. Renders are found
+    whatever chunks their views were divided into.
     """
     wanted = set(stages)
-    meanings = _CodeFreeFingerprints()
+    keys = _CodeFreeFingerprints()
     for stage in STAGE_VERSIONS:
         for _, manifest in store.manifests(stage):
-            meanings.learn(manifest["fields"])
+            keys.add(manifest["fields"])
     for entry in planned:
-        meanings.learn(entry.fields)
-    found: dict[str, Candidate] = {}
+        keys.add(entry.fields)
+    candidates: dict[str, Candidate] = {}
     for stage in STAGE_VERSIONS:
         if stage not in wanted:
             continue
-        asked = {meanings.of(without_view_range(entry.fields)): entry for entry in planned if entry.stage == stage}
+        wanted_entries = {keys.of(without_view_range(entry.fields)): entry for entry in planned if entry.stage == stage}
         for folder, manifest in sorted(store.manifests(stage), key=_preference):
-            same = asked.get(meanings.of(without_view_range(manifest["fields"])))
-            candidate = _candidate(folder, manifest, same) if same else None
+            entry = wanted_entries.get(keys.of(without_view_range(manifest["fields"])))
+            candidate = _candidate(folder, manifest, entry) if entry else None
             if candidate and not store.complete(candidate.entry):
-                found[candidate.entry.fingerprint] = candidate
-        for candidate in _unfinished_candidates(store, stage, asked, meanings):
-            found.setdefault(candidate.entry.fingerprint, candidate)
-    return list(found.values())
+                candidates[candidate.entry.fingerprint] = candidate
+        for candidate in _unfinished_candidates(store, stage, wanted_entries, keys):
+            candidates.setdefault(candidate.entry.fingerprint, candidate)
+    return list(candidates.values())
 
 
 def adopt(store: Store, candidate: Candidate, because: str) -> None:
     """Publish the candidate's files as its entry's result.
 
     Raises:
-        StoreError: one of them is damaged, or somebody has gone on with unfinished work meanwhile.
+        StoreError: a file is damaged, or another process has continued the unfinished work meanwhile.
         ValueError: no reason is given.
     """
     if not because.strip():
@@ -97,17 +97,19 @@ def adopt(store: Store, candidate: Candidate, because: str) -> None:
         store.link(candidate.files, entry)
 
 
-def _unfinished_candidates(store: Store, stage: str, asked: Mapping[str, Entry], meanings: _CodeFreeFingerprints) -> Iterator[Candidate]:
-    """Work that was cut off and that nobody goes on with now, for entries that are neither made nor begun."""
+def _unfinished_candidates(
+    store: Store, stage: str, wanted_entries: Mapping[str, Entry], keys: _CodeFreeFingerprints
+) -> Iterator[Candidate]:
+    """Interrupted work that no process holds, for entries that are neither complete nor begun."""
     for folder in store.unfinished(stage):
         note = read_note(folder)
-        same = asked.get(meanings.of(without_view_range(note["fields"]))) if note else None
-        if note is None or same is None or store.is_locked(stage, folder.name):
+        entry = wanted_entries.get(keys.of(without_view_range(note["fields"]))) if note else None
+        if note is None or entry is None or store.is_locked(stage, folder.name):
             continue
-        candidate = _candidate(folder, {**note, "fingerprint": fingerprint(note["fields"])}, same)
+        candidate = _candidate(folder, {**note, "fingerprint": fingerprint(note["fields"])}, entry)
         if note["adopted"] and fingerprint(note["fields"])[:32] != folder.name:  # cut off between note and rename
-            told = note["adopted"]
-            candidate = Candidate(same, folder, told["from"], tuple(told["differences"]))
+            adopted = note["adopted"]
+            candidate = Candidate(entry, folder, adopted["from"], tuple(adopted["differences"]))
         if candidate and not store.complete(candidate.entry) and not store.work_folder(candidate.entry).exists():
             yield replace(candidate, unfinished=True)
 
@@ -123,34 +125,35 @@ def _candidate(folder: Path, manifest: Mapping[str, Any], entry: Entry) -> Candi
         name = f"{name.rpartition('/')[0]}/{fields['first']}-{fields['last']}"
     if fingerprint(fields) == manifest["fingerprint"]:
         return None
-    told = tuple(map(str, compare_fields(manifest["fields"], fields)))
-    return Candidate(Entry(entry.stage, name, fields, entry.provenance), folder, manifest["fingerprint"], told)
+    changes = tuple(map(str, compare_fields(manifest["fields"], fields)))
+    return Candidate(Entry(entry.stage, name, fields, entry.provenance), folder, manifest["fingerprint"], changes)
 
 
-def _preference(found: tuple[Path, dict[str, Any]]) -> tuple[int, str]:
-    """Sorts the result that is to be preferred last."""
-    return int(found[1]["fields"].get("stage_version", 0)), str(found[1].get("written"))
+def _preference(result: tuple[Path, dict[str, Any]]) -> tuple[int, str]:
+    """Sort key of (folder, manifest) that puts the preferred result last."""
+    manifest = result[1]
+    return int(manifest["fields"].get("stage_version", 0)), str(manifest.get("written"))
 
 
 def without_view_range(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields that all chunks of a mesh's renders share."""
+    """The fields without the range of views: those that all chunks of a mesh's renders share."""
     return {key: value for key, value in fields.items() if fields.get("stage") != "render" or key not in VIEW_RANGE}
 
 
 class _CodeFreeFingerprints:
-    """Fingerprints of results with all that tells of code left out, back to the meshes."""
+    """Fingerprints of results without anything that depends on code, upstream results included."""
 
     def __init__(self) -> None:
         self._known: dict[str, str] = {}
 
-    def learn(self, fields: Mapping[str, Any]) -> None:
-        """Note what a result means, so that results made of it can be compared. Upstream results come first."""
-        for known in (fields, without_view_range(fields)):
-            self._known[fingerprint(known)] = self.of(known)
+    def add(self, fields: Mapping[str, Any]) -> None:
+        """Register a result, so that results made from it can be compared; upstream results must come first."""
+        for variant in (fields, without_view_range(fields)):
+            self._known[fingerprint(variant)] = self.of(variant)
 
     def of(self, fields: Mapping[str, Any]) -> str:
-        plain = {key: self._plain(value) for key, value in fields.items() if key not in CODE_FIELDS}
-        return fingerprint(plain)
+        without_code = {key: self._plain(value) for key, value in fields.items() if key not in CODE_FIELDS}
+        return fingerprint(without_code)
 
     def _plain(self, value: Any) -> Any:
         if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""Digests of C, so that comments and layout change nothing: of the pieces that a compiler would read."""
+"""Digests of C source: of its preprocessor tokens, so that comments and layout do not matter."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 
 SPLICE = re.compile(r"\\[ \t]*\r?\n")
-"""A line that goes on in the next one; compilers join them before anything else."""
+"""A line that continues in the next one; compilers join them first."""
 TOKEN = re.compile(
     r"""
     (?P<header> (?<=include)[ \t]*<[^>\n]*> )
@@ -27,13 +27,13 @@ TOKEN = re.compile(
 @lru_cache(maxsize=256)
 def c_digest(source: str) -> str:
     """sha256 (64 hex digits) of C source without comments and layout; literals count as they are."""
-    told = "\n".join(_join_tokens(line) for line in _token_lines(SPLICE.sub("", source)))
-    return hashlib.sha256(told.encode()).hexdigest()
+    text = "\n".join(_join_tokens(line) for line in _token_lines(SPLICE.sub("", source)))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _token_lines(source: str) -> Iterator[list[str]]:
-    """The source's tokens: a list for each directive of the preprocessor, which ends with its line, and for each
-    stretch of what lies between, whose line ends say nothing."""
+    """The source's tokens: one list for each preprocessor directive (which ends with its line) and one for each
+    stretch of code between directives (where line ends have no meaning)."""
     held: list[str] = []
     directive, blank = False, True
     for token in TOKEN.finditer(source):
@@ -54,5 +54,5 @@ def _token_lines(source: str) -> Iterator[list[str]]:
 
 
 def _join_tokens(tokens: list[str]) -> str:
-    """Tokens with what tells where each ends: ``a - -b`` is not ``a--b``, and ``int a`` not ``inta``."""
+    """The tokens, separated by zero bytes: ``a - -b`` is not ``a--b``, and ``int a`` is not ``inta``."""
     return "\0".join(tokens).removesuffix("\0 ")

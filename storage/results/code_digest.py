@@ -1,6 +1,6 @@
-"""Digests of code: of Python as a syntax tree without docstrings, so that comments and layout change nothing.
+"""Digests of Python code: of the syntax tree without docstrings, so that comments and layout do not matter.
 
-`c_code` does the same for C.
+`c_code_digest` does the same for C.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from z2p_renderer.storage.results.c_code_digest import c_digest
 
 INSTALLED_PACKAGE = "z2p_renderer"
 SOURCE_ROOT = Path(__file__).parents[2]
-"""Where `pipeline`, `storage` and the others lie side by side: a checkout, or the installed package `INSTALLED_PACKAGE`."""
+"""Folder that holds `pipeline`, `storage` and so on: the checkout, or the installed package `INSTALLED_PACKAGE`."""
 CORE_FOLDER = Path(z2p_core.__file__).parent
 
 
 @lru_cache(maxsize=256)
 def cached_part_digest(name: str) -> str:
-    """`current_part_digest` when this process first asked for it: a plan is made of one state of the code."""
+    """`current_part_digest` as of its first call in this process, so that a plan describes one state of the code."""
     return current_part_digest(name)
 
 
 def current_part_digest(name: str) -> str:
     """Digest (64 hex digits) of a module of the project, of a ``module:definition``, or of a ``folder/file``.
 
-    Of a file that is not Python or C, every byte counts.
+    For a file that is neither Python nor C it is the sha256 of its bytes.
 
     Raises:
         FileNotFoundError: no such module or file.
@@ -36,19 +36,20 @@ def current_part_digest(name: str) -> str:
     """
     if "/" in name:
         path = CORE_FOLDER.parent / name
-        tell = {".c": c_digest, ".h": c_digest, ".py": code_digest}.get(path.suffix)
-        return tell(path.read_text(encoding="utf-8")) if tell else hashlib.sha256(path.read_bytes()).hexdigest()
+        digest = {".c": c_digest, ".h": c_digest, ".py": code_digest}.get(path.suffix)
+        return digest(path.read_text(encoding="utf-8")) if digest else hashlib.sha256(path.read_bytes()).hexdigest()
     module, _, definition = name.partition(":")
     return code_digest(module_file(module).read_text(encoding="utf-8"), definition)
 
 
 def module_file(module: str, root: Path = SOURCE_ROOT) -> Path:
-    """File that holds, or would hold, a module or a package of z2p, or a stranger's below the folder `root`.
+    """File of a module or package of z2p, or of another package below the folder `root`; it need not exist.
 
-    z2p's own may be named with `INSTALLED_PACKAGE` or, as in a checkout, without it.
+    Modules of z2p may be named with or without `INSTALLED_PACKAGE` in front.
     """
     package, _, below = module.partition(".")
-    home, below = {INSTALLED_PACKAGE: (SOURCE_ROOT, below), CORE_FOLDER.name: (CORE_FOLDER, below)}.get(package, (root, module))
+    own = {INSTALLED_PACKAGE: (SOURCE_ROOT, below), CORE_FOLDER.name: (CORE_FOLDER, below)}
+    home, below = own.get(package, (root, module))
     path = home / below.replace(".", "/")
     return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
 
@@ -83,7 +84,7 @@ def defined_names(statement: ast.stmt) -> set[str]:
 def list_imports(tree: ast.AST, module: str = "") -> set[tuple[str, str]]:
     """(module, name) for every import in a tree, those inside functions included; no name for ``import module``.
 
-    Relative ones are told in full when `module`, the full name of where the tree is from, is given.
+    With `module`, the full name of the tree's own module, relative imports are returned with their full names.
     """
     found: set[tuple[str, str]] = set()
     for node in ast.walk(tree):
@@ -97,7 +98,7 @@ def list_imports(tree: ast.AST, module: str = "") -> set[tuple[str, str]]:
 
 @lru_cache(maxsize=256)
 def imported_modules(source: str, module: str) -> frozenset[str]:
-    """Full names of all that the source of a module imports and that may be a module.
+    """Full names of all modules that a module's source may import (``from a import b``: both a and a.b).
 
     Raises:
         SyntaxError: the source is not Python.

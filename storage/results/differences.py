@@ -1,4 +1,4 @@
-"""What two fingerprints' fields differ in, in words that a user can act on."""
+"""The differences between the fields of two fingerprints, described for users."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from z2p_renderer.storage.results.fingerprints import PLUGIN_KEYS
+
 CODE_FIELDS = frozenset({"schema", "stage_version", "code", "packages"})
-"""Top-level fields that tell of code alone, not of what the user asked for."""
+"""Top-level fields that depend on code alone, not on what the user asked for."""
 
 UPSTREAM_FIELDS = frozenset({"sample", "renders", "shards", "train", "upstream"})
 """Top-level fields that hold fingerprints of other results."""
-
-_PLUGIN = {"name", "version", "code"}
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Difference:
 
     @property
     def upstream(self) -> bool:
-        """Whether a result that this one is made of has changed."""
+        """Whether the field refers to an upstream result."""
         return self.path[0] in UPSTREAM_FIELDS
 
     def __str__(self) -> str:
@@ -57,7 +57,7 @@ def compare_fields(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Diffe
     found: list[Difference] = []
     for key in [*new, *(key for key in old if key not in new)]:
         if key not in old or key not in new:
-            if key != "packages" or "code" in old:  # both came with one schema: told once
+            if key != "packages" or "code" in old:  # the same schema introduced both: report it once
                 found.append(Difference((key,), old.get(key), new.get(key)))
         else:
             found += _compare_values((key,), old[key], new[key])
@@ -88,7 +88,7 @@ def _compare_values(path: tuple[str, ...], old: Any, new: Any) -> Iterator[Diffe
 
 
 def _is_plugin(value: Any) -> bool:
-    return isinstance(value, Mapping) and set(value) == _PLUGIN
+    return isinstance(value, Mapping) and set(value) == PLUGIN_KEYS
 
 
 def _are_plugins(value: Any) -> bool:
@@ -101,7 +101,7 @@ def _changed_meshes(old: Any, new: Any) -> list[str]:
 
 
 def _mesh_identities(meshes: Any) -> Iterator[tuple[str, str]]:
-    """Name and identity of an evaluation's meshes; a report's page knows but their names."""
+    """(name, identity) of an evaluation's meshes; a report's page has names only."""
     for one in meshes or ():
         yield (one, "") if isinstance(one, str) else tuple(one)
 

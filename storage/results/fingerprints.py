@@ -1,7 +1,7 @@
 """Fingerprints: what a stage's result depends on, as one sha256. Equal fingerprints promise equal results.
 
-A fingerprint covers meaning only: parameters, upstream fingerprints, input bytes, plugin versions and code. Workers,
-threads, folders and log levels are not in it.
+A fingerprint covers parameters, upstream fingerprints, input bytes, plugin versions and code, but not workers, threads,
+folders or log levels.
 """
 
 from __future__ import annotations
@@ -26,9 +26,7 @@ STAGE_VERSIONS: dict[str, int] = {
     "measure": 1, "scans": 1, "times": 1, "trust": 1, "report": 1,
     "compare": 1,
 }  # fmt: skip
-"""Raised by hand when a stage's code starts to give other results; that stage and what follows become stale."""
-
-
+"""Raised by hand when a stage's code starts to give other results; the stage and all downstream become stale."""
 PACKAGE_FILE = "__init__.py"
 PLUGIN_KEYS = {"name", "version", "code"}
 """Keys of `plugin_fields`, and of nothing else in an entry's fields."""
@@ -75,10 +73,10 @@ def file_digest(path: Path) -> str:
 
 
 def plugin_fields(plugin: type[Any]) -> dict[str, str]:
-    """Name, version and code digest of a plugin class: any of them changing makes its users stale.
+    """Name, version and code digest of a plugin class; results that use the plugin depend on all three.
 
-    Where the plugin's module imports others of its own package, their code counts as well, and so do the versions of
-    the `packages` that it says it needs.
+    The digest includes the modules of its own package that the plugin's module imports, directly or not, and the
+    versions of the `packages` that the class declares.
 
     Raises:
         ValueError: the class does not come from a Python file.
@@ -95,12 +93,13 @@ def plugin_fields(plugin: type[Any]) -> dict[str, str]:
 
 
 def changed_plugins(fields: Mapping[str, Any]) -> list[str]:
-    """Names of the plugins in an entry's fields that read otherwise on the disk by now, or are gone."""
-    return [one["name"] for one in _iter_plugin_fields(fields) if dict(one) not in list(_installed_plugin_fields(one["name"]))]
+    """Names of the plugins in an entry's fields whose code on the disk differs by now, or is gone."""
+    plugins = _iter_plugin_fields(fields)
+    return [plugin["name"] for plugin in plugins if dict(plugin) not in list(_installed_plugin_fields(plugin["name"]))]
 
 
 def _iter_plugin_fields(value: Any) -> Iterator[Mapping[str, str]]:
-    """Every `plugin_fields` that a value holds, however deep."""
+    """Every `plugin_fields` in a nested value."""
     if isinstance(value, Mapping) and set(value) == PLUGIN_KEYS:
         yield value
     elif isinstance(value, Mapping | list | tuple):
@@ -109,7 +108,7 @@ def _iter_plugin_fields(value: Any) -> Iterator[Mapping[str, str]]:
 
 
 def _installed_plugin_fields(name: str) -> Iterator[dict[str, str]]:
-    """`plugin_fields` of the installed plugins of that name: a z-buffer and a baseline may share it."""
+    """`plugin_fields` of all installed plugins of that name; plugins of two groups may share a name."""
     for group in registry.GROUPS:
         if name in registry.names(group):
             with suppress(registry.PluginError, OSError):  # broken by an edit: no longer what it was
@@ -128,7 +127,7 @@ def _package_digests(module: str, path: Path) -> list[str]:
         text = source.read_text(encoding="utf-8")
         digests[name] = code_digest(text)
         if not (below or packaged):
-            break  # what lies beside a module of its own is no package
+            break  # a top-level module belongs to no package
         for imported in imported_modules(text, f"{name}.__init__" if source.name == PACKAGE_FILE else name):
             file = module_file(imported, root)
             if imported.split(".")[0] == package and imported not in digests and file.is_file():

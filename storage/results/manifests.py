@@ -1,6 +1,6 @@
-"""Manifests: the file that makes a folder a result. It tells all that shaped it, and every file's size and sha256.
+"""Manifests: the file that makes a folder a result. It holds the fingerprint's fields and each file's size and sha256.
 
-The list of files is under a digest itself, `listing`: a manifest that was edited to list fewer of them is damaged.
+The list of files has a digest of its own, `listing`, so a manifest that was edited to list fewer files is detected.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ from z2p_renderer.storage.results.fingerprints import file_digest, fingerprint
 
 MANIFEST = "manifest.json"
 FOLDER_NAME_DIGITS = 32
-"""Hex digits of a fingerprint that a result's folder is called by."""
+"""A result's folder is named by so many hex digits of its fingerprint."""
 MAX_MANIFEST_BYTES = 256 << 20
 _NAME = Text("a text", r"(?s:.*)", 10_000)
 _DIGEST = Text("64 hex digits", "[0-9a-f]{64}")
 _MANIFEST = JsonObject(
-    {"name": _NAME, "fingerprint": _DIGEST, "fields": JsonObject({}, {"stage": _NAME, "stage_version": Count(0, 10**6)}),
+    {"name": _NAME, "fingerprint": _DIGEST, 
+     "fields": JsonObject({}, {"stage": _NAME, "stage_version": Count(0, 10**6)}),
      "files": MappingOf(JsonObject({"size": Count(0, 1 << 60), "sha256": _DIGEST}), 10**6)},
     {"written": _NAME, "listing": _DIGEST, "provenance": JsonObject({})},
 )  # fmt: skip
@@ -38,7 +39,7 @@ _PACKAGES = ("z2p-renderer", "numpy", "torch", "bpy", "open3d-cpu", "open3d", "h
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """The manifest of a result's folder, whose keys are those of a manifest, whether or not they are right.
+    """The manifest of a result's folder; its structure is checked, not whether it fits the files.
 
     Raises:
         OSError: there is none.
@@ -57,11 +58,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 def find_faults(
     folder: Path, expected: str | None = None, *, verify_digests: bool = False, allow_unlisted: bool = False
 ) -> list[str]:
-    """What is wrong with a result, empty when nothing; `expected` is the fingerprint that it should have.
+    """What is wrong with a result, in sentences; empty when nothing is.
 
-    Without one, it is what the folder is called by. A file is read and its sha256 compared only where `verify_digests`
-    asks for it, or where the file was written to after its manifest: so looking at a sound result reads nothing but the
-    manifest, and touching a file does no harm. `allow_unlisted` takes manifests from before their list was under a digest.
+    `expected` is the fingerprint that it should have, by default that of the folder's name. A file is read and its
+    sha256 compared only with `verify_digests`, or if the file was written to after its manifest. So checking an intact
+    result reads its manifest alone, and touching a file does no harm. `allow_unlisted` accepts older manifests, which
+    have no `listing`.
     """
     where = folder / MANIFEST
     try:
@@ -74,27 +76,30 @@ def find_faults(
         return [f"{folder}: no result"]
     except (OSError, ValueError, TypeError) as error:
         return [f"{where}: unreadable ({type(error).__name__}: {error})"]
-    if actual != (expected or manifest["fingerprint"]) or (len(folder.name) == FOLDER_NAME_DIGITS and actual[:FOLDER_NAME_DIGITS] != folder.name):
+    misplaced = len(folder.name) == FOLDER_NAME_DIGITS and actual[:FOLDER_NAME_DIGITS] != folder.name
+    if actual != (expected or manifest["fingerprint"]) or misplaced:
         return [f"{where}: its fields are not those of this result"]
     if "listing" not in manifest and not allow_unlisted:
         return [f"{where}: written before lists of files were under a digest"]
-    if manifest.get("listing", _listing_digest(actual, manifest["files"])) != _listing_digest(actual, manifest["files"]):
+    listing = _listing_digest(actual, manifest["files"])
+    if manifest.get("listing", listing) != listing:
         return [f"{where}: its list of files is not the one that was written"]
-    strangers = [name for name in inside if f"{name}/{MANIFEST}" not in files]
-    if strangers:
-        return [f"{folder / strangers[0]}: a result within another one's folder"]
-    return [fault for name, record in files.items() if (fault := _file_fault(folder / name, *record, sealed, verify_digests))]
+    nested = [name for name in inside if f"{name}/{MANIFEST}" not in files]
+    if nested:
+        return [f"{folder / nested[0]}: a result within another one's folder"]
+    faults = (_file_fault(folder / name, *record, sealed, verify_digests) for name, record in files.items())
+    return [fault for fault in faults if fault]
 
 
-def _listing_digest(made_of: str, files: Mapping[str, Any]) -> str:
-    """Digest of the list of a result's files, with the fingerprint of what it was made of."""
-    return fingerprint({"fingerprint": made_of, "files": files})
+def _listing_digest(result: str, files: Mapping[str, Any]) -> str:
+    """Digest of the list of a result's files and of the result's fingerprint."""
+    return fingerprint({"fingerprint": result, "files": files})
 
 
 def seal(
     folder: Path, name: str, fields: Mapping[str, Any], provenance: Mapping[str, Any], leftovers: Iterable[Path] = ()
 ) -> None:
-    """Bring every file of the folder to the disk, then write the manifest.
+    """Flush every file of the folder to the disk (fsync), then write the manifest.
 
     `leftovers`, files and folders in it by their paths below it, are left as they are and are not in the manifest.
 
@@ -128,7 +133,7 @@ def seal(
 
 
 def remove_path(path: Path) -> None:
-    """Takes away whatever lies at a path, if anything does."""
+    """Delete the file or folder at a path, if there is one."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -136,7 +141,7 @@ def remove_path(path: Path) -> None:
 
 
 def fsync_path(path: Path) -> None:
-    """Bring a file or folder to the disk."""
+    """Flush a file or folder to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
@@ -167,13 +172,13 @@ def _compared_digest(path: Path, changed: int, anew: bool) -> str:
 
 @lru_cache(maxsize=10_000)
 def _cached_file_digest(path: Path, changed: int) -> str:
-    """Digest of a file that was last written to at `changed`: once a process, for results that were copied."""
+    """Digest of a file that was last modified at `changed`; cached, because copied results are checked again and again."""
     return file_digest(path)
 
 
 @lru_cache(maxsize=1)
 def _environment() -> dict[str, Any]:
-    """What made the result: interpreter, machine and package versions; provenance, of no weight."""
+    """Interpreter, machine and package versions; for information, not part of the fingerprint."""
     versions = {}
     for package in _PACKAGES:
         try:

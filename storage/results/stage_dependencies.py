@@ -1,11 +1,20 @@
-"""The code and the packages that shape each stage's result: their digests and versions are in its fingerprint.
+"""Which code and which packages each stage's result depends on: their digests and versions enter its fingerprint.
 
-Digests are of syntax trees without docstrings, so comments and layout change nothing. The lists are written by hand and
-tested: a module that a stage's code imports must be in `STAGE_CODE` or, with the reason, in `NOT_IN_FINGERPRINT`. A name
-is a module's, or ``module:definition`` where only a part of a module shapes the result, or ``folder/file`` for code
-that no module imports; of what is not Python or C every byte counts.
+How to read the tables: `STAGE_CODE` maps a stage to its parts. A part is one of
 
-A change that gives the same results (a refactoring) can be vouched for with `z2p adopt`, at no cost.
+- ``package.module``: a whole module, such as ``pipeline.render``;
+- ``package.module:definition``: one top-level definition, where the rest of the module does not matter;
+- ``folder/file.c``: a file that no Python module imports (C code, the compiler's flags).
+
+Groups of parts that several stages need have names (`_RENDERER`, `_KERNELS`, ...). Of the `WHOLE_PACKAGES` all modules
+are listed, by `modules_in`: a few more results become stale, but new files in them need no entry here.
+
+A part's digest covers its syntax tree without docstrings (C: its tokens), so comments and layout make nothing stale; of
+other files every byte counts. The tables are written by hand and checked by tests/storage/results/
+test_stage_dependencies.py: whatever the code of a stage imports is in `STAGE_CODE` or, with the reason, in
+`NOT_IN_FINGERPRINT`.
+
+After a change that leaves the results the same (a refactoring), `z2p adopt` takes the old results over at no cost.
 """
 
 from __future__ import annotations
@@ -22,11 +31,11 @@ WHOLE_PACKAGES = (
     "z2p_core.up_axis", "z2p_core.formats", "z2p_core.formats.arrays", "z2p_core.formats.tables", "storage.scans",
     "pipeline.placement",
 )
-"""Packages of which a stage lists all modules where it needs one: they change together, and are named in one word."""
+"""Packages whose modules change together: a stage that needs one of them lists all."""
 
 
 def modules_in(package: str) -> tuple[str, ...]:
-    """The modules of one of the `WHOLE_PACKAGES`, its own name first; not those of packages below it."""
+    """Names of the package's own module and of its modules, but not of packages below it."""
     assert package in WHOLE_PACKAGES
     folder = module_file(package).parent
     return (package, *(f"{package}.{path.stem}" for path in sorted(folder.glob("[!_]*.py"))
@@ -34,14 +43,15 @@ def modules_in(package: str) -> tuple[str, ...]:
 
 
 def c_files_below(folder: str) -> tuple[str, ...]:
-    """All C files in the folders of a ``folder/folder``, as parts."""
+    """Parts for all C files in the direct subfolders of `folder`, a path below the project's root."""
     root = CORE_FOLDER.parent
     return tuple(path.relative_to(root).as_posix() for path in sorted((root / folder).glob("*/*.[ch]")))
 
 
 BUILD_MODULES = ("z2p_core.native.build", "z2p_core.native.source_digest", "z2p_core.native.wheels")
-"""Modules that no stage imports: they compile the kernels, which the compiler's flags shape, and name wheels."""
+"""Modules that no stage imports: they compile the kernels and name wheels. `_KERNELS` lists build.py by its path."""
 _CONTROLS = ("z2p_core.interfaces:Control", "z2p_core.interfaces:Slider", "z2p_core.settings", "z2p_core.scene")
+_RANDOM_ROTATION = ("z2p_core.rotations:random_rotation", "z2p_core.rotations:quaternion_rotations")
 _MESHES = ("storage.meshes", "z2p_core.formats.ply_header")
 _RENDERS = (
     "pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.placement.bounding_sphere", "z2p_core.images",
@@ -61,19 +71,20 @@ _RENDERER = (
 _NETWORK = ("z2p_core.camera", "z2p_core.scene", *_BUFFERS_AND_NETWORK)
 
 WEIGHTS_ONLY_CODE = (*_RENDERER, *_BUFFERS_AND_NETWORK)
-"""Parts that only weights run: what a baseline or the truth gives in a report does not change with them."""
+"""Parts that only methods with weights run. A report's baselines and ground truth do not depend on them."""
 PLACEMENT_CODE = (
     "z2p_core.parallel", "z2p_core.linalg", *modules_in("z2p_core.surface"), "z2p_core.native",
     *(f"z2p_core.native.{name}" for name in ("library", "images", "points")),
     *(part for part in _KERNELS if part.startswith(("z2p_core/native/c/points/", "z2p_core/native/c/common/"))),
 )
-"""Those of them that placing a scan runs as well, whichever method then draws it."""
+"""The parts of `WEIGHTS_ONLY_CODE` that placing a scan runs as well, so every method depends on them for scans."""
 _CASES = (
     *(f"pipeline.evaluation.paper.cases.{name}" for name in ("sweeps", "synthetic_scans", "synthetic_shapes",
                                                               "ground_truth")),
     "pipeline.evaluation.paper.methods", "pipeline.evaluation.baselines",
     *(f"pipeline.evaluation.evaluate:{name}" for name in ("sample_views", "UPRIGHT_SHARE")),
     "pipeline.rendering.mesh_samples:sample_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",
+    *_RANDOM_ROTATION,
     "pipeline.shapes", "z2p_core.meshes.synthetic_noise",
     "z2p_core.meshes.triangle_sampling", *_RENDERER, *_RENDERS, *_NETWORK, *_CONTROLS,
 )
@@ -88,7 +99,10 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         "workflows.stages:SampleMesh", "pipeline.rendering.mesh_samples", "z2p_core.placement.bounding_sphere",
         "z2p_core.meshes.synthetic_noise", "z2p_core.meshes.triangle_sampling", *_MESHES,
     ),
-    "render": ("workflows.stages:RenderChunk", "pipeline.rendering.views", *_RENDERS, *_CONTROLS),
+    "render": (
+        "workflows.stages:RenderChunk", "pipeline.rendering.views", *_RANDOM_ROTATION, *_RENDERS,
+        *_CONTROLS,
+    ),
     "shard": (
         "workflows.stages:ShardMesh", "pipeline.training.make_shard", "pipeline.rendering.views:load_controls",
         "storage.shards", "z2p_core.images", *_CONTROLS,
@@ -100,7 +114,7 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         "pipeline.training.make_shard:downsample_images", "pipeline.export", "pipeline.export.fp16_constants",
         "pipeline.inference.engine_selection", *_EXPORTED_FILES, "storage.shards",
         "z2p_core.config.pipeline:batch_size", "z2p_core.config.pipeline:samples_until", "z2p_core.images",
-        "z2p_core.placement.bounding_sphere",
+        *_RANDOM_ROTATION,
         *(f"z2p_core.quality.{name}" for name in ("flip_loss", "losses", "metrics:PIXELS_PER_DEGREE",
                                                   "metrics:SSIM_WINDOW", "metrics:FOREGROUND_COVERAGE",
                                                   "separable_filter", "validation_metrics")),
@@ -112,6 +126,7 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         *(f"pipeline.outputs.contact_sheet:{name}" for name in (
             "SHEET_KEYWORD", "check_sheet_places", "is_sheet", "remove_surplus_sheets", "sheet_path")),
         "pipeline.rendering.mesh_samples:sample_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",
+    *_RANDOM_ROTATION,
         "z2p_core.quality.metrics", "z2p_core.meshes.synthetic_noise",
         "z2p_core.meshes.triangle_sampling", *_RENDERER, *_RENDERS, *_NETWORK, *_CONTROLS,
     ),
@@ -148,59 +163,54 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         "z2p_core.config.pipeline:samples_until", "z2p_core.quality.metrics:METRIC_NAMES",
     ),
 }
-"""Stage -> what shapes its result, beside the plugins, whose own digests are in the fingerprint as well."""
+"""Stage -> the parts that its result depends on, beside plugins, whose own digests are in the fingerprint as well."""
 
 NOT_IN_FINGERPRINT: dict[str, str] = {
-    "z2p_core.config": "hands on the names of its pipeline module",
-    "z2p_core.config.pipeline": "the values that a stage gets are in its fingerprint; what reckons with them is listed",
-    "z2p_core.errors.messages": "words errors",
-    "z2p_core.network.tensor_shapes": "refuses networks, and makes none",
-    "z2p_core.errors.value_limits": "refuses values, and changes none",
-    "storage.models.card_schema": "refuses cards, and changes none",
-    "storage.files.bounded_json": "refuses texts, and reads the others as json does",
+    # values that are in the fingerprint themselves
+    "z2p_core.config": "re-exports its pipeline module",
+    "z2p_core.config.pipeline": "a stage's values are in its fingerprint; functions that compute with them are listed",
+    "z2p_core.config.report": "a stage's values are in its fingerprint",
     "z2p_core.registry": "finds plugins, whose code is in the fingerprint",
-    "z2p_core.interfaces": "abstract but for Control and Slider, which are listed where they count",
-    "storage.results.store": "puts files where they belong, whatever they hold",
-    "storage.results.fingerprints": "names results and seeds by sha256",
-    "storage.results.code_digest": "tells the code that names results",
-    "z2p_core.errors.missing_system_libraries": "words of an error",
-    "z2p_core.native.source_digest": "tells where the kernels lie, and what they come from",
-    "pipeline.child_process": "tells where Blender's process finds our code",
-    "train/z2p_core.interfaces:Control": "shards hold the settings as encoded; only names and sizes are compared",
-    "pipeline.evaluation.baselines": "stands beside the weights; its pictures have fingerprints of their own",
-    "workflows.stage_task": "what all tasks share: where files lie, not what is in them",
-    "workflows.ablation.plan": "what it plans is in the fingerprints",
-    "workflows.process.task_log": "tells how a task is doing",
-    "workflows.upkeep.reuse_views": "copies renders whose fields and digests are the very same",
-    "z2p_core.config.report": "the values that a stage gets are in its fingerprint",
-    "workflows.report.report_task": "what the report's tasks share: where files lie, not what is in them",
-    "plugins.baselines._normals": "in the digests of the plugins that use it",
-    "plugins.readers._helpers.array_clouds": "in the digests of the readers that use it",
-    "plugins.readers._text.line_blocks": "in the digest of the reader that uses it",
-    "plugins.readers._text.column_doubts": "in the digest of the reader that uses it",
-    "plugins.readers._text.row_format": "in the digest of the reader that uses it",
-    "plugins.readers._text.esri_grid": "in the digest of the reader that uses it",
-    "plugins.readers._text.header": "in the digest of the reader that uses it",
-    "plugins.readers._text.unsupported_notations": "in the digest of the reader that uses it",
-    "plugins.readers._helpers.ply_lists": "in the digest of the reader that uses it",
-    "plugins.readers._helpers.gltf": "in the digest of the reader that uses it",
-    "plugins.readers._helpers.lazy_import": "how the readers' libraries are imported shapes nothing",
-    "plugins.readers._helpers.length_check": "in the digests of the readers that use it",
-    "plugins.baselines._subprocess": "runs another function elsewhere, whose answer is the same",
-    "storage.scans.memory_limit": "refuses what does not fit, and changes nothing of what does",
-    "storage.files.disk_errors": "tells what a disk refuses",
-    "shapes/pipeline.render:_failure": "tells why Blender failed",
+    "z2p_core.interfaces": "abstract classes, except Control and Slider, which are listed where they matter",
+    "train/z2p_core.interfaces:Control": "shards hold encoded settings; training only compares names and sizes",
+    "workflows.ablation.plan": "its steps' fields are in their fingerprints",
+    "workflows.sources": "the values that a source leads to are in the fingerprint",
+    # where files lie, not what is in them
+    "workflows.stage_task": "finds folders and calls the stage",
+    "workflows.report.report_task": "finds folders and calls the stage",
+    "workflows.upkeep.reuse_views": "copies renders of equal fields, after a check of their sha256",
+    "storage.results.store": "moves files without changing them",
+    "storage.results.fingerprints": "names results by sha256, and seeds, which stay the same for the same fields",
+    "storage.results.code_digest": "computes the digests in the fingerprint",
     "storage.files.atomic_write": "writes the bytes that it is given",
-    "storage.files.printable_names": "tells people of files, and whether they are there",
-    "z2p_core.errors.did_you_mean": "tells people what they may have meant",
-    "z2p_core.errors.install_advice": "tells people how to install what is missing",
-    "z2p_core.network.telemetry": "keeps libraries from telling others of their use",
-    "z2p_core.placement.viewpoint": "turns users' clouds; the pipeline's views are drawn",
-    "z2p_core.up_axis.axis_names": "reads what users write; the rotations of its axes are listed",
+    "pipeline.child_process": "sets the environment in which Blender's process finds the code",
+    "pipeline.evaluation.baselines": "draws the baselines beside the weights; its pictures have their own fingerprints",
+    "z2p_core.native.source_digest": "finds the kernels and compares them with their sources",
+    # only accept or refuse input
+    "z2p_core.errors.value_limits": "refuses values, and changes none",
+    "z2p_core.network.tensor_shapes": "refuses networks, and builds none",
+    "storage.models.card_schema": "refuses cards, and changes none",
+    "storage.files.bounded_json": "refuses texts, and parses the others as the json module does",
+    "storage.scans.memory_limit": "refuses scans that do not fit into memory",
+    # only messages and logs
+    "z2p_core.errors.messages": "words of errors",
+    "z2p_core.errors.missing_system_libraries": "words of errors",
+    "z2p_core.errors.did_you_mean": "words of errors",
+    "z2p_core.errors.install_advice": "words of errors",
+    "storage.files.disk_errors": "words of errors",
+    "storage.files.printable_names": "file names in messages, and whether files exist",
+    "shapes/pipeline.render:_failure": "words of an error of Blender",
+    "workflows.process.task_log": "writes the log",
+    "z2p_core.network.telemetry": "switches off the telemetry of libraries",
+    # only for users' clouds
+    "z2p_core.placement.viewpoint": "places users' clouds; the pipeline's views are drawn at random",
+    "z2p_core.up_axis.axis_names": "parses what users write; the rotations of the axes are listed",
 }
-"""Module, or ``stage/module:definition`` -> why it is of no weight although shaping code imports it.
+"""Module, or ``stage/module:definition``, that a stage's code imports but its fingerprint leaves out -> why.
 
-A definition that is listed for one stage is not excused with its module: each stage lists or excuses it by name.
+An entry for a module does not cover definitions of it that some stage lists in `STAGE_CODE`: every other stage that
+uses such a definition lists it too, or leaves it out by a ``stage/module:definition`` entry.
+Modules of plugins need no entry: they are in the plugins' own digests.
 """
 
 PACKAGES: dict[str, tuple[str, ...]] = {
@@ -218,13 +228,13 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "report": ("numpy", "torch", "kornia"),
     "compare": ("numpy",),
 }
-"""Stage -> the declared packages whose versions shape its result."""
+"""Stage -> the distributions whose versions are in its fingerprint."""
 _DISTRIBUTIONS = {"open3d": "open3d-cpu"}
-"""Package -> the distribution that brings it where its own does not."""
+"""Package -> another distribution that may provide it."""
 
 
 def stage_code(stage: str) -> dict[str, str]:
-    """Digest (64 hex digits) of each part that `STAGE_CODE` lists for a stage.
+    """Digest (64 hex digits) of each part that `STAGE_CODE` lists for the stage, as of when this process first read it.
 
     Raises:
         KeyError: an unknown stage.
@@ -233,7 +243,7 @@ def stage_code(stage: str) -> dict[str, str]:
 
 
 def changed_parts(code: Mapping[str, str]) -> list[str]:
-    """Those parts of a `stage_code` that read otherwise on the disk by now."""
+    """Parts of a `stage_code` whose code on the disk differs by now."""
     return [part for part, digest in code.items() if current_part_digest(part) != digest]
 
 

@@ -1,14 +1,14 @@
-"""Where results lie: `<root>/<stage>/<fingerprint>/` with a manifest, published whole or not at all.
+"""The store: results under `<root>/<stage>/<fingerprint>/`, each with a manifest, published atomically.
 
-A result is written in a folder beside its place, on the same filesystem: files, fsync, manifest last, then one rename.
-A kill at any moment leaves either the whole result or none. The first writer wins; results are never overwritten.
+A result is written in another folder of the same filesystem: files, fsync, the manifest last, then one rename. A kill at
+any moment leaves either the complete result or none. The first writer wins; results are never overwritten.
 
 =======================================  =====================================================================
 `<root>/<stage>/<fingerprint>/`          a finished result and its `manifest.json`
 `<root>/.tmp/`                           results being written
 `<root>/.work/<stage>/<fingerprint>/`    what a resumable stage has so far; it survives kills
-`<root>/.locks/`                         one lock a result, so that two pipelines do not make the same one twice
-`<root>/.logs/`                          a log a result, of those that failed too
+`<root>/.locks/`                         a lock for each result, so that two pipelines do not make the same one
+`<root>/.logs/`                          a log for each result, also for those that failed
 `<root>/.quarantine/`                    damaged results, moved aside when they are made again
 =======================================  =====================================================================
 """
@@ -42,7 +42,7 @@ from z2p_renderer.storage.results.manifests import remove_path as _remove
 from z2p_renderer.storage.results.work_note import NOTE, read_note, write_note
 
 _FOLDER_NAME = re.compile(rf"[0-9a-f]{{{FOLDER_NAME_DIGITS}}}")
-"""Name of a result's folder: the fingerprint's first half."""
+"""Name of a result's folder: the first half of its fingerprint."""
 
 
 class StoreError(RuntimeError):
@@ -51,7 +51,7 @@ class StoreError(RuntimeError):
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """One result: what it is called, and all that it depends on."""
+    """One result: its name, and the fields of its fingerprint."""
 
     stage: str
     name: str
@@ -59,7 +59,7 @@ class Entry:
     fields: Mapping[str, Any]
     """JSON-able; two entries with equal fields have equal results."""
     provenance: Mapping[str, Any] = field(default_factory=dict)
-    """Written into the manifest beside the fields, but of no weight: paths and the like."""
+    """Paths and the like: written into the manifest, but not part of the fingerprint."""
 
     @cached_property
     def fingerprint(self) -> str:
@@ -75,12 +75,12 @@ class Store:
 
     def folder(self, entry: Entry) -> Path:
         """Where the entry's finished result lies, or will."""
-        return self.root / entry.stage / entry.fingerprint[:32]
+        return self.root / entry.stage / entry.fingerprint[:FOLDER_NAME_DIGITS]
 
     def complete(self, entry: Entry) -> bool:
-        """Whether the result is there: manifest parses, its fields match, files have their sizes.
+        """Whether the result exists and is intact: manifest, fields, sizes of files.
 
-        Reads no file, but those that were written to since they were published.
+        Reads only files that were modified after they were published.
         """
         return not self.faults(entry)
 
@@ -108,25 +108,25 @@ class Store:
         return [stage for stage in STAGE_VERSIONS if (self.root / stage).is_dir()]
 
     def folders(self, stage: str) -> list[Path]:
-        """Folders of all results of a stage, sound or not."""
+        """Folders of all results of a stage, intact or not."""
         return sorted(folder for folder in (self.root / stage).glob("*") if _FOLDER_NAME.fullmatch(folder.name))
 
     def manifests(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
-        """Folder and manifest of every finished, undamaged entry of a stage; old ones too, which `complete` refuses."""
+        """Folder and manifest of every intact result of a stage, also those with a manifest without `listing`."""
         for folder in self.folders(stage):
             if not find_faults(folder, allow_unlisted=True):
                 yield folder, read_manifest(folder)
 
     def iter_all_manifests(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
-        """Folder and manifest of every entry, damaged and quarantined ones too: check the sha256 of what you take."""
+        """Folder and manifest of every result, also of damaged and quarantined ones: check the sha256 of files you use."""
         for folder in [*self.folders(stage), *sorted((self.root / ".quarantine" / stage).glob("*"))]:
             with suppress(OSError, ValueError):
                 manifest = read_manifest(folder)
-                if fingerprint(manifest["fields"]) == manifest["fingerprint"]:  # edited ones tell nothing
+                if fingerprint(manifest["fields"]) == manifest["fingerprint"]:  # else it was edited, and cannot be trusted
                     yield folder, manifest
 
     def damaged(self) -> Iterator[tuple[Path, str]]:
-        """Folder and first fault of every result that is not sound, by a look at its manifest and the files' sizes."""
+        """Folder and first fault of every damaged result, judged by its manifest and the files' sizes."""
         for stage in self.stages():
             for folder in self.folders(stage):
                 found = find_faults(folder)
@@ -143,9 +143,9 @@ class Store:
     ) -> Path:
         """Folder of the entry's result, made by `write(folder)` unless it is complete already.
 
-        A resumable stage gets the same folder again after a kill or a failure; what another has written by then goes.
-        `leftovers` are glob patterns of files and folders in it that served only to resume. They are no part of the
-        result, and go once it is published: what stops the publishing, a full disk say, costs no work.
+        A resumable stage gets the same folder again after a kill or a failure. `leftovers` are glob patterns of files
+        and folders that only serve to resume. They are not part of the result, and are deleted once it is published;
+        not before, so that no work is lost if publishing fails (on a full disk, for example).
         """
         with self.lock(entry):
             if not self.complete(entry):
@@ -157,18 +157,18 @@ class Store:
                         entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})
                     self.publish(folder, entry, (NOTE, *leftovers))
                 except BaseException as error:
-                    refused = full_disk_message(folder)  # asked before it goes, which may be all that fills the disk
+                    disk_message = full_disk_message(folder)  # before the folder goes, which may be what fills the disk
                     if not resumable:
                         _remove(folder)
-                    if refused and isinstance(error, Exception) and not isinstance(error, ValueError):
-                        raise DiskError(refused) from error  # however it showed; users' errors are ValueErrors
+                    if disk_message and isinstance(error, Exception) and not isinstance(error, ValueError):
+                        raise DiskError(disk_message) from error  # a full disk shows in many errors, but not ValueError
                     raise
         return self.folder(entry)
 
     def publish(self, folder: Path, entry: Entry, leftovers: Sequence[str] = ()) -> bool:
         """Whether `folder` became the entry's result; False when another writer was first, and `folder` is dropped.
 
-        `leftovers`, as of `produce`, go with the folder and are then removed; one that stays harms no result.
+        `leftovers`, as in `produce`, move with the folder and are deleted then; those that cannot be do no harm.
 
         Raises:
             StoreError: the folder holds no file.
@@ -196,7 +196,7 @@ class Store:
         return True
 
     def link(self, files: Mapping[str, Path], entry: Entry) -> None:
-        """Publish files that lie elsewhere as the entry's, as hard links where they can be."""
+        """Publish existing files as the entry's result, as hard links where possible."""
 
         def write(folder: Path) -> None:
             for name, path in files.items():
@@ -209,13 +209,13 @@ class Store:
         self.produce(entry, write)
 
     def quarantine_if_damaged(self, entry: Entry) -> None:
-        """Quarantine the entry's result unless every byte of it is right; one that is being made is waited for."""
+        """Quarantine the entry's result unless all its digests are right; waits while it is being written."""
         with self.lock(entry):
             if self.verify(entry) and os.path.lexists(self.folder(entry)):
                 self.quarantine(self.folder(entry))
 
     def quarantine(self, folder: Path) -> Path:
-        """Where a damaged result's folder now lies; it counts as missing from here on."""
+        """Move a damaged result's folder aside, after which the result counts as missing; returns its new place."""
         place = self.root / ".quarantine" / folder.parent.name / f"{folder.name}-{time.time_ns()}"
         place.parent.mkdir(parents=True, exist_ok=True)
         folder.rename(place)
@@ -223,14 +223,14 @@ class Store:
 
     def work_folder(self, entry: Entry) -> Path:
         """Where a resumable stage collects the entry's files until they are published."""
-        return self.root / ".work" / entry.stage / entry.fingerprint[:32]
+        return self.root / ".work" / entry.stage / entry.fingerprint[:FOLDER_NAME_DIGITS]
 
     def _lock_file(self, stage: str, name: str) -> Path:
         return self.root / ".locks" / f"{stage}-{name}"
 
     def log(self, entry: Entry) -> Path:
-        """Where the one who writes the entry may tell about it."""
-        return self.root / ".logs" / entry.stage / f"{entry.fingerprint[:32]}.log"
+        """Log file of the process that writes the entry."""
+        return self.root / ".logs" / entry.stage / f"{entry.fingerprint[:FOLDER_NAME_DIGITS]}.log"
 
     def _opened_work_folder(self, entry: Entry) -> Path:
         folder = self.work_folder(entry)
@@ -248,7 +248,7 @@ class Store:
         return folder
 
     def is_locked(self, stage: str, name: str) -> bool:
-        """Whether the result in the folder `name` of a stage is being written by someone."""
+        """Whether a process is writing the result in the folder `name` of a stage."""
         path = self._lock_file(stage, name)
         if not path.exists():
             return False
@@ -261,12 +261,12 @@ class Store:
         return False
 
     def unfinished(self, stage: str) -> list[Path]:
-        """Work folders of a stage, in which something is or was being made."""
+        """Work folders of a stage."""
         return sorted((self.root / ".work" / stage).glob("*"))
 
     def lock(self, entry: Entry) -> AbstractContextManager[None]:
-        """Holds the entry's lock; the kernel lets go of it when the process dies, however it dies."""
-        return self.lock_named(entry.stage, entry.fingerprint[:32])
+        """Holds the entry's lock; the kernel releases it when the process dies."""
+        return self.lock_named(entry.stage, entry.fingerprint[:FOLDER_NAME_DIGITS])
 
     @contextmanager
     def lock_named(self, stage: str, name: str) -> Iterator[None]:
@@ -279,10 +279,10 @@ class Store:
 
 
 def check_result(folder: Path) -> None:
-    """Nothing, when every byte of the result in a folder is right.
+    """Check the digests of all files of the result in a folder.
 
     Raises:
-        StoreError: it is damaged.
+        StoreError: the result is damaged.
     """
     found = find_faults(folder, verify_digests=True, allow_unlisted=True)
     if found:

@@ -23,7 +23,7 @@ from z2p_renderer.storage.scans.unpack import unpacked
 from z2p_renderer.storage.scans.unsupported_formats import advice_by_content
 from z2p_renderer.storage.scans.up_hints import with_up_hints
 
-__all__ = ["Mesh", "Scan", "calls_for_smooth", "find_scans", "format_suffix", "read_clouds", "read_each",
+__all__ = ["Mesh", "Scan", "is_smooth_surface", "find_scans", "format_suffix", "read_clouds", "read_each",
            "read_mesh", "readable_suffixes", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 FEWEST_POINTS = 3

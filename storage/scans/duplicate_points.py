@@ -95,9 +95,9 @@ def _firsts(places: np.ndarray) -> np.ndarray:
 
 def _copies_apart(cloud: np.ndarray) -> float:
     """A length between the distance of copies and that of other points in a cloud (N, 3) float32; 0 without copies."""
-    grid = native.Grid(cloud)
+    grid = native.NeighborGrid(cloud)
     asked = np.linspace(0, len(cloud) - 1, min(ASKED, len(cloud))).astype(np.int32)
-    found, _ = grid.neighbours(asked, COPIES + 2)
+    found, _ = grid.neighbors(asked, COPIES + 2)
     away = np.linalg.norm(grid.points[found[:, 1:]] - grid.points[asked][:, None], axis=2)
     jump = away[:, 1:] / np.maximum(away[:, :-1], np.finfo(np.float32).eps)
     rows, last = np.arange(len(asked)), jump.argmax(axis=1)

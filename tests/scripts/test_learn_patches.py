@@ -31,18 +31,18 @@ def meshes(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(("noise", "neighbours"), [(0.0, 16), (0.02, 21)])
 def test_kernel_matches_the_network_of_the_shipped_header(
-    meshes: Path, noise: float, neighbours: int
+    meshes: Path, noise: float, neighbors: int
 ) -> None:
     rng = np.random.default_rng(1)
     points, normals = scanned_clouds.on_shape(scanned_clouds.shape_of(meshes / "vase.ply"), 2000, rng)
     noisy = (points + noise * rng.normal(size=points.shape)).astype(np.float32)
     cloud = learn_patches.patches_of(points, normals, noisy)
-    found = cloud.found[:, :neighbours]  # the last block of 16 may be half full
-    cloud = dataclasses.replace(cloud, found=found, share=torch.full(found.shape, 1 / neighbours))
+    found = cloud.found[:, :neighbors]  # the last block of 16 may be half full
+    cloud = dataclasses.replace(cloud, found=found, share=torch.full(found.shape, 1 / neighbors))
     with torch.no_grad():
         *_, (moved, turned) = patch_network.read_header(learn_patches.HEADER)(cloud)
     given = (cloud.points.numpy(), cloud.normals.numpy(), cloud.found.numpy(), cloud.scale.numpy())
-    kernel_moved, kernel_turned = native.refine(*given, float(cloud.noise[0]))
+    kernel_moved, kernel_turned = native.refine_normals(*given, float(cloud.noise[0]))
     np.testing.assert_allclose(kernel_moved, moved.numpy(), atol=1e-5)
     np.testing.assert_allclose(kernel_turned, turned.numpy(), atol=1e-4)
 

@@ -1,1 +1,1 @@
-"""Interfaces of engines and baselines, and the checks that `z2p_core.testing` runs on plugins."""
+"""What plugins are checked for, one module for each kind; `z2p_core.testing` offers the checks to plugin authors."""

@@ -50,7 +50,7 @@ declare(
 )  # fmt: skip
 
 
-class Grid:
+class NeighborGrid:
     """A cloud (N, 3), N >= 1, whose points are sorted by place, so that neighbours are found at once.
 
     Attributes:
@@ -68,7 +68,7 @@ class Grid:
         if self._handle:
             call("z2p_grid_free", self._handle)
 
-    def neighbours(self, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    def neighbors(self, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         """Rows of `points` (M, count) int32, count <= 64, nearest to the points asked for (M,) int32, and spacing (M,).
 
         A point is its own neighbour, and the last neighbour is repeated where a cloud has fewer. Spacing is the side of
@@ -76,7 +76,7 @@ class Grid:
         """
         return self._nearest(self.points, np.ascontiguousarray(asked, np.int32), count)
 
-    def around(self, places: np.ndarray, count: int) -> np.ndarray:
+    def neighbors_of_positions(self, places: np.ndarray, count: int) -> np.ndarray:
         """Rows of `points` (M, count) int32, count <= 64, nearest to places (M, 3) that need be none of them.
 
         The last one is repeated where fewer are near.
@@ -94,7 +94,7 @@ class Grid:
         return found, spacing
 
 
-def planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def fit_planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Planes through the neighbours found (M, K) among points (N, 3): normals (M, 3), of either sign, and spread (M,).
 
     Spread is the neighbours' standard deviation off the plane.
@@ -110,7 +110,7 @@ def planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return normals, spread
 
 
-def slabs(points: np.ndarray, asked: np.ndarray, found: np.ndarray, held: int) -> tuple[np.ndarray, np.ndarray]:
+def fit_thin_slabs(points: np.ndarray, asked: np.ndarray, found: np.ndarray, held: int) -> tuple[np.ndarray, np.ndarray]:
     """The thinnest slabs that hold so many of the neighbours found (M, K <= 16) of points (N, 3): half widths (M,).
 
     And the share (M,) of neighbours that lie above or below the point, by that slab, rather than beside it. The points
@@ -122,7 +122,7 @@ def slabs(points: np.ndarray, asked: np.ndarray, found: np.ndarray, held: int) -
     return widths, steep
 
 
-def jets(
+def fit_jets(
     points: np.ndarray, before: np.ndarray, asked: np.ndarray, found: np.ndarray, tolerance: np.ndarray,
     scale: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
@@ -141,7 +141,7 @@ def jets(
     return normals, heights
 
 
-def refine(
+def refine_normals(
     points: np.ndarray, normals: np.ndarray, found: np.ndarray, scale: np.ndarray, noise: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Points (N, 3) moved onto their patches and unit normals (N, 3), as each agrees with its neighbours found (N, K).
@@ -149,7 +149,7 @@ def refine(
     A small graph network (`scripts/learn_patches.py`) that passes messages some times, from points (N, 3), unit
     normals (N, 3) of either sign and the noise in spacings. Steps are measured in scale (N,), above 0.
     """
-    count, (rounds, width) = len(points), network_size()
+    count, (rounds, width) = len(points), normal_gnn_size()
     memory, told = np.empty((2, count, width), np.float32)
     call("z2p_refine_begin", noise, count, memory, told)
     state: tuple[np.ndarray, ...] = (as_float32(points), as_float32(normals), memory, told)
@@ -160,8 +160,8 @@ def refine(
 
 
 @lru_cache(maxsize=1)
-def network_size() -> tuple[int, int]:
-    """Rounds of messages in `refine`, and how many numbers W a point remembers from one to the next."""
+def normal_gnn_size() -> tuple[int, int]:
+    """Rounds of messages in `refine_normals`, and how many numbers W a point remembers from one to the next."""
     rounds, width = np.zeros((2, 1), np.intc)
     call("z2p_refine_size", rounds, width)
     return int(rounds[0]), int(width[0])
@@ -179,3 +179,24 @@ def _next_round(
 
     parallel_rows(send, len(found))
     return after
+
+
+def projected_coverage(
+    points: np.ndarray, turns: np.ndarray, elevation: float, side: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """How much of an image the points cover in views from afar: pixels (V,) int32, and the points' breadth (V,).
+
+    Args:
+        points: (N, 3), in the unit sphere.
+        turns: (V,), angles in radians by which a view turns the points about z.
+        elevation: of the camera, in radians.
+        side: of the images, in pixels; each point covers 3 x 3 of them.
+    """
+    covered, breadth = np.empty(len(turns), np.int32), np.empty(len(turns), np.float32)
+    rotations = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    tilt = np.array([np.sin(elevation), np.cos(elevation)])
+    call(
+        "z2p_showing", as_float32(points), len(points), as_float32(rotations), len(turns), as_float32(tilt), side,
+        covered, breadth,
+    )  # fmt: skip
+    return covered, breadth

@@ -33,11 +33,11 @@ class FinalConvs:
         """The convolutions in a network's state dict, float16 or float32; None where the network has none."""
         if config.kind != "unshuffle_unet" or not config.refine:
             return None
-        padding = (0, -config.refine % native.GROUP)  # zero channels, to whole groups of the kernel
+        padding = (0, -config.refine % native.CHANNEL_GROUP)  # zero channels, to whole groups of the kernel
         conv_in = np.pad(tensors["look.weight"], (padding, *3 * [(0, 0)])), np.pad(tensors["look.bias"], padding)
         conv_out = np.pad(tensors["touch.weight"], ((0, 0), padding, (0, 0), (0, 0))), tensors["touch.bias"]
         cell = FINE_BLOCK if config.fine else config.unshuffle
-        return cls(native.packed(*conv_in), native.packed(*conv_out), cell, config.stride)
+        return cls(native.pack_convolution(*conv_in), native.pack_convolution(*conv_out), cell, config.stride)
 
     def padded(self, buffers: np.ndarray) -> np.ndarray:
         """Buffers (B, C, H, W), padded with zeros to the right and below to multiples of the network's stride."""
@@ -54,5 +54,5 @@ class FinalConvs:
         """
         images = np.empty((len(cells), 4, *buffers.shape[2:]), np.float32)
         for image_cells, image_buffers, image in zip(cells, buffers, images, strict=True):
-            native.touched(image_cells, image_buffers, self.cell, self.conv_in, self.conv_out, image)
+            native.final_convs(image_cells, image_buffers, self.cell, self.conv_in, self.conv_out, image)
         return images

@@ -8,7 +8,7 @@ import numpy as np
 
 from z2p_core.interfaces import Sensor
 from z2p_core.linalg import bounding_box, dot_axis
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 
 GAP = 1.15
 """How many times as far from the sensor as its subject's farthest point the background must begin."""
@@ -71,7 +71,7 @@ def support_plane_normal(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> 
     points, leans by less than 65 degrees from that, and nearly all else stands on its upper side, the camera too: the
     front of a box has all else behind it, and a wall leans too much.
     """
-    sample = even_share(points, MOST_TRIED)
+    sample = subsample_uniform(points, MOST_TRIED)
     if len(sample) < FEWEST_TRIED:
         return None
     size = float(np.linalg.norm(sample.max(0) - sample.min(0)))

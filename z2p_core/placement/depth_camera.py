@@ -9,7 +9,7 @@ import numpy as np
 
 from z2p_core.interfaces import Sensor
 from z2p_core.linalg import rotate_points
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 
 METRES, MILLIMETRES = 1.0, 1000.0
 """Units per metre, as depth cameras write coordinates."""
@@ -43,7 +43,7 @@ LAYER_GAP_CELLS = 6
 
 def is_depth_camera(points: np.ndarray, sensor: Sensor) -> bool:
     """True if nearly all points (N, 3) lie in the cone that a depth camera at the sensor's pose sees."""
-    seen = rotate_points(even_share(points, MAX_SAMPLE) - sensor.position, sensor.rotation.T)
+    seen = rotate_points(subsample_uniform(points, MAX_SAMPLE) - sensor.position, sensor.rotation.T)
     inside = np.hypot(seen[:, 0], seen[:, 1]) <= math.tan(math.radians(SENSOR_CONE_DEGREES)) * seen[:, 2]
     return bool(inside.mean() > MIN_SHARE_IN_CONE)
 
@@ -66,7 +66,7 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
     off_axis = math.degrees(math.atan(float((np.hypot(points[:, 0], points[:, 1]) / depth).max())))
     if off_axis > IMPLIED_CONE_DEGREES:
         return None
-    x, y, z = even_share(points, MAX_SAMPLE).T
+    x, y, z = subsample_uniform(points, MAX_SAMPLE).T
     depth = sign * z
     from_origin = _layered_share(x / depth, y / depth, depth, float(np.median(depth)))
     from_side = max(_layered_share(y, z, x, 1.0), _layered_share(x, z, y, 1.0))

@@ -13,7 +13,7 @@ import numpy as np
 
 from z2p_core.interfaces import Sensor
 from z2p_core.linalg import rotate_points
-from z2p_core.surface.normals import MOST_POINTS, thinned, typical_spacing
+from z2p_core.surface.normals import MAX_SURFACE_POINTS, subsample_hashed, median_spacing
 
 PIXELS = (1.5, 2.5, 4.0)
 """Sides of a pixel, in the spacing of the points that the sensor sees. On an even grid each holds some."""
@@ -112,5 +112,5 @@ def _bridges(picture: np.ndarray, empty: np.ndarray) -> _Bridges:
 def _spacing(across: np.ndarray) -> float:
     """Of places (N, 2) on the sensor's picture."""
     flat = np.column_stack([across, np.zeros(len(across))]).astype(np.float32)
-    sample = thinned(flat, MOST_POINTS)
-    return typical_spacing(sample) * float(np.sqrt(len(sample) / len(flat)))
+    sample = subsample_hashed(flat, MAX_SURFACE_POINTS)
+    return median_spacing(sample) * float(np.sqrt(len(sample) / len(flat)))

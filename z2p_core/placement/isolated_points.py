@@ -6,7 +6,7 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.linalg import bounding_box
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 
 FEWEST_POINTS, FEWEST_LONE = 500, 5
 """Points of a cloud that is looked at, and lone ones that are left out; one or two are told by `z2p_core.placement.outliers`."""
@@ -47,7 +47,7 @@ def non_isolated_mask(points: np.ndarray) -> np.ndarray:
 
 def _outside_core(points: np.ndarray) -> np.ndarray:
     """Mask (N,) of the points that lie far beyond the core along an axis."""
-    low, high = np.quantile(even_share(points, CORE_SAMPLE), [TAIL_SHARE, 1 - TAIL_SHARE], axis=0)
+    low, high = np.quantile(subsample_uniform(points, CORE_SAMPLE), [TAIL_SHARE, 1 - TAIL_SHARE], axis=0)
     width = CORE_MARGIN * (high - low)
     thin = width <= 1e-9 * float(width.max())  # a plane or a line has no core to be outside of
     width[thin] = np.inf
@@ -68,19 +68,19 @@ def _lone_among(points: np.ndarray, outer: np.ndarray) -> np.ndarray:
     """Mask (N,) of those outer points whose neighbours are far away."""
     low, high = bounding_box(points)
     placed = ((points - (low + high) / 2) / float((high - low).max())).astype(np.float32)
-    grid = native.Grid(even_share(placed, NEIGHBOUR_SAMPLE))  # as sparse everywhere as it was
-    core = even_share(placed[~outer], FIRST_SAMPLE)
+    grid = native.NeighborGrid(subsample_uniform(placed, NEIGHBOUR_SAMPLE))  # as sparse everywhere as it was
+    core = subsample_uniform(placed[~outer], FIRST_SAMPLE)
     farthest = LONE_DISTANCE * float(np.median(_neighbour_distance(grid, core)))
     lone = np.zeros(len(points), dtype=bool)
-    first = even_share(placed[outer], FIRST_SAMPLE)  # to look at all of them takes long
+    first = subsample_uniform(placed[outer], FIRST_SAMPLE)  # to look at all of them takes long
     if (_neighbour_distance(grid, first) > farthest).mean() > FEW_LONE:
         lone[outer] = _neighbour_distance(grid, placed[outer]) > farthest
     return lone
 
 
-def _neighbour_distance(grid: native.Grid, places: np.ndarray) -> np.ndarray:
+def _neighbour_distance(grid: native.NeighborGrid, places: np.ndarray) -> np.ndarray:
     """How far the farthest of the nearest points is from each of places (M, 3); inf for very far."""
-    found = grid.around(places, NEIGHBOURS)
+    found = grid.neighbors_of_positions(places, NEIGHBOURS)
     farthest: np.ndarray = np.linalg.norm(grid.points[found] - places[:, None], axis=2).max(1)
     farthest[found[:, -1] == found[:, -2]] = np.inf  # it gives up where hardly anything is near
     return farthest

@@ -6,7 +6,7 @@ import numpy as np
 
 from z2p_core.linalg import bounding_box
 from z2p_core.placement.bounding_sphere import bounding_sphere
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 
 MOST_LOOKED_AT = 20_000
 """A larger cloud is thinned to this many points before it is weighed as a whole."""
@@ -40,7 +40,7 @@ MOST_FAR = 8
 
 def few_of(points: np.ndarray) -> np.ndarray:
     """`MOST_LOOKED_AT` of points (N, 3) at most, whatever their order."""
-    return even_share(points, MOST_LOOKED_AT)
+    return subsample_uniform(points, MOST_LOOKED_AT)
 
 
 def inlier_mask(points: np.ndarray) -> np.ndarray:
@@ -175,7 +175,7 @@ def _adjoining(points: np.ndarray, cluster: np.ndarray, taken: np.ndarray, large
     clusters = np.flatnonzero(taken)
     if len(clusters) > MOST_PARTS:
         clusters = clusters[:0]
-    body = even_share(points[large[cluster]], len(points))  # in an order that is not the file's
+    body = subsample_uniform(points[large[cluster]], len(points))  # in an order that is not the file's
     places = np.floor((body - body.min(axis=0)) * (BODY_CELLS / max(float(np.ptp(body, axis=0).max()), LEAST_SPAN)))
     few = body[np.unique(places @ [1, BODY_CELLS + 1, (BODY_CELLS + 1) ** 2], return_index=True)[1]]
     for one in clusters:

@@ -13,7 +13,7 @@ from z2p_core import native
 from z2p_core.camera import DEFAULT_ELEVATION
 from z2p_core.interfaces import Sensor
 from z2p_core.linalg import bounding_box
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 
 MAX_SAMPLE = 20_000
 """A larger cloud is judged by this many of its points."""
@@ -44,7 +44,7 @@ def choose_view(points: np.ndarray, elevation: float = DEFAULT_ELEVATION) -> tup
     nearest maximum.
     """
     low, high = bounding_box(points)
-    points = even_share(points, MAX_SAMPLE) - (low + high) / 2
+    points = subsample_uniform(points, MAX_SAMPLE) - (low + high) / 2
     reach = float(np.sqrt((points**2).sum(1).max())) or 1.0
     coverage = _projected_coverage(points / reach, elevation)
     nearest_first = sorted(range(AZIMUTH_COUNT), key=lambda step: (min(step, AZIMUTH_COUNT - step), step))
@@ -78,7 +78,7 @@ def view_from_scanner(points: np.ndarray, rotation: np.ndarray, sensor: Sensor) 
     (3, 3) brings the data's up axis to +Z. The scanner's own elevation is not used: from its height, a scene around it
     is seen edge-on.
     """
-    middle = np.median(even_share(points, MAX_SAMPLE), axis=0)
+    middle = np.median(subsample_uniform(points, MAX_SAMPLE), axis=0)
     low, high = bounding_box(points)
     aside = rotation @ (sensor.position - middle)
     if np.hypot(*aside[:2]) > CENTRAL_SHARE * float((high - low).max()):
@@ -98,7 +98,7 @@ def _projected_coverage(points: np.ndarray, elevation: float) -> list[float]:
     """
     side = int(np.clip(2 * math.sqrt(len(points)), MIN_COVERAGE_SIDE, MAX_COVERAGE_SIDE))
     angles = np.arange(AZIMUTH_COUNT) * (2 * math.pi / AZIMUTH_COUNT)
-    covered, breadth = native.showing(points, angles, math.radians(elevation), side)
+    covered, breadth = native.projected_coverage(points, angles, math.radians(elevation), side)
     coverage: list[float] = (covered * np.sqrt(breadth)).tolist()
     return coverage
 

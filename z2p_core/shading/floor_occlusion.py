@@ -21,7 +21,7 @@ from z2p_core import native
 from z2p_core.parallel import parallel_map
 from z2p_core.shading.area_light import area_light_quad, cosine_hemisphere, jittered_sample_sets
 from z2p_core.shading.surfels import SAMPLES_PER_DISC, disc_sample_points
-from z2p_core.surface.normals import Tangents
+from z2p_core.surface.normals import SurfacePoints
 
 FLOOR_HALF_WIDTH = 4.5
 """How far the floor that receives shadows reaches from the origin, in world units."""
@@ -76,22 +76,22 @@ def is_sparse(spacing: float) -> bool:
 
 
 def shadow_casters(
-    points: np.ndarray, spacing: float, surfels: Tangents, radii: np.ndarray, use_discs: bool
-) -> native.Casters:  # fmt: skip
+    points: np.ndarray, spacing: float, surfels: SurfacePoints, radii: np.ndarray, use_discs: bool
+) -> native.ShadowCasters:  # fmt: skip
     """What casts the shadows of points (N, 3) of that spacing: themselves, or sample points of their surfels' discs.
 
     The first N of the surfels, whose radii are (M,), belong to the points; the others close holes.
     """
     own = np.arange(len(points), dtype=np.int32)
     if not use_discs:
-        return native.Casters(points, own, spacing / POINT_MAP_CELLS_PER_SPACING)
-    nearest_to_holes = surfels.neighbours[len(points) :, 0]  # a surfel in a hole belongs to the point nearest to it
+        return native.ShadowCasters(points, own, spacing / POINT_MAP_CELLS_PER_SPACING)
+    nearest_to_holes = surfels.neighbors[len(points) :, 0]  # a surfel in a hole belongs to the point nearest to it
     owners = np.repeat(np.concatenate([own, nearest_to_holes]), SAMPLES_PER_DISC)
-    return native.Casters(disc_sample_points(surfels, radii), owners, spacing / DISC_MAP_CELLS_PER_SPACING)
+    return native.ShadowCasters(disc_sample_points(surfels, radii), owners, spacing / DISC_MAP_CELLS_PER_SPACING)
 
 
 def floor_occlusion(
-    points: np.ndarray, spacing: float, casters: native.Casters, light: tuple[float, float, float], height: float,
+    points: np.ndarray, spacing: float, casters: native.ShadowCasters, light: tuple[float, float, float], height: float,
     sets: int, use_discs: bool, sky_directions: int = FLOOR_SKY_DIRECTIONS,
 ) -> FloorOcclusion:  # fmt: skip
     """How much light points (N, 3) of that spacing hide from a floor at that height; both cores work on it.
@@ -105,15 +105,16 @@ def floor_occlusion(
         cells, ball = _cell_count(spacing / POINT_CELLS_PER_SPACING), POINT_BALL_SPACINGS
         eroded = eroded_share(spacing, cells)
     occlusion_of = partial(
-        native.floor_shade, casters.places, floor=height, half=FLOOR_HALF_WIDTH, side=cells, narrowed=eroded,
-        ball=ball * spacing, soft=LIGHT_BLUR_CELLS, square=area_light_quad(light),
+        native.floor_occlusion, casters.positions, floor_height=height,
+        half_size=FLOOR_HALF_WIDTH, side=cells, eroded_share=eroded, ball_radius=ball * spacing,
+        blur_cells=LIGHT_BLUR_CELLS, area_light=area_light_quad(light),
     )  # fmt: skip
     passes: list[Callable[[], np.ndarray]] = [
         partial(occlusion_of, positions) for positions in jittered_sample_sets(light, FLOOR_LIGHT_SAMPLES, sets)
     ]
     passes += _sky_occlusion_passes(points, spacing, height, sky_directions)
     *light_parts, first_sky, second_sky = parallel_map(passes)
-    sky = native.in_other_cells((first_sky + second_sky) / np.float32(2), cells)
+    sky = native.resample_grid((first_sky + second_sky) / np.float32(2), cells)
     return FloorOcclusion(sum(light_parts[1:], light_parts[0]) / np.float32(sets), sky)
 
 
@@ -133,8 +134,8 @@ def _sky_occlusion_passes(
     cells = _cell_count(spacing * math.sqrt(stride) / POINT_CELLS_PER_SPACING)
     directions, subset = SKY_DISTANCE * cosine_hemisphere(count), points[::stride]
     return [
-        partial(native.floor_shade, subset, directions[half::2], height, FLOOR_HALF_WIDTH, cells, 1.0,
-                soft=SKY_BLUR_CELLS)
+        partial(native.floor_occlusion, subset, directions[half::2], height, FLOOR_HALF_WIDTH, cells, 1.0,
+                blur_cells=SKY_BLUR_CELLS)
         for half in (0, 1)
     ]  # fmt: skip
 

@@ -32,7 +32,7 @@ def draw_floor_shadow(
     cells = len(occlusion.light) // 2  # coarser ones will do for what is mirrored
     viewpoints = mirrored_viewpoints(camera.position, height, mirror_directions)
     eroded = eroded_share(scene.spacing, cells)
-    mirrored = native.floor_shade(scene.points, viewpoints, height, FLOOR_HALF_WIDTH, cells, eroded)
+    mirrored = native.floor_occlusion(scene.points, viewpoints, height, FLOOR_HALF_WIDTH, cells, eroded)
     native.floor_shadow(*occlusion, mirrored, cloud_radiance, scene.floor, camera, out)
 
 
@@ -43,7 +43,7 @@ def cloud_radiance_from_floor(
     first, second = bounced.floor
     radiance = color.mean() * first + SECOND_BOUNCE_SHARE * (color**2).mean() * second
     white = np.ones((2, bounced.points[0].shape[1]), np.float32)
-    coverage = native.floor_glow(white, floor_visibility, IRRADIANCE_CELLS)
+    coverage = native.floor_irradiance(white, floor_visibility, IRRADIANCE_CELLS)
     mean: np.ndarray = _sum_3x3(radiance) / np.maximum(_sum_3x3(coverage), 1e-6)
     return mean
 

@@ -169,12 +169,12 @@ def begin_floor_visibility(scene: LightScene, quality: Quality) -> PendingVisibi
     visible = np.empty((len(directions), 2, len(points)), np.int32)
 
     def look_up(begin: int, end: int) -> None:
-        visible[begin:end] = native.floor_hits(points, normals, directions[begin:end], floor, IRRADIANCE_CELLS)
+        visible[begin:end] = native.floor_visibility(points, normals, directions[begin:end], floor, IRRADIANCE_CELLS)
 
     return PendingVisibility(visible, begin_parallel_rows(look_up, len(directions), parts=4))
 
 
-def direct_radiance(scene: LightScene, casters: native.Casters) -> np.ndarray:
+def direct_radiance(scene: LightScene, casters: native.ShadowCasters) -> np.ndarray:
     """Radiance (2, N) of white diffuse points under the area light, where the casters do not hide it."""
     samples = area_light_samples(scene.light, POINT_LIGHT_SAMPLES)
     irradiance = native.direct_lighting(
@@ -189,11 +189,11 @@ def bounce_light(
 ) -> BouncedLight:  # fmt: skip
     """Light from the sky and the lit floor to the points, and on from there to each other and to the floor."""
     cloud = (scene.points, scene.normals, hemisphere_axes(quality.sky_axes), point_visibility)
-    points = [native.gather_open(*cloud, direct, scene.floor, *occlusion)]
+    points = [native.gather_environment(*cloud, direct, scene.floor, *occlusion)]
     floor = []
     for _ in range(BOUNCES):
-        floor.append(native.floor_glow(points[-1], floor_visibility, IRRADIANCE_CELLS))
-        points.append(native.gather_bounced(*cloud, points[-1], scene.floor, floor[-1]))
+        floor.append(native.floor_irradiance(points[-1], floor_visibility, IRRADIANCE_CELLS))
+        points.append(native.gather_indirect(*cloud, points[-1], scene.floor, floor[-1]))
     return BouncedLight(points, floor)
 
 

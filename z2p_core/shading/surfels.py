@@ -14,7 +14,7 @@ import numpy as np
 
 from z2p_core import native
 from z2p_core.linalg import row_dots
-from z2p_core.surface.normals import Tangents
+from z2p_core.surface.normals import SurfacePoints
 
 RADIUS_PER_VORONOI_EXTENT = 1.45
 """Radius of a surfel over the extent of its Voronoi cell; 1 would just close the surface."""
@@ -46,24 +46,24 @@ MERGE_DISTANCE_SPACINGS = 0.75
 """Grid cell in which two centers of holes count as one, in spacings."""
 
 
-def make_surfels(surface: Tangents, spacing: float) -> tuple[Tangents, np.ndarray]:
+def make_surfels(surface: SurfacePoints, spacing: float) -> tuple[SurfacePoints, np.ndarray]:
     """The surfels of a surface with that median spacing, and their radii (M,) float32 in world units.
 
     The first N surfels are those of the surface's points; those that close holes follow.
     """
     points, normals = surface.points, surface.normals
-    widest = MAX_SPACING_SHARE * np.maximum(surface.around, spacing)
+    widest = MAX_SPACING_SHARE * np.maximum(surface.neighbor_spacing, spacing)
     own_spacing = np.clip(surface.spacing, MIN_SPACING_SHARE * spacing, widest)
-    nearest = np.ascontiguousarray(surface.neighbours[:, :CELL_NEIGHBORS])
+    nearest = np.ascontiguousarray(surface.neighbors[:, :CELL_NEIGHBORS])
     extents, _ = native.voronoi_extent(points, normals, np.arange(len(points), dtype=np.int32), nearest)
     radii = np.clip(
         RADIUS_PER_VORONOI_EXTENT * extents, MIN_RADIUS_SPACINGS * own_spacing, MAX_RADIUS_SPACINGS * own_spacing
     )
-    local_spacing = np.maximum(np.minimum(surface.spacing, surface.around), MIN_SPACING_SHARE * spacing)
+    local_spacing = np.maximum(np.minimum(surface.spacing, surface.neighbor_spacing), MIN_SPACING_SHARE * spacing)
     rim = np.flatnonzero(extents > HOLE_MIN_SPACINGS * local_spacing).astype(np.int32)
     if not len(rim):
         return surface, radii
-    more_neighbors, _ = surface.grid.neighbours(rim, RIM_CELL_NEIGHBORS)
+    more_neighbors, _ = surface.grid.neighbors(rim, RIM_CELL_NEIGHBORS)
     hole_radii, hole_centers = native.voronoi_extent(points, normals, rim, more_neighbors, in_space=True)
     at_border = rim[np.minimum(hole_radii, extents[rim]) > HOLE_MAX_SPACINGS * local_spacing[rim]]
     radii[at_border] = BORDER_RADIUS_SPACINGS * local_spacing[at_border]
@@ -72,7 +72,7 @@ def make_surfels(surface: Tangents, spacing: float) -> tuple[Tangents, np.ndarra
     return _add_hole_surfels(surface, radii, rim[small], hole_radii[small], hole_centers[small], spacing)
 
 
-def disc_sample_points(surfels: Tangents, radii: np.ndarray) -> np.ndarray:
+def disc_sample_points(surfels: SurfacePoints, radii: np.ndarray) -> np.ndarray:
     """Points (SAMPLES_PER_DISC M, 3) float32 that stand for the surfels' discs: each center, and four around it.
 
     Five points cover a disc's area evenly enough for shadow maps, which its center alone does not.
@@ -88,9 +88,9 @@ def disc_sample_points(surfels: Tangents, radii: np.ndarray) -> np.ndarray:
 
 
 def _add_hole_surfels(
-    surface: Tangents, radii: np.ndarray, rim: np.ndarray, hole_radii: np.ndarray, hole_centers: np.ndarray,
+    surface: SurfacePoints, radii: np.ndarray, rim: np.ndarray, hole_radii: np.ndarray, hole_centers: np.ndarray,
     spacing: float,
-) -> tuple[Tangents, np.ndarray]:  # fmt: skip
+) -> tuple[SurfacePoints, np.ndarray]:  # fmt: skip
     """The surfels and radii of a surface with that median spacing, with surfels that close holes at the end.
 
     `rim` (R,) int32 are the points at rims; the hole at each has the radius (R,) and the center (R, 3).
@@ -98,20 +98,20 @@ def _add_hole_surfels(
     cells = np.floor(hole_centers / (MERGE_DISTANCE_SPACINGS * spacing)).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     rim, hole_radii, hole_centers = rim[first], hole_radii[first], hole_centers[first]
-    nearest = surface.grid.around(hole_centers, HOLE_NEIGHBORS)
+    nearest = surface.grid.neighbors_of_positions(hole_centers, HOLE_NEIGHBORS)
     disc_radii, centers, normals = native.find_hole_discs(
         surface.points, surface.normals, hole_centers, surface.normals[rim], hole_radii, nearest
     )
     is_hole = disc_radii > 0
     if not is_hole.any():
         return surface, radii
-    rim, centers, neighbor_count = rim[is_hole], centers[is_hole], surface.neighbours.shape[1]
+    rim, centers, neighbor_count = rim[is_hole], centers[is_hole], surface.neighbors.shape[1]
     surfels = replace(
         surface,
         points=np.concatenate([surface.points, centers]),
         spacing=np.concatenate([surface.spacing, surface.spacing[rim]]),
         normals=np.concatenate([surface.normals, normals[is_hole]]),
-        around=np.concatenate([surface.around, surface.around[rim]]),
-        neighbours=np.concatenate([surface.neighbours, surface.grid.around(centers, neighbor_count)]),
+        neighbor_spacing=np.concatenate([surface.neighbor_spacing, surface.neighbor_spacing[rim]]),
+        neighbors=np.concatenate([surface.neighbors, surface.grid.neighbors_of_positions(centers, neighbor_count)]),
     )
     return surfels, np.concatenate([radii, disc_radii[is_hole]])

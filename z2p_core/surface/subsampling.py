@@ -14,7 +14,7 @@ SPARE_DEVIATIONS = 6.0
 """Standard deviations by which more points than wanted are looked at, so that hardly ever too few are found."""
 
 
-def even_share(points: np.ndarray, most: int) -> np.ndarray:
+def subsample_uniform(points: np.ndarray, most: int) -> np.ndarray:
     """At most `most` of points (N, 3), as if drawn at random, and in an order of their own.
 
     Both depend on the points' coordinates alone: a shuffled file gives the same share, number by number.
@@ -33,7 +33,7 @@ def even_share(points: np.ndarray, most: int) -> np.ndarray:
     return kept
 
 
-def with_fixed_start(points: np.ndarray) -> np.ndarray:
+def prepend_canonical_point(points: np.ndarray) -> np.ndarray:
     """Points (N, 3) with one more before them, which is one of them, and the same one in whatever order they are.
 
     For what counts from its first point, and would round in another way from another one.

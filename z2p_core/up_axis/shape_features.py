@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from z2p_core import native
-from z2p_core.surface.subsampling import even_share
+from z2p_core.surface.subsampling import subsample_uniform
 from z2p_core.up_axis.support_polygon import convex_hull, distance_inside, polygon_area
 
 MOST_POINTS, MOST_MIRRORED = 1500, 300
@@ -42,10 +42,10 @@ def axis_features(points: np.ndarray) -> np.ndarray:
 
     Each is about 0 to 1, and independent of the cloud's size and place.
     """
-    points = even_share(points, MOST_POINTS)
+    points = subsample_uniform(points, MOST_POINTS)
     low, high = np.quantile(points, [STRAY_SHARE, 1 - STRAY_SHARE], axis=0)
     size = max(float((high - low).max()), LEAST_EXTENT)
-    grid = native.Grid(np.clip((points - (low + high) / 2) / size, -0.55, 0.55).astype(np.float32))
+    grid = native.NeighborGrid(np.clip((points - (low + high) / 2) / size, -0.55, 0.55).astype(np.float32))
     points, span = grid.points.astype(np.float64), np.maximum((high - low) / size, 1e-6)
     normals = np.abs(_normals(grid))
     alike = _symmetries(points)
@@ -104,11 +104,11 @@ class Plan:
         return float((spread[many] < 0.12).mean()) if many.any() else 0.0
 
 
-def _normals(grid: native.Grid) -> np.ndarray:
+def _normals(grid: native.NeighborGrid) -> np.ndarray:
     """Unit normals (N, 3) of either sign of the planes through the neighbours of each of the grid's points."""
     asked = np.arange(len(grid.points), dtype=np.int32)
-    found, _ = grid.neighbours(asked, min(NEIGHBOURS, len(asked)))
-    return np.nan_to_num(native.planes(grid.points, found)[0])
+    found, _ = grid.neighbors(asked, min(NEIGHBOURS, len(asked)))
+    return np.nan_to_num(native.fit_planes(grid.points, found)[0])
 
 
 def _standing(plan: Plan, share: np.ndarray, facing: np.ndarray) -> dict[str, float]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from z2p_core.camera import DISTANCE, Camera, turn
-from z2p_core.surface.normals import typical_spacing
+from z2p_core.surface.normals import median_spacing
 from z2p_renderer.pipeline.inference.adaptive_resolution import (
     MIN_PIXELS_PER_SPACING,
     MIN_SHORTER_SIDE,
@@ -27,7 +27,7 @@ def sphere(count: int) -> np.ndarray:
 
 @pytest.mark.parametrize("count", [300, 1200, 20_000])
 def test_spacing_is_the_side_of_a_points_share_of_the_surface(count: int) -> None:
-    assert typical_spacing(sphere(count)) == pytest.approx(np.sqrt(4 * np.pi / count), rel=0.1)
+    assert median_spacing(sphere(count)) == pytest.approx(np.sqrt(4 * np.pi / count), rel=0.1)
 
 
 @pytest.mark.parametrize("side", [256, 512, 1024, 2048])
@@ -36,7 +36,7 @@ def test_points_are_close_in_a_picture_that_is_drawn_smaller(count: int, side: i
     """As close as the next step would not leave them, but not closer; unless it would become too small."""
     cloud = sphere(count)
     drawn, _ = render_size(cloud, side, side)
-    apart = typical_spacing(cloud) * Camera(side, side).focal / DISTANCE
+    apart = median_spacing(cloud) * Camera(side, side).focal / DISTANCE
     factor = side / drawn
     assert any(abs(side / step - drawn) <= 0.5 for step in (1, *REDUCTION_FACTORS))
     assert drawn == side or (apart / factor >= 0.99 * MIN_PIXELS_PER_SPACING and drawn >= MIN_SHORTER_SIDE)

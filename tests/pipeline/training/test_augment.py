@@ -19,8 +19,8 @@ def sphere(count, seed=0):
 
 def gaps(cloud):
     """Distances to the nearest neighbour, relative to their mean."""
-    grid = native.Grid(cloud)
-    found, _ = grid.neighbours(np.arange(len(cloud), dtype=np.int32), 2)
+    grid = native.NeighborGrid(cloud)
+    found, _ = grid.neighbors(np.arange(len(cloud), dtype=np.int32), 2)
     near = np.linalg.norm(grid.points[found[:, 1]] - grid.points, axis=1)
     return near / near.mean()
 

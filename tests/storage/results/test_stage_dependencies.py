@@ -1,4 +1,4 @@
-"""No code shapes a result unseen: what a stage's code imports is in its fingerprint, or excused by name."""
+"""The fingerprint of a stage holds all code that it imports, except what is excused by name."""
 
 import ast
 import re
@@ -32,7 +32,7 @@ from z2p_renderer.storage.results.stage_dependencies import (
 )
 
 ROOT = Path(__file__).parents[3]
-ROOMS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
+TOP_FOLDERS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
 ENTRY = {
     "shapes": {"workflows.stages:Shapes", "pipeline.shapes:make_shapes", "pipeline.blender:export_suzanne"},
     "sample": {"workflows.stages:SampleMesh", "pipeline.rendering.mesh_samples:sample_pool"},
@@ -103,7 +103,7 @@ def as_listed(module: str) -> str:
 @cache
 def needed(part: str) -> frozenset[tuple[str, str]]:
     """What a part needs of the project's own, with ``from package import module`` told as that module."""
-    kept = {(as_listed(module), name) for module, name in needs(part) if as_listed(module).split(".")[0] in ROOMS}
+    kept = {(as_listed(module), name) for module, name in needs(part) if as_listed(module).split(".")[0] in TOP_FOLDERS}
     inner = {(m, n): (f"{m}.{n}", "") for m, n in kept if n and module_file(f"{m}.{n}").is_file()}
     return frozenset(inner.get(one, one) for one in kept)
 
@@ -128,7 +128,7 @@ def packages(part: str) -> set[str]:
 
 
 @pytest.mark.parametrize("stage", STAGE_CODE)
-def test_everything_that_a_stage_imports_is_listed_or_excused(stage):
+def test_all_imports_of_a_stage_are_listed_or_excused(stage):
     for part in ENTRY[stage]:
         assert listed(stage, *part.split(":")), f"{stage} runs {part}, which its fingerprint does not hold"
     for part in [*STAGE_CODE[stage], *plugin_modules(stage)]:
@@ -136,12 +136,12 @@ def test_everything_that_a_stage_imports_is_listed_or_excused(stage):
             if module in plugin_modules(stage) or module == "z2p_core":
                 continue
             assert listed(stage, module, name) or excused(stage, module, name), (
-                f"{stage}: {part} uses {module}:{name}, which is neither in SHAPING[{stage!r}] nor in NOT_SHAPING"
+                f"{stage}: {part} uses {module}:{name}, which is neither in STAGE_CODE[{stage!r}] nor in NOT_IN_FINGERPRINT"
             )
 
 
 @pytest.mark.parametrize("stage", STAGE_CODE)
-def test_nothing_is_listed_that_no_code_of_the_stage_reaches(stage):
+def test_no_part_is_listed_that_the_stage_never_imports(stage):
     reached, waiting = set(), [*ENTRY[stage], *plugin_modules(stage)]
     while waiting:
         part = waiting.pop()
@@ -150,16 +150,16 @@ def test_nothing_is_listed_that_no_code_of_the_stage_reaches(stage):
             if step not in reached:
                 reached.add(step)
                 waiting += [f"{origin}:{name}" if name else origin for origin, name in needed(step)]
-    wholly = {part for part in STAGE_CODE[stage] if (package := part.rpartition(".")[0]) in WHOLE_PACKAGES
+    by_package = {part for part in STAGE_CODE[stage] if (package := part.rpartition(".")[0]) in WHOLE_PACKAGES
               and any(module == package or module.startswith(package + ".") for module in reached)}  # fmt: skip
-    wholly |= {part for part in WHOLE_PACKAGES if any(module.startswith(part + ".") for module in reached)}
+    by_package |= {part for part in WHOLE_PACKAGES if any(module.startswith(part + ".") for module in reached)}
     beside = {part for part in STAGE_CODE[stage] if "/" in part and part.rpartition("/")[0].replace("/", ".") in reached}
     beside |= {part for part in STAGE_CODE[stage] if part.startswith("z2p_core/native/") and "z2p_core.native" in reached}
-    assert set(STAGE_CODE[stage]) <= reached | beside | wholly  # what is compiled belongs to the module beside it
+    assert set(STAGE_CODE[stage]) <= reached | beside | by_package  # what is compiled belongs to the module beside it
 
 
 @pytest.mark.parametrize("stage", STAGE_CODE)
-def test_the_packages_that_a_stages_code_imports_are_declared(stage):
+def test_packages_that_a_stage_imports_are_declared(stage):
     used = {package for part in STAGE_CODE[stage] for package in packages(part)}
     for plugin in plugins(stage):  # what it names itself is in its own fields
         used |= packages(plugin.__module__) - set(getattr(plugin, "packages", ()))
@@ -168,7 +168,7 @@ def test_the_packages_that_a_stages_code_imports_are_declared(stage):
     assert all(re.search(rf'"{package}[>=]', project) for package in PACKAGES[stage])
 
 
-def test_what_placing_a_scan_runs_is_no_part_of_weights_alone():
+def test_placement_code_is_not_dropped_for_baselines():
     reached, waiting = set(), {"pipeline.placement.place_scan"}
     while waiting:
         part = waiting.pop()
@@ -196,21 +196,21 @@ def test_a_package_may_come_by_another_name(monkeypatch):
     assert installed("open3d") == "0.20.0"
 
 
-def test_every_excuse_is_needed_and_every_stage_is_told():
+def test_every_excuse_is_needed_and_every_stage_is_listed():
     assert set(STAGE_CODE) == set(PACKAGES) == set(STAGE_VERSIONS) == set(ENTRY)
     used = {one for stage in STAGE_CODE for part in [*STAGE_CODE[stage], *plugin_modules(stage)] for m, n in
             needed(part) for one in (m, f"{stage}/{m}:{n}")}  # fmt: skip
     assert set(NOT_IN_FINGERPRINT) <= used
 
 
-def test_everything_that_is_listed_is_there():
+def test_all_listed_parts_exist():
     for stage in STAGE_CODE:
         assert all(len(digest) == 64 for digest in stage_fields(stage)["code"].values())
 
 
-def test_code_in_other_languages_and_what_compiles_it_is_listed_as_well():
+def test_c_files_and_compiler_flags_are_listed():
     kinds = ("c", "cpp", "h", "cu", "pyx")
-    sources = [path for room in ROOMS for kind in kinds for path in (ROOT / room).rglob(f"*.{kind}")]
+    sources = [path for folder in TOP_FOLDERS for kind in kinds for path in (ROOT / folder).rglob(f"*.{kind}")]
     listed_files = {part for parts in STAGE_CODE.values() for part in parts if "/" in part}
     built_with = ROOT / "z2p_core" / "native" / "build.py"  # the compiler's flags, which no module imports
     assert {path.relative_to(ROOT).as_posix() for path in [*sources, built_with]} == listed_files
@@ -258,17 +258,17 @@ def test_comments_and_layout_of_c_make_nothing_stale(old, new):
         ("half", "Half"),
     ],
 )
-def test_all_else_in_c_does(old, new):
+def test_any_other_change_of_c_changes_the_digest(old, new):
     assert old in C and c_digest(C.replace(old, new)) != c_digest(C)
 
 
-def test_each_kernels_code_counts_and_its_comments_do_not():
+def test_code_of_each_kernel_counts_and_comments_do_not():
     for part in {part for part in STAGE_CODE["train"] if part.endswith((".c", ".h"))}:
         source = (ROOT / part).read_text()
         assert cached_part_digest(part) == c_digest(f"/* new */\n{source}\n\n// new\n") != c_digest(f"{source}\nint new;\n")
 
 
-def test_a_definitions_digest_does_not_hang_on_its_neighbours():
+def test_digest_of_a_definition_ignores_the_rest_of_its_module():
     text = "A = 1\ndef f():\n    return A\ndef g():\n    return 2\n"
     assert code_digest(text, "f") == code_digest(text.replace("2", "3"), "f") != code_digest(text, "g")
     assert code_digest(text, "A") != code_digest(text.replace("A = 1", "A = 2"), "A")

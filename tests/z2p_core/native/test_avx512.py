@@ -14,7 +14,7 @@ from point_shapes import sphere_of
 
 from z2p_core import native
 from z2p_core.native import library
-from z2p_core.surface.normals import fitted
+from z2p_core.surface.normals import fit_local_patches
 
 Kernel = Callable[[np.random.Generator], tuple[np.ndarray, ...]]
 
@@ -22,18 +22,18 @@ Kernel = Callable[[np.random.Generator], tuple[np.ndarray, ...]]
 def touched(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     cells, buffers = rng.random((64, 40, 50), dtype=np.float32), rng.random((5, 160, 200), dtype=np.float32)
     look, touch = (
-        native.packed(0.3 * rng.standard_normal((units, read, 3, 3)), rng.standard_normal(units))
+        native.pack_convolution(0.3 * rng.standard_normal((units, read, 3, 3)), rng.standard_normal(units))
         for units, read in ((16, 9), (4, 16))
     )
     drawn = np.empty((4, 160, 200), np.float32)
-    native.touched(cells, buffers, 4, look, touch, drawn)
+    native.final_convs(cells, buffers, 4, look, touch, drawn)
     return (drawn,)
 
 
 def refined(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     cloud = np.float32(sphere_of(1500) + 0.02 * rng.standard_normal((1500, 3)))
-    own = fitted(cloud)
-    return native.refine(own.grid.points, own.normals, own.neighbours, own.scale, own.noise / own.typical)
+    own = fit_local_patches(cloud)
+    return native.refine_normals(own.grid.points, own.normals, own.neighbors, own.scale, own.noise / own.median_spacing)
 
 
 @pytest.mark.skipif(not library.has_avx512(), reason="this processor has no registers of sixteen numbers")

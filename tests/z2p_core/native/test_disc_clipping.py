@@ -23,9 +23,9 @@ def roof_of(slope):
 
 
 def clips_of(points, normals, radius):
-    grid = native.Grid(points)
+    grid = native.NeighborGrid(points)
     rows = ((grid.points[:, None] - points[None]) ** 2).sum(2).argmin(1)  # the grid has an order of its own
-    found, _ = grid.neighbours(np.arange(len(points), dtype=np.int32), 16)
+    found, _ = grid.neighbors(np.arange(len(points), dtype=np.int32), 16)
     radii = np.full(len(points), radius, np.float32)
     return grid.points, normals[rows], native.disc_clip_planes(grid.points, normals[rows], radii, found)
 

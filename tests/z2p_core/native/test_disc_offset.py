@@ -7,8 +7,8 @@ from z2p_core import native
 
 
 def centres_of(points, normals_of, radius):
-    grid = native.Grid(np.float32(points))
-    found, _ = grid.neighbours(np.arange(len(points), dtype=np.int32), 16)
+    grid = native.NeighborGrid(np.float32(points))
+    found, _ = grid.neighbors(np.arange(len(points), dtype=np.int32), 16)
     radii = np.full(len(points), radius, np.float32)
     return grid.points, native.offset_disc_centers(grid.points, np.float32(normals_of(grid.points)), radii, found)
 

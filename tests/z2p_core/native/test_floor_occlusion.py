@@ -11,7 +11,7 @@ def test_the_shade_of_a_sheet_on_the_floor_has_its_size_and_place():
     side, half = 200, 2.0
     sheet = square_of(20_000, 0.25, 0.0) + np.float32([0.5, 0, 0])
     lamps = np.float32([[0.5, 0, 2.0], [0.5, 0, 50.0]])
-    shade = native.floor_shade(sheet, lamps, -1.0, half, side)
+    shade = native.floor_occlusion(sheet, lamps, -1.0, half, side)
     cell = 2 * half / side
     rows, columns = np.nonzero(shade)
     middle = (columns.mean() + 0.5) * cell - half, (rows.mean() + 0.5) * cell - half
@@ -26,7 +26,7 @@ def test_an_eye_below_the_floor_sees_a_sheet_smaller_on_it():
     """As in a mirror: the floor lies between the two, at two thirds of the way to the sheet."""
     side, half = 200, 2.0
     eye = np.float32([[0.5, 0, -3.0]])
-    shade = native.floor_shade(square_of(20_000, 0.45, 0.0) + np.float32([0.5, 0, 0]), eye, -1.0, half, side)
+    shade = native.floor_occlusion(square_of(20_000, 0.45, 0.0) + np.float32([0.5, 0, 0]), eye, -1.0, half, side)
     rows, columns = np.nonzero(shade)
     assert len(rows) * (2 * half / side) ** 2 == pytest.approx(0.6**2, rel=0.08)
     assert (columns.mean() + 0.5) * 2 * half / side - half == pytest.approx(0.5, abs=0.02)
@@ -52,7 +52,7 @@ def test_parts_of_a_square_light_count_as_much_as_they_shine():
     square, lamps = square_light((0.9, -1.6, 1.9))
     axis = np.cross(square[2], square[1]) / np.linalg.norm(np.cross(square[2], square[1]))
     sheet = square_of(40_000, 0.5, 0.3)
-    shade = native.floor_shade(sheet, lamps, floor, half, side, soft=2, square=square)
+    shade = native.floor_occlusion(sheet, lamps, floor, half, side, soft=2, square=square)
     x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 * half - half] * 2)
     full, lost = np.zeros((side, side)), np.zeros((side, side))
     for number, lamp in enumerate(lamps):
@@ -60,8 +60,8 @@ def test_parts_of_a_square_light_count_as_much_as_they_shine():
         given = np.abs(away @ axis) * away[..., 2] / (away**2).sum(-1) ** 2
         alone = np.where(np.arange(64)[:, None] == number, lamps, np.float32([0, 0, -0.6]))  # others shine from below
         full += given
-        lost += given * 64 * native.floor_shade(sheet, alone, floor, half, side)
-    expected, even = lost / full, native.floor_shade(sheet, lamps, floor, half, side)
+        lost += given * 64 * native.floor_occlusion(sheet, alone, floor, half, side)
+    expected, even = lost / full, native.floor_occlusion(sheet, lamps, floor, half, side)
     # smoothly, for the steps from part to part are taken out
     off = [np.abs(mean_around(found - expected, 4)).mean() for found in (shade, even)]
     assert off[0] < 0.25 * off[1]
@@ -74,7 +74,7 @@ def test_a_penumbra_has_no_steps():
     square = np.float32([[0, 0, 2.0], [1.6, 0, 0], [0, 1.6, 0]])
     lamps = np.float32([[1.6 * x, 1.6 * y, 2.0] for y in rows for x in rows])
     sheet = square_of(60_000, 0.7, 0.0) + np.float32([0.7, 0, 0])
-    steps = [np.diff(native.floor_shade(sheet, lamps, -1.0, half, side, soft=soft, square=given)[side // 2, 150:250])
+    steps = [np.diff(native.floor_occlusion(sheet, lamps, -1.0, half, side, soft=soft, square=given)[side // 2, 150:250])
              for soft, given in ((0, None), (2, square))]  # fmt: skip
     assert np.median(steps[1]) > 0  # where there were steps, most cells were as dark as their neighbours
     assert steps[1].std() < 0.4 * steps[0].std()
@@ -88,7 +88,7 @@ def test_a_share_of_the_lamps_has_shadows_a_cell_narrower(narrowed: float, numbe
     widths, middles = [], []
     for shift in np.linspace(0, 2 * half / side, 10, endpoint=False, dtype=np.float32):
         sheet = square_of(40_000, 0.5, 0.0) + np.float32([shift, 0, 0])
-        row = native.floor_shade(sheet, lamps, -0.5, half, side, narrowed)[side // 2] * 64
+        row = native.floor_occlusion(sheet, lamps, -0.5, half, side, narrowed)[side // 2] * 64
         widths.append(row.sum())
         middles.append((np.flatnonzero(row).mean() + 0.5) * 2 * half / side - half - shift)
     assert np.mean(widths) == pytest.approx(side / (2 * half) + wider, abs=0.2)
@@ -98,14 +98,14 @@ def test_a_share_of_the_lamps_has_shadows_a_cell_narrower(narrowed: float, numbe
 def test_a_soft_shade_is_the_mean_over_the_cells_around():
     side, soft, sheet = 90, 3, square_of(4_000, 0.4, 0.0) + np.float32([0.3, -0.5, 0])
     lamps = np.float32([[0.5, 0, 2.0], [0.5, 0.4, 3.0]])
-    sharp = native.floor_shade(sheet, lamps, -1.0, 2.0, side)
-    np.testing.assert_allclose(native.floor_shade(sheet, lamps, -1.0, 2.0, side, soft=soft), mean_around(sharp, soft),
+    sharp = native.floor_occlusion(sheet, lamps, -1.0, 2.0, side)
+    np.testing.assert_allclose(native.floor_occlusion(sheet, lamps, -1.0, 2.0, side, soft=soft), mean_around(sharp, soft),
                                atol=1e-6)  # fmt: skip
 
 
 def test_points_above_a_lamp_and_far_off_cast_no_shade():
     points = np.float32([[0, 0, 2.5], [0, 0, 2.0], [1.9, 0, 1.9]])
-    assert not native.floor_shade(points, np.float32([[0, 0, 2.0]]), -1.0, 2.0, 64).any()
+    assert not native.floor_occlusion(points, np.float32([[0, 0, 2.0]]), -1.0, 2.0, 64).any()
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.8, 1.0])
@@ -115,7 +115,7 @@ def test_narrowed_lamps_are_as_many_as_asked_and_spread_over_the_light(share: fl
     dark, wide = np.float32([0, 0, -0.3]), []
     for number in range(64):
         lamps = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), dark)
-        wide.append(native.floor_shade(sheet, lamps, -0.5, 2.0, side, share).sum())
+        wide.append(native.floor_occlusion(sheet, lamps, -0.5, 2.0, side, share).sum())
     narrow = (np.float32(wide) < max(wide) - 1e-3).reshape(8, 8) if 0 < share < 1 else np.full((8, 8), share == 1)
     assert narrow.sum() == round(64 * share)
     for quarter in (narrow[:4, :4], narrow[:4, 4:], narrow[4:, :4], narrow[4:, 4:]):
@@ -129,6 +129,6 @@ def test_a_shade_in_other_cells_is_the_same_shade(side: int, wide: int):
         return 0.2 + 0.5 * x + 0.1 * y
 
     edge = -(-wide // side)  # cells beyond the outermost middles
-    found = native.in_other_cells(slope(side), wide)[edge:-edge, edge:-edge]
+    found = native.resample_grid(slope(side), wide)[edge:-edge, edge:-edge]
     np.testing.assert_allclose(found, slope(wide)[edge:-edge, edge:-edge], atol=1e-5)
-    assert (native.in_other_cells(np.full((side, side), 0.3, np.float32), wide) == np.float32(0.3)).all()
+    assert (native.resample_grid(np.full((side, side), 0.3, np.float32), wide) == np.float32(0.3)).all()

@@ -33,7 +33,7 @@ def hemisphere(count: int) -> np.ndarray:
 def under_white_sky(towards: np.ndarray, alpha: float, count: int = 4000) -> np.ndarray:
     """What an upright surface sends under a sky of radiance 1, made of far lamps: (4,), that of a matt one last."""
     far, point = 100.0, np.zeros((1, 3))
-    lamps = [native.gloss(point, UP[None], towards, far * way[None], -way, far**2 * 2 * math.pi / count, alpha, INDEX)
+    lamps = [native.specular_radiance(point, UP[None], towards, far * way[None], -way, far**2 * 2 * math.pi / count, alpha, INDEX)
              for way in hemisphere(count)]  # fmt: skip
     total: np.ndarray = np.sum([np.append(shine, matt) for shine, matt in lamps], axis=0)
     return total
@@ -63,10 +63,10 @@ def test_the_lamp_is_brightest_where_a_mirror_shows_it() -> None:
     normals, points = np.tile(UP, (len(angles), 1)), np.zeros((len(angles), 3))
     lamp = 3 * slanted(-25)
     for alpha in (0.04, 0.2):
-        mirrored = native.gloss(points, normals, towards, lamp, -slanted(-25)[0], 1.0, alpha, INDEX)[0][:, 0]
+        mirrored = native.specular_radiance(points, normals, towards, lamp, -slanted(-25)[0], 1.0, alpha, INDEX)[0][:, 0]
         assert angles[mirrored.argmax()] == pytest.approx(25, abs=2)
     half = np.ptp(angles[mirrored > mirrored.max() / 2])
-    narrow = native.gloss(points, normals, towards, lamp, -slanted(-25)[0], 1.0, 0.1, INDEX)[0][:, 0]
+    narrow = native.specular_radiance(points, normals, towards, lamp, -slanted(-25)[0], 1.0, 0.1, INDEX)[0][:, 0]
     assert np.ptp(angles[narrow > narrow.max() / 2]) < 0.7 * half
 
 
@@ -75,9 +75,9 @@ def test_a_matt_surface_gets_what_lamps_give() -> None:
     lamp, axis = np.array([[1.0, 0.0, 2.0]]), np.array([0.0, 0.0, -1.0])
     point, towards = np.zeros((1, 3)), slanted(10)
     given = 5.0 * (2 / math.sqrt(5)) ** 2 / 5 / math.pi
-    assert native.gloss(point, UP[None], towards, lamp, axis, 5.0, 0.3, INDEX)[1][0] == pytest.approx(given, rel=1e-5)
+    assert native.specular_radiance(point, UP[None], towards, lamp, axis, 5.0, 0.3, INDEX)[1][0] == pytest.approx(given, rel=1e-5)
     for dark in ((-UP[None], -towards, lamp, axis), (UP[None], towards, lamp, -axis)):
-        shine, matt = native.gloss(point, *dark, 5.0, 0.3, INDEX)
+        shine, matt = native.specular_radiance(point, *dark, 5.0, 0.3, INDEX)
         assert (shine == 0).all() and (matt == 0).all()
 
 
@@ -85,7 +85,7 @@ def images(mirrors: np.ndarray, blur: float, light: np.ndarray) -> np.ndarray:
     """What a mirror in the origin shows of a light to viewers above, whom it mirrors to unit directions (M, 3)."""
     normals, towards = mirrors + UP, np.tile(UP, (len(mirrors), 1))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return native.image(np.zeros_like(mirrors), normals, towards, light, 7.0, blur, INDEX)
+    return native.sharp_light_reflection(np.zeros_like(mirrors), normals, towards, light, 7.0, blur, INDEX)
 
 
 def test_a_mirror_shows_the_lights_square_and_nothing_else() -> None:
@@ -121,8 +121,8 @@ def test_the_image_and_the_lobe_of_a_smooth_surface_are_as_bright() -> None:
     normals = light[0] / np.linalg.norm(light[0]) + UP + rng.uniform(-0.5, 0.5, (60_000, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     seen = (np.zeros_like(normals), normals, np.tile(UP, (len(normals), 1)))
-    lobe = native.gloss(*seen, places, axes[0], float(powers[0]), 0.04, INDEX)[0].mean(0)
-    image = native.image(*seen, light, LIGHT_RADIANCE, 1.7 * 0.04, INDEX).mean(0)
+    lobe = native.specular_radiance(*seen, places, axes[0], float(powers[0]), 0.04, INDEX)[0].mean(0)
+    image = native.sharp_light_reflection(*seen, light, LIGHT_RADIANCE, 1.7 * 0.04, INDEX).mean(0)
     assert image[0] == pytest.approx(lobe[0], rel=0.06)
 
 
@@ -134,13 +134,13 @@ def test_each_point_is_by_itself(count: int) -> None:
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     lamps = (rng.normal(size=(7, 3)) + 4, np.array([0.0, 0.0, -1.0]), 2.0, 0.2, INDEX)
     square = (area_light_quad((3.6, -40.0, 50.0)), 5.0, 0.03, INDEX)
-    shine, matt = native.gloss(points, normals, towards, *lamps)
-    shown = native.image(points, normals, towards, *square)
+    shine, matt = native.specular_radiance(points, normals, towards, *lamps)
+    shown = native.sharp_light_reflection(points, normals, towards, *square)
     assert matt.shape == (count,) and (matt >= 0).all()
     for found in (shine, shown):
         assert found.shape == (count, 3) and np.isfinite(found).all() and (found >= -1e-6).all()
     for row in rng.integers(0, max(count, 1), 5 if count else 0):
         one = slice(row, row + 1)
         seen = (points[one], normals[one], towards[one])
-        np.testing.assert_array_equal(native.gloss(*seen, *lamps)[0][0], shine[row])
-        np.testing.assert_array_equal(native.image(*seen, *square)[0], shown[row])
+        np.testing.assert_array_equal(native.specular_radiance(*seen, *lamps)[0][0], shine[row])
+        np.testing.assert_array_equal(native.sharp_light_reflection(*seen, *square)[0], shown[row])

@@ -158,11 +158,11 @@ def test_intensity_is_the_exponential(stride):
     depth = np.random.default_rng(0).uniform(-10, 80, (30, stride)).astype(np.float32)[:, 3:40]
     depth[::3] = np.inf
     out = np.empty(depth.shape, np.float32)
-    native.intensity(depth, 2.6, 0.6, out)
+    native.depth_to_intensity(depth, 2.6, 0.6, out)
     np.testing.assert_allclose(out, np.exp((2.6 - depth.astype(np.float64)) / 0.6), rtol=3e-5, atol=1e-37)
     near = np.linspace(2.6, 4.6, 1000, dtype=np.float32).reshape(10, 100)
     drawn = np.empty(near.shape, np.float32)
-    native.intensity(near, 2.6, 0.6, drawn)
+    native.depth_to_intensity(near, 2.6, 0.6, drawn)
     np.testing.assert_allclose(drawn, np.exp((2.6 - near) / np.float32(0.6)), rtol=1e-6)
 
 
@@ -172,11 +172,11 @@ def test_straight_bytes_are_those_of_plain_numpy():
     planes[:3] *= planes[3]
     planes[3, ::7], planes[3, 1::7] = 0, 1e-7
     expected = bytes_from_unit(straight_from_premultiplied(np.clip(planes, 0, 1).transpose(1, 2, 0)))
-    found = native.straight_bytes(planes)
+    found = native.to_straight_rgba8(planes)
     assert found.dtype == np.uint8 and found.shape == (50, 61, 4) and not found[::7].any()
     assert np.abs(found.astype(int) - expected).max() <= 1 and (found != expected).mean() < 1e-3
     odd = np.full((4, 2, 2), np.nan, np.float32)
-    assert not native.straight_bytes(odd).any()
+    assert not native.to_straight_rgba8(odd).any()
 
 
 @pytest.mark.parametrize("count", [2, 30, 5000])
@@ -185,7 +185,7 @@ def test_a_view_shows_the_cells_that_its_dots_cover(count):
     points = rng.normal(size=(count, 3)).astype(np.float32) * (1.0, 0.6, 0.3)
     points /= np.sqrt((points**2).sum(1).max())
     turns, elevation, side = np.array([0.0, 1.0, -2.5]), 0.4, 20
-    covered, breadth = native.showing(points, turns, elevation, side)
+    covered, breadth = native.projected_coverage(points, turns, elevation, side)
     for view, angle in enumerate(turns):
         across = np.cos(angle) * points[:, 0] - np.sin(angle) * points[:, 1]
         back = np.sin(angle) * points[:, 0] + np.cos(angle) * points[:, 1]
@@ -241,7 +241,7 @@ def test_a_picture_is_reconciled_with_colours_only_amid_what_both_show():
     coverage, colors = rng.uniform(0.8, 1, (40, 50)).astype(np.float32), rng.random((3, 40, 50), np.float32)
     picture[3] = rng.uniform(0.9, 1, (40, 50))
     before = picture.copy()
-    native.reconcile(picture, coverage, colors, 0.5, 0.03)
+    native.blend_towards(picture, coverage, colors, 0.5, 0.03)
     amid = np.clip(10 * coverage - 9, 0, 1) * np.clip(20 * before[3] - 19, 0, 1)
     off = np.clip(colors * before[3] - before[:3], -0.03, 0.03)
     np.testing.assert_allclose(picture[:3], before[:3] + 0.5 * amid * off, atol=1e-5)
@@ -255,7 +255,7 @@ def test_a_shadow_is_reconciled_only_beside_what_shows():
     alpha, shadow, coverage = rng.random((3, 40, 50), np.float32)
     coverage[:, :25] = 0
     before = alpha.copy()
-    native.reconcile_shadow(alpha, coverage, shadow, 0.5, 0.2)
+    native.blend_shadow_towards(alpha, coverage, shadow, 0.5, 0.2)
     off = shadow - before
     beside = np.clip(1 - 10 * coverage, 0, 1) * np.clip(2 - np.abs(off) / 0.2, 0, 1)
     np.testing.assert_allclose(alpha, before + 0.5 * beside * off, atol=1e-5)
@@ -264,7 +264,7 @@ def test_a_shadow_is_reconciled_only_beside_what_shows():
 
 def test_a_grid_refuses_what_is_no_number_and_nothing_else_is_raised(recwarn: pytest.WarningsRecorder) -> None:
     with pytest.raises(ValueError, match="finite points"):
-        native.Grid(np.full((3, 3), np.nan, np.float32))
+        native.NeighborGrid(np.full((3, 3), np.nan, np.float32))
     gc.collect()
     assert not [one for one in recwarn if issubclass(one.category, pytest.PytestUnraisableExceptionWarning)]
 
@@ -274,10 +274,10 @@ def test_neighbours_are_the_nearest_however_uneven_the_points(most: int) -> None
     rng = np.random.default_rng(5)
     far = np.exp(rng.uniform(-7, 0, (4000, 1)))  # as around a scanner
     cloud = (far * rng.normal(size=(4000, 3))).astype(np.float32)
-    grid = native.Grid(cloud)
-    assert np.array_equal(grid.points, native.Grid(cloud[::-1]).points)
+    grid = native.NeighborGrid(cloud)
+    assert np.array_equal(grid.points, native.NeighborGrid(cloud[::-1]).points)
     asked, places = np.arange(4000, dtype=np.int32), rng.normal(size=(50, 3)).astype(np.float32)
-    for rows, found in ((grid.points, grid.neighbours(asked, most)[0]), (places, grid.around(places, most))):
+    for rows, found in ((grid.points, grid.neighbors(asked, most)[0]), (places, grid.neighbors_of_positions(places, most))):
         away = ((rows[:, None].astype(float) - grid.points) ** 2).sum(2)
         nearest = np.sort(np.partition(away, most, axis=1)[:, :most], axis=1)
         np.testing.assert_allclose(np.take_along_axis(away, found, 1), nearest, rtol=1e-4)

@@ -16,7 +16,7 @@ UP, DOWN = np.float32([0, 0, 1]), np.float32([0, 0, -1])
 def lit(points, normals, *lamps_and_sizes, casters=None):
     """Light on points that cast their own shadows, in cells of two thirds of their spacing."""
     spacing = lamps_and_sizes[-2]
-    own = native.Casters(points, np.arange(len(points)), spacing / 1.5)
+    own = native.ShadowCasters(points, np.arange(len(points)), spacing / 1.5)
     return native.direct_lighting(points, normals, casters or own, *lamps_and_sizes)
 
 
@@ -32,7 +32,7 @@ def test_light_falls_with_distance_and_angle():
 
 
 def test_more_points_than_shadow_maps_can_number_are_refused():
-    points = np.zeros((native.MOST_LIT + 1, 3), np.float32)
+    points = np.zeros((native.MAX_LIT_POINTS + 1, 3), np.float32)
     with pytest.raises(ValueError, match="at most 65535 points to light, got 65536"):
         lit(points, points, np.float32([[0, 0, 3]]), DOWN[None], np.float32([1.0]), 0.01, 1.0)
 
@@ -69,8 +69,8 @@ def floor_under(lamp=(0, 0, 3), power=10.0, sky=1.0, height=-0.8, half=2.0):
 
 def light_on(floor, place):
     """Radiance of a white floor under the lamp at a place (2,)."""
-    away = floor.lamps[0] - [*place, floor.height]
-    return floor.power * (away[2] / np.linalg.norm(away)) ** 2 / (away @ away) / math.pi
+    away = floor.light_positions[0] - [*place, floor.height]
+    return floor.light_power * (away[2] / np.linalg.norm(away)) ** 2 / (away @ away) / math.pi
 
 
 DARK, NOTHING = np.zeros((16, 16), np.float32), np.zeros((16, 16), np.float32)
@@ -94,7 +94,7 @@ def test_the_floors_shadow_lies_where_the_camera_sees_it():
     camera, floor, side = Camera(96, 64, 35.0), floor_under(), 400
     shade = np.zeros((side, side), np.float32)
     place = np.array([0.6, -0.4])
-    column, row = ((place + floor.half) / (2 * floor.half) * side).astype(int)
+    column, row = ((place + floor.half_size) / (2 * floor.half_size) * side).astype(int)
     shade[row - 8 : row + 8, column - 8 : column + 8] = 1.0
     alpha = np.full((64, 96), np.nan, np.float32)
     native.floor_shadow(shade, np.zeros_like(shade), NOTHING, DARK, floor, camera, alpha)
@@ -183,10 +183,10 @@ def test_an_open_point_gathers_the_sky_above_and_the_floor_below():
     normals = np.float32([[0, 0, 1], [0, 0, -1], [1, 0, 0]])
     free = np.full((2 * len(axes), 3), -1, np.int32)
     points, direct = np.zeros((3, 3)), np.zeros((2, 3))
-    light = native.gather_open(points, normals, axes, free, direct, floor, none, none)
+    light = native.gather_environment(points, normals, axes, free, direct, floor, none, none)
     np.testing.assert_allclose(light[0], [0.7, 0.35, 0.525], rtol=0.02)  # the floor sends half of the sky's light back
     np.testing.assert_allclose(light[1], [0.35, 0.7, 0.525], rtol=0.02)
-    dark = native.gather_open(points, normals, axes, free, direct, floor, none, np.ones_like(none))
+    dark = native.gather_environment(points, normals, axes, free, direct, floor, none, np.ones_like(none))
     assert dark[0, 1] < 0.1 * light[0, 1] and dark[0, 0] == light[0, 0]  # a floor that sees no sky gives none
 
 
@@ -196,7 +196,7 @@ def test_points_light_each_other_with_the_side_that_they_show():
     hits[::2, 0] = 1  # all that the first point sees above is the second
     light = np.float32([[0, 3.0], [0, 5.0]])
     for down, expected in ((DOWN, 3.0), (UP, 5.0)):
-        bounced = native.gather_bounced(np.zeros((2, 3)), np.stack([UP, down]), axes, hits, light, floor, none)
+        bounced = native.gather_indirect(np.zeros((2, 3)), np.stack([UP, down]), axes, hits, light, floor, none)
         assert bounced[0] == pytest.approx([expected, 0], rel=0.02) and not bounced[1].any()
 
 
@@ -204,7 +204,7 @@ def test_a_glowing_floor_lights_what_looks_down_on_it():
     axes, floor = all_around(), floor_under(half=9.0)
     glow, light = np.full((8, 8), 2.0, np.float32), np.zeros((2, 2), np.float32)
     free = np.full((2 * len(axes), 2), -1, np.int32)
-    bounced = native.gather_bounced(np.zeros((2, 3)), np.stack([UP, DOWN]), axes, free, light, floor, glow)
+    bounced = native.gather_indirect(np.zeros((2, 3)), np.stack([UP, DOWN]), axes, free, light, floor, glow)
     np.testing.assert_allclose(bounced, [[0, 2 * floor.albedo], [2 * floor.albedo, 0]], rtol=0.06)
 
 
@@ -213,14 +213,14 @@ def test_many_points_gather_what_each_gathers_alone():
     points, axes, floor = sphere_of(3000, radius=0.8), AXES, floor_under()
     hits = native.first_visible(points, points / 0.8, axes, math.sqrt(4 * math.pi * 0.64 / 3000), 0.85)
     light, none = np.ones((2, 3000), np.float32), np.zeros((8, 8), np.float32)
-    together = native.gather_bounced(points, points / 0.8, axes, hits, light, floor, none)
+    together = native.gather_indirect(points, points / 0.8, axes, hits, light, floor, none)
     for one in (0, 1499, 1500, 2999):
         seen = np.where(hits[:, one] >= 0, 1, -1).astype(np.int32)
         pair, facing = points[[one, hits[:, one].max()]], points[[one, hits[:, one].max()]] / 0.8
         if (seen < 0).all():
             assert not together[:, one].any()
             continue
-        alone = native.gather_bounced(pair, facing, axes, np.stack([seen, seen], 1), light[:, :2], floor, none)
+        alone = native.gather_indirect(pair, facing, axes, np.stack([seen, seen], 1), light[:, :2], floor, none)
         np.testing.assert_allclose(together[:, one], alone[:, 0], rtol=1e-5)
 
 
@@ -241,8 +241,8 @@ def test_the_floor_sees_the_lower_side_of_what_hangs_over_it():
     sheet = np.concatenate([square_of(20_000, 0.5, 0.0), square_of(20_000, 0.5, 0.4, seed=1)])
     light = np.float32([[1.0], [2.0]]) * np.ones((1, 40_000), np.float32)
     light[:, 20_000:] *= 10  # the upper sheet, which the lower one hides
-    seen = native.floor_hits(sheet, np.tile(UP, (40_000, 1)), UP[None], floor, 32)
-    glow = native.floor_glow(light, seen, 32)
+    seen = native.floor_visibility(sheet, np.tile(UP, (40_000, 1)), UP[None], floor, 32)
+    glow = native.floor_irradiance(light, seen, 32)
     assert (glow[14:18, 14:18] == 2.0).all() and not glow[:10, :10].any()
     cells = seen[0, 0, : np.flatnonzero(seen[0, 0] < 0)[0]]
     assert np.bincount(cells).max() == 1  # each cell sees one point first
@@ -251,7 +251,7 @@ def test_the_floor_sees_the_lower_side_of_what_hangs_over_it():
 def test_where_the_floor_sees_every_point_none_is_left_out():
     points = np.float32([[x, y, 0] for x in (-1, 0, 1) for y in (-1, 0, 1)])
     normals = np.tile(UP, (9, 1)) * np.float32([1, -1, 1, -1, 1, -1, 1, -1, 1])[:, None]
-    seen = native.floor_hits(points, normals, UP[None], floor_under(half=2.0), 32)
+    seen = native.floor_visibility(points, normals, UP[None], floor_under(half=2.0), 32)
     assert sorted(seen[0, 1] % 9) == list(range(9)) and len(set(seen[0, 0])) == 9
     facing_up = np.sort(seen[0, 1]) // 9  # seen from below, so from behind
     np.testing.assert_array_equal(facing_up, [0] * 4 + [1] * 5)

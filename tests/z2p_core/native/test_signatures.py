@@ -149,6 +149,6 @@ def test_a_kernel_is_declared_once() -> None:
 def test_read_only_and_empty_arrays_are_read() -> None:
     cloud = CLOUD.copy()
     cloud.flags.writeable = False
-    normals, spread = native.planes(cloud, NEIGHBORS)
+    normals, spread = native.fit_planes(cloud, NEIGHBORS)
     assert normals.shape == (20, 3)
     call("z2p_planes", cloud, NEIGHBORS[:0], 0, 8, normals[:0], spread[:0])

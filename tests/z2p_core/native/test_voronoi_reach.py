@@ -9,8 +9,8 @@ UP = np.float32([0, 0, 1])
 
 
 def reaches_of(points, normals=None, solid=False):
-    grid, everyone = native.Grid(np.float32(points)), np.arange(len(points), dtype=np.int32)
-    found, _ = grid.neighbours(everyone, 24)
+    grid, everyone = native.NeighborGrid(np.float32(points)), np.arange(len(points), dtype=np.int32)
+    found, _ = grid.neighbors(everyone, 24)
     normals = np.tile(UP, (len(points), 1)) if normals is None else normals(grid.points)
     return grid.points, native.voronoi_extent(grid.points, normals, everyone, found, solid)[0]
 
@@ -75,8 +75,8 @@ def test_cells_in_space_end_at_what_lies_beyond_a_crease():
 
 def test_only_those_asked_for_are_measured():
     points, reaches = reaches_of(sheet_of(20))
-    grid, asked = native.Grid(np.float32(points)), np.array([7, 300, 12], np.int32)
-    found, _ = grid.neighbours(asked, 24)
+    grid, asked = native.NeighborGrid(np.float32(points)), np.array([7, 300, 12], np.int32)
+    found, _ = grid.neighbors(asked, 24)
     normals = np.tile(UP, (len(points), 1))
     found_reaches, ends = native.voronoi_extent(grid.points, normals, asked, found)
     np.testing.assert_array_equal(found_reaches, reaches[asked])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_clouds import box, sphere
 
-from z2p_core.surface.mls_smoothing import NOISY, WIDEST, patch_radius, smoothed
-from z2p_core.surface.normals import AGAIN, thinned
+from z2p_core.surface.mls_smoothing import SMOOTH_NOISE_TO_SPACING, MAX_PATCH_RADIUS, smoothing_radius, smooth_cloud
+from z2p_core.surface.normals import RESUBSAMPLE_SALT, subsample_hashed
 
 
 def hammered(count: int, size: float = 0.01) -> np.ndarray:
@@ -25,13 +25,13 @@ def error(cloud: np.ndarray) -> float:
 
 def test_dents_wider_than_many_points_are_evened_out() -> None:
     cloud = hammered(20_000)
-    assert error(smoothed(cloud, 0.25)) < 0.5 * error(cloud)
-    assert error(smoothed(cloud, 0.25)) < error(smoothed(cloud, 0.1))
+    assert error(smooth_cloud(cloud, 0.25)) < 0.5 * error(cloud)
+    assert error(smooth_cloud(cloud, 0.25)) < error(smooth_cloud(cloud, 0.1))
 
 
 def test_points_move_across_the_surface_and_stay_where_they_are_along_it() -> None:
     cloud = hammered(20_000)
-    moved = smoothed(cloud, 0.1)
+    moved = smooth_cloud(cloud, 0.1)
     outward = cloud / np.linalg.norm(cloud, axis=1, keepdims=True)
     way = moved - cloud
     along = way - (way * outward).sum(1, keepdims=True) * outward
@@ -41,7 +41,7 @@ def test_points_move_across_the_surface_and_stay_where_they_are_along_it() -> No
 def test_the_edges_of_a_box_stay_sharp() -> None:
     cloud = box(20_000, 0.6, 0.5, 0.4).astype(np.float32)
     noisy = (cloud + np.random.default_rng(5).normal(scale=0.004, size=cloud.shape)).astype(np.float32)
-    off = [np.abs(np.abs(points) - [0.6, 0.5, 0.4]).min(1) for points in (noisy, smoothed(noisy, 0.12))]
+    off = [np.abs(np.abs(points) - [0.6, 0.5, 0.4]).min(1) for points in (noisy, smooth_cloud(noisy, 0.12))]
     assert off[1].mean() < 0.5 * off[0].mean()
     assert np.quantile(off[1], 0.99) < 1.5 * np.quantile(off[0], 0.99)
 
@@ -49,34 +49,34 @@ def test_the_edges_of_a_box_stay_sharp() -> None:
 def test_neither_order_nor_a_turn_matters() -> None:
     cloud = hammered(5_000)
     order = np.random.default_rng(6).permutation(len(cloud))
-    np.testing.assert_allclose(smoothed(cloud[order], 0.1), smoothed(cloud, 0.1)[order], atol=1e-5)
+    np.testing.assert_allclose(smooth_cloud(cloud[order], 0.1), smooth_cloud(cloud, 0.1)[order], atol=1e-5)
     quarter = np.float32([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-    assert error(smoothed(cloud @ quarter, 0.1)) == pytest.approx(error(smoothed(cloud, 0.1)), rel=0.1)
+    assert error(smooth_cloud(cloud @ quarter, 0.1)) == pytest.approx(error(smooth_cloud(cloud, 0.1)), rel=0.1)
 
 
 @pytest.mark.parametrize("count", [1, 3, 15, 40])
 def test_patches_that_hold_too_few_points_change_nothing(count: int) -> None:
     cloud = hammered(count)
-    assert np.array_equal(smoothed(cloud, 0.1), cloud)
+    assert np.array_equal(smooth_cloud(cloud, 0.1), cloud)
 
 
 def test_points_far_from_all_others_are_no_trouble() -> None:
     cloud = np.vstack([hammered(20_000), np.float32([[40, 0, 0], [0, -60, 0]])])
-    moved = smoothed(cloud, 0.2)
+    moved = smooth_cloud(cloud, 0.2)
     assert len(moved) == len(cloud) and np.isfinite(moved).all()
     assert np.linalg.norm(moved[-2:] - cloud[-2:], axis=1).max() < 0.1
 
 
 def test_a_radius_is_asked_for_by_noisy_clouds_alone() -> None:
-    assert patch_radius(sphere(5_000).astype(np.float32)) == 0
+    assert smoothing_radius(sphere(5_000).astype(np.float32)) == 0
     rng = np.random.default_rng(7)
     noisy = (sphere(20_000) * (1 + 0.01 * rng.normal(size=(20_000, 1)))).astype(np.float32)
-    assert 0 < patch_radius(noisy) <= WIDEST
+    assert 0 < smoothing_radius(noisy) <= MAX_PATCH_RADIUS
     few = (sphere(20_000) * (1 + 0.0005 * rng.normal(size=(20_000, 1)))).astype(np.float32)
-    assert patch_radius(few) == 0 and NOISY > 0
+    assert smoothing_radius(few) == 0 and SMOOTH_NOISE_TO_SPACING > 0
 
 
 def test_what_was_thinned_is_thinned_again_by_another_salt() -> None:
-    some = thinned(np.random.default_rng(0).normal(size=(90_000, 3)).astype(np.float32), 40_000)
+    some = subsample_hashed(np.random.default_rng(0).normal(size=(90_000, 3)).astype(np.float32), 40_000)
     for most in (27_000, 20_000, 1_000):
-        assert len(thinned(some, most, AGAIN)) == pytest.approx(most, rel=0.1)
+        assert len(subsample_hashed(some, most, RESUBSAMPLE_SALT)) == pytest.approx(most, rel=0.1)

@@ -7,7 +7,7 @@
 #define z2p_refine z2p_refine_wide
 #define z2p_refine_begin z2p_refine_begin_wide
 #define z2p_refine_size z2p_refine_size_wide
-#define z2p_touch z2p_touch_wide
+#define z2p_final_convs z2p_final_convs_wide
 #ifdef WIDEST
 #undef FAST
 #define FAST WIDEST

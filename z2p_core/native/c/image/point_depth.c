@@ -1,4 +1,5 @@
-/* The depth of the nearest point at every pixel, and of every window: what z-buffers are made from. */
+/* Z-buffers: the depth of the nearest point at every pixel, its minimum over windows, and Eq. 1's depth encoding of the
+ * Z2P paper (Metzer et al., "Z2P: Instant Visualization of Point Clouds", 2022). */
 
 #include <math.h>
 #include <stdint.h>
@@ -9,45 +10,46 @@
 
 #define BLOCK 512 /* points projected at a time, before their depths are scattered */
 
-/* Cells of `count` <= BLOCK points and their depths; unseen points get the cell `none`. Plain arithmetic without a
- * branch, so that the compiler makes vectors of it. */
+/* Projects `count` <= BLOCK points: pixel indices and depths; points outside get index width * height. Without a
+ * branch, so that the loop becomes vector code. */
 INLINE void project_block(const float *restrict points, int count, const float *restrict camera, float focal,
-                          float middle_x, float middle_y, int width, int height, int margin,
-                          int32_t *restrict cell, float *restrict depth) {
+                          float center_x, float center_y, int width, int height, int margin,
+                          int32_t *restrict pixel, float *restrict depth) {
     const float *r = camera, *c = camera + 9;
-    int32_t none = width * height;
+    int32_t outside = width * height;
     for (int i = 0; i < count; i++) {
         float x = points[3 * i] - c[0], y = points[3 * i + 1] - c[1], z = points[3 * i + 2] - c[2];
-        float ahead = r[6] * x + r[7] * y + r[8] * z, scale = focal / ahead;
-        float column = floorf((r[0] * x + r[1] * y + r[2] * z) * scale + middle_x) + (float)margin;
-        float row = floorf((r[3] * x + r[4] * y + r[5] * z) * scale + middle_y) + (float)margin;
-        int seen = (ahead > 0) & (column >= 0) & (row >= 0) & (column < (float)width) & (row < (float)height);
-        /* what is not a number fails every comparison, and must not be turned into an integer either */
-        int32_t across = (int32_t)(seen ? column : 0.0f), down = (int32_t)(seen ? row : 0.0f);
-        cell[i] = seen ? down * width + across : none;
-        depth[i] = ahead;
+        float forward = r[6] * x + r[7] * y + r[8] * z, scale = focal / forward;
+        float column = floorf((r[0] * x + r[1] * y + r[2] * z) * scale + center_x) + (float)margin;
+        float row = floorf((r[3] * x + r[4] * y + r[5] * z) * scale + center_y) + (float)margin;
+        int inside = (forward > 0) & (column >= 0) & (row >= 0) & (column < (float)width) & (row < (float)height);
+        /* NaN fails every comparison, and must not be converted to an integer either */
+        int32_t u = (int32_t)(inside ? column : 0.0f), v = (int32_t)(inside ? row : 0.0f);
+        pixel[i] = inside ? v * width + u : outside;
+        depth[i] = forward;
     }
 }
 
-/* Lowers depths (height * width + 1, the last of no meaning) to those of the points (count, 3) where they are nearer.
- * The picture has `margin` pixels to each side, which are counted in height and width; camera is its rotation (3, 3),
- * then its place (3). */
+/* Lowers depths (height * width + 1, of which the last takes all points outside) to those of points (count, 3). height
+ * and width include a margin of `margin` pixels on every side of the image; camera (12) is its rotation (3, 3), world
+ * to camera, and its position (3). */
 FAST int z2p_nearest_depth(const float *points, int64_t count, const float *camera, float focal, int width, int height,
                            int margin, float *depths) {
-    int32_t cell[BLOCK];
-    float depth[BLOCK], middle_x = 0.5f * (float)(width - 2 * margin), middle_y = 0.5f * (float)(height - 2 * margin);
+    int32_t pixel[BLOCK];
+    float depth[BLOCK], center_x = 0.5f * (float)(width - 2 * margin), center_y = 0.5f * (float)(height - 2 * margin);
     for (int64_t first = 0; first < count; first += BLOCK) {
         int size = count - first < BLOCK ? (int)(count - first) : BLOCK;
-        project_block(points + 3 * first, size, camera, focal, middle_x, middle_y, width, height, margin, cell, depth);
+        project_block(points + 3 * first, size, camera, focal, center_x, center_y, width, height, margin, pixel, depth);
         for (int i = 0; i < size; i++) {
-            float known = depths[cell[i]];
-            depths[cell[i]] = depth[i] < known ? depth[i] : known;
+            float known = depths[pixel[i]];
+            depths[pixel[i]] = depth[i] < known ? depth[i] : known;
         }
     }
     return 1;
 }
 
-/* Minimum of each `size` neighbours of a line in place; only the first length - size + 1 places count afterwards. */
+/* Sliding minimum over `size` entries of a line, in place, by doubling; the first length - size + 1 entries are the
+ * result. */
 INLINE void line_minimum(float *restrict line, int length, int size) {
     int span = 1;
     for (; span * 2 <= size; span *= 2)
@@ -57,12 +59,12 @@ INLINE void line_minimum(float *restrict line, int length, int size) {
         for (int x = 0; x < length - rest; x++) line[x] = line[x + rest] < line[x] ? line[x + rest] : line[x];
 }
 
-/* out (height - size + 1, width - size + 1): the minimum of every size x size window of (height, width). */
-FAST int z2p_window_minimum(const float *picture, int height, int width, int size, float *out) {
+/* Writes out (height - size + 1, width - size + 1): the minimum of every size x size window of an image. */
+FAST int z2p_window_minimum(const float *image, int height, int width, int size, float *out) {
     float *line = malloc(sizeof(float) * (size_t)width);
     if (!line) return 0;
     for (int y = 0; y <= height - size; y++) {
-        const float *row = picture + (size_t)y * width;
+        const float *row = image + (size_t)y * width;
         memcpy(line, row, sizeof(float) * (size_t)width);
         for (int below = 1; below < size; below++) {
             row += width;
@@ -75,9 +77,10 @@ FAST int z2p_window_minimum(const float *picture, int height, int width, int siz
     return 1;
 }
 
-/* out (height, width): exp((alpha - depth) / beta), Eq. 1 of the paper; 0 where the depth is infinite. Rows of depths
- * are `stride` apart. */
-FAST int z2p_intensity(const float *depth, int64_t stride, int height, int width, float alpha, float beta, float *out) {
+/* Writes out (height, width): exp((alpha - depth) / beta), equation 1 of the paper; 0 where the depth is infinite. Rows
+ * of depth begin `stride` floats apart. */
+FAST int z2p_depth_to_intensity(const float *depth, int64_t stride, int height, int width, float alpha, float beta,
+                                float *out) {
     float inverse = 1 / beta;
     for (int y = 0; y < height; y++)
         for (int x = 0; x < width; x++)

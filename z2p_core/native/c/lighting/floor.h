@@ -10,7 +10,7 @@
 
 #define INVERSE_PI 0.31830989f
 
-/* World units; z is up. The square of the floor is centered below the origin. Mirrored by z2p_core/native/lighting.py. */
+/* World units; z is up. The floor's square is centered below the origin. Mirrored in native/lighting.py. */
 typedef struct {
     float height, half_size;      /* z of the floor; half the length of its square's sides */
     float light_positions[4][3];  /* four samples of the area light */

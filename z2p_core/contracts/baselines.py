@@ -1,4 +1,4 @@
-"""The contract of baselines and painters, part of `z2p_core.testing`: a sphere's points, the same result every time."""
+"""Checks of `Baseline` and `Painter` plugins."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 
 from z2p_core.camera import Camera
 from z2p_core.contracts.assertions import check_array, check_class, expect, refuses, same
-from z2p_core.contracts.baseline import Baseline, Painter
-from z2p_core.interfaces import ScanError
+from z2p_core.interfaces import Baseline, Painter, ScanError
 from z2p_core.scene import SceneDescription
 
 

@@ -1,4 +1,4 @@
-"""The contract of an engine, part of `z2p_core.testing`: whatever the size, it draws what the torch network draws."""
+"""Checks of `Engine` plugins: an engine computes what the torch network computes, whatever the image's size."""
 
 from __future__ import annotations
 
@@ -7,15 +7,16 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from z2p_core.contracts.assertions import check_array, check_class, expect, same
-from z2p_core.contracts.engine import Engine, TrainedNetwork
+from z2p_core.interfaces import Engine, TrainedNetwork
 
 SIZES = ((64, 64), (97, 61), (33, 130), (128, 96), (256, 256))
-"""Width and height of the pictures that it is tried on, whatever the network's stride; portrait and landscape too."""
-TOLERANCE, QUANTILE = 2 / 255, 0.999
-"""How far from torch it may be, and for what share of the values."""
-ROUGH = 24 / 255
-"""How far from torch one that is not exact may be, on the mean, with random weights, most of all on processors without
-VNNI, where sums of 8-bit products saturate; with trained ones all come nearer, and an evaluation tells how much."""
+"""Width and height of the images that an engine is tried with: portrait and landscape, on and off the network's stride."""
+EXACT_TOLERANCE = 2 / 255
+"""Largest difference from torch that an exact engine may have, at the `EXACT_QUANTILE` of all values."""
+EXACT_QUANTILE = 0.999
+INEXACT_TOLERANCE = 24 / 255
+"""Largest mean difference from torch that another engine may have with random weights. It is largest on processors
+without VNNI, where sums of 8-bit products saturate; trained weights come nearer, and an evaluation measures them."""
 
 Inputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -43,7 +44,7 @@ def check_engine(engine_class: type[Engine], network: TrainedNetwork, cell: int)
         for array, before in zip(inputs, given, strict=True):
             same(array, before, f"{what}: its inputs afterwards")
         off = np.abs(picture - _reference(network, inputs))
-        far, most = (np.quantile(off, QUANTILE), TOLERANCE) if engine_class.exact else (off.mean(), ROUGH)
+        far, most = (np.quantile(off, EXACT_QUANTILE), EXACT_TOLERANCE) if engine_class.exact else (off.mean(), INEXACT_TOLERANCE)
         expect(far <= most, f"{what}: expected torch's within {most:.4f}, got {far:.4f} off")
     _check_threads(engine, [_inputs(network, cell, 1, *size, rng) for size in SIZES[:4]])
 
