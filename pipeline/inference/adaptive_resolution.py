@@ -11,7 +11,8 @@ import numpy as np
 
 from z2p_core.camera import DISTANCE, Camera
 from z2p_core.parallel import parallel_rows
-from z2p_core.surface.normals import MAX_SURFACE_POINTS, median_spacing
+from z2p_core.surface.noise_level import median_spacing
+from z2p_core.surface.subsampling import MAX_SURFACE_POINTS
 
 MIN_PIXELS_PER_SPACING = 6.0
 """Pixels from point to point, at least, in a picture that is drawn smaller."""

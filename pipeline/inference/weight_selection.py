@@ -10,7 +10,7 @@ from threading import Lock
 import numpy as np
 
 from z2p_core.interfaces import Control, SettingError, Value
-from z2p_core.surface.normals import noise_to_spacing
+from z2p_core.surface.noise_level import noise_to_spacing
 from z2p_renderer.pipeline.inference.engine_selection import check_engine
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import shipped_weights

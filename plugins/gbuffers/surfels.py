@@ -36,7 +36,8 @@ from z2p_core.shading.light_transport import (
     direct_radiance,
 )
 from z2p_core.shading.surfels import make_surfels
-from z2p_core.surface.normals import MAX_SURFACE_POINTS, SurfacePoints, estimate_surface, subsample_hashed
+from z2p_core.surface.normals import SurfacePoints, estimate_surface
+from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 
 BLEND_DEPTH_RADII = 0.7
 """How far behind the nearest surfel another one is still blended with it, in radii."""

@@ -13,7 +13,8 @@ import numpy as np
 
 from z2p_core.interfaces import Sensor
 from z2p_core.linalg import rotate_points
-from z2p_core.surface.normals import MAX_SURFACE_POINTS, subsample_hashed, median_spacing
+from z2p_core.surface.noise_level import median_spacing
+from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 
 PIXELS = (1.5, 2.5, 4.0)
 """Sides of a pixel, in the spacing of the points that the sensor sees. On an even grid each holds some."""

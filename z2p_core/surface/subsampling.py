@@ -1,23 +1,29 @@
-"""A share of a cloud that does not depend on the order of its points, so that what is chosen by it does not, either."""
+"""Subsampling that depends on the points' coordinates alone, so that shuffled clouds give the same points."""
 
 from __future__ import annotations
 
 import numpy as np
 
+MAX_SURFACE_POINTS = 40_000
+"""Points to which larger clouds are subsampled before their surface is estimated."""
+RESUBSAMPLE_SALT = 0x297A2D39
+"""Salt for `subsample_hashed` of what it has subsampled before; its multiples serve third, fourth, ... times."""
 HASH_MULTIPLIERS = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
-"""Odd numbers of 64 bits, as those of xxHash, by which coordinates' bits become numbers as good as random."""
+"""Odd 64-bit multipliers from xxHash, which mix the bits of coordinates."""
 CHUNK_POINTS = 1 << 14
-"""Points whose numbers are mixed at a time, in the processor's cache."""
-PRESELECT_FROM, PRESELECT_FACTOR = 12, 4.0
-"""Of clouds with so many times more points than wanted, so many times more than wanted are chosen first."""
+"""Points that are hashed at a time, so that intermediate arrays stay in the cache."""
+PRESELECT_FROM = 12
+"""Ratio of given to wanted points from which a cheaper hash preselects points."""
+PRESELECT_FACTOR = 4.0
+"""Points that are preselected, as a multiple of those wanted."""
 SPARE_DEVIATIONS = 6.0
-"""Standard deviations by which more points than wanted are looked at, so that hardly ever too few are found."""
+"""Standard deviations added to the expected number of selected points, so that hardly ever too few are selected."""
 
 
 def subsample_uniform(points: np.ndarray, most: int) -> np.ndarray:
-    """At most `most` of points (N, 3), as if drawn at random, and in an order of their own.
+    """At most `most` of points (N, 3), as if drawn at random without replacement, sorted by their hashes.
 
-    Both depend on the points' coordinates alone: a shuffled file gives the same share, number by number.
+    Selection and order depend on the coordinates alone: a shuffled cloud gives the same array.
     """
     if len(points) > PRESELECT_FROM * most:
         some = points[_weak_hashes(points) < np.uint64(PRESELECT_FACTOR * most / len(points) * 2.0**64)]
@@ -33,10 +39,28 @@ def subsample_uniform(points: np.ndarray, most: int) -> np.ndarray:
     return kept
 
 
-def prepend_canonical_point(points: np.ndarray) -> np.ndarray:
-    """Points (N, 3) with one more before them, which is one of them, and the same one in whatever order they are.
+def subsample_hashed(cloud: np.ndarray, most: int, salt: int = 0) -> np.ndarray:
+    """About `most` points of a cloud (N, 3) float32 in its order, at most 1.5 as many, selected by a 32-bit hash.
 
-    For what counts from its first point, and would round in another way from another one.
+    Faster than `subsample_uniform`, and not exact in number. A cloud of at most `most` points comes back as it is.
+    To subsample a result again, give another `salt`: with the same one its points all have small hashes.
+    """
+    if len(cloud) <= most:
+        return cloud
+    bits = np.ascontiguousarray(cloud, dtype=np.float32).view(np.uint32)
+    mixed = bits[:, 0] * np.uint32(0x9E3779B1) ^ bits[:, 1] * np.uint32(0x85EBCA77) ^ bits[:, 2] * np.uint32(0xC2B2AE3D)
+    mixed = (mixed ^ mixed >> np.uint32(15) ^ np.uint32(salt)) * np.uint32(0x2C1B3C6D)
+    kept: np.ndarray = cloud[mixed < np.uint32(min(most / len(cloud), 1.0) * 0xFFFFFFFF)]
+    if 0 < len(kept) <= 1.5 * most:
+        return kept
+    distinct = np.unique(cloud, axis=0)  # points that coincide in float32 are kept or dropped together
+    return distinct[:: -(-len(distinct) // most)]
+
+
+def prepend_canonical_point(points: np.ndarray) -> np.ndarray:
+    """Points (N, 3) with a copy of their lexicographically smallest one put before them: (N + 1, 3).
+
+    For algorithms whose rounding depends on the first point, so that results do not depend on the points' order.
     """
     rows = np.flatnonzero(points[:, 0] == points[:, 0].min())
     least = rows[np.lexsort(points[rows].T[::-1])[0]]
@@ -44,7 +68,7 @@ def prepend_canonical_point(points: np.ndarray) -> np.ndarray:
 
 
 def _weak_hashes(points: np.ndarray) -> np.ndarray:
-    """A number (N,) uint64 for each of points (N, 3), in a third of the time, and good enough to choose many by."""
+    """Hashes (N,) uint64 of points (N, 3) in a third of the time; good enough to preselect many points."""
     keys = np.empty(len(points), np.uint64)
     for start in range(0, len(points), CHUNK_POINTS):
         bits = (np.ascontiguousarray(points[start : start + CHUNK_POINTS].T, np.float64) + 0.0).view(np.uint64)
@@ -54,7 +78,7 @@ def _weak_hashes(points: np.ndarray) -> np.ndarray:
 
 
 def _hashes(points: np.ndarray) -> np.ndarray:
-    """A number (N,) uint64 for each of points (N, 3), as good as random; equal points have the same."""
+    """Well-mixed hashes (N,) uint64 of points (N, 3); equal points have equal hashes."""
     keys = np.empty(len(points), np.uint64)
     for start in range(0, len(points), CHUNK_POINTS):
         some = points[start : start + CHUNK_POINTS].T.astype(np.float64)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from z2p_core.camera import DISTANCE, Camera, turn
-from z2p_core.surface.normals import median_spacing
+from z2p_core.surface.noise_level import median_spacing
 from z2p_renderer.pipeline.inference.adaptive_resolution import (
     MIN_PIXELS_PER_SPACING,
     MIN_SHORTER_SIDE,

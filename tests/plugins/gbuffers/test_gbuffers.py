@@ -1,4 +1,4 @@
-"""The surfel G-buffer: light and shadow lie where they do in the scene; parameters move what they should."""
+"""The surfel G-buffer: geometry, light and shadow lie where they do in the scene, and parameters affect what they should."""
 
 import gc
 from dataclasses import replace
@@ -11,7 +11,7 @@ from z2p_core.images import linear_from_srgb
 from z2p_core.parallel import without_second_core
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, GBufferChannel
-from z2p_core.surface.normals import subsample_hashed
+from z2p_core.surface.subsampling import subsample_hashed
 from z2p_renderer.plugins.gbuffers import surfels
 from z2p_renderer.plugins.gbuffers.glossy import Glossy
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
@@ -52,7 +52,7 @@ def test_one_core_and_two_draw_the_same(side):
 
 @pytest.mark.parametrize("kind", [Surfels, Glossy])
 def test_drawing_leaves_no_reference_cycles(kind):
-    kind().draw(sphere_of(), CAMERA, SCENE)  # what is kept for the next picture is there now
+    kind().draw(sphere_of(), CAMERA, SCENE)  # fills the caches
     gc.collect()
     gc.disable()
     try:
@@ -63,7 +63,7 @@ def test_drawing_leaves_no_reference_cycles(kind):
 
 
 def reconciled(count, off, shadow=0.0):
-    """Features of a sphere of so many points, and how a picture moves that is so much off them in colour and shadow."""
+    """Features of a sphere, and how an image changes whose color and shadow alpha differ from them by `off` and `shadow`."""
     features = Surfels().draw(sphere_of(count), CAMERA, SCENE)
     alpha = np.where(features[COVERAGE] > 0, features[COVERAGE], features[SHADOW] + np.float32(shadow))
     picture = np.concatenate([features[RADIANCE_RGB] + np.float32(off), alpha[None]])
@@ -75,15 +75,15 @@ def reconciled(count, off, shadow=0.0):
 @pytest.mark.parametrize(("count", "off"), [(40_000, 0.01), (40_000, -0.02), (4000, 0.01)])
 def test_dense_clouds_blend_the_image_towards_surfel_colors(count, off):
     features, moved = reconciled(count, off)
-    whole = features[COVERAGE] == 1
-    share = -moved[:3, whole] / off
-    assert whole.sum() > 500 and share.min() > 0.05 and share.max() <= surfels.MAX_BLEND_SHARE + 1e-3
+    covered = features[COVERAGE] == 1
+    share = -moved[:3, covered] / off
+    assert covered.sum() > 500 and share.min() > 0.05 and share.max() <= surfels.MAX_BLEND_SHARE + 1e-3
     assert np.ptp(share) < 1e-3 and not moved[3].any() and not moved[:, features[COVERAGE] < 0.9].any()
 
 
 def test_blend_share_grows_with_density_from_zero():
-    found = [reconciled(count, 0.01) for count in (200, 4000, 10_000, 40_000)]
-    shares = [np.abs(moved[:3, features[COVERAGE] == 1]).max() for features, moved in found]
+    results = [reconciled(count, 0.01) for count in (200, 4000, 10_000, 40_000)]
+    shares = [np.abs(moved[:3, features[COVERAGE] == 1]).max() for features, moved in results]
     assert shares[0] == 0 < shares[1] < shares[2] <= shares[3] + 1e-6
 
 
@@ -125,7 +125,7 @@ def test_base_color_affects_only_the_rgb_channels():
 
 def test_bright_surfaces_light_themselves_and_the_floor():
     cave = sphere_of(8000)
-    cave = cave[cave[:, 1] > -0.2]  # a bowl that opens to the viewer
+    cave = cave[cave[:, 1] > -0.2]  # a bowl, open to the viewer
     dark, bright = (
         Surfels().draw(cave, CAMERA, replace(SCENE, material={"Base Color": (x, x, x, 1.0)})) for x in (0.1, 0.9)
     )
@@ -141,12 +141,12 @@ def test_random_gaps_are_closed_and_large_holes_stay_open():
     spacing = 1.2 / np.sqrt(3000)
     sheet = np.column_stack([rng.uniform(-0.6, 0.6, 3000), np.zeros(3000), rng.uniform(-0.6, 0.6, 3000)])
     away = np.hypot(sheet[:, 0], sheet[:, 2])
-    whole = Surfels().draw(sheet.astype(np.float32), CAMERA, SCENE)[COVERAGE]
+    closed = Surfels().draw(sheet.astype(np.float32), CAMERA, SCENE)[COVERAGE]
     torn = Surfels().draw(sheet[away > 4.5 * spacing].astype(np.float32), CAMERA, SCENE)[COVERAGE]
     (column, row), _ = (found[0] for found in CAMERA.project(np.zeros((1, 3))))
     rows, columns = np.mgrid[:96, :96] + 0.5
     reach = np.hypot(columns - column, rows - row) * DISTANCE / CAMERA.focal  # in world units, nearly
-    assert (whole[(reach < 0.5)] > 0.5).mean() > 0.997
+    assert (closed[(reach < 0.5)] > 0.5).mean() > 0.997
     assert not torn[reach < 2.5 * spacing].any()
     assert (torn[(reach > 5.5 * spacing) & (reach < 0.5)] > 0.5).mean() > 0.99
 
@@ -173,16 +173,16 @@ def test_density_is_about_a_third_at_the_border_of_a_sheet():
     picture = Surfels().draw(wall.astype(np.float32), camera, SCENE)
     border = 0.6 / DISTANCE * camera.focal
     rows, columns = np.mgrid[:512, :512] + 0.5 - 256
-    beside = (np.abs(rows) < border - 12) & (np.abs(np.abs(columns) - border) < 0.7)
+    at_border = (np.abs(rows) < border - 12) & (np.abs(np.abs(columns) - border) < 0.7)
     within = (np.abs(rows) < border - 12) & (np.abs(columns) < border - 12)
-    assert picture[DENSITY][beside].mean() == pytest.approx(0.3, abs=0.1) and picture[DENSITY][within].mean() > 0.75
+    assert picture[DENSITY][at_border].mean() == pytest.approx(0.3, abs=0.1) and picture[DENSITY][within].mean() > 0.75
 
 
 def test_floor_touches_the_lowest_point_by_default():
     cloud = sphere_of()
     lowest = float(cloud[:, 2].min())
-    resting, told, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=x)) for x in (None, lowest, lowest - 0.3))
-    np.testing.assert_array_equal(resting, told)
+    resting, given, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=x)) for x in (None, lowest, lowest - 0.3))
+    np.testing.assert_array_equal(resting, given)
     assert np.array_equal(resting[:GREY], deep[:GREY]) and not np.array_equal(resting[SHADOW], deep[SHADOW])
 
 
@@ -221,16 +221,16 @@ def test_large_clouds_are_subsampled_evenly_in_any_order():
 def test_sparse_parts_are_closed_and_single_points_stay_dots():
     dense, sparse = sphere_of(8000, 0.4) - np.float32([0.45, 0, 0]), sphere_of(300, 0.4) + np.float32([0.45, 0, 0])
     alone = Surfels().draw(sparse, CAMERA, SCENE)[COVERAGE]
-    beside = Surfels().draw(np.vstack([dense, sparse]), CAMERA, SCENE)[COVERAGE]
+    together = Surfels().draw(np.vstack([dense, sparse]), CAMERA, SCENE)[COVERAGE]
     inside = alone[:, 52:] > 0.9
-    assert inside.sum() > 300 and (beside[:, 52:][inside] > 0.9).mean() > 0.97
+    assert inside.sum() > 300 and (together[:, 52:][inside] > 0.9).mean() > 0.97
     stray = np.float32([[0.45, 0, 0.5]])
     dot = Surfels().draw(np.vstack([dense, stray]), CAMERA, SCENE)[COVERAGE][:, 52:]
     assert (dot > 0.5).sum() < 12
 
 
 def test_large_images_have_finer_steps_in_penumbrae(monkeypatch):
-    """Lamps that stand for a square would cast as many shadows of a pole, side by side."""
+    """Each light sample casts a shadow of its own of a thin pole; more samples make the steps finer."""
     height = np.random.default_rng(0).uniform(-0.95, 0.95, 1500)
     turn = np.random.default_rng(1).uniform(0, 2 * np.pi, 1500)
     pole = np.column_stack([0.02 * np.cos(turn), 0.02 * np.sin(turn), height]).astype(np.float32)
@@ -245,12 +245,12 @@ def test_large_images_have_finer_steps_in_penumbrae(monkeypatch):
 
 def test_elsewhere_is_the_faint_cast_shadow():
     features = Surfels().draw(sphere_of(4000), CAMERA, SCENE)
-    beside = Surfels().elsewhere(features, 4000)
-    assert beside is not None
-    shown, floor = beside
-    assert (shown[features[COVERAGE] > 0] > 0).all()
-    assert (shown[features[SHADOW] > surfels.NETWORK_SHADOW_ALPHA] > 0).all()
-    left = shown == 0
+    outside = Surfels().elsewhere(features, 4000)
+    assert outside is not None
+    mask, floor = outside
+    assert (mask[features[COVERAGE] > 0] > 0).all()
+    assert (mask[features[SHADOW] > surfels.NETWORK_SHADOW_ALPHA] > 0).all()
+    left = mask == 0
     assert features[SHADOW][left].max() > 0.02 and left.mean() > 0.3
     assert not floor[:3].any() and np.array_equal(floor[3], features[SHADOW])
-    assert Surfels().elsewhere(features, 400) is None  # so few cast a shadow with gaps
+    assert Surfels().elsewhere(features, 400) is None  # the cast shadow of so few points has gaps

@@ -5,7 +5,8 @@ import math
 import pytest
 from point_shapes import sphere_of
 
-from z2p_core.surface.normals import estimate_surface, subsample_hashed
+from z2p_core.surface.normals import estimate_surface
+from z2p_core.surface.subsampling import subsample_hashed
 
 
 @pytest.mark.parametrize("count", [6_001, 16_400, 31_999, 60_000])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from made_clouds import box, sphere
 
-from z2p_core.surface.mls_smoothing import SMOOTH_NOISE_TO_SPACING, MAX_PATCH_RADIUS, smoothing_radius, smooth_cloud
-from z2p_core.surface.normals import RESUBSAMPLE_SALT, subsample_hashed
+from z2p_core.surface.mls_smoothing import MAX_PATCH_RADIUS, SMOOTH_NOISE_TO_SPACING, smooth_cloud, smoothing_radius
+from z2p_core.surface.subsampling import RESUBSAMPLE_SALT, subsample_hashed
 
 
 def hammered(count: int, size: float = 0.01) -> np.ndarray:

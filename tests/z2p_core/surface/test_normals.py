@@ -7,17 +7,16 @@ import pytest
 from point_shapes import sphere_of, square_of
 
 from z2p_core import native
-from z2p_core.surface.normals import (
-    MIN_NEIGHBORS,
+from z2p_core.surface.noise_level import (
     MAX_NEIGHBORS,
-    fit_local_patches,
-    residual_noise,
+    MIN_NEIGHBORS,
     neighbor_count,
-    probe_indices,
     noise_to_spacing,
-    estimate_surface,
-    subsample_hashed,
+    probe_indices,
+    residual_noise,
 )
+from z2p_core.surface.normals import estimate_surface, fit_local_patches
+from z2p_core.surface.subsampling import subsample_hashed
 
 
 def noisy(cloud, scale, seed=7):
