@@ -1,9 +1,9 @@
-"""What more samples seen, more renders and more channels bring: trains at several of each, and fits curves.
+"""Measures the gain of more samples, renders or channels: trains at several of each, and fits curves.
 
     python scripts/measure_growth.py --meshes DIR --evaluate-meshes DIR [--config configs/growth.toml] [--output DIR]
 
-Needs the pipeline extra. Each point is a `z2p pipeline` of its own, so what is finished is not run again. Prints a
-table, and what curves FLIP = floor + scale * x^-rate say would reach `--target`; writes growth.md and growth.json.
+Needs the pipeline extra. Each point is a `z2p pipeline` run, so finished ones are not run again. Prints a table, fits
+FLIP = floor + scale * x^-rate, and extrapolates to `--target`; writes growth.md and growth.json.
 """
 
 from __future__ import annotations
@@ -22,49 +22,49 @@ import numpy as np
 from z2p_core.config import PipelineConfig, parse_config, to_dict
 
 ROOT = Path(__file__).parents[1]
-TIMES: dict[str, tuple[float, ...]] = {
+FACTORS: dict[str, tuple[float, ...]] = {
     "samples": (1 / 4, 1 / 2, 1, 2), "renders": (1 / 8, 1 / 4, 1 / 2, 1), "channels": (1 / 2, 3 / 4, 1, 3 / 2),
 }  # fmt: skip
-"""Axis -> how many times as much of it as the config has. With fewer samples still, a training has hardly begun."""
-RATES = np.linspace(0.05, 2, 196)
-"""Exponents that a fit may have."""
-LEAST = 4
-"""Points that a fit of three numbers needs at least."""
-FIGURES = ("flip", "psnr_foreground", "ssim", "alpha_l1")
+"""Axis -> factors of the config's amount. With even fewer samples a training has hardly started."""
+FIT_RATES = np.linspace(0.05, 2, 196)
+"""Exponents tried in a fit."""
+MIN_FIT_POINTS = 4
+"""Fewest points for a fit of three parameters."""
+METRICS = ("flip", "psnr_foreground", "ssim", "alpha_l1")
 
 
 class Fit(NamedTuple):
-    """A curve `floor + scale * x**-rate`, and the root mean square of its errors, as shares of its points."""
+    """A curve `floor + scale * x**-rate`, and the root mean square of its relative errors."""
 
     floor: float
     scale: float
     rate: float
-    left: float
+    error: float
 
     def reaches(self, target: float) -> float | None:
-        """The x at which the curve comes down to the target; None where it never does."""
+        """The x at which the curve reaches the target; None if it never does."""
         if target <= self.floor or self.scale <= 0:
             return None
         return float((self.scale / (target - self.floor)) ** (1 / self.rate))
 
 
 def main() -> None:
-    """Run what is missing, fit, print and write."""
+    """Runs what is missing, fits, prints and writes."""
     options = _options()
     base = parse_config(options.config.read_text(encoding="utf-8"), str(options.config))
     options.output.mkdir(parents=True, exist_ok=True)
     measured = {
-        axis: [{"times": times, **_means(varied(base, axis, times), options)} for times in TIMES[axis]]
+        axis: [{"times": times, **_means(varied(base, axis, times), options)} for times in FACTORS[axis]]
         for axis in options.axes
     }
-    text = told(measured, options.target)
+    text = growth_report(measured, options.target)
     print(text)
     (options.output / "growth.md").write_text(text, encoding="utf-8")
     (options.output / "growth.json").write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
 
 
 def varied(base: PipelineConfig, axis: str, times: float) -> PipelineConfig:
-    """The config with so many times the samples, renders or channels; with 1 it is the base, shared by all axes."""
+    """The config with `times` the samples, renders or channels; for 1 it is the base, shared by all axes."""
     train = base.train
     if axis == "samples":
         train = replace(train, steps=round(train.steps * times))
@@ -77,32 +77,32 @@ def varied(base: PipelineConfig, axis: str, times: float) -> PipelineConfig:
     return replace(base, name=name, train=base.train if times == 1 else train)
 
 
-def toml(table: Mapping[str, Any], path: str = "") -> str:
-    """A nested dict as TOML; what is None is left out."""
+def to_toml(table: Mapping[str, Any], path: str = "") -> str:
+    """A nested dict as TOML; values of None are left out."""
     values = [f"{key} = {json.dumps(value)}" for key, value in table.items()
               if value is not None and not isinstance(value, dict)]  # fmt: skip
     deeper = [(f"{path}.{key}".lstrip("."), value) for key, value in table.items() if isinstance(value, dict)]
-    return "\n".join([*values, *(f"\n[{name}]\n{toml(value, name)}" for name, value in deeper)])
+    return "\n".join([*values, *(f"\n[{name}]\n{to_toml(value, name)}" for name, value in deeper)])
 
 
-def fitted(points: Sequence[tuple[float, float]]) -> Fit | None:
-    """The curve nearest to points (x, y), whose floor is not below 0; None for fewer than `LEAST`."""
-    if len(points) < LEAST:
+def fit_curve(points: Sequence[tuple[float, float]]) -> Fit | None:
+    """The best curve through points (x, y) with a floor of 0 or more; None for fewer than `MIN_FIT_POINTS`."""
+    if len(points) < MIN_FIT_POINTS:
         return None
     x, y = np.array(points, dtype=float).T
     fits = []
-    for rate in RATES:
+    for rate in FIT_RATES:
         power = x**-rate
         scale, floor = np.polyfit(power, y, 1, w=1 / y)
         if floor < 0:
             floor, scale = 0.0, float((power / y).sum() / ((power / y) ** 2).sum())
-        left = float(np.sqrt(np.mean(((floor + scale * power) / y - 1) ** 2)))
-        fits.append(Fit(float(floor), float(scale), float(rate), left))
-    return min(fits, key=lambda fit: fit.left)
+        error = float(np.sqrt(np.mean(((floor + scale * power) / y - 1) ** 2)))
+        fits.append(Fit(float(floor), float(scale), float(rate), error))
+    return min(fits, key=lambda fit: fit.error)
 
 
-def told(measured: Mapping[str, Sequence[Mapping[str, float]]], target: float) -> str:
-    """The figures and fits in Markdown."""
+def growth_report(measured: Mapping[str, Sequence[Mapping[str, float]]], target: float) -> str:
+    """The metrics and fits in Markdown."""
     lines = []
     for axis, points in measured.items():
         lines += [f"| {axis} | FLIP | object, dB | SSIM | alpha L1 |", "|--:" * 5 + "|"]
@@ -110,7 +110,7 @@ def told(measured: Mapping[str, Sequence[Mapping[str, float]]], target: float) -
             f"| x {point['times']:g} | {point['flip']:.4f} | {point['psnr_foreground']:.2f} | {point['ssim']:.4f} | "
             f"{point['alpha_l1']:.5f} |" for point in points
         ]  # fmt: skip
-        lines += ["", _conclusion(axis, fitted([(point["times"], point["flip"]) for point in points]), target), ""]
+        lines += ["", _conclusion(axis, fit_curve([(point["times"], point["flip"]) for point in points]), target), ""]
     return "\n".join(lines)
 
 
@@ -120,20 +120,20 @@ def _conclusion(axis: str, fit: Fit | None, target: float) -> str:
     if fit.scale <= 0:
         return f"{axis}: more of them is no better here."
     where = fit.reaches(target)
-    curve = f"FLIP = {fit.floor:.4f} + {fit.scale:.4f} * {axis}^-{fit.rate:.2f}, to within {fit.left:.1%}"
+    curve = f"FLIP = {fit.floor:.4f} + {fit.scale:.4f} * {axis}^-{fit.rate:.2f}, to within {fit.error:.1%}"
     return f"{curve}; {target:g} at {f'x {where:.3g}' if where is not None else 'no number of them'}."
 
 
 def _means(config: PipelineConfig, options: argparse.Namespace) -> dict[str, float]:
-    """Figures of a config's weights, trained and measured now if they are not there yet."""
+    """Metrics of a config's weights, which are trained and evaluated if they do not exist yet."""
     file = options.output / f"{config.name}.toml"
-    file.write_text(toml(to_dict(config)) + "\n", encoding="utf-8")
+    file.write_text(to_toml(to_dict(config)) + "\n", encoding="utf-8")
     command = [sys.executable, "-m", "z2p_renderer.pipeline.cli", "pipeline", "--config", file,
                "--meshes", options.meshes,
                "--evaluate-meshes", options.evaluate_meshes, "--workspace", options.workspace]  # fmt: skip
     subprocess.run([str(word) for word in command], check=True)
-    told: dict[str, float] = json.loads((options.workspace / config.name / "metrics.json").read_text())["means"]
-    return {figure: told[figure] for figure in FIGURES}
+    means: dict[str, float] = json.loads((options.workspace / config.name / "metrics.json").read_text())["means"]
+    return {metric: means[metric] for metric in METRICS}
 
 
 def _options() -> argparse.Namespace:
@@ -143,7 +143,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--evaluate-meshes", type=Path, required=True)
     parser.add_argument("--workspace", type=Path, default=Path("runs"))
     parser.add_argument("--output", type=Path, default=Path("previews/growth"))
-    parser.add_argument("--axes", nargs="+", choices=TIMES, default=list(TIMES))
+    parser.add_argument("--axes", nargs="+", choices=FACTORS, default=list(FACTORS))
     parser.add_argument("--target", type=float, default=0.07, help="FLIP to reach")
     return parser.parse_args()
 

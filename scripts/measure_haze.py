@@ -1,9 +1,9 @@
-"""Measures by how much renders of few samples darken faint shade on the floor, against renders of very many.
+"""Measures the shadow bias of renders with few samples: how much they darken faint shadows on the floor.
 
     python scripts/measure_haze.py [--mesh FILE] [--samples 16] [--denoise fast] [--bounces 3] [--views 4]
 
-Needs the pipeline extra, and minutes. Prints for shade of several alphas by how much it is too dark, and what it would
-be too dark by without the haze that `train.haze` names.
+Needs the pipeline extra, and minutes. Compares with renders of many samples, and prints the error of alpha for several
+ranges of alpha, before and after the correction with `train.haze` (`pipeline.training.shadow_debias`).
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ import torch
 from z2p_core.images import bytes_from_unit, unit_from_bytes
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_renderer.pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
-from z2p_renderer.pipeline.rendering.views import sample_view, load_controls
+from z2p_renderer.pipeline.rendering.views import load_controls, sample_view
 from z2p_renderer.pipeline.training.make_shard import downsample_images
 from z2p_renderer.pipeline.training.shadow_debias import remove_shadow_bias
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 
-EDGES = (0.0, 0.0015, 0.0045, 0.0065, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.3, 1.0)
+ALPHA_EDGES = (0.0, 0.0015, 0.0045, 0.0065, 0.01, 0.02, 0.03, 0.05, 0.08, 0.12, 0.3, 1.0)
 
 
 def main() -> None:
-    """Render the views twice, and print by how much the noisy ones are too dark."""
+    """Renders the views with few and many samples, and prints the errors of the former."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mesh", type=Path, help="a mesh file; Blender's monkey without it")
     parser.add_argument("--samples", type=int, default=16)
@@ -37,40 +37,42 @@ def main() -> None:
     parser.add_argument("--views", type=int, default=4)
     parser.add_argument("--many", type=int, default=1024, help="samples of the renders that they are compared with")
     parser.add_argument("--haze", type=float, default=0.0025)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        noisy, clean = _shades(asked, Path(folder))
+        noisy, clean = _floor_alphas(options, Path(folder))
     picture = torch.from_numpy(noisy).expand(1, 4, 1, -1)
-    left = remove_shadow_bias(picture, torch.zeros(1, 1, 1, len(noisy)), asked.haze)[0, 3, 0].numpy() - clean
+    remaining = remove_shadow_bias(picture, torch.zeros(1, 1, 1, len(noisy)), options.haze)[0, 3, 0].numpy() - clean
     print(f"{'alpha':>14}{'share':>8}{'too dark by':>13}{'without haze':>14}")
-    for low, high in zip((-1.0, *EDGES), EDGES, strict=False):
-        there = (noisy > low) & (noisy <= high)
-        if there.any():
-            print(f"{max(low, 0):7.4f}-{high:6.4f}{there.mean():8.3f}{(noisy - clean)[there].mean():+13.5f}"
-                  f"{left[there].mean():+14.5f}")
-    print(f"{'all':>14}{1:8.3f}{(noisy - clean).mean():+13.5f}{left.mean():+14.5f}")
+    for low, high in zip((-1.0, *ALPHA_EDGES), ALPHA_EDGES, strict=False):
+        in_range = (noisy > low) & (noisy <= high)
+        if in_range.any():
+            print(
+                f"{max(low, 0):7.4f}-{high:6.4f}{in_range.mean():8.3f}{(noisy - clean)[in_range].mean():+13.5f}"
+                f"{remaining[in_range].mean():+14.5f}"
+            )
+    print(f"{'all':>14}{1:8.3f}{(noisy - clean).mean():+13.5f}{remaining.mean():+14.5f}")
 
 
-def _shades(asked: argparse.Namespace, folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Alphas (N,) of the floor's pixels in the noisy renders, made smaller, and in those of many samples."""
+def _floor_alphas(options: argparse.Namespace, folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Alphas (N,) of the floor's pixels in the noisy renders, downsampled, and in those of many samples."""
     controls, rng = load_controls(("color", "light", "elevation")), np.random.default_rng(0)
-    scenes = [(f"view_{number}", sample_view(controls, rng, upright=0.5).scene) for number in range(asked.views)]
-    side = asked.resolution
-    few = RenderSettings((side, side), asked.samples, asked.denoise, asked.bounces)
-    many = RenderSettings((side // 2, side // 2), asked.many, "off", asked.bounces)
-    mesh = read_mesh(asked.mesh) if asked.mesh else _suzanne(folder)
+    scenes = [(f"view_{number}", sample_view(controls, rng, upright=0.5).scene) for number in range(options.views)]
+    side = options.resolution
+    few = RenderSettings((side, side), options.samples, options.denoise, options.bounces)
+    many = RenderSettings((side // 2, side // 2), options.many, "off", options.bounces)
+    mesh = read_mesh(options.mesh) if options.mesh else _suzanne(folder)
     placed = Mesh(bounding_sphere(mesh.vertices).normalise(mesh.vertices), mesh.faces, mesh.smooth)
     pairs = []
     for name, settings in (("few", few), ("many", many)):
         render_mesh(placed, scenes, folder / name, settings)
         alphas = [_alphas(folder / name / f"{stem}.png", settings, side // 2) for stem, _ in scenes]
         pairs.append(np.concatenate(alphas))
-    bare = (pairs[0][:, 1] == 0) & (pairs[1][:, 1] == 0)
-    return pairs[0][bare, 0], pairs[1][bare, 0]
+    on_floor = (pairs[0][:, 1] == 0) & (pairs[1][:, 1] == 0)
+    return pairs[0][on_floor, 0], pairs[1][on_floor, 0]
 
 
 def _alphas(path: Path, settings: RenderSettings, side: int) -> np.ndarray:
-    """Alpha and coverage (side * side, 2) of a render made smaller."""
+    """Alpha and coverage (side * side, 2) of a downsampled render."""
     shape = settings.resolution[::-1]
     rgba, coverage = read_render(path, (*shape, 4)), read_render(path.with_suffix(".coverage.png"), shape)
     rgba, coverage = downsample_images(bytes_from_unit(rgba), bytes_from_unit(coverage), shape[0] // side)

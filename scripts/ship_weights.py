@@ -1,10 +1,10 @@
-"""Puts the weights of a finished pipeline run among those that z2p ships, as float16, with their exports and card.
+"""Adds the weights of a finished pipeline run to those that z2p ships: as float16, with their graphs and card.
 
     python scripts/ship_weights.py runs/regular regular --meshes DIR --truth runs/truth
 
 writes storage/weights/regular.{safetensors,graph,int8.graph,md}. Graph files are ONNX without the numbers that the
-weights hold; all sets together must stay within `LARGEST`. --meshes are those that the run was evaluated on: the form
-in 8 bits ships only where it is as good on them as `WORSE` asks, and without them it does not.
+weights hold; all sets together must stay within `MAX_SHIPPED_BYTES`. --meshes are those that the run was evaluated on:
+the int8 form ships only if it is worse on them by no more than `MAX_INT8_LOSS`, and never without them.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from z2p_core.config import EvaluateConfig, from_dict
 from z2p_renderer.pipeline.evaluation.evaluate import evaluate
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.export.calibration import calibration_inputs
-from z2p_renderer.pipeline.export.graph_rewrite import quantize_int8, optimize_graph
+from z2p_renderer.pipeline.export.graph_rewrite import optimize_graph, quantize_int8
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.meshes import find_meshes
@@ -30,13 +30,13 @@ from z2p_renderer.storage.models.checkpoints import SHIPPED_FOLDER, load_weights
 from z2p_renderer.storage.models.onnx_deltas import INT8, graph_path, save_graph
 from z2p_renderer.storage.results.fingerprints import file_digest
 
-LARGEST = 40e6
-"""Bytes of all shipped sets together."""
-CALIBRATION = 24
-"""Views that the form in 8 bits is scaled by."""
+MAX_SHIPPED_BYTES = 40e6
+"""Size of all shipped sets together."""
+CALIBRATION_VIEWS = 24
+"""Views that calibrate the int8 form."""
 ENGINES = ("torch", "onnxruntime", "onnxruntime-int8")
-WORSE = {"psnr_white": 0.2, "psnr_foreground": 0.2, "ssim": 0.003}
-"""How much worse than torch's float32 the form in 8 bits may be."""
+MAX_INT8_LOSS = {"psnr_white": 0.2, "psnr_foreground": 0.2, "ssim": 0.003}
+"""Metric -> how much worse than torch's float32 the int8 form may be."""
 
 CARD = """# Weights `{name}`
 
@@ -63,7 +63,7 @@ Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixe
 
 
 def main(run: Path, name: str, meshes: Path | None, truth: Path | None, begun: str = "") -> None:
-    """Ship `run/weights.safetensors` under `name`; its figures come from `run/metrics.json`."""
+    """Ships `run/weights.safetensors` under `name`, with the metrics of `run/metrics.json`."""
     weights = load_weights(run / "weights.safetensors")
     metrics = json.loads((run / "metrics.json").read_text(encoding="utf-8"))
     shipped = SHIPPED_FOLDER / f"{name}.safetensors"
@@ -76,40 +76,41 @@ def main(run: Path, name: str, meshes: Path | None, truth: Path | None, begun: s
     for file in sorted(SHIPPED_FOLDER.glob(f"{name}.*")):
         print(f"{file} ({file.stat().st_size / 1e6:.2f} MB)")
     total = sum(file.stat().st_size for file in SHIPPED_FOLDER.iterdir())
-    print(f"all that is shipped: {total / 1e6:.1f} MB of {LARGEST / 1e6:.0f} MB")
-    if total > LARGEST:
-        sys.exit(f"Error: {name} does not fit: expected at most {LARGEST / 1e6:.0f} MB in all; leave out another set")
+    print(f"all that is shipped: {total / 1e6:.1f} MB of {MAX_SHIPPED_BYTES / 1e6:.0f} MB")
+    if total > MAX_SHIPPED_BYTES:
+        sys.exit(
+            f"Error: {name} does not fit: expected at most {MAX_SHIPPED_BYTES / 1e6:.0f} MB in all; "
+            "leave out another set"
+        )
 
 
 def export_graphs(shipped: Path, config: dict[str, Any], meshes: Path | None, truth: Path | None) -> str:
-    """Write the graph files of shipped weights, in place of older ones; a table of what engines make of them."""
+    """Replaces the graph files of shipped weights; returns a table of metrics by engine."""
     for form in ("", INT8):
         graph_path(shipped, form).unlink(missing_ok=True)
     exported, loaded = export_onnx(shipped), load_plugins(shipped)
     onnx, digest = exported.read_bytes(), loaded.weights.digest
-    exported.unlink()  # an ONNX file would be taken before the graphs
+    exported.unlink()  # an ONNX file would take precedence over the graphs
     plain = optimize_graph(onnx, loaded.buffer_channels, loaded.config.unshuffle)
     save_graph(shipped, digest, plain)
     if meshes is None:
         print("without --meshes: nothing in 8 bits")
         return ""
-    calibration = calibration_inputs(Renderer(shipped), CALIBRATION, np.random.default_rng(0))
+    calibration = calibration_inputs(Renderer(shipped), CALIBRATION_VIEWS, np.random.default_rng(0))
     save_graph(shipped, digest, quantize_int8(plain, calibration), INT8)
     settings = from_dict(EvaluateConfig, config)
     means = {engine: measure(shipped, settings, meshes, truth, engine) for engine in ENGINES}
-    reference, tried = means["torch"], means["onnxruntime-int8"]
-    worse = {figure: reference[figure] - tried[figure] for figure in WORSE}
-    if any(worse[figure] > WORSE[figure] for figure in WORSE):
-        print(f"8 bits are not good enough and do not ship: expected at most {WORSE} worse, got {worse}")
+    reference, int8 = means["torch"], means["onnxruntime-int8"]
+    worse = {figure: reference[figure] - int8[figure] for figure in MAX_INT8_LOSS}
+    if any(worse[figure] > MAX_INT8_LOSS[figure] for figure in MAX_INT8_LOSS):
+        print(f"8 bits are not good enough and do not ship: expected at most {MAX_INT8_LOSS} worse, got {worse}")
         graph_path(shipped, INT8).unlink()
         del means["onnxruntime-int8"]
     return "\n" + engine_table(means)
 
 
-def measure(
-    weights: Path, config: EvaluateConfig, meshes: Path, truth: Path | None, engine: str
-) -> dict[str, float]:
-    """The means of an evaluation on one engine."""
+def measure(weights: Path, config: EvaluateConfig, meshes: Path, truth: Path | None, engine: str) -> dict[str, float]:
+    """Mean metrics of an evaluation on one engine."""
     with tempfile.TemporaryDirectory(prefix="z2p-ship-") as folder:
         out = Path(folder)
         written = evaluate(find_meshes(meshes), weights, out, config, truth or out / "truth", engine=engine)
@@ -118,7 +119,7 @@ def measure(
 
 
 def engine_table(means: dict[str, dict[str, float]]) -> str:
-    """The engines' figures side by side, in Markdown."""
+    """Table of the engines' metrics, in Markdown."""
     figures = [figure for figure in next(iter(means.values())) if figure != "seconds"]
     lines = ["- **By engine**, on the same meshes; float16 weights:", ""]
     lines += [f"| engine | {' | '.join(figures)} |", "|---" * (len(figures) + 1) + "|"]

@@ -1,10 +1,10 @@
-"""Makes a leaner network out of a trained one, to go on training from.
+"""Prunes a trained network to a smaller one, as a start for further training.
 
     python scripts/slim_weights.py WEIGHTS OUT --widths 48,64,96,128 [--zbuffer paper] [--fine 24 | --coarse]
 
-It keeps the strongest channels and reads no encoding, whose mean goes into the stem. Of splats it may read the first
-channel alone, the paper's. With --fine it goes over 2x2 blocks, by layers that begin as nothing, instead of single
-pixels; with --coarse over neither. So its pictures are worse at first: `train.start` is what the file is for.
+Keeps the strongest channels, and drops the encoding, whose mean goes into the stem's bias. Of the splats z-buffer it
+may keep the first channel alone, the paper's. --fine replaces the final convolutions on single pixels by new ones on
+2x2 blocks; --coarse removes them. The pruned network is worse until it is trained again (`train.start`).
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from z2p_renderer.pipeline.inference.loading import LoadedNetwork, load_network
 from z2p_renderer.storage.models.checkpoints import save_weights
 
 Tensors = dict[str, np.ndarray]
-PIXELS = ("look.", "touch.")
-"""Layers that go over single pixels."""
-PICTURE = 4
-"""Channels of the picture, which they read before the buffers."""
-SIDE = 256
-"""Of the frame over which the encoding's mean is taken; any would do."""
+FINAL_CONVOLUTIONS = ("look.", "touch.")
+"""Prefixes of the final convolutions, on single pixels."""
+IMAGE_CHANNELS = 4
+"""Channels of the image, which the final convolutions read before the buffers."""
+FRAME_SIDE = 256
+"""Side of the frame over which the encoding is averaged; its value hardly matters."""
 
 
 def main() -> None:
-    """Write the leaner network."""
+    """Writes the pruned network."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("weights", help="shipped name or file; one whose picture is gone over in single pixels")
     parser.add_argument("out", type=Path)
@@ -42,48 +42,48 @@ def main() -> None:
     parser.add_argument("--zbuffer", help="one whose channels are the first of what the weights read")
     parser.add_argument("--fine", type=int, default=0, help="channels to go over 2x2 blocks with")
     parser.add_argument("--coarse", action="store_true", help="not to go over the picture in single pixels")
-    asked = parser.parse_args()
-    loaded = load_network(asked.weights, to_train=True)
+    options = parser.parse_args()
+    loaded = load_network(options.weights, to_train=True)
     old = from_dict(NetworkConfig, loaded.card["network"])
-    new = replace(old, widths=tuple(int(width) for width in asked.widths.split(",")), encoder="none",
-                  zbuffer=asked.zbuffer or old.zbuffer, fine=asked.fine,
-                  refine=0 if asked.fine or asked.coarse else old.refine)  # fmt: skip
+    new = replace(old, widths=tuple(int(width) for width in options.widths.split(",")), encoder="none",
+                  zbuffer=options.zbuffer or old.zbuffer, fine=options.fine,
+                  refine=0 if options.fine or options.coarse else old.refine)  # fmt: skip
     zbuffer = registry.load("zbuffers", new.zbuffer)()
     known = {name: tensor.numpy() for name, tensor in loaded.network.state_dict().items()}
-    tensors = slimmed(without_inputs(known, loaded, zbuffer.channels), old.widths, new.widths)
+    tensors = prune(drop_inputs(known, loaded, zbuffer.channels), old.widths, new.widths)
     if new.fine:
-        tensors = in_blocks(tensors, old.unshuffle)
+        tensors = reorder_to_blocks(tensors, old.unshuffle)
     if not new.refine:
-        tensors = {name: tensor for name, tensor in tensors.items() if not name.startswith(PIXELS)}
+        tensors = {name: tensor for name, tensor in tensors.items() if not name.startswith(FINAL_CONVOLUTIONS)}
     encoder = registry.load("encoders", new.encoder)
     card = {**loaded.card, "network": to_dict(new), "zbuffer": {"name": new.zbuffer, "version": zbuffer.version},
             "encoder": {"name": new.encoder, "version": encoder.version, "state": {}}}  # fmt: skip
-    save_weights(asked.out, {**begun(new, loaded, zbuffer.channels), **tensors}, card)
+    save_weights(options.out, {**initial_tensors(new, loaded, zbuffer.channels), **tensors}, card)
 
 
-def begun(config: NetworkConfig, loaded: LoadedNetwork, zbuffer_channels: int) -> Tensors:
-    """The leaner network before it knows anything: what its new layers begin with."""
+def initial_tensors(config: NetworkConfig, loaded: LoadedNetwork, zbuffer_channels: int) -> Tensors:
+    """Randomly initialised tensors of the pruned network, for its new layers."""
     torch.manual_seed(0)
     settings = sum(control.size for control in loaded.controls.values())
     network = build_network(config, zbuffer_channels + loaded.gbuffer.channels, 0, settings)
     return {name: tensor.numpy() for name, tensor in network.state_dict().items()}
 
 
-def without_inputs(tensors: Tensors, loaded: LoadedNetwork, zbuffer_channels: int) -> Tensors:
-    """The layers that read the buffers, with the z-buffer's first channels alone; the encoding's mean in a bias."""
+def drop_inputs(tensors: Tensors, loaded: LoadedNetwork, zbuffer_channels: int) -> Tensors:
+    """Tensors that read the z-buffer's first channels alone, and have the encoding's mean in the stem's bias."""
     cell = from_dict(NetworkConfig, loaded.card["network"]).unshuffle
-    u, v = Camera(SIDE, SIDE).frame_coordinates(cell)
+    u, v = Camera(FRAME_SIDE, FRAME_SIDE).frame_coordinates(cell)
     encoding = loaded.encoder.encode(u, v).mean(axis=(1, 2))
     stem, buffers = tensors["stem.weight"][:, :, 0, 0], (loaded.zbuffer.channels + loaded.gbuffer.channels) * cell**2
     first, dropped = zbuffer_channels * cell**2, loaded.zbuffer.channels * cell**2
     weight = np.concatenate([stem[:, :first], stem[:, dropped:buffers]], axis=1)[:, :, None, None]
-    beside = PICTURE + np.r_[:zbuffer_channels, loaded.zbuffer.channels : buffers // cell**2]
+    buffer_channels = IMAGE_CHANNELS + np.r_[:zbuffer_channels, loaded.zbuffer.channels : buffers // cell**2]
     return {**tensors, "stem.weight": weight, "stem.bias": tensors["stem.bias"] + stem[:, buffers:] @ encoding,
-            "look.weight": tensors["look.weight"][:, np.r_[:PICTURE, beside]]}  # fmt: skip
+            "look.weight": tensors["look.weight"][:, np.r_[:IMAGE_CHANNELS, buffer_channels]]}  # fmt: skip
 
 
-def slimmed(tensors: Tensors, old: tuple[int, ...], new: tuple[int, ...]) -> Tensors:
-    """The network with the strongest of each level's channels, and as many of those inside each residual block."""
+def prune(tensors: Tensors, old: tuple[int, ...], new: tuple[int, ...]) -> Tensors:
+    """The network with the strongest channels of each level, and as many inside each residual block."""
     kept = [strongest(strength(tensors, level, old), count) for level, count in enumerate(new)]
     slim = dict(tensors)
     for level, rows in enumerate(kept):
@@ -94,14 +94,14 @@ def slimmed(tensors: Tensors, old: tuple[int, ...], new: tuple[int, ...]) -> Ten
     for level, (fine, coarse) in enumerate(pairwise(kept)):
         slim |= slim_convolution(tensors, f"shrink.{level}", coarse, fine)
         slim |= slim_convolution(tensors, f"grow.{level}", fine, coarse)
-    inputs, whole = np.arange(tensors["stem.weight"].shape[1]), np.arange(len(tensors["head.bias"]))
-    slim |= slim_convolution(tensors, "stem", np.concatenate([kept[0], old[0] + whole]), inputs)
-    slim |= slim_convolution(tensors, "head", whole, kept[0])
+    inputs, all_outputs = np.arange(tensors["stem.weight"].shape[1]), np.arange(len(tensors["head.bias"]))
+    slim |= slim_convolution(tensors, "stem", np.concatenate([kept[0], old[0] + all_outputs]), inputs)
+    slim |= slim_convolution(tensors, "head", all_outputs, kept[0])
     return slim | slim_affine(tensors, "tint.affine", kept[0])
 
 
 def strength(tensors: Tensors, level: int, widths: tuple[int, ...]) -> np.ndarray:
-    """Of each of a level's channels: how much is written into it, times how much is read of it."""
+    """Strength of each channel of a level: squared norm of its incoming weights times that of its outgoing ones."""
     written = [f"shrink.{level - 1}", f"grow.{level}"] if level else ["stem", "grow.0"]
     read = [f"shrink.{level}", f"grow.{level - 1}"] if level else ["shrink.0", "head"]
     for part in ("encode", "decode") if level < len(widths) - 1 else ("bottom",):
@@ -117,14 +117,14 @@ def strength(tensors: Tensors, level: int, widths: tuple[int, ...]) -> np.ndarra
 
 
 def strongest(strengths: np.ndarray, count: int) -> np.ndarray:
-    """Numbers of the channels to keep, in order."""
+    """Sorted indices of the `count` strongest channels."""
     if count > len(strengths):
         raise SystemExit(f"widths: expected none above what the weights have, got {count} for {len(strengths)}")
     return np.sort(np.argsort(-strengths)[:count])
 
 
 def slim_block(tensors: Tensors, first: str, kept: np.ndarray) -> Tensors:
-    """A residual block between the kept channels, with as many inside it."""
+    """A residual block restricted to the kept channels, with as many inner ones."""
     second, affine = first.replace("first", "second"), first.replace("first", "modulate") + ".affine"
     written = np.square(tensors[f"{first}.weight"][:, kept]).sum(axis=(1, 2, 3))
     read = np.square(tensors[f"{second}.weight"][kept]).sum(axis=(0, 2, 3))
@@ -134,19 +134,19 @@ def slim_block(tensors: Tensors, first: str, kept: np.ndarray) -> Tensors:
 
 
 def slim_convolution(tensors: Tensors, name: str, outputs: np.ndarray, inputs: np.ndarray) -> Tensors:
-    """A convolution between some of its channels."""
+    """A convolution restricted to some inputs and outputs."""
     weight, bias = tensors[f"{name}.weight"], tensors[f"{name}.bias"]
     return {f"{name}.weight": weight[outputs][:, inputs], f"{name}.bias": bias[outputs]}
 
 
 def slim_affine(tensors: Tensors, name: str, kept: np.ndarray) -> Tensors:
-    """Scale and shift of some channels."""
+    """A scale-and-shift layer restricted to some channels."""
     both = {key: np.split(tensors[f"{name}.{key}"], 2) for key in ("weight", "bias")}
     return {f"{name}.{key}": np.concatenate([scale[kept], shift[kept]]) for key, (scale, shift) in both.items()}
 
 
-def in_blocks(tensors: Tensors, cell: int) -> Tensors:
-    """The same picture with the pixels of a cell in the order of its 2x2 blocks, in which they are unfolded then."""
+def reorder_to_blocks(tensors: Tensors, cell: int) -> Tensors:
+    """An equivalent head and stem whose output has a cell's pixels in the order of its 2x2 blocks."""
     side, ratio = FINE_BLOCK, cell // FINE_BLOCK
     order = np.arange(len(tensors["head.bias"])).reshape(-1, ratio, side, ratio, side)  # colour, rows, columns
     order = order.transpose(0, 2, 4, 1, 3).ravel()

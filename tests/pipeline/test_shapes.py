@@ -21,7 +21,7 @@ def edge_counts(faces: np.ndarray) -> np.ndarray:
     return np.unique(edges, axis=0, return_counts=True)[1]
 
 
-def test_two_shapes_are_kept_aside() -> None:
+def test_two_shapes_are_held_out() -> None:
     assert len(VALIDATION_SHAPES) == 2 and not set(VALIDATION_SHAPES) & set(TRAINING_SHAPES)
     assert len(PARAMETRIC) == 8
 

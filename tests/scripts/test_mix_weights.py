@@ -23,7 +23,7 @@ def after(tmp_path: Path) -> Path:
     return tmp_path / "after.safetensors"
 
 
-def test_each_number_is_the_mean_by_the_share(after: Path, tmp_path: Path) -> None:
+def test_mixed_weights_are_the_weighted_mean(after: Path, tmp_path: Path) -> None:
     mix_weights.mix("regular", str(after), tmp_path / "mixed.safetensors", 0.25)
     before, mixed = load_weights(find_weights("regular")), load_weights(tmp_path / "mixed.safetensors")
     assert mixed.card == before.card

@@ -26,7 +26,7 @@ def ship(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    monkeypatch.setattr(module, "SHIPPED", tmp_path / "shipped")
+    monkeypatch.setattr(module, "SHIPPED_FOLDER", tmp_path / "shipped")
     (tmp_path / "shipped").mkdir()
     return module
 
@@ -45,10 +45,10 @@ def run(tmp_path: Path, make_weights: Callable[..., Path]) -> Path:
 
 def test_without_meshes_the_float32_form_ships_alone(ship: ModuleType, run: Path) -> None:
     ship.main(run, "tiny", None, None)
-    assert {file.name for file in ship.SHIPPED.iterdir()} == {"tiny.safetensors", "tiny.graph", "tiny.md"}
-    assert Renderer(ship.SHIPPED / "tiny.safetensors").engine == "onnxruntime"
+    assert {file.name for file in ship.SHIPPED_FOLDER.iterdir()} == {"tiny.safetensors", "tiny.graph", "tiny.md"}
+    assert Renderer(ship.SHIPPED_FOLDER / "tiny.safetensors").engine == "onnxruntime"
     ship.main(run, "tiny", None, None)  # again, over what is there
-    assert "Measured" in (ship.SHIPPED / "tiny.md").read_text()
+    assert "Measured" in (ship.SHIPPED_FOLDER / "tiny.md").read_text()
 
 
 @pytest.mark.parametrize("worse", [0.0, 0.5])
@@ -61,13 +61,13 @@ def test_eight_bits_ship_where_they_are_good_enough(
 
     monkeypatch.setattr(ship, "measure", measured)
     ship.main(run, "tiny", run, None)
-    assert (ship.SHIPPED / "tiny.int8.graph").exists() is (worse == 0)
-    assert ("| onnxruntime-int8 |" in (ship.SHIPPED / "tiny.md").read_text()) is (worse == 0)
+    assert (ship.SHIPPED_FOLDER / "tiny.int8.graph").exists() is (worse == 0)
+    assert ("| onnxruntime-int8 |" in (ship.SHIPPED_FOLDER / "tiny.md").read_text()) is (worse == 0)
 
 
-def test_more_than_the_limit_is_told(ship: ModuleType, run: Path) -> None:
-    shutil.copy(run / "weights.safetensors", ship.SHIPPED / "large.safetensors")
-    with (ship.SHIPPED / "large.safetensors").open("ab") as file:
+def test_exceeding_the_size_limit_is_an_error(ship: ModuleType, run: Path) -> None:
+    shutil.copy(run / "weights.safetensors", ship.SHIPPED_FOLDER / "large.safetensors")
+    with (ship.SHIPPED_FOLDER / "large.safetensors").open("ab") as file:
         file.truncate(40_000_001)
     with pytest.raises(SystemExit, match="tiny does not fit"):
         ship.main(run, "tiny", None, None)

@@ -53,7 +53,7 @@ def muted(tensors: dict[str, np.ndarray], widths: tuple[int, ...]) -> dict[str, 
     return result
 
 
-def test_what_was_never_heard_is_not_missed(make_weights: Callable[..., Path], tmp_path: Path) -> None:
+def test_pruning_unused_channels_changes_nothing(make_weights: Callable[..., Path], tmp_path: Path) -> None:
     whole, lean = tmp_path / "whole.safetensors", tmp_path / "lean.safetensors"
     weights = load_weights(make_weights(**SHAPE, zbuffer="splats"))
     save_weights(whole, muted(weights.tensors, SHAPE["widths"]), weights.card)
@@ -79,6 +79,6 @@ def test_new_final_convs_start_as_the_identity(
     assert alike(drawn(lean, channels), drawn(whole, channels))
 
 
-def test_more_channels_than_there_are_cannot_be_asked_for(make_weights: Callable[..., Path], tmp_path: Path) -> None:
+def test_widening_is_refused(make_weights: Callable[..., Path], tmp_path: Path) -> None:
     done = slim(str(make_weights(**SHAPE)), str(tmp_path / "lean.safetensors"), "--widths", "16,24,32")
     assert done.returncode != 0 and "expected none above what the weights have, got 32 for 24" in done.stderr

@@ -53,11 +53,11 @@ def test_a_varied_mesh_keeps_about_its_size() -> None:
     assert np.array_equal(again, vary_meshes.varied(vertices, np.random.default_rng(3)))
 
 
-def test_company_stands_on_the_same_floor_and_touches() -> None:
+def test_paired_meshes_share_a_floor_and_touch() -> None:
     cube = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
     faces = np.array([[0, 1, 3], [4, 6, 7]])
     for seed in range(10):
-        vertices, both = vary_meshes.beside((cube, faces), (0.3 * cube, faces), np.random.default_rng(seed))
+        vertices, both = vary_meshes.place_beside((cube, faces), (0.3 * cube, faces), np.random.default_rng(seed))
         assert len(vertices) == 16 and both.tolist() == [*faces.tolist(), *(faces + 8).tolist()]
         assert vertices[8:, 2].min() == pytest.approx(-1)
         assert 1 < np.abs(vertices[8:, :2]).max() < 2.5

@@ -80,7 +80,7 @@ def folders(tmp_path: Path, weights: Path) -> dict[str, tuple[Path, Path]]:
     return {name: results(tmp_path / name, weights, shift) for name, shift in SHIFTS.items()}
 
 
-def test_differences_are_paired_and_their_error_is_over_the_meshes() -> None:
+def test_differences_are_paired_with_error_over_meshes() -> None:
     base = {("a", 0, 0): {"x": 1.0}, ("a", 0, 1): {"x": 2.0}, ("b", 0, 0): {"x": 9.0}, ("b", 0, 1): {"x": None}}
     own = {("a", 0, 0): {"x": 2.0}, ("a", 0, 1): {"x": 5.0}, ("b", 0, 0): {"x": 13.0}, ("b", 0, 1): {"x": 1.0}}
     found = paired_difference(own, base, "x")
@@ -91,7 +91,7 @@ def test_differences_are_paired_and_their_error_is_over_the_meshes() -> None:
     assert paired_difference(own, base, "y") is None
 
 
-def test_what_chance_could_have_done_is_no_win(folders: dict[str, tuple[Path, Path]]) -> None:
+def test_difference_within_seed_variation_is_no_win(folders: dict[str, tuple[Path, Path]]) -> None:
     outcomes = read_variant_results(CONFIG, folders)
     chance = seed_variation(outcomes)
     assert chance == pytest.approx(0.3)
@@ -101,7 +101,7 @@ def test_what_chance_could_have_done_is_no_win(folders: dict[str, tuple[Path, Pa
     assert seed_variation(outcomes[:4]) is None
 
 
-def test_one_mesh_and_no_other_seed_tell_nothing(folders: dict[str, tuple[Path, Path]]) -> None:
+def test_one_mesh_and_one_seed_give_no_verdict(folders: dict[str, tuple[Path, Path]]) -> None:
     one = read_variant_results(CONFIG, folders)[2]
     alone = replace(one, differences={"psnr_foreground": MetricDifference(-2.0, None)})
     assert alone.verdict(None) == NO_DIFFERENCE and alone.verdict(0.3) == WORSE
@@ -114,7 +114,7 @@ def test_size_samples_and_seconds_are_those_of_the_run(folders: dict[str, tuple[
     assert list(base.curve) == [(6.0, 20.0), (12.0, 22.0)] == read_curve(folders["base"][0] / "curve.csv")
 
 
-def test_a_training_that_went_on_has_no_seconds(tmp_path: Path) -> None:
+def test_resumed_training_has_no_seconds(tmp_path: Path) -> None:
     log = tmp_path / "task.log"
     assert training_seconds(log) is None
     log.write_text("a: started\na: started\na: done in 3.0 s\n")
@@ -144,6 +144,6 @@ def test_page_csv_and_json_say_the_same(folders: dict[str, tuple[Path, Path]], t
         assert picture.width > 1000
 
 
-def test_without_another_seed_chance_is_called_unknown(folders: dict[str, tuple[Path, Path]], tmp_path: Path) -> None:
+def test_page_says_that_seed_variation_is_unknown(folders: dict[str, tuple[Path, Path]], tmp_path: Path) -> None:
     write_ablations(AblationsConfig(CONFIG.base, CONFIG.variants[:2]), folders, COMMAND, tmp_path)
     assert "No other seed was tried" in (tmp_path / "ablations.md").read_text()

@@ -100,7 +100,7 @@ def test_baselines_get_our_clouds_on_the_true_floor(rendered, meshes, tiny_weigh
         assert lowest - 0.2 < scene.floor <= lowest + 1e-6
 
 
-def test_what_a_baseline_made_is_kept_by_all_that_shapes_it(rendered, meshes, tiny_weights, tmp_path) -> None:
+def test_baseline_results_are_stored_by_all_their_inputs(rendered, meshes, tiny_weights, tmp_path) -> None:
     def new(config: EvaluateConfig, *names: str) -> int:
         before = len([mesh for mesh, _ in rendered if mesh is not None])
         run(meshes, tiny_weights, tmp_path, config, *names)
@@ -114,7 +114,7 @@ def test_what_a_baseline_made_is_kept_by_all_that_shapes_it(rendered, meshes, ti
     assert new(CONFIG, "balls", "bpa") == 2
 
 
-def test_what_makes_a_baselines_pictures_shapes_them_as_well(rendered, tmp_path, monkeypatch) -> None:
+def test_code_is_part_of_a_baseline_results_fingerprint(rendered, tmp_path, monkeypatch) -> None:
     balls, cloud = registry.load("baselines", "balls"), np.eye(3, dtype=np.float32)
     settings = RenderSettings((SIDE, SIDE))
 
@@ -130,7 +130,7 @@ def test_what_makes_a_baselines_pictures_shapes_them_as_well(rendered, tmp_path,
     assert made() == 1
 
 
-def test_a_record_cut_off_or_damaged_is_not_trusted(rendered, meshes, tiny_weights, tmp_path) -> None:
+def test_damaged_record_is_an_error_or_rendered_again(rendered, meshes, tiny_weights, tmp_path) -> None:
     run(meshes, tiny_weights, tmp_path, CONFIG, "balls")
     first, second = sorted((tmp_path / "truth").glob("*/*.json"))
     first.unlink()  # its picture is there, its times are not
@@ -166,7 +166,7 @@ def test_a_baseline_that_breaks_its_contract_is_named(tmp_path: Path) -> None:
     assert plugin_fields(Broken)["name"] == "broken"
 
 
-def test_faults_show_before_the_first_render(rendered, meshes, tiny_weights, tmp_path) -> None:
+def test_bad_arguments_fail_before_the_first_render(rendered, meshes, tiny_weights, tmp_path) -> None:
     with pytest.raises(registry.PluginError, match="unknown baseline 'nosuch'"):
         run(meshes, tiny_weights, tmp_path, CONFIG, "balls", "nosuch")
     (tmp_path / "broken.ply").write_bytes(b"ply\n")
@@ -175,7 +175,7 @@ def test_faults_show_before_the_first_render(rendered, meshes, tiny_weights, tmp
     assert not rendered
 
 
-def test_a_floor_goes_through_json_and_none_leaves_no_trace() -> None:
+def test_scene_floor_survives_json() -> None:
     scene, on_floor = SceneDescription(), SceneDescription(floor=-0.5)
     assert "floor" not in scene.to_json() and on_floor.to_json() == scene.to_json() | {"floor": -0.5}
     for one in (scene, on_floor):
@@ -185,7 +185,7 @@ def test_a_floor_goes_through_json_and_none_leaves_no_trace() -> None:
 
 
 @pytest.mark.slow
-def test_a_part_of_a_mesh_stands_on_the_whole_ones_floor(tmp_path: Path) -> None:
+def test_partial_mesh_is_rendered_on_the_true_floor(tmp_path: Path) -> None:
     """Without a floor of the whole mesh, its upper half would stand on one of its own, in another picture."""
     vertices, faces = shape("vase")
     path = tmp_path / "vase.ply"
@@ -227,7 +227,7 @@ def test_real_renders_come_near_the_truth(meshes, tiny_weights, tmp_path) -> Non
 
 
 @pytest.mark.parametrize("seen_from", [False, True])
-def test_what_an_interrupted_run_left_out_comes_out_as_it_would_have(rendered, tmp_path, seen_from: bool) -> None:
+def test_interrupted_run_resumes_with_the_same_results(rendered, tmp_path, seen_from: bool) -> None:
     class Chancy(Baseline):
         name, version, for_view = "chancy", "1", seen_from
 

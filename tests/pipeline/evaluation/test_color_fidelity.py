@@ -20,14 +20,14 @@ def picture(color: tuple[int, int, int], alpha: int = 255) -> np.ndarray:
     return out
 
 
-def test_the_same_colour_is_no_error_whatever_lies_beside_the_object() -> None:
+def test_equal_colours_have_no_error_whatever_the_background() -> None:
     ours = picture((200, 40, 90))
     ours[:, 4:] = (0, 0, 0, 120)  # a shadow
     found = color_error(ours, picture((200, 40, 90)))
     assert found is not None and (found.lightness, found.chroma, found.hue) == pytest.approx((0, 0, 0), abs=1e-9)
 
 
-def test_red_against_green_is_a_turn_and_dark_against_light_none() -> None:
+def test_hue_error_ignores_lightness() -> None:
     turned = color_error(picture((255, 0, 0)), picture((0, 255, 0)))
     assert turned is not None and turned.hue == pytest.approx(136.0 - 40.0, abs=1)  # CIELAB's hues of sRGB's primaries
     assert turned.lightness == pytest.approx(87.7 - 53.2, abs=0.5)
@@ -37,16 +37,16 @@ def test_red_against_green_is_a_turn_and_dark_against_light_none() -> None:
     assert pale is not None and pale.chroma > 50
 
 
-def test_the_turn_is_the_shorter_way_round() -> None:
+def test_hue_error_is_the_smaller_angle() -> None:
     found = color_error(picture((250, 20, 120)), picture((250, 20, 60)))
     assert found is not None and found.hue is not None and 0 < found.hue < 60
 
 
-def test_a_picture_without_the_object_says_nothing() -> None:
+def test_picture_without_the_object_has_no_colour_error() -> None:
     assert color_error(picture((9, 9, 9), alpha=100), picture((9, 9, 9))) is None
 
 
-def test_the_table_has_a_row_a_method_and_pairs_pictures_of_one_mesh_level_and_view(tmp_path: Path) -> None:
+def test_colour_table_pairs_pictures_of_one_case(tmp_path: Path) -> None:
     methods = tuple(Method(name, kind, name) for name, kind in (("regular", "weights"), ("bpa", "baseline")))
     colors = {"red": (200, 30, 30), "blue": (30, 30, 200)}
     shown = {"truth": colors, "regular": colors, "bpa": {"red": (150, 20, 20), "blue": (20, 20, 150)}}

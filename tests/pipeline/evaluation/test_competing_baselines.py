@@ -83,7 +83,7 @@ def rebuild(rival: Any, root: Path, scenes: list[SceneDescription], cloud: np.nd
     return run_baseline_on_scenes(rival, cloud, {"n": len(cloud)}, np.random.default_rng(0), scenes, SETTINGS, root)
 
 
-def test_one_mesh_serves_all_scenes_and_what_is_there_is_not_made_again(rendered: list[int], tmp_path: Path) -> None:
+def test_one_reconstruction_serves_all_missing_scenes(rendered: list[int], tmp_path: Path) -> None:
     made = rebuild(Counting, tmp_path, SCENES)
     assert len(Counting.made) == 1 and rendered == [3]
     assert all(one.picture.shape == (32, 40, 4) and one.steps["think"] >= 0 for one in made)
@@ -91,7 +91,7 @@ def test_one_mesh_serves_all_scenes_and_what_is_there_is_not_made_again(rendered
     assert len(Counting.made) == 2 and rendered == [3, 1]
 
 
-def test_two_at_once_make_it_once(rendered: list[int], tmp_path: Path) -> None:
+def test_concurrent_runs_reconstruct_once(rendered: list[int], tmp_path: Path) -> None:
     """As tasks side by side do, whose sweeps share the plain case."""
     with ThreadPoolExecutor(4) as pool:
         found = list(pool.map(lambda _: rebuild(Counting, tmp_path, SCENES), range(4)))
@@ -99,20 +99,20 @@ def test_two_at_once_make_it_once(rendered: list[int], tmp_path: Path) -> None:
     assert len({one.picture.tobytes() for made in found for one in made}) == 1
 
 
-def test_a_mesh_for_a_view_is_made_once_a_viewpoint(rendered: list[int], tmp_path: Path) -> None:
+def test_view_dependent_baseline_runs_once_per_viewpoint(rendered: list[int], tmp_path: Path) -> None:
     rebuild(Seeing, tmp_path, SCENES)
     assert rendered == [2, 1]
     for viewer, seen_in in zip(Seeing.made, (SCENES[0], SCENES[2]), strict=True):
         assert viewer is not None and viewer == pytest.approx(viewer_position(seen_in))
 
 
-def test_the_viewer_stands_where_the_camera_does() -> None:
+def test_viewer_position_is_the_cameras() -> None:
     lifted = replace(scene(azimuth=70.0, lift=0.3), elevation=35.0)
     back = np.array(lifted.rotation) @ viewer_position(lifted) + (0, 0, 0.3)
     assert back == pytest.approx(Camera(1, 1, 35.0).position)
 
 
-def test_a_painter_sees_the_cloud_where_the_scene_puts_it(rendered: list[int], tmp_path: Path) -> None:
+def test_painter_gets_the_cloud_placed_in_the_scene(rendered: list[int], tmp_path: Path) -> None:
     cloud = CLOUD + np.array([0.4, 0.0, 0.0], np.float32)
     right, front = rebuild(Marking, tmp_path, [scene(), scene(azimuth=90.0)], cloud)
     columns = [int(np.argwhere(one.picture[..., 3])[0][1]) for one in (right, front)]
@@ -122,7 +122,7 @@ def test_a_painter_sees_the_cloud_where_the_scene_puts_it(rendered: list[int], t
     assert again.picture.tobytes() == right.picture.tobytes() and again.seconds == right.seconds
 
 
-def test_a_painter_that_cannot_leaves_an_empty_picture(rendered: list[int], tmp_path: Path) -> None:
+def test_failing_painter_gives_an_empty_picture(rendered: list[int], tmp_path: Path) -> None:
     one = rebuild(Marking, tmp_path, [scene()], CLOUD[:10])[0]
     assert one.error == "too few" and not one.picture.any() and one.seconds is None
 

@@ -79,7 +79,7 @@ def metrics(path: Path) -> dict[str, Any]:
     return data
 
 
-def test_a_row_a_mesh_and_view_with_means_and_pictures(by_hand, meshes, tiny_weights: Path, tmp_path: Path) -> None:
+def test_metrics_have_a_row_per_mesh_and_view(by_hand, meshes, tiny_weights: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     path = evaluate(meshes, tiny_weights, out, CONFIG, tmp_path / "truth")
     data = metrics(path)
@@ -101,7 +101,7 @@ def test_a_row_a_mesh_and_view_with_means_and_pictures(by_hand, meshes, tiny_wei
     assert (out / "sheet.png").exists() and not (out / "sheet_2.png").exists()
 
 
-def test_seeds_are_measured_one_by_one_and_their_means_compared(by_hand, meshes, tiny_weights, tmp_path) -> None:
+def test_each_seed_is_measured_and_their_means_compared(by_hand, meshes, tiny_weights, tmp_path) -> None:
     config = replace(CONFIG, seed=3, seeds=2)
     several = metrics(evaluate(meshes, tiny_weights, tmp_path / "out", config, tmp_path / "t"))
     assert [row["seed"] for row in several["rows"]] == [3] * 4 + [4] * 4 and list(several["seeds"]) == ["3", "4"]
@@ -114,7 +114,7 @@ def test_seeds_are_measured_one_by_one_and_their_means_compared(by_hand, meshes,
     assert len(list((tmp_path / "out" / "pictures").glob("*.png"))) == 8
 
 
-def test_a_renderer_that_draws_the_truth_gets_the_best_figures(by_hand, meshes, tiny_weights, tmp_path, monkeypatch):
+def test_renderer_that_draws_the_truth_gets_the_best_metrics(by_hand, meshes, tiny_weights, tmp_path, monkeypatch):
     monkeypatch.setattr(Renderer, "render", lambda *_: disc()[0])
     means = metrics(evaluate(meshes, tiny_weights, tmp_path / "out", CONFIG, tmp_path / "truth"))["means"]
     assert means["psnr_white"] == means["psnr_foreground"] == 100
@@ -122,7 +122,7 @@ def test_a_renderer_that_draws_the_truth_gets_the_best_figures(by_hand, meshes, 
     assert others == pytest.approx([1, 0, 0, 0], abs=1e-5)
 
 
-def test_same_seed_same_figures_whatever_other_meshes_and_names(by_hand, meshes, tiny_weights, tmp_path) -> None:
+def test_metrics_depend_on_seed_not_on_names_or_other_meshes(by_hand, meshes, tiny_weights, tmp_path) -> None:
     def rows(found: dict[str, Path], out: str, config: EvaluateConfig = CONFIG) -> list[dict[str, Any]]:
         data = metrics(evaluate(found, tiny_weights, tmp_path / out, config, tmp_path / "truth"))
         return [{**row, "mesh": "", "seconds": 0} for row in data["rows"]]
@@ -134,7 +134,7 @@ def test_same_seed_same_figures_whatever_other_meshes_and_names(by_hand, meshes,
     assert noisy != both and [row["values"] for row in noisy] == [row["values"] for row in both]
 
 
-def test_the_engine_that_is_asked_for_runs_and_is_told(by_hand, meshes, tiny_weights, tmp_path, monkeypatch) -> None:
+def test_requested_engine_runs_and_is_recorded(by_hand, meshes, tiny_weights, tmp_path, monkeypatch) -> None:
     started: list[object] = []
 
     class Watched(Renderer):
@@ -167,7 +167,7 @@ def test_truth_is_rendered_once_and_more_views_keep_it(by_hand, meshes, tiny_wei
     assert run(CONFIG) == 2
 
 
-def test_kept_truth_needs_no_blender(by_hand, meshes, tiny_weights, tmp_path, monkeypatch) -> None:
+def test_stored_truth_needs_no_blender(by_hand, meshes, tiny_weights, tmp_path, monkeypatch) -> None:
     first = metrics(evaluate(meshes, tiny_weights, tmp_path / "a", CONFIG, tmp_path / "truth"))
     monkeypatch.setattr(ground_truth, "render_scenes", render.render_scenes)
     monkeypatch.setattr(render, "_run_blender", lambda *_: pytest.fail("Blender was started"))
@@ -186,7 +186,7 @@ def test_supersampled_pictures_are_drawn_larger_and_shrunk(by_hand, meshes, tiny
         assert picture.size == (SIDE, SIDE)
 
 
-def test_elevation_is_the_configs_or_drawn(tiny_weights: Path) -> None:
+def test_elevation_is_configured_or_sampled(tiny_weights: Path) -> None:
     renderer = Renderer(tiny_weights)
     fixed = sample_views(renderer, "ab" * 32, replace(CONFIG, views=6, elevation=35.0))
     assert {view.scene.elevation for view in fixed} == {35.0} == {view.values["elevation"][0] for view in fixed}
@@ -207,7 +207,7 @@ def test_weights_without_elevation_are_measured_at_their_own(make_weights: Calla
         sample_views(renderer, "ab" * 32, CONFIG)
 
 
-def test_cloud_turns_and_rises_with_the_mesh() -> None:
+def test_cloud_is_rotated_and_lifted_with_the_mesh() -> None:
     quarter = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))  # about +Z: +X goes to +Y
     cloud = np.array([[1, 0, 0], [0, 0, -1]], dtype=np.float32)
     placed = place_in_scene(cloud, SceneDescription(rotation=quarter, lift=0.25))
@@ -215,7 +215,7 @@ def test_cloud_turns_and_rises_with_the_mesh() -> None:
     assert placed == pytest.approx(np.array([[0, 1, 0.25], [0, 0, -0.75]]))
 
 
-def test_figures_without_pixels_are_null_and_left_out_of_means() -> None:
+def test_metrics_without_pixels_are_null_and_not_averaged() -> None:
     whole = dict.fromkeys(METRIC_NAMES, 0.5) | {"mesh": "a", "seconds": 0.1}
     rows = [whole, whole | {"psnr_foreground": None}, whole | {"mesh": "b", "psnr_foreground": None}]
     summary = summarise(rows)
@@ -223,7 +223,7 @@ def test_figures_without_pixels_are_null_and_left_out_of_means() -> None:
     assert "psnr_foreground" not in summary["meshes"]["b"] and summary["meshes"]["b"]["ssim"] == 0.5
 
 
-def test_what_cannot_be_measured_is_a_clear_error(by_hand, meshes, tiny_weights, tmp_path) -> None:
+def test_impossible_evaluations_are_clear_errors(by_hand, meshes, tiny_weights, tmp_path) -> None:
     kept = tmp_path / "truth"
     with pytest.raises(ScanError, match="got none"):
         evaluate({}, tiny_weights, tmp_path / "out", CONFIG, kept)
@@ -235,7 +235,7 @@ def test_what_cannot_be_measured_is_a_clear_error(by_hand, meshes, tiny_weights,
     evaluate(meshes, tiny_weights, tmp_path / "out", CONFIG, kept)
 
 
-def test_a_damaged_picture_of_the_truth_is_put_aside_and_rendered_again(by_hand, meshes, tiny_weights, tmp_path):
+def test_damaged_truth_is_quarantined_and_rendered_again(by_hand, meshes, tiny_weights, tmp_path):
     kept = tmp_path / "truth"
     evaluate(meshes, tiny_weights, tmp_path / "out", CONFIG, kept)
     broken = next(path for path in kept.glob("reference/*/*.png") if "coverage" not in path.name)
@@ -247,7 +247,7 @@ def test_a_damaged_picture_of_the_truth_is_put_aside_and_rendered_again(by_hand,
     assert len(list(kept.glob(".quarantine/reference/*"))) == 1
 
 
-def test_many_rows_go_on_several_sheets_and_old_ones_go(tmp_path: Path) -> None:
+def test_many_rows_fill_several_sheets_and_old_ones_go(tmp_path: Path) -> None:
     picture = disc()[0].astype(np.float32) / 255
     cloud = np.random.default_rng(0).normal(size=(200, 3)).astype(np.float32) * 0.3
     row = make_row(("a mesh with a name far too long for its column 0", "SSIM 0.9"), cloud, 20.0, picture, picture)

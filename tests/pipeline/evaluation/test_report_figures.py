@@ -34,7 +34,7 @@ def findings(*rows: dict[str, object]) -> Results:
     return Results(rows, METHODS)
 
 
-def test_gain_is_how_much_of_theirs_is_in_ours() -> None:
+def test_gain_is_the_least_squares_slope() -> None:
     theirs = np.random.default_rng(0).normal(size=1000)
     assert least_squares_gain(theirs, theirs) == pytest.approx(1)
     assert least_squares_gain(0.3 * theirs, theirs) == pytest.approx(0.3)
@@ -43,7 +43,7 @@ def test_gain_is_how_much_of_theirs_is_in_ours() -> None:
     assert np.isnan(least_squares_gain(theirs, np.zeros(1000)))
 
 
-def test_contrast_is_kept_whatever_a_method_does_to_the_plain_picture() -> None:
+def test_kept_contrast_ignores_errors_of_the_plain_picture() -> None:
     """A method that is darker everywhere keeps all of the change; one that shows the plain picture keeps none."""
     rng = np.random.default_rng(0)
     plain = np.dstack([rng.uniform(0.3, 0.6, (20, 20, 3)), np.ones((20, 20))])
@@ -54,7 +54,7 @@ def test_contrast_is_kept_whatever_a_method_does_to_the_plain_picture() -> None:
     assert contrast_kept((changed + plain) / 2, plain, changed, plain) == pytest.approx(0.5)
 
 
-def test_a_perfect_map_of_doubt_gains_all_and_a_worthless_one_nothing() -> None:
+def test_uncertainty_gain_is_1_for_perfect_and_0_for_random_maps() -> None:
     error = np.random.default_rng(0).exponential(size=(60, 60))
     perfect, worthless = score_map(2 * error + 1, error), score_map(np.random.default_rng(1).normal(size=(60, 60)), error)
     assert perfect["gain"] == pytest.approx(1) and perfect["rank_correlation"] == pytest.approx(1)
@@ -69,13 +69,13 @@ def test_ties_share_their_rank() -> None:
     assert score_map(doubt, error)["rank_correlation"] == pytest.approx(0.7746, abs=1e-4)  # Spearman's, by hand
 
 
-def test_the_first_paragraph_tells_of_a_baseline_that_wins_and_comes_first() -> None:
+def test_summary_names_a_winning_baseline_first() -> None:
     text = summarize(findings(row("base", "0", "regular", 25.0), row("base", "0", "bpa", 27.0, ssim=0.5)), ["base"])
     assert text.startswith("In the plain case a baseline wins: PSNR on the object, bpa 27.00 dB against regular 25.00")
     assert "In the other figures z2p wins: SSIM, regular 0.6250 against bpa 0.5000" in text
 
 
-def test_the_first_paragraph_counts_where_baselines_are_ahead() -> None:
+def test_summary_counts_where_baselines_are_ahead() -> None:
     rows = [row("base", "0", "regular", 28.0), row("base", "0", "bpa", 20.0)]
     rows += [row("noise", level, "regular", 22.0) for level in ("0", "0.01")]
     rows += [row("noise", "0", "bpa", 23.0), row("noise", "0.01", "bpa", 12.0)]
@@ -90,7 +90,7 @@ def test_less_is_better_for_flip() -> None:
     assert found["flip"].lost and not found["ssim"].lost
 
 
-def test_kept_contrast_is_best_at_one_and_told_in_the_first_paragraph() -> None:
+def test_kept_contrast_is_best_at_one_and_in_the_summary() -> None:
     plain = [row("base", "0", "regular", 25.0), row("base", "0", "bpa", 24.0)]
     rows = [row("gap", "0.1", "regular", 20.0, contrast_kept=0.9), row("gap", "0.1", "bpa", 20.0, contrast_kept=1.4)]
     found = findings(*plain, *rows)
@@ -108,7 +108,7 @@ def test_tables_mark_the_best_and_give_spreads() -> None:
     assert level_table(found, "base", "flip", "FLIP").rows[0][1].startswith("*0.039")
 
 
-def test_ticks_follow_from_figures() -> None:
+def test_capability_ticks_follow_from_metrics() -> None:
     rows = [row("base", "0", "regular", 25.0), row("base", "0", "bpa", 17.0, steps={"normals": 0.2}, shadow_kept=0.1)]
     rows += [row("inner", "0", "regular", 25.0), row("inner", "0.3", "regular", 24.5)]
     rows += [row("inner", "0", "bpa", 17.0), row("inner", "0.3", "bpa", 12.0)]
@@ -119,7 +119,7 @@ def test_ticks_follow_from_figures() -> None:
     assert ours["points"].passed is None and ours["scenes"].passed is None and ours["colors"].passed is False
 
 
-def test_a_map_that_edges_beat_does_not_earn_its_place() -> None:
+def test_disagreement_must_beat_the_edge_map() -> None:
     def told(own: float, edges: float) -> str:
         maps = {name: {"rank_correlation": 0.5, "area": 0.5, "best_area": 0.3, "gain": value}
                 for name, value in (("disagreement", own), ("edges", edges), ("sparseness", 0.1))}  # fmt: skip
@@ -130,7 +130,7 @@ def test_a_map_that_edges_beat_does_not_earn_its_place() -> None:
         assert "does not earn" in told(own, edges)
 
 
-def test_results_go_by_the_names_of_today(tmp_path: Path) -> None:
+def test_results_use_the_current_mesh_names(tmp_path: Path) -> None:
     """A result is kept when its mesh's file or its weights' file gets another name."""
     told = {"sweep": "base", "mesh": "bunny", "method": "old", "rows": [row("base", "plain", "regular", 30.0)]}
     for folder in ("m", "s"):
@@ -143,7 +143,7 @@ def test_results_go_by_the_names_of_today(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_what_is_absent_is_told_by_the_weights_cards_and_not_by_their_names(make_weights, tmp_path: Path) -> None:
+def test_missing_parts_follow_from_weights_cards(make_weights, tmp_path: Path) -> None:
     def absent(*files: Path) -> set[str]:
         methods = tuple(Method(f"other{number}", "weights", str(file)) for number, file in enumerate(files))
         return {title for title, _ in _list_missing_parts(Results((), methods), ReportConfig())}

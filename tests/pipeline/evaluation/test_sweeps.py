@@ -36,7 +36,7 @@ def cases(name: str, subject: TrueMesh, config: ReportConfig = SMALL) -> list[Ca
 
 
 @pytest.mark.parametrize("name", SWEEP_NAMES)
-def test_every_sweep_has_cases_and_words(name: str, vase: TrueMesh) -> None:
+def test_every_sweep_has_cases_and_a_caption(name: str, vase: TrueMesh) -> None:
     found, sweep = cases(name, vase), SMALL.sweeps()[name]
     levels = [case.level for case in found if not case.level.startswith("solid")]
     if name not in SYNTHETIC_SWEEPS:
@@ -50,7 +50,7 @@ def test_every_sweep_has_cases_and_words(name: str, vase: TrueMesh) -> None:
 
 
 @pytest.mark.parametrize("name", ["noise", "sampling", "single", "inner", "bumps"])
-def test_the_same_config_gives_the_same_clouds_and_another_seed_others(name: str, vase: TrueMesh) -> None:
+def test_clouds_depend_on_the_seed_alone(name: str, vase: TrueMesh) -> None:
     first, again, other = (cases(name, vase, replace(SMALL, seed=seed)) for seed in (0, 0, 1))
     assert [case.cloud.tobytes() for case in first] == [case.cloud.tobytes() for case in again]
     assert first[-1].cloud.tobytes() != other[-1].cloud.tobytes()
@@ -91,13 +91,13 @@ def test_scaling_scales_cloud_and_truth_alike(vase: TrueMesh) -> None:
     assert whole.subject is vase  # its truth is that of the file
 
 
-def test_inner_points_take_the_place_of_others(vase: TrueMesh) -> None:
+def test_inner_points_replace_surface_points(vase: TrueMesh) -> None:
     none, _, most = (case for case in cases("inner", vase) if case.view == 0)
     assert len(none.cloud) == len(most.cloud) == 400 and most.points == 280
     assert most.cloud[:280].tobytes() == none.cloud[:280].tobytes()
 
 
-def test_limits_name_what_they_are_a_change_of(vase: TrueMesh) -> None:
+def test_limit_cases_name_their_reference(vase: TrueMesh) -> None:
     for name in ("bumps", "gap"):
         found = {case.level: case for case in cases(name, vase)}
         changes = [case for case in found.values() if case.reference]

@@ -23,7 +23,7 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(1)
 
 
-def test_a_non_uniform_cloud_is_on_the_surface_and_denser_on_one_side() -> None:
+def test_non_uniform_cloud_is_denser_on_one_side() -> None:
     points = non_uniform(BALL, 3000, rng())
     assert points.shape == (3000, 3)
     assert np.linalg.norm(points, axis=1) == pytest.approx(RADIUS, rel=0.01)

@@ -26,14 +26,14 @@ def open_edges(mesh: Mesh) -> int:
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_it_lies_in_the_unit_sphere(name: str) -> None:
+def test_shape_lies_in_the_unit_sphere(name: str) -> None:
     mesh = SHAPES[name]
     assert np.isfinite(mesh.vertices).all() and np.linalg.norm(mesh.vertices, axis=1).max() <= 1 + 1e-6
     assert mesh.faces.min() == 0 and mesh.faces.max() == len(mesh.vertices) - 1
 
 
 @pytest.mark.parametrize("name", ["ball", "bumps", "plates", "solid", "sheet"])
-def test_it_is_closed(name: str) -> None:
+def test_shape_is_closed(name: str) -> None:
     assert open_edges(SHAPES[name]) == 0
 
 
@@ -42,7 +42,7 @@ def test_an_open_sheet_has_a_rim() -> None:
 
 
 @pytest.mark.parametrize("degree", [4, 16, 64])
-def test_bumps_get_lower_as_they_get_finer_and_as_many_as_their_degree(degree: int) -> None:
+def test_bump_height_falls_with_the_harmonic_degree(degree: int) -> None:
     mesh = harmonic_ball(degree)
     reach = np.linalg.norm(mesh.vertices, axis=1) * (1 + BUMP_SLOPE / 4) / BALL_RADIUS - 1
     assert reach.max() == pytest.approx(BUMP_SLOPE / degree, rel=0.05) == -reach.min()
@@ -53,7 +53,7 @@ def test_bumps_get_lower_as_they_get_finer_and_as_many_as_their_degree(degree: i
     assert np.argmax(waves[1:]) + 1 in {degree // 2 * times for times in range(1, 8)}
 
 
-def test_plates_are_as_far_apart_as_told_and_their_block_has_no_gap() -> None:
+def test_plates_have_their_distance_and_the_solid_has_no_gap() -> None:
     for distance in (0.4, 0.025):
         left, right = np.split(np.sort(np.unique(np.round(parallel_plates(distance).vertices[:, 0], 9))), 2)
         assert right.min() - left.max() == pytest.approx(distance)

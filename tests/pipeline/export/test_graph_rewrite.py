@@ -75,7 +75,7 @@ def random_inputs(renderer: Renderer, batch: int, width: int, height: int) -> En
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("half", [True, False])
-def test_the_streamlined_is_the_same_network(make_weights: Callable[..., Path], form: str, half: bool) -> None:
+def test_optimized_graph_gives_the_same_output(make_weights: Callable[..., Path], form: str, half: bool) -> None:
     file = make_weights(**FORMS[form])
     file = halved(file) if half else file
     model, renderer = export_onnx(file).read_bytes(), Renderer(file)
@@ -96,7 +96,7 @@ def test_a_network_without_a_stem_stays_as_it_is(make_weights: Callable[..., Pat
     assert optimize_graph(model, 13, 1) == model
 
 
-def test_calibration_is_the_same_for_the_same_rng_and_sees_every_control(make_weights: Callable[..., Path]) -> None:
+def test_calibration_is_seeded_and_varies_every_control(make_weights: Callable[..., Path]) -> None:
     renderer = Renderer(make_weights())
     first, second = (list(calibration_inputs(renderer, 3, np.random.default_rng(1))) for _ in range(2))
     for one, other in zip(first, second, strict=True):
@@ -104,7 +104,7 @@ def test_calibration_is_the_same_for_the_same_rng_and_sees_every_control(make_we
     assert not np.array_equal(first[0][2], first[1][2]) and all(buffers.any() for buffers, _, _ in first)
 
 
-def test_eight_bits_are_near_and_their_graph_holds_no_weights(make_weights: Callable[..., Path]) -> None:
+def test_int8_output_is_close_and_its_graph_is_small(make_weights: Callable[..., Path]) -> None:
     file = halved(make_weights(widths=(32, 48, 64), mapping=64))
     model, renderer = export_onnx(file).read_bytes(), Renderer(file)
     given = list(calibration_inputs(renderer, 4, np.random.default_rng(0)))

@@ -133,7 +133,7 @@ def test_radiance_is_that_of_the_stated_light_and_ambient(tmp_path: Path) -> Non
     assert measured == pytest.approx(0.2 * (irradiance / math.pi + 0.35), rel=0.02)
 
 
-def test_colours_survive_the_way_through_blender(tmp_path: Path) -> None:
+def test_rendered_colours_match_the_configured_ones(tmp_path: Path) -> None:
     mesh = write_balls(tmp_path / "ball.ply", {(0.0, 0.0, 0.0): 1.0})
     srgb = np.array([0.85, 0.2, 0.45])
     colour = tuple(linear_from_srgb(srgb).tolist())
@@ -151,7 +151,7 @@ def test_colours_survive_the_way_through_blender(tmp_path: Path) -> None:
     np.testing.assert_allclose(ratio, colour, rtol=0.05)
 
 
-def test_floor_touches_the_lowest_point_and_lift_raises_the_object(tmp_path: Path) -> None:
+def test_floor_is_at_the_lowest_point_and_lift_raises_the_mesh(tmp_path: Path) -> None:
     mesh = write_balls(tmp_path / "ball.ply", {(0.0, 0.0, 0.0): 1.0})
     scenes = [("down", SceneDescription()), ("up", SceneDescription(lift=0.3))]
     render_scenes(mesh, scenes, tmp_path, RenderSettings((128, 128), samples=16, denoise="off", threads=2))
@@ -164,7 +164,7 @@ def test_floor_touches_the_lowest_point_and_lift_raises_the_object(tmp_path: Pat
     assert down[contact + 2, 60:68, 3].mean() > up[contact + 2, 60:68, 3].mean()
 
 
-def test_pictures_that_are_there_are_left_alone_and_seeds_repeat(tmp_path: Path) -> None:
+def test_existing_renders_are_kept_and_seeds_repeat(tmp_path: Path) -> None:
     mesh = write_balls(tmp_path / "ball.ply", {(0.0, 0.0, 0.0): 1.0})
     tiny = RenderSettings((32, 32), samples=1, denoise="off", passes=("depth", "normal", "shadow"), threads=1)
     both = [("a", SceneDescription()), ("b", SceneDescription(elevation=40.0))]

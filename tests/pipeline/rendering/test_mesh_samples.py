@@ -57,7 +57,7 @@ def test_pool_follows_from_bytes_and_seed_not_from_the_name(tetrahedron: Path, t
     assert not np.array_equal(first, pool(renamed, tmp_path / "d"))
 
 
-def test_cloud_keeps_the_meshs_sphere_and_takes_noise_in_its_units(tetrahedron: Path) -> None:
+def test_cloud_is_normalised_by_the_mesh_and_noise_is_in_radii(tetrahedron: Path) -> None:
     mesh = read_mesh(tetrahedron)
     twice = Sphere(tuple(CORNERS[0].tolist()), 8.0)
     cloud = sample_cloud(mesh, twice, "uniform", 2000, "none", 0.0, np.random.default_rng(0))

@@ -13,7 +13,7 @@ CONTROLS = load_controls(("color", "light", "elevation"))
 IDENTITY = "ab" * 32
 
 
-def test_a_view_is_its_seed_mesh_and_number_and_nothing_else() -> None:
+def test_view_depends_on_seed_mesh_and_index_alone() -> None:
     def view(seed: int, identity: str, index: int) -> str:
         return repr(sample_view(CONTROLS, view_rng(seed, identity, index), 0.5))
 
@@ -22,7 +22,7 @@ def test_a_view_is_its_seed_mesh_and_number_and_nothing_else() -> None:
     assert len({first, view(1, IDENTITY, 7), view(0, "cd" * 32, 7), view(0, IDENTITY, 8)}) == 4
 
 
-def test_upright_views_turn_about_z_alone() -> None:
+def test_upright_views_rotate_about_z_alone() -> None:
     for index in range(20):
         rotation = np.array(sample_view(CONTROLS, view_rng(0, IDENTITY, index), upright=1.0).scene.rotation)
         np.testing.assert_allclose(rotation[2], [0, 0, 1], atol=1e-12)

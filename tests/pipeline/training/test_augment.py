@@ -34,18 +34,18 @@ def test_even_clouds_have_even_gaps_and_about_as_many_points(count):
     assert {tuple(point) for point in even} <= {tuple(point) for point in pool}
 
 
-def test_even_clouds_of_few_points_stand_whatever_is_asked():
+def test_even_sampling_works_for_tiny_clouds():
     assert len(sample_evenly(sphere(3), 3, np.random.default_rng(0))) >= 1
     assert len(sample_evenly(sphere(20), 20, np.random.default_rng(0))) >= 5
 
 
-def test_so_many_clouds_are_even_as_the_config_says():
+def test_share_of_even_clouds_matches_the_config():
     pool, config = sphere(20_000), TrainConfig(points=(2000, 2000), even=0.3)
     spread = [gaps(draw_training_cloud(pool, config, np.random.default_rng(seed))).std() for seed in range(60)]
     assert 8 <= sum(spread < np.median(gaps(pool[:2000]).std()) * 0.8) <= 30
 
 
-def test_holes_take_patches_away_and_nothing_else():
+def test_holes_remove_patches_and_nothing_else():
     cloud = sphere(2000)
     for seed in range(8):
         kept = remove_patches(cloud, np.random.default_rng(seed))
@@ -60,7 +60,7 @@ def test_holes_take_patches_away_and_nothing_else():
     assert 6 <= sum(count < 2000 for count in counts) <= 28
 
 
-def test_a_mirror_exchanges_picture_light_and_settings_and_twice_it_is_nothing():
+def test_mirroring_flips_image_light_and_settings():
     record = sphere_record(16, np.random.default_rng(3))
     other = mirror_record(record)
     np.testing.assert_array_equal(other.rgba, record.rgba[:, ::-1])

@@ -21,7 +21,7 @@ def batch_of(boxes):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_windows_hold_the_clouds_and_are_cut_alike(seed):
+def test_crops_contain_the_clouds_and_match_each_other(seed):
     boxes = [(40, 80, 10, 100), (0, 20, 50, 70), (60, 127, 64, 127)]
     batch = batch_of(boxes)
     rows, columns = (torch.arange(SIDE // CELL, dtype=torch.float32) * CELL for _ in range(2))
@@ -38,7 +38,7 @@ def test_windows_hold_the_clouds_and_are_cut_alike(seed):
         assert int(picture[0, -1, -1]) == (top + height - 1) * SIDE + left + width - 1
 
 
-def test_windows_lie_now_here_now_there():
+def test_crop_positions_vary():
     batch = batch_of([(60, 68, 60, 68), (40, 80, 40, 80)])
     corners = {
         float(crop_batch(batch, torch.zeros(0, 32, 32), 1, 32, CELL, np.random.default_rng(seed))[0].coverage[0, 0, 0, 0])
@@ -47,7 +47,7 @@ def test_windows_lie_now_here_now_there():
     assert len(corners) > 3
 
 
-def test_a_batch_without_clouds_is_cut_to_the_least():
+def test_batch_of_empty_clouds_is_cropped_to_the_minimum():
     batch = batch_of([(0, 0, 0, 0)])
     batch.buffers[:, 0] = 0
     cut, _ = crop_batch(batch, torch.zeros(0, 32, 32), 1, 32, CELL, np.random.default_rng(0))

@@ -68,7 +68,7 @@ def test_a_batch_depends_on_its_number_alone(shards, reuse, monkeypatch):
     assert not torch.equal(pictures(shards, replace(config, seed=1)).batch(0).buffers, batches[0].buffers)
 
 
-def test_every_record_comes_once_an_epoch_with_a_new_cloud(shards):
+def test_each_record_appears_once_per_epoch_with_a_new_cloud(shards):
     data = pictures(shards, replace(CONFIG, batch=13))  # 16 records, 3 held out
     assert len(data.validation) == 3 and len(data.training) == 13
     assert not set(data.validation) & set(data.training)
@@ -88,7 +88,7 @@ def test_a_render_keeps_its_cloud_for_the_epochs_it_is_reused(shards):
         assert all(torch.equal(first.buffers[i], other.buffers[j]) == kept for i, j in enumerate(match))
 
 
-def test_sides_that_come_several_times_go_on_through_the_same_epochs(shards):
+def test_repeated_sides_share_their_epochs(shards):
     """Of three turns at a side each has the records that the turns before have left, with clouds of their own."""
     data = pictures(shards, replace(CONFIG, batch=5, resolutions=(16, 16, 32)))
     batches = [data.batch(step) for step in (0, 1, 3, 4)]  # 13 records are an epoch of the smaller side
@@ -107,7 +107,7 @@ def test_validation_is_always_the_same(shards):
     )
 
 
-def test_the_prefetching_thread_ends_and_tells_its_errors(shards):
+def test_prefetching_threads_end_and_pass_on_errors(shards):
     import threading
 
     data = pictures(shards)
@@ -121,7 +121,7 @@ def test_the_prefetching_thread_ends_and_tells_its_errors(shards):
         next(ahead)
 
 
-def test_clouds_have_log_uniform_sizes_no_point_twice_and_the_noise_asked_for():
+def test_cloud_sizes_are_log_uniform_and_noise_is_in_range():
     pool = np.random.default_rng(0).random((2000, 3), dtype=np.float32)
     before = pool.copy()
     sizes = []
@@ -156,7 +156,7 @@ def test_rotation_and_lift_are_applied(tmp_path):
     np.testing.assert_allclose(batch.buffers[0, 1:].numpy(), Surfels().draw(world, camera, resting), atol=1e-3)
 
 
-def test_shards_that_do_not_fit_are_refused(shards, tmp_path):
+def test_shards_of_different_configs_are_refused(shards, tmp_path):
     other = sphere_shard(tmp_path / "other.h5", 2, 16)
     with pytest.raises(DatasetError, match="differ in resolution"):
         pictures([shards[0], other])
@@ -184,7 +184,7 @@ def test_elevation_is_fixed_only_where_it_is_no_control(shards, tmp_path):
     assert pictures([tmp_path / "fixed.h5"]).fixed_elevation == 25.0
 
 
-def test_sides_take_turns_at_equal_cost_and_each_shows_its_own_frame(shards):
+def test_sides_alternate_at_equal_cost(shards):
     config = replace(CONFIG, resolutions=(16, 32), batch=4, points=(3000, 3000))
     data = pictures(shards, config)
     small, large = data.batch(0), data.batch(1)

@@ -32,14 +32,14 @@ def pictures(shards, **fields):
     return CloudDataset(shards, replace(CONFIG, **fields), SplatPyramid(), Surfels())
 
 
-def test_the_target_shares_renders_and_what_is_taught(shards):
+def test_target_blends_render_and_teacher(shards):
     render, half, taught = (pictures(shards, teacher_share=share).batch(0).target for share in (0.0, 0.5, 1.0))
     torch.testing.assert_close(render, pictures(shards, teacher="").batch(0).target, atol=1e-6, rtol=0)
     torch.testing.assert_close(half, (render + taught) / 2, atol=1e-6, rtol=0)
     assert (taught - render).abs().mean() > 1e-3
 
 
-def test_what_is_taught_is_drawn_larger_of_the_same_cloud_and_shrunk(shards, monkeypatch):
+def test_teacher_draws_the_same_cloud_larger_and_downsampled(shards, monkeypatch):
     clouds = []
     kept = Surfels.draw_into
     monkeypatch.setattr(Surfels, "draw_into", lambda self, *rest: (clouds.append(rest), kept(self, *rest))[1])
@@ -58,13 +58,13 @@ def test_what_is_taught_is_drawn_larger_of_the_same_cloud_and_shrunk(shards, mon
     assert off[batch.coverage > 0].mean() < 2 / 255  # a quicker engine, and bytes
 
 
-def test_nothing_is_taught_where_no_object_is(shards):
+def test_teacher_affects_object_pixels_alone(shards):
     taught, render = (pictures(shards, teacher_share=1.0, teacher=name).batch(0) for name in ("regular", ""))
     floor = (render.coverage == 0).expand_as(render.target)
     assert torch.equal(taught.target[floor], render.target[floor]) and floor.any()
 
 
-def test_what_is_taught_is_the_mean_with_the_scene_in_a_mirror(shards):
+def test_teacher_image_is_averaged_with_its_mirror_image(shards):
     """So a scene and its mirrored one are taught the same, turned."""
     data = pictures(shards)
     rng = np.random.default_rng(0)
@@ -78,7 +78,7 @@ def test_what_is_taught_is_the_mean_with_the_scene_in_a_mirror(shards):
     assert np.abs(one / 255 - alone).max() > 1 / 255
 
 
-def test_nothing_is_taught_where_nothing_larger_can_be_drawn(shards):
+def test_no_teacher_at_the_shards_own_resolution(shards):
     with_teacher, without = pictures(shards, teacher_share=1.0).batch(1), pictures(shards, teacher="").batch(1)
     assert with_teacher.target.shape[-1] == 64
     torch.testing.assert_close(with_teacher.target, without.target, atol=0, rtol=0)
@@ -92,7 +92,7 @@ def test_a_batch_depends_on_its_number_alone(shards, monkeypatch):
         torch.testing.assert_close(data.batch(step).target, in_order[step].target, atol=0, rtol=0)
 
 
-def test_validation_is_on_renders_alone(shards):
+def test_validation_targets_are_renders_alone(shards):
     taught, plain = (pictures(shards, teacher=name, teacher_share=1.0) for name in ("regular", ""))
     torch.testing.assert_close(
         taught.validation_batch([0]).target, plain.validation_batch([0]).target, atol=0, rtol=0

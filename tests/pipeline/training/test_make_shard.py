@@ -39,7 +39,7 @@ def renders(tmp_path):
     return tmp_path
 
 
-def test_views_come_in_their_order_whatever_folder_they_lie_in(renders, controls):
+def test_views_are_ordered_by_number_across_folders(renders, controls):
     folders = [renders / "a", renders / "b"]
     shard = Shard(make_shard(folders, renders / "pool.npy", ShardConfig(resolution=4), controls, renders / "out", "x"))
     assert [int(shard.read(row).rgba[0, 0, 0]) for row in range(len(shard))] == [0, 40, 80]
@@ -51,7 +51,7 @@ def test_views_come_in_their_order_whatever_folder_they_lie_in(renders, controls
     assert [control["name"] for control in shard.attributes["controls"]] == ["color", "light", "elevation"]
 
 
-def test_averaging_is_premultiplied_so_transparent_white_does_not_bleed(renders, controls):
+def test_downsampling_is_premultiplied(renders, controls):
     record = read_view(renders / "a" / "view_00002.json", 2, controls)
     assert record.rgba[0, 0].tolist() == [80, 80, 80, 128]
     assert record.rgba[0, 1, 3] == 0
@@ -77,7 +77,7 @@ def test_settings_follow_the_order_of_the_controls(controls):
     assert vector.dtype == np.float32
 
 
-def test_a_view_knows_its_settings_in_a_mirror(renders, controls):
+def test_view_has_mirrored_settings(renders, controls):
     """Only the light, which comes from the other side there, knows left from right."""
     record = read_view(renders / "a" / "view_00002.json", 4, controls)
     assert np.allclose(record.settings, [0.1, 0.2, 0.3, 0.0, 1.0, 0.5, 0.5])

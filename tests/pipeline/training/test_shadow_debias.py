@@ -21,14 +21,14 @@ def picture_of(alpha):
     return torch.stack([0.5 * alpha, 0.2 * alpha, 0.1 * alpha, alpha])[None, :, None]
 
 
-def test_shade_loses_what_its_darkness_says():
+def test_shadow_loses_the_bias_of_its_alpha():
     shade = torch.tensor(SHADOW_ALPHAS)
     left = remove_shadow_bias(picture_of(shade), torch.zeros(1, 1, 1, len(SHADOW_ALPHAS)), HAZE)
     torch.testing.assert_close(shade - left[0, 3, 0], HAZE * torch.tensor(RELATIVE_BIASES))
     assert torch.equal(left[:, :3], picture_of(shade)[:, :3])
 
 
-def test_darker_shade_stays_darker_and_none_falls_below_nothing():
+def test_debiasing_keeps_order_and_stays_nonnegative():
     shade = torch.linspace(0, 1, 100_001)
     left = remove_shadow_bias(picture_of(shade), torch.zeros(1, 1, 1, len(shade)), HAZE)[0, 3, 0]
     assert left.min() == 0 and (left.diff() > 0).all()
@@ -36,7 +36,7 @@ def test_darker_shade_stays_darker_and_none_falls_below_nothing():
 
 
 @pytest.mark.parametrize("share", [0.25, 0.999, 1.0])
-def test_what_the_object_covers_keeps_its_alpha(share):
+def test_debiasing_leaves_the_object_unchanged(share):
     shade = torch.full((1,), 0.01)
     alpha = share + (1 - share) * shade
     left = remove_shadow_bias(picture_of(alpha), torch.full((1, 1, 1, 1), share), HAZE)[0, 3, 0]
@@ -51,7 +51,7 @@ def shaded(read, shard, row):
     return replace(record, rgba=rgba)
 
 
-def test_the_config_says_what_haze_is_not_learnt(tmp_path, monkeypatch):
+def test_config_haze_is_removed_from_targets(tmp_path, monkeypatch):
     monkeypatch.setattr(Shard, "read", lambda shard, row, read=Shard.read: shaded(read, shard, row))
     shards = [sphere_shard(tmp_path / "a.h5", 8, 64, 0)]
     config = TrainConfig(batch=4, resolutions=(64,), points=(300, 300), validation_share=0.25)

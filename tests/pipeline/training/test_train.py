@@ -78,7 +78,7 @@ def undisturbed(shards, tmp_path_factory):
 
 
 @pytest.mark.parametrize("stop", ["step 3: checkpoint", "step 3: validation", "step 5: checkpoint"])
-def test_a_killed_run_goes_on_to_the_same_bits(shards, undisturbed, tmp_path, stop):
+def test_killed_run_resumes_bit_identically(shards, undisturbed, tmp_path, stop):
     with pytest.raises(KeyboardInterrupt):
         train(shards, CONFIG, tmp_path, log=stopping_at(stop), precision="float32")
     assert not (tmp_path / "weights.safetensors").exists()
@@ -101,7 +101,7 @@ def test_a_damaged_newest_checkpoint_falls_back(shards, undisturbed, tmp_path):
     assert (tmp_path / "weights.safetensors").read_bytes() == (undisturbed / "weights.safetensors").read_bytes()
 
 
-def test_what_a_run_leaves(undisturbed):
+def test_training_writes_all_its_files(undisturbed):
     names = {path.relative_to(undisturbed).as_posix() for path in undisturbed.rglob("*") if path.is_file()}
     assert names == {
         "weights.safetensors", "weights.onnx", "curve.csv", "curve.png", "validation/step_000003.png",
@@ -153,7 +153,7 @@ def test_thirty_steps_learn(shards, tmp_path, network, loss, precision):
     assert np.mean(losses[-5:]) < 0.6 * np.mean(losses[:3])
 
 
-def test_windows_train_and_the_card_says_so(tmp_path):
+def test_cropped_training_is_recorded_in_the_card(tmp_path):
     shards = [sphere_shard(tmp_path / "spheres.h5", 6, 128, 0)]
     config = replace(CONFIG, steps=2, cropped=True)
     weights = train(shards, config, tmp_path / "run", log=silent)
@@ -170,7 +170,7 @@ def test_another_run_in_the_same_folder_is_refused(shards, undisturbed, tmp_path
         train(shards[:1], CONFIG, tmp_path, log=silent)
 
 
-def test_a_run_goes_on_where_the_weights_that_it_started_from_have_moved(shards, undisturbed, tmp_path):
+def test_run_resumes_after_its_start_weights_were_moved(shards, undisturbed, tmp_path):
     (tmp_path / "a").mkdir()
     first = replace(CONFIG, start=str(tmp_path / "a" / "start.safetensors"))
     shutil.copy(undisturbed / "weights.safetensors", first.start)
@@ -250,7 +250,7 @@ def test_fine_tuning_goes_on_from_the_weights_and_their_encoder(undisturbed, sha
         np.testing.assert_allclose(tensor, before.tensors[name], atol=1e-6)
 
 
-def test_weights_of_earlier_networks_and_of_an_earlier_gbuffer_are_fine_tuned(undisturbed, shards, tmp_path):
+def test_fine_tuning_accepts_weights_of_earlier_gbuffers(undisturbed, shards, tmp_path):
     before = load_weights(undisturbed / "weights.safetensors")
     network = {name: value for name, value in before.card["network"].items() if name != "conditioning"}
     card = {**before.card, "network": network, "gbuffer": {"name": "surfels", "version": "0"}}
@@ -258,7 +258,7 @@ def test_weights_of_earlier_networks_and_of_an_earlier_gbuffer_are_fine_tuned(un
     train(shards, replace(CONFIG, start=str(tmp_path / "earlier.safetensors"), steps=1), tmp_path, log=silent)
 
 
-def test_settings_as_input_channels_train_and_come_back_from_the_file(shards, tmp_path):
+def test_input_conditioning_trains_and_reloads(shards, tmp_path):
     path = train(shards, replace(CONFIG, network=replace(NETWORK, conditioning="input"), steps=1), tmp_path, log=silent)
     assert load_weights(path).card["network"]["conditioning"] == "input"
     loaded = load_plugins(path)
@@ -272,7 +272,7 @@ def test_settings_as_input_channels_train_and_come_back_from_the_file(shards, tm
     np.testing.assert_allclose(session.run(None, inputs)[0], picture, atol=1e-4)
 
 
-def test_fine_tuning_may_add_controls_which_change_nothing_at_first(undisturbed, tmp_path):
+def test_fine_tuning_adds_controls_without_effect_at_first(undisturbed, tmp_path):
     start = undisturbed / "weights.safetensors"
     more = [sphere_shard(tmp_path / "more.h5", 10, SIDE, 0, metallic=True)]
     tuned = replace(CONFIG, start=str(start), steps=1, learning_rate=1e-9, average=0.0)
@@ -289,7 +289,7 @@ def test_fine_tuning_may_add_controls_which_change_nothing_at_first(undisturbed,
             torch.testing.assert_close(after, before, atol=1e-5, rtol=0)
 
 
-def test_fine_tuning_may_go_on_with_a_gbuffer_that_refines_the_known_one_and_with_no_other(
+def test_fine_tuning_accepts_a_refining_gbuffer_and_no_other(
     undisturbed, shards, tmp_path
 ):
     start = undisturbed / "weights.safetensors"

@@ -46,7 +46,7 @@ def test_reconstructions_close_the_sphere(name: str) -> None:
     assert abs(volume(*rebuild(name, sphere()))) == pytest.approx(4 / 3 * np.pi, rel=0.06)
 
 
-def test_balls_stand_at_their_points_and_nowhere_else() -> None:
+def test_balls_are_centred_at_their_points() -> None:
     cloud = sphere(5)
     vertices, faces = rebuild("balls", cloud)
     each = vertices.reshape(5, -1, 3)
@@ -88,7 +88,7 @@ def test_steps_are_timed_as_they_run() -> None:
         assert list(baseline.seconds) == steps and all(taken > 0 for taken in baseline.seconds.values())
 
 
-def test_splats_on_a_plane_lie_in_no_two_planes_alike() -> None:
+def test_splats_of_a_plane_are_not_coplanar() -> None:
     """Discs in one plane would hide the light from each other, by nothing but rounding."""
     flat = np.random.default_rng(1).uniform(-1, 1, (300, 3)) * (1, 1, 0)
     vertices, _ = rebuild("splats", flat)
@@ -110,6 +110,6 @@ def test_splats_on_a_plane_lie_in_no_two_planes_alike() -> None:
         ("poisson", sphere() * (1, 1, 0), "cannot be oriented"),
     ],
 )
-def test_what_cannot_be_used_is_a_clear_error(name: str, cloud: np.ndarray, message: str) -> None:
+def test_unusable_clouds_are_clear_errors(name: str, cloud: np.ndarray, message: str) -> None:
     with pytest.raises(ScanError, match=message):
         rebuild(name, cloud)

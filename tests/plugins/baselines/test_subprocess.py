@@ -24,13 +24,13 @@ def work(what: str) -> tuple[str, int]:
     return what, os.getpid()
 
 
-def test_answers_come_from_one_other_process() -> None:
+def test_calls_run_in_one_other_process() -> None:
     call = SubprocessFunction(work)
     (first, one), (second, other) = call("a", within=60), call("b", within=60)
     assert (first, second) == ("a", "b") and one == other != os.getpid()
 
 
-def test_one_that_hangs_is_stopped_and_the_next_call_works() -> None:
+def test_hanging_call_is_killed_and_the_next_one_works() -> None:
     call = SubprocessFunction(work)
     _, process = call("a", within=60)
     begin = time.monotonic()
@@ -42,7 +42,7 @@ def test_one_that_hangs_is_stopped_and_the_next_call_works() -> None:
     assert call("b", within=60)[0] == "b"
 
 
-def test_a_death_and_an_error_are_told() -> None:
+def test_process_death_and_errors_are_reported() -> None:
     call = SubprocessFunction(work)
     with pytest.raises(ScanError, match=r"work died \(exit status 7\)"):
         call("die", within=60)
@@ -51,7 +51,7 @@ def test_a_death_and_an_error_are_told() -> None:
     assert call("a", within=60)[0] == "a"
 
 
-def test_an_interrupt_leaves_no_answer_for_the_next_call(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupt_leaves_no_result_for_the_next_call(monkeypatch: pytest.MonkeyPatch) -> None:
     call = SubprocessFunction(work)
     _, process = call("a", within=60)
 
@@ -67,7 +67,7 @@ def test_an_interrupt_leaves_no_answer_for_the_next_call(monkeypatch: pytest.Mon
     assert call("b", within=60)[0] == "b"
 
 
-def test_threads_take_turns() -> None:
+def test_threads_share_the_process() -> None:
     call, answers = SubprocessFunction(work), []
     threads = [threading.Thread(target=lambda n=n: answers.append(call(str(n), within=60)[0])) for n in range(4)]
     for thread in threads:

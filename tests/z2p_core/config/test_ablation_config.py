@@ -36,7 +36,7 @@ train.seed = 1
 """
 
 
-def test_a_variant_is_the_base_but_for_what_it_changes() -> None:
+def test_variant_is_the_base_with_its_changes() -> None:
     config = parse_ablations(BASE_TOML + EXAMPLE)
     assert config.base == parse_config(BASE_TOML) and config.name == "small"
     base, no_ssim, two, _ = config.variants
@@ -55,7 +55,7 @@ def test_meshes_are_those_of_all_variants() -> None:
     assert config.base == config.variants[0].config
 
 
-def test_the_shipped_ones_cover_what_the_paper_and_the_network_chose() -> None:
+def test_shipped_ablations_cover_paper_and_network() -> None:
     path = Path(__file__).parents[3] / "configs" / "ablations.toml"
     variants = parse_ablations(path.read_text(encoding="utf-8"), str(path)).variants
     touched = {key for variant in variants for key in variant.changes}
@@ -89,6 +89,6 @@ LINES = 'title = "t"\nwhy = "w"\n'
         ("[variants.x]\n" + LINES + "train.steps = 9", "variants.x: train.steps: expected the base's"),
     ],
 )
-def test_a_mistake_is_told_with_its_variant_and_key(text: str, message: str) -> None:
+def test_error_names_the_variant_and_key(text: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         parse_ablations(text, "a.toml")

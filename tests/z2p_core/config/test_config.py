@@ -33,7 +33,7 @@ points = [100, 200]
 """
 
 
-def test_what_is_left_out_keeps_its_default() -> None:
+def test_missing_keys_keep_their_defaults() -> None:
     config = parse_config(EXAMPLE)
     assert config.name == "tiny"
     assert config.render.controls == ("color", "light", "coat")
@@ -45,7 +45,7 @@ def test_what_is_left_out_keeps_its_default() -> None:
     assert parse_config("") == PipelineConfig()
 
 
-def test_an_integer_will_do_for_a_float() -> None:
+def test_integer_is_accepted_as_a_float() -> None:
     upright = parse_config(EXAMPLE).render.upright
     assert upright == 1.0 and isinstance(upright, float)
 
@@ -82,7 +82,7 @@ def test_configs_are_frozen() -> None:
         ("[render", "tiny.toml: not valid TOML"),
     ],
 )
-def test_a_mistake_is_told_with_its_key(text: str, message: str) -> None:
+def test_error_names_the_key(text: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         parse_config(text, "tiny.toml")
     assert message in str(caught.value)

@@ -66,7 +66,7 @@ def test_absurd_values_are_refused_with_their_key(config, limits, path):
         assert path in str(refused.value) and len(str(refused.value)) < 600
 
 
-def test_values_that_do_not_fit_together_are_refused():
+def test_inconsistent_values_are_refused():
     for path, value, words in [
         ("shard.resolution", 100, "divisor of render.resolution"), ("train.points", (500, 100), "smallest <= largest"),
         ("train.resolutions", (100,), "divisors"), ("train.network.unshuffle", 3, ""),
@@ -83,6 +83,6 @@ def test_values_that_do_not_fit_together_are_refused():
         check_values(from_dict(PipelineConfig, {"train": {"loss": loss}}))
 
 
-def test_a_report_names_its_file():
+def test_report_error_names_its_file():
     with pytest.raises(ConfigError, match=r"mine\.toml: noise\.levels\[1\]: expected a number from 0 to 10, got -1"):
         check_report(edited(ReportConfig(), "noise.levels", (0.0, -1.0)), "mine.toml")

@@ -15,7 +15,7 @@ def moved(kind: str, scale: float, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("kind", "scale"), [("none", 0.5), ("uniform", 0.0), ("gaussian", 0.0)])
-def test_no_noise_changes_nothing_but_copies(kind: str, scale: float) -> None:
+def test_no_noise_gives_an_equal_copy(kind: str, scale: float) -> None:
     noisy = add_noise(CLOUD, kind, scale, np.random.default_rng(0))
     assert noisy is not CLOUD and np.array_equal(noisy, CLOUD)
 
@@ -33,7 +33,7 @@ def test_gaussian_noise_has_its_standard_deviation() -> None:
 
 
 @pytest.mark.parametrize("kind", ["uniform", "gaussian"])
-def test_seed_decides_and_dtype_stays(kind: str) -> None:
+def test_noise_is_seeded_and_keeps_the_dtype(kind: str) -> None:
     assert np.array_equal(moved(kind, 0.1, 3), moved(kind, 0.1, 3))
     assert not np.array_equal(moved(kind, 0.1, 3), moved(kind, 0.1, 4))
     for dtype in (np.float32, np.float64):

@@ -22,7 +22,7 @@ def pictures_of(side: int = 75, offset: float = 0.0) -> tuple[torch.Tensor, torc
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.05, 0.4])
-def test_it_is_the_measured_flip_but_for_what_it_rounds_off(offset, monkeypatch):
+def test_flip_loss_matches_the_metric(offset, monkeypatch):
     from z2p_core.quality.metrics import flip_map
 
     ours, theirs = pictures_of(offset=offset)
@@ -33,7 +33,7 @@ def test_it_is_the_measured_flip_but_for_what_it_rounds_off(offset, monkeypatch)
     np.testing.assert_allclose(flip(ours, theirs)[0, 0].numpy(), measured, atol=2e-3)
 
 
-def test_opposite_colours_are_as_far_apart_as_in_the_measure():
+def test_opposite_colours_have_the_metrics_error():
     from z2p_core.quality.metrics import flip_map
 
     colors = [torch.tensor(color).view(1, 3, 1, 1).expand(1, 3, 24, 24) for color in ((0.0, 1, 0), (0.0, 0, 1))]
@@ -53,7 +53,7 @@ def test_gradients_are_finite_everywhere_and_lead_downwards():
     assert flip(ours - 0.01 * picture.grad.sign(), theirs).mean() < before - 0.005
 
 
-def test_equal_pictures_differ_by_nothing_and_a_picture_in_a_batch_as_alone():
+def test_equal_images_have_no_error_and_batches_are_independent():
     ours, theirs = pictures_of(offset=0.2)
     assert flip(theirs, theirs).max() < 1e-5
     both = flip(torch.cat([ours, theirs]), torch.cat([theirs, theirs]))

@@ -74,7 +74,7 @@ def test_ssim_term_is_zero_for_equal_pictures_and_grows():
     assert losses[0] == pytest.approx(0, abs=1e-4) and 0.001 < losses[1] < losses[2]
 
 
-def test_visible_differences_count_by_their_power_and_not_where_they_are_too_fine_to_see():
+def test_visible_difference_is_a_power_law_after_a_blur():
     target = flat(0.5, 0.5, 0.5, 1)
     small, large = (loss_of(flat(v, v, v, 1), target, visible=1.0) for v in (0.6, 0.9))
     assert small == pytest.approx(0.1**0.7, rel=0.15) and large == pytest.approx(0.4**0.7, rel=0.1)
@@ -85,7 +85,7 @@ def test_visible_differences_count_by_their_power_and_not_where_they_are_too_fin
     assert loss_of(flat(0.25, 0.25, 0.25, 0.5), flat(0.75, 0.75, 0.75, 1), visible=1.0) == pytest.approx(0, abs=1e-6)
 
 
-def test_visible_ranks_pictures_as_flip_does():
+def test_visible_difference_ranks_as_flip():
     metrics = pytest.importorskip("z2p_core.quality.metrics")
     pytest.importorskip("flip_evaluator")
     generator = torch.Generator().manual_seed(0)
@@ -138,7 +138,7 @@ def test_gradients_are_finite_on_black_and_equal_pictures():
         assert prediction.grad.isfinite().all() and math.isfinite(total.item())
 
 
-def test_flip_looks_at_every_fourth_picture():
+def test_flip_uses_every_fourth_image():
     generator = torch.Generator().manual_seed(0)
     target = torch.rand(5, 4, 32, 32, generator=generator)
     coverage, prediction = torch.zeros(5, 1, 32, 32), target.clone()

@@ -35,7 +35,7 @@ def measure(change: str) -> dict[str, float]:
     return image_metrics(prediction, truth, coverage)
 
 
-def test_identical_pictures_have_the_best_figures() -> None:
+def test_identical_pictures_have_the_best_metrics() -> None:
     assert measure("nothing") == pytest.approx(
         {"psnr_white": 100, "psnr_foreground": 100, "ssim": 1, "flip": 0, "alpha_l1": 0, "shadow_l1": 0}, abs=1e-6
     )
@@ -62,7 +62,7 @@ def test_error_in_the_shadow_leaves_the_foreground() -> None:
     assert figures["psnr_white"] == pytest.approx(20.0 + 10 * math.log10(SIDE**2 / 300), abs=1e-3)
 
 
-def test_box_is_the_objects_and_grows_by_eight_pixels_to_the_edge() -> None:
+def test_object_box_grows_by_eight_pixels_to_the_edge() -> None:
     coverage = np.zeros((40, 50))
     coverage[3, 20] = coverage[10, 45] = 1e-3
     box = object_box(coverage)
@@ -97,13 +97,13 @@ def test_ssim_equals_wangs_formula_with_a_gaussian_window() -> None:
     assert ssim_map(first, second)[10, 10, 1] == pytest.approx(expected, abs=1e-6)
 
 
-def test_flip_of_black_and_white_is_large_and_of_near_colours_small() -> None:
+def test_flip_is_large_for_black_and_white() -> None:
     white, black = np.ones((32, 32, 3)), np.zeros((32, 32, 3))
     assert metrics.flip_map(black, white).mean() > 0.9
     assert 0 < metrics.flip_map(white * 0.98, white).mean() < 0.1
 
 
-def test_what_has_no_pixels_is_nan_not_a_number_that_misleads() -> None:
+def test_metric_without_pixels_is_nan() -> None:
     truth, coverage = scene()
     figures = image_metrics(truth, truth, coverage * 0.5)
     assert math.isnan(figures["psnr_foreground"]) and figures["psnr_white"] == 100
