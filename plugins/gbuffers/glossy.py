@@ -167,7 +167,7 @@ class PrincipledShader:
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         """The GGX terms (M, 3) of the unshadowed area light, and the radiance (M,) of a white diffuse surface there.
 
-        See `z2p_core.native.gloss`.
+        See `z2p_core.native.specular_radiance`.
         """
         positions, axes, powers = area_light_samples(self.light.scene.light, SPECULAR_LIGHT_SAMPLES)
         alpha = alpha_from_roughness(self.surface.roughness, MIN_SAMPLED_ALPHA)

@@ -162,7 +162,7 @@ def begin_point_visibility(scene: LightScene, quality: Quality) -> PendingVisibi
 def begin_floor_visibility(scene: LightScene, quality: Quality) -> PendingVisibility:
     """Has a second core find the points that the floor's cells see: (A, 2, N) int32 for A directions.
 
-    See `z2p_core.native.floor_hits`.
+    See `z2p_core.native.floor_visibility`.
     """
     directions = cosine_hemisphere(2 * quality.floor_directions)[::2]
     points, normals, floor = scene.points, scene.normals, scene.floor

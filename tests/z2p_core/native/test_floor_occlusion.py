@@ -52,7 +52,7 @@ def test_parts_of_a_square_light_count_as_much_as_they_shine():
     square, lamps = square_light((0.9, -1.6, 1.9))
     axis = np.cross(square[2], square[1]) / np.linalg.norm(np.cross(square[2], square[1]))
     sheet = square_of(40_000, 0.5, 0.3)
-    shade = native.floor_occlusion(sheet, lamps, floor, half, side, soft=2, square=square)
+    shade = native.floor_occlusion(sheet, lamps, floor, half, side, blur_cells=2, area_light=square)
     x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 * half - half] * 2)
     full, lost = np.zeros((side, side)), np.zeros((side, side))
     for number, lamp in enumerate(lamps):
@@ -74,7 +74,7 @@ def test_a_penumbra_has_no_steps():
     square = np.float32([[0, 0, 2.0], [1.6, 0, 0], [0, 1.6, 0]])
     lamps = np.float32([[1.6 * x, 1.6 * y, 2.0] for y in rows for x in rows])
     sheet = square_of(60_000, 0.7, 0.0) + np.float32([0.7, 0, 0])
-    steps = [np.diff(native.floor_occlusion(sheet, lamps, -1.0, half, side, soft=soft, square=given)[side // 2, 150:250])
+    steps = [np.diff(native.floor_occlusion(sheet, lamps, -1.0, half, side, blur_cells=soft, area_light=given)[side // 2, 150:250])
              for soft, given in ((0, None), (2, square))]  # fmt: skip
     assert np.median(steps[1]) > 0  # where there were steps, most cells were as dark as their neighbours
     assert steps[1].std() < 0.4 * steps[0].std()
@@ -99,7 +99,7 @@ def test_a_soft_shade_is_the_mean_over_the_cells_around():
     side, soft, sheet = 90, 3, square_of(4_000, 0.4, 0.0) + np.float32([0.3, -0.5, 0])
     lamps = np.float32([[0.5, 0, 2.0], [0.5, 0.4, 3.0]])
     sharp = native.floor_occlusion(sheet, lamps, -1.0, 2.0, side)
-    np.testing.assert_allclose(native.floor_occlusion(sheet, lamps, -1.0, 2.0, side, soft=soft), mean_around(sharp, soft),
+    np.testing.assert_allclose(native.floor_occlusion(sheet, lamps, -1.0, 2.0, side, blur_cells=soft), mean_around(sharp, soft),
                                atol=1e-6)  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""What a Principled BSDF sends back: no more than it gets, all where all is known, and plastic's matt part its rest."""
+"""The Principled BSDF conserves energy and matches known limits."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def test_without_specular_level_the_surface_is_diffuse() -> None:
 
 
 def test_specular_radiance_at_normal_incidence_is_f0() -> None:
-    """Of a mirror's radiance 1, met head on: what metal and plastic reflect there."""
+    """For a mirrored radiance of 1, seen along the normal."""
     ahead, shine = np.ones(1, np.float32), np.array([[1.0, 0.0, 0.0]], np.float32)
     np.testing.assert_allclose(surface(0.3, 1.0, 0.0).specular_radiance(shine, ahead), 0.3, rtol=1e-3)
     np.testing.assert_allclose(surface(0.3, 0.0, 0.0).specular_radiance(shine, ahead), 0.04, rtol=1e-3)
@@ -65,6 +65,6 @@ def test_albedo_tables_match_known_limits() -> None:
     smooth, rough = directional_albedo_table(0.0, 1.5), directional_albedo_table(1.0, 1.5)
     np.testing.assert_allclose(smooth[5:, :2].sum(1), 1, atol=0.01)
     assert rough[-1, :2].sum() == pytest.approx(1 - np.log(2), abs=0.015), "the integral, by hand"
-    assert (np.diff(rough[:, :2].sum(1)) < 0).all(), "rough surfaces hide less of themselves at a slant"
+    assert (np.diff(rough[:, :2].sum(1)) < 0).all(), "rough surfaces mask less at grazing angles"
     np.testing.assert_allclose(smooth[8:, 3], normalized_fresnel(TABLE_COSINES[8:], 1.5), atol=0.01)
     assert normalized_fresnel(np.array([1.0, 0.0]), 1.5) == pytest.approx([0, 1], abs=1e-6)

@@ -1,4 +1,4 @@
-"""Shade is neither more nor less than what is truly hidden, however far apart the points lie."""
+"""Occlusion of the floor and of points matches ray casting, at every density of the cloud."""
 
 from __future__ import annotations
 
@@ -15,59 +15,59 @@ from z2p_core.surface.normals import estimate_surface
 LIGHT, HEIGHT, RADIUS = (3.6, 30.0, 50.0), -0.6, 0.5
 
 
-def shades_of(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Shade of the lamp and of the sky below a ball about the origin of so many random points."""
-    found = estimate_surface(np.float32(sphere(count) * RADIUS))
-    spacing = float(np.median(found.spacing))
-    further, radii = make_surfels(found, spacing)
-    apart = is_sparse(spacing)
-    casters = shadow_casters(found.points, spacing, further, radii, apart)
-    return floor_occlusion(found.points, spacing, casters, LIGHT, HEIGHT, 1, apart)
+def occlusion_of_ball(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Occlusion of the area light and of the sky below a ball of `count` random points around the origin."""
+    surface = estimate_surface(np.float32(sphere(count) * RADIUS))
+    spacing = float(np.median(surface.spacing))
+    surfels, radii = make_surfels(surface, spacing)
+    use_discs = is_sparse(spacing)
+    casters = shadow_casters(surface.points, spacing, surfels, radii, use_discs)
+    return floor_occlusion(surface.points, spacing, casters, LIGHT, HEIGHT, 1, use_discs)
 
 
-def hidden(side: int, step: int, ways: np.ndarray) -> np.ndarray:
-    """Share of rays that meet the ball, from every so many of a floor's (side, side) cells along `ways` (L, 3)."""
+def hidden(side: int, step: int, directions: np.ndarray) -> np.ndarray:
+    """Share of the rays along `directions` (L, 3) that hit the ball, from every `step`-th of (side, side) floor cells."""
     x, y = np.meshgrid(*[(((np.arange(side) + 0.5) / side * 2 - 1) * FLOOR_HALF_WIDTH)[::step]] * 2)
-    places = np.stack([x, y, np.full_like(x, HEIGHT)], -1).astype(np.float32)
-    met = np.zeros(x.shape)
-    for way in ways.astype(np.float32):
-        rays = way - places if np.linalg.norm(way) > 1.5 else way[None, None]
+    positions = np.stack([x, y, np.full_like(x, HEIGHT)], -1).astype(np.float32)
+    hits = np.zeros(x.shape)
+    for direction in directions.astype(np.float32):
+        rays = direction - positions if np.linalg.norm(direction) > 1.5 else direction[None, None]
         rays = rays / np.linalg.norm(rays, axis=2, keepdims=True)
-        nearest = -(places * rays).sum(2)
-        met += (nearest > 0) & ((places**2).sum(2) - nearest**2 < RADIUS**2)
-    return met / len(ways)
+        nearest = -(positions * rays).sum(2)
+        hits += (nearest > 0) & ((positions**2).sum(2) - nearest**2 < RADIUS**2)
+    return hits / len(directions)
 
 
 @pytest.mark.parametrize("count", [500, 2_000, 6_000, 12_000, 40_000])
 def test_floor_occlusion_of_a_ball_matches_ray_casting(count: int) -> None:
-    lamp, sky = shades_of(count)
-    side, step = len(lamp), 1 + len(lamp) // 256  # some of the cells, evenly spread, stand for all
-    lamp, sky = lamp[::step, ::step], sky[::step, ::step]
-    true = hidden(side, step, area_light_samples(LIGHT, 256)[0])
-    assert lamp.sum() == pytest.approx(true.sum(), rel=0.06)
-    assert np.abs(lamp - true).sum() < 0.1 * true.sum()
-    clear = hidden(side, step, cosine_hemisphere(512))
-    assert sky.sum() == pytest.approx(clear.sum(), rel=0.1)
-    assert np.abs(sky - clear).sum() < 0.25 * clear.sum()
+    light, sky = occlusion_of_ball(count)
+    side, step = len(light), 1 + len(light) // 256  # a regular subset of the cells
+    light, sky = light[::step, ::step], sky[::step, ::step]
+    true_light = hidden(side, step, area_light_samples(LIGHT, 256)[0])
+    assert light.sum() == pytest.approx(true_light.sum(), rel=0.06)
+    assert np.abs(light - true_light).sum() < 0.1 * true_light.sum()
+    true_sky = hidden(side, step, cosine_hemisphere(512))
+    assert sky.sum() == pytest.approx(true_sky.sum(), rel=0.1)
+    assert np.abs(sky - true_sky).sum() < 0.25 * true_sky.sum()
 
 
 def test_points_farther_apart_than_the_floor_hide_nothing() -> None:
-    found = estimate_surface(np.float32(sphere(12) * 100))
-    further, radii = make_surfels(found, 100.0)
-    casters = shadow_casters(found.points, 100.0, further, radii, True)
-    for shade in floor_occlusion(found.points, 100.0, casters, LIGHT, -100.0, 1, True):
-        assert shade.shape == (2, 2) and not shade.any()
+    surface = estimate_surface(np.float32(sphere(12) * 100))
+    surfels, radii = make_surfels(surface, 100.0)
+    casters = shadow_casters(surface.points, 100.0, surfels, radii, True)
+    for occlusion in floor_occlusion(surface.points, 100.0, casters, LIGHT, -100.0, 1, True):
+        assert occlusion.shape == (2, 2) and not occlusion.any()
 
 
 def test_disc_samples_form_a_cross_in_the_discs_plane() -> None:
-    found = estimate_surface(np.float32(sphere(800)))
-    further, radii = make_surfels(found, float(np.median(found.spacing)))
-    middles, *places = disc_sample_points(further, radii).reshape(-1, 5, 3).swapaxes(0, 1)
-    assert np.array_equal(middles, further.points)
+    surface = estimate_surface(np.float32(sphere(800)))
+    surfels, radii = make_surfels(surface, float(np.median(surface.spacing)))
+    middles, *places = disc_sample_points(surfels, radii).reshape(-1, 5, 3).swapaxes(0, 1)
+    assert np.array_equal(middles, surfels.points)
     away = np.stack(places) - middles
     lengths = np.linalg.norm(away, axis=2)
     np.testing.assert_allclose(lengths / radii, lengths[0, 0] / radii[0], rtol=1e-4)
-    assert np.abs(np.einsum("kna,na->kn", away, further.normals)).max() < 1e-5
+    assert np.abs(np.einsum("kna,na->kn", away, surfels.normals)).max() < 1e-5
     np.testing.assert_allclose(away.sum(0), 0, atol=1e-6)
     assert np.abs(np.einsum("na,na->n", away[0], away[2])).max() < 1e-6
 
@@ -78,27 +78,27 @@ def test_eroded_share_falls_with_spacing() -> None:
 
 
 def shade_below_a_plate(count: int, gap: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Share of the light that points (L,) below a plate of points have lost to it, and to a true plate; and of its own.
+    """Share of light that points (L,) below a plate of points lose to it, and to an exact plate; and that it loses itself.
 
-    The plate reaches 0.25 to every side of the origin, so far above one that reaches 0.6.
+    The plate reaches 0.25 to every side of the origin and lies `gap` above a larger one, which reaches 0.6.
     """
     rng, above = np.random.default_rng(0), count // 7
     flat = np.concatenate([rng.uniform(-0.25, 0.25, (above, 2)), rng.uniform(-0.6, 0.6, (count - above, 2))])
-    found = estimate_surface(np.float32(np.column_stack([flat, np.where(np.arange(count) < above, 0, -gap)])))
-    spacing = float(np.median(found.spacing))
-    further, radii = make_surfels(found, spacing)
-    up, lamps = found.normals * np.sign(found.normals[:, 2:]), area_light_samples(LIGHT, 16)
-    casters = shadow_casters(found.points, spacing, further, radii, is_sparse(spacing))
-    light = native.direct_lighting(found.points, up, casters, *lamps, spacing, 1.0)[0]
+    surface = estimate_surface(np.float32(np.column_stack([flat, np.where(np.arange(count) < above, 0, -gap)])))
+    spacing = float(np.median(surface.spacing))
+    surfels, radii = make_surfels(surface, spacing)
+    up, samples = surface.normals * np.sign(surface.normals[:, 2:]), area_light_samples(LIGHT, 16)
+    casters = shadow_casters(surface.points, spacing, surfels, radii, is_sparse(spacing))
+    light = native.direct_lighting(surface.points, up, casters, *samples, spacing, 1.0)[0]
     given, left = np.zeros((2, count))
-    for lamp, axis, power in zip(*lamps, strict=True):
-        way = lamp - found.points
-        far = np.linalg.norm(way, axis=1)
-        shone = power * way[:, 2] * np.abs(way @ axis) / far**4
-        through = np.abs(found.points + way * (-found.points[:, 2] / way[:, 2])[:, None])
-        given += shone
-        left += shone * ((through[:, :2] > 0.25).any(1) | (found.points[:, 2] > -gap / 2))
-    lower = found.points[:, 2] < -gap / 2
+    for position, axis, power in zip(*samples, strict=True):
+        to_light = position - surface.points
+        distance = np.linalg.norm(to_light, axis=1)
+        irradiance = power * to_light[:, 2] * np.abs(to_light @ axis) / distance**4
+        through = np.abs(surface.points + to_light * (-surface.points[:, 2] / to_light[:, 2])[:, None])
+        given += irradiance
+        left += irradiance * ((through[:, :2] > 0.25).any(1) | (surface.points[:, 2] > -gap / 2))
+    lower = surface.points[:, 2] < -gap / 2
     return 1 - (light / given)[lower], 1 - (left / given)[lower], 1 - (light / given)[~lower]
 
 
@@ -108,7 +108,7 @@ def test_a_plate_of_points_casts_the_shadow_of_a_plate(count: int) -> None:
         lost, true, own = shade_below_a_plate(count, gap)
         assert lost.sum() == pytest.approx(true.sum(), rel=0.08)
         assert np.abs(lost - true).sum() < 0.14 * true.sum() and own.mean() < 0.02
-        assert (own > 0.5).sum() <= 1  # of 71 points at fewest, one at the rim may lean
+        assert (own > 0.5).sum() <= 1  # the smallest plate has 71 points: the normal of one at its rim may be off
 
 
 def test_shadow_begins_two_spacings_below_its_caster() -> None:

@@ -1,4 +1,4 @@
-"""Shadows at a picture's edge: they end softly there, and nothing else changes."""
+"""Shadows fade to zero at an image's edges; nothing else changes."""
 
 from __future__ import annotations
 

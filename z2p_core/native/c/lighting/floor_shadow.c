@@ -125,8 +125,8 @@ FAST int z2p_floor_shadow(const float *light_occlusion, const float *sky_occlusi
             float diffuse = floor->albedo * (1 - specular);
             float missing = diffuse * (light * occluded_light + lost * occluded_sky)
                 + specular * lost * occluded_reflection;
-            float full = diffuse * (light + floor->sky_radiance) + specular * floor->sky_radiance;
-            out[u] = missing > 0 ? missing / full : 0;
+            out[u] = missing > 0
+                ? missing / (diffuse * (light + floor->sky_radiance) + specular * floor->sky_radiance) : 0;
         }
     }
     free(light_line);
