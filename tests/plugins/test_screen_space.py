@@ -1,4 +1,4 @@
-"""Depth filled in on the screen: a ball is closed and shaded, and what it hides does not shine through."""
+"""Screen-space filling: a ball is closed and shaded, and points that it hides do not show through."""
 
 from __future__ import annotations
 

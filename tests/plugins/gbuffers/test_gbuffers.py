@@ -1,4 +1,4 @@
-"""The surfel G-buffer: geometry, light and shadow lie where they do in the scene, and parameters affect what they should."""
+"""The surfel G-buffer: geometry, light and shadow lie where they do in the scene, and each setting affects its own."""
 
 import gc
 from dataclasses import replace
@@ -63,7 +63,7 @@ def test_drawing_leaves_no_reference_cycles(kind):
 
 
 def reconciled(count, off, shadow=0.0):
-    """Features of a sphere, and how an image changes whose color and shadow alpha differ from them by `off` and `shadow`."""
+    """Features of a sphere, and the change of an image that differs from them by `off` in color, `shadow` in alpha."""
     features = Surfels().draw(sphere_of(count), CAMERA, SCENE)
     alpha = np.where(features[COVERAGE] > 0, features[COVERAGE], features[SHADOW] + np.float32(shadow))
     picture = np.concatenate([features[RADIANCE_RGB] + np.float32(off), alpha[None]])
@@ -181,7 +181,8 @@ def test_density_is_about_a_third_at_the_border_of_a_sheet():
 def test_floor_touches_the_lowest_point_by_default():
     cloud = sphere_of()
     lowest = float(cloud[:, 2].min())
-    resting, given, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=x)) for x in (None, lowest, lowest - 0.3))
+    floors = (None, lowest, lowest - 0.3)
+    resting, given, deep = (Surfels().draw(cloud, CAMERA, replace(SCENE, floor=floor)) for floor in floors)
     np.testing.assert_array_equal(resting, given)
     assert np.array_equal(resting[:GREY], deep[:GREY]) and not np.array_equal(resting[SHADOW], deep[SHADOW])
 

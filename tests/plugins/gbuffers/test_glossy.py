@@ -1,4 +1,4 @@
-"""The G-buffer of surfaces that shine: reflections lie where they do in a mirror, and matt scenes stay as they are."""
+"""The glossy G-buffer: reflections lie where a mirror has them, and diffuse scenes are drawn as by `surfels`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def scene(metallic: float, roughness: float, color: tuple[float, float, float] =
 
 
 def drawn(metallic: float, roughness: float, color: tuple[float, float, float] = (0.5, 0.2, 0.1)) -> np.ndarray:
-    """Linear radiance (3, H, W) in the surface's colour of a ball; nan off it."""
+    """Linear radiance (3, H, W) of a ball in its material; nan off it."""
     picture = Glossy().draw(ball(6000), CAMERA, scene(metallic, roughness, color))
     return np.where(picture[COVERAGE] > 0.99, linear_from_srgb(picture[RADIANCE_RGB]), np.nan)
 
@@ -46,12 +46,12 @@ def test_a_diffuse_scene_is_drawn_as_by_surfels() -> None:
 
 def test_the_highlight_lies_where_a_ball_mirrors_the_light() -> None:
     picture = drawn(1.0, 0.15).sum(0)
-    towards_lamp, towards_eye = light_position(LIGHT), CAMERA.position
-    halfway = towards_lamp / np.linalg.norm(towards_lamp) + towards_eye / np.linalg.norm(towards_eye)
+    to_light, to_viewer = light_position(LIGHT), CAMERA.position
+    halfway = to_light / np.linalg.norm(to_light) + to_viewer / np.linalg.norm(to_viewer)
     place = 0.6 * halfway / np.linalg.norm(halfway)
     (column, row), _ = (values[0] for values in CAMERA.project(place[None]))
     bright = np.argwhere(picture >= 0.9 * np.nanmax(picture)).mean(0) + 0.5
-    assert np.hypot(*(bright - (row, column))) < 4, "pixels from where the mirror direction meets the lamp"
+    assert np.hypot(*(bright - (row, column))) < 4, "pixels from where the mirror direction meets the light"
 
 
 def test_a_highlight_smaller_than_the_spacing_is_as_bright() -> None:
@@ -63,7 +63,7 @@ def test_a_highlight_smaller_than_the_spacing_is_as_bright() -> None:
 
 
 def test_a_ridge_has_no_highlight_of_its_mean_normal() -> None:
-    """Neither side of the roof mirrors the lamp to the viewer, but a surface between them would."""
+    """Neither side of the roof mirrors the light to the viewer, but a surface with their mean normal would."""
     halfway = light_position(LIGHT) / np.linalg.norm(light_position(LIGHT)) + CAMERA.position / np.linalg.norm(
         CAMERA.position)  # fmt: skip
     halfway /= np.linalg.norm(halfway)
@@ -86,10 +86,10 @@ def test_roughness_blurs_the_highlight() -> None:
 
 def test_metal_tints_its_reflections_and_plastic_does_not() -> None:
     red = (0.6, 0.05, 0.05)
-    metal, plastic, matt = drawn(1.0, 0.25, red), drawn(0.0, 0.25, red), drawn(0.0, 1.0, red)
-    shine = plastic - matt
-    at = np.unravel_index(np.nanargmax(shine.sum(0)), shine.shape[1:])
-    assert shine[1][at] > 0.6 * shine[0][at], "the highlight of plastic is white"
+    metal, plastic, diffuse = drawn(1.0, 0.25, red), drawn(0.0, 0.25, red), drawn(0.0, 1.0, red)
+    specular = plastic - diffuse
+    at = np.unravel_index(np.nanargmax(specular.sum(0)), specular.shape[1:])
+    assert specular[1][at] > 0.6 * specular[0][at], "the highlight of plastic is white"
     assert np.nanmean(metal[1]) < 0.2 * np.nanmean(metal[0]), "that of metal has its colour"
 
 
@@ -113,32 +113,34 @@ def test_only_smooth_metal_mirrors_walls_standing_on_it() -> None:
     both = np.concatenate([ground, wall])
     shares = []
     for roughness in (0.1, 0.9):
-        alone, beside = (
+        alone, with_walls = (
             linear_from_srgb(Glossy().draw(cloud, CAMERA, scene(1.0, roughness, (0.5, 0.5, 0.5)))[RED])
             for cloud in (ground, both)
         )
         before = np.column_stack([np.linspace(-0.2, 0.2, 9), np.full(9, 0.25), np.full(9, -0.3)]).astype(np.float32)
         columns, rows = CAMERA.project(before)[0].T.astype(int)
-        shares.append(np.median(beside[rows, columns]) / np.median(alone[rows, columns]))
+        shares.append(np.median(with_walls[rows, columns]) / np.median(alone[rows, columns]))
     assert shares[0] < 0.65 and shares[1] > 0.8
 
 
 def test_smooth_metal_mirrors_the_light_with_sharp_edges() -> None:
-    """Few pixels lie between the lamp's image and the sky beside it; of a blurred highlight most do."""
+    """Few pixels have a brightness between the light's image and the sky's; of a blurred highlight most have."""
     shares = []
     for roughness in (0.05, 0.25):
         picture = Glossy().draw(ball(20_000), Camera(256, 256), scene(1.0, roughness, (0.03, 0.03, 0.03)))
-        within = (picture[COVERAGE] > 0.99) & ((picture[NORMAL_XY] ** 2).sum(0) < 0.5)  # the rim shines by itself
+        within = (picture[COVERAGE] > 0.99) & ((picture[NORMAL_XY] ** 2).sum(0) < 0.5)  # the rim reflects more
         shown = linear_from_srgb(picture[RED][within])
-        lamp = np.quantile(shown, 0.999)
-        assert lamp > 10 * 0.03 * 0.35, "the sky's radiance"
-        shares.append(((shown > 0.25 * lamp) & (shown < 0.75 * lamp)).sum() / (shown > 0.75 * lamp).sum())
+        brightest = np.quantile(shown, 0.999)
+        assert brightest > 10 * 0.03 * 0.35, "the sky's radiance"
+        between = (shown > 0.25 * brightest) & (shown < 0.75 * brightest)
+        shares.append(between.sum() / (shown > 0.75 * brightest).sum())
     assert shares[0] < 0.5 < 1 < shares[1]
 
 
 def test_lobe_sharpness_falls_with_roughness() -> None:
-    found = [lobe_sharpness(roughness) for roughness in (0.0, 0.2, 0.3, 0.5, 1.0)]
-    assert found == sorted(found, reverse=True) and found[-1] == pytest.approx(1) and np.isfinite(found).all()
+    sharpness = [lobe_sharpness(roughness) for roughness in (0.0, 0.2, 0.3, 0.5, 1.0)]
+    assert sharpness == sorted(sharpness, reverse=True) and np.isfinite(sharpness).all()
+    assert sharpness[-1] == pytest.approx(1)
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 5])

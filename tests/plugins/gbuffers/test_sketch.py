@@ -1,4 +1,4 @@
-"""The quick G-buffer: the same channels, light and shadow as the careful one, a little off."""
+"""The G-buffer `sketch`: the same channels, light and shadow as `surfels`, with small deviations."""
 
 from __future__ import annotations
 
@@ -24,36 +24,36 @@ def sphere(count: int) -> np.ndarray:
 
 
 def two_balls(count: int = 6000) -> np.ndarray:
-    """A small ball beside a larger one, which shades it."""
+    """A large ball and a small one in its shadow."""
     return np.float32(np.concatenate([0.6 * sphere(count), 0.25 * sphere(count // 4) + [0.4, -0.5, -0.35]]))
 
 
 @pytest.fixture(scope="module")
-def careful() -> np.ndarray:
+def full() -> np.ndarray:
     return Surfels().draw(two_balls(), CAMERA, SCENE)
 
 
 @pytest.fixture(scope="module")
-def quick() -> np.ndarray:
+def sketch() -> np.ndarray:
     return Sketch().draw(two_balls(), CAMERA, SCENE)
 
 
-def test_surfels_lie_where_those_of_surfels_do(careful: np.ndarray, quick: np.ndarray) -> None:
-    assert quick.shape == careful.shape and Sketch.channels == Surfels.channels
-    assert np.abs(quick[COVERAGE] - careful[COVERAGE]).mean() < 0.002
-    inside = (careful[COVERAGE] == 1) & (quick[COVERAGE] == 1)
-    off = np.abs(quick - careful)[:, inside]
+def test_surfels_lie_where_those_of_surfels_do(full: np.ndarray, sketch: np.ndarray) -> None:
+    assert sketch.shape == full.shape and Sketch.channels == Surfels.channels
+    assert np.abs(sketch[COVERAGE] - full[COVERAGE]).mean() < 0.002
+    inside = (full[COVERAGE] == 1) & (sketch[COVERAGE] == 1)
+    off = np.abs(sketch - full)[:, inside]
     assert off[DEPTH].mean() < 0.002
     assert off[NORMAL_XY].mean() < 0.01
 
 
-def test_light_and_shadow_are_close_to_those_of_surfels(careful: np.ndarray, quick: np.ndarray) -> None:
-    inside = (careful[COVERAGE] == 1) & (quick[COVERAGE] == 1)
-    off = (quick - careful)[RADIANCE, inside]
+def test_light_and_shadow_are_close_to_those_of_surfels(full: np.ndarray, sketch: np.ndarray) -> None:
+    inside = (full[COVERAGE] == 1) & (sketch[COVERAGE] == 1)
+    off = (sketch - full)[RADIANCE, inside]
     assert np.abs(off.mean()) < 0.01 and np.abs(off).mean() < 0.02
-    outside = careful[COVERAGE] == 0
-    off = (quick - careful)[SHADOW, outside]
-    assert careful[SHADOW, outside].max() > 0.4
+    outside = full[COVERAGE] == 0
+    off = (sketch - full)[SHADOW, outside]
+    assert full[SHADOW, outside].max() > 0.4
     assert np.abs(off.mean()) < 0.003 and np.abs(off).mean() < 0.006
 
 
@@ -67,6 +67,6 @@ def test_any_number_of_points_is_drawn(count: int) -> None:
     assert np.isfinite(picture).all() and picture[COVERAGE].max() > 0
 
 
-def test_one_core_and_two_draw_the_same(quick: np.ndarray) -> None:
+def test_one_core_and_two_draw_the_same(sketch: np.ndarray) -> None:
     with without_second_core():
-        np.testing.assert_array_equal(Sketch().draw(two_balls(), CAMERA, SCENE), quick)
+        np.testing.assert_array_equal(Sketch().draw(two_balls(), CAMERA, SCENE), sketch)

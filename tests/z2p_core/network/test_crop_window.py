@@ -1,4 +1,4 @@
-"""Windows: they hold what is shown, and no more of a picture than the network's stride asks for."""
+"""Crops contain the mask and a margin, and no more of the image than the network's stride requires."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,8 @@ def test_crop_contains_the_mask_and_a_margin(shape):
         rows, columns = np.sort(rng.integers(0, height, 2)), np.sort(rng.integers(0, width, 2))
         window = crop_window(shown_in(shape, rows, columns), STRIDE, CELL)
         for side, (first, last), size in zip(window, (rows, columns), shape, strict=True):
-            assert 0 <= side.start <= max(first - CROP_MARGIN, 0) and min(last + 1 + CROP_MARGIN, size) <= side.stop <= size
+            assert 0 <= side.start <= max(first - CROP_MARGIN, 0)
+            assert min(last + 1 + CROP_MARGIN, size) <= side.stop <= size
             assert side.start % CELL == 0
             length = side.stop - side.start
             assert length % STRIDE == 0 or side.stop == size

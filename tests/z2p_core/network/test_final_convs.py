@@ -1,4 +1,4 @@
-"""The last two convolutions without an engine: what torch makes of them, whatever the size."""
+"""The last two convolutions without an engine match torch at any size."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_one_core_and_two_give_the_same_rows() -> None:
     buffers = rng.random((1, CHANNELS, 160, 200), dtype=np.float32)
     assert touch is not None
     drawn = touch.finish(cells, buffers)
-    upper = touch.finish(cells[:, :, :15], buffers[:, :, :60])  # few enough for one core
+    upper = touch.finish(cells[:, :, :15], buffers[:, :, :60])  # so few rows are drawn by one core
     assert np.array_equal(upper[:, :, :58], drawn[:, :, :58]) and not np.array_equal(upper[:, :, 59], drawn[:, :, 59])
 
 

@@ -1,4 +1,4 @@
-"""What is made for a size is made once, however many ask at a time, and the sizes used last are kept."""
+"""Each size is prepared once, also by concurrent threads; the most recently used sizes are kept."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -16,10 +16,10 @@ def test_each_size_is_made_once_and_the_oldest_dropped():
 
     get = cached_per_size(make)
     with ThreadPoolExecutor(8) as threads:
-        found = list(threads.map(get, [1] * 8))
-    assert made == [1] and all(one is found[0] for one in found)
+        results = list(threads.map(get, [1] * 8))
+    assert made == [1] and all(one is results[0] for one in results)
     for size in range(2, MAX_CACHED_SIZES + 1):
         get(size)
-    assert get(1) is found[0] and made == list(range(1, MAX_CACHED_SIZES + 1))
+    assert get(1) is results[0] and made == list(range(1, MAX_CACHED_SIZES + 1))
     get(MAX_CACHED_SIZES + 1)  # 2 was not used for longest
-    assert get(1) is found[0] and get(2) == [2] and made[-1] == 2
+    assert get(1) is results[0] and get(2) == [2] and made[-1] == 2

@@ -1,4 +1,4 @@
-"""The tensors of a network, told without it: those of the very network that is built."""
+"""Names and shapes of tensors from the configuration match the network that is built."""
 
 from math import prod
 

@@ -1,4 +1,4 @@
-"""The networks: Eq. 2 by hand, any size of picture, no talk between batch mates, gradients everywhere."""
+"""The networks: Eq. 2 by hand, any image size, independent batch elements, gradients everywhere."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ PAPER = NetworkConfig(kind="adain_unet", widths=(8, 12, 16), unshuffle=1, mappin
 def network_of(config, seed=0):
     torch.manual_seed(seed)
     network = build_network(config, 3, 5, 7)
-    with torch.no_grad():  # residual branches start at 0: give every layer something to say
+    with torch.no_grad():  # residual branches start at 0: make every layer count
         for parameter in network.parameters():
             parameter += 0.05 * torch.randn_like(parameter)
     return network

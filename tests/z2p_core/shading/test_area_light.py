@@ -50,5 +50,5 @@ def test_hemisphere_axes_point_up_and_are_uniform():
 def test_cosine_hemisphere_gives_each_direction_equal_light():
     directions = cosine_hemisphere(4096)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, atol=1e-12)
-    assert directions[:, 2].mean() == pytest.approx(2 / 3, abs=0.01)  # the mean of the cosine under a cosine-weighted density
+    assert directions[:, 2].mean() == pytest.approx(2 / 3, abs=0.01)  # mean cosine of a cosine-weighted density
     assert np.abs(directions[:, :2].mean(0)).max() < 0.01

@@ -26,7 +26,7 @@ def occlusion_of_ball(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def hidden(side: int, step: int, directions: np.ndarray) -> np.ndarray:
-    """Share of the rays along `directions` (L, 3) that hit the ball, from every `step`-th of (side, side) floor cells."""
+    """Share of rays along `directions` (L, 3) that hit the ball, from every `step`-th of (side, side) floor cells."""
     x, y = np.meshgrid(*[(((np.arange(side) + 0.5) / side * 2 - 1) * FLOOR_HALF_WIDTH)[::step]] * 2)
     positions = np.stack([x, y, np.full_like(x, HEIGHT)], -1).astype(np.float32)
     hits = np.zeros(x.shape)
@@ -78,7 +78,7 @@ def test_eroded_share_falls_with_spacing() -> None:
 
 
 def shade_below_a_plate(count: int, gap: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Share of light that points (L,) below a plate of points lose to it, and to an exact plate; and that it loses itself.
+    """Share of light that points (L,) below a plate of points lose to it, to an exact plate, and that it loses itself.
 
     The plate reaches 0.25 to every side of the origin and lies `gap` above a larger one, which reaches 0.6.
     """
