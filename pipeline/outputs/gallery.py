@@ -41,9 +41,9 @@ def write_gallery(pictures: Sequence[Path], path: Path, title: str = "") -> Path
     check_gallery_place(path)
     environment = Environment(loader=PackageLoader("z2p_renderer.pipeline"), autoescape=True, undefined=StrictUndefined)
     side = next((side for max_pictures, side in THUMBNAIL_SIDES if len(pictures) <= max_pictures), MIN_THUMBNAIL_SIDE)
-    cards = [_card(picture, path.parent, side) for picture in pictures]
+    cards = [_build_card(picture, path.parent, side) for picture in pictures]
     page = environment.get_template("gallery.html").render(
-        title=title or f"{_text(path.absolute().parent.name)} - z2p", cards=cards, version=__version__
+        title=title or f"{_printable_name(path.absolute().parent.name)} - z2p", cards=cards, version=__version__
     )
     atomic_write(page.encode(errors="xmlcharrefreplace"), path)  # records may hold lone surrogates
     return path
@@ -60,21 +60,21 @@ def check_gallery_place(path: Path) -> None:
                            "another folder")
 
 
-def _card(picture: Path, folder: Path, side: int) -> dict[str, Any]:
+def _build_card(picture: Path, folder: Path, side: int) -> dict[str, Any]:
     """The template's values for one picture; one that cannot be read gets a row that says so."""
     try:
         record = read_record(picture)
     except PictureError:  # another program's picture is shown without settings
         record = {}
     relative = os.path.relpath(picture, folder)
-    settings, image = _settings(record), _data_uri(picture, side)
+    settings, image = _settings_rows(record), _data_uri(picture, side)
     if not image:
         settings = [("file", "cannot be read as a picture"), *settings]
     color = record.get("controls", {}).get("color", ())
     has_swatch = len(color) == 3 and all(0 <= channel <= 1 for channel in color)
-    text = " ".join([_text(relative), *(f"{key} {value}" for key, value in settings)]).lower()
+    text = " ".join([_printable_name(relative), *(f"{key} {value}" for key, value in settings)]).lower()
     return {
-        "name": _text(Path(relative).with_suffix("").as_posix()),
+        "name": _printable_name(Path(relative).with_suffix("").as_posix()),
         "href": quote(Path(relative).as_posix().encode(errors="surrogateescape")),
         "image": image,
         "settings": settings,
@@ -83,15 +83,15 @@ def _card(picture: Path, folder: Path, side: int) -> dict[str, Any]:
     }
 
 
-def _settings(record: dict[str, Any]) -> list[tuple[str, str]]:
+def _settings_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
     """The rows (name, text) of the table of settings."""
     if not record:
         return []
     stance, controls = record.get("stance", {}), record.get("controls", {})
-    rows = [("scan", _text(str(record.get("input", {}).get("name") or "an array")))]
+    rows = [("scan", _printable_name(str(record.get("input", {}).get("name") or "an array")))]
     rows += [(name, ", ".join(f"{number:g}" for number in (round(x, 3) for x in value)))
              for name, value in controls.items()]  # fmt: skip
-    rows += [("up", _text(f"{stance.get('up', '')}: {stance.get('up_reason', '')}")),
+    rows += [("up", _printable_name(f"{stance.get('up', '')}: {stance.get('up_reason', '')}")),
              ("view", f"azimuth {stance.get('azimuth') or 0:.0f}, {stance.get('view_reason', '')}")]  # fmt: skip
     if stance.get("outliers"):
         rows.append(("left out", f"outliers: {stance['outliers']}"))
@@ -135,6 +135,6 @@ def _data_uri(picture: Path, side: int) -> str:
     return f"data:image/webp;base64,{base64.b64encode(encoded.getvalue()).decode()}"
 
 
-def _text(name: str) -> str:
+def _printable_name(name: str) -> str:
     """A file's name as printable text."""
     return printable(Path(name))

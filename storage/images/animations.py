@@ -14,7 +14,7 @@ import numpy as np
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
 from z2p_renderer.storage.files.atomic_write import NotAFileError, atomic_write, check_file_target
-from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, PictureError, record_text
+from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, PictureError, format_record
 
 ANIMATION_SUFFIXES = (".webp", ".gif", ".mp4")
 WEBP_QUALITY = 90
@@ -85,7 +85,7 @@ def _encode_webp(frames: Sequence[np.ndarray], rate: float, record: dict[str, An
 
     exif = Image.Exif()
     if record is not None:
-        exif[0x010E] = record_text(record)
+        exif[0x010E] = format_record(record)
     first, *rest = (Image.fromarray(frame) for frame in frames)
     encoded = io.BytesIO()
     first.save(encoded, format="WEBP", save_all=True, append_images=rest, loop=0, quality=WEBP_QUALITY, method=4,
@@ -117,7 +117,7 @@ def _encode_gif(
 
     first, *rest = map(quantize, frames)
     encoded = io.BytesIO()
-    comment = {} if record is None else {"comment": record_text(record).encode()}
+    comment = {} if record is None else {"comment": format_record(record).encode()}
     first.save(encoded, format="GIF", save_all=True, append_images=rest, loop=0,
                duration=_frame_durations(len(frames), rate, 10), optimize=False, disposal=1, **comment)  # fmt: skip
     return encoded.getvalue()
@@ -140,7 +140,7 @@ def _encode_mp4(frames: Sequence[np.ndarray], rate: float, record: dict[str, Any
                    "-colorspace", "bt709", "-color_range", "tv",
                    "-c:v", "libx264", "-crf", str(MP4_CRF), "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
         if record is not None:
-            command += ["-metadata", f"comment={record_text(record)}"]
+            command += ["-metadata", f"comment={format_record(record)}"]
         raw = b"".join(np.pad(frame, padding, mode="edge").tobytes() for frame in frames)
         done = subprocess.run([*command, str(file)], input=raw, capture_output=True)
         if done.returncode != 0:

@@ -95,7 +95,7 @@ def read_record(path: Path, *, complete: bool = False) -> dict[str, Any]:
     Raises:
         PictureError: the file is no picture, has no record (picture editors may drop it), or has an invalid one.
     """
-    text = _record_text(path)
+    text = _read_record_text(path)
     if text is None:
         raise PictureError(f"{printable(path)}: holds no record of z2p; another program wrote it, or saved it again "
                            "without its text")
@@ -109,7 +109,7 @@ def read_record(path: Path, *, complete: bool = False) -> dict[str, Any]:
     return dict(record)
 
 
-def _record_text(path: Path) -> str | None:
+def _read_record_text(path: Path) -> str | None:
     """The record of a picture as JSON text; None if there is none."""
     from PIL import Image
 
@@ -161,7 +161,7 @@ def is_truncated(path: Path) -> bool:
     return not next((has_end for start, has_end in has_end_mark.items() if head.startswith(start)), True)
 
 
-def record_text(record: dict[str, Any]) -> str:
+def format_record(record: dict[str, Any]) -> str:
     """The record as text for a description or comment field, which hold ASCII only."""
     return f"{RECORD_KEYWORD}: {json.dumps(record, allow_nan=False)}"
 
@@ -179,7 +179,7 @@ def _encoder_options(format: str, record: dict[str, Any] | None) -> dict[str, An
     if record is None:
         return options
     if format == "TIFF":
-        return {**options, "description": record_text(record)}
+        return {**options, "description": format_record(record)}
     exif = Image.Exif()
-    exif[DESCRIPTION_TAG] = record_text(record)
+    exif[DESCRIPTION_TAG] = format_record(record)
     return {**options, "exif": exif}
