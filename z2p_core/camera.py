@@ -17,7 +17,7 @@ DISTANCE = 3.6
 DEPTH_RANGE = (DISTANCE - 1, DISTANCE + 1)
 """Depths of the nearest and the farthest point of the unit sphere, in world units."""
 FIELD_OF_VIEW = 40.0
-"""Degrees across the shorter side of the picture: vertical for square and landscape pictures, so nothing is cut."""
+"""Angle across the shorter side of the image, in degrees: vertical in square and landscape ones, so nothing is cut."""
 DEFAULT_ELEVATION = 20.0
 """Degrees above the horizon."""
 
@@ -58,15 +58,15 @@ class Camera:
     def project(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Pixel coordinates (N, 2), x right and y down, and depths (N,), of world points (N, 3).
 
-        Depth is the distance to the camera's plane, d_p in Eq. 1 of the paper. A pixel's centre is at +0.5.
+        Depth is the distance to the camera's plane, d_p in Eq. 1 of the paper. A pixel's center is at +0.5.
         """
         in_camera = (points - self.position.astype(points.dtype)) @ self.rotation.T.astype(points.dtype)
         depth = in_camera[:, 2]
-        centre = np.array([self.width / 2, self.height / 2], dtype=points.dtype)
-        return in_camera[:, :2] * (self.focal / depth)[:, None] + centre, depth
+        center = np.array([self.width / 2, self.height / 2], dtype=points.dtype)
+        return in_camera[:, :2] * (self.focal / depth)[:, None] + center, depth
 
     def frame_coordinates(self, step: int = 1) -> tuple[np.ndarray, np.ndarray]:
-        """Positions u, v (height/step, width/step) float32 of the centres of step x step cells.
+        """Positions u, v (height/step, width/step) float32 of the centers of step x step cells.
 
         They run over [0, 1] in the square frame, as in Eq. 3 of the paper, and beyond it along a longer side.
         """

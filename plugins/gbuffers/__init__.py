@@ -1,1 +1,1 @@
-"""Built-in G-buffers: cloud, camera and light -> rough feature pictures for the network."""
+"""Built-in G-buffers: rough feature images of a cloud under a light, which the network reads."""

@@ -1,4 +1,4 @@
-"""No G-buffer: the network reads the z-buffer alone, as the paper's does."""
+"""No G-buffer: the network reads the z-buffer alone, as in the paper."""
 
 from __future__ import annotations
 

@@ -169,6 +169,7 @@ class Surfels(GBuffer):
         self, lit: LightScene, occlusion: FloorOcclusion, bounced: BouncedLight, floor_visibility: np.ndarray,
         camera: Camera, scene: SceneDescription, out: np.ndarray,
     ) -> None:  # fmt: skip
+        """Draws the channel `SHADOW` of `out`; the floor mirrors the cloud in its own base color."""
         radiance = cloud_radiance_from_floor(bounced, floor_visibility, base_color(scene))
         directions = self.quality.mirror_directions
         draw_floor_shadow(lit, occlusion, radiance, directions, camera, out[GBufferChannel.SHADOW])

@@ -1,1 +1,1 @@
-"""Built-in painters: what draws a cloud on the screen without a mesh, to compare with."""
+"""Built-in painters: methods that draw a cloud in screen space, without a mesh, for comparison."""

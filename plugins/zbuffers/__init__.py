@@ -1,1 +1,1 @@
-"""Built-in z-buffers: projected cloud -> picture for the network."""
+"""Built-in z-buffers: images of a projected cloud, which the network reads."""

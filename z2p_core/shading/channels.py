@@ -6,7 +6,7 @@ G-buffer (10, H, W) float32, `GBufferChannel`. The first nine are 0 where no sur
 index name               range    unit   meaning
 ===== ================== ======== ====== ===============================================================================
 0     COVERAGE           [0, 1]   -      confidence that a surfel covers the pixel: 1 - exp(-gain * w), w the sum of the
-                                         surfels' weights (1 at a surfel's centre, 0 at its rim)
+                                         surfels' weights (1 at a surfel's center, 0 at its rim)
 1     DENSITY            [0, 1]   -      w over its value inside a closed surface; about a third at a surface's border
 2     DEPTH              [0, 1]   -      linear in the distance to the camera's plane: 1 at the near end of the unit
                                          sphere, 0 at its far end (`z2p_core.camera.DEPTH_RANGE`)

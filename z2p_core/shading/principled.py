@@ -50,8 +50,8 @@ class Principled:
     def specular_radiance(self, ggx_terms: np.ndarray, n_dot_v: np.ndarray) -> np.ndarray:
         """Specular radiance (M, 3) of the area light.
 
-        `ggx_terms` (M, 3) are those of `z2p_core.native.specular_radiance`: the radiance with F = 1, and the same weighted by the
-        normalized Fresnel term of metal (Schlick's) and of the dielectric.
+        `ggx_terms` (M, 3) are those of `z2p_core.native.specular_radiance`: the radiance with F = 1, and the same
+        weighted by the normalized Fresnel term of metal (Schlick's) and of the dielectric.
         """
         unweighted, by_metal, by_dielectric = ggx_terms[:, 0:1], ggx_terms[:, 1:2], ggx_terms[:, 2:3]
         metal = self.color * (unweighted - by_metal) + f90_from_f0(self.color) * by_metal
