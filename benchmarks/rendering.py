@@ -36,7 +36,7 @@ def main() -> None:
     parser.add_argument("--views", type=int, default=5, help="of each variant")
     parser.add_argument("--resolution", type=int, default=512)
     parser.add_argument("--samples", type=int, default=4)
-    parser.add_argument("--denoise", default="fast", choices=render.DENOISE[1:])
+    parser.add_argument("--denoise", default="fast", choices=render.DENOISE_QUALITIES[1:])
     parser.add_argument("--passes", default="depth,normal")
     parser.add_argument("--output", type=Path, default=Path("previews/benchmarks"))
     options = parser.parse_args()

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from z2p_core.config.pipeline import DENOISE_QUALITIES, RENDER_PASSES
 from z2p_core.images import bytes_from_unit, srgb_from_linear, straight_from_premultiplied, unit_from_bytes
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.scene import SceneDescription
@@ -28,10 +29,8 @@ from z2p_renderer.storage.files.atomic_write import atomic_path, atomic_write
 from z2p_renderer.storage.files.disk_errors import DiskError, disk_error_message, full_disk_message
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 
-PASSES = ("depth", "normal", "shadow")
 MAX_DEPTH = 1000.0
 """Depth beyond which a pixel's first sample hit nothing, world units."""
-DENOISE = ("off", "fast", "balanced", "high")
 
 Scenes = Sequence[tuple[str, SceneDescription]]
 
@@ -55,11 +54,11 @@ class RenderSettings:
     """0 for all cores."""
 
     def __post_init__(self) -> None:
-        if self.denoise not in DENOISE:
-            raise ValueError(f"denoise: expected one of {', '.join(DENOISE)}, got {self.denoise!r}")
+        if self.denoise not in DENOISE_QUALITIES:
+            raise ValueError(f"denoise: expected one of {', '.join(DENOISE_QUALITIES)}, got {self.denoise!r}")
         for name in self.passes:
-            if name not in PASSES:
-                raise ValueError(f"passes: expected some of {', '.join(PASSES)}, got {name!r}")
+            if name not in RENDER_PASSES:
+                raise ValueError(f"passes: expected some of {', '.join(RENDER_PASSES)}, got {name!r}")
 
     def shaping(self) -> dict[str, Any]:
         """All settings that affect the pixels, by name, for fingerprints."""

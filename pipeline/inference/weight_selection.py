@@ -10,7 +10,7 @@ from threading import Lock
 import numpy as np
 
 from z2p_core.interfaces import Control, SettingError, Value
-from z2p_core.surface.noise_level import noise_to_spacing
+from z2p_core.surface.noise_level import NOISY_NOISE_TO_SPACING, noise_to_spacing
 from z2p_renderer.pipeline.inference.engine_selection import check_engine
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import shipped_weights
@@ -21,10 +21,6 @@ DEFAULT_WEIGHTS = "regular"
 """Shipped weights for clean clouds."""
 NOISY_CLOUD_WEIGHTS = "denoise"
 """Shipped weights for noisy clouds; they carry the same controls as the default ones."""
-MIN_NOISE_TO_SPACING = 0.2
-"""Noise of a cloud, in spacings of its points, from which on it counts as noisy. Measured: up to 0.16 (5,000 points with
-noise of 0.005 of the bounding sphere's radius) the default weights are as good overall and better on the object; from
-0.3 on the others are better."""
 
 
 class AutoRenderer:
@@ -58,7 +54,7 @@ class AutoRenderer:
         """The renderer for a placed cloud (N, 3) float32, started; and the reason in words if it is not the default."""
         noise = noise_to_spacing(cloud)
         with self._lock:  # several threads must not start the same engine
-            if noise < MIN_NOISE_TO_SPACING or NOISY_CLOUD_WEIGHTS not in shipped_weights():
+            if noise < NOISY_NOISE_TO_SPACING or NOISY_CLOUD_WEIGHTS not in shipped_weights():
                 self._default.start()
                 return self._default, ""
             return self._noisy, f"weights {NOISY_CLOUD_WEIGHTS}: its points scatter by {noise:.1f} of their spacing"

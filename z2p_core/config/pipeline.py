@@ -15,6 +15,10 @@ from z2p_core.errors.messages import UserError
 from z2p_core.errors.value_limits import describe_value
 from z2p_core.meshes.synthetic_noise import NOISE_KINDS
 
+DENOISE_QUALITIES = ("off", "fast", "balanced", "high")
+"""Values of `denoise`: OpenImageDenoise's quality, or none."""
+RENDER_PASSES = ("depth", "normal", "shadow")
+"""Extra passes that Blender can write."""
 FINE_BLOCK = 2
 """Side of the pixel blocks on which `NetworkConfig.fine` convolutions work."""
 

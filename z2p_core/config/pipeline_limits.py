@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from z2p_core import registry
-from z2p_core.config.pipeline import ConfigError, PipelineConfig, training_fault
+from z2p_core.config.pipeline import DENOISE_QUALITIES, RENDER_PASSES, ConfigError, PipelineConfig, training_fault
 from z2p_core.errors.value_limits import (
     Boolean,
     Choice,
@@ -24,8 +24,6 @@ from z2p_core.meshes.synthetic_noise import NOISE_KINDS
 from z2p_core.network.tensor_shapes import KINDS as NETWORKS
 from z2p_core.network.tensor_shapes import SIZE_LIMITS, network_config_fault
 
-DENOISE = ("off", "fast", "balanced", "high")
-PASSES = ("depth", "normal", "shadow")
 MIN_SIDE = 11
 """Pixels: the window of structural similarity (`z2p_core.quality.metrics.SSIM_WINDOW`)."""
 MAX_SIDE = 8192
@@ -70,10 +68,10 @@ RENDER: dict[str, Limit | DataclassFields] = {
     "chunk": Count(1, 100_000),
     "resolution": SIDE_LIMIT,
     "samples": SAMPLES_LIMIT,
-    "denoise": Choice(DENOISE),
+    "denoise": Choice(DENOISE_QUALITIES),
     "bounces": Count(0, 1024),
     "upright": Number(0, 1),
-    "passes": ListOf(Choice(PASSES), 0, len(PASSES), distinct=True),
+    "passes": ListOf(Choice(RENDER_PASSES), 0, len(RENDER_PASSES), distinct=True),
     "seed": SEED_LIMIT,
 }
 SHARD: dict[str, Limit | DataclassFields] = {"resolution": SIDE_LIMIT}
@@ -124,7 +122,7 @@ EVALUATE: dict[str, Limit | DataclassFields] = {
     "sampler": Plugin(("samplers",)),
     "resolution": SIDE_LIMIT,
     "samples": SAMPLES_LIMIT,
-    "denoise": Choice(DENOISE),
+    "denoise": Choice(DENOISE_QUALITIES),
     "bounces": Count(0, 1024),
     "supersample": Count(1, 8),
     "elevation": OrNone(ELEVATION_LIMIT),

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from z2p_core.config.pipeline import DENOISE_QUALITIES
 from z2p_core.config.pipeline_limits import (
-    DENOISE,
     FOLDER_LIMIT,
     NAME_LIMIT,
     POINTS_LIMIT,
@@ -78,7 +78,7 @@ REPORT: dict[str, Limit | DataclassFields] = {
     "points": POINTS_LIMIT,
     "resolution": Count(32, 8192),
     "samples": SAMPLES_LIMIT,
-    "denoise": Choice(DENOISE),
+    "denoise": Choice(DENOISE_QUALITIES),
     "seed": SEED_LIMIT,
     "time_repeats": Count(1, 1000),
     "trust_draws": Count(0, 1000),

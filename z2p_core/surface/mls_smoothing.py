@@ -12,11 +12,9 @@ import math
 import numpy as np
 
 from z2p_core import native
-from z2p_core.surface.noise_level import median_spacing, noise_to_spacing
+from z2p_core.surface.noise_level import NOISY_NOISE_TO_SPACING, median_spacing, noise_to_spacing
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, RESUBSAMPLE_SALT, subsample_hashed
 
-SMOOTH_NOISE_TO_SPACING = 0.2
-"""Noise of a depth camera's points, in spacings, from which its clouds are smoothed."""
 PATCH_RADIUS_SIGMAS = 50.0
 """Radius of the patches, in standard deviations of the noise."""
 MAX_PATCH_RADIUS = 0.1
@@ -38,7 +36,7 @@ MAX_MOVE_MEDIANS = 2.5
 def smoothing_radius(cloud: np.ndarray) -> float:
     """Patch radius for a depth camera's cloud (N, 3), in its units; 0 if it is clean enough."""
     noise = noise_to_spacing(cloud)
-    if noise < SMOOTH_NOISE_TO_SPACING:
+    if noise < NOISY_NOISE_TO_SPACING:
         return 0.0
     return min(PATCH_RADIUS_SIGMAS * noise * median_spacing(cloud), MAX_PATCH_RADIUS)
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from made_clouds import box, sphere
 
-from z2p_core.surface.mls_smoothing import MAX_PATCH_RADIUS, SMOOTH_NOISE_TO_SPACING, smooth_cloud, smoothing_radius
+from z2p_core.surface.mls_smoothing import MAX_PATCH_RADIUS, smooth_cloud, smoothing_radius
+from z2p_core.surface.noise_level import NOISY_NOISE_TO_SPACING
 from z2p_core.surface.subsampling import RESUBSAMPLE_SALT, subsample_hashed
 
 
@@ -73,7 +74,7 @@ def test_a_radius_is_asked_for_by_noisy_clouds_alone() -> None:
     noisy = (sphere(20_000) * (1 + 0.01 * rng.normal(size=(20_000, 1)))).astype(np.float32)
     assert 0 < smoothing_radius(noisy) <= MAX_PATCH_RADIUS
     few = (sphere(20_000) * (1 + 0.0005 * rng.normal(size=(20_000, 1)))).astype(np.float32)
-    assert smoothing_radius(few) == 0 and SMOOTH_NOISE_TO_SPACING > 0
+    assert smoothing_radius(few) == 0 and NOISY_NOISE_TO_SPACING > 0
 
 
 def test_what_was_thinned_is_thinned_again_by_another_salt() -> None:
