@@ -26,6 +26,8 @@ ONLY_IN = {
     "h5py": ("storage/", "plugins/readers/h5.py"),
 }
 """Library -> where alone it may be imported."""
+KNOWN_BACK_EDGE = ("inference", "outputs")
+"""Of the packages of `pipeline/`: batches leave pictures that exist already as they are."""
 NOT_IN_CORE = {"h5py", "luigi", "bpy", "open3d"}
 FILE_CALLS = {"open", "read_text", "write_text", "read_bytes", "write_bytes", "mkdir", "unlink", "touch", "rename"}
 FILE_CALLS |= {"savez", "savez_compressed", "savetxt", "loadtxt", "genfromtxt", "fromfile", "tofile", "load_file"}
@@ -92,3 +94,25 @@ def test_no_two_test_files_have_one_name() -> None:
     """As there are no packages, pytest imports them by it."""
     names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
     assert sorted(names) == sorted(set(names))
+
+
+def package_of(module: str) -> str:
+    """Package, or single module, of `pipeline/` that a module's dotted name without `z2p_renderer.` lies in."""
+    return module.split(".")[1]
+
+
+def test_packages_of_the_pipeline_have_no_circle() -> None:
+    """Imports inside functions included; `KNOWN_BACK_EDGE` is the one exception."""
+    edges: dict[str, set[str]] = {}
+    for path in sources("pipeline"):
+        package = path.parts[1].removesuffix(".py")
+        targets = {module.removeprefix("z2p_renderer.") for module, _ in imports(path)}
+        edges.setdefault(package, set()).update(
+            package_of(target) for target in targets if target.startswith("pipeline.")
+        )
+    edges[KNOWN_BACK_EDGE[0]] -= {KNOWN_BACK_EDGE[1]}
+    remaining = {package: targets - {package} for package, targets in edges.items()}
+    while leaves := [package for package, targets in remaining.items() if not targets & set(remaining)]:
+        for package in leaves:
+            del remaining[package]
+    assert not remaining, f"packages import one another in a circle: {sorted(remaining)}"
