@@ -1,4 +1,4 @@
-"""The kernel that hides lamps from the floor: shade lies where it should, as dark as it should be."""
+"""Occlusion of the floor: size, place and depth of shadows against plain geometry."""
 
 import numpy as np
 import pytest
@@ -7,27 +7,27 @@ from point_shapes import square_of
 from z2p_core import native
 
 
-def test_the_shade_of_a_sheet_on_the_floor_has_its_size_and_place():
+def test_the_shadow_of_a_sheet_has_its_size_and_place():
     side, half = 200, 2.0
     sheet = square_of(20_000, 0.25, 0.0) + np.float32([0.5, 0, 0])
-    lamps = np.float32([[0.5, 0, 2.0], [0.5, 0, 50.0]])
-    shade = native.floor_occlusion(sheet, lamps, -1.0, half, side)
+    samples = np.float32([[0.5, 0, 2.0], [0.5, 0, 50.0]])
+    occlusion = native.floor_occlusion(sheet, samples, -1.0, half, side)
     cell = 2 * half / side
-    rows, columns = np.nonzero(shade)
+    rows, columns = np.nonzero(occlusion)
     middle = (columns.mean() + 0.5) * cell - half, (rows.mean() + 0.5) * cell - half
     assert middle == pytest.approx((0.5, 0), abs=cell)
-    # the near lamp stretches half a unit by 3 / 2, the far one hardly
+    # the near sample stretches half a unit by 3 / 2, the far one hardly
     assert len(rows) * cell**2 == pytest.approx(0.75**2, rel=0.08)
-    assert (shade == 1.0).sum() * cell**2 == pytest.approx((0.5 * 51 / 50) ** 2, rel=0.08)
-    assert set(np.unique(shade)) == {0.0, 0.5, 1.0}
+    assert (occlusion == 1.0).sum() * cell**2 == pytest.approx((0.5 * 51 / 50) ** 2, rel=0.08)
+    assert set(np.unique(occlusion)) == {0.0, 0.5, 1.0}
 
 
-def test_an_eye_below_the_floor_sees_a_sheet_smaller_on_it():
+def test_a_mirrored_camera_sees_a_sheet_smaller_on_the_floor():
     """As in a mirror: the floor lies between the two, at two thirds of the way to the sheet."""
     side, half = 200, 2.0
-    eye = np.float32([[0.5, 0, -3.0]])
-    shade = native.floor_occlusion(square_of(20_000, 0.45, 0.0) + np.float32([0.5, 0, 0]), eye, -1.0, half, side)
-    rows, columns = np.nonzero(shade)
+    camera = np.float32([[0.5, 0, -3.0]])
+    occlusion = native.floor_occlusion(square_of(20_000, 0.45, 0.0) + np.float32([0.5, 0, 0]), camera, -1.0, half, side)
+    rows, columns = np.nonzero(occlusion)
     assert len(rows) * (2 * half / side) ** 2 == pytest.approx(0.6**2, rel=0.08)
     assert (columns.mean() + 0.5) * 2 * half / side - half == pytest.approx(0.5, abs=0.02)
 
@@ -46,24 +46,24 @@ def square_light(middle: tuple[float, float, float]) -> tuple[np.ndarray, np.nda
     return square, np.float32([square[0] + x * square[1] + y * square[2] for y in steps for x in steps])
 
 
-def test_parts_of_a_square_light_count_as_much_as_they_shine():
+def test_light_samples_count_by_the_light_that_they_give():
     """Against each part alone, weighed by what it gives the cell."""
     side, half, floor = 160, 2.0, -0.7
-    square, lamps = square_light((0.9, -1.6, 1.9))
+    square, samples = square_light((0.9, -1.6, 1.9))
     axis = np.cross(square[2], square[1]) / np.linalg.norm(np.cross(square[2], square[1]))
     sheet = square_of(40_000, 0.5, 0.3)
-    shade = native.floor_occlusion(sheet, lamps, floor, half, side, blur_cells=2, area_light=square)
+    occlusion = native.floor_occlusion(sheet, samples, floor, half, side, blur_cells=2, area_light=square)
     x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 * half - half] * 2)
     full, lost = np.zeros((side, side)), np.zeros((side, side))
-    for number, lamp in enumerate(lamps):
-        away = lamp - np.stack([x, y, np.full_like(x, floor)], -1)
+    for number, sample in enumerate(samples):
+        away = sample - np.stack([x, y, np.full_like(x, floor)], -1)
         given = np.abs(away @ axis) * away[..., 2] / (away**2).sum(-1) ** 2
-        alone = np.where(np.arange(64)[:, None] == number, lamps, np.float32([0, 0, -0.6]))  # others shine from below
+        alone = np.where(np.arange(64)[:, None] == number, samples, np.float32([0, 0, -0.6]))  # others shine from below
         full += given
         lost += given * 64 * native.floor_occlusion(sheet, alone, floor, half, side)
-    expected, even = lost / full, native.floor_occlusion(sheet, lamps, floor, half, side)
+    expected, even = lost / full, native.floor_occlusion(sheet, samples, floor, half, side)
     # smoothly, for the steps from part to part are taken out
-    off = [np.abs(mean_around(found - expected, 4)).mean() for found in (shade, even)]
+    off = [np.abs(mean_around(result - expected, 4)).mean() for result in (occlusion, even)]
     assert off[0] < 0.25 * off[1]
 
 
@@ -72,63 +72,65 @@ def test_a_penumbra_has_no_steps():
     side, half = 400, 2.0
     rows = (np.arange(8) + 0.5) / 8 - 0.5
     square = np.float32([[0, 0, 2.0], [1.6, 0, 0], [0, 1.6, 0]])
-    lamps = np.float32([[1.6 * x, 1.6 * y, 2.0] for y in rows for x in rows])
+    samples = np.float32([[1.6 * x, 1.6 * y, 2.0] for y in rows for x in rows])
     sheet = square_of(60_000, 0.7, 0.0) + np.float32([0.7, 0, 0])
-    steps = [np.diff(native.floor_occlusion(sheet, lamps, -1.0, half, side, blur_cells=soft, area_light=given)[side // 2, 150:250])
-             for soft, given in ((0, None), (2, square))]  # fmt: skip
+    steps = []
+    for blur, light in ((0, None), (2, square)):
+        occlusion = native.floor_occlusion(sheet, samples, -1.0, half, side, blur_cells=blur, area_light=light)
+        steps.append(np.diff(occlusion[side // 2, 150:250]))
     assert np.median(steps[1]) > 0  # where there were steps, most cells were as dark as their neighbours
     assert steps[1].std() < 0.4 * steps[0].std()
 
 
-@pytest.mark.parametrize(("narrowed", "number", "wider"), [(0.0, 0, 1), (0.25, 0, 0), (0.25, 1, 1), (1.0, 1, 0)])
-def test_a_share_of_the_lamps_has_shadows_a_cell_narrower(narrowed: float, number: int, wider: int):
+@pytest.mark.parametrize(("eroded_share", "number", "wider"), [(0.0, 0, 1), (0.25, 0, 0), (0.25, 1, 1), (1.0, 1, 0)])
+def test_eroded_samples_have_shadows_a_cell_narrower(eroded_share: float, number: int, wider: int):
     """Of a dense sheet, on the mean over where it lies on the cells: those are as wide as it, others a cell wider."""
     side, half = 120, 2.0
-    lamps = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), np.float32([0, 0, -0.3]))
+    samples = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), np.float32([0, 0, -0.3]))
     widths, middles = [], []
     for shift in np.linspace(0, 2 * half / side, 10, endpoint=False, dtype=np.float32):
         sheet = square_of(40_000, 0.5, 0.0) + np.float32([shift, 0, 0])
-        row = native.floor_occlusion(sheet, lamps, -0.5, half, side, narrowed)[side // 2] * 64
+        row = native.floor_occlusion(sheet, samples, -0.5, half, side, eroded_share)[side // 2] * 64
         widths.append(row.sum())
         middles.append((np.flatnonzero(row).mean() + 0.5) * 2 * half / side - half - shift)
     assert np.mean(widths) == pytest.approx(side / (2 * half) + wider, abs=0.2)
     assert np.mean(middles) == pytest.approx(0, abs=0.2 * 2 * half / side)
 
 
-def test_a_soft_shade_is_the_mean_over_the_cells_around():
-    side, soft, sheet = 90, 3, square_of(4_000, 0.4, 0.0) + np.float32([0.3, -0.5, 0])
-    lamps = np.float32([[0.5, 0, 2.0], [0.5, 0.4, 3.0]])
-    sharp = native.floor_occlusion(sheet, lamps, -1.0, 2.0, side)
-    np.testing.assert_allclose(native.floor_occlusion(sheet, lamps, -1.0, 2.0, side, blur_cells=soft), mean_around(sharp, soft),
-                               atol=1e-6)  # fmt: skip
+def test_blur_is_the_mean_over_the_cells_around():
+    side, blur, sheet = 90, 3, square_of(4_000, 0.4, 0.0) + np.float32([0.3, -0.5, 0])
+    samples = np.float32([[0.5, 0, 2.0], [0.5, 0.4, 3.0]])
+    sharp = native.floor_occlusion(sheet, samples, -1.0, 2.0, side)
+    blurred = native.floor_occlusion(sheet, samples, -1.0, 2.0, side, blur_cells=blur)
+    np.testing.assert_allclose(blurred, mean_around(sharp, blur), atol=1e-6)
 
 
-def test_points_above_a_lamp_and_far_off_cast_no_shade():
+def test_points_above_the_light_or_far_off_cast_no_shadow():
     points = np.float32([[0, 0, 2.5], [0, 0, 2.0], [1.9, 0, 1.9]])
     assert not native.floor_occlusion(points, np.float32([[0, 0, 2.0]]), -1.0, 2.0, 64).any()
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.8, 1.0])
-def test_narrowed_lamps_are_as_many_as_asked_and_spread_over_the_light(share: float):
-    """A lamp alone casts a shadow that shows whether it is one; in each quarter of the light as many are."""
+def test_eroded_samples_are_spread_evenly_over_the_light(share: float):
+    """A sample alone casts a shadow that shows whether it is one; in each quarter of the light as many are."""
     side, sheet = 60, square_of(4_000, 0.5, 0.0)
     dark, wide = np.float32([0, 0, -0.3]), []
     for number in range(64):
-        lamps = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), dark)
-        wide.append(native.floor_occlusion(sheet, lamps, -0.5, 2.0, side, share).sum())
-    narrow = (np.float32(wide) < max(wide) - 1e-3).reshape(8, 8) if 0 < share < 1 else np.full((8, 8), share == 1)
-    assert narrow.sum() == round(64 * share)
-    for quarter in (narrow[:4, :4], narrow[:4, 4:], narrow[4:, :4], narrow[4:, 4:]):
+        samples = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), dark)
+        wide.append(native.floor_occlusion(sheet, samples, -0.5, 2.0, side, share).sum())
+    is_eroded = (np.float32(wide) < max(wide) - 1e-3).reshape(8, 8) if 0 < share < 1 else np.full((8, 8), share == 1)
+    assert is_eroded.sum() == round(64 * share)
+    for quarter in (is_eroded[:4, :4], is_eroded[:4, 4:], is_eroded[4:, :4], is_eroded[4:, 4:]):
         assert abs(quarter.mean() - share) <= 1 / 16
 
 
 @pytest.mark.parametrize(("side", "wide"), [(40, 100), (90, 40), (50, 50)])
-def test_a_shade_in_other_cells_is_the_same_shade(side: int, wide: int):
+def test_a_resampled_linear_grid_stays_linear(side: int, wide: int):
     def slope(cells: int) -> np.ndarray:
         x, y = np.meshgrid(*[(np.arange(cells, dtype=np.float32) + 0.5) / cells] * 2)
         return 0.2 + 0.5 * x + 0.1 * y
 
     edge = -(-wide // side)  # cells beyond the outermost middles
-    found = native.resample_grid(slope(side), wide)[edge:-edge, edge:-edge]
-    np.testing.assert_allclose(found, slope(wide)[edge:-edge, edge:-edge], atol=1e-5)
+    result = native.resample_grid(slope(side), wide)[edge:-edge, edge:-edge]
+    np.testing.assert_allclose(result, slope(wide)[edge:-edge, edge:-edge], atol=1e-5)
     assert (native.resample_grid(np.full((side, side), 0.3, np.float32), wide) == np.float32(0.3)).all()

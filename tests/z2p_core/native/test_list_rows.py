@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.native import walk_rows
+from z2p_core.native import read_list_rows
 
 KINDS = ("i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8")
 
@@ -35,11 +35,11 @@ def made(order: str, rows: int, rng: np.random.Generator) -> tuple[bytes, list, 
 @pytest.mark.parametrize("seed", range(8))
 def test_rows_are_walked_as_they_stand(order: str, seed: int) -> None:
     blob, properties, wanted, expected = made(order, 7, np.random.default_rng(seed))
-    values, end = walk_rows(b"abc" + blob + b"more", 3, 7, properties, wanted)
+    values, end = read_list_rows(b"abc" + blob + b"more", 3, 7, properties, wanted)
     assert np.array_equal(values, expected) and end == 3 + len(blob)
     for cut in range(0, len(blob), 3):
         with pytest.raises(ValueError, match=r"past the end|at least begin"):
-            walk_rows(b"abc" + blob[:cut], 3, 7, properties, wanted)
+            read_list_rows(b"abc" + blob[:cut], 3, 7, properties, wanted)
 
 
 @pytest.mark.parametrize("length", KINDS[:8])
@@ -49,10 +49,10 @@ def test_lists_longer_than_the_file_or_of_negative_length_are_refused(length: st
     for number in numbers:
         blob = np.array([number], kind).tobytes() + bytes(20)
         with pytest.raises(ValueError, match="past the end"):
-            walk_rows(blob, 0, 1, [(np.dtype("<f8"), kind)], [])
+            read_list_rows(blob, 0, 1, [(np.dtype("<f8"), kind)], [])
 
 
 def test_rows_that_cannot_be_there_take_no_memory() -> None:
     with pytest.raises(ValueError, match="at least begin"):
-        walk_rows(bytes(100), 0, 10**15, [(np.dtype("<f4"), None)], [0])
-    assert walk_rows(bytes(100), 5, 10**15, [], [])[1] == 5  # rows of nothing end where they begin
+        read_list_rows(bytes(100), 0, 10**15, [(np.dtype("<f4"), None)], [0])
+    assert read_list_rows(bytes(100), 5, 10**15, [], [])[1] == 5  # rows of nothing end where they begin

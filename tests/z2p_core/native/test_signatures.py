@@ -113,26 +113,26 @@ def test_wrong_arguments_are_refused_before_the_call(case: str, monkeypatch: pyt
     bind = library._bind
     monkeypatch.setattr(library, "_bind", lambda kernel: (refuse, *bind(kernel)[1:]))
     with pytest.raises(TypeError, match=message):
-        call("z2p_planes", *arguments)
+        call("z2p_fit_planes", *arguments)
 
 
 def test_a_number_is_refused_where_it_is_text_or_an_array() -> None:
     for wrong in ("0.5", np.zeros(1), None):
         with pytest.raises(TypeError, match=r"argument 1 \(noise\): expected a number, got"):
-            call("z2p_refine_begin", wrong, 20, NORMALS, NORMALS)
+            call("z2p_normal_gnn_begin", wrong, 20, NORMALS, NORMALS)
 
 
 def test_arguments_are_taken_by_name_in_any_order() -> None:
     planes = [np.empty((20, 3), np.float32) for _ in range(2)]
-    call("z2p_planes", CLOUD, NEIGHBORS, 20, 8, planes[0], SPREAD)
-    call("z2p_planes", CLOUD, NEIGHBORS, spread=SPREAD, normals=planes[1], most=8, count=20)
+    call("z2p_fit_planes", CLOUD, NEIGHBORS, 20, 8, planes[0], SPREAD)
+    call("z2p_fit_planes", CLOUD, NEIGHBORS, spread=SPREAD, normals=planes[1], neighbor_count=8, count=20)
     np.testing.assert_array_equal(planes[0], planes[1])
 
 
-@pytest.mark.parametrize("named", [{"spread": SPREAD}, {"spread": SPREAD, "normals": NORMALS, "most": 8, "counts": 20}])
+@pytest.mark.parametrize("named", [{"spread": SPREAD}, {"spread": SPREAD, "normals": NORMALS, "neighbor_count": 8, "counts": 20}])
 def test_unknown_or_missing_names_are_refused(named: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match=r"count.* missing, unknown or given twice; it takes points, "):
-        call("z2p_planes", CLOUD, NEIGHBORS, **named)
+        call("z2p_fit_planes", CLOUD, NEIGHBORS, **named)
 
 
 def test_kernels_older_than_the_code_say_to_install_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -142,8 +142,8 @@ def test_kernels_older_than_the_code_say_to_install_again(monkeypatch: pytest.Mo
 
 
 def test_a_kernel_is_declared_once() -> None:
-    with pytest.raises(ValueError, match="z2p_planes is declared twice"):
-        library.declare("z2p_planes", points=FLOATS)
+    with pytest.raises(ValueError, match="z2p_fit_planes is declared twice"):
+        library.declare("z2p_fit_planes", points=FLOATS)
 
 
 def test_read_only_and_empty_arrays_are_read() -> None:
@@ -151,4 +151,4 @@ def test_read_only_and_empty_arrays_are_read() -> None:
     cloud.flags.writeable = False
     normals, spread = native.fit_planes(cloud, NEIGHBORS)
     assert normals.shape == (20, 3)
-    call("z2p_planes", cloud, NEIGHBORS[:0], 0, 8, normals[:0], spread[:0])
+    call("z2p_fit_planes", cloud, NEIGHBORS[:0], 0, 8, normals[:0], spread[:0])
