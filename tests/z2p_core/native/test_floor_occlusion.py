@@ -40,14 +40,14 @@ def mean_around(grid: np.ndarray, cells: int) -> np.ndarray:
 
 
 def square_light(middle: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """A square light that looks down askew, and its 64 parts."""
+    """A tilted square light above the floor, and its 64 samples."""
     square = np.float32([middle, [1.4, 0.8, 0.0], [-0.5, 0.9, 1.3]])
     steps = (np.arange(8) + 0.5) / 8 - 0.5
     return square, np.float32([square[0] + x * square[1] + y * square[2] for y in steps for x in steps])
 
 
 def test_light_samples_count_by_the_light_that_they_give():
-    """Against each part alone, weighed by what it gives the cell."""
+    """Compared with each sample alone, weighted by the irradiance that it gives the cell."""
     side, half, floor = 160, 2.0, -0.7
     square, samples = square_light((0.9, -1.6, 1.9))
     axis = np.cross(square[2], square[1]) / np.linalg.norm(np.cross(square[2], square[1]))
@@ -58,17 +58,17 @@ def test_light_samples_count_by_the_light_that_they_give():
     for number, sample in enumerate(samples):
         away = sample - np.stack([x, y, np.full_like(x, floor)], -1)
         given = np.abs(away @ axis) * away[..., 2] / (away**2).sum(-1) ** 2
-        alone = np.where(np.arange(64)[:, None] == number, samples, np.float32([0, 0, -0.6]))  # others shine from below
+        alone = np.where(np.arange(64)[:, None] == number, samples, np.float32([0, 0, -0.6]))  # others are below
         full += given
         lost += given * 64 * native.floor_occlusion(sheet, alone, floor, half, side)
     expected, even = lost / full, native.floor_occlusion(sheet, samples, floor, half, side)
-    # smoothly, for the steps from part to part are taken out
+    # compared after a blur, as the kernel smooths the steps from sample to sample
     off = [np.abs(mean_around(result - expected, 4)).mean() for result in (occlusion, even)]
     assert off[0] < 0.25 * off[1]
 
 
 def test_a_penumbra_has_no_steps():
-    """A half plane's edge takes parts of the light away one row after the other; the floor darkens evenly."""
+    """A half plane's edge hides the samples row by row; the floor must darken evenly nevertheless."""
     side, half = 400, 2.0
     rows = (np.arange(8) + 0.5) / 8 - 0.5
     square = np.float32([[0, 0, 2.0], [1.6, 0, 0], [0, 1.6, 0]])
@@ -78,13 +78,13 @@ def test_a_penumbra_has_no_steps():
     for blur, light in ((0, None), (2, square)):
         occlusion = native.floor_occlusion(sheet, samples, -1.0, half, side, blur_cells=blur, area_light=light)
         steps.append(np.diff(occlusion[side // 2, 150:250]))
-    assert np.median(steps[1]) > 0  # where there were steps, most cells were as dark as their neighbours
+    assert np.median(steps[1]) > 0  # with steps, most cells are as dark as the next
     assert steps[1].std() < 0.4 * steps[0].std()
 
 
 @pytest.mark.parametrize(("eroded_share", "number", "wider"), [(0.0, 0, 1), (0.25, 0, 0), (0.25, 1, 1), (1.0, 1, 0)])
 def test_eroded_samples_have_shadows_a_cell_narrower(eroded_share: float, number: int, wider: int):
-    """Of a dense sheet, on the mean over where it lies on the cells: those are as wide as it, others a cell wider."""
+    """Averaged over positions relative to the cells: eroded shadows have the sheet's width, others a cell more."""
     side, half = 120, 2.0
     samples = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), np.float32([0, 0, -0.3]))
     widths, middles = [], []
@@ -112,7 +112,7 @@ def test_points_above_the_light_or_far_off_cast_no_shadow():
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.8, 1.0])
 def test_eroded_samples_are_spread_evenly_over_the_light(share: float):
-    """A sample alone casts a shadow that shows whether it is one; in each quarter of the light as many are."""
+    """The width of each sample's own shadow shows whether it is eroded; each quarter of the light has as many."""
     side, sheet = 60, square_of(4_000, 0.5, 0.0)
     dark, wide = np.float32([0, 0, -0.3]), []
     for number in range(64):
@@ -130,7 +130,7 @@ def test_a_resampled_linear_grid_stays_linear(side: int, wide: int):
         x, y = np.meshgrid(*[(np.arange(cells, dtype=np.float32) + 0.5) / cells] * 2)
         return 0.2 + 0.5 * x + 0.1 * y
 
-    edge = -(-wide // side)  # cells beyond the outermost middles
+    edge = -(-wide // side)  # cells beyond the outermost centers, where values are constant
     result = native.resample_grid(slope(side), wide)[edge:-edge, edge:-edge]
     np.testing.assert_allclose(result, slope(wide)[edge:-edge, edge:-edge], atol=1e-5)
     assert (native.resample_grid(np.full((side, side), 0.3, np.float32), wide) == np.float32(0.3)).all()

@@ -14,7 +14,7 @@ UP, DOWN = np.float32([0, 0, 1]), np.float32([0, 0, -1])
 
 
 def lit(points, normals, *samples_and_sizes, casters=None):
-    """Light on points that cast their own shadows, in cells of two thirds of their spacing."""
+    """Irradiance of points that cast their own shadows, with shadow map cells of two thirds of their spacing."""
     spacing = samples_and_sizes[-2]
     own = native.ShadowCasters(points, np.arange(len(points)), spacing / 1.5)
     return native.direct_lighting(points, normals, casters or own, *samples_and_sizes)
@@ -24,11 +24,11 @@ def test_irradiance_falls_with_distance_and_angle():
     points = np.float32([[0, 0, 0], [0.5, 0, -1], [3, 0, 0]])
     light_at = np.float32([[0, 0, 3]])
     light = lit(points, np.tile(UP, (3, 1)), light_at, DOWN[None], np.float32([9.0]), 0.01, 4.0)
-    # both cosines count: beside the light's axis it shines weaker, and falls slanting
+    # both cosines count: off its axis the light is weaker, and it arrives slanting
     np.testing.assert_allclose(light[0], [1.0, 9 * 16 / 16.25**2, 9 / 18 * 0.5], rtol=1e-5)
     assert not light[1].any()
     away = lit(points, np.tile(DOWN, (3, 1)), light_at, DOWN[None], np.float32([9.0]), 0.01, 4.0)
-    np.testing.assert_array_equal(away, light[::-1])  # the side that is lit is told apart
+    np.testing.assert_array_equal(away, light[::-1])  # the other side is lit
 
 
 def test_more_points_than_shadow_maps_can_number_are_refused():
@@ -57,9 +57,8 @@ def test_a_slanting_plane_does_not_shadow_itself():
     normal = np.float32([-2, 0, 1]) / math.sqrt(5)
     spacing = 0.7 * math.sqrt(math.sqrt(5) / count)
     light_at = np.float32([[0, -1.5, 3.0]])
-    light = lit(
-        points, np.tile(normal, (count, 1)), light_at, -light_at / np.linalg.norm(light_at), np.float32([1.0]), spacing, 1.3
-    )[0]  # fmt: skip
+    axis = -light_at / np.linalg.norm(light_at)
+    light = lit(points, np.tile(normal, (count, 1)), light_at, axis, np.float32([1.0]), spacing, 1.3)[0]
     assert (light > 0).mean() > 0.99
 
 
@@ -114,7 +113,7 @@ def test_the_floors_shadow_is_drawn_where_it_projects():
 
 
 @pytest.mark.parametrize("below", [0.0, 1e-7, -1e-7, 1e-3, -0.5])
-def test_a_floor_at_the_cameras_height_is_not_visible(below):  # all of a row would lie in one place of it
+def test_a_floor_at_the_cameras_height_is_not_visible(below):  # a row of pixels would see one line of it
     full, alpha = np.ones((100, 100), np.float32), np.full((32, 32), np.nan, np.float32)
     native.floor_shadow(*[full] * 3, DARK, floor_under(height=-below), Camera(32, 32, 0.0), alpha)
     assert ((alpha >= 0) & (alpha <= 1 + 1e-5)).all() and (below > 0 or not alpha.any())
@@ -128,7 +127,7 @@ def test_light_from_the_cloud_brightens_the_floors_shadow():
         alpha = np.empty((64, 64), np.float32)
         native.floor_shadow(none, hidden, hidden, np.full((16, 16), irradiance, np.float32), floor, camera, alpha)
         alphas.append(alpha[32, 32])
-    assert alphas == pytest.approx([0.5, 0.375, 0.125])  # what hides half of the sky shines itself
+    assert alphas == pytest.approx([0.5, 0.375, 0.125])  # what hides half of the sky sends light itself
 
 
 @pytest.mark.parametrize("elevation", [8.0, 20.0, 50.0, 80.0])
@@ -140,14 +139,15 @@ def test_the_floors_reflection_is_that_of_ggx(elevation):
     assert alpha[32, 32] == pytest.approx(specular / (specular + floor.albedo * (1 - specular)), abs=0.008)
     directions = specular_directions(math.sin(math.radians(elevation)), 0.5, 1.5, 64)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1, rtol=1e-6)
-    assert directions.mean(0) == pytest.approx(mean, abs=0.1) and directions[:, 2].mean() == pytest.approx(mean[2], abs=0.03)
+    assert directions.mean(0) == pytest.approx(mean, abs=0.1)
+    assert directions[:, 2].mean() == pytest.approx(mean[2], abs=0.03)
 
 
 AXES = np.float32([[0, 0, 1], [1, 0, 0], [0, 0.6, 0.8]])
 
 
 def test_first_visible_is_the_nearest_sheet_on_both_sides():
-    """Three sheets one above the other: each sees its neighbour, whatever lies beyond."""
+    """Three sheets one above the other: each sees the one next to it only."""
     heights, count = (0.6, 0.0, -0.5), 3000
     points = np.concatenate([square_of(count, 0.4, height, seed) for seed, height in enumerate(heights)])
     visible = native.first_visible(points, np.tile(UP, (3 * count, 1)), AXES, 0.8 / math.sqrt(count), 1.0)
