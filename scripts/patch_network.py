@@ -16,11 +16,11 @@ import torch
 from torch import nn
 
 FEATURES, VOTES = 6, 4
-REACH = 4.0
-"""As in `refine.c`: in scale, of the longest step to a neighbour."""
-QUIET = 0.1
+MAX_STEP = 4.0
+"""As in `normal_gnn.c`: offsets to neighbors are compressed smoothly to less than this length, in scales."""
+NEW_UNIT_SCALE = 0.1
 """Of what new units of a larger network begin with, against those of one that begins from nothing."""
-TITLE = "/* What scripts/learn_patches.py has learnt, which writes this file; refine.c uses it. */\n\n#pragma once\n\n"
+TITLE = "/* Weights of the network in normal_gnn.c. Written by scripts/learn_patches.py; do not edit. */\n\n#pragma once\n\n"
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def _at(rows: torch.Tensor, found: torch.Tensor) -> torch.Tensor:
 
 
 class Round(nn.Module):
-    """One round of messages, as `z2p_refine` computes it."""
+    """One round of messages, as `z2p_refine_normals` computes it."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
@@ -88,7 +88,7 @@ class Round(nn.Module):
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Points, normals and memory after it."""
         step = (_at(points, cloud.found) - points[:, None]) / cloud.scale[:, None, None]
-        step = step * torch.rsqrt(1 + (step * step).sum(-1, keepdim=True) / REACH**2)
+        step = step * torch.rsqrt(1 + (step * step).sum(-1, keepdim=True) / MAX_STEP**2)
         theirs = _at(normals, cloud.found)
         along = (theirs * normals[:, None]).sum(-1)
         theirs = theirs * torch.where(along < 0, -1.0, 1.0)[..., None]
@@ -152,7 +152,7 @@ def _place(large: torch.Tensor, small: torch.Tensor) -> None:
         return
     rows, columns = small.shape
     large[:rows, columns:] = 0
-    large[rows:] *= QUIET
+    large[rows:] *= NEW_UNIT_SCALE
     large[:rows, :columns] = small
 
 
@@ -161,7 +161,7 @@ def write_header(path: Path, network: Refinement) -> None:
     numbers = [f"{number:.4g}" for tensor in numbers_of(network) for number in tensor.flatten().tolist()]
     rows = textwrap.fill(", ".join(numbers), 120, initial_indent="    ", subsequent_indent="    ")
     size = f"#define ROUNDS {len(network.rounds)}\n#define WIDTH {network.width}\n\n#include \"points/normal_gnn.h\"\n\n"
-    path.write_text(f"{TITLE}{size}static const Network LEARNT = {{\n{rows},\n}};\n", encoding="ascii")
+    path.write_text(f"{TITLE}{size}static const Network NORMAL_GNN_WEIGHTS = {{\n{rows},\n}};\n", encoding="ascii")
 
 
 def read_header(path: Path) -> Refinement:

@@ -29,7 +29,7 @@ def meshes(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize(("noise", "neighbours"), [(0.0, 16), (0.02, 21)])
+@pytest.mark.parametrize(("noise", "neighbors"), [(0.0, 16), (0.02, 21)])
 def test_kernel_matches_the_network_of_the_shipped_header(
     meshes: Path, noise: float, neighbors: int
 ) -> None:
@@ -65,7 +65,7 @@ def test_a_header_holds_a_network_of_any_size(tmp_path: Path, rounds: int, width
      ("#define ROUNDS 3\n#define WIDTH 16\n", r"expected \d+ numbers for 3 rounds of 16 units, got 3")],
 )  # fmt: skip
 def test_a_header_of_another_network_is_refused(tmp_path: Path, defined: str, error: str) -> None:
-    (tmp_path / "some.h").write_text(defined + "static const Network LEARNT = { 1, 2.5e-3, -4 };")
+    (tmp_path / "some.h").write_text(defined + "static const Network NORMAL_GNN_WEIGHTS = { 1, 2.5e-3, -4 };")
     with pytest.raises(ValueError, match=r"some\.h: " + error):
         patch_network.read_header(tmp_path / "some.h")
 

@@ -29,7 +29,7 @@ from z2p_core.native.lighting import raycast_discs as raycast_discs
 from z2p_core.native.lighting import resample_grid as resample_grid
 from z2p_core.native.lighting import sharp_light_reflection as sharp_light_reflection
 from z2p_core.native.lighting import specular_radiance as specular_radiance
-from z2p_core.native.list_rows import walk_rows as walk_rows
+from z2p_core.native.list_rows import read_list_rows as read_list_rows
 from z2p_core.native.points import NeighborGrid as NeighborGrid
 from z2p_core.native.points import fit_jets as fit_jets
 from z2p_core.native.points import fit_planes as fit_planes

@@ -220,7 +220,7 @@ def call(kernel: str, /, *arguments: Any, **named: Any) -> None:
 @cache
 def _bind(kernel: str) -> tuple[Any, dict[str, ArgumentType], list[Any]]:
     """The C function, its parameters, and what converts an argument for each of them."""
-    parameters = SIGNATURES.get(kernel) or SIGNATURES[kernel.removesuffix(WIDE_SUFFIX)]
+    parameters = SIGNATURES[kernel.removesuffix(WIDE_SUFFIX)]
     function = getattr(load_library(), kernel, None)
     if function is None:
         raise ImportError(f"z2p's compiled kernels are older than its code: {kernel} is missing; install z2p again")
@@ -271,7 +271,7 @@ def load_library() -> ctypes.CDLL:
     )
 
 
-declare("z2p_is_wide", wide=INTS_OUT)
+declare("z2p_has_avx512", has_avx512=INTS_OUT)
 
 
 def select_variant(kernel: str) -> str:
@@ -285,7 +285,7 @@ def select_variant(kernel: str) -> str:
 @lru_cache(maxsize=1)
 def has_avx512() -> bool:
     wide = np.zeros(1, np.int32)
-    call("z2p_is_wide", wide)
+    call("z2p_has_avx512", wide)
     return bool(wide[0])
 
 

@@ -1,4 +1,4 @@
-"""Kernels that find a bare cloud's neighbours, and the planes and patches through them."""
+"""Kernels on bare clouds: neighbors, tangent planes, jets, noise, refined normals, and how much of an image they cover."""
 
 from __future__ import annotations
 
@@ -22,162 +22,196 @@ from z2p_core.native.library import (
 )
 from z2p_core.parallel import parallel_rows
 
-GRID, GRID_TO_FREE = Handle("const Grid*"), Handle("Grid*")
-GRID_OUT = Handle("Grid**", is_output=True)
-
+declare("z2p_grid_build", points=FLOATS, count=INT, sorted=FLOATS_OUT, grid=Handle("Grid**", is_output=True))
+declare("z2p_grid_free", grid=Handle("Grid*"))
 declare(
-    "z2p_jets", points=FLOATS, before=FLOATS, asked=INTS, found=INTS, count=INT, most=INT, tolerance=FLOATS,
-    scale=FLOATS, normals=FLOATS_OUT, heights=FLOATS_OUT,
-)  # fmt: skip
-declare("z2p_refine_size", rounds=INTS_OUT, width=INTS_OUT)
-declare("z2p_refine_begin", noise=FLOAT, count=INT, memory=FLOATS_OUT, told=FLOATS_OUT)
-declare(
-    "z2p_refine", which=INT, points=FLOATS, normals=FLOATS, memory=FLOATS, told=FLOATS, found=INTS, scale=FLOATS,
-    begin=INT, end=INT, most=INT, points_after=FLOATS_OUT, normals_after=FLOATS_OUT, memory_after=FLOATS_OUT,
-    told_after=FLOATS_OUT,
-)  # fmt: skip
-declare("z2p_grid", points=FLOATS, count=INT, sorted=FLOATS_OUT, handle=GRID_OUT)
-declare("z2p_grid_free", grid=GRID_TO_FREE)
-declare("z2p_neighbours", grid=GRID, points=FLOATS, asked=INTS, count=INT, most=INT, found=INTS_OUT, spacing=FLOATS_OUT)
-declare("z2p_planes", points=FLOATS, found=INTS, count=INT, most=INT, normals=FLOATS_OUT, spread=FLOATS_OUT)
-declare(
-    "z2p_slabs", points=FLOATS, asked=INTS, found=INTS, count=INT, most=INT, held=INT, widths=FLOATS_OUT,
-    steep=FLOATS_OUT,
+    "z2p_grid_neighbors", grid=Handle("const Grid*"), points=FLOATS, query_indices=INTS, count=INT, max_neighbors=INT,
+    neighbors=INTS_OUT, spacing=FLOATS_OUT,
 )  # fmt: skip
 declare(
-    "z2p_showing", points=FLOATS, count=INT, turns=FLOATS, views=INT, tilt=FLOATS, side=INT, covered=INTS_OUT,
-    breadth=FLOATS_OUT,
+    "z2p_fit_planes", points=FLOATS, neighbors=INTS, count=INT, neighbor_count=INT, normals=FLOATS_OUT,
+    spread=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_fit_thin_slabs", points=FLOATS, query_indices=INTS, neighbors=INTS, count=INT, neighbor_count=INT, held=INT,
+    widths=FLOATS_OUT, steep=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_fit_jets", points=FLOATS, normals_before=FLOATS, query_indices=INTS, neighbors=INTS, count=INT,
+    neighbor_count=INT, tolerance=FLOATS, scale=FLOATS, normals=FLOATS_OUT, heights=FLOATS_OUT,
+)  # fmt: skip
+declare("z2p_normal_gnn_size", rounds=INTS_OUT, width=INTS_OUT)
+declare("z2p_normal_gnn_begin", noise=FLOAT, count=INT, state=FLOATS_OUT, messages=FLOATS_OUT)
+declare(
+    "z2p_refine_normals", round_index=INT, points=FLOATS, normals=FLOATS, state=FLOATS, messages=FLOATS, neighbors=INTS,
+    scale=FLOATS, begin=INT, end=INT, neighbor_count=INT, points_after=FLOATS_OUT, normals_after=FLOATS_OUT,
+    state_after=FLOATS_OUT, messages_after=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_projected_coverage", points=FLOATS, count=INT, turns=FLOATS, views=INT, tilt=FLOATS, side=INT,
+    covered=INTS_OUT, breadth=FLOATS_OUT,
 )  # fmt: skip
 
 
 class NeighborGrid:
-    """A cloud (N, 3), N >= 1, whose points are sorted by place, so that neighbours are found at once.
+    """Nearest neighbors among the points of a cloud (N, 3), N >= 1.
 
     Attributes:
-        points: (N, 3) float32, in an order that does not depend on the cloud's.
+        points: (N, 3) float32, the cloud's points in an order that does not depend on the cloud's.
+
+    Raises:
+        ValueError: a coordinate is not finite.
     """
 
     def __init__(self, cloud: np.ndarray) -> None:
-        self._handle = ctypes.c_void_p()  # first: what refuses the cloud leaves a grid to be deleted
+        self._handle = ctypes.c_void_p()  # first, as __del__ reads it also if the cloud is refused
         if not np.isfinite(cloud).all():
             raise ValueError("expected a cloud of finite points, got some that are not")
         self.points = np.empty((len(cloud), 3), np.float32)
-        call("z2p_grid", as_float32(cloud), len(cloud), self.points, self._handle)
+        call("z2p_grid_build", as_float32(cloud), len(cloud), self.points, self._handle)
 
     def __del__(self) -> None:
         if self._handle:
             call("z2p_grid_free", self._handle)
 
-    def neighbors(self, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Rows of `points` (M, count) int32, count <= 64, nearest to the points asked for (M,) int32, and spacing (M,).
+    def neighbors(self, query_indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Neighbors (M, count) int32 of the points with those indices (M,) int32, nearest first, and spacing (M,).
 
-        A point is its own neighbour, and the last neighbour is repeated where a cloud has fewer. Spacing is the side of
-        the square patch of surface that is a point's share, by its 12 nearest points.
+        A point is its own first neighbor; the last one is repeated if the cloud has fewer points. `count` is at most 64.
+        Spacing is the side of the square patch of surface that is a point's share, estimated from its 12 nearest points.
         """
-        return self._nearest(self.points, np.ascontiguousarray(asked, np.int32), count)
+        return self._nearest(self.points, np.ascontiguousarray(query_indices, np.int32), count)
 
-    def neighbors_of_positions(self, places: np.ndarray, count: int) -> np.ndarray:
-        """Rows of `points` (M, count) int32, count <= 64, nearest to places (M, 3) that need be none of them.
+    def neighbors_of_positions(self, positions: np.ndarray, count: int) -> np.ndarray:
+        """Indices (M, count) int32 of the points nearest to any positions (M, 3), nearest first; `count` <= 64.
 
-        The last one is repeated where fewer are near.
+        The last one is repeated if fewer are near.
         """
-        return self._nearest(as_float32(places), np.arange(len(places), dtype=np.int32), count)[0]
+        return self._nearest(as_float32(positions), np.arange(len(positions), dtype=np.int32), count)[0]
 
-    def _nearest(self, places: np.ndarray, asked: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-        found, spacing = np.empty((len(asked), count), np.int32), np.empty(len(asked), np.float32)
-        grid = (self._handle, places)
+    def _nearest(self, positions: np.ndarray, query_indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+        neighbors = np.empty((len(query_indices), count), np.int32)
+        spacing = np.empty(len(query_indices), np.float32)
 
         def find(begin: int, end: int) -> None:
-            call("z2p_neighbours", *grid, asked[begin:end], end - begin, count, found[begin:end], spacing[begin:end])
+            call(
+                "z2p_grid_neighbors", self._handle, positions, query_indices[begin:end], end - begin, count,
+                neighbors[begin:end], spacing[begin:end],
+            )  # fmt: skip
 
-        parallel_rows(find, len(asked))
-        return found, spacing
+        parallel_rows(find, len(query_indices))
+        return neighbors, spacing
 
 
-def fit_planes(points: np.ndarray, found: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Planes through the neighbours found (M, K) among points (N, 3): normals (M, 3), of either sign, and spread (M,).
+def fit_planes(points: np.ndarray, neighbors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Planes through neighbors (M, K) int32 among points (N, 3) float32: normals (M, 3), of either sign, and spread (M,).
 
-    Spread is the neighbours' standard deviation off the plane.
+    Spread is the neighbors' standard deviation off the plane.
     """
-    count = len(found)
+    count = len(neighbors)
     normals, spread = np.empty((count, 3), np.float32), np.empty(count, np.float32)
 
     def fit(begin: int, end: int) -> None:
         rows = slice(begin, end)
-        call("z2p_planes", points, found[rows], end - begin, found.shape[1], normals[rows], spread[rows])
+        call(
+            "z2p_fit_planes", points, neighbors[rows], end - begin, neighbors.shape[1], normals[rows], spread[rows]
+        )
 
     parallel_rows(fit, count)
     return normals, spread
 
 
-def fit_thin_slabs(points: np.ndarray, asked: np.ndarray, found: np.ndarray, held: int) -> tuple[np.ndarray, np.ndarray]:
-    """The thinnest slabs that hold so many of the neighbours found (M, K <= 16) of points (N, 3): half widths (M,).
+def fit_thin_slabs(
+    points: np.ndarray, query_indices: np.ndarray, neighbors: np.ndarray, held: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Half widths (M,) of the thinnest slabs that hold `held` of the neighbors, and the share (M,) of steep neighbors.
 
-    And the share (M,) of neighbours that lie above or below the point, by that slab, rather than beside it. The points
-    asked for (M,) int32 are each the first of their own neighbours; a slab lies along two of the nearest six others.
+    A slab lies along two of the point's six nearest neighbors. A neighbor is steep if it lies above or below the point,
+    by that slab, rather than beside it.
+
+    Args:
+        points: (N, 3) float32.
+        query_indices: (M,), each the first of its own neighbors.
+        neighbors: (M, K), K <= 16.
+        held: how many of them a slab holds.
     """
-    widths, steep = np.empty((2, len(asked)), np.float32)
-    rows = (np.ascontiguousarray(asked, np.int32), np.ascontiguousarray(found, np.int32))
-    call("z2p_slabs", points, *rows, len(asked), found.shape[1], held, widths, steep)
+    widths, steep = np.empty((2, len(query_indices)), np.float32)
+    indices = (np.ascontiguousarray(query_indices, np.int32), np.ascontiguousarray(neighbors, np.int32))
+    call("z2p_fit_thin_slabs", points, *indices, len(query_indices), neighbors.shape[1], held, widths, steep)
     return widths, steep
 
 
 def fit_jets(
-    points: np.ndarray, before: np.ndarray, asked: np.ndarray, found: np.ndarray, tolerance: np.ndarray,
-    scale: np.ndarray,
+    points: np.ndarray, normals_before: np.ndarray, query_indices: np.ndarray, neighbors: np.ndarray,
+    tolerance: np.ndarray, scale: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Normals (M, 3) of curved patches through the neighbours found (M, K) of points asked for (M,), and heights (M,).
+    """Second-order patches through neighborhoods: unit normals (M, 3), and heights (M,) of the points above them.
 
-    A height is how far the point lies above its patch, along the normal. Those neighbours count most that lie near the
-    plane by its normal of `before` (N, 3), within tolerances (M,), that agree with it, and that are near by scale (M,).
+    A neighbor weighs less the farther it lies off the point's previous plane, the more its own previous normal differs,
+    and the farther away it lies.
+
+    Args:
+        points: (N, 3) float32.
+        normals_before: (N, 3) float32, unit normals of the previous planes.
+        query_indices: (M,) int32, whose patches are fitted.
+        neighbors: (M, K) int32, theirs.
+        tolerance: (M,) float32, distance off the plane at which a weight falls to a quarter.
+        scale: (M,) float32, length in which distances are measured.
     """
-    normals, heights = np.empty((len(asked), 3), np.float32), np.empty(len(asked), np.float32)
+    normals, heights = np.empty((len(query_indices), 3), np.float32), np.empty(len(query_indices), np.float32)
 
     def fit(begin: int, end: int) -> None:
-        of_rows = (array[begin:end] for array in (tolerance, scale, normals, heights))
-        call("z2p_jets", points, before, asked[begin:end], found[begin:end], end - begin, found.shape[1], *of_rows)
+        rows = slice(begin, end)
+        call(
+            "z2p_fit_jets", points, normals_before, query_indices[rows], neighbors[rows], end - begin,
+            neighbors.shape[1], tolerance[rows], scale[rows], normals[rows], heights[rows],
+        )  # fmt: skip
 
-    parallel_rows(fit, len(asked))
+    parallel_rows(fit, len(query_indices))
     return normals, heights
 
 
 def refine_normals(
-    points: np.ndarray, normals: np.ndarray, found: np.ndarray, scale: np.ndarray, noise: float
+    points: np.ndarray, normals: np.ndarray, neighbors: np.ndarray, scale: np.ndarray, noise: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) moved onto their patches and unit normals (N, 3), as each agrees with its neighbours found (N, K).
+    """Refines positions (N, 3) and unit normals (N, 3) by the trained graph network (`scripts/learn_patches.py`).
 
-    A small graph network (`scripts/learn_patches.py`) that passes messages some times, from points (N, 3), unit
-    normals (N, 3) of either sign and the noise in spacings. Steps are measured in scale (N,), above 0.
+    Args:
+        points: (N, 3).
+        normals: (N, 3), unit normals of either sign.
+        neighbors: (N, K).
+        scale: (N,), above 0, length in which offsets to neighbors are measured.
+        noise: standard deviation of the points off their surface, in spacings.
     """
     count, (rounds, width) = len(points), normal_gnn_size()
-    memory, told = np.empty((2, count, width), np.float32)
-    call("z2p_refine_begin", noise, count, memory, told)
-    state: tuple[np.ndarray, ...] = (as_float32(points), as_float32(normals), memory, told)
-    scale, found = as_float32(scale), np.ascontiguousarray(found, np.int32)
-    for which in range(rounds):
-        state = _next_round(which, state, found, scale)
-    return state[0], state[1]
+    node_state, messages = np.empty((2, count, width), np.float32)
+    call("z2p_normal_gnn_begin", noise, count, node_state, messages)
+    fields: tuple[np.ndarray, ...] = (as_float32(points), as_float32(normals), node_state, messages)
+    scale, neighbors = as_float32(scale), np.ascontiguousarray(neighbors, np.int32)
+    for round_index in range(rounds):
+        fields = _run_round(round_index, fields, neighbors, scale)
+    return fields[0], fields[1]
 
 
 @lru_cache(maxsize=1)
 def normal_gnn_size() -> tuple[int, int]:
-    """Rounds of messages in `refine_normals`, and how many numbers W a point remembers from one to the next."""
-    rounds, width = np.zeros((2, 1), np.intc)
-    call("z2p_refine_size", rounds, width)
+    """Number of rounds of the network in `refine_normals`, and its width: values in the state of a point."""
+    rounds, width = np.zeros((2, 1), np.int32)
+    call("z2p_normal_gnn_size", rounds, width)
     return int(rounds[0]), int(width[0])
 
 
-def _next_round(
-    which: int, state: tuple[np.ndarray, ...], found: np.ndarray, scale: np.ndarray
+def _run_round(
+    round_index: int, fields: tuple[np.ndarray, ...], neighbors: np.ndarray, scale: np.ndarray
 ) -> tuple[np.ndarray, ...]:
-    """The points, normals, memory (N, W) and what is told (N, W) after that round, from those before it."""
-    after = tuple(np.empty_like(array) for array in state)
-    kernel = select_variant("z2p_refine")
+    """Points (N, 3), normals (N, 3), states (N, W) and messages (N, W) after a round, from those before it."""
+    after = tuple(np.empty_like(array) for array in fields)
+    kernel = select_variant("z2p_refine_normals")
 
-    def send(begin: int, end: int) -> None:
-        call(kernel, which, *state, found, scale, begin, end, found.shape[1], *after)
+    def run(begin: int, end: int) -> None:
+        call(kernel, round_index, *fields, neighbors, scale, begin, end, neighbors.shape[1], *after)
 
-    parallel_rows(send, len(found))
+    parallel_rows(run, len(neighbors))
     return after
 
 
@@ -196,7 +230,7 @@ def projected_coverage(
     rotations = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     tilt = np.array([np.sin(elevation), np.cos(elevation)])
     call(
-        "z2p_showing", as_float32(points), len(points), as_float32(rotations), len(turns), as_float32(tilt), side,
+        "z2p_projected_coverage", as_float32(points), len(points), as_float32(rotations), len(turns), as_float32(tilt), side,
         covered, breadth,
     )  # fmt: skip
     return covered, breadth

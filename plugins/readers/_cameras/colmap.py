@@ -9,7 +9,7 @@ import numpy as np
 
 from z2p_core.formats.colmap_files import counts_points, is_points
 from z2p_core.interfaces import RawCloud, ScanError
-from z2p_core.native import walk_rows
+from z2p_core.native import read_list_rows
 from z2p_core.rotations import quaternion_rotations
 from z2p_renderer.plugins.readers._cameras.camera_hints import with_camera_hints
 
@@ -37,7 +37,7 @@ def read_points3d(path: Path) -> RawCloud:
         return RawCloud(np.empty((0, 3)))
     (count,) = struct.unpack("<Q", blob[:8].ljust(8, b"\0"))
     try:
-        points, end = walk_rows(blob, 8, count, [*_POINT, _TRACK], [1, 2, 3])
+        points, end = read_list_rows(blob, 8, count, [*_POINT, _TRACK], [1, 2, 3])
     except ValueError as error:
         raise ScanError(f"COLMAP's points promise to be {count}, and the file ends before; copy it again") from error
     if end != len(blob):

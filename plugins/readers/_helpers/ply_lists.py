@@ -6,7 +6,7 @@ import numpy as np
 
 from z2p_core.formats.ply_header import PlyElement, PlyHeader
 from z2p_core.interfaces import ScanError
-from z2p_core.native import walk_rows
+from z2p_core.native import read_list_rows
 
 
 def walked_binary(body: bytes, header: PlyHeader, vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
@@ -20,7 +20,7 @@ def walked_binary(body: bytes, header: PlyHeader, vertex: PlyElement, axes: tupl
         places = _places(vertex, axes) if element is vertex else []
         properties = [(entry.type, entry.length) for entry in element.properties]
         try:
-            values, offset = walk_rows(body, offset, element.count, properties, places)
+            values, offset = read_list_rows(body, offset, element.count, properties, places)
         except ValueError as error:
             raise ScanError("a PLY list reaches past the end of the file; it is cut short or its header is wrong: "
                             "export it again") from error

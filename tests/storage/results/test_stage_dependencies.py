@@ -178,7 +178,7 @@ def test_placement_code_is_not_dropped_for_baselines():
     assert reached & set(WEIGHTS_ONLY_CODE) <= set(PLACEMENT_CODE) <= set(WEIGHTS_ONLY_CODE) & set(STAGE_CODE["scans"])
     kernels = {name: set(re.findall(r"native\.(\w+)", (ROOT / "z2p_core" / f"{name}.py").read_text()))
                for name in ("placement/view_selection", "surface/mls_smoothing")}  # fmt: skip
-    assert kernels == {"placement/view_selection": {"showing"}, "surface/mls_smoothing": {"NeighborGrid", "fit_jets", "fit_planes"}}  # and what noise is told by
+    assert kernels == {"placement/view_selection": {"projected_coverage"}, "surface/mls_smoothing": {"NeighborGrid", "fit_jets", "fit_planes"}}  # and what noise is told by
 
 
 def test_a_package_may_come_by_another_name(monkeypatch):

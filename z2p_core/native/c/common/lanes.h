@@ -1,5 +1,5 @@
-/* Several numbers that are reckoned with at a time: as many as wide registers hold. What is longer than a register,
- * compilers keep in memory, several times as slow. wide.c compiles kernels once more, with twice as many. */
+/* Vectors of LANES floats, for kernels that are written in vectors: 8, or 16 where avx512.c compiles them once more. Longer
+ * than a register, compilers would keep them in memory, several times as slow. */
 
 #pragma once
 
@@ -15,12 +15,13 @@
 typedef float Lanes __attribute__((vector_size(4 * LANES)));
 typedef int32_t Masks __attribute__((vector_size(4 * LANES)));
 
-INLINE Lanes lanes(const float *numbers) {
-    Lanes all;
-    memcpy(&all, numbers, sizeof all);
-    return all;
+INLINE Lanes load_lanes(const float *values) {
+    Lanes loaded;
+    memcpy(&loaded, values, sizeof loaded);
+    return loaded;
 }
 
-INLINE Lanes where(Masks mask, Lanes numbers) { return (Lanes)(mask & (Masks)numbers); }
+/* The values where the mask is set, else 0. */
+INLINE Lanes where(Masks mask, Lanes values) { return (Lanes)(mask & (Masks)values); }
 
-INLINE Lanes positive(Lanes numbers) { return where(numbers > 0, numbers); }
+INLINE Lanes relu(Lanes values) { return where(values > 0, values); }

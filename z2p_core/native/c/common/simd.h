@@ -1,5 +1,4 @@
-/* FAST marks a function that is compiled three times, for plain, wide and wider registers; the processor chooses at
- * load time, where the compiler and the C library know how; else it is compiled once. */
+/* Function attributes and scalar helpers for loops that compilers turn into vector instructions. */
 
 #pragma once
 
@@ -7,29 +6,28 @@
 #include <stdint.h>
 #include <string.h>
 
+/* FAST functions are compiled three times, for x86-64's baseline, AVX2 and AVX-512, and the processor's variant is chosen
+ * at load time; on other platforms, and with compilers that cannot do that, once. */
 #if defined(__x86_64__) && defined(__GLIBC__) && \
     ((defined(__clang__) && __clang_major__ >= 18) || (!defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 12))
 #define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-/* WIDEST marks one that is compiled for the widest registers alone, and must not be called where there are none. */
+/* WIDEST functions are compiled for AVX-512 only, and must not be called on processors without it. */
 #define WIDEST __attribute__((target("arch=x86-64-v4")))
 #else
 #define FAST
 #endif
-/* INLINE marks a part of FAST functions: it is only compiled for wide registers where it becomes one with them. */
+/* INLINE functions are parts of FAST ones: only where they are inlined are they compiled for wide registers. */
 #if defined(__GNUC__)
 #define INLINE static inline __attribute__((always_inline))
 #else
 #define INLINE static inline
 #endif
 
-/* For C's own, which mind what is no number, the compiler calls the library, and so makes no vectors of their loops. */
+/* Unlike fmaxf and fminf, which handle NaN and become library calls, these do not prevent vectorization. */
 INLINE float larger(float a, float b) { return a > b ? a : b; }
 INLINE float smaller(float a, float b) { return a < b ? a : b; }
 
-INLINE float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
-
-/* e^x to about two units in the last place, 0 below -87; without a call or a branch, so that loops become vectors.
- * The polynomial is Cephes' expf. */
+/* e^x to about two units in the last place, 0 below -87, without calls and branches (polynomial of Cephes' expf). */
 INLINE float exp_fast(float x) {
     float inside = x < -87.0f ? -87.0f : x > 88.0f ? 88.0f : x;
     float n = floorf(inside * 1.44269504f + 0.5f), f = (inside - n * 0.693359375f) + n * 2.12194440e-4f;

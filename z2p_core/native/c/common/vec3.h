@@ -1,4 +1,4 @@
-/* Axes of the plane across a normal. */
+/* Vectors of three floats. */
 
 #pragma once
 
@@ -6,16 +6,27 @@
 
 #include "common/simd.h"
 
-/* Two unit axes across a unit normal. */
-INLINE void axes_across(const float *n, float *u, float *v) {
+#define PI 3.14159265f
+
+INLINE float dot(const float *a, const float *b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+INLINE void cross(const float *a, const float *b, float *out) {
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* Divides a vector by its length, which must not be 0. */
+INLINE void normalize(float *a) {
+    float length = sqrtf(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+    for (int i = 0; i < 3; i++) a[i] /= length;
+}
+
+/* Two unit vectors u and v that form an orthonormal basis with the unit normal n. */
+INLINE void tangent_basis(const float *n, float *u, float *v) {
     int axis = fabsf(n[0]) < 0.9f ? 0 : 1;
     float e[3] = {axis == 0, axis == 1, 0};
-    u[0] = n[1] * e[2] - n[2] * e[1];
-    u[1] = n[2] * e[0] - n[0] * e[2];
-    u[2] = n[0] * e[1] - n[1] * e[0];
-    float length = sqrtf(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
-    for (int a = 0; a < 3; a++) u[a] /= length;
-    v[0] = n[1] * u[2] - n[2] * u[1];
-    v[1] = n[2] * u[0] - n[0] * u[2];
-    v[2] = n[0] * u[1] - n[1] * u[0];
+    cross(n, e, u);
+    normalize(u);
+    cross(n, u, v);
 }

@@ -1,10 +1,12 @@
-/* Rows of a binary file in which lists stand, so that a row's length is told by the row itself. */
+/* Rows of a binary file whose properties are numbers, or lists that begin with their length, as in PLY.
+ *
+ * In: the file's bytes and the types of a row's properties. Out: the wanted numbers as doubles, and where the rows end. */
 
 #include <stdint.h>
 #include <string.h>
 
 enum { I1, U1, I2, U2, I4, U4, I8, U8, F4, F8 };
-static const int BYTES[] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
+static const int TYPE_BYTES[] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
 
 #define AS(type)                        \
     {                                   \
@@ -13,12 +15,12 @@ static const int BYTES[] = {1, 1, 2, 2, 4, 4, 8, 8, 4, 8};
         return (double)number;          \
     }
 
-/* The number of a kind that begins at a place in the file, whose bytes are in the other order if `swapped`. */
-static double number_at(const unsigned char *from, int kind, int swapped) {
+/* The number of a type at an address, its bytes reversed if `is_swapped`. */
+static double read_number(const unsigned char *from, int type_index, int is_swapped) {
     unsigned char bytes[8];
-    int size = BYTES[kind];
-    for (int b = 0; b < size; b++) bytes[b] = from[swapped ? size - 1 - b : b];
-    switch (kind) {
+    int size = TYPE_BYTES[type_index];
+    for (int b = 0; b < size; b++) bytes[b] = from[is_swapped ? size - 1 - b : b];
+    switch (type_index) {
         case I1: AS(int8_t)
         case U1: AS(uint8_t)
         case I2: AS(int16_t)
@@ -32,34 +34,34 @@ static double number_at(const unsigned char *from, int kind, int swapped) {
     }
 }
 
-/* Walks `count` rows of `width` properties from `start` on, in a file of `size` bytes: the numbers of `bounds`, with
- * whether bytes are swapped, and how many values are wanted of a row. A property has a kind, the kind of the length
- * before it if it is a list (else -1), and its place among the wanted values (else -1). values (count, wanted) get
- * those; `end` gets where the rows end, or -1 where one reaches past the file's end. */
-int z2p_rows(const unsigned char *file, const int64_t *bounds, const int32_t *kinds, const int32_t *lengths,
-             const int32_t *places, double *values, int64_t *end) {
-    int64_t size = bounds[0], at = bounds[1], count = bounds[2], width = bounds[3], wanted = bounds[5];
-    int swapped = bounds[4] != 0;
-    *end = -1;
-    if (at < 0 || at > size) return 1;
-    for (int64_t row = 0; width > 0 && row < count; row++) {
-        for (int64_t p = 0; p < width; p++) {
-            int64_t items = 1, bytes = BYTES[kinds[p]];
-            if (lengths[p] >= 0) {
-                int before = BYTES[lengths[p]];
-                if (before > size - at) return 1;
-                double told = number_at(file + at, lengths[p], swapped);
-                at += before;
-                if (!(told >= 0 && told <= (double)((size - at) / bytes))) return 1;
-                items = (int64_t)told;
-            } else if (bytes > size - at) {
+/* bounds (6): size of the file, offset of the first row, row count, properties of a row, whether bytes are swapped, and
+ * how many columns are wanted. For each property: its type; the type of its length if it is a list, else -1; and its
+ * column in values (rows, columns), -1 if it is not wanted. end_offset: where the rows end, -1 if one reaches past the end
+ * of the file. */
+int z2p_read_list_rows(const unsigned char *file, const int64_t *bounds, const int32_t *types, const int32_t *length_types,
+             const int32_t *columns, double *values, int64_t *end_offset) {
+    int64_t size = bounds[0], offset = bounds[1], count = bounds[2], property_count = bounds[3], column_count = bounds[5];
+    int is_swapped = bounds[4] != 0;
+    *end_offset = -1;
+    if (offset < 0 || offset > size) return 1;
+    for (int64_t row = 0; property_count > 0 && row < count; row++) {
+        for (int64_t p = 0; p < property_count; p++) {
+            int64_t items = 1, bytes = TYPE_BYTES[types[p]];
+            if (length_types[p] >= 0) {
+                int length_bytes = TYPE_BYTES[length_types[p]];
+                if (length_bytes > size - offset) return 1;
+                double length = read_number(file + offset, length_types[p], is_swapped);
+                offset += length_bytes;
+                if (!(length >= 0 && length <= (double)((size - offset) / bytes))) return 1;
+                items = (int64_t)length;
+            } else if (bytes > size - offset) {
                 return 1;
-            } else if (places[p] >= 0) {
-                values[row * wanted + places[p]] = number_at(file + at, kinds[p], swapped);
+            } else if (columns[p] >= 0) {
+                values[row * column_count + columns[p]] = read_number(file + offset, types[p], is_swapped);
             }
-            at += items * bytes;
+            offset += items * bytes;
         }
     }
-    *end = at;
+    *end_offset = offset;
     return 1;
 }

@@ -37,7 +37,7 @@ INLINE void convolve(const Convolution *convolution, int group, const float *con
             const float *row = rows[dy] + (size_t)channel * ROW_STRIDE + column;
             for (int dx = 0; dx < 3; dx++, weights += GROUP) {
                 Lanes pixels[BLOCK_LANES];
-                for (int b = 0; b < BLOCK_LANES; b++) pixels[b] = lanes(row + dx + LANES * b);
+                for (int b = 0; b < BLOCK_LANES; b++) pixels[b] = load_lanes(row + dx + LANES * b);
                 for (int g = 0; g < GROUP; g++)
                     for (int b = 0; b < BLOCK_LANES; b++) sums[g][b] += weights[g] * pixels[b];
             }
@@ -82,8 +82,8 @@ INLINE void convolve_first(const Convolution *convolution, const float *const *r
             convolve(convolution, group, rows, column, sums);
             for (int g = 0; g < GROUP; g++)
                 for (int b = 0; b < BLOCK_LANES; b++) {
-                    Lanes relu = positive(sums[g][b]);
-                    memcpy(hidden + (size_t)(group * GROUP + g) * ROW_STRIDE + column + LANES * b, &relu, sizeof relu);
+                    Lanes activation = relu(sums[g][b]);
+                    memcpy(hidden + (size_t)(group * GROUP + g) * ROW_STRIDE + column + LANES * b, &activation, sizeof activation);
                 }
         }
     for (int c = 0; c < convolution->groups * GROUP; c++) {
@@ -101,7 +101,7 @@ INLINE void convolve_last(const Convolution *convolution, const float *const *ro
         float block[BLOCK];
         convolve(convolution, 0, rows, column, sums);
         for (int g = 0; g < GROUP; g++) {
-            for (int b = 0; b < BLOCK_LANES; b++) sums[g][b] += lanes(decoded + g * ROW_STRIDE + column + LANES * b);
+            for (int b = 0; b < BLOCK_LANES; b++) sums[g][b] += load_lanes(decoded + g * ROW_STRIDE + column + LANES * b);
             memcpy(block, sums[g], sizeof block);
             for (int i = 0; i < BLOCK && column + i < columns; i++)
                 out[g * plane + column + i] = smaller(larger(block[i], 0), 1);

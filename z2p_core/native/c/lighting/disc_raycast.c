@@ -7,7 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "common/simd.h"
+#include "common/vec3.h"
 #include "lighting/occlusion.h"
 
 #define MAX_GRID_SIDE 128  /* cells */

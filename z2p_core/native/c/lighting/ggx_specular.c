@@ -11,10 +11,9 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "common/simd.h"
+#include "common/vec3.h"
 
 #define BLOCK 64           /* points that are shaded at a time: they stay in registers and the nearest cache */
-#define PI 3.14159265f
 #define MIN_N_DOT_V 0.03f   /* estimated normals are not certain enough for smaller cosines to the viewer */
 #define LOGISTIC_SLOPE 1.7f /* scales the logistic function to approximate the normal distribution's */
 

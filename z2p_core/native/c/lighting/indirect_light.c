@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/simd.h"
+#include "common/vec3.h"
 #include "lighting/floor.h"
 #include "lighting/occlusion.h"
 

@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "common/simd.h"
+#include "common/vec3.h"
 
 #define MAX_MAP_SIDE 512            /* cells */
 #define MAP_MARGIN 4                /* empty cells around a map's content: gaps are closed at its border as well */

@@ -6,7 +6,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#include "common/simd.h"
+#include "common/vec3.h"
 #include "lighting/occlusion.h"
 
 #define MAX_POINTS 0xffff   /* point indices fill the lower 16 bits of a map's keys */

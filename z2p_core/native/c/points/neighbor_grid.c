@@ -1,5 +1,9 @@
-/* Neighbours in a bare cloud: a grid whose cells hold a few points each. Where most points crowd in few cells, as near
- * a scanner, a k-d tree takes its place: slower to build and to ask, but whatever the points' density. */
+/* Nearest neighbors in a point cloud. A uniform grid holds a few points a cell; where most points crowd in few cells, as
+ * near a scanner, a k-d tree replaces it (Bentley, Multidimensional Binary Search Trees, 1975), which is slower to build
+ * and to search, but independent of density.
+ *
+ * In: points (count, 3). Out: the points sorted by cell or tree node, in an order that does not depend on that of the
+ * input; for queries, indices of the nearest points and the local spacing. */
 
 #include "points/neighbor_grid.h"
 
@@ -8,53 +12,54 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "common/simd.h"
+#include "common/vec3.h"
 
-#define COARSE 24     /* cells along the longest side of the grid that estimates the surface's area */
-#define POINTS_A_CELL 3.5f
-#define MOST_CELLS (1 << 22)
-#define FARTHEST_RING 6
-#define LANES 16      /* points whose distances are computed at a time */
-#define CROWDED 40.0f /* other points in a point's cell, on average, from which on a tree is quicker */
-#define LEAF 16       /* points at most in a part of the tree that is not halved any more */
-#define DEEPEST 32
-#define CROWD 256     /* points among which the nearest ones are looked for at a time */
+#define COARSE_CELLS 24      /* cells along the longest side of the grid that estimates the surface's area */
+#define POINTS_PER_CELL 3.5f /* mean number of points in the occupied cells */
+#define MAX_CELLS (1 << 22)
+#define MAX_RING 6           /* rings of cells that are searched around a query */
+#define BATCH 16             /* points whose distances are computed at a time */
+#define TREE_CROWDING 40.0f  /* mean number of points that share a point's cell above which the tree is faster */
+#define MAX_LEAF_POINTS 16
+#define MAX_TREE_DEPTH 32
+#define MAX_CANDIDATES 256   /* points that are collected before only the nearest ones are kept */
+#define SPACING_NEIGHBORS 12 /* nearest points from whose distance the spacing is estimated */
 
 INLINE int clamp_int(int value, int low, int high) { return value < low ? low : value > high ? high : value; }
 
-INLINE int place(const Grid *grid, const float *point, int axis) {
-    return clamp_int((int)((point[axis] - grid->low[axis]) / grid->cell), 0, grid->size[axis] - 1);
+INLINE int cell_coordinate(const Grid *grid, const float *point, int axis) {
+    return clamp_int((int)((point[axis] - grid->low[axis]) / grid->cell_size), 0, grid->size[axis] - 1);
 }
 
-INLINE int cell_of(const Grid *grid, const float *point) {
-    return (place(grid, point, 2) * grid->size[1] + place(grid, point, 1)) * grid->size[0] + place(grid, point, 0);
+INLINE int cell_index(const Grid *grid, const float *point) {
+    return (cell_coordinate(grid, point, 2) * grid->size[1] + cell_coordinate(grid, point, 1)) * grid->size[0] + cell_coordinate(grid, point, 0);
 }
 
-static int shape_grid(Grid *grid, const float *extent, float cell) {
+static int set_cell_size(Grid *grid, const float *extent, float cell) {
     long cells = 1;
-    grid->cell = cell;
+    grid->cell_size = cell;
     for (int axis = 0; axis < 3; axis++) {
         grid->size[axis] = (int)(extent[axis] / cell) + 1;
         cells *= grid->size[axis];
     }
-    return cells <= MOST_CELLS ? (int)cells : 0;
+    return cells <= MAX_CELLS ? (int)cells : 0;
 }
 
-/* By the coordinate along an axis, and where that is equal by the others. */
-INLINE int compare(const float *a, const float *b, int axis) {
+/* Order of two points by one coordinate, then by the next ones. */
+INLINE int compare_points(const float *a, const float *b, int axis) {
     for (int i = 0; i < 3; i++, axis = (axis + 1) % 3)
         if (a[axis] != b[axis]) return a[axis] < b[axis] ? -1 : 1;
     return 0;
 }
 
-static int by_x(const void *a, const void *b) { return compare(a, b, 0); }
-static int by_y(const void *a, const void *b) { return compare(a, b, 1); }
-static int by_z(const void *a, const void *b) { return compare(a, b, 2); }
+static int by_x(const void *a, const void *b) { return compare_points(a, b, 0); }
+static int by_y(const void *a, const void *b) { return compare_points(a, b, 1); }
+static int by_z(const void *a, const void *b) { return compare_points(a, b, 2); }
 static int (*const by_axis[])(const void *, const void *) = {by_x, by_y, by_z};
 
-/* Keeps the axes apart, with room behind each for whole LANES. */
-static int split_axes(Grid *grid, int count, const float *sorted) {
-    size_t room = (size_t)count + LANES;
+/* Stores the coordinates of each axis in one array, padded so that whole batches can be read. */
+static int store_axes(Grid *grid, int count, const float *sorted) {
+    size_t room = (size_t)count + BATCH;
     grid->x = calloc(3 * room, sizeof(float));
     if (!grid->x) return 0;
     grid->y = grid->x + room;
@@ -67,8 +72,8 @@ static int split_axes(Grid *grid, int count, const float *sorted) {
     return 1;
 }
 
-/* Halves `points` (count, 3) along their longest axis, and each half again, `levels` times, from the node's split on. */
-static void halve(Split *splits, int node, float *points, int count, int levels) {
+/* Splits `points` (count, 3) at the median of their longest axis, and each half again, down to `levels` levels. */
+static void build_subtree(Split *splits, int node, float *points, int count, int levels) {
     float low[3], high[3];
     int axis = 0;
     if (!levels) return;
@@ -83,44 +88,45 @@ static void halve(Split *splits, int node, float *points, int count, int levels)
     qsort(points, (size_t)count, sizeof(float[3]), by_axis[axis]);
     int half = count / 2;
     splits[node] = (Split){points[3 * half + axis], axis};
-    halve(splits, 2 * node + 1, points, half, levels - 1);
-    halve(splits, 2 * node + 2, points + 3 * half, count - half, levels - 1);
+    build_subtree(splits, 2 * node + 1, points, half, levels - 1);
+    build_subtree(splits, 2 * node + 2, points + 3 * half, count - half, levels - 1);
 }
 
-/* The tree of points, sorted by it, in place of the grid. */
-static int plant(Grid *grid, int count, float *sorted) {
+/* Builds the k-d tree, which replaces the grid, and sorts the points by its leaves. */
+static int build_tree(Grid *grid, int count, float *sorted) {
     grid->count = count;
-    while (count >> grid->levels > LEAF) grid->levels++;
+    while (count >> grid->levels > MAX_LEAF_POINTS) grid->levels++;
     grid->splits = malloc(sizeof(Split) << grid->levels);
     if (!grid->splits) return 0;
-    halve(grid->splits, 0, sorted, count, grid->levels);
-    return split_axes(grid, count, sorted);
+    build_subtree(grid->splits, 0, sorted, count, grid->levels);
+    return store_axes(grid, count, sorted);
 }
 
-/* Counting sort by cell, then by coordinates in each: `sorted` does not depend on the order of `points`. */
-static int fill(Grid *grid, int cells, const float *points, int count, float *sorted) {
+/* Counting sort by cell, then by coordinates in each cell: `sorted` does not depend on the order of `points`. */
+static int sort_into_cells(Grid *grid, int cells, const float *points, int count, float *sorted) {
     int *cell = malloc(sizeof(int) * (size_t)(count ? count : 1));
     grid->start = calloc((size_t)cells + 2, sizeof(int));
     if (!cell || !grid->start) { free(cell); return 0; }
     int *fill_at = grid->start + 1;
-    for (int i = 0; i < count; i++) grid->start[(cell[i] = cell_of(grid, points + 3 * i)) + 2]++;
+    for (int i = 0; i < count; i++) grid->start[(cell[i] = cell_index(grid, points + 3 * i)) + 2]++;
     for (int c = 0; c < cells; c++) fill_at[c + 1] += fill_at[c];
     for (int i = 0; i < count; i++) memcpy(sorted + 3 * fill_at[cell[i]]++, points + 3 * i, sizeof(float[3]));
     free(cell);
-    double together = 0;
+    double pairs = 0;
     for (int c = 0; c < cells; c++) {
         double members = grid->start[c + 1] - grid->start[c];
-        together += members * members;
+        pairs += members * members;
     }
-    if (count > MOST_NEIGHBOURS && together > CROWDED * (double)count) return plant(grid, count, sorted);
+    if (count > MAX_NEIGHBORS && pairs > TREE_CROWDING * (double)count) return build_tree(grid, count, sorted);
     for (int c = 0; c < cells; c++) {
         int first = grid->start[c], members = grid->start[c + 1] - first;
         if (members > 1) qsort(sorted + 3 * first, (size_t)members, sizeof(float[3]), by_x);
     }
-    return split_axes(grid, count, sorted);
+    return store_axes(grid, count, sorted);
 }
 
-int build_grid(Grid *grid, const float *points, int count, float *sorted) {
+/* Builds a zeroed grid of `points` (count, 3), and their sorted copy. Returns 0 if memory is short. */
+static int build_grid(Grid *grid, const float *points, int count, float *sorted) {
     float high[3], extent[3], longest = 0;
     for (int axis = 0; axis < 3; axis++) {
         grid->low[axis] = high[axis] = points[axis];
@@ -133,150 +139,182 @@ int build_grid(Grid *grid, const float *points, int count, float *sorted) {
         if (extent[axis] > longest) longest = extent[axis];
     }
     if (longest <= 0) longest = 1e-6f;
-    /* coarse occupancy: area of the surface, give or take */
-    static const int cube = COARSE * COARSE * COARSE;
-    uint8_t *seen = calloc(cube, 1);
-    if (!seen) return 0;
-    shape_grid(grid, extent, longest / (COARSE - 0.01f));
+    /* estimates the area of the surface from the number of occupied coarse cells */
+    static const int cube = COARSE_CELLS * COARSE_CELLS * COARSE_CELLS;
+    uint8_t *occupied_cells = calloc(cube, 1);
+    if (!occupied_cells) return 0;
+    set_cell_size(grid, extent, longest / (COARSE_CELLS - 0.01f));
     int occupied = 0;
     for (int i = 0; i < count; i++) {
-        uint8_t *here = seen + clamp_int(cell_of(grid, points + 3 * i), 0, cube - 1);
+        uint8_t *here = occupied_cells + clamp_int(cell_index(grid, points + 3 * i), 0, cube - 1);
         occupied += !*here;
         *here = 1;
     }
-    free(seen);
-    float cell = sqrtf((float)occupied * grid->cell * grid->cell * POINTS_A_CELL / (float)count);
+    free(occupied_cells);
+    float cell = sqrtf((float)occupied * grid->cell_size * grid->cell_size * POINTS_PER_CELL / (float)count);
     int cells = 0;
     if (cell < longest * 1e-4f) cell = longest * 1e-4f;
-    if (count <= MOST_NEIGHBOURS) cell = longest; /* few points lie too far apart to be met ring by ring */
-    while (!(cells = shape_grid(grid, extent, cell))) cell *= 1.25f;
-    return fill(grid, cells, points, count, sorted);
+    if (count <= MAX_NEIGHBORS) cell = longest; /* few points lie too far apart for a search by rings */
+    while (!(cells = set_cell_size(grid, extent, cell))) cell *= 1.25f;
+    return sort_into_cells(grid, cells, points, count, sorted);
 }
 
-/* Points that may be among the nearest ones, and below which square of the distance another one may. */
+/* Points that may be among the nearest, and the squared distance that a further one must fall below. */
 typedef struct {
     int count;
-    float worst, square[CROWD + LANES];
-    int row[CROWD + LANES];
-} Crowd;
+    float worst_sq, distance_sq[MAX_CANDIDATES + BATCH];
+    int row[MAX_CANDIDATES + BATCH];
+} Candidates;
 
-/* Leaves the nearest ones, at most so many, nearest first; of those equally far the ones that came first. */
-INLINE void keep_nearest(Crowd *crowd, int most) {
-    float square[MOST_NEIGHBOURS];
-    int row[MOST_NEIGHBOURS], count = crowd->count, kept = count < most ? count : most;
-    for (int i = 0; i < LANES; i++) crowd->square[count + i] = INFINITY;
+/* Keeps the nearest `max_count` candidates, nearest first; of equally far ones those that came first. */
+INLINE void keep_nearest(Candidates *candidates, int max_count) {
+    float distance_sq[MAX_NEIGHBORS];
+    int row[MAX_NEIGHBORS], count = candidates->count, kept = count < max_count ? count : max_count;
+    for (int i = 0; i < BATCH; i++) candidates->distance_sq[count + i] = INFINITY;
     for (int i = 0; i < kept; i++) row[i] = -1;
-    for (int first = 0; first < count; first += LANES) {
-        int nearer[LANES] = {0}; /* how many are nearer, which is a point's place among all */
-        const float *own = crowd->square + first;
+    for (int first = 0; first < count; first += BATCH) {
+        int nearer[BATCH] = {0}; /* number of nearer candidates, which is the rank */
+        const float *own = candidates->distance_sq + first;
         for (int j = 0; j < count; j++)
-            for (int i = 0; i < LANES; i++) nearer[i] += crowd->square[j] < own[i];
-        for (int i = 0; i < LANES && first + i < count; i++) {
+            for (int i = 0; i < BATCH; i++) nearer[i] += candidates->distance_sq[j] < own[i];
+        for (int i = 0; i < BATCH && first + i < count; i++) {
             int at = nearer[i];
-            while (at < kept && row[at] >= 0) at++; /* taken by one that is as far */
+            while (at < kept && row[at] >= 0) at++; /* taken by an equally far candidate */
             if (at >= kept) continue;
-            square[at] = own[i];
-            row[at] = crowd->row[first + i];
+            distance_sq[at] = own[i];
+            row[at] = candidates->row[first + i];
         }
     }
-    memcpy(crowd->square, square, sizeof(float) * (size_t)kept);
-    memcpy(crowd->row, row, sizeof(int) * (size_t)kept);
-    crowd->count = kept;
-    if (kept == most) crowd->worst = square[kept - 1];
+    memcpy(candidates->distance_sq, distance_sq, sizeof(float) * (size_t)kept);
+    memcpy(candidates->row, row, sizeof(int) * (size_t)kept);
+    candidates->count = kept;
+    if (kept == max_count) candidates->worst_sq = distance_sq[kept - 1];
 }
 
-/* Takes in the points from `first` to `last` - 1, but for those that are too far from p. */
-INLINE void take_in(Crowd *crowd, const Grid *grid, int first, int last, const float *p, int most) {
-    for (; first < last; first += LANES) {
-        int size = last - first < LANES ? last - first : LANES;
-        if (crowd->count + LANES > CROWD) keep_nearest(crowd, most);
+/* Adds the points `first` to `last` - 1 unless they are too far from p. */
+INLINE void add_candidates(Candidates *candidates, const Grid *grid, int first, int last, const float *p, int max_count) {
+    for (; first < last; first += BATCH) {
+        int size = last - first < BATCH ? last - first : BATCH;
+        if (candidates->count + BATCH > MAX_CANDIDATES) keep_nearest(candidates, max_count);
         const float *x = grid->x + first, *y = grid->y + first, *z = grid->z + first;
-        float *square = crowd->square + crowd->count;
-        int *row = crowd->row + crowd->count;
-        for (int i = 0; i < LANES; i++) {
+        float *distance_sq = candidates->distance_sq + candidates->count;
+        int *row = candidates->row + candidates->count;
+        for (int i = 0; i < BATCH; i++) {
             float dx = x[i] - p[0], dy = y[i] - p[1], dz = z[i] - p[2];
-            square[i] = dx * dx + dy * dy + dz * dz;
+            distance_sq[i] = dx * dx + dy * dy + dz * dz;
             row[i] = first + i;
         }
-        if (crowd->worst < INFINITY) {
+        if (candidates->worst_sq < INFINITY) {
             int near = 0;
             for (int i = 0; i < size; i++) {
-                square[near] = square[i];
+                distance_sq[near] = distance_sq[i];
                 row[near] = row[i];
-                near += square[i] < crowd->worst;
+                near += distance_sq[i] < candidates->worst_sq;
             }
             size = near;
         }
-        crowd->count += size;
+        candidates->count += size;
     }
 }
 
-/* A part of the tree that is still to be looked at, and how far from the place it lies at least. */
+/* A tree node that is still to be searched, and a lower bound of its squared distance from the query. */
 typedef struct {
     int node, level, first, count;
-    float square;
-} Part;
+    float distance_sq;
+} PendingNode;
 
-/* The tree's points that may be among the nearest ones. */
-INLINE void look_through_tree(const Grid *grid, const float *p, int most, Crowd *crowd) {
-    Part later[DEEPEST];
-    int parts = 0;
-    later[parts++] = (Part){0, 0, 0, grid->count, 0};
-    while (parts) {
-        Part part = later[--parts];
-        if (part.square > crowd->worst) continue;
-        while (part.level < grid->levels) { /* to the leaf on its side; the other sides wait */
+/* Collects candidates from the tree. */
+INLINE void search_tree(const Grid *grid, const float *p, int max_count, Candidates *candidates) {
+    PendingNode pending[MAX_TREE_DEPTH];
+    int pending_count = 0;
+    pending[pending_count++] = (PendingNode){0, 0, 0, grid->count, 0};
+    while (pending_count) {
+        PendingNode part = pending[--pending_count];
+        if (part.distance_sq > candidates->worst_sq) continue;
+        while (part.level < grid->levels) { /* down to the leaf on the query's side */
             Split split = grid->splits[part.node];
-            float off = p[split.axis] - split.place;
+            float off = p[split.axis] - split.position;
             int half = part.count / 2, above = off >= 0;
-            Part low = {2 * part.node + 1, part.level + 1, part.first, half, part.square};
-            Part high = {2 * part.node + 2, part.level + 1, part.first + half, part.count - half, part.square};
-            Part other = above ? low : high;
-            other.square = larger(part.square, off * off);
-            later[parts++] = other;
+            PendingNode low = {2 * part.node + 1, part.level + 1, part.first, half, part.distance_sq};
+            PendingNode high = {2 * part.node + 2, part.level + 1, part.first + half, part.count - half, part.distance_sq};
+            PendingNode other = above ? low : high;
+            other.distance_sq = larger(part.distance_sq, off * off);
+            pending[pending_count++] = other;
             part = above ? high : low;
         }
-        take_in(crowd, grid, part.first, part.first + part.count, p, most);
-        if (crowd->count >= most + (crowd->worst < INFINITY ? most : 0)) keep_nearest(crowd, most);
+        add_candidates(candidates, grid, part.first, part.first + part.count, p, max_count);
+        if (candidates->count >= max_count + (candidates->worst_sq < INFINITY ? max_count : 0)) keep_nearest(candidates, max_count);
     }
 }
 
-/* The grid's points that may be among the nearest ones. */
-INLINE void look_through_cells(const Grid *grid, const float *p, int most, Crowd *crowd) {
-    int home[3], low[3], high[3];
-    for (int axis = 0; axis < 3; axis++) home[axis] = place(grid, p, axis);
-    for (int ring = 0; ring <= FARTHEST_RING || !crowd->count; ring++) { /* a place of its own may lie far from all */
+/* Collects candidates from the grid, ring by ring around the query. */
+INLINE void search_cells(const Grid *grid, const float *p, int max_count, Candidates *candidates) {
+    int center[3], low[3], high[3];
+    for (int axis = 0; axis < 3; axis++) center[axis] = cell_coordinate(grid, p, axis);
+    for (int ring = 0; ring <= MAX_RING || !candidates->count; ring++) { /* a query may lie far from all points */
         for (int axis = 0; axis < 3; axis++) {
-            low[axis] = clamp_int(home[axis] - ring, 0, grid->size[axis] - 1);
-            high[axis] = clamp_int(home[axis] + ring, 0, grid->size[axis] - 1);
+            low[axis] = clamp_int(center[axis] - ring, 0, grid->size[axis] - 1);
+            high[axis] = clamp_int(center[axis] + ring, 0, grid->size[axis] - 1);
         }
         for (int z = low[2]; z <= high[2]; z++)
             for (int y = low[1]; y <= high[1]; y++) {
                 const int *start = grid->start + (size_t)(z * grid->size[1] + y) * grid->size[0];
-                int left = home[0] - ring, right = home[0] + ring;
-                if (abs(z - home[2]) == ring || abs(y - home[1]) == ring) { /* the points of a row lie in one piece */
-                    take_in(crowd, grid, start[low[0]], start[high[0] + 1], p, most);
+                int left = center[0] - ring, right = center[0] + ring;
+                if (abs(z - center[2]) == ring || abs(y - center[1]) == ring) { /* the points of a row of cells are contiguous */
+                    add_candidates(candidates, grid, start[low[0]], start[high[0] + 1], p, max_count);
                     continue;
                 }
-                if (left >= 0) take_in(crowd, grid, start[left], start[left + 1], p, most);
-                if (right < grid->size[0]) take_in(crowd, grid, start[right], start[right + 1], p, most);
+                if (left >= 0) add_candidates(candidates, grid, start[left], start[left + 1], p, max_count);
+                if (right < grid->size[0]) add_candidates(candidates, grid, start[right], start[right + 1], p, max_count);
             }
-        /* all but the farthest few are sure to lie in the first ring: cells hold several points each */
-        if (ring && crowd->count >= most) break;
+        /* the rings up to 1 hold all but the farthest few, as cells hold several points each */
+        if (ring && candidates->count >= max_count) break;
     }
 }
 
-FAST void find_nearest(const Grid *grid, const float *points, int self, Near *near) {
-    const float *p = points + 3 * self;
-    Crowd crowd;
-    crowd.count = 0;
-    crowd.worst = INFINITY;
+FAST void find_nearest(const Grid *grid, const float *points, int query, Nearest *nearest) {
+    const float *p = points + 3 * query;
+    Candidates candidates;
+    candidates.count = 0;
+    candidates.worst_sq = INFINITY;
     if (grid->splits)
-        look_through_tree(grid, p, near->most, &crowd);
+        search_tree(grid, p, nearest->max_count, &candidates);
     else
-        look_through_cells(grid, p, near->most, &crowd);
-    keep_nearest(&crowd, near->most);
-    near->count = crowd.count;
-    memcpy(near->distance, crowd.square, sizeof(float) * (size_t)crowd.count);
-    memcpy(near->found, crowd.row, sizeof(int) * (size_t)crowd.count);
+        search_cells(grid, p, nearest->max_count, &candidates);
+    keep_nearest(&candidates, nearest->max_count);
+    nearest->count = candidates.count;
+    memcpy(nearest->distance_sq, candidates.distance_sq, sizeof(float) * (size_t)candidates.count);
+    memcpy(nearest->indices, candidates.row, sizeof(int) * (size_t)candidates.count);
+}
+
+/* Builds the grid of a cloud (count, 3); `sorted` (count, 3) gets its points in the grid's order. */
+int z2p_grid_build(const float *points, int count, float *sorted, Grid **grid) {
+    *grid = calloc(1, sizeof(Grid));
+    return *grid && build_grid(*grid, points, count, sorted);
+}
+
+int z2p_grid_free(Grid *grid) {
+    if (grid) {
+        free(grid->start);
+        free(grid->splits);
+        free(grid->x);
+    }
+    free(grid);
+    return 1;
+}
+
+/* For the points with `query_indices` (count): `neighbors` (count, max_neighbors), nearest first, the point itself
+ * included if it is one of the grid's, the last one repeated if there are fewer; and `spacing` (count), the side of the
+ * square patch of surface that is a point's share, from the density of its nearest points. */
+int z2p_grid_neighbors(const Grid *grid, const float *points, const int *query_indices, int count, int max_neighbors,
+                       int *neighbors, float *spacing) {
+    for (int i = 0; i < count; i++, neighbors += max_neighbors) {
+        Nearest nearest = {.max_count = max_neighbors};
+        find_nearest(grid, points, query_indices[i], &nearest);
+        int used = nearest.count < SPACING_NEIGHBORS ? nearest.count : SPACING_NEIGHBORS;
+        spacing[i] = used > 1 ? sqrtf(PI * nearest.distance_sq[used - 1] / (float)used) : 0;
+        for (int j = 0; j < max_neighbors; j++)
+            neighbors[j] = nearest.indices[j < nearest.count ? j : nearest.count - 1];
+    }
+    return 1;
 }

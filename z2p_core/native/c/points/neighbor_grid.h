@@ -1,33 +1,29 @@
-/* A grid of a bare cloud's points, for its points' neighbours; or a tree, where they crowd in few of its cells. */
+/* Nearest neighbors in a point cloud: a uniform grid, or a k-d tree where most points crowd in few of its cells. */
 
 #pragma once
 
-#define MOST_NEIGHBOURS 64
+#define MAX_NEIGHBORS 64
 
-/* Where a part of the tree's points is halved: at which place along which axis. */
+/* Node of the k-d tree: its points are split at `position` along `axis`. */
 typedef struct {
-    float place;
+    float position;
     int axis;
 } Split;
 
 typedef struct {
-    float low[3], cell;
-    int size[3];
-    int *start;        /* first point of each cell, and one past the last */
-    float *x, *y, *z;  /* of the sorted points */
-    int count, levels; /* points, and how often a tree halves them */
-    Split *splits;     /* of the tree, a level after the other; NULL where there is none */
+    float low[3], cell_size; /* least coordinates of the points; edge length of the cells */
+    int size[3];             /* cells along each axis */
+    int *start;              /* first point of each cell, and one past the last point */
+    float *x, *y, *z;        /* coordinates of the sorted points; y and z lie in the same block as x */
+    int count, levels;       /* number of points, and levels of the tree */
+    Split *splits;           /* nodes of the tree, level by level; NULL if the grid is used */
 } Grid;
 
 typedef struct {
-    int most, count, found[MOST_NEIGHBOURS];
-    float distance[MOST_NEIGHBOURS]; /* squared, nearest first */
-} Near;
+    int max_count, count, indices[MAX_NEIGHBORS];
+    float distance_sq[MAX_NEIGHBORS]; /* ascending */
+} Nearest;
 
-/* Sorts `points` (count, 3) by their cells, or parts of the tree, into `sorted`. Returns 0 when memory is short;
- * grid->start, grid->splits and grid->x, which the other axes lie behind, are to be freed. */
-int build_grid(Grid *grid, const float *points, int count, float *sorted);
-
-/* near->most near points of the place `points[self]`, nearest first, the nearest but for a few at the end: itself among
- * them, where it is one of the grid's. One at least is found. */
-void find_nearest(const Grid *grid, const float *points, int self, Near *near);
+/* Finds nearest->max_count points near `points[query]`, nearest first; itself among them if it is one of the grid's.
+ * All but the farthest few are exact. At least one is found. */
+void find_nearest(const Grid *grid, const float *points, int query, Nearest *nearest);

@@ -1,48 +1,49 @@
-/* Patches that neighbours agree upon: rounds of messages between points, in a small network that does the same however
- * the cloud is turned (after Satorras et al., E(n) Equivariant Graph Neural Networks, 2021). It reads lengths and
- * angles alone, none of which tells a normal from its opposite, and what it adds to a normal are shares of its
- * neighbours' normals and of the steps to them. scripts/learn_patches.py has taught it. */
+/* Refinement of normals and positions by a small graph network: rounds of messages between neighboring points. It is
+ * equivariant to rotations and to the signs of normals (after Satorras et al., E(n) Equivariant Graph Neural Networks,
+ * 2021): its hidden layer reads lengths and angles only, and its outputs are shares of the neighbors' normals and offsets.
+ * Trained by scripts/learn_patches.py; scripts/patch_network.py is the same network in torch.
+ *
+ * In: points, unit normals of either sign, neighbors, scales and the noise. Out: refined points and normals. */
 
 #include <math.h>
 #include <stddef.h>
 #include <string.h>
 
-#include "common/simd.h"
+#include "common/vec3.h"
 #include "common/lanes.h"
 
-#include "points/normal_gnn_weights.h" /* static const Network LEARNT, of so many ROUNDS of so many WIDTH units */
+#include "points/normal_gnn_weights.h" /* static const Network NORMAL_GNN_WEIGHTS, ROUNDS and WIDTH */
 
-#define MET 16     /* neighbours that are measured at a time */
-#define REACH 4.0f /* in `scale`, of the longest step to a neighbour: longer ones are told apart less and less */
+#define BATCH 16      /* neighbors that are processed at a time */
+#define MAX_STEP 4.0f /* in `scale`: offsets to neighbors are compressed smoothly to less than this length */
 
-/* Units are reckoned with by LANES, spelt out, as compilers turn loops over so few the wrong way round. */
+/* Hidden units are processed as PARTS vectors of LANES. Loops over units are unrolled by hand, as compilers would
+ * vectorize them along the wrong dimension. */
 #define PARTS (WIDTH / LANES)
 
 typedef float Eight __attribute__((vector_size(32)));
 
-/* What votes are made of, measured of a neighbour: its normal, turned as the point's own; the step to it times how far
- * that rises along either normal; and the rise itself. What the units say is summed over the neighbours times each. */
-enum { TURN, CLIMB = 3, THEIR_CLIMB = 6, RISE = 9, MEASURES };
+/* Equivariant components of a neighbor: its sign-aligned normal, its offset weighted by its height over the point's plane
+ * and by that over its own plane, and the height. Hidden activations are aggregated against each of them. */
+enum { ALIGNED_NORMAL, OFFSET_BY_HEIGHT = 3, OFFSET_BY_OTHER_HEIGHT = 6, HEIGHT = 9, COMPONENTS };
 
-/* The numbers of that part of the units. */
-INLINE Lanes part_of(const float *numbers, int part) { return lanes(numbers + LANES * part); }
+/* One vector of a row of WIDTH values. */
+INLINE Lanes load_part(const float *numbers, int part) { return load_lanes(numbers + LANES * part); }
 
-/* Adds to `sums` numbers times their rows of weights: the odd ones apart, so that fewer additions wait for the one
- * before. */
-INLINE void add_product(const float *numbers, const float (*weights)[WIDTH], Lanes *sums) {
+/* Adds values (WIDTH) times weights (WIDTH, WIDTH) to `sums`; odd rows are summed apart, for shorter chains of additions. */
+INLINE void add_matrix_product(const float *numbers, const float (*weights)[WIDTH], Lanes *sums) {
     Lanes odd[PARTS];
     for (int u = 0; u < PARTS; u++) odd[u] = (Lanes){0};
     for (int i = 0; i < WIDTH; i += 2)
         for (int u = 0; u < PARTS; u++) {
-            sums[u] += numbers[i] * part_of(weights[i], u);
-            odd[u] += numbers[i + 1] * part_of(weights[i + 1], u);
+            sums[u] += numbers[i] * load_part(weights[i], u);
+            odd[u] += numbers[i + 1] * load_part(weights[i + 1], u);
         }
     for (int u = 0; u < PARTS; u++) sums[u] += odd[u];
 }
 
-/* The sum of votes times sums over all units, eight at a time, so that no addition waits for the one before, and in the
- * same order however many lanes there are. */
-INLINE float poll(const float *votes, const Lanes *sums) {
+/* Dot product over all units, eight at a time and in the same order for any number of lanes. */
+INLINE float project_votes(const float *votes, const Lanes *sums) {
     Eight all = {0};
     for (int first = 0; first < WIDTH; first += 8) {
         Eight vote, sum;
@@ -53,143 +54,142 @@ INLINE float poll(const float *votes, const Lanes *sums) {
     return ((all[0] + all[4]) + (all[1] + all[5])) + ((all[2] + all[6]) + (all[3] + all[7]));
 }
 
-/* Measures of the first `count` neighbours in `row`, and what the units read of them: lengths and angles. */
-INLINE void measure(const float *points, const float *normals, const float *p, const float *n, const int *row,
-                    int count, float unit, float (*measures)[MET], float (*features)[MET]) {
-    for (int j = 0; j < MET; j++) {
+/* Components and rotation-invariant features of the first `count` neighbors in `row`. */
+INLINE void measure_neighbors(const float *points, const float *normals, const float *p, const float *n, const int *row,
+                    int count, float unit, float (*components)[BATCH], float (*features)[BATCH]) {
+    for (int j = 0; j < BATCH; j++) {
         size_t other = 3 * (size_t)row[j < count ? j : count - 1];
         for (int a = 0; a < 3; a++) {
-            measures[CLIMB + a][j] = (points[other + a] - p[a]) * unit;
-            measures[TURN + a][j] = normals[other + a];
+            components[OFFSET_BY_HEIGHT + a][j] = (points[other + a] - p[a]) * unit;
+            components[ALIGNED_NORMAL + a][j] = normals[other + a];
         }
     }
-    for (int j = 0; j < MET; j++) {
-        float x = measures[CLIMB][j], y = measures[CLIMB + 1][j], z = measures[CLIMB + 2][j];
-        float shorter = 1 / sqrtf(1 + (x * x + y * y + z * z) * (1 / (REACH * REACH)));
-        float u = measures[TURN][j], v = measures[TURN + 1][j], w = measures[TURN + 2][j];
-        float along = u * n[0] + v * n[1] + w * n[2], sign = along < 0 ? -1.0f : 1.0f;
+    for (int j = 0; j < BATCH; j++) {
+        float x = components[OFFSET_BY_HEIGHT][j], y = components[OFFSET_BY_HEIGHT + 1][j], z = components[OFFSET_BY_HEIGHT + 2][j];
+        float shorter = 1 / sqrtf(1 + (x * x + y * y + z * z) * (1 / (MAX_STEP * MAX_STEP)));
+        float u = components[ALIGNED_NORMAL][j], v = components[ALIGNED_NORMAL + 1][j], w = components[ALIGNED_NORMAL + 2][j];
+        float cosine = u * n[0] + v * n[1] + w * n[2], sign = cosine < 0 ? -1.0f : 1.0f;
         x *= shorter, y *= shorter, z *= shorter;
         u *= sign, v *= sign, w *= sign;
-        float rise = x * n[0] + y * n[1] + z * n[2], theirs = x * u + y * v + z * w, square = x * x + y * y + z * z;
-        measures[TURN][j] = u, measures[TURN + 1][j] = v, measures[TURN + 2][j] = w;
-        measures[CLIMB][j] = x * rise, measures[CLIMB + 1][j] = y * rise, measures[CLIMB + 2][j] = z * rise;
-        measures[THEIR_CLIMB][j] = x * theirs, measures[THEIR_CLIMB + 1][j] = y * theirs;
-        measures[THEIR_CLIMB + 2][j] = z * theirs, measures[RISE][j] = rise;
-        features[0][j] = square;
-        features[1][j] = rise * rise;
-        features[2][j] = theirs * theirs;
-        features[3][j] = rise * theirs;
-        features[4][j] = 1 - along * sign;
-        features[5][j] = sqrtf(square + 1e-6f);
+        float height = x * n[0] + y * n[1] + z * n[2], other_height = x * u + y * v + z * w, length_sq = x * x + y * y + z * z;
+        components[ALIGNED_NORMAL][j] = u, components[ALIGNED_NORMAL + 1][j] = v, components[ALIGNED_NORMAL + 2][j] = w;
+        components[OFFSET_BY_HEIGHT][j] = x * height, components[OFFSET_BY_HEIGHT + 1][j] = y * height, components[OFFSET_BY_HEIGHT + 2][j] = z * height;
+        components[OFFSET_BY_OTHER_HEIGHT][j] = x * other_height, components[OFFSET_BY_OTHER_HEIGHT + 1][j] = y * other_height;
+        components[OFFSET_BY_OTHER_HEIGHT + 2][j] = z * other_height, components[HEIGHT][j] = height;
+        features[0][j] = length_sq;
+        features[1][j] = height * height;
+        features[2][j] = other_height * other_height;
+        features[3][j] = height * other_height;
+        features[4][j] = 1 - cosine * sign;
+        features[5][j] = sqrtf(length_sq + 1e-6f);
     }
 }
 
-/* What the units say of the first `count` neighbours in `row`, for whom they have heard so much of the point itself. */
-INLINE void say(const Round *round, const Lanes *heard, const float *told, const int *row, int count,
-                float (*features)[MET], Lanes (*said)[PARTS]) {
+/* Hidden activations for the first `count` neighbors in `row`; own_input is the part that depends on the point alone. */
+INLINE void hidden_activations(const Round *round, const Lanes *own_input, const float *messages, const int *row, int count,
+                float (*features)[BATCH], Lanes (*hidden)[PARTS]) {
     for (int u = 0; u < PARTS; u++) {
-        Lanes own = heard[u], pair[FEATURES];
-        for (int f = 0; f < FEATURES; f++) pair[f] = part_of(round->pair[f], u);
+        Lanes own = own_input[u], pair[FEATURES];
+        for (int f = 0; f < FEATURES; f++) pair[f] = load_part(round->pair[f], u);
         for (int j = 0; j < count; j++) {
-            Lanes sum = own + part_of(told + (size_t)row[j] * WIDTH, u);
+            Lanes sum = own + load_part(messages + (size_t)row[j] * WIDTH, u);
             for (int f = 0; f < FEATURES; f++) sum += features[f][j] * pair[f];
-            said[j][u] = positive(sum);
+            hidden[j][u] = relu(sum);
         }
     }
 }
 
-/* Adds that up over the neighbours, as it is and times each measure. */
-INLINE void add_up(Lanes (*said)[PARTS], int count, float (*measures)[MET], Lanes *all, Lanes (*sums)[PARTS]) {
+/* Sums the hidden activations over the neighbors, plain and times each component. */
+INLINE void aggregate(Lanes (*hidden)[PARTS], int count, float (*components)[BATCH], Lanes *all, Lanes (*sums)[PARTS]) {
     for (int u = 0; u < PARTS; u++) {
-        Lanes whole = all[u], times[MEASURES];
-        for (int m = 0; m < MEASURES; m++) times[m] = sums[m][u];
+        Lanes sum = all[u], weighted[COMPONENTS];
+        for (int m = 0; m < COMPONENTS; m++) weighted[m] = sums[m][u];
         for (int j = 0; j < count; j++) {
-            whole += said[j][u];
-            for (int m = 0; m < MEASURES; m++) times[m] += said[j][u] * measures[m][j];
+            sum += hidden[j][u];
+            for (int m = 0; m < COMPONENTS; m++) weighted[m] += hidden[j][u] * components[m][j];
         }
-        all[u] = whole;
-        for (int m = 0; m < MEASURES; m++) sums[m][u] = times[m];
+        all[u] = sum;
+        for (int m = 0; m < COMPONENTS; m++) sums[m][u] = weighted[m];
     }
 }
 
-/* How many rounds there are, and how many numbers a point remembers and tells. */
-int z2p_refine_size(int *rounds, int *width) {
+/* Number of rounds, and values in the state and in the message of a point. */
+int z2p_normal_gnn_size(int *rounds, int *width) {
     *rounds = ROUNDS, *width = WIDTH;
     return 1;
 }
 
-/* What all of so many points remember before the first round, by the noise in spacings, and what they tell: memory
- * (count, WIDTH) and told (count, WIDTH). */
-FAST int z2p_refine_begin(float noise, int count, float *memory, float *told) {
-    const float(*start)[WIDTH] = LEARNT.start;
+/* Initial state (count, WIDTH) and messages (count, WIDTH) of all points, by the noise in spacings. */
+FAST int z2p_normal_gnn_begin(float noise, int count, float *state, float *messages) {
+    const float(*start)[WIDTH] = NORMAL_GNN_WEIGHTS.start;
     float first[WIDTH];
-    Lanes says[PARTS] = {{0}};
+    Lanes message[PARTS] = {{0}};
     for (int i = 0; i < WIDTH; i++) first[i] = larger(start[0][i] + noise * (start[1][i] + noise * start[2][i]), 0);
-    add_product(first, LEARNT.rounds[0].other, says);
+    add_matrix_product(first, NORMAL_GNN_WEIGHTS.rounds[0].other, message);
     for (int i = 0; i < count; i++) {
-        memcpy(memory + (size_t)i * WIDTH, first, sizeof first);
-        memcpy(told + (size_t)i * WIDTH, says, sizeof says);
+        memcpy(state + (size_t)i * WIDTH, first, sizeof first);
+        memcpy(messages + (size_t)i * WIDTH, message, sizeof message);
     }
     return 1;
 }
 
-/* What a point remembers and tells (WIDTH, each) after a round, by what it remembers now (WIDTH) and what was said. */
-INLINE void remember(const Round *round, const float *own, const Lanes *said, float *memory, float *told) {
-    Lanes after[PARTS], says[PARTS];
-    float heard[WIDTH];
-    memcpy(heard, said, sizeof heard);
-    for (int u = 0; u < PARTS; u++) after[u] = part_of(round->forget, u), says[u] = (Lanes){0};
-    add_product(own, round->keep, after);
-    add_product(heard, round->learn, after);
-    for (int u = 0; u < PARTS; u++) after[u] = positive(after[u]);
-    memcpy(memory, after, sizeof after);
-    add_product(memory, round[1].other, says);
-    memcpy(told, says, sizeof says);
+/* State and outgoing message (WIDTH each) of a point after a round, by its state and the aggregated activations. */
+INLINE void update_state(const Round *round, const float *own, const Lanes *hidden, float *state, float *message_after) {
+    Lanes after[PARTS], message[PARTS];
+    float own_input[WIDTH];
+    memcpy(own_input, hidden, sizeof own_input);
+    for (int u = 0; u < PARTS; u++) after[u] = load_part(round->forget, u), message[u] = (Lanes){0};
+    add_matrix_product(own, round->keep, after);
+    add_matrix_product(own_input, round->learn, after);
+    for (int u = 0; u < PARTS; u++) after[u] = relu(after[u]);
+    memcpy(state, after, sizeof after);
+    add_matrix_product(state, round[1].other, message);
+    memcpy(message_after, message, sizeof message);
 }
 
-/* What a point hears of itself, and sums that nothing was added to yet. No FAST function calls what returns Lanes: for
- * clang the two do not fit together before one is part of the other. */
-INLINE void start(const Round *round, const float *own, Lanes *heard, Lanes *all, Lanes (*sums)[PARTS]) {
+/* The point's own part of the hidden layer, and sums set to 0. No FAST function calls one that returns Lanes, as clang
+ * cannot combine the two unless they are inlined. */
+INLINE void begin_point(const Round *round, const float *own, Lanes *own_input, Lanes *all, Lanes (*sums)[PARTS]) {
     for (int u = 0; u < PARTS; u++) {
-        heard[u] = part_of(round->bias, u), all[u] = (Lanes){0};
-        for (int m = 0; m < MEASURES; m++) sums[m][u] = (Lanes){0};
+        own_input[u] = load_part(round->bias, u), all[u] = (Lanes){0};
+        for (int m = 0; m < COMPONENTS; m++) sums[m][u] = (Lanes){0};
     }
-    add_product(own, round->own, heard);
+    add_matrix_product(own, round->own, own_input);
 }
 
-/* One round, for rows from `begin` to `end`: points (count, 3) on their patches, their unit normals (count, 3), of
- * either sign, memory (count, WIDTH) and what the points tell (count, WIDTH), from those before and from the neighbours
- * found (count, most), whose steps are measured in `scale` (count). */
-FAST int z2p_refine(int which, const float *points, const float *normals, const float *memory, const float *told,
-                    const int *found, const float *scale, int begin, int end, int most, float *points_after,
-                    float *normals_after, float *memory_after, float *told_after) {
-    const Round *round = LEARNT.rounds + which;
-    float share = 1 / (float)most;
+/* One round, for rows from `begin` to `end`: points (count, 3), unit normals (count, 3), states (count, WIDTH) and messages
+ * (count, WIDTH) from those before it, the neighbors (count, neighbor_count) and `scale` (count), by which offsets are
+ * divided. The last round writes no states and messages. */
+FAST int z2p_refine_normals(int round_index, const float *points, const float *normals, const float *state, const float *messages,
+                    const int *neighbors, const float *scale, int begin, int end, int neighbor_count, float *points_after,
+                    float *normals_after, float *state_after, float *messages_after) {
+    const Round *round = NORMAL_GNN_WEIGHTS.rounds + round_index;
+    float share = 1 / (float)neighbor_count;
     for (int i = begin; i < end; i++) {
-        const float *p = points + 3 * (size_t)i, *n = normals + 3 * (size_t)i, *own = memory + (size_t)i * WIDTH;
-        const int *row = found + (size_t)i * most;
-        Lanes heard[PARTS], all[PARTS], sums[MEASURES][PARTS];
-        start(round, own, heard, all, sums);
-        for (int first = 0; first < most; first += MET) {
-            float measures[MEASURES][MET], features[FEATURES][MET];
-            Lanes said[MET][PARTS];
-            int count = most - first < MET ? most - first : MET;
-            measure(points, normals, p, n, row + first, count, 1 / scale[i], measures, features);
-            say(round, heard, told, row + first, count, features, said);
-            add_up(said, count, measures, all, sums);
+        const float *p = points + 3 * (size_t)i, *n = normals + 3 * (size_t)i, *own = state + (size_t)i * WIDTH;
+        const int *row = neighbors + (size_t)i * neighbor_count;
+        Lanes own_input[PARTS], all[PARTS], sums[COMPONENTS][PARTS];
+        begin_point(round, own, own_input, all, sums);
+        for (int first = 0; first < neighbor_count; first += BATCH) {
+            float components[COMPONENTS][BATCH], features[FEATURES][BATCH];
+            Lanes hidden[BATCH][PARTS];
+            int count = neighbor_count - first < BATCH ? neighbor_count - first : BATCH;
+            measure_neighbors(points, normals, p, n, row + first, count, 1 / scale[i], components, features);
+            hidden_activations(round, own_input, messages, row + first, count, features, hidden);
+            aggregate(hidden, count, components, all, sums);
         }
-        float turned[3], lift = share * scale[i] * poll(round->vote[3], sums[RISE]);
+        float refined[3], shift = share * scale[i] * project_votes(round->vote[3], sums[HEIGHT]);
         for (int a = 0; a < 3; a++)
-            turned[a] = n[a] + share * (poll(round->vote[0], sums[TURN + a]) + poll(round->vote[1], sums[CLIMB + a])
-                                        + poll(round->vote[2], sums[THEIR_CLIMB + a]));
-        float length = sqrtf(dot(turned, turned));
+            refined[a] = n[a] + share * (project_votes(round->vote[0], sums[ALIGNED_NORMAL + a]) + project_votes(round->vote[1], sums[OFFSET_BY_HEIGHT + a])
+                                        + project_votes(round->vote[2], sums[OFFSET_BY_OTHER_HEIGHT + a]));
+        float length = sqrtf(dot(refined, refined));
         for (int a = 0; a < 3; a++) {
-            points_after[3 * (size_t)i + a] = p[a] + lift * n[a];
-            normals_after[3 * (size_t)i + a] = length > 1e-6f ? turned[a] / length : n[a];
+            points_after[3 * (size_t)i + a] = p[a] + shift * n[a];
+            normals_after[3 * (size_t)i + a] = length > 1e-6f ? refined[a] / length : n[a];
         }
-        if (which + 1 == ROUNDS) continue; /* nobody listens any more */
+        if (round_index + 1 == ROUNDS) continue; /* last round: no outgoing messages */
         for (int u = 0; u < PARTS; u++) all[u] *= share;
-        remember(round, own, all, memory_after + (size_t)i * WIDTH, told_after + (size_t)i * WIDTH);
+        update_state(round, own, all, state_after + (size_t)i * WIDTH, messages_after + (size_t)i * WIDTH);
     }
     return 1;
 }

@@ -1,16 +1,18 @@
-/* What the network of refine.c holds, of as many ROUNDS and as WIDTH as refine_weights.h says. */
+/* Weights of the network in normal_gnn.c, of the ROUNDS and WIDTH that normal_gnn_weights.h defines. */
 
 #pragma once
 
-#define FEATURES 6 /* numbers that are read of a neighbour */
+#define FEATURES 6 /* rotation-invariant features of a neighbor */
 
 typedef struct {
-    float pair[FEATURES][WIDTH], bias[WIDTH], own[WIDTH][WIDTH], other[WIDTH][WIDTH]; /* what the units read */
-    float vote[4][WIDTH];                                 /* for the normal, either climb, and the height */
-    float keep[WIDTH][WIDTH], learn[WIDTH][WIDTH], forget[WIDTH]; /* what is remembered; unused in the last round */
+    float pair[FEATURES][WIDTH], bias[WIDTH]; /* hidden layer: of the features */
+    float own[WIDTH][WIDTH], other[WIDTH][WIDTH]; /* of the point's state, and of the neighbor's */
+    float vote[4][WIDTH]; /* output: normal, offset weighted by its height over either normal, height */
+    float keep[WIDTH][WIDTH], learn[WIDTH][WIDTH], forget[WIDTH]; /* state update: of the state, of the aggregate, bias;
+                                                                   * unused in the last round */
 } Round;
 
 typedef struct {
-    float start[3][WIDTH]; /* times 1, the noise and its square */
+    float start[3][WIDTH]; /* initial state: coefficients of 1, the noise and its square */
     Round rounds[ROUNDS];
 } Network;

@@ -1,4 +1,4 @@
-/* What scripts/learn_patches.py has learnt, which writes this file; refine.c uses it. */
+/* Weights of the network in normal_gnn.c. Written by scripts/learn_patches.py; do not edit. */
 
 #pragma once
 
@@ -7,7 +7,7 @@
 
 #include "points/normal_gnn.h"
 
-static const Network LEARNT = {
+static const Network NORMAL_GNN_WEIGHTS = {
     -0.2427, 0.3841, 0.01839, 0.2924, -0.3669, -0.5832, -0.003607, 0.184, 0.3002, 0.2365, -0.4385, -0.06084, -0.02586,
     0.09165, 0.1287, -0.2696, 0.2087, -0.3293, 0.3306, 0.6438, 0.4226, -0.2493, -0.03225, 0.02397, -1.355, -1.078,
     0.7202, 0.008527, 0.4792, -1.386, -1.354, 0.6266, 0.6593, 0.7859, 0.1543, -0.1338, 0.1751, 0.3479, -0.1964, 0.3118,

@@ -7,7 +7,7 @@
 #include <stddef.h>
 
 #include "surfels/disc_clipping.h"
-#include "common/simd.h"
+#include "common/vec3.h"
 
 #define MAX_COS_BETWEEN_NORMALS 0.906f /* 25 degrees: only neighbors with normals at least that far apart clip a disc */
 #define MARGIN_RADII 0.035f            /* a disc reaches this far beyond a neighbor's plane, in units of its radius */

@@ -5,7 +5,7 @@
 #include <math.h>
 #include <stddef.h>
 
-#include "common/simd.h"
+#include "common/vec3.h"
 
 #define CURVATURE_NEIGHBORS 8        /* nearest neighbors that curvature is estimated from */
 #define MAX_HEIGHT_RADII 0.3f        /* neighbor heights are clamped to it: larger ones come from creases */

@@ -10,7 +10,7 @@
 #include <stdint.h>
 
 #include "surfels/disc_clipping.h"
-#include "common/simd.h"
+#include "common/vec3.h"
 #include "common/lanes.h"
 
 #define NEAR_PLANE 0.1f         /* smallest depth that is drawn, in world units */

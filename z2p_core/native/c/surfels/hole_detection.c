@@ -41,9 +41,9 @@ INLINE float fit_surface(const float *points, const float *normals, const float 
  * max_distance; INFINITY if there is no such point at all. */
 INLINE float widest_rim_gap(const float *points, const float *position, const int *neighbors, int neighbor_count,
                             const float *n, float max_distance) {
-    float u[3], v[3], angles[MOST_NEIGHBOURS], widest = 0;
+    float u[3], v[3], angles[MAX_NEIGHBORS], widest = 0;
     int count = 0;
-    axes_across(n, u, v);
+    tangent_basis(n, u, v);
     for (int j = 0; j < neighbor_count; j++) {
         const float *point = points + 3 * (size_t)neighbors[j];
         float offset[3] = {point[0] - position[0], point[1] - position[1], point[2] - position[2]};
@@ -57,7 +57,7 @@ INLINE float widest_rim_gap(const float *points, const float *position, const in
     }
     if (!count) return INFINITY;
     for (int j = 1; j < count; j++) widest = larger(widest, angles[j] - angles[j - 1]);
-    return larger(widest, angles[0] + 6.2831853f - angles[count - 1]);
+    return larger(widest, angles[0] + (2 * PI) - angles[count - 1]);
 }
 
 /* Writes radii (count) of the discs that close holes of the surface of points (n, 3) with unit normals (n, 3) at

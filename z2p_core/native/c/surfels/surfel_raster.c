@@ -54,7 +54,7 @@ INLINE void lower_nearest_depths(const Row *row, int plane_count, float *nearest
     Masks clipped;
     for (int i = row->left; i <= row->right; i += LANES, x += (float)LANES) {
         Masks passes = evaluate_row(row, plane_count, x, &depth, &inside, &clipped) & ~clipped;
-        Lanes known = lanes(nearest + i);
+        Lanes known = load_lanes(nearest + i);
         passes &= depth < known;
         known = (Lanes)((passes & (Masks)depth) | (~passes & (Masks)known));
         memcpy(nearest + i, &known, sizeof known);
@@ -100,12 +100,12 @@ INLINE void add_row(const Row *row, const Disc *disc, const float *nearest, cons
     Masks clipped;
     for (int i = row->left; i <= row->right; i += LANES, x += (float)LANES) {
         Masks blends = evaluate_row(row, disc->plane_count, x, &depth, &inside, &clipped);
-        blends &= depth <= lanes(nearest + i) + disc->blend_depth;
+        blends &= depth <= load_lanes(nearest + i) + disc->blend_depth;
         Lanes weight = where(blends, inside + 1e-3f);
         weight = where(~clipped, weight) + where(clipped, weight * CLIPPED_WEIGHT);
         float *line = sums + i;
         for (int c = 0; c < SUMS_PER_SAMPLE; c++, line += stride) {
-            Lanes sum = lanes(line);
+            Lanes sum = load_lanes(line);
             sum += c == 0 ? weight : c == 1 ? weight * depth : weight * features[c - 2];
             memcpy(line, &sum, sizeof sum);
         }

@@ -18,9 +18,9 @@
  * in_space = 0: 2-D cell of the neighbors projected onto the plane; 1: cross section of the 3-D cell with the plane. */
 INLINE float voronoi_extent(const float *points, const float *p, const float *n, const int *neighbors,
                             int neighbor_count, int in_space, float (*directions)[DIRECTIONS], float *farthest) {
-    float u[3], v[3], inverse[DIRECTIONS] = {0}, offsets[3][MOST_NEIGHBOURS];
-    float x[MOST_NEIGHBOURS], y[MOST_NEIGHBOURS];
-    axes_across(n, u, v);
+    float u[3], v[3], inverse[DIRECTIONS] = {0}, offsets[3][MAX_NEIGHBORS];
+    float x[MAX_NEIGHBORS], y[MAX_NEIGHBORS];
+    tangent_basis(n, u, v);
     for (int j = 0; j < neighbor_count; j++)
         for (int a = 0; a < 3; a++) offsets[a][j] = points[3 * (size_t)neighbors[j] + a] - p[a];
     for (int j = 0; j < neighbor_count; j++) {
@@ -54,7 +54,7 @@ FAST int z2p_voronoi_extent(const float *points, const float *normals, const int
                             int begin, int end, int neighbor_count, int in_space, float *extents, float *farthest) {
     float directions[2][DIRECTIONS];
     for (int k = 0; k < DIRECTIONS; k++) {
-        float angle = 6.2831853f * (float)k / DIRECTIONS;
+        float angle = (2 * PI) * (float)k / DIRECTIONS;
         directions[0][k] = cosf(angle);
         directions[1][k] = sinf(angle);
     }
