@@ -1,8 +1,8 @@
-"""Makes the sample scans of `samples/`: objects of our own, seen by a depth camera with noise, holes and lost edges.
+"""Makes the sample scans of `samples/`: procedural objects, scanned by a simulated depth camera with noise and holes.
 
     python examples/make_samples.py [FOLDER]
 
-Everything is drawn from one seed. Suzanne needs the pipeline extra (Blender); the others need numpy alone.
+All random numbers derive from one seed. Suzanne needs the pipeline extra (Blender); the others need numpy alone.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ SEED = 2022
 
 @dataclass(frozen=True)
 class Scanner:
-    """Depth camera: where it stands, and what is wrong with it. Lengths in units of the object's radius."""
+    """A simulated depth camera: its viewpoints and errors. Lengths in units of the object's radius."""
 
     azimuths: tuple[float, ...]
     """Degrees about +Z, 0 at -Y; one view each, all merged into one cloud."""
@@ -34,13 +34,13 @@ class Scanner:
     noise: float = 0.004
     """Standard deviation along the ray."""
     holes: int = 6
-    """Patches a view that give no echo: gloss, dirt."""
+    """Patches without measurements per view, as from gloss or dirt."""
     grazing: float = 0.3
-    """Surfaces whose cosine to the ray is below this are lost more and more."""
+    """Cosine between ray and normal below which more and more points are lost."""
 
 
 def scan(mesh: Mesh, scanner: Scanner, rng: np.random.Generator) -> np.ndarray:
-    """Points (N, 3) float64 that the scanner gets from a mesh inside the unit sphere, in the mesh's axes."""
+    """Points (N, 3) float64 that the scanner measures on a mesh in the unit sphere, in the mesh's axes."""
     points, normals = _dense_samples(mesh, 1_500_000, rng)
     views = [_one_view(points, normals, azimuth, scanner, rng) for azimuth in scanner.azimuths]
     return np.concatenate(views)
@@ -62,7 +62,7 @@ def _dense_samples(mesh: Mesh, count: int, rng: np.random.Generator) -> tuple[np
 def _one_view(
     points: np.ndarray, normals: np.ndarray, azimuth: float, scanner: Scanner, rng: np.random.Generator
 ) -> np.ndarray:
-    """What one view sees: the nearest surface in each pixel, less what is lost, with noise along the ray."""
+    """Points (N, 3) of one view: the nearest surface per pixel, without lost points, with noise along the ray."""
     angle = np.radians(scanner.elevation)
     back = np.array([0.0, -np.cos(angle), np.sin(angle)]) @ turn(azimuth).T  # from the object to the camera
     right = np.array([1.0, 0.0, 0.0]) @ turn(azimuth).T
@@ -73,7 +73,7 @@ def _one_view(
     row = np.floor(rays @ np.cross(back, right) / depth * focal + scanner.pixels / 2).astype(int)
     order = np.lexsort((depth, row * scanner.pixels + column))
     pixel = (row * scanner.pixels + column)[order]
-    seen = order[np.r_[True, pixel[1:] != pixel[:-1]]]  # the first of each pixel is its nearest
+    seen = order[np.r_[True, pixel[1:] != pixel[:-1]]]  # the first point of each pixel is the nearest
     ray = rays[seen] / np.linalg.norm(rays[seen], axis=1, keepdims=True)
     cosine = np.abs((ray * normals[seen]).sum(1))
     kept = rng.uniform(size=len(seen)) < np.clip(cosine / scanner.grazing, 0, 1) ** 1.5
@@ -106,14 +106,14 @@ def in_unit_sphere(mesh: Mesh) -> Mesh:
 
 
 def write_ply(path: Path, points: np.ndarray) -> None:
-    """Write points as binary PLY, float32."""
+    """Writes points as binary PLY, float32."""
     columns = "".join(f"property float {axis}\n" for axis in "xyz")
     header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n{columns}end_header\n"
     path.write_bytes(header.encode() + points.astype("<f4").tobytes())
 
 
 def write_xyz(path: Path, points: np.ndarray) -> None:
-    """Write points as rows of text."""
+    """Writes points as rows of text."""
     np.savetxt(path, points, fmt="%.2f")
 
 

@@ -1,4 +1,4 @@
-"""A look into a training every 100 steps: a toy generator learns a ring, and z2p draws its samples for TensorBoard.
+"""Previews of a training every 100 steps: a toy generator learns a ring, and z2p draws its samples for TensorBoard.
 
     python examples/training_preview.py [FOLDER]
 """
@@ -14,7 +14,8 @@ from PIL import Image
 
 import z2p_core
 
-STEPS, EVERY = 300, 100
+STEPS = 300
+PREVIEW_EVERY = 100
 
 
 def main(folder: Path) -> None:
@@ -33,8 +34,8 @@ def main(folder: Path) -> None:
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
-        if step % EVERY == 0:
-            image = preview(samples)  # (3, H, W) uint8; never raises, whatever the samples have become
+        if step % PREVIEW_EVERY == 0:
+            image = preview(samples)  # (3, H, W) uint8; never raises, even for samples that are no cloud
             # writer.add_image("samples", image, step)
             Image.fromarray(np.moveaxis(image, 0, -1)).save(folder / f"step_{step:04d}.png")
 

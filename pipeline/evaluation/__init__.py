@@ -1,1 +1,1 @@
-"""How good weights are: metrics against ground truth, baselines, ablations, and the paper's evaluation."""
+"""Evaluation of weights: metrics against ground truth, baselines, ablations, and the report on the paper."""

@@ -1,1 +1,1 @@
-"""Training and evaluation data: random views of meshes, their points, and ground-truth renders."""
+"""Data of training and evaluation: random views of meshes, points sampled on them, and ground-truth renders."""

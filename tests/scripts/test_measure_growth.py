@@ -1,4 +1,4 @@
-"""Growth: configs that differ in one thing, curves that are found again, and figures told as they are."""
+"""scripts/measure_growth.py: configs that differ in one parameter, fits of known curves, and the report."""
 
 from __future__ import annotations
 

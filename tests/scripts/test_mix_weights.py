@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from z2p_renderer.storage.models.checkpoints import load_weights, find_weights, save_weights
+from z2p_renderer.storage.models.checkpoints import find_weights, load_weights, save_weights
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import mix_weights

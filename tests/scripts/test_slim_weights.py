@@ -54,12 +54,12 @@ def muted(tensors: dict[str, np.ndarray], widths: tuple[int, ...]) -> dict[str, 
 
 
 def test_pruning_unused_channels_changes_nothing(make_weights: Callable[..., Path], tmp_path: Path) -> None:
-    whole, lean = tmp_path / "whole.safetensors", tmp_path / "lean.safetensors"
+    full, lean = tmp_path / "whole.safetensors", tmp_path / "lean.safetensors"
     weights = load_weights(make_weights(**SHAPE, zbuffer="splats"))
-    save_weights(whole, muted(weights.tensors, SHAPE["widths"]), weights.card)
-    done = slim(str(whole), str(lean), "--zbuffer", "paper", "--widths", "11,16,16")
+    save_weights(full, muted(weights.tensors, SHAPE["widths"]), weights.card)
+    done = slim(str(full), str(lean), "--zbuffer", "paper", "--widths", "11,16,16")
     assert done.returncode == 0, done.stderr
-    assert alike(drawn(lean, [0, *range(4, 14)]), drawn(whole))
+    assert alike(drawn(lean, [0, *range(4, 14)]), drawn(full))
     assert load_weights(lean).card["network"]["widths"] == [11, 16, 16]
 
 
@@ -68,15 +68,15 @@ def test_pruning_unused_channels_changes_nothing(make_weights: Callable[..., Pat
 def test_new_final_convs_start_as_the_identity(
     make_weights: Callable[..., Path], tmp_path: Path, encoder: str, further: tuple[str, ...]
 ) -> None:
-    whole, lean = tmp_path / "whole.safetensors", tmp_path / "lean.safetensors"
+    full, lean = tmp_path / "whole.safetensors", tmp_path / "lean.safetensors"
     weights = load_weights(make_weights(**SHAPE, encoder=encoder, zbuffer="paper"))
     quiet = {name: tensor * (not name.startswith("touch")) for name, tensor in weights.tensors.items()}
     quiet["stem.weight"][:, 176:] = 0  # what is left of the encoding is its mean
-    save_weights(whole, quiet, weights.card)
-    done = slim(str(whole), str(lean), "--widths", "16,24,24", *further)
+    save_weights(full, quiet, weights.card)
+    done = slim(str(full), str(lean), "--widths", "16,24,24", *further)
     assert done.returncode == 0, done.stderr
     channels = slice(0, 11)
-    assert alike(drawn(lean, channels), drawn(whole, channels))
+    assert alike(drawn(lean, channels), drawn(full, channels))
 
 
 def test_widening_is_refused(make_weights: Callable[..., Path], tmp_path: Path) -> None:

@@ -85,7 +85,9 @@ def seed_variation(outcomes: Sequence[VariantResult]) -> float | None:
     return max((abs(one.mean) for one in repeats if one), default=None)
 
 
-def _read_variant_result(variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, Mapping[str, Any]]) -> VariantResult:
+def _read_variant_result(
+    variant: Variant, train: Path, evaluate: Path, base: Mapping[Any, Mapping[str, Any]]
+) -> VariantResult:
     own, training = _read_rows(evaluate), variant.config.train
     sides = training.resolutions or (variant.config.shard.resolution,)
     tensors = load_weights(train / "weights.safetensors").tensors

@@ -23,8 +23,8 @@ from z2p_renderer.pipeline.evaluation.ablation.outcomes import (
     Folders,
     MetricDifference,
     VariantResult,
-    seed_variation,
     read_variant_results,
+    seed_variation,
 )
 from z2p_renderer.storage.files.atomic_write import atomic_write
 
@@ -93,13 +93,18 @@ def _table_row(one: VariantResult) -> tuple[str, ...]:
     changes = ", ".join(f"`{key}` {_format_value(before)} → {_format_value(after)}" for key, (before, after) in
                         one.variant.changes.items())  # fmt: skip
     return (
-        one.variant.title, changes or "–",
-        _format_number(one.means.get("psnr_foreground"), ".2f"), _format_difference(one.differences.get("psnr_foreground")),
-        _format_number(one.means.get("psnr_white"), ".2f"), _format_difference(one.differences.get("psnr_white")),
-        _format_number(one.means.get("ssim"), ".3f"), _format_number(one.means.get("flip"), ".3f"),
-        f"{one.weights / 1e6:.2f} M", _format_number(one.seconds, ".0f", " s"),
+        one.variant.title,
+        changes or "–",
+        _format_number(one.means.get("psnr_foreground"), ".2f"),
+        _format_difference(one.differences.get("psnr_foreground")),
+        _format_number(one.means.get("psnr_white"), ".2f"),
+        _format_difference(one.differences.get("psnr_white")),
+        _format_number(one.means.get("ssim"), ".3f"),
+        _format_number(one.means.get("flip"), ".3f"),
+        f"{one.weights / 1e6:.2f} M",
+        _format_number(one.seconds, ".0f", " s"),
         _format_number(1000 * one.means.get("seconds", 0.0) or None, ".0f", " ms"),
-    )  # fmt: skip
+    )
 
 
 def _conclusions(outcomes: Sequence[VariantResult]) -> list[str]:
@@ -115,8 +120,11 @@ def _conclusions(outcomes: Sequence[VariantResult]) -> list[str]:
     lines = ["## What can be told", "", how, ""]
     judged = [one for one in outcomes[1:] if not one.variant.is_repeat]
     for verdict in (BETTER, WORSE, NO_DIFFERENCE):
-        names = [f"{one.variant.title} ({_format_difference(one.differences.get(DECIDING_METRIC))} dB)" for one in judged
-                 if one.verdict(chance) == verdict]  # fmt: skip
+        names = [
+            f"{one.variant.title} ({_format_difference(one.differences.get(DECIDING_METRIC))} dB)"
+            for one in judged
+            if one.verdict(chance) == verdict
+        ]
         lines.append(f"- {verdict}: {', '.join(names) or 'none'}")
     return lines
 

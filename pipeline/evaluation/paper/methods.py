@@ -83,7 +83,7 @@ def draw_cases(
 def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarray | None = None) -> MethodImage:
     """The weights' picture of a case, optionally with another cloud."""
     renderer = load_renderer(find_weights(method.source))
-    missing = [name for name in case.needs if name not in renderer.controls]
+    missing = [name for name in case.required_controls if name not in renderer.controls]
     if missing:
         return MethodImage(None, error=f"these weights do not carry {' and '.join(missing)}")
     placed = place_in_scene(case.cloud if cloud is None else cloud, case.scene)

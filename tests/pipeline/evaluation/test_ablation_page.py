@@ -14,14 +14,14 @@ from PIL import Image
 
 from z2p_core.config.ablation import AblationsConfig, parse_ablations
 from z2p_renderer.pipeline.evaluation.ablation.outcomes import (
-    NO_DIFFERENCE,
     BETTER,
+    NO_DIFFERENCE,
     WORSE,
     MetricDifference,
-    seed_variation,
     paired_difference,
     read_curve,
     read_variant_results,
+    seed_variation,
     training_seconds,
 )
 from z2p_renderer.pipeline.evaluation.ablation.page import write_ablations
@@ -83,9 +83,9 @@ def folders(tmp_path: Path, weights: Path) -> dict[str, tuple[Path, Path]]:
 def test_differences_are_paired_with_error_over_meshes() -> None:
     base = {("a", 0, 0): {"x": 1.0}, ("a", 0, 1): {"x": 2.0}, ("b", 0, 0): {"x": 9.0}, ("b", 0, 1): {"x": None}}
     own = {("a", 0, 0): {"x": 2.0}, ("a", 0, 1): {"x": 5.0}, ("b", 0, 0): {"x": 13.0}, ("b", 0, 1): {"x": 1.0}}
-    found = paired_difference(own, base, "x")
-    assert found is not None and found.mean == pytest.approx(3.0)  # of a: (1 + 3) / 2, of b: 4
-    assert found.error == pytest.approx(1.0)
+    measured = paired_difference(own, base, "x")
+    assert measured is not None and measured.mean == pytest.approx(3.0)  # of a: (1 + 3) / 2, of b: 4
+    assert measured.error == pytest.approx(1.0)
     one = paired_difference({("a", 0, 0): {"x": 2.0}}, base, "x")
     assert one is not None and (one.mean, one.error) == (1.0, None)
     assert paired_difference(own, base, "y") is None
@@ -96,7 +96,13 @@ def test_difference_within_seed_variation_is_no_win(folders: dict[str, tuple[Pat
     chance = seed_variation(outcomes)
     assert chance == pytest.approx(0.3)
     verdicts = {one.variant.name: one.verdict(chance) for one in outcomes}
-    assert verdicts == {"base": NO_DIFFERENCE, "up": BETTER, "down": WORSE, "same": NO_DIFFERENCE, "again": NO_DIFFERENCE}
+    assert verdicts == {
+        "base": NO_DIFFERENCE,
+        "up": BETTER,
+        "down": WORSE,
+        "same": NO_DIFFERENCE,
+        "again": NO_DIFFERENCE,
+    }
     assert outcomes[3].verdict(None) == BETTER  # without another seed only the meshes' spread speaks against it
     assert seed_variation(outcomes[:4]) is None
 
@@ -125,13 +131,13 @@ def test_page_csv_and_json_say_the_same(folders: dict[str, tuple[Path, Path]], t
     out = tmp_path / "out"
     assert {path.name for path in write_ablations(CONFIG, folders, COMMAND, out)} == {
         "ablations.md", "ablations.csv", "ablations.json", "curves.png"}  # fmt: skip
-    told = json.loads((out / "ablations.json").read_text())
+    content = json.loads((out / "ablations.json").read_text())
     with (out / "ablations.csv").open() as file:
         rows = list(csv.DictReader(file))
     page = (out / "ablations.md").read_text()
-    assert told["command"] == COMMAND and COMMAND in page and "120 samples (40 steps of 3)" in page
-    assert [row["name"] for row in rows] == [one["name"] for one in told["variants"]] == list(SHIFTS)
-    for row, one in zip(rows, told["variants"], strict=True):
+    assert content["command"] == COMMAND and COMMAND in page and "120 samples (40 steps of 3)" in page
+    assert [row["name"] for row in rows] == [one["name"] for one in content["variants"]] == list(SHIFTS)
+    for row, one in zip(rows, content["variants"], strict=True):
         assert row["train"] == one["results"][0] == "train/t"
         assert f"| {one['title']} |" in page and row["title"] == one["title"]
         if one["name"] != "base":

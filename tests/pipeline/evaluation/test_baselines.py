@@ -20,7 +20,7 @@ from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation import baselines as module
 from z2p_renderer.pipeline.evaluation import evaluate as evaluation
-from z2p_renderer.pipeline.evaluation.baselines import with_true_floor, run_baseline, run_baseline_on_scenes
+from z2p_renderer.pipeline.evaluation.baselines import run_baseline, run_baseline_on_scenes, with_true_floor
 from z2p_renderer.pipeline.evaluation.evaluate import evaluate
 from z2p_renderer.pipeline.render import RenderError, RenderSettings, render_mesh, render_scenes
 from z2p_renderer.pipeline.rendering import ground_truth

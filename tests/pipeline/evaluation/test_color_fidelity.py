@@ -1,4 +1,4 @@
-"""The colour that comes out: known shifts of hue, lightness and chroma are told as what they are."""
+"""Colour fidelity: known shifts of hue, lightness and chroma are measured as such."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ def picture(color: tuple[int, int, int], alpha: int = 255) -> np.ndarray:
 def test_equal_colours_have_no_error_whatever_the_background() -> None:
     ours = picture((200, 40, 90))
     ours[:, 4:] = (0, 0, 0, 120)  # a shadow
-    found = color_error(ours, picture((200, 40, 90)))
-    assert found is not None and (found.lightness, found.chroma, found.hue) == pytest.approx((0, 0, 0), abs=1e-9)
+    error = color_error(ours, picture((200, 40, 90)))
+    assert error is not None and (error.lightness, error.chroma, error.hue) == pytest.approx((0, 0, 0), abs=1e-9)
 
 
 def test_hue_error_ignores_lightness() -> None:
@@ -38,8 +38,8 @@ def test_hue_error_ignores_lightness() -> None:
 
 
 def test_hue_error_is_the_smaller_angle() -> None:
-    found = color_error(picture((250, 20, 120)), picture((250, 20, 60)))
-    assert found is not None and found.hue is not None and 0 < found.hue < 60
+    error = color_error(picture((250, 20, 120)), picture((250, 20, 60)))
+    assert error is not None and error.hue is not None and 0 < error.hue < 60
 
 
 def test_picture_without_the_object_has_no_colour_error() -> None:

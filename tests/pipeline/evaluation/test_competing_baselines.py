@@ -1,4 +1,4 @@
-"""Baselines over several scenes, and painters: what is made once, from where it is seen, and what is kept."""
+"""Baselines over several scenes, and painters: number of reconstructions, viewpoints, and stored results."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ SCENES = [scene(), scene(light=40.0), scene(azimuth=90.0)]
 
 class Counting(Baseline):
     name, version = "counting", "1"
-    made: ClassVar[list[np.ndarray | None]] = []
+    calls: ClassVar[list[np.ndarray | None]] = []
 
     def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        self.made.append(None)
+        self.calls.append(None)
         with self.timed("think"):
             return cloud[:3].astype(float), np.array([[0, 1, 2]])
 
@@ -45,7 +45,7 @@ class Seeing(Counting):
     name, for_view = "seeing", True
 
     def reconstruct_for(self, cloud: np.ndarray, viewer: np.ndarray, rng: Any) -> tuple[np.ndarray, np.ndarray]:
-        self.made.append(viewer)
+        self.calls.append(viewer)
         return cloud[:3].astype(float), np.array([[0, 1, 2]])
 
 
@@ -65,44 +65,48 @@ class Marking(Painter):
 
 @pytest.fixture
 def rendered(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Pictures asked of each Blender process; grey ones stand in for its renders."""
-    asked: list[int] = []
+    """Pictures requested of each Blender process; grey ones stand in for its renders."""
+    requested: list[int] = []
 
     def save(mesh: object, jobs: Any, out: Path, settings: RenderSettings, **more: object) -> None:
-        asked.append(len(jobs))
+        requested.append(len(jobs))
         for stem, _ in jobs:
             Image.fromarray(np.full((32, 40, 4), 90, np.uint8)).save(out / f"{stem}.png")
 
     monkeypatch.setattr(module, "render_mesh", save)
-    monkeypatch.setattr(module, "_warm_up", lambda rival: None)
-    Counting.made.clear()
-    return asked
+    monkeypatch.setattr(module, "_warm_up", lambda competitor: None)
+    Counting.calls.clear()
+    return requested
 
 
-def rebuild(rival: Any, root: Path, scenes: list[SceneDescription], cloud: np.ndarray = CLOUD) -> list[module.BaselineResult]:
-    return run_baseline_on_scenes(rival, cloud, {"n": len(cloud)}, np.random.default_rng(0), scenes, SETTINGS, root)
+def run(
+    competitor: Any, root: Path, scenes: list[SceneDescription], cloud: np.ndarray = CLOUD
+) -> list[module.BaselineResult]:
+    return run_baseline_on_scenes(
+        competitor, cloud, {"n": len(cloud)}, np.random.default_rng(0), scenes, SETTINGS, root
+    )
 
 
 def test_one_reconstruction_serves_all_missing_scenes(rendered: list[int], tmp_path: Path) -> None:
-    made = rebuild(Counting, tmp_path, SCENES)
-    assert len(Counting.made) == 1 and rendered == [3]
-    assert all(one.picture.shape == (32, 40, 4) and one.steps["think"] >= 0 for one in made)
-    rebuild(Counting, tmp_path, [*SCENES, scene(lift=0.2)])
-    assert len(Counting.made) == 2 and rendered == [3, 1]
+    results = run(Counting, tmp_path, SCENES)
+    assert len(Counting.calls) == 1 and rendered == [3]
+    assert all(one.picture.shape == (32, 40, 4) and one.steps["think"] >= 0 for one in results)
+    run(Counting, tmp_path, [*SCENES, scene(lift=0.2)])
+    assert len(Counting.calls) == 2 and rendered == [3, 1]
 
 
 def test_concurrent_runs_reconstruct_once(rendered: list[int], tmp_path: Path) -> None:
     """As tasks side by side do, whose sweeps share the plain case."""
     with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda _: rebuild(Counting, tmp_path, SCENES), range(4)))
-    assert len(Counting.made) == 1 and rendered == [3]
-    assert len({one.picture.tobytes() for made in found for one in made}) == 1
+        found = list(pool.map(lambda _: run(Counting, tmp_path, SCENES), range(4)))
+    assert len(Counting.calls) == 1 and rendered == [3]
+    assert len({one.picture.tobytes() for results in found for one in results}) == 1
 
 
 def test_view_dependent_baseline_runs_once_per_viewpoint(rendered: list[int], tmp_path: Path) -> None:
-    rebuild(Seeing, tmp_path, SCENES)
+    run(Seeing, tmp_path, SCENES)
     assert rendered == [2, 1]
-    for viewer, seen_in in zip(Seeing.made, (SCENES[0], SCENES[2]), strict=True):
+    for viewer, seen_in in zip(Seeing.calls, (SCENES[0], SCENES[2]), strict=True):
         assert viewer is not None and viewer == pytest.approx(viewer_position(seen_in))
 
 
@@ -114,16 +118,16 @@ def test_viewer_position_is_the_cameras() -> None:
 
 def test_painter_gets_the_cloud_placed_in_the_scene(rendered: list[int], tmp_path: Path) -> None:
     cloud = CLOUD + np.array([0.4, 0.0, 0.0], np.float32)
-    right, front = rebuild(Marking, tmp_path, [scene(), scene(azimuth=90.0)], cloud)
+    right, front = run(Marking, tmp_path, [scene(), scene(azimuth=90.0)], cloud)
     columns = [int(np.argwhere(one.picture[..., 3])[0][1]) for one in (right, front)]
     assert columns[0] > columns[1] + 2 and rendered == []
     assert right.render_seconds == 0 and right.seconds is not None
-    again = rebuild(Marking, tmp_path, [scene()], cloud)[0]
+    again = run(Marking, tmp_path, [scene()], cloud)[0]
     assert again.picture.tobytes() == right.picture.tobytes() and again.seconds == right.seconds
 
 
 def test_failing_painter_gives_an_empty_picture(rendered: list[int], tmp_path: Path) -> None:
-    one = rebuild(Marking, tmp_path, [scene()], CLOUD[:10])[0]
+    one = run(Marking, tmp_path, [scene()], CLOUD[:10])[0]
     assert one.error == "too few" and not one.picture.any() and one.seconds is None
 
 
@@ -135,7 +139,7 @@ def test_a_painter_that_breaks_its_contract_is_named(rendered: list[int], tmp_pa
             return np.full((camera.height, camera.width, 4), 2.0, np.float32)
 
     with pytest.raises(registry.PluginError, match=r"painter 'broken': expected .* from 2 to 2"):
-        rebuild(Broken, tmp_path, [scene()])
+        run(Broken, tmp_path, [scene()])
 
 
 def test_painters_are_found_beside_baselines() -> None:

@@ -1,4 +1,4 @@
-"""Evaluation: rows, means, kept ground truth, pictures and sheets; pictures made by hand, and once by Blender."""
+"""Evaluation: rows, means, stored ground truth, pictures and sheets; with synthetic pictures, and once with Blender."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from z2p_core.quality.metrics import METRIC_NAMES
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline import render
 from z2p_renderer.pipeline.evaluation.comparison_sheet import CELL_SIDE, ROWS_PER_SHEET, make_row, write_sheets
-from z2p_renderer.pipeline.evaluation.evaluate import sample_views, evaluate, summarise
+from z2p_renderer.pipeline.evaluation.evaluate import evaluate, sample_views, summarise
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.render import RenderSettings
@@ -67,11 +67,11 @@ def by_hand(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 @pytest.fixture
 def meshes(tmp_path: Path) -> dict[str, Path]:
-    found = {}
+    meshes = {}
     for name in ("gear", "wavy_sheet"):
-        found[name] = tmp_path / f"{name}.ply"
-        write_mesh(found[name], *shape(name))
-    return found
+        meshes[name] = tmp_path / f"{name}.ply"
+        write_mesh(meshes[name], *shape(name))
+    return meshes
 
 
 def metrics(path: Path) -> dict[str, Any]:
@@ -123,8 +123,8 @@ def test_renderer_that_draws_the_truth_gets_the_best_metrics(by_hand, meshes, ti
 
 
 def test_metrics_depend_on_seed_not_on_names_or_other_meshes(by_hand, meshes, tiny_weights, tmp_path) -> None:
-    def rows(found: dict[str, Path], out: str, config: EvaluateConfig = CONFIG) -> list[dict[str, Any]]:
-        data = metrics(evaluate(found, tiny_weights, tmp_path / out, config, tmp_path / "truth"))
+    def rows(meshes: dict[str, Path], out: str, config: EvaluateConfig = CONFIG) -> list[dict[str, Any]]:
+        data = metrics(evaluate(meshes, tiny_weights, tmp_path / out, config, tmp_path / "truth"))
         return [{**row, "mesh": "", "seconds": 0} for row in data["rows"]]
 
     both = rows(meshes, "both")
@@ -216,8 +216,8 @@ def test_cloud_is_rotated_and_lifted_with_the_mesh() -> None:
 
 
 def test_metrics_without_pixels_are_null_and_not_averaged() -> None:
-    whole = dict.fromkeys(METRIC_NAMES, 0.5) | {"mesh": "a", "seconds": 0.1}
-    rows = [whole, whole | {"psnr_foreground": None}, whole | {"mesh": "b", "psnr_foreground": None}]
+    complete = dict.fromkeys(METRIC_NAMES, 0.5) | {"mesh": "a", "seconds": 0.1}
+    rows = [complete, complete | {"psnr_foreground": None}, complete | {"mesh": "b", "psnr_foreground": None}]
     summary = summarise(rows)
     assert summary["means"]["psnr_foreground"] == 0.5
     assert "psnr_foreground" not in summary["meshes"]["b"] and summary["meshes"]["b"]["ssim"] == 0.5

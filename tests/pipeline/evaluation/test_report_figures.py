@@ -30,7 +30,7 @@ def row(sweep: str, level: str, method: str, object_psnr: float, **more: object)
             **figures, **more}  # fmt: skip
 
 
-def findings(*rows: dict[str, object]) -> Results:
+def make_results(*rows: dict[str, object]) -> Results:
     return Results(rows, METHODS)
 
 
@@ -56,7 +56,10 @@ def test_kept_contrast_ignores_errors_of_the_plain_picture() -> None:
 
 def test_uncertainty_gain_is_1_for_perfect_and_0_for_random_maps() -> None:
     error = np.random.default_rng(0).exponential(size=(60, 60))
-    perfect, worthless = score_map(2 * error + 1, error), score_map(np.random.default_rng(1).normal(size=(60, 60)), error)
+    perfect, worthless = (
+        score_map(2 * error + 1, error),
+        score_map(np.random.default_rng(1).normal(size=(60, 60)), error),
+    )
     assert perfect["gain"] == pytest.approx(1) and perfect["rank_correlation"] == pytest.approx(1)
     assert perfect["area"] == perfect["best_area"] < 0.6
     assert abs(worthless["gain"]) < 0.1 and abs(worthless["rank_correlation"]) < 0.05
@@ -70,7 +73,7 @@ def test_ties_share_their_rank() -> None:
 
 
 def test_summary_names_a_winning_baseline_first() -> None:
-    text = summarize(findings(row("base", "0", "regular", 25.0), row("base", "0", "bpa", 27.0, ssim=0.5)), ["base"])
+    text = summarize(make_results(row("base", "0", "regular", 25.0), row("base", "0", "bpa", 27.0, ssim=0.5)), ["base"])
     assert text.startswith("In the plain case a baseline wins: PSNR on the object, bpa 27.00 dB against regular 25.00")
     assert "In the other figures z2p wins: SSIM, regular 0.6250 against bpa 0.5000" in text
 
@@ -79,40 +82,44 @@ def test_summary_counts_where_baselines_are_ahead() -> None:
     rows = [row("base", "0", "regular", 28.0), row("base", "0", "bpa", 20.0)]
     rows += [row("noise", level, "regular", 22.0) for level in ("0", "0.01")]
     rows += [row("noise", "0", "bpa", 23.0), row("noise", "0.01", "bpa", 12.0)]
-    text = summarize(findings(*rows), ["base", "noise"])
+    text = summarize(make_results(*rows), ["base", "noise"])
     assert text.startswith("In the plain case z2p wins: ") and "a baseline wins" not in text
     assert "ahead in 4 of 8 comparisons (sweep, level, figure): noise 4 of 8." in text
 
 
 def test_less_is_better_for_flip() -> None:
-    found = {one.metric: one for one in compare_best(findings(row("base", "0", "regular", 25.0, flip=0.2),
-                                                          row("base", "0", "bpa", 25.0, flip=0.1)), "base")}
-    assert found["flip"].lost and not found["ssim"].lost
+    results = {
+        one.metric: one
+        for one in compare_best(
+            make_results(row("base", "0", "regular", 25.0, flip=0.2), row("base", "0", "bpa", 25.0, flip=0.1)), "base"
+        )
+    }
+    assert results["flip"].lost and not results["ssim"].lost
 
 
 def test_kept_contrast_is_best_at_one_and_in_the_summary() -> None:
     plain = [row("base", "0", "regular", 25.0), row("base", "0", "bpa", 24.0)]
     rows = [row("gap", "0.1", "regular", 20.0, contrast_kept=0.9), row("gap", "0.1", "bpa", 20.0, contrast_kept=1.4)]
-    found = findings(*plain, *rows)
-    assert [line[1] for line in level_table(found, "gap", "contrast_kept", "kept").rows] == ["*0.900", "1.400"]
-    told = "the contrast of bpa is farther from the truth's (off by 40% on average) than that of regular (10%)"
-    assert f"Near surfaces: {told}." in summarize(found, ["base", "gap"])
+    results = make_results(*plain, *rows)
+    assert [line[1] for line in level_table(results, "gap", "contrast_kept", "kept").rows] == ["*0.900", "1.400"]
+    expected = "the contrast of bpa is farther from the truth's (off by 40% on average) than that of regular (10%)"
+    assert f"Near surfaces: {expected}." in summarize(results, ["base", "gap"])
 
 
 def test_tables_mark_the_best_and_give_spreads() -> None:
-    found = findings(row("base", "0", "regular", 25.0), row("base", "0", "regular", 27.0, mesh="spot"),
+    results = make_results(row("base", "0", "regular", 25.0), row("base", "0", "regular", 27.0, mesh="spot"),
                      row("base", "0", "bpa", 24.0))  # fmt: skip
-    table = means_table(found, "base", "means")
+    table = means_table(results, "base", "means")
     assert table.rows[0][:2] == ("regular", "*26.00 ± 1") and table.rows[1][1] == "24.00"
     assert table.rows[0][-1] == "2"
-    assert level_table(found, "base", "flip", "FLIP").rows[0][1].startswith("*0.039")
+    assert level_table(results, "base", "flip", "FLIP").rows[0][1].startswith("*0.039")
 
 
 def test_capability_ticks_follow_from_metrics() -> None:
     rows = [row("base", "0", "regular", 25.0), row("base", "0", "bpa", 17.0, steps={"normals": 0.2}, shadow_kept=0.1)]
     rows += [row("inner", "0", "regular", 25.0), row("inner", "0.3", "regular", 24.5)]
     rows += [row("inner", "0", "bpa", 17.0), row("inner", "0.3", "bpa", 12.0)]
-    ours, theirs = (assess_capabilities(findings(*rows), name, name == "regular") for name in ("regular", "bpa"))
+    ours, theirs = (assess_capabilities(make_results(*rows), name, name == "regular") for name in ("regular", "bpa"))
     assert all(ours[key].passed for key in ("raw", "normals", "unseen", "inner", "shadows"))
     assert not any(theirs[key].passed for key in ("normals", "unseen", "inner", "shadows"))
     assert "loses 0.125" in theirs["inner"].why and theirs["inner"].paper == "no"
@@ -120,25 +127,25 @@ def test_capability_ticks_follow_from_metrics() -> None:
 
 
 def test_disagreement_must_beat_the_edge_map() -> None:
-    def told(own: float, edges: float) -> str:
+    def verdict(own: float, edges: float) -> str:
         maps = {name: {"rank_correlation": 0.5, "area": 0.5, "best_area": 0.3, "gain": value}
                 for name, value in (("disagreement", own), ("edges", edges), ("sparseness", 0.1))}  # fmt: skip
         return uncertainty_table([{"mesh": "cow", "method": "regular", "rows": [{"view": 0, "maps": maps}]}])[1]
 
-    assert "it earns its place" in told(0.7, 0.5)
+    assert "it earns its place" in verdict(0.7, 0.5)
     for own, edges in ((0.7, 0.65), (0.7, 0.8), (0.4, 0.1)):
-        assert "does not earn" in told(own, edges)
+        assert "does not earn" in verdict(own, edges)
 
 
 def test_results_use_the_current_mesh_names(tmp_path: Path) -> None:
     """A result is kept when its mesh's file or its weights' file gets another name."""
-    told = {"sweep": "base", "mesh": "bunny", "method": "old", "rows": [row("base", "plain", "regular", 30.0)]}
+    content = {"sweep": "base", "mesh": "bunny", "method": "old", "rows": [row("base", "plain", "regular", 30.0)]}
     for folder in ("m", "s"):
         (tmp_path / folder).mkdir()
         own = {"sweep": "scans", "mesh": ""} if folder == "s" else {}
-        (tmp_path / folder / ROWS_FILE).write_text(json.dumps(told | own))
-    found = read_results({"measure/base/rabbit/new": tmp_path / "m", "scans/new": tmp_path / "s"}, METHODS)
-    assert [(one["sweep"], one["mesh"], one["method"]) for one in found.every] == [
+        (tmp_path / folder / ROWS_FILE).write_text(json.dumps(content | own))
+    results = read_results({"measure/base/rabbit/new": tmp_path / "m", "scans/new": tmp_path / "s"}, METHODS)
+    assert [(one["sweep"], one["mesh"], one["method"]) for one in results.every] == [
         ("base", "rabbit", "new"), ("scans", "", "new")
     ]  # fmt: skip
 
@@ -152,6 +159,6 @@ def test_missing_parts_follow_from_weights_cards(make_weights, tmp_path: Path) -
     named = shutil.copy(plain, tmp_path / "paper.safetensors")
     assert {"The paper's network", "Weights for noise"} <= absent(plain, Path(named))
     assert "The paper's network" not in absent(make_weights(kind="adain_unet", unshuffle=1, refine=0))
-    taught, weights = tmp_path / "weights.safetensors", load_weights(plain)
-    save_weights(taught, weights.tensors, {**weights.card, "training": {"noise": "uniform"}})
-    assert "Weights for noise" not in absent(taught)
+    noisy, weights = tmp_path / "weights.safetensors", load_weights(plain)
+    save_weights(noisy, weights.tensors, {**weights.card, "training": {"noise": "uniform"}})
+    assert "Weights for noise" not in absent(noisy)

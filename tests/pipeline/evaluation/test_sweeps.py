@@ -13,7 +13,13 @@ from z2p_core.camera import turn
 from z2p_core.config import EvaluateConfig
 from z2p_core.config.report import SWEEP_NAMES, NameSweep, NumberSweep, ReportConfig
 from z2p_renderer.pipeline.evaluation.evaluate import sample_views
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import SYNTHETIC_SWEEPS, Case, TrueMesh, read_true_mesh, sweep_cases
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import (
+    SYNTHETIC_SWEEPS,
+    Case,
+    TrueMesh,
+    read_true_mesh,
+    sweep_cases,
+)
 from z2p_renderer.pipeline.evaluation.paper.measure import draw_points
 from z2p_renderer.pipeline.evaluation.paper.page.captions import SWEEP_CAPTIONS
 from z2p_renderer.pipeline.rendering.views import load_controls
@@ -37,13 +43,13 @@ def cases(name: str, subject: TrueMesh, config: ReportConfig = SMALL) -> list[Ca
 
 @pytest.mark.parametrize("name", SWEEP_NAMES)
 def test_every_sweep_has_cases_and_a_caption(name: str, vase: TrueMesh) -> None:
-    found, sweep = cases(name, vase), SMALL.sweeps()[name]
-    levels = [case.level for case in found if not case.level.startswith("solid")]
+    by_level, sweep = cases(name, vase), SMALL.sweeps()[name]
+    levels = [case.level for case in by_level if not case.level.startswith("solid")]
     if name not in SYNTHETIC_SWEEPS:
-        assert len(found) == SMALL.views * len(sweep.levels)
+        assert len(by_level) == SMALL.views * len(sweep.levels)
     assert {str(level) if isinstance(level, str) else f"{level:g}" for level in sweep.levels} <= set(levels)
-    assert SWEEP_CAPTIONS[name].title and SWEEP_CAPTIONS[name].shows
-    for case in found:
+    assert SWEEP_CAPTIONS[name].title and SWEEP_CAPTIONS[name].description
+    for case in by_level:
         assert case.cloud.dtype == np.float32 and np.isfinite(case.cloud).all() and len(case.cloud) <= 1600
         assert np.linalg.norm(case.cloud, axis=1).max() < 1.2
         assert (draw_points(case, 48)[..., 0] < 0.95).any()  # it is in the frame
@@ -65,7 +71,7 @@ def test_noise_moves_the_same_points_further(vase: TrueMesh) -> None:
 
 
 def test_views_are_those_of_an_evaluation(vase: TrueMesh) -> None:
-    """So that renders are found, and figures can be compared."""
+    """So that renders are by_level, and figures can be compared."""
     drawing = SimpleNamespace(controls=load_controls(("color", "light", "elevation")), fixed_elevation=None)
     theirs = sample_views(drawing, vase.identity, EvaluateConfig(views=2, seed=0))  # type: ignore[arg-type]
     ours = cases("base", vase)
@@ -85,10 +91,10 @@ def test_controls_change_the_scene_and_nothing_else(vase: TrueMesh) -> None:
 
 
 def test_scaling_scales_cloud_and_truth_alike(vase: TrueMesh) -> None:
-    small, *_, whole = (case for case in cases("scale", vase) if case.view == 0)
-    assert small.cloud == pytest.approx(0.4 * whole.cloud, abs=1e-6) and small.subject is None
-    assert small.truth.vertices == pytest.approx(0.4 * whole.truth.vertices)
-    assert whole.subject is vase  # its truth is that of the file
+    small, *_, full = (case for case in cases("scale", vase) if case.view == 0)
+    assert small.cloud == pytest.approx(0.4 * full.cloud, abs=1e-6) and small.subject is None
+    assert small.truth.vertices == pytest.approx(0.4 * full.truth.vertices)
+    assert full.subject is vase  # its truth is that of the file
 
 
 def test_inner_points_replace_surface_points(vase: TrueMesh) -> None:
@@ -99,14 +105,14 @@ def test_inner_points_replace_surface_points(vase: TrueMesh) -> None:
 
 def test_limit_cases_name_their_reference(vase: TrueMesh) -> None:
     for name in ("bumps", "gap"):
-        found = {case.level: case for case in cases(name, vase)}
-        changes = [case for case in found.values() if case.reference]
-        assert len(changes) == 2 and all(not found[case.reference].reference for case in changes)
-        assert all(case.scene == found[case.reference].scene for case in changes)
+        by_level = {case.level: case for case in cases(name, vase)}
+        changes = [case for case in by_level.values() if case.reference]
+        assert len(changes) == 2 and all(not by_level[case.reference].reference for case in changes)
+        assert all(case.scene == by_level[case.reference].scene for case in changes)
 
 
 def test_material_needs_controls_that_not_all_weights_have(vase: TrueMesh) -> None:
     config = replace(SMALL, material=NameSweep(("1,0.3",)))
     (case, _) = cases("material", vase, config)
-    assert case.needs == ("metallic", "roughness")
+    assert case.required_controls == ("metallic", "roughness")
     assert case.scene.material["Metallic"] == 1 and case.scene.material["Roughness"] == 0.3

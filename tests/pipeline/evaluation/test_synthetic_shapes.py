@@ -1,4 +1,4 @@
-"""Shapes that limits are found with: in the unit sphere, closed where they should be, and as they are called."""
+"""Synthetic shapes lie in the unit sphere, are closed where they should be, and have the documented dimensions."""
 
 from __future__ import annotations
 
@@ -7,17 +7,24 @@ import pytest
 
 from z2p_renderer.pipeline.evaluation.paper.cases.synthetic_shapes import (
     BALL_RADIUS,
-    PLATE_SIZE,
     BUMP_SLOPE,
+    PLATE_SIZE,
     harmonic_ball,
-    parallel_plates,
     objects_on_floor,
+    parallel_plates,
     tilted_sheet,
 )
 from z2p_renderer.storage.meshes import Mesh
 
-SHAPES = {"ball": harmonic_ball(0), "bumps": harmonic_ball(16), "plates": parallel_plates(0.1), "solid": parallel_plates(0.1, solid=True),
-          "open sheet": tilted_sheet(0.0), "sheet": tilted_sheet(0.05), "scene": objects_on_floor(4)}  # fmt: skip
+SHAPES = {
+    "ball": harmonic_ball(0),
+    "bumps": harmonic_ball(16),
+    "plates": parallel_plates(0.1),
+    "solid": parallel_plates(0.1, solid=True),
+    "open sheet": tilted_sheet(0.0),
+    "sheet": tilted_sheet(0.05),
+    "scene": objects_on_floor(4),
+}
 
 
 def open_edges(mesh: Mesh) -> int:

@@ -15,7 +15,7 @@ from z2p_core.contracts.engines import INEXACT_TOLERANCE
 from z2p_core.network.final_convs import FinalConvs
 from z2p_renderer.pipeline.export import export_onnx
 from z2p_renderer.pipeline.export.calibration import calibration_inputs
-from z2p_renderer.pipeline.export.graph_rewrite import INPUT_NAMES, EngineInputs, quantize_int8, optimize_graph
+from z2p_renderer.pipeline.export.graph_rewrite import INPUT_NAMES, EngineInputs, optimize_graph, quantize_int8
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.models.checkpoints import load_weights, save_weights
 from z2p_renderer.storage.models.onnx_deltas import INT8, graph_path, load_graph, save_graph
@@ -48,7 +48,7 @@ def drawn(model: bytes, inputs: EngineInputs) -> np.ndarray:
     return picture
 
 
-def whole(model: bytes, inputs: EngineInputs, touch: FinalConvs | None) -> np.ndarray:
+def run_with_final_convs(model: bytes, inputs: EngineInputs, touch: FinalConvs | None) -> np.ndarray:
     """The picture of a network whose last convolutions are left out of the model."""
     if touch is None:
         return drawn(model, inputs)
@@ -84,7 +84,9 @@ def test_optimized_graph_gives_the_same_output(make_weights: Callable[..., Path]
     touch = FinalConvs.from_tensors(loaded.weights.tensors, loaded.config)
     for batch, width, height in ((1, 64, 64), (2, 97, 61), (3, 33, 130)):
         inputs = random_inputs(renderer, batch, width, height)
-        assert np.abs(whole(lean, inputs, touch) - drawn(model, inputs)).max() < 1e-3  # random weights: steep
+        assert (
+            np.abs(run_with_final_convs(lean, inputs, touch) - drawn(model, inputs)).max() < 1e-3
+        )  # random weights: steep
     assert operators(lean).count("Transpose") < operators(model).count("Transpose")
     assert "Split" not in operators(lean) and not {"look.weight", "touch.weight"} & constants(lean)
     assert (touch is None) == (FORMS[form].get("refine") == 0) and len(lean) < len(model) + 4_000

@@ -1,4 +1,4 @@
-"""The conventions that every render depends on, frozen: a failure here voids every render made before."""
+"""The conventions that every render depends on; a failure here invalidates all existing renders."""
 
 from __future__ import annotations
 

@@ -78,9 +78,9 @@ def test_meshes_are_found_sorted_and_named_apart(tmp_path: Path) -> None:
     for name in ("b.ply", "a.OFF", "b.obj", "notes.txt", "c.stl", "._c.stl", ".hidden.ply", "b.ply.ply"):
         (tmp_path / name).touch()
     (tmp_path / "folder.ply").mkdir()
-    found = find_meshes(tmp_path)
-    assert list(found) == ["a", "b.obj", "b.ply", "b.ply.ply", "c"]
-    assert found["a"] == tmp_path / "a.OFF"
+    meshes = find_meshes(tmp_path)
+    assert list(meshes) == ["a", "b.obj", "b.ply", "b.ply.ply", "c"]
+    assert meshes["a"] == tmp_path / "a.OFF"
 
 
 def test_a_folder_without_meshes_is_a_clear_error(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.render import RenderSettings
-from z2p_renderer.pipeline.rendering.views import sample_view, load_controls, view_rng
+from z2p_renderer.pipeline.rendering.views import load_controls, sample_view, view_rng
 
 CONTROLS = load_controls(("color", "light", "elevation"))
 IDENTITY = "ab" * 32

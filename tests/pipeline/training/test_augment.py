@@ -1,4 +1,4 @@
-"""Clouds and records made into more: even ones are even, and a mirror exchanges left and right in all parts alike."""
+"""Data augmentation: even clouds, holes, and mirrored records."""
 
 from dataclasses import replace
 
@@ -8,7 +8,14 @@ from sphere_shards import sphere_record
 
 from z2p_core import native
 from z2p_core.config import TrainConfig
-from z2p_renderer.pipeline.training.augment import HOLE_POINTS, MAX_HOLES, draw_training_cloud, sample_evenly, mirror_record, remove_patches
+from z2p_renderer.pipeline.training.augment import (
+    HOLE_POINTS,
+    MAX_HOLES,
+    draw_training_cloud,
+    mirror_record,
+    remove_patches,
+    sample_evenly,
+)
 from z2p_renderer.plugins.controls.light import Light
 
 
@@ -20,8 +27,8 @@ def sphere(count, seed=0):
 def gaps(cloud):
     """Distances to the nearest neighbour, relative to their mean."""
     grid = native.NeighborGrid(cloud)
-    found, _ = grid.neighbors(np.arange(len(cloud), dtype=np.int32), 2)
-    near = np.linalg.norm(grid.points[found[:, 1]] - grid.points, axis=1)
+    neighbors, _ = grid.neighbors(np.arange(len(cloud), dtype=np.int32), 2)
+    near = np.linalg.norm(grid.points[neighbors[:, 1]] - grid.points, axis=1)
     return near / near.mean()
 
 

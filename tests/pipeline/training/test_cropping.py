@@ -41,7 +41,9 @@ def test_crops_contain_the_clouds_and_match_each_other(seed):
 def test_crop_positions_vary():
     batch = batch_of([(60, 68, 60, 68), (40, 80, 40, 80)])
     corners = {
-        float(crop_batch(batch, torch.zeros(0, 32, 32), 1, 32, CELL, np.random.default_rng(seed))[0].coverage[0, 0, 0, 0])
+        float(
+            crop_batch(batch, torch.zeros(0, 32, 32), 1, 32, CELL, np.random.default_rng(seed))[0].coverage[0, 0, 0, 0]
+        )
         for seed in range(20)
     }
     assert len(corners) > 3

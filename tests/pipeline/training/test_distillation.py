@@ -33,10 +33,10 @@ def pictures(shards, **fields):
 
 
 def test_target_blends_render_and_teacher(shards):
-    render, half, taught = (pictures(shards, teacher_share=share).batch(0).target for share in (0.0, 0.5, 1.0))
+    render, half, distilled = (pictures(shards, teacher_share=share).batch(0).target for share in (0.0, 0.5, 1.0))
     torch.testing.assert_close(render, pictures(shards, teacher="").batch(0).target, atol=1e-6, rtol=0)
-    torch.testing.assert_close(half, (render + taught) / 2, atol=1e-6, rtol=0)
-    assert (taught - render).abs().mean() > 1e-3
+    torch.testing.assert_close(half, (render + distilled) / 2, atol=1e-6, rtol=0)
+    assert (distilled - render).abs().mean() > 1e-3
 
 
 def test_teacher_draws_the_same_cloud_larger_and_downsampled(shards, monkeypatch):
@@ -59,20 +59,22 @@ def test_teacher_draws_the_same_cloud_larger_and_downsampled(shards, monkeypatch
 
 
 def test_teacher_affects_object_pixels_alone(shards):
-    taught, render = (pictures(shards, teacher_share=1.0, teacher=name).batch(0) for name in ("regular", ""))
+    distilled, render = (pictures(shards, teacher_share=1.0, teacher=name).batch(0) for name in ("regular", ""))
     floor = (render.coverage == 0).expand_as(render.target)
-    assert torch.equal(taught.target[floor], render.target[floor]) and floor.any()
+    assert torch.equal(distilled.target[floor], render.target[floor]) and floor.any()
 
 
 def test_teacher_image_is_averaged_with_its_mirror_image(shards):
-    """So a scene and its mirrored one are taught the same, turned."""
+    """So a scene and its mirrored one have mirrored targets."""
     data = pictures(shards)
     rng = np.random.default_rng(0)
     record = data._record(data.training[0], 32)
     scene, cloud = replace(record.scene, floor=-1.0), rng.normal(size=(500, 3)).astype(np.float32) * 0.3
     one = data._teacher_image(data._teacher, cloud, scene, record, 32)
     turned = mirror_record(record)
-    other = data._teacher_image(data._teacher, cloud * np.float32([-1, 1, 1]), replace(turned.scene, floor=-1.0), turned, 32)
+    other = data._teacher_image(
+        data._teacher, cloud * np.float32([-1, 1, 1]), replace(turned.scene, floor=-1.0), turned, 32
+    )
     np.testing.assert_array_equal(one, other[:, ::-1])
     alone = data._teacher.picture(cloud, scene, record.settings, 32)
     assert np.abs(one / 255 - alone).max() > 1 / 255
@@ -93,9 +95,9 @@ def test_a_batch_depends_on_its_number_alone(shards, monkeypatch):
 
 
 def test_validation_targets_are_renders_alone(shards):
-    taught, plain = (pictures(shards, teacher=name, teacher_share=1.0) for name in ("regular", ""))
+    distilled, plain = (pictures(shards, teacher=name, teacher_share=1.0) for name in ("regular", ""))
     torch.testing.assert_close(
-        taught.validation_batch([0]).target, plain.validation_batch([0]).target, atol=0, rtol=0
+        distilled.validation_batch([0]).target, plain.validation_batch([0]).target, atol=0, rtol=0
     )
 
 
@@ -104,10 +106,10 @@ def test_training_learns_from_the_teacher_and_its_card_names_it(shards, tmp_path
     config = replace(CONFIG, steps=2, resolutions=(32,), network=network)
     silent = lambda line: None  # noqa: E731
     alone = train(shards, replace(config, teacher=""), tmp_path / "alone", log=silent)
-    taught = train(shards, config, tmp_path / "taught", log=silent)
-    card = load_weights(taught).card["training"]
+    distilled = train(shards, config, tmp_path / "distilled", log=silent)
+    card = load_weights(distilled).card["training"]
     assert (card["teacher"], card["teacher_share"]) == ("regular", 0.5)
-    assert load_weights(alone).digest != load_weights(taught).digest
+    assert load_weights(alone).digest != load_weights(distilled).digest
 
 
 def test_weights_that_cannot_teach_are_refused(shards, tmp_path):

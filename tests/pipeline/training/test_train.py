@@ -235,9 +235,9 @@ def test_half_weights_draw_nearly_the_same(undisturbed, tmp_path):
     encoding = torch.rand(loaded.encoder.channels, 8, 8)
     inputs = torch.rand(1, loaded.buffer_channels, 32, 32), encoding, torch.rand(1, loaded.settings)
     with torch.no_grad():
-        whole, half = (load_network(path).network(*inputs) for path in
+        full, half = (load_network(path).network(*inputs) for path in
                        (undisturbed / "weights.safetensors", tmp_path / "half.safetensors"))
-    torch.testing.assert_close(whole, half, atol=5e-3, rtol=0)
+    torch.testing.assert_close(full, half, atol=5e-3, rtol=0)
 
 
 def test_fine_tuning_goes_on_from_the_weights_and_their_encoder(undisturbed, shards, tmp_path):

@@ -1,4 +1,4 @@
-"""Ablations: variants change what they say and nothing else; a mistake is told with its variant and key."""
+"""The configuration of ablations: variants change only their own keys; errors name variant and key."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Configurations: TOML in, frozen dataclasses out, and back; a mistake is told with its key."""
+"""The pipeline's configuration: TOML to frozen dataclasses and back; errors name the key."""
 
 from __future__ import annotations
 

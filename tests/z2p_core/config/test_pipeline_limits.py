@@ -6,7 +6,7 @@ import math
 import pytest
 
 from z2p_core.config import ConfigError, PipelineConfig, from_dict, to_dict
-from z2p_core.config.pipeline_limits import PIPELINE, check_values, check_limits
+from z2p_core.config.pipeline_limits import PIPELINE, check_limits, check_values
 from z2p_core.config.report import ReportConfig, check_report
 from z2p_core.config.report_limits import REPORT
 from z2p_core.errors.value_limits import DataclassFields

@@ -1,4 +1,4 @@
-"""Noise: of the kind and size asked for, seeded, and none when none is asked for."""
+"""Synthetic noise has its kind and scale, and is seeded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Each term on hand-made pictures whose loss is known."""
+"""Each loss term on synthetic images whose loss is known."""
 
 import math
 

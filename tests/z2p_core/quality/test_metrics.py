@@ -1,4 +1,4 @@
-"""Metrics on hand-made pictures whose figures are known beforehand."""
+"""Metrics of synthetic images with known values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from z2p_core.quality import metrics
-from z2p_core.quality.metrics import METRIC_NAMES, object_box, image_metrics, psnr, ssim_map
+from z2p_core.quality.metrics import METRIC_NAMES, image_metrics, object_box, psnr, ssim_map
 
 SIDE = 64
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 import torch.nn.functional as F
 
-from z2p_core.quality.separable_filter import BLOCK_WIDTH, gaussian_kernel, correlate_rows, correlate_separable
+from z2p_core.quality.separable_filter import BLOCK_WIDTH, correlate_rows, correlate_separable, gaussian_kernel
 
 
 @pytest.mark.parametrize("width", [5, 8, BLOCK_WIDTH + 3, BLOCK_WIDTH + 4, 3 * BLOCK_WIDTH + 17])
@@ -23,7 +23,9 @@ def test_gradient_matches_finite_differences() -> None:
     picture = torch.rand(2, 3, BLOCK_WIDTH + 9, dtype=torch.float64, requires_grad=True)
     kernel = torch.rand(6, dtype=torch.float64)
     assert torch.autograd.gradcheck(lambda rows: correlate_rows(rows, kernel).square(), picture)
-    assert torch.autograd.gradcheck(lambda rows: correlate_rows(rows.transpose(-1, -2)[..., :6], torch.ones(2)), picture)
+    assert torch.autograd.gradcheck(
+        lambda rows: correlate_rows(rows.transpose(-1, -2)[..., :6], torch.ones(2)), picture
+    )
 
 
 def test_gaussian_kernel_is_symmetric_and_normalised() -> None:

@@ -60,7 +60,7 @@ class Case:
     """The true mesh, in the cloud's axes."""
     subject: TrueMesh | None = None
     """Set if the truth is the unchanged mesh of a file: its renders are shared with `z2p evaluate`."""
-    needs: tuple[str, ...] = ()
+    required_controls: tuple[str, ...] = ()
     """Controls that weights need to draw it."""
     reference: str = ""
     """Level of the plain case that this one modifies, where the contrast of the change is measured; else empty."""
@@ -131,12 +131,19 @@ class _BaseCase:
                     self.subject)  # fmt: skip
         return replace(case, **changes)
 
-    def with_controls(self, needs: tuple[str, ...] = (), rotation: np.ndarray | None = None, **values: Value) -> Case:
+    def with_controls(
+        self, required_controls: tuple[str, ...] = (), rotation: np.ndarray | None = None, **values: Value
+    ) -> Case:
         """The base cloud with other values of controls, or another rotation."""
-        controls = load_controls((*VIEW_CONTROLS, *needs))
+        controls = load_controls((*VIEW_CONTROLS, *required_controls))
         rotation = np.array(self.view.scene.rotation) if rotation is None else rotation
         all_values = {**self.view.values, **values}
-        return self.case(self.cloud(), scene=describe(controls, all_values, rotation), values=all_values, needs=needs)
+        return self.case(
+            self.cloud(),
+            scene=describe(controls, all_values, rotation),
+            values=all_values,
+            required_controls=required_controls,
+        )
 
 
 def _vary_sampler(level: str, base: _BaseCase) -> Case:

@@ -11,10 +11,10 @@ class SweepCaption:
 
     title: str
     axis: str
-    shows: str
-    figure: str = ""
+    description: str
+    paper_reference: str = ""
     """Figure or section of the paper that shows the same."""
-    log: bool = False
+    is_log_scale: bool = False
     """Whether the axis is logarithmic."""
 
 
@@ -23,7 +23,7 @@ SWEEP_CAPTIONS: dict[str, SweepCaption] = {
     "noise": SweepCaption(
         "Noise", "standard deviation, radii", "Gaussian noise on every point.", "handling noisy inputs"
     ),
-    "density": SweepCaption("Density", "points", "More and fewer points.", "density and ablation", log=True),
+    "density": SweepCaption("Density", "points", "More and fewer points.", "density and ablation", is_log_scale=True),
     "sampling": SweepCaption(
         "Sampling",
         "",
@@ -60,7 +60,7 @@ SWEEP_CAPTIONS: dict[str, SweepCaption] = {
         "A ball with bumps of rising frequency and equal "
         "steepness; contrast kept is 1 where all of the true picture's change is there, 0 where none.",
         "supplementary: spherical harmonics",
-        log=True,
+        is_log_scale=True,
     ),
     "gap": SweepCaption(
         "Limit: near surfaces",
@@ -68,6 +68,6 @@ SWEEP_CAPTIONS: dict[str, SweepCaption] = {
         "Two plates that near each other; contrast kept is 1 where "
         "the gap is as in the true picture, 0 where they are one block.",
         "limitation",
-        log=True,
+        is_log_scale=True,
     ),
 }

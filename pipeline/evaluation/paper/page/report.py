@@ -133,7 +133,7 @@ def _sweep_section(
     has_contrast = any(CONTRAST_KEPT in row for row in results.every if row["sweep"] == sweep)
     metrics = (CONTRAST_KEPT,) if has_contrast else ("psnr_foreground", "ssim", "flip")
     has_levels = len(results.levels(sweep)) > 1
-    plots = [plot_sweep(results, sweep, caption.axis, caption.log, metrics)] if has_levels else []
+    plots = [plot_sweep(results, sweep, caption.axis, caption.is_log_scale, metrics)] if has_levels else []
     if sweep == "base":
         tables = [means_table(results, sweep, "Means over meshes and views")]
     else:
@@ -143,8 +143,8 @@ def _sweep_section(
         ]
     tables += further_tables
     meshes = [mesh for mesh in results.meshes(sweep) if mesh]
-    text = caption.shows + (f" Meshes: {', '.join(meshes)}." if meshes else " Shapes made for it.")
-    text += f" In the paper: {caption.figure}." if caption.figure else ""
+    text = caption.description + (f" Meshes: {', '.join(meshes)}." if meshes else " Shapes made for it.")
+    text += f" In the paper: {caption.paper_reference}." if caption.paper_reference else ""
     strips = [
         _sweep_strip(results, folders, sweep, mesh) for mesh in results.meshes(sweep)[: 1 if has_levels else None]
     ]
