@@ -152,3 +152,12 @@ def test_read_only_and_empty_arrays_are_read() -> None:
     normals, spread = native.fit_planes(cloud, NEIGHBORS)
     assert normals.shape == (20, 3)
     call("z2p_fit_planes", cloud, NEIGHBORS[:0], 0, 8, normals[:0], spread[:0])
+
+
+def test_constants_that_c_and_python_share_are_equal() -> None:
+    from z2p_core.native import list_rows
+    from z2p_core.surface import noise_level
+
+    enum = re.search(r"enum \{ ((?:[IUF]\d, )+[IUF]\d) \};", c_text())
+    assert enum and tuple(enum[1].lower().split(", ")) == list_rows._TYPES
+    assert int(re.findall(r"#define MAX_NEIGHBORS (\d+)", c_text())[0]) == noise_level.MAX_NEIGHBORS

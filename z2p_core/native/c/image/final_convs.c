@@ -83,7 +83,8 @@ INLINE void convolve_first(const Convolution *convolution, const float *const *r
             for (int g = 0; g < GROUP; g++)
                 for (int b = 0; b < BLOCK_LANES; b++) {
                     Lanes activation = relu(sums[g][b]);
-                    memcpy(hidden + (size_t)(group * GROUP + g) * ROW_STRIDE + column + LANES * b, &activation, sizeof activation);
+                    float *out = hidden + (size_t)(group * GROUP + g) * ROW_STRIDE + column + LANES * b;
+                    memcpy(out, &activation, sizeof activation);
                 }
         }
     for (int c = 0; c < convolution->groups * GROUP; c++) {
@@ -101,7 +102,8 @@ INLINE void convolve_last(const Convolution *convolution, const float *const *ro
         float block[BLOCK];
         convolve(convolution, 0, rows, column, sums);
         for (int g = 0; g < GROUP; g++) {
-            for (int b = 0; b < BLOCK_LANES; b++) sums[g][b] += load_lanes(decoded + g * ROW_STRIDE + column + LANES * b);
+            for (int b = 0; b < BLOCK_LANES; b++)
+                sums[g][b] += load_lanes(decoded + g * ROW_STRIDE + column + LANES * b);
             memcpy(block, sums[g], sizeof block);
             for (int i = 0; i < BLOCK && column + i < columns; i++)
                 out[g * plane + column + i] = smaller(larger(block[i], 0), 1);

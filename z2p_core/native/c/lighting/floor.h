@@ -8,7 +8,7 @@
 
 #include "common/simd.h"
 
-#define INVERSE_PI 0.31830989f
+#define INVERSE_PI 0.31830989f /* as a double rounded to float */
 
 /* World units; z is up. The floor's square is centered below the origin. Mirrored in native/lighting.py. */
 typedef struct {

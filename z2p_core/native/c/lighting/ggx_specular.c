@@ -129,7 +129,8 @@ INLINE float blurred_edge(float position, float inverse_sigma) {
 /* Sets the reflection of a parallelogram light, given by its center and two edge vectors (3, 3), in a block. */
 INLINE void reflect_area_light(Block *restrict block, const float *light, float radiance, float blur, float ior) {
     const float *u = light + 3, *v = light + 6;
-    float axis[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+    float axis[3];
+    cross(u, v, axis);
     float width = sqrtf(dot(u, u)), height = sqrtf(dot(v, v)), ior_sq_minus_1 = ior * ior - 1;
     float f0 = f0_from_ior(ior), sign = dot(light, axis) < 0 ? -1.0f : 1.0f; /* the light faces the origin */
     for (int i = 0; i < BLOCK; i++) {

@@ -30,10 +30,7 @@ static LightView view_from(const float *light) {
     view.right[0] = level > 1e-6f ? -light[1] / level : 1;
     view.right[1] = level > 1e-6f ? light[0] / level : 0;
     view.right[2] = 0;
-    const float *f = view.forward, *r = view.right;
-    view.up[0] = r[1] * f[2] - r[2] * f[1];
-    view.up[1] = r[2] * f[0] - r[0] * f[2];
-    view.up[2] = r[0] * f[1] - r[1] * f[0];
+    cross(view.right, view.forward, view.up);
     return view;
 }
 

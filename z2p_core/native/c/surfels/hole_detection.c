@@ -57,7 +57,7 @@ INLINE float widest_rim_gap(const float *points, const float *position, const in
     }
     if (!count) return INFINITY;
     for (int j = 1; j < count; j++) widest = larger(widest, angles[j] - angles[j - 1]);
-    return larger(widest, angles[0] + (2 * PI) - angles[count - 1]);
+    return larger(widest, angles[0] + 2 * PI - angles[count - 1]);
 }
 
 /* Writes radii (count) of the discs that close holes of the surface of points (n, 3) with unit normals (n, 3) at

@@ -54,7 +54,7 @@ FAST int z2p_voronoi_extent(const float *points, const float *normals, const int
                             int begin, int end, int neighbor_count, int in_space, float *extents, float *farthest) {
     float directions[2][DIRECTIONS];
     for (int k = 0; k < DIRECTIONS; k++) {
-        float angle = (2 * PI) * (float)k / DIRECTIONS;
+        float angle = 2 * PI * (float)k / DIRECTIONS;
         directions[0][k] = cosf(angle);
         directions[1][k] = sinf(angle);
     }
