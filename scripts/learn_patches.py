@@ -1,14 +1,14 @@
-"""Teaches the small network that lets neighbouring points agree upon their patches, and writes it as C.
+"""Trains the graph network that refines normals (`normal_gnn.c`), and writes its weights as a C header.
 
     python scripts/learn_patches.py MESHES [MESHES ...] [--steps 5000] [--begin HEADER] [--output HEADER]
     python scripts/learn_patches.py MESHES --begin HEADER --steps 0 --measure OTHERS
 
-Clouds are drawn from the meshes as scanners and samplers draw them (`scanned_clouds.py`). What `z2p_core/surface/normals.py`
-finds without the network is what it begins with; the meshes' own normals, and where the points lay before the noise,
-are what it should find. HEADER is `z2p_core/native/c/points/normal_gnn_weights.h` unless another is named. A network that goes on
-from a header may be larger (`--rounds`, `--width`). With a CUDA card, take more clouds a step (`--groups`) and as many
-`--workers` as there are cores. Install z2p again to compile it, and train the weights some more, which have learnt from
-patches as they were.
+Clouds are sampled from meshes as scanners and samplers do (`scanned_clouds.py`). The network's input is the local fit of
+`z2p_core/surface/normals.py`; its targets are the meshes' normals, and the points before noise was added. HEADER is
+`z2p_core/native/c/points/normal_gnn_weights.h` by default. A network that continues from a header may be larger
+(`--rounds`, `--width`). With a CUDA card, use more clouds a step (`--groups`) and as many `--workers` as there are cores.
+Afterwards install z2p again, which compiles the header, and train the renderer's weights further, as they were trained on
+the previous normals.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from patch_network import Patches, Refinement, grown, read_header, together, write_header
-from scanned_clouds import Shape, drawn, on_shape, shape_of
+from patch_network import CloudBatch, NormalNetwork, grow_network, merge_clouds, read_header, write_header
+from scanned_clouds import Shape, read_shape, sample_scan, sample_shape
 from torch import nn
 from torch.utils.data import DataLoader, IterableDataset, get_worker_info
 from tqdm import tqdm
@@ -33,19 +33,26 @@ from z2p_core.surface.normals import fit_local_patches
 from z2p_renderer.storage.meshes import find_meshes
 
 HEADER = Path(__file__).resolve().parents[1] / "z2p_core/native/c/points/normal_gnn_weights.h"
-ROUNDS, WIDTH = 3, 16
-"""Of a network from nothing. `refine.c` is compiled for the size that the header says."""
-GROUP, SORTED = 2, 8
-"""Clouds of a group; so many groups are drawn together, and sorted by how many neighbours their clouds ask for."""
-KEPT = 512
-"""Groups that are kept to be learnt from again."""
-RATE, WARM = 4e-3, 100
-"""Rate of learning at most, and steps until it is reached; it ends near 0."""
-MEASURED = ((2048, 0.0), (5000, 0.0), (5000, 0.01), (5000, 0.02), (20_000, 0.01))
+ROUNDS = 3
+"""Rounds of a new network; `normal_gnn.c` is compiled for the number in the header."""
+WIDTH = 16
+"""Hidden units of a new network, likewise."""
+CLOUDS_PER_GROUP = 2
+"""Clouds in a group, which is one batch of the network."""
+GROUPS_PER_SORT = 8
+"""Groups that are sampled at a time and sorted by number of neighbors, so that a group needs little padding."""
+REPLAY_GROUPS = 512
+"""Groups that are kept for reuse in later steps."""
+MAX_LEARNING_RATE = 4e-3
+"""Peak learning rate; a cosine schedule ends near 0."""
+WARMUP_STEPS = 100
+"""Steps until the peak is reached."""
+MEASURED_CASES = ((2048, 0.0), (5000, 0.0), (5000, 0.01), (5000, 0.02), (20_000, 0.01))
 """Points, and noise in the radius of the shape."""
-EARLY, OFF = 0.3, 0.3
-"""Weights in the loss: of what rounds before the last say, and of points off their surface, in spacings, against the
-sine of the angle between normals."""
+EARLY_ROUND_WEIGHT = 0.3
+"""Weight in the loss of every round before the last."""
+OFFSET_WEIGHT = 0.3
+"""Weight in the loss of distances off the surface, in spacings, against the sine of the angle between normals."""
 
 
 def main() -> None:
@@ -53,8 +60,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("meshes", nargs="+", type=Path, help="folders of meshes to learn from")
     parser.add_argument("--steps", type=int, default=5000)
-    parser.add_argument("--rate", type=float, default=RATE, help="of learning, at most")
-    parser.add_argument("--groups", type=int, default=1, help=f"of {GROUP} clouds each that a step learns from")
+    parser.add_argument("--rate", type=float, default=MAX_LEARNING_RATE, help="of learning, at most")
+    parser.add_argument(
+        "--groups", type=int, default=1, help=f"of {CLOUDS_PER_GROUP} clouds each that a step learns from"
+    )
     parser.add_argument("--fresh", type=int, help="groups a step that were not learnt from before; all without it")
     parser.add_argument("--workers", type=int, default=0, help="processes that draw clouds")
     parser.add_argument("--seed", type=int, default=1)
@@ -65,100 +74,111 @@ def main() -> None:
     parser.add_argument("--measure", type=Path, help="a folder of other meshes, to measure it on")
     asked = parser.parse_args()
     if asked.width is not None and (asked.width < WIDTH or asked.width & (asked.width - 1)):
-        parser.error(f"--width: expected a power of two, {WIDTH} or more, as refine.c computes with; got {asked.width}")
+        parser.error(
+            f"--width: expected a power of two, {WIDTH} or more, as normal_gnn.c computes with; got {asked.width}"
+        )
     torch.manual_seed(asked.seed)
     if asked.begin:
         before = read_header(asked.begin)
-        network = grown(before, asked.rounds or len(before.rounds), asked.width or before.width)
+        network = grow_network(before, asked.rounds or len(before.rounds), asked.width or before.width)
     else:
-        network = Refinement(asked.rounds or ROUNDS, asked.width or WIDTH)
+        network = NormalNetwork(asked.rounds or ROUNDS, asked.width or WIDTH)
     network.to(torch.device("cuda" if torch.cuda.is_available() else "cpu"))
     if asked.steps:
-        shapes = [shape_of(path) for folder in asked.meshes for path in find_meshes(folder).values()]
+        shapes = [read_shape(path) for folder in asked.meshes for path in find_meshes(folder).values()]
         loader = DataLoader(Groups(shapes, asked.seed), batch_size=None, num_workers=asked.workers)
         learn(network, loader, asked.steps, asked.rate, asked.groups, asked.fresh or asked.groups)
         write_header(asked.output, network.cpu())
         network = read_header(asked.output)  # as rounded as it will be used
     if asked.measure:
-        for line in measured(network, [shape_of(path) for path in find_meshes(asked.measure).values()]):
+        for line in measure_angles(network, [read_shape(path) for path in find_meshes(asked.measure).values()]):
             print(line)
 
 
-class Groups(IterableDataset[Patches]):
+class Groups(IterableDataset[CloudBatch]):
     """Endless groups of clouds of the shapes. Those of one group ask for about as many neighbours."""
 
     def __init__(self, shapes: Sequence[Shape], seed: int) -> None:
         super().__init__()
         self.shapes, self.seed = shapes, seed
 
-    def __iter__(self) -> Iterator[Patches]:
+    def __iter__(self) -> Iterator[CloudBatch]:
         worker = get_worker_info()
         rng = np.random.default_rng([self.seed, worker.id if worker else 0])
         while True:
-            drawings = (drawn(self.shapes[rng.integers(len(self.shapes))], rng) for _ in range(GROUP * SORTED))
+            drawings = (
+                sample_scan(self.shapes[rng.integers(len(self.shapes))], rng)
+                for _ in range(CLOUDS_PER_GROUP * GROUPS_PER_SORT)
+            )
             with without_second_core() if worker else nullcontext():
-                clouds = sorted((patches_of(*each) for each in drawings), key=lambda cloud: cloud.found.shape[1])
-            for number in rng.permutation(SORTED):
-                yield together(clouds[GROUP * number : GROUP * (number + 1)])
+                clouds = sorted((make_batch(*each) for each in drawings), key=lambda cloud: cloud.neighbors.shape[1])
+            for number in rng.permutation(GROUPS_PER_SORT):
+                yield merge_clouds(clouds[CLOUDS_PER_GROUP * number : CLOUDS_PER_GROUP * (number + 1)])
 
 
 def learn(
-    network: Refinement, loader: DataLoader[Patches], steps: int, highest: float, groups: int, fresh: int
+    network: NormalNetwork, loader: DataLoader[CloudBatch], steps: int, highest: float, groups: int, fresh: int
 ) -> None:
     """Teaches the network with so many groups a step, `fresh` of them new; the others were learnt from before."""
     optimizer = torch.optim.Adam(network.parameters())
     device, rng = next(network.parameters()).device, np.random.default_rng(0)
-    kept: deque[Patches] = deque(maxlen=max(KEPT, groups))
+    kept: deque[CloudBatch] = deque(maxlen=max(REPLAY_GROUPS, groups))
     coming = iter(loader)
     for step in (bar := tqdm(range(steps))):
         while len(kept) < groups - fresh:
             kept.append(next(coming).to(device))
         again = [kept[number] for number in rng.choice(len(kept), groups - fresh, replace=False)]
         kept.extend(new := [next(coming).to(device) for _ in range(fresh)])
-        loss = learn_step(network, optimizer, new + again, rate_at(step, steps, highest))
+        loss = learn_step(network, optimizer, new + again, learning_rate(step, steps, highest))
         if step % 100 == 0:
             bar.set_postfix(loss=f"{loss:.3f}")
 
 
-def rate_at(step: int, steps: int, highest: float) -> float:
+def learning_rate(step: int, steps: int, highest: float) -> float:
     """The rate of learning at a step of so many."""
-    return highest * min(1.0, (step + 1) / WARM) * (0.5 + 0.5 * math.cos(math.pi * step / steps))
+    return highest * min(1.0, (step + 1) / WARMUP_STEPS) * (0.5 + 0.5 * math.cos(math.pi * step / steps))
 
 
-def learn_step(network: Refinement, optimizer: torch.optim.Optimizer, groups: Sequence[Patches], rate: float) -> float:
+def learn_step(
+    network: NormalNetwork, optimizer: torch.optim.Optimizer, groups: Sequence[CloudBatch], rate: float
+) -> float:
     """One step of the optimizer on all groups; the loss of the last one."""
     for group in optimizer.param_groups:
         group["lr"] = rate
     optimizer.zero_grad()
     for clouds in groups:
-        loss = loss_of(network, clouds)
+        loss = compute_loss(network, clouds)
         (loss / len(groups)).backward()
     nn.utils.clip_grad_norm_(network.parameters(), 0.5)
     optimizer.step()
     return loss.item()
 
 
-def loss_of(network: Refinement, clouds: Patches) -> torch.Tensor:
+def compute_loss(network: NormalNetwork, clouds: CloudBatch) -> torch.Tensor:
     """Sines of the angles to the true normals, of either sign, and distances from the surface; means."""
     total = clouds.weight.new_zeros(())
     for after, (points, normals) in enumerate(network(clouds), 1):
         along = (normals * clouds.true_normals).sum(-1)
         sine = torch.sqrt((1 - along**2).clamp(min=0) + 1e-4)
         off = ((points - clouds.true_points) * clouds.true_normals).sum(-1).abs() / clouds.spacing
-        total = total + (1.0 if after == len(network.rounds) else EARLY) * (clouds.weight * (sine + OFF * off)).sum()
+        total = (
+            total
+            + (1.0 if after == len(network.rounds) else EARLY_ROUND_WEIGHT)
+            * (clouds.weight * (sine + OFFSET_WEIGHT * off)).sum()
+        )
     return total
 
 
-def measured(network: Refinement, shapes: Sequence[Shape]) -> Iterator[str]:
+def measure_angles(network: NormalNetwork, shapes: Sequence[Shape]) -> Iterator[str]:
     """Lines with mean angles to the true normals, in degrees, as each point finds its own and as neighbours agree."""
     device = next(network.parameters()).device
-    for count, noise in MEASURED:
+    for count, noise in MEASURED_CASES:
         angles = []
         for shape in shapes:
             rng = np.random.default_rng(3)
-            points, normals = on_shape(shape, count, rng)
+            points, normals = sample_shape(shape, count, rng)
             noisy = (points + noise * rng.normal(size=points.shape)).astype(np.float32)
-            cloud = patches_of(points, normals, noisy).to(device)
+            cloud = make_batch(points, normals, noisy).to(device)
             with torch.no_grad():
                 *_, (_, agreed) = network(cloud)
             alongs = [(found * cloud.true_normals).sum(-1).abs().clamp(max=1) for found in (cloud.normals, agreed)]
@@ -167,7 +187,7 @@ def measured(network: Refinement, shapes: Sequence[Shape]) -> Iterator[str]:
         yield f"{count} points, noise {noise:g}: {alone:.2f} degrees alone, {agreeing:.2f} together"
 
 
-def patches_of(true_points: np.ndarray, true_normals: np.ndarray, cloud: np.ndarray) -> Patches:
+def make_batch(true_points: np.ndarray, true_normals: np.ndarray, cloud: np.ndarray) -> CloudBatch:
     """A cloud as the network gets it, from points (N, 3) with noise and what they were before it."""
     own, count = fit_local_patches(cloud), len(cloud)
     order = np.empty(count, np.int64)
@@ -177,7 +197,7 @@ def patches_of(true_points: np.ndarray, true_normals: np.ndarray, cloud: np.ndar
         for array in (own.grid.points, own.normals, own.scale, own.neighbors,
                       true_points[order].astype(np.float32), true_normals[order].astype(np.float32))
     )  # fmt: skip
-    return Patches(
+    return CloudBatch(
         points, normals, scale, torch.full((count,), own.noise / own.median_spacing), found,
         torch.full(found.shape, 1 / found.shape[1]), true_points, true_normals, torch.full((count,), own.median_spacing),
         torch.full((count,), 1 / count),

@@ -1,7 +1,7 @@
-"""The small network that lets neighbouring points agree upon their patches, in torch, and as the C that ships.
+"""The graph network that refines normals, in torch, and its weights as the C header that ships.
 
-`z2p_core/native/c/points/normal_gnn.c` computes the same. After Satorras et al., E(n) Equivariant Graph Neural Networks, 2021: it
-reads lengths and angles alone, and so does the same however a cloud is turned.
+`z2p_core/native/c/points/normal_gnn.c` computes the same. After Satorras et al., E(n) Equivariant Graph Neural Networks,
+2021: hidden units read lengths and angles only, so the network is equivariant to rotations.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ FEATURES, VOTES = 6, 4
 MAX_STEP = 4.0
 """As in `normal_gnn.c`: offsets to neighbors are compressed smoothly to less than this length, in scales."""
 NEW_UNIT_SCALE = 0.1
-"""Of what new units of a larger network begin with, against those of one that begins from nothing."""
+"""Initial weights of units added to a network, relative to those of a new network."""
 TITLE = "/* Weights of the network in normal_gnn.c. Written by scripts/learn_patches.py; do not edit. */\n\n#pragma once\n\n"
 
 
 @dataclass(frozen=True)
-class Patches:
+class CloudBatch:
     """Clouds as the network gets them, P points in all, K neighbours at most; float32 tensors on one device."""
 
     points: torch.Tensor
@@ -35,7 +35,7 @@ class Patches:
     """(P,), above 0"""
     noise: torch.Tensor
     """(P,) in spacings, the same for all points of a cloud"""
-    found: torch.Tensor
+    neighbors: torch.Tensor
     """(P, K) int32, rows of the neighbours; those beyond a cloud's own number of them count nothing"""
     share: torch.Tensor
     """(P, K): what a neighbour counts, 1 in all for a point"""
@@ -48,23 +48,23 @@ class Patches:
     weight: torch.Tensor
     """(P,): what a point counts, as much in all for every cloud, 1 together"""
 
-    def to(self, device: torch.device) -> Patches:
+    def to(self, device: torch.device) -> CloudBatch:
         """The same on a device."""
-        return Patches(*(getattr(self, each.name).to(device, non_blocking=True) for each in fields(self)))
+        return CloudBatch(*(getattr(self, each.name).to(device, non_blocking=True) for each in fields(self)))
 
 
-def together(clouds: Sequence[Patches]) -> Patches:
+def merge_clouds(clouds: Sequence[CloudBatch]) -> CloudBatch:
     """Several clouds as one set of points, none of which is another cloud's neighbour."""
-    most, begin, rows = max(cloud.found.shape[1] for cloud in clouds), 0, []
+    most, begin, rows = max(cloud.neighbors.shape[1] for cloud in clouds), 0, []
     for cloud in clouds:
-        rest = cloud.found[:, :1].expand(-1, most - cloud.found.shape[1])  # not one row for all to wait for
-        rows.append(torch.cat([cloud.found, rest], dim=1) + begin)
+        rest = cloud.neighbors[:, :1].expand(-1, most - cloud.neighbors.shape[1])  # not one row for all to wait for
+        rows.append(torch.cat([cloud.neighbors, rest], dim=1) + begin)
         begin += len(cloud.points)
     joined = {each.name: torch.cat([getattr(cloud, each.name) for cloud in clouds])
-              for each in fields(Patches) if each.name not in ("found", "share", "weight")}  # fmt: skip
+              for each in fields(CloudBatch) if each.name not in ("neighbors", "share", "weight")}  # fmt: skip
     share = torch.cat([nn.functional.pad(cloud.share, (0, most - cloud.share.shape[1])) for cloud in clouds])
     weight = torch.cat([cloud.weight for cloud in clouds]) / len(clouds)
-    return Patches(**joined, found=torch.cat(rows), share=share, weight=weight)
+    return CloudBatch(**joined, neighbors=torch.cat(rows), share=share, weight=weight)
 
 
 def _at(rows: torch.Tensor, found: torch.Tensor) -> torch.Tensor:
@@ -84,18 +84,18 @@ class Round(nn.Module):
         nn.init.zeros_(self.vote.weight)
 
     def forward(
-        self, points: torch.Tensor, normals: torch.Tensor, memory: torch.Tensor, cloud: Patches
+        self, points: torch.Tensor, normals: torch.Tensor, memory: torch.Tensor, cloud: CloudBatch
     ) -> tuple[torch.Tensor, torch.Tensor, torch.Tensor]:
         """Points, normals and memory after it."""
-        step = (_at(points, cloud.found) - points[:, None]) / cloud.scale[:, None, None]
+        step = (_at(points, cloud.neighbors) - points[:, None]) / cloud.scale[:, None, None]
         step = step * torch.rsqrt(1 + (step * step).sum(-1, keepdim=True) / MAX_STEP**2)
-        theirs = _at(normals, cloud.found)
+        theirs = _at(normals, cloud.neighbors)
         along = (theirs * normals[:, None]).sum(-1)
         theirs = theirs * torch.where(along < 0, -1.0, 1.0)[..., None]
         rise, their_rise, square = (step * normals[:, None]).sum(-1), (step * theirs).sum(-1), (step * step).sum(-1)
         read = [square, rise**2, their_rise**2, rise * their_rise, 1 - along.abs(), torch.sqrt(square + 1e-6)]
         said = torch.relu(
-            self.pair(torch.stack(read, -1)) + self.own(memory)[:, None] + _at(self.other(memory), cloud.found)
+            self.pair(torch.stack(read, -1)) + self.own(memory)[:, None] + _at(self.other(memory), cloud.neighbors)
         )
         votes = self.vote(said) * cloud.share[..., None]
         turn = votes[..., :1] * theirs + (votes[..., 1] * rise + votes[..., 2] * their_rise)[..., None] * step
@@ -105,7 +105,7 @@ class Round(nn.Module):
         return points + lift[:, None] * normals, nn.functional.normalize(normals + turn.sum(1), dim=-1), memory
 
 
-class Refinement(nn.Module):
+class NormalNetwork(nn.Module):
     """All rounds. Gives the points and normals after each."""
 
     def __init__(self, rounds: int, width: int) -> None:
@@ -114,7 +114,7 @@ class Refinement(nn.Module):
         self.start = nn.Linear(2, width)
         self.rounds = nn.ModuleList(Round(width) for _ in range(rounds))
 
-    def forward(self, cloud: Patches) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
+    def forward(self, cloud: CloudBatch) -> Iterator[tuple[torch.Tensor, torch.Tensor]]:
         points, normals = cloud.points, cloud.normals
         memory = torch.relu(self.start(torch.stack([cloud.noise, cloud.noise**2], -1)))
         for each in self.rounds:
@@ -122,7 +122,7 @@ class Refinement(nn.Module):
             yield points, normals
 
 
-def grown(small: Refinement, rounds: int, width: int) -> Refinement:
+def grow_network(small: NormalNetwork, rounds: int, width: int) -> NormalNetwork:
     """A network of as many rounds and as wide or more that says what the small one says, and can learn more.
 
     Raises:
@@ -130,7 +130,7 @@ def grown(small: Refinement, rounds: int, width: int) -> Refinement:
     """
     if rounds < len(small.rounds) or width < small.width:
         raise ValueError(f"expected {len(small.rounds)} rounds of {small.width} units or more, got {rounds} of {width}")
-    network, before = Refinement(rounds, width), small.width
+    network, before = NormalNetwork(rounds, width), small.width
     with torch.no_grad():
         _place(network.start.weight, small.start.weight)
         _place(network.start.bias, small.start.bias)
@@ -156,15 +156,15 @@ def _place(large: torch.Tensor, small: torch.Tensor) -> None:
     large[:rows, :columns] = small
 
 
-def write_header(path: Path, network: Refinement) -> None:
+def write_header(path: Path, network: NormalNetwork) -> None:
     """Writes the network as C, with four digits a number."""
-    numbers = [f"{number:.4g}" for tensor in numbers_of(network) for number in tensor.flatten().tolist()]
+    numbers = [f"{number:.4g}" for tensor in header_tensors(network) for number in tensor.flatten().tolist()]
     rows = textwrap.fill(", ".join(numbers), 120, initial_indent="    ", subsequent_indent="    ")
-    size = f"#define ROUNDS {len(network.rounds)}\n#define WIDTH {network.width}\n\n#include \"points/normal_gnn.h\"\n\n"
+    size = f'#define ROUNDS {len(network.rounds)}\n#define WIDTH {network.width}\n\n#include "points/normal_gnn.h"\n\n'
     path.write_text(f"{TITLE}{size}static const Network NORMAL_GNN_WEIGHTS = {{\n{rows},\n}};\n", encoding="ascii")
 
 
-def read_header(path: Path) -> Refinement:
+def read_header(path: Path) -> NormalNetwork:
     """The network that a header has.
 
     Raises:
@@ -175,9 +175,9 @@ def read_header(path: Path) -> Refinement:
     rounds, width = (int(found[1]) if found else 0 for found in sizes)
     if not rounds or not width:
         raise ValueError(f"{path}: expected a header that defines ROUNDS and WIDTH; learn_patches.py writes such")
-    network = Refinement(rounds, width)
+    network = NormalNetwork(rounds, width)
     told = [float(number) for number in re.findall(r"-?\d[\d.e+-]*", text.partition("{")[2])]
-    wanted = numbers_of(network)
+    wanted = header_tensors(network)
     if len(told) != (count := sum(tensor.numel() for tensor in wanted)):
         raise ValueError(f"{path}: expected {count} numbers for {rounds} rounds of {width} units, got {len(told)}")
     at = 0
@@ -188,7 +188,7 @@ def read_header(path: Path) -> Refinement:
     return network
 
 
-def numbers_of(network: Refinement) -> list[torch.Tensor]:
+def header_tensors(network: NormalNetwork) -> list[torch.Tensor]:
     """Views of the network's numbers, in the header's order."""
     found = [network.start.bias, network.start.weight.T]
     for each in network.rounds:

@@ -113,9 +113,7 @@ def fit_planes(points: np.ndarray, neighbors: np.ndarray) -> tuple[np.ndarray, n
 
     def fit(begin: int, end: int) -> None:
         rows = slice(begin, end)
-        call(
-            "z2p_fit_planes", points, neighbors[rows], end - begin, neighbors.shape[1], normals[rows], spread[rows]
-        )
+        call("z2p_fit_planes", points, neighbors[rows], end - begin, neighbors.shape[1], normals[rows], spread[rows])
 
     parallel_rows(fit, count)
     return normals, spread

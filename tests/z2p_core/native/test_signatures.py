@@ -129,7 +129,9 @@ def test_arguments_are_taken_by_name_in_any_order() -> None:
     np.testing.assert_array_equal(planes[0], planes[1])
 
 
-@pytest.mark.parametrize("named", [{"spread": SPREAD}, {"spread": SPREAD, "normals": NORMALS, "neighbor_count": 8, "counts": 20}])
+@pytest.mark.parametrize(
+    "named", [{"spread": SPREAD}, {"spread": SPREAD, "normals": NORMALS, "neighbor_count": 8, "counts": 20}]
+)
 def test_unknown_or_missing_names_are_refused(named: dict[str, Any]) -> None:
     with pytest.raises(TypeError, match=r"count.* missing, unknown or given twice; it takes points, "):
         call("z2p_fit_planes", CLOUD, NEIGHBORS, **named)

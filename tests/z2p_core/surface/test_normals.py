@@ -59,7 +59,9 @@ def test_neighbours_of_other_places_are_the_nearest_and_one_at_least():
     found = grid.neighbors_of_positions(places, 20)
     np.testing.assert_allclose(((places[:, None] - grid.points[found]) ** 2).sum(2)[:, :4], away[:, :4], rtol=1e-3)
     few = native.NeighborGrid(np.float32([[0, 0, 0], *(0.01 * rng.random((100, 3)) + 1)]))
-    assert set(few.neighbors_of_positions(np.float32([[0.3, 0.5, 0.4], [90, 0, 0], [-1, -1, -1]]), 8).ravel()) <= set(range(101))
+    assert set(few.neighbors_of_positions(np.float32([[0.3, 0.5, 0.4], [90, 0, 0], [-1, -1, -1]]), 8).ravel()) <= set(
+        range(101)
+    )
 
 
 def test_of_a_cloud_that_drowns_in_noise_fewer_points_tell_the_surface_better(monkeypatch):
@@ -101,9 +103,14 @@ def test_a_jet_is_exact_on_a_surface_of_its_own_order(count):
 
 
 def refined(cloud, **changed):
-    """What neighbours agree upon: points and normals, by the cloud's own patches, or some of it changed."""
+    """Points and normals by the graph network, from the cloud's own fit or with some of its inputs replaced."""
     own = fit_local_patches(cloud)
-    given = {"points": own.grid.points, "normals": own.normals, "found": own.neighbors, "scale": own.scale} | changed
+    given = {
+        "points": own.grid.points,
+        "normals": own.normals,
+        "neighbors": own.neighbors,
+        "scale": own.scale,
+    } | changed
     return native.refine_normals(**given, noise=own.noise / own.median_spacing)
 
 
@@ -152,7 +159,9 @@ def test_agreement_finds_creases_and_flat_sides_better_than_each_point_by_itself
 
 @pytest.mark.parametrize("count", [500, 4000, 30_000])
 def test_spacing_is_the_side_of_a_points_share_of_the_surface(count):
-    assert np.median(estimate_surface(sphere_of(count)).spacing) == pytest.approx(math.sqrt(4 * math.pi / count), rel=0.12)
+    assert np.median(estimate_surface(sphere_of(count)).spacing) == pytest.approx(
+        math.sqrt(4 * math.pi / count), rel=0.12
+    )
 
 
 def test_spacing_follows_density():
