@@ -78,7 +78,7 @@ def test_terms_are_d_g_f_over_four_cosines(alpha: float, view: int) -> None:
             np.testing.assert_allclose(terms_of(view_dir, light_dir, alpha), expected, rtol=2e-3, atol=1e-6)
 
 
-def test_normalized_fresnel_is_0_at_normal_and_1_at_grazing_incidence() -> None:
+def test_mirror_image_has_the_normalized_fresnel_weights() -> None:
     light = area_light_quad(LIGHT)
     center = light[0] / np.linalg.norm(light[0])
     for degrees in (0, 30, 60, 85):
