@@ -3,12 +3,12 @@
     python scripts/learn_patches.py MESHES [MESHES ...] [--steps 5000] [--begin HEADER] [--output HEADER]
     python scripts/learn_patches.py MESHES --begin HEADER --steps 0 --measure OTHERS
 
-Clouds are sampled from meshes as scanners and samplers do (`scanned_clouds.py`). The network's input is the local fit of
-`z2p_core/surface/normals.py`; its targets are the meshes' normals, and the points before noise was added. HEADER is
+Clouds are sampled from meshes as scanners and samplers do (`scanned_clouds.py`). The network's input is the local fit
+of `z2p_core/surface/normals.py`; its targets are the meshes' normals, and the points before noise was added. HEADER is
 `z2p_core/native/c/points/normal_gnn_weights.h` by default. A network that continues from a header may be larger
-(`--rounds`, `--width`). With a CUDA card, use more clouds a step (`--groups`) and as many `--workers` as there are cores.
-Afterwards install z2p again, which compiles the header, and train the renderer's weights further, as they were trained on
-the previous normals.
+(`--rounds`, `--width`). With a CUDA card, use more clouds a step (`--groups`) and as many `--workers` as cores.
+Afterwards install z2p again, which compiles the header, and train the renderer's weights further, which know
+only the previous normals.
 """
 
 from __future__ import annotations
@@ -199,7 +199,8 @@ def make_batch(true_points: np.ndarray, true_normals: np.ndarray, cloud: np.ndar
     )  # fmt: skip
     return CloudBatch(
         points, normals, scale, torch.full((count,), own.noise / own.median_spacing), found,
-        torch.full(found.shape, 1 / found.shape[1]), true_points, true_normals, torch.full((count,), own.median_spacing),
+        torch.full(found.shape, 1 / found.shape[1]), true_points, true_normals,
+        torch.full((count,), own.median_spacing),
         torch.full((count,), 1 / count),
     )  # fmt: skip
 

@@ -1,7 +1,7 @@
 """The graph network that refines normals, in torch, and its weights as the C header that ships.
 
-`z2p_core/native/c/points/normal_gnn.c` computes the same. After Satorras et al., E(n) Equivariant Graph Neural Networks,
-2021: hidden units read lengths and angles only, so the network is equivariant to rotations.
+`z2p_core/native/c/points/normal_gnn.c` computes the same. After Satorras et al., E(n) Equivariant Graph Neural
+Networks, 2021: hidden units read lengths and angles only, so the network is equivariant to rotations.
 """
 
 from __future__ import annotations
@@ -20,7 +20,10 @@ MAX_STEP = 4.0
 """As in `normal_gnn.c`: offsets to neighbors are compressed smoothly to less than this length, in scales."""
 NEW_UNIT_SCALE = 0.1
 """Initial weights of units added to a network, relative to those of a new network."""
-TITLE = "/* Weights of the network in normal_gnn.c. Written by scripts/learn_patches.py; do not edit. */\n\n#pragma once\n\n"
+TITLE = (
+    "/* Weights of the network in normal_gnn.c. Written by scripts/learn_patches.py; do not edit. */\n\n"
+    "#pragma once\n\n"
+)
 
 
 @dataclass(frozen=True)

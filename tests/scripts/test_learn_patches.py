@@ -94,7 +94,8 @@ def test_clouds_of_a_group_do_not_hear_each_other(meshes: Path) -> None:
     """A group's losses and answers are those of its clouds alone, though one has fewer neighbours a point."""
     torch.manual_seed(6)
     vase, network = scanned_clouds.read_shape(meshes / "vase.ply"), _trained_a_little(patch_network.NormalNetwork(2, 8))
-    clouds = [learn_patches.make_batch(*scanned_clouds.sample_scan(vase, np.random.default_rng(seed))) for seed in range(3)]
+    generators = [np.random.default_rng(seed) for seed in range(3)]
+    clouds = [learn_patches.make_batch(*scanned_clouds.sample_scan(vase, rng)) for rng in generators]
     clouds[1] = dataclasses.replace(
         clouds[1], neighbors=(few := clouds[1].neighbors[:, :9]), share=torch.full(few.shape, 1 / 9)
     )  # fmt: skip
@@ -133,7 +134,9 @@ def test_it_learns_and_the_same_seed_learns_the_same(
     vase = scanned_clouds.read_shape(meshes / "vase.ply")
     clouds = [learn_patches.make_batch(*scanned_clouds.sample_scan(vase, rng)) for _ in range(8)]
     with torch.no_grad():
-        before, after = (sum(learn_patches.compute_loss(network, cloud) for cloud in clouds) for network in (fresh, learnt))
+        before, after = (
+            sum(learn_patches.compute_loss(network, cloud) for cloud in clouds) for network in (fresh, learnt)
+        )
     assert after < before
 
 

@@ -1,4 +1,4 @@
-"""Kernels on bare clouds: neighbors, tangent planes, jets, noise, refined normals, and how much of an image they cover."""
+"""Kernels on bare clouds: neighbors, tangent planes, jets, noise, refined normals, coverage of an image."""
 
 from __future__ import annotations
 
@@ -75,10 +75,10 @@ class NeighborGrid:
             call("z2p_grid_free", self._handle)
 
     def neighbors(self, query_indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
-        """Neighbors (M, count) int32 of the points with those indices (M,) int32, nearest first, and spacing (M,).
+        """Neighbors (M, count) int32 of the points with these indices (M,), nearest first, and spacing (M,).
 
-        A point is its own first neighbor; the last one is repeated if the cloud has fewer points. `count` is at most 64.
-        Spacing is the side of the square patch of surface that is a point's share, estimated from its 12 nearest points.
+        A point is its own first neighbor; the last one is repeated if the cloud has fewer points. `count` <= 64.
+        Spacing is the side of the square patch of surface that is a point's share, by its 12 nearest points.
         """
         return self._nearest(self.points, np.ascontiguousarray(query_indices, np.int32), count)
 
@@ -104,7 +104,7 @@ class NeighborGrid:
 
 
 def fit_planes(points: np.ndarray, neighbors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Planes through neighbors (M, K) int32 among points (N, 3) float32: normals (M, 3), of either sign, and spread (M,).
+    """Planes through neighbors (M, K) among points (N, 3): normals (M, 3), of either sign, and spread (M,).
 
     Spread is the neighbors' standard deviation off the plane.
     """
@@ -228,7 +228,7 @@ def projected_coverage(
     rotations = np.stack([np.cos(turns), np.sin(turns)], axis=1)
     tilt = np.array([np.sin(elevation), np.cos(elevation)])
     call(
-        "z2p_projected_coverage", as_float32(points), len(points), as_float32(rotations), len(turns), as_float32(tilt), side,
-        covered, breadth,
+        "z2p_projected_coverage", as_float32(points), len(points), as_float32(rotations), len(turns), as_float32(tilt),
+        side, covered, breadth,
     )  # fmt: skip
     return covered, breadth

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.surface.subsampling import subsample_uniform, prepend_canonical_point
+from z2p_core.surface.subsampling import prepend_canonical_point, subsample_uniform
 
 RNG = np.random.default_rng(0)
 
