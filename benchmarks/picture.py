@@ -30,7 +30,8 @@ from z2p_core.camera import Camera
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import place_scan
 from z2p_renderer.storage.images.image_files import encode_picture
 from z2p_renderer.storage.models.checkpoints import WeightsError, find_weights
 from z2p_renderer.storage.scans.clouds import read_clouds

@@ -24,7 +24,7 @@ from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
+from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.pipeline.render import RenderSettings, export_suzanne, read_render, render_mesh
 from z2p_renderer.storage.meshes import Mesh, is_smooth_surface, read_mesh
 from z2p_renderer.storage.scans.clouds import usable

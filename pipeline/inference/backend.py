@@ -27,7 +27,7 @@ from z2p_renderer.pipeline.inference.look import Look, build_look
 from z2p_renderer.pipeline.inference.parse_settings import parse_background
 from z2p_renderer.pipeline.inference.render_scan import RenderedScan, build_record, render_scan
 from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, load_renderer
-from z2p_renderer.pipeline.placement.hints import in_python
+from z2p_renderer.pipeline.placement.hints import options_as_keywords
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, encode_picture, write_picture
 from z2p_renderer.storage.models.checkpoints import find_weights
@@ -245,7 +245,7 @@ def _notes(scan: Scan, rendered: RenderedScan, look: Look) -> Iterator[str]:
     if placement.outside_count:
         yield f"{placement.outside_count} points lie beyond the camera's frame"
     if placement.hint:
-        yield in_python(placement.hint)
+        yield options_as_keywords(placement.hint)
 
 
 def _record_for(path: Path, record: Mapping[str, Any]) -> dict[str, Any]:

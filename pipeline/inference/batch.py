@@ -21,7 +21,7 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.outputs.existing_outputs import kept_output_note
-from z2p_renderer.pipeline.placement.place_scan import Placement
+from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.files.printable_names import printable, without_gz
 from z2p_renderer.storage.images.image_files import PictureError, write_picture
 from z2p_renderer.storage.results.fingerprints import file_digest

@@ -19,7 +19,8 @@ from z2p_renderer.pipeline.inference.look import Crop, Look
 from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.trim import MIN_VISIBLE_ALPHA, content_box
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
-from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, PlacementOptions, place_scan, select_points
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, place_scan, select_points
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_each
 

@@ -10,7 +10,7 @@ from z2p_core.interfaces import SettingError, Value
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
+from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE
 
 Color = tuple[float, float, float]

@@ -18,7 +18,8 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.trim import crop_frame, trim_to_content
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
-from z2p_renderer.pipeline.placement.place_scan import Placement, place_scan
+from z2p_renderer.pipeline.placement.place_scan import place_scan
+from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.scans.clouds import Scan
 
 RECORD_FORMAT = 1

@@ -23,7 +23,8 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_scan
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, select_points
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import select_points
 from z2p_renderer.storage.scans.clouds import Scan
 
 LIGHT_SWING_DEGREES = 80.0

@@ -11,7 +11,7 @@ from z2p_core.placement.margin import with_margin
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import RECORDED_OPTIONS
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer
-from z2p_renderer.pipeline.placement.place_scan import FIXED_CAMERA
+from z2p_renderer.pipeline.placement.placement_record import FIXED_CAMERA
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.images.image_files import PictureError, is_readable_picture, is_truncated, read_record
 

@@ -36,7 +36,7 @@ COARSE = 1000
 """Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
 
 
-def hint_for(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) -> str:
+def scan_hint(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) -> str:
     """What the user may want to try or to know of points (N, 3) that stand so, or nothing.
 
     `by_itself`: z2p chose up and view; `whole`: nothing was cut off.
@@ -46,7 +46,7 @@ def hint_for(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) -> 
     return "; ".join(filter(None, (_other_up(up), _shape_hint(points, up, by_itself, whole))))
 
 
-def few_hint(count: int) -> str:
+def few_points_hint(count: int) -> str:
     """What to say of so few points that each is drawn as a ball."""
     return f"its {count} points are drawn as balls, for {FEW_HINT}"
 
@@ -66,14 +66,14 @@ def _shape_hint(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) 
     return _stepped(points) if up.sensor is None else ""
 
 
-def hint_for_placed(cloud: np.ndarray) -> str:
+def small_part_hint(cloud: np.ndarray) -> str:
     """What to say where few of the placed points (N, 3) float32 make the frame wide, and the others hardly fill it."""
     sample = few_of(cloud)
     away = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
     return SMALL_HINT if np.quantile(away, MOST) < SMALL else ""
 
 
-def hint_for_settled(cloud: np.ndarray, viewpoint: Viewpoint) -> str:
+def fixed_camera_hint(cloud: np.ndarray, viewpoint: Viewpoint) -> str:
     """What to say where a camera that was settled before shows next to nothing of placed points (N, 3), or no floor."""
     low, high = bounding_box(cloud)
     tiny = (high - low).max() < 2 * TINY
@@ -82,13 +82,13 @@ def hint_for_settled(cloud: np.ndarray, viewpoint: Viewpoint) -> str:
     return "; ".join(filter(None, (TINY_HINT if tiny else "", away)))
 
 
-def in_python(hint: str) -> str:
+def options_as_keywords(hint: str) -> str:
     """A hint with its options as keywords: ``--cut-top 40`` becomes ``cut_top=40``."""
     option = re.compile(r"--([a-z-]+) ([+-]?\w+)")
     return option.sub(lambda found: f"{found[1].replace('-', '_')}={_literal(found[2])}", hint)
 
 
-def rounding(points: np.ndarray) -> float:
+def float32_step(points: np.ndarray) -> float:
     """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them.
 
     A grid whose own steps are wider has lost nothing, nor has a raster, each place of which comes once.

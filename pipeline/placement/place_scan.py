@@ -1,4 +1,14 @@
-"""How a scan stands in its picture: upright, seen from a telling side, without the strays that would make it small."""
+"""Places a scan before the camera: which points are drawn, which way is up, the view, and the frame.
+
+`place_scan` is the whole way; `select_points` its first half, which leaves the points in the file's coordinates:
+
+1. remove outliers;
+2. choose the up axis, and find the depth camera that took the scan, if any;
+3. with a depth camera: fill gaps in depth, remove the background, level the support plane; else remove low outliers;
+4. cut the top off, if asked;
+5. choose the view, frame the bounding sphere into the unit sphere (or use the fixed camera), smooth;
+6. describe what was done.
+"""
 
 from __future__ import annotations
 
@@ -8,29 +18,35 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, DISTANCE, turn
-from z2p_core.interfaces import ScanError, Sensor
+from z2p_core.interfaces import ScanError
 from z2p_core.linalg import dot_axis
-from z2p_core.placement.background import foreground_mask, sensor_depths, support_plane_normal
+from z2p_core.placement.background import remove_background, sensor_depths, support_plane_normal
 from z2p_core.placement.depth_gaps import fill_depth_gaps
-from z2p_core.placement.isolated_points import non_isolated_mask
-from z2p_core.placement.outliers import above_low_outliers_mask, inlier_mask, visible_cluster_mask
+from z2p_core.placement.outliers import above_low_outliers_mask, remove_outliers
+from z2p_core.placement.point_balls import MIN_SURFACE_POINTS, points_to_balls
 from z2p_core.placement.viewpoint import Viewpoint, frame_points
 from z2p_core.rotations import align_to_vertical
-from z2p_core.surface.mls_smoothing import smoothing_radius, smooth_cloud
+from z2p_core.surface.mls_smoothing import smooth_cloud, smoothing_radius
 from z2p_core.surface.subsampling import prepend_canonical_point
 from z2p_core.up_axis.choose import UpChoice
-from z2p_renderer.pipeline.placement.few_points import FEWEST_FOR_SURFACE, as_balls
-from z2p_renderer.pipeline.placement.hints import few_hint, hint_for, hint_for_placed, hint_for_settled, rounding
+from z2p_renderer.pipeline.placement.hints import (
+    few_points_hint,
+    fixed_camera_hint,
+    float32_step,
+    scan_hint,
+    small_part_hint,
+)
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.orientation import choose_side, choose_upright, clamp_elevation
 from z2p_renderer.pipeline.placement.placement_record import FIXED_CAMERA, Placement
-from z2p_renderer.pipeline.placement.view import PlacementOptions, allowed_elevation, choose_side, set_upright
 from z2p_renderer.storage.scans.clouds import FEWEST_POINTS, Scan
 
-__all__ = ["SETTLED", "Placed", "Placing", "Shown", "Stance", "place", "shown_points"]
-
-OUTSIDE = 1.2
-"""Distance from the middle, in radii, from where on a point may lie outside a square picture."""
-TOO_NEAR, MOST_NEAR = 0.7, 0.02
-"""Depth before a settled camera, in its radii, that is too near for a picture; and share of points that may be so."""
+MIN_OUTSIDE_RADII = 1.2
+"""Distance from the frame's center, in its radii, beyond which a point may lie outside a square picture."""
+MIN_CAMERA_DEPTH = 0.7
+"""Depth before a fixed camera, in the frame's radii, below which a point is too near for a picture."""
+MAX_NEAR_SHARE = 0.02
+"""Share of the points that may be too near."""
 
 
 @dataclass(frozen=True)
@@ -44,169 +60,183 @@ class PlacedCloud:
     """What placed it, with the camera's elevation."""
 
 
-def place_scan(
-    scan: Scan,
-    suffix: str,
-    placement_options: PlacementOptions,
-    elevation: float = DEFAULT_ELEVATION,
-    free: tuple[float, float] | None = None,
-) -> PlacedCloud:
-    """The scan of a file with that suffix (lower-case, with its dot), placed as asked.
-
-    `elevation` is the camera's in degrees, unless the view from a sensor brings its own: it may within the range
-    `free`; None means that the camera's stays.
-
-    Raises:
-        ScanError: there is no extent to scale, or a sensor's view is asked of a cloud without one.
-    """
-    shown = select_points(scan, suffix, placement_options)
-    points, up = shown.points, shown.up
-    if placement_options.viewpoint is not None:
-        return _as_settled(shown, placement_options.viewpoint, placement_options, elevation, free)
-    azimuth, wished, reason = choose_side(points, up, scan, placement_options, elevation)
-    wished, beyond = allowed_elevation(wished, free)
-    azimuth += placement_options.azimuth
-    viewpoint = frame_points(prepend_canonical_point(points), turn(azimuth) @ up.rotation, elevation if wished is None else wished)
-    cloud, smooth = _smoothed(viewpoint.place(points), shown, placement_options)
-    by_itself = (placement_options.up, placement_options.view) == ("auto", "auto")
-    hint = few_hint(shown.few) if shown.few else hint_for(points, up, by_itself, whole=not placement_options.cut_top)
-    if not placement_options.keep_outliers and not shown.few:
-        hint = "; ".join(filter(None, (hint_for_placed(cloud), hint)))
-    stance = Placement(up.axis, up.reason, azimuth, wished, reason + beyond, shown.outliers, 0, shown.background, hint,
-                    rounding(points), smooth, shown.added, shown.far, placement_options.azimuth)  # fmt: skip
-    return PlacedCloud(cloud, stance, viewpoint)
-
-
 @dataclass(frozen=True)
 class SelectedPoints:
-    """The points that are to be drawn, and what was left out."""
+    """The points that are drawn, in the file's coordinates, and how many were left out."""
 
     points: np.ndarray
     """(N, 3) float64 in the file's axes."""
     up: UpChoice
-    outliers: int
-    background: int
-    added: int
-    """How many of the points, the last ones, were put into gaps of what a depth camera measured."""
-    far: int = 0
-    """Those of the outliers that lie in clusters so far from the largest one that nothing would show."""
-    few: int = 0
-    """How many they were, where they were so few that each became a ball of points."""
+    outlier_count: int
+    background_count: int
+    filled_count: int
+    """How many of the points, the last ones, fill gaps in a depth camera's measurements."""
+    far_count: int = 0
+    """Outliers in clusters so far from the largest one that nothing would show."""
+    ball_count: int = 0
+    """Points that were so few that each became a ball of points; 0 otherwise."""
 
 
-def select_points(scan: Scan, suffix: str, placement_options: PlacementOptions) -> SelectedPoints:
-    """The scan without strays, without what lies far behind a depth camera's subject, and without the top cut off.
+def place_scan(
+    scan: Scan,
+    suffix: str,
+    options: PlacementOptions,
+    elevation: float = DEFAULT_ELEVATION,
+    elevation_range: tuple[float, float] | None = None,
+) -> PlacedCloud:
+    """The scan of a file with that suffix (lower-case, with its dot), placed before the camera.
+
+    `elevation` is the camera's in degrees. The view from a sensor replaces it within `elevation_range`; None keeps it.
 
     Raises:
-        ScanError: nothing is left below the cut.
+        ScanError: no point or no extent is left, a sensor's view is asked of a scan without a sensor, or the scan lies
+            outside a fixed camera's frame or reaches that camera.
     """
-    points, far = (scan.points, 0) if placement_options.keep_outliers else _without_strays(scan.points)
-    up = set_upright(points, scan, suffix, placement_options)
-    background, put_in = 0, points[:0]
-    if up.sensor is None and not placement_options.keep_outliers:
-        kept = above_low_outliers_mask(points, dot_axis(points, _upward(up, placement_options)))
-        points = points[kept] if not kept.all() else points
-    if up.sensor is not None:
-        put_in = points[:0] if placement_options.smooth == 0 else fill_depth_gaps(points, up.sensor)
-        if not placement_options.keep_outliers:
-            points, background = _subject(points, up.sensor)
-            put_in = put_in[sensor_depths(put_in, up.sensor) <= sensor_depths(points, up.sensor).max()]
-    if up.sensor is not None and placement_options.up == "auto":
-        normal = support_plane_normal(points, up.rotation[2], up.sensor)
-        if normal is not None:
-            up = replace(up, rotation=align_to_vertical(up.rotation, normal), axis="the table's normal",
-                         reason=f"{up.reason}, set upright by the plane that things stand on")
-    outliers = len(scan.points) - background - len(points)
-    added = len(put_in)
-    points = np.concatenate([points, put_in]) if added else points
-    if placement_options.cut_top:
-        height = dot_axis(points, _upward(up, placement_options))
-        low = height <= height.max() - placement_options.cut_top / 100 * np.ptp(height)
-        points, added = points[low], int(low[len(low) - added :].sum())
-        if len(points) < FEWEST_POINTS:
-            raise ScanError(f"--cut-top {placement_options.cut_top:g} leaves {len(points)} points; cut off less")
-    few = len(points) if len(points) < FEWEST_FOR_SURFACE else 0
-    return SelectedPoints(as_balls(points) if few else points, up, outliers, background, 0 if few else added, far, few)
+    selected = select_points(scan, suffix, options)
+    if options.viewpoint is not None:
+        return _place_before_fixed_camera(selected, options.viewpoint, options, elevation, elevation_range)
+    points, up = selected.points, selected.up
+    azimuth, wanted, reason = choose_side(points, up, scan, options, elevation)
+    own_elevation, note = clamp_elevation(wanted, elevation_range)
+    azimuth += options.azimuth
+    viewpoint = frame_points(prepend_canonical_point(points), turn(azimuth) @ up.rotation,
+                             elevation if own_elevation is None else own_elevation)  # fmt: skip
+    cloud = viewpoint.place(points)
+    radius = _patch_radius(cloud, selected, options)
+    cloud = smooth_cloud(cloud, radius) if radius else cloud
+    placement = Placement(
+        up.axis, up.reason, azimuth, own_elevation, reason + note, selected.outlier_count,
+        background_count=selected.background_count, hint=_hint(cloud, selected, options),
+        rounding_step=float32_step(points), smoothing_radius=radius, filled_count=selected.filled_count,
+        far_count=selected.far_count, user_azimuth=options.azimuth,
+    )  # fmt: skip
+    return PlacedCloud(cloud, placement, viewpoint)
 
 
-def _without_strays(points: np.ndarray) -> tuple[np.ndarray, int]:
-    """The points (M, 3) without strays and without what lies too far from the others, and how many of these it is."""
-    kept = inlier_mask(points)
-    points = points[kept] if not kept.all() else points
-    near = visible_cluster_mask(points)
-    far = len(near) - int(near.sum())
-    if far:
-        points = points[near]
-        points = points[inlier_mask(points)]
-    near = non_isolated_mask(points)
-    return points[near] if not near.all() else points, far
+def select_points(scan: Scan, suffix: str, options: PlacementOptions) -> SelectedPoints:
+    """The scan without outliers, without the background of a depth camera's subject, and without the top cut off.
+
+    Raises:
+        ScanError: fewer than `FEWEST_POINTS` are left below the cut.
+    """
+    points, far_count = (scan.points, 0) if options.keep_outliers else remove_outliers(scan.points)
+    up = choose_upright(points, scan, suffix, options)
+    filled, background_count = points[:0], 0
+    if up.sensor is None:
+        if not options.keep_outliers:
+            above = above_low_outliers_mask(points, dot_axis(points, _up_direction(up, options)))
+            points = points[above] if not above.all() else points
+    else:
+        if options.smooth != 0:
+            filled = fill_depth_gaps(points, up.sensor)
+        if not options.keep_outliers:
+            points, background_count = remove_background(points, up.sensor)
+            filled = filled[sensor_depths(filled, up.sensor) <= sensor_depths(points, up.sensor).max()]
+        if options.up == "auto":
+            up = _level_support_plane(points, up)
+    outlier_count = len(scan.points) - background_count - len(points)
+    filled_count = len(filled)
+    points = np.concatenate([points, filled]) if filled_count else points
+    if options.cut_top:
+        points, filled_count = _cut_top(points, filled_count, _up_direction(up, options), options.cut_top)
+    if 0 < len(points) < MIN_SURFACE_POINTS:
+        return SelectedPoints(points_to_balls(points), up, outlier_count, background_count, 0, far_count, len(points))
+    return SelectedPoints(points, up, outlier_count, background_count, filled_count, far_count)
 
 
-def _subject(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
-    """The points (M, 3) of a depth camera's subject, without strays, and how many lie far behind it."""
-    if len(points) < FEWEST_FOR_SURFACE:  # a gap between a few points says nothing
-        return points, 0
-    before = foreground_mask(points, sensor)
-    background = int(len(before) - before.sum())
-    if background:
-        points = points[before]
-        points = points[inlier_mask(points)]
-    return points, background
-
-
-def _upward(up: UpChoice, placement_options: PlacementOptions) -> np.ndarray:
+def _up_direction(up: UpChoice, options: PlacementOptions) -> np.ndarray:
     """The direction (3,) in the file's axes that points up in the picture."""
-    rotation = up.rotation if placement_options.viewpoint is None else np.array(placement_options.viewpoint.rotation)
-    upward: np.ndarray = rotation[2]
-    return upward
+    rotation = up.rotation if options.viewpoint is None else np.array(options.viewpoint.rotation)
+    direction: np.ndarray = rotation[2]
+    return direction
 
 
-def _as_settled(
-    shown: SelectedPoints, viewpoint: Viewpoint, placement_options: PlacementOptions, elevation: float, free: tuple[float, float] | None
-) -> PlacedCloud:
-    """The points before a camera that was settled before, turned on as asked."""
-    wished, beyond = allowed_elevation(viewpoint.elevation, free)
-    azimuth = placement_options.azimuth
+def _level_support_plane(points: np.ndarray, up: UpChoice) -> UpChoice:
+    """The choice of up, with the table or floor of a depth camera's points (N, 3) turned level if there is one."""
+    assert up.sensor is not None
+    normal = support_plane_normal(points, up.rotation[2], up.sensor)
+    if normal is None:
+        return up
+    return replace(up, rotation=align_to_vertical(up.rotation, normal), axis="the table's normal",
+                   reason=f"{up.reason}, set upright by the plane that things stand on")
+
+
+def _cut_top(points: np.ndarray, filled_count: int, up: np.ndarray, percent: float) -> tuple[np.ndarray, int]:
+    """Points (M, 3) below the top `percent` of the height along `up` (3,), and how many of the filled ones are left.
+
+    Raises:
+        ScanError: too few are left.
+    """
+    height = dot_axis(points, up)
+    low = height <= height.max() - percent / 100 * np.ptp(height)
+    points, filled_count = points[low], int(low[len(low) - filled_count :].sum())
+    if len(points) < FEWEST_POINTS:
+        raise ScanError(f"--cut-top {percent:g} leaves {len(points)} points; cut off less")
+    return points, filled_count
+
+
+def _patch_radius(cloud: np.ndarray, selected: SelectedPoints, options: PlacementOptions) -> float:
+    """Radius of the patches that smooth a placed cloud (N, 3), in the frame's radius; 0 leaves it as it is."""
+    if isinstance(options.smooth, float):
+        return options.smooth
+    measured = cloud[: len(cloud) - selected.filled_count]
+    return 0.0 if selected.up.sensor is None else smoothing_radius(measured)
+
+
+def _hint(cloud: np.ndarray, selected: SelectedPoints, options: PlacementOptions) -> str:
+    """What the user may want to know or to try of a cloud (N, 3) that z2p framed itself, or nothing."""
+    if selected.ball_count:
+        return few_points_hint(selected.ball_count)
+    automatic = (options.up, options.view) == ("auto", "auto")
+    hint = scan_hint(selected.points, selected.up, automatic, whole=not options.cut_top)
+    return hint if options.keep_outliers else "; ".join(filter(None, (small_part_hint(cloud), hint)))
+
+
+def _place_before_fixed_camera(
+    selected: SelectedPoints, viewpoint: Viewpoint, options: PlacementOptions, elevation: float,
+    elevation_range: tuple[float, float] | None,
+) -> PlacedCloud:  # fmt: skip
+    """The points before a given camera, turned by the user's azimuth and set onto the camera's floor if asked.
+
+    Raises:
+        ScanError: all of them lie outside its frame, or they reach the camera.
+    """
+    own_elevation, note = clamp_elevation(viewpoint.elevation, elevation_range)
+    azimuth = options.azimuth
     rotation = turn(azimuth) @ np.array(viewpoint.rotation) if azimuth else np.array(viewpoint.rotation)
     viewpoint = replace(viewpoint, rotation=tuple(tuple(row) for row in rotation.tolist()),
-                        elevation=elevation if wished is None else wished)
-    cloud = viewpoint.place(shown.points)
-    if placement_options.grounded and viewpoint.floor is not None:
+                        elevation=elevation if own_elevation is None else own_elevation)
+    cloud = viewpoint.place(selected.points)
+    if options.grounded and viewpoint.floor is not None:
         drop = (float(cloud[:, 2].min()) - viewpoint.floor) * viewpoint.radius
         x, y, z = (np.array(viewpoint.centre) + drop * rotation[2]).tolist()
         viewpoint = replace(viewpoint, centre=(x, y, z))
-        cloud = viewpoint.place(shown.points)
-    outside = int(((cloud**2).sum(1) > OUTSIDE**2).sum())
-    if outside == len(cloud):
+        cloud = viewpoint.place(selected.points)
+    outside_count = int(((cloud**2).sum(1) > MIN_OUTSIDE_RADII**2).sum())
+    if outside_count == len(cloud):
         raise ScanError("lies beyond the camera's frame as a whole; the camera was made for other data or other units")
-    _check_before(cloud, viewpoint)
-    hint = hint_for_settled(cloud, viewpoint)
-    if beyond:
-        hint = "; ".join(filter(None, (f"the camera's elevation was changed{beyond}", hint)))
-    cloud, smooth = _smoothed(cloud, shown, placement_options)
-    stance = Placement(FIXED_CAMERA, "the camera's", azimuth, wished, f"seen from the given camera{beyond}", shown.outliers,
-                    outside, shown.background, hint, rounding(shown.points), smooth, shown.added,
-                    shown.far)  # fmt: skip
-    return PlacedCloud(cloud, stance, viewpoint)
+    _check_camera_distance(cloud, viewpoint)
+    hint = fixed_camera_hint(cloud, viewpoint)
+    if note:
+        hint = "; ".join(filter(None, (f"the camera's elevation was changed{note}", hint)))
+    radius = _patch_radius(cloud, selected, options)
+    cloud = smooth_cloud(cloud, radius) if radius else cloud
+    placement = Placement(
+        FIXED_CAMERA, "the camera's", azimuth, own_elevation, f"seen from the given camera{note}",
+        selected.outlier_count, outside_count, selected.background_count, hint, float32_step(selected.points), radius,
+        selected.filled_count, selected.far_count,
+    )  # fmt: skip
+    return PlacedCloud(cloud, placement, viewpoint)
 
 
-def _check_before(cloud: np.ndarray, viewpoint: Viewpoint) -> None:
+def _check_camera_distance(cloud: np.ndarray, viewpoint: Viewpoint) -> None:
     """
     Raises:
         ScanError: the placed cloud (N, 3) reaches the place where the camera stands, or beyond.
     """
     angle = math.radians(viewpoint.elevation)
     depth = DISTANCE - dot_axis(cloud.astype(np.float64), np.array([0.0, -math.cos(angle), math.sin(angle)]))
-    if (depth < TOO_NEAR).mean() > MOST_NEAR:
+    if (depth < MIN_CAMERA_DEPTH).mean() > MAX_NEAR_SHARE:
         reach = float(np.sqrt((cloud**2).sum(1)).max())
         raise ScanError(f"reaches the camera or lies behind it: its farthest point lies {reach:.3g} radii from the "
                         f"camera's centre; make the camera's radius ({viewpoint.radius:g}) larger, or move the centre")
-
-
-def _smoothed(cloud: np.ndarray, shown: SelectedPoints, placement_options: PlacementOptions) -> tuple[np.ndarray, float]:
-    """The placed cloud (N, 3), made as smooth as asked, and over which radius; 0 where it was left as it is."""
-    radius = placement_options.smooth
-    if not isinstance(radius, float):
-        measured = cloud[: len(cloud) - shown.added]
-        radius = 0.0 if shown.up.sensor is None else smoothing_radius(measured)
-    return (smooth_cloud(cloud, radius), radius) if radius else (cloud, 0.0)

@@ -32,7 +32,8 @@ import sys, time
 from pathlib import Path
 import numpy as np
 from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
-from z2p_renderer.pipeline.placement.place_scan import Placing, place
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import place_scan
 from z2p_renderer.plugins.gbuffers.surfels import Surfels
 from z2p_renderer.plugins.zbuffers.splats import SplatPyramid
 from z2p_renderer.storage.scans.clouds import Scan
@@ -46,7 +47,7 @@ def idle():  # milliseconds of processor time in a tenth of a second without wor
 
 points = np.random.default_rng(0).normal(size=(50_000, 3))
 rest = idle()
-placed = place(Scan(points, 0, ""), ".ply", Placing())
+placed = place_scan(Scan(points, 0, ""), ".ply", PlacementOptions())
 draw_buffers(placed.cloud, Camera(64, 64, 20), SceneDescription(), SplatPyramid(), Surfels())
 after = idle()
 points @ points[0]

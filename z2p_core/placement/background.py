@@ -8,6 +8,8 @@ import numpy as np
 
 from z2p_core.interfaces import Sensor
 from z2p_core.linalg import bounding_box, dot_axis
+from z2p_core.placement.outliers import inlier_mask
+from z2p_core.placement.point_balls import MIN_SURFACE_POINTS
 from z2p_core.surface.subsampling import subsample_uniform
 
 GAP = 1.15
@@ -38,6 +40,18 @@ ROOM_HEIGHT, ROOM_BREADTH = (1.9, 12.0), 2.5
 def sensor_depths(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     """How far ahead of a sensor, along its axis, points (N, 3) lie: (N,)."""
     return dot_axis(points - sensor.position, sensor.rotation[:, 2])
+
+
+def remove_background(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
+    """Points (M, 3) of a depth camera's subject without outliers, and how many points (N, 3) lay far behind it."""
+    if len(points) < MIN_SURFACE_POINTS:  # a gap in depth between a few points means nothing
+        return points, 0
+    foreground = foreground_mask(points, sensor)
+    background_count = int(len(foreground) - foreground.sum())
+    if background_count:
+        points = points[foreground]
+        points = points[inlier_mask(points)]
+    return points, background_count
 
 
 def foreground_mask(points: np.ndarray, sensor: Sensor) -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from z2p_core.linalg import bounding_box
 from z2p_core.placement.bounding_sphere import bounding_sphere
+from z2p_core.placement.isolated_points import non_isolated_mask
 from z2p_core.surface.subsampling import subsample_uniform
 
 MOST_LOOKED_AT = 20_000
@@ -41,6 +42,22 @@ MOST_FAR = 8
 def few_of(points: np.ndarray) -> np.ndarray:
     """`MOST_LOOKED_AT` of points (N, 3) at most, whatever their order."""
     return subsample_uniform(points, MOST_LOOKED_AT)
+
+
+def remove_outliers(points: np.ndarray) -> tuple[np.ndarray, int]:
+    """Points (M, 3) without outliers of finite points (N, 3), and how many were too far away for anything to show.
+
+    Small clusters go first, then clusters so far away that the frame would show specks, and last isolated points.
+    """
+    kept = inlier_mask(points)
+    points = points[kept] if not kept.all() else points
+    near = visible_cluster_mask(points)
+    far_count = len(near) - int(near.sum())
+    if far_count:
+        points = points[near]
+        points = points[inlier_mask(points)]
+    connected = non_isolated_mask(points)
+    return points[connected] if not connected.all() else points, far_count
 
 
 def inlier_mask(points: np.ndarray) -> np.ndarray:

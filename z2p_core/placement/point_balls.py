@@ -1,4 +1,4 @@
-"""A handful of points, each drawn as a small ball: a surface through so few would be made up."""
+"""Turns each point of a very small cloud into a small ball of points: too few points define no surface."""
 
 from __future__ import annotations
 
@@ -8,27 +8,31 @@ import numpy as np
 
 from z2p_core.placement.bounding_sphere import bounding_sphere
 
-FEWEST_FOR_SURFACE = 64
-"""From so many points on a cloud is drawn as a surface."""
-POINTS_A_BALL = 240
-"""Points that stand for one."""
-LARGEST_RADIUS, SMALLEST_RADIUS, GAP_SHARE = 0.07, 0.035, 0.4
-"""Radius of a ball: in the cloud's, and of the distance to the nearest other point, so that most balls do not touch."""
+MIN_SURFACE_POINTS = 64
+"""Smallest cloud that is drawn as a surface."""
+POINTS_PER_BALL = 240
+"""Points that replace each point."""
+MAX_BALL_RADIUS = 0.07
+"""Largest radius of a ball, in the cloud's radius."""
+MIN_BALL_RADIUS = 0.035
+"""Smallest radius of a ball, in the cloud's radius."""
+BALL_RADIUS_PER_GAP = 0.4
+"""Radius of a ball in the distance to the nearest other point: below 0.5, so that most balls do not touch."""
 
 
-def as_balls(points: np.ndarray) -> np.ndarray:
-    """The surfaces of balls about points (N, 3), N < `FEWEST_FOR_SURFACE`, at two places at least."""
-    away = np.linalg.norm(points[:, None] - points, axis=2)
-    reach = bounding_sphere(points).radius
-    nearest = np.where(away > 0, away, np.inf).min(1)
-    usual = float(np.quantile(nearest, 0.25, method="lower"))  # infinite where squares of distances are too small
-    radius = max(SMALLEST_RADIUS * reach, min(LARGEST_RADIUS * reach, GAP_SHARE * usual))
+def points_to_balls(points: np.ndarray) -> np.ndarray:
+    """Points (N * `POINTS_PER_BALL`, 3) on balls around points (N, 3), of which at least two must differ."""
+    distance = np.linalg.norm(points[:, None] - points, axis=2)
+    cloud_radius = bounding_sphere(points).radius
+    nearest = np.where(distance > 0, distance, np.inf).min(1)
+    gap = float(np.quantile(nearest, 0.25, method="lower"))  # inf where squared distances underflow
+    radius = max(MIN_BALL_RADIUS * cloud_radius, min(MAX_BALL_RADIUS * cloud_radius, BALL_RADIUS_PER_GAP * gap))
     return (points[:, None] + radius * _ball()).reshape(-1, 3)
 
 
 def _ball() -> np.ndarray:
-    """`POINTS_A_BALL` unit vectors, spread evenly along a spiral."""
-    height = 1 - (2 * np.arange(POINTS_A_BALL) + 1) / POINTS_A_BALL
-    angle = np.arange(POINTS_A_BALL) * math.pi * (3 - math.sqrt(5))
+    """`POINTS_PER_BALL` unit vectors on a Fibonacci spiral."""
+    height = 1 - (2 * np.arange(POINTS_PER_BALL) + 1) / POINTS_PER_BALL
+    angle = np.arange(POINTS_PER_BALL) * math.pi * (3 - math.sqrt(5))
     across = np.sqrt(1 - height**2)
     return np.column_stack([across * np.cos(angle), across * np.sin(angle), height])

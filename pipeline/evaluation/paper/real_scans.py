@@ -17,7 +17,8 @@ from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import report_ren
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import SYNTHETIC_SETTINGS, VIEW_CONTROLS, Case
 from z2p_renderer.pipeline.evaluation.paper.measure import ROWS_FILE, draw_points
 from z2p_renderer.pipeline.evaluation.paper.methods import WEIGHTS, Method, cloud_digest, load_renderer
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import place_scan
 from z2p_renderer.pipeline.rendering.views import describe, load_controls
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.models.checkpoints import find_weights

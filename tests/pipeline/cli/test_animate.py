@@ -18,7 +18,7 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.outputs.animation import Motion, draw_opening, render_frames
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
+from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.storage.images.animations import write_animation
 from z2p_renderer.storage.images.image_files import PictureError, read_record
 from z2p_renderer.storage.scans.clouds import Scan, usable

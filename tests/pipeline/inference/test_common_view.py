@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from z2p_renderer.pipeline.inference.common_view import common_viewpoint
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import place_scan
 from z2p_renderer.storage.scans.clouds import usable
 
 

@@ -15,7 +15,7 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.trim import trim_to_content
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
+from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.storage.scans.clouds import usable
 
 

@@ -19,7 +19,7 @@ from z2p_renderer.pipeline.inference.batch import Outcome, Task, render_files
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.weight_selection import AutoRenderer
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions
+from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.storage.images.image_files import read_record
 
 LOOK = Look(width=32, height=32)

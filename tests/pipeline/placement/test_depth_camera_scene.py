@@ -12,7 +12,8 @@ from click.testing import Result
 from PIL import Image
 
 from z2p_core.interfaces import ScanError
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan, select_points
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import place_scan, select_points
 from z2p_renderer.storage.images.image_files import read_record
 from z2p_renderer.storage.scans.clouds import Scan, read_clouds
 
@@ -45,7 +46,7 @@ def scene(tmp_path: Path) -> Path:
 def test_the_wall_goes_and_the_table_is_level(scene: Path) -> None:
     [scan] = read_clouds(scene)
     shown = select_points(scan, ".pcd", PlacementOptions())
-    assert shown.background > 500 and np.abs(shown.points[:, 2]).max() < 2.5
+    assert shown.background_count > 500 and np.abs(shown.points[:, 2]).max() < 2.5
     placed = place_scan(scan, ".pcd", PlacementOptions(), 20.0, (0.0, 80.0))
     assert placed.placement.up == "the table's normal" and "set upright" in placed.placement.up_reason
     assert placed.placement.elevation == pytest.approx(30, abs=6)

@@ -12,7 +12,8 @@ from z2p_core.camera import Camera
 from z2p_core.interfaces import ScanError, Sensor
 from z2p_core.rotations import random_rotation
 from z2p_core.up_axis.axis_names import UP_ROTATIONS
-from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, PlacementOptions, place_scan
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, place_scan
 from z2p_renderer.storage.scans.clouds import Scan
 
 FREE = (0.0, 80.0)
@@ -99,7 +100,7 @@ def test_a_depth_camera_may_count_in_millimetres() -> None:
     """That is not taken for granted, for hills have the same mark, but told, and done where it is asked for."""
     millimetres, metres = (scan(seen() * 0.5 * unit) for unit in (1000, 1))
     plain = place_scan(millimetres, ".ply", PlacementOptions(), 20.0, FREE).placement
-    assert "depth camera" not in plain.up_reason and "--view sensor" in plain.told
+    assert "depth camera" not in plain.up_reason and "--view sensor" in plain.description
     asked = place_scan(millimetres, ".ply", PlacementOptions(view="sensor"), 20.0, FREE)
     known = place_scan(metres, ".ply", PlacementOptions(), 20.0, FREE)
     assert asked.placement.up == known.placement.up and "millimetres" not in asked.placement.description + known.placement.description
@@ -236,7 +237,7 @@ def test_a_cluster_too_far_to_show_is_left_out_and_told() -> None:
     assert (stance.outlier_count, stance.far_count) == (1200, 1200)
     assert "1200 points so far off that next to nothing would show" in stance.description and "--keep-outliers" in stance.description
     kept = place_scan(scan(points), ".ply", PlacementOptions(keep_outliers=True)).placement
-    assert (kept.outliers, kept.far) == (0, 0) and "far off" not in kept.told
+    assert (kept.outlier_count, kept.far_count) == (0, 0) and "far off" not in kept.description
 
 
 @pytest.mark.parametrize("kind", ["thing", "depth picture", "with strays"])

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from z2p_core.interfaces import ScanError, Sensor
-from z2p_renderer.pipeline.placement.few_points import FEWEST_FOR_SURFACE, POINTS_A_BALL, as_balls
-from z2p_renderer.pipeline.placement.place_scan import PlacementOptions, place_scan
+from z2p_core.placement.point_balls import MIN_SURFACE_POINTS, POINTS_PER_BALL, points_to_balls
+from z2p_renderer.pipeline.placement.options import PlacementOptions
+from z2p_renderer.pipeline.placement.place_scan import place_scan
 from z2p_renderer.storage.scans.clouds import Scan
 
 RNG = np.random.default_rng(0)
@@ -15,7 +16,7 @@ FEW = {
     "line of five": np.outer(np.arange(5.0), [1, 2, 3]), "upright line": np.outer(np.arange(8.0), [0, 0, 1]),
     "three": np.eye(3), "two places": np.array([[0.0, 0, 0], [1, 0, 0]]), "plane": RNG.normal(size=(20, 3)) * [1, 1, 0],
     "nearly two places": np.array([[0.0, 0, 0], [0, 0, 1e-12], [1, 0, 0]]),
-    "most": RNG.normal(size=(FEWEST_FOR_SURFACE - 1, 3)),
+    "most": RNG.normal(size=(MIN_SURFACE_POINTS - 1, 3)),
     "far off": np.add(RNG.normal(size=(9, 3)), [5e5, 5e6, 300]),
 }  # fmt: skip
 
@@ -23,7 +24,7 @@ FEW = {
 @pytest.mark.parametrize("name", FEW)
 def test_each_point_becomes_a_ball_about_it_that_shows(name: str) -> None:
     points = FEW[name]
-    balls = as_balls(points).reshape(len(points), POINTS_A_BALL, 3)
+    balls = points_to_balls(points).reshape(len(points), POINTS_PER_BALL, 3)
     np.testing.assert_allclose(balls.mean(1), points, atol=0.01 * np.ptp(points, axis=0).max())
     radius = np.linalg.norm(balls - points[:, None], axis=2)
     assert np.ptp(radius) < 1e-6 * radius.max() + 1e-8
@@ -36,14 +37,14 @@ def test_all_of_it_lies_in_the_frame_and_it_is_told(name: str) -> None:
     for sensor in (None, Sensor(points.mean(0) - [0, 0, 30], np.eye(3))):
         placed = place_scan(Scan(points, 0, "", sensor), ".pcd", PlacementOptions())
         assert np.linalg.norm(placed.cloud, axis=1).max() <= 1 + 1e-5
-        assert len(placed.cloud) == POINTS_A_BALL * len(points)
+        assert len(placed.cloud) == POINTS_PER_BALL * len(points)
         assert f"its {len(points)} points are drawn as balls" in placed.placement.description
         assert placed.placement.outlier_count == placed.placement.background_count == 0
 
 
 def test_more_points_are_a_surface() -> None:
-    points = RNG.normal(size=(FEWEST_FOR_SURFACE, 3))
-    assert len(place_scan(Scan(points, 0, ""), ".pcd", PlacementOptions()).cloud) == FEWEST_FOR_SURFACE
+    points = RNG.normal(size=(MIN_SURFACE_POINTS, 3))
+    assert len(place_scan(Scan(points, 0, ""), ".pcd", PlacementOptions()).cloud) == MIN_SURFACE_POINTS
 
 
 @pytest.mark.filterwarnings("error")
