@@ -7,7 +7,7 @@ import numpy as np
 from z2p_core.linalg import dot_axis, bounding_box, rotate_points
 from z2p_core.up_axis.support_polygon import polygon_area, convex_hull, distance_inside
 
-SLAB = 0.03
+GROUND_HEIGHT_SHARE = 0.03
 """Share of the height from below within which a point touches the ground."""
 FIRM_MARGIN, FIRM_AREA = 0.08, 0.25
 SHAKY_MARGIN, SHAKY_AREA = 0.03, 0.1
@@ -15,9 +15,9 @@ SHAKY_MARGIN, SHAKY_AREA = 0.03, 0.1
 
 Margins are in roots of the footprint's area, areas in shares of it.
 """
-LYING = 0.3
-"""A pose this low, in longest sides, is a thing lying down, which is always firm and tells nothing."""
-MOST_POINTS, FEWEST_POINTS = 8000, 500
+MIN_HEIGHT_SHARE = 0.3
+"""Height, in the longest side, below which an object is lying down: it then always stands firmly."""
+MAX_POINTS, MIN_POINTS = 8000, 500
 
 
 def would_topple(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bool:
@@ -25,12 +25,12 @@ def would_topple(points: np.ndarray, usual: np.ndarray, other: np.ndarray) -> bo
 
     True only on strong evidence: most things that stand would stand on another side too.
     """
-    points = points[:: -(-len(points) // MOST_POINTS)]
-    if len(points) < FEWEST_POINTS:
+    points = points[:: -(-len(points) // MAX_POINTS)]
+    if len(points) < MIN_POINTS:
         return False
     span = [float(np.ptp(dot_axis(points, axis))) for axis in (usual, other)]
     low, high = bounding_box(points)
-    if min(span) < LYING * float((high - low).max()):
+    if min(span) < MIN_HEIGHT_SHARE * float((high - low).max()):
         return False
     margin, area = support_margin(points, other)
     if margin < FIRM_MARGIN or area < FIRM_AREA:
@@ -50,7 +50,7 @@ def support_margin(points: np.ndarray, up: np.ndarray) -> tuple[float, float]:
     across = np.cross(up, np.eye(3)[np.abs(up).argmin()])
     across /= np.linalg.norm(across)
     flat = rotate_points(points, np.stack([across, np.cross(up, across)]))
-    feet = convex_hull(flat[height < low + SLAB * (height.max() - low)])
+    feet = convex_hull(flat[height < low + GROUND_HEIGHT_SHARE * (height.max() - low)])
     footprint = polygon_area(convex_hull(flat))
     if len(feet) < 3 or footprint <= 0:
         return -1.0, 0.0

@@ -1,4 +1,4 @@
-"""Fits how much each mark of a cloud's shape counts for which axis is up, and writes z2p_core/up_axis/feature_weights.py.
+"""Fits the network that scores up axes by shape features, and writes z2p_core/up_axis/feature_weights.py.
 
     python scripts/fit_up_axis.py MESHES [--each 250] [--hidden 16] [--seed 1]
 
@@ -18,7 +18,7 @@ from upright_clouds import made, meshes, shapeless
 
 from z2p_core.up_axis.shape_features import FEATURE_NAMES, axis_features
 
-OUT = Path(__file__).parents[1] / "z2p_core" / "upright_weights.py"
+OUT = Path(__file__).parents[1] / "z2p_core" / "up_axis" / "feature_weights.py"
 UP = 4
 """Place of +Z among the axes."""
 ROUNDS, DECAY = 800, 0.3
@@ -26,27 +26,28 @@ SHAPELESS = 8
 """Kinds of things for which all clouds without an upright count."""
 STRETCH = 1.25
 """Factor by which each axis of a mesh is stretched or squeezed at most, so that few meshes are not learnt by heart."""
-TEXT = '''"""How much each mark of `z2p_core.up_axis.shape_features` counts; written by scripts/fit_up_axis.py."""
+TEXT = '''"""Weights of the small network that scores up axes by their shape features; written by scripts/fit_up_axis.py."""
 
 from __future__ import annotations
 
 import numpy as np
 
-MIDDLE = np.array({middle})
-"""What a mark is on average (M,)."""
-SPREAD = np.array({spread})
-"""Its standard deviation (M,)."""
-HIDDEN = np.array({hidden})
-"""What each hidden unit makes of the marks (H, M)."""
+FEATURE_MEAN = np.array({mean})
+"""Mean (F,) of each feature over the training clouds."""
+FEATURE_STD = np.array({std})
+"""Standard deviation (F,) of each feature."""
+HIDDEN_WEIGHTS = np.array({hidden})
+"""Weights (H, F) from standardized features to hidden units."""
 HIDDEN_BIAS = np.array({bias})
-SCORE = np.array({score})
-"""What each hidden unit counts (H,)."""
+OUTPUT_WEIGHTS = np.array({output})
+"""Weights (H,) from hidden units to the score."""
 
 
-def scores(marks: np.ndarray) -> np.ndarray:
-    """Logarithms (6,), but for a sum that all share, of how likely axes with such marks (6, M) are up."""
-    told: np.ndarray = np.tanh((marks - MIDDLE) / SPREAD @ HIDDEN.T + HIDDEN_BIAS) @ SCORE
-    return told
+def up_axis_scores(features: np.ndarray) -> np.ndarray:
+    """Logits (6,) of the probabilities that axes with these features (6, F) are up: a softmax turns them into these."""
+    hidden = np.tanh((features - FEATURE_MEAN) / FEATURE_STD @ HIDDEN_WEIGHTS.T + HIDDEN_BIAS)
+    scores: np.ndarray = hidden @ OUTPUT_WEIGHTS
+    return scores
 '''
 
 
@@ -85,8 +86,8 @@ def fitted(table: np.ndarray, wanted: np.ndarray, weight: np.ndarray, hidden: in
         optimizer.step()
     print(f"{len(table)} clouds, loss {loss.item():.3f}")
     first, bias, last = (part.detach().numpy() for part in list(network.parameters())[:3])
-    return TEXT.format(middle=_listed(middle), spread=_listed(spread), hidden=_listed(first), bias=_listed(bias),
-                       score=_listed(last[0]))  # fmt: skip
+    return TEXT.format(mean=_listed(middle), std=_listed(spread), hidden=_listed(first), bias=_listed(bias),
+                       output=_listed(last[0]))  # fmt: skip
 
 
 def _listed(numbers: np.ndarray) -> str:

@@ -1,17 +1,17 @@
-"""The cores at hand, and a second one for the kernels, which hold no lock.
+"""Shares work between the calling thread and one more core, for kernels that release the interpreter's lock.
 
-Beside the threads that ask, a process has one more, the *second core*, which does one piece of work at a time; `idle`
-of `_Core` is held by whoever has it. Work gets there in two ways:
+Besides the calling threads, a process has one worker thread, the *second core*, which runs one piece of work at a time;
+`_Core.idle` is held by whoever uses it. Work gets there in two ways:
 
-- `run_async` hands it one piece of work whole, or does that at once where the core is not idle;
-- `parallel_rows`, `begin_parallel_rows` and `parallel_map` cut work into parts. Whoever asked and the second core each take the next part
-  that is left, the second core from the moment on that it is idle. So nobody waits for a core that others keep.
+- `run_async` hands it one whole piece of work, or runs that at once if the worker is busy;
+- `parallel_rows`, `begin_parallel_rows` and `parallel_map` cut work into parts. The caller and the worker each take the
+  next part that is left, the worker as soon as it is idle, so that a caller never blocks on a worker held by another.
 
-Within `without_second_core` no work goes there: several pictures are drawn at a time, one on each core.
+Within `without_second_core` the worker is not used: several images are drawn at a time, one on each core.
 
-The second core is a daemon thread of our own and not an executor's: those take no more work once the main thread has
-ended, while other threads still draw. Where no thread can be started, because the interpreter ends or the system has
-none left, whoever asks does all the work, with the same result.
+The worker is a daemon thread of our own rather than an executor's: executors refuse work once the main thread has ended,
+while other threads still draw. If no thread can be started, because the interpreter is shutting down or the system has
+none left, the caller does all the work, with the same result.
 """
 
 from __future__ import annotations
@@ -30,18 +30,18 @@ from typing import Any, TypeVar
 T = TypeVar("T")
 
 MIN_PARALLEL_ROWS = 1000
-"""Rows below which a second thread costs more than it saves."""
+"""Number of rows below which a second thread costs more than it saves."""
 PART_COUNT = 6
-"""Parts that work is shared out in."""
+"""Parts that rows are divided into."""
 
 
 def core_count() -> int:
-    """How many this process may run on."""
+    """Number of cores that this process may run on."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_async(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-    """What the work gives, done on a second core meanwhile; or at once, where that core is still at other work."""
+    """Future result of ``work(*arguments)`` on the second core; computed at once, here, if that core is busy."""
     core = _second_core(os.getpid())
     if not core.kept_away and core.idle.acquire(blocking=False):
         begun = core.begin(core.run, work, *arguments)
@@ -49,13 +49,13 @@ def run_async(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
             return begun
         core.idle.release()
     done: Future[Any] = Future()
-    _settle(done, work, *arguments)  # an error is told where the result is asked for, as the other core's would be
+    _settle(done, work, *arguments)  # errors surface at .result(), as the worker's do
     return done
 
 
 @contextmanager
 def without_second_core() -> Iterator[None]:
-    """Meanwhile work is done at once, in one go: for those who keep all cores busy anyway, with a picture on each."""
+    """Context in which all work runs on the calling thread: for callers that keep every core busy with its own image."""
     second = _second_core(os.getpid())
     taken = second.idle.acquire(blocking=False)
     with second.counting:
@@ -69,8 +69,13 @@ def without_second_core() -> Iterator[None]:
             second.idle.release()
 
 
-def parallel_rows(work: Callable[[int, int], object], count: int, smallest: int = MIN_PARALLEL_ROWS, parts: int = PART_COUNT) -> None:
-    """Does the work for rows from 0 up to `count` in parts, with a second core from the moment on that it is idle."""
+def parallel_rows(
+    work: Callable[[int, int], object], count: int, smallest: int = MIN_PARALLEL_ROWS, parts: int = PART_COUNT
+) -> None:
+    """Calls ``work(begin, end)`` for parts of the rows from 0 to `count`, on the second core as well once it is idle.
+
+    In one call, on this thread alone, for fewer rows than `smallest`.
+    """
     if count < smallest or _second_core(os.getpid()).kept_away:
         work(0, count)
         return
@@ -78,7 +83,7 @@ def parallel_rows(work: Callable[[int, int], object], count: int, smallest: int 
 
 
 def parallel_map(works: Sequence[Callable[[], T]]) -> list[T]:
-    """What each of the works gives, in their order; a second core does some, from the moment on that it is idle."""
+    """Results of the given functions, in their order; the second core runs some of them once it is idle."""
     given: list[Any] = [None] * len(works)
 
     def do(begin: int, end: int) -> None:
@@ -90,16 +95,16 @@ def parallel_map(works: Sequence[Callable[[], T]]) -> list[T]:
 
 
 def begin_parallel_rows(work: Callable[[int, int], object], count: int, parts: int = PART_COUNT) -> Callable[[], None]:
-    """Has a second core begin the work for rows from 0 up to `count`, as soon as it is idle.
+    """Lets the second core begin ``work(begin, end)`` for rows from 0 to `count` as soon as it is idle.
 
-    What comes back does all that is left, together with that core.
+    Returns a function that finishes the rest together with that core.
     """
     go_on, core = _in_parts(work, count, parts), _second_core(os.getpid())
     return partial(_finished, go_on, None if core.kept_away else core.begin(core.help, go_on))
 
 
 def run_in_threads(works: Sequence[Callable[[], T]]) -> list[T]:
-    """What each of the works gives, in their order, each in a thread of its own as far as threads can be started."""
+    """Results of the given functions, in their order, each run in its own thread as far as threads can be started."""
     given: list[Future[T]] = [Future() for _ in works]
     threads = []
     for future, work in zip(given[1:], works[1:], strict=True):

@@ -1,4 +1,4 @@
-"""How a cloud came to stand in its picture, in numbers and in words."""
+"""How a cloud was placed in its picture, in numbers for records and in words for messages."""
 
 from __future__ import annotations
 
@@ -6,38 +6,38 @@ from dataclasses import dataclass
 from typing import Any
 
 FIXED_CAMERA = "as settled"
-"""Stands for up where a camera was settled before."""
+"""Value of `Placement.up` in records if the camera was given by the user or shared between clouds."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """How a cloud came to stand in its picture, and why."""
+    """How a cloud was placed before the camera, and why."""
 
     up: str
     up_reason: str
     azimuth: float
-    """Degrees that the upright cloud was turned by in all."""
+    """Degrees by which the upright cloud was turned, the user's part included."""
     elevation: float | None
-    """Degrees that the view asks of the camera; None leaves it to the settings."""
+    """Degrees of the camera that the view brings with it; None leaves it to the settings."""
     view_reason: str
     outlier_count: int
-    """Stray points left out."""
+    """Outliers left out."""
     outside_count: int = 0
-    """Points beyond the frame of a camera that was settled before."""
+    """Points outside the frame of a fixed camera."""
     background_count: int = 0
-    """Points left out that lie far behind a depth camera's subject."""
+    """Points left out because they lie far behind a depth camera's subject."""
     hint: str = ""
     """What the user may want to try."""
     rounding_step: float = 0.0
-    """Step, in the data's units, to which float32 has rounded it far from the origin; 0 where that does not show."""
+    """Spacing of float32 numbers, in the data's units, if the file was visibly rounded to it; 0 otherwise."""
     smoothing_radius: float = 0.0
-    """Radius, in the frame's, of the patches that points were moved onto; 0 where they were not."""
+    """Radius, in the frame's, of the surface patches that points were moved onto; 0 if they were not moved."""
     filled_count: int = 0
-    """Points put into gaps of what a depth camera measured."""
+    """Points added in gaps of a depth camera's measurements."""
     far_count: int = 0
-    """Those of the stray points that lie in clusters so far from the largest one that nothing would show."""
+    """Outliers that lie in clusters so far from the largest one that nothing would show."""
     user_azimuth: float = 0.0
-    """Degrees of the azimuth by which the user turned the view on."""
+    """Part of the azimuth, in degrees, by which the user turned the view."""
 
     def to_json(self) -> dict[str, Any]:
         """The placement as a picture's record and ``--json`` keep it; the keys belong to these formats."""
@@ -60,7 +60,7 @@ class Placement:
 
     @property
     def description(self) -> str:
-        """Part of a line that says it."""
+        """The placement as parts of one line, joined by semicolons."""
         parts = (
             self.view_description,
             f"{self.outliers_message} left out of the frame" if self.outlier_count else "",
@@ -87,15 +87,16 @@ class Placement:
 
     @property
     def outliers_message(self) -> str:
-        """How many were left out."""
+        """How many points were left out as outliers."""
         few = self.outlier_count == 1
         if not self.far_count:
             return f"{self.outlier_count} stray point{'' if few else 's'}"
-        near = "" if self.far_count == self.outlier_count else f"{self.outlier_count - self.far_count} stray points, and "
+        near_count = self.outlier_count - self.far_count
+        near = f"{near_count} stray points, and " if near_count else ""
         return f"{near}{self.far_count} point{'' if few else 's'} so far off that next to nothing would show,"
 
     @property
     def rounding_message(self) -> str:
-        """What a `rounded` that is not 0 means."""
-        return (f"its float32 numbers, so far from the origin, are rounded to steps of {self.rounding_step:g}: save float64, "
-                "or subtract an offset first")
+        """What a `rounding_step` above 0 means and how to avoid it."""
+        return (f"its float32 numbers, so far from the origin, are rounded to steps of {self.rounding_step:g}: "
+                "save float64, or subtract an offset first")

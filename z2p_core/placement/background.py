@@ -12,29 +12,43 @@ from z2p_core.placement.outliers import inlier_mask
 from z2p_core.placement.point_balls import MIN_SURFACE_POINTS
 from z2p_core.surface.subsampling import subsample_uniform
 
-GAP = 1.15
+MIN_DEPTH_RATIO = 1.15
 """How many times as far from the sensor as its subject's farthest point the background must begin."""
-EMPTY = 0.003
+MAX_GAP_POINT_SHARE = 0.003
 """Share of all points that may stray within the gap."""
-LEAST_SUBJECT = 0.1
+MIN_SUBJECT_SHARE = 0.1
 """Share of all points that the subject must hold; what is less is no subject but a scrap."""
-DEPTHS = 400
+DEPTH_STEPS = 400
 
-PLANES, MOST_TRIED, FEWEST_TRIED = 600, 3000, 200
-"""Planes through three points that are tried, points that each is tried on, and the fewest that make a try worth it."""
-MOST_LEAN = 65.0
+PLANE_CANDIDATES = 600
+"""Planes through three random points that are tried (RANSAC)."""
+MAX_PLANE_SAMPLE = 3000
+"""Points that each plane is tried on at most."""
+MIN_PLANE_SAMPLE = 200
+"""Smallest sample that makes a search for a plane worthwhile."""
+MAX_TILT_DEGREES = 65.0
 """Degrees between a table's normal and the camera's own up."""
-THICKNESS, STANDING = 0.01, 0.05
-"""Half a plane's thickness, and what clearly stands on it, in lengths of the cloud's diagonal."""
-LEAST_PLANE, LEAST_STANDING, MOST_BELOW = 0.25, 0.01, 0.03
-"""Shares of the points on the plane, above it, and below it."""
+PLANE_HALF_THICKNESS = 0.01
+"""Distance from a plane up to which points lie on it, in the cloud's diagonal."""
+MIN_STANDING_HEIGHT = 0.05
+"""Height above a plane from which on points stand on it, in the cloud's diagonal."""
+MIN_PLANE_SHARE = 0.25
+"""Smallest share of the points on the support plane."""
+MIN_STANDING_SHARE = 0.01
+"""Smallest share of the points above it."""
+MAX_BELOW_SHARE = 0.03
+"""Largest share of the points below it."""
 
-SLAB, COVERED = 0.12, 0.35
-"""Floor and ceiling: slabs of this share of the height that each hold points over this share of the footprint."""
-FULL = 0.8
+ROOM_SLAB_SHARE = 0.12
+"""Thickness of a room's floor and ceiling, as a share of the height."""
+MIN_ROOM_COVERAGE = 0.35
+"""Smallest share of the footprint that floor and ceiling each cover."""
+MAX_ROOM_MIDDLE_COVERAGE = 0.8
 """Half way up, a room's walls and furniture stand on this share of the footprint at most."""
-ROOM_HEIGHT, ROOM_BREADTH = (1.9, 12.0), 2.5
-"""A room's height, metres; and its narrower side at the least."""
+ROOM_HEIGHT_METRES = (1.9, 12.0)
+"""Range of a room's height."""
+MIN_ROOM_BREADTH_METRES = 2.5
+"""Smallest narrower side of a room."""
 
 
 def sensor_depths(points: np.ndarray, sensor: Sensor) -> np.ndarray:
@@ -61,20 +75,20 @@ def foreground_mask(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     """
     depth = sensor_depths(points, sensor)
     whole = np.ones(len(points), dtype=bool)
-    near = float(np.quantile(depth, EMPTY))
+    near = float(np.quantile(depth, MAX_GAP_POINT_SHARE))
     if near <= 0:
         return whole
     # steps that grow with depth, so that the gap is the same number of them everywhere
-    step = np.floor(np.log(np.maximum(depth, near) / near) / math.log(GAP) * (DEPTHS / 40)).astype(np.int64)
+    step = np.floor(np.log(np.maximum(depth, near) / near) / math.log(MIN_DEPTH_RATIO) * (DEPTH_STEPS / 40)).astype(np.int64)
     count = np.bincount(step)
     before = np.concatenate([[0], np.cumsum(count)])
-    width = DEPTHS // 40
+    width = DEPTH_STEPS // 40
     for first in range(1, len(count) - width + 1):
         strays = before[first + width] - before[first]
-        if before[first] >= max(LEAST_SUBJECT * len(points), FEWEST_TRIED) and strays <= EMPTY * len(points):
+        if before[first] >= max(MIN_SUBJECT_SHARE * len(points), MIN_PLANE_SAMPLE) and strays <= MAX_GAP_POINT_SHARE * len(points):
             behind = before[-1] - before[first + width]
             rim = next((edge for edge in range(first, first + width) if count[edge] == 0), first)
-            return step < rim if behind > EMPTY * len(points) else whole
+            return step < rim if behind > MAX_GAP_POINT_SHARE * len(points) else whole
     return whole
 
 
@@ -85,11 +99,11 @@ def support_plane_normal(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> 
     points, leans by less than 65 degrees from that, and nearly all else stands on its upper side, the camera too: the
     front of a box has all else behind it, and a wall leans too much.
     """
-    sample = subsample_uniform(points, MOST_TRIED)
-    if len(sample) < FEWEST_TRIED:
+    sample = subsample_uniform(points, MAX_PLANE_SAMPLE)
+    if len(sample) < MIN_PLANE_SAMPLE:
         return None
     size = float(np.linalg.norm(sample.max(0) - sample.min(0)))
-    corner = np.random.default_rng(0).integers(0, len(sample), size=(PLANES, 3))  # the same tries for every cloud
+    corner = np.random.default_rng(0).integers(0, len(sample), size=(PLANE_CANDIDATES, 3))  # the same tries for every cloud
     first, second, third = (sample[corner[:, place]] for place in range(3))
     normals = np.cross(second - first, third - first)
     length = np.linalg.norm(normals, axis=1)
@@ -97,16 +111,16 @@ def support_plane_normal(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> 
     normals = normals[fine] / length[fine, None]
     normals *= np.where(normals @ up < 0, -1.0, 1.0)[:, None]
     seen = (normals * (sensor.position - first[fine])).sum(1) > 0
-    likely = seen & (normals @ up > math.cos(math.radians(MOST_LEAN)))
+    likely = seen & (normals @ up > math.cos(math.radians(MAX_TILT_DEGREES)))
     normals, through = normals[likely], first[fine][likely]
     if len(normals) == 0:
         return None
     height = normals @ sample.T - (normals * through).sum(1)[:, None]
-    within = np.abs(height) < THICKNESS * size
+    within = np.abs(height) < PLANE_HALF_THICKNESS * size
     best = int(within.sum(1).argmax())
-    below = (height[best] < -THICKNESS * size).mean()
-    above = (height[best] > STANDING * size).mean()
-    if within[best].mean() < LEAST_PLANE or above < LEAST_STANDING or below > MOST_BELOW:
+    below = (height[best] < -PLANE_HALF_THICKNESS * size).mean()
+    above = (height[best] > MIN_STANDING_HEIGHT * size).mean()
+    if within[best].mean() < MIN_PLANE_SHARE or above < MIN_STANDING_SHARE or below > MAX_BELOW_SHARE:
         return None
     inside = sample[within[best]]
     normal: np.ndarray = np.linalg.svd(inside - inside.mean(0), full_matrices=False)[2][2]
@@ -119,18 +133,18 @@ def is_room(points: np.ndarray) -> bool:
     A solid thing fills the middle of its height, and a ring has no floor at its centre.
     """
     low, high = bounding_box(points)
-    if (high - low)[2] < ROOM_HEIGHT[0]:  # told at once for most things; what follows takes longer
+    if (high - low)[2] < ROOM_HEIGHT_METRES[0]:  # told at once for most things; what follows takes longer
         return False
     low, high = np.quantile(points, [0.002, 0.998], axis=0)
     breadth, height = float((high - low)[:2].min()), float((high - low)[2])
-    if not ROOM_HEIGHT[0] <= height <= ROOM_HEIGHT[1] or breadth < max(ROOM_BREADTH, height / 2):
+    if not ROOM_HEIGHT_METRES[0] <= height <= ROOM_HEIGHT_METRES[1] or breadth < max(MIN_ROOM_BREADTH_METRES, height / 2):
         return False
     cell = np.clip((points[:, :2] - low[:2]) / (high - low)[:2] * 20, 0, 19.999).astype(np.int64)
     footprint = cell[:, 0] * 20 + cell[:, 1]
     taken = len(np.unique(footprint))
     level = (points[:, 2] - low[2]) / height
     floor, ceiling, middle = (len(np.unique(footprint[slab])) for slab in
-                              (level < SLAB, level > 1 - SLAB, np.abs(level - 0.5) < SLAB))  # fmt: skip
+                              (level < ROOM_SLAB_SHARE, level > 1 - ROOM_SLAB_SHARE, np.abs(level - 0.5) < ROOM_SLAB_SHARE))  # fmt: skip
     centre = np.median(np.unique(cell, axis=0), axis=0)
     central = (np.abs(cell - centre) <= 1.5).all(1).any()
-    return bool(central) and min(floor, ceiling) >= COVERED * taken and middle <= FULL * taken
+    return bool(central) and min(floor, ceiling) >= MIN_ROOM_COVERAGE * taken and middle <= MAX_ROOM_MIDDLE_COVERAGE * taken

@@ -16,19 +16,19 @@ from z2p_core.linalg import rotate_points
 from z2p_core.surface.noise_level import median_spacing
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 
-PIXELS = (1.5, 2.5, 4.0)
+PIXEL_SPACINGS = (1.5, 2.5, 4.0)
 """Sides of a pixel, in the spacing of the points that the sensor sees. On an even grid each holds some."""
-BY_CHANCE = 0.02
+MAX_GAP_SHARE = 0.02
 """Gaps that are more than this share of the pixels that hold points come from how these are spread, rather than from
 what was lost. Larger pixels may tell; else the points are no camera's, and stay as they are."""
-WIDTH = 12
+MAX_GAP_SPACINGS = 12
 """How wide a gap may be, in spacings."""
-STEEPEST = 3.0
+MAX_DEPTH_SLOPE = 3.0
 """Most that the depths around a gap may differ by, in its width: as on a table that is looked at 18 degrees from above.
 Behind a step a camera that projects or compares misses a strip narrower than that, by distance over baseline."""
-SPARSEST = 20.0
+MAX_PIXELS_PER_POINT = 20.0
 """Pixels for each point up to which these can fill a camera's picture."""
-WIDEST = 2.0
+MAX_VIEW_TANGENT = 2.0
 """Tangent of the angle off the sensor's axis within which all points lie, if it is a camera."""
 
 
@@ -40,11 +40,11 @@ def fill_depth_gaps(points: np.ndarray, sensor: Sensor) -> np.ndarray:
         return none
     across, depth = view[:, :2] / view[:, 2:], view[:, 2]
     spacing = _spacing(across)
-    if spacing <= 0 or np.abs(across).max() > WIDEST:
+    if spacing <= 0 or np.abs(across).max() > MAX_VIEW_TANGENT:
         return none
-    for side in PIXELS:
-        found, share = _between(across, depth, side * spacing, int(WIDTH / side))
-        if share <= BY_CHANCE:
+    for side in PIXEL_SPACINGS:
+        found, share = _between(across, depth, side * spacing, int(MAX_GAP_SPACINGS / side))
+        if share <= MAX_GAP_SHARE:
             moved: np.ndarray = rotate_points(found, sensor.rotation) + sensor.position
             return moved
     return none
@@ -56,13 +56,13 @@ def _between(across: np.ndarray, depth: np.ndarray, pixel: float, most: int) -> 
     Those are seen at places (N, 2) on the sensor's picture, at that depth (N,).
     """
     corner = across.min(axis=0)
-    if np.prod(np.ptp(across, axis=0) / pixel) > SPARSEST * len(across):
+    if np.prod(np.ptp(across, axis=0) / pixel) > MAX_PIXELS_PER_POINT * len(across):
         return np.empty((0, 3)), np.inf
-    picture, empty = _picture(((across - corner) / pixel).astype(np.int64), depth, STEEPEST * pixel / 2)
+    picture, empty = _picture(((across - corner) / pixel).astype(np.int64), depth, MAX_DEPTH_SLOPE * pixel / 2)
     rows, columns = _bridges(picture, empty), _bridges(picture.T, empty.T).transposed()
     ends = np.stack([rows.first, rows.last, columns.first, columns.last])
     widest = np.maximum(rows.length, columns.length)
-    flat = np.ptp(ends, axis=0) <= STEEPEST * widest * pixel * ends.mean(axis=0)
+    flat = np.ptp(ends, axis=0) <= MAX_DEPTH_SLOPE * widest * pixel * ends.mean(axis=0)
     closed = empty & flat & (widest <= most + 1)
     between = (rows.between * columns.length + columns.between * rows.length) / (rows.length + columns.length)
     places = np.argwhere(closed)[:, ::-1]

@@ -9,7 +9,8 @@ from z2p_core.linalg import bounding_box
 from z2p_core.surface.subsampling import subsample_uniform
 
 FEWEST_POINTS, FEWEST_LONE = 500, 5
-"""Points of a cloud that is looked at, and lone ones that are left out; one or two are told by `z2p_core.placement.outliers`."""
+"""Points of a cloud that is looked at, and lone ones that are left out at least;
+`z2p_core.placement.outliers` removes one or two."""
 TAIL_SHARE, CORE_MARGIN = 0.04, 0.5
 """The core of a cloud along an axis is all but so many points at either end; what may be strewn lies farther from it
 than so many of its widths."""

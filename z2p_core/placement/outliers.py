@@ -7,41 +7,51 @@ import numpy as np
 from z2p_core.linalg import bounding_box
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.isolated_points import non_isolated_mask
+from z2p_core.placement.point_balls import MIN_SURFACE_POINTS
 from z2p_core.surface.subsampling import subsample_uniform
 
-MOST_LOOKED_AT = 20_000
+MAX_SAMPLE = 20_000
 """A larger cloud is thinned to this many points before it is weighed as a whole."""
-FEWEST_TO_CLIP, FEWEST_APART = 100, 64
-"""Points of which some may be strays, and of which a cluster may be all that is drawn; fewer are drawn as balls."""
-SMALL_CLUSTER, MOST_CLIPPED = 0.01, 0.02
-"""Shares of all points: of one stray cluster at most, and of everything that is clipped."""
-GAP, NEIGHBOURS = 4.0, 12
-"""How far off a part of a thing may be, in the spacings of its points there, and the neighbours that tell these."""
-MOST_PARTS, ASKED, BODY_CELLS = 64, 8, 64
-"""Small clusters that may be parts of a thing (more are not looked at), and points of each; and cells along the thing's
-widest side, each with one point, to find the nearest."""
-LEAST_SPAN = 1e-300
+MIN_POINTS_TO_CLIP = 100
+"""Smallest cloud in which clusters may be outliers."""
+MAX_OUTLIER_CLUSTER_SHARE = 0.01
+"""Largest share of all points that one outlier cluster may hold."""
+MAX_OUTLIER_SHARE = 0.02
+"""Largest share of all points that are removed as outlier clusters."""
+MAX_PART_GAP_SPACINGS = 4.0
+"""A part of the object may be this far off, in the spacing of the object's points there."""
+SPACING_NEIGHBORS = 12
+"""Neighbors that this spacing is estimated from."""
+MAX_PART_CLUSTERS = 64
+"""Small clusters that are tested for being parts of the object; more are not looked at."""
+POINTS_PER_PART = 8
+"""Points of each such cluster that are compared with the body."""
+BODY_CELLS = 64
+"""Cells along the body's widest side, each with one point, in which the nearest one is searched."""
+MIN_SPAN = 1e-300
 """Of a cloud whose places in a grid are still numbers."""
-LEAST_GAIN = 0.1
+MIN_SHRINKAGE = 0.1
 """Clipping must shrink the bounding sphere's radius by this share at least, or the height where strays lie below;
 otherwise they do no harm."""
-SMALL_BELOW = 0.001
+MAX_LOW_OUTLIER_SHARE = 0.001
 """Share of all points, of strays that lie below a thing in all."""
 
 
-UNSEEN = 0.02
+MIN_VISIBLE_DISC_SHARE = 0.02
 """Share of the picture's disc that all clusters fill at most, each by its own sphere, where next to nothing shows."""
-MOST_SCATTERED = 0.25
+MAX_SCATTERED_SHARE = 0.25
 """Share of the points that may lie scattered in small clusters, and still count as strays."""
-MOST, MANY_CELLS = 0.7, 150
-"""Share of the points that specks hold at least, and more cells of a coarse grid than they can take up."""
-MOST_FAR = 8
+SPECK_POINT_SHARE = 0.7
+"""Share of the points that specks hold at least."""
+MAX_SPECK_CELLS = 150
+"""Cells of a coarse grid that specks can take up at most."""
+MAX_FAR_ROUNDS = 8
 """Times that a cloud is looked at for what lies far away: each time the rest is a tenth as wide or less."""
 
 
-def few_of(points: np.ndarray) -> np.ndarray:
-    """`MOST_LOOKED_AT` of points (N, 3) at most, whatever their order."""
-    return subsample_uniform(points, MOST_LOOKED_AT)
+def outlier_sample(points: np.ndarray) -> np.ndarray:
+    """`MAX_SAMPLE` of points (N, 3) at most, whatever their order."""
+    return subsample_uniform(points, MAX_SAMPLE)
 
 
 def remove_outliers(points: np.ndarray) -> tuple[np.ndarray, int]:
@@ -67,12 +77,12 @@ def inlier_mask(points: np.ndarray) -> np.ndarray:
     when that shrinks the bounding sphere's radius by over 10 %, and never more than 2 % of the points in all.
     """
     kept = np.ones(len(points), dtype=bool)
-    if len(points) < FEWEST_TO_CLIP:
+    if len(points) < MIN_POINTS_TO_CLIP:
         return kept
     for _ in range(4):  # a stray very far away hides the nearer ones from the first grid
         rows = np.flatnonzero(kept)
-        budget = int(MOST_CLIPPED * len(points)) - (len(points) - len(rows))
-        strays = _strays(points[rows], int(SMALL_CLUSTER * len(points)), budget)
+        budget = int(MAX_OUTLIER_SHARE * len(points)) - (len(points) - len(rows))
+        strays = _outlier_cluster_mask(points[rows], int(MAX_OUTLIER_CLUSTER_SHARE * len(points)), budget)
         if not strays.any():
             break
         kept[rows[strays]] = False
@@ -86,9 +96,9 @@ def visible_cluster_mask(points: np.ndarray) -> np.ndarray:
     what lies near enough for all of it to be seen; where two have as many, the wider one is.
     """
     kept = np.ones(len(points), dtype=bool)
-    if len(points) < FEWEST_APART:
+    if len(points) < MIN_SURFACE_POINTS:
         return kept
-    for _ in range(MOST_FAR):
+    for _ in range(MAX_FAR_ROUNDS):
         rows = np.flatnonzero(kept)
         largest = _largest_of_specks(points[rows])
         if largest is None:
@@ -111,10 +121,10 @@ def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
         high[:, axis] = np.maximum.reduceat(points[order, axis], starts)
     radii = np.linalg.norm(high - low, axis=1) / 2
     whole = float(np.linalg.norm(high.max(0) - low.min(0))) / 2
-    small = sizes <= SMALL_CLUSTER * len(points)
-    if sizes[small].sum() <= MOST_SCATTERED * len(points):  # strays may lie in wide chains, of which nothing shows
+    small = sizes <= MAX_OUTLIER_CLUSTER_SHARE * len(points)
+    if sizes[small].sum() <= MAX_SCATTERED_SHARE * len(points):  # strays may lie in wide chains, of which nothing shows
         radii[small] = 0.0
-    if (radii**2).sum() >= UNSEEN * whole**2:
+    if (radii**2).sum() >= MIN_VISIBLE_DISC_SHARE * whole**2:
         return None
     return np.asarray(cluster == np.lexsort((low[:, 0], radii, sizes))[-1])
 
@@ -122,14 +132,14 @@ def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
 def _spread_out(points: np.ndarray) -> bool:
     """Whether most of points (N, 3) take up more of the space about them than specks in it do; told at once."""
     low, high = bounding_box(points)
-    step = max(float((high - low).max()), LEAST_SPAN) / 24
-    some = points[:: -(-len(points) // MOST_LOOKED_AT)]  # no order makes many cells of few
+    step = max(float((high - low).max()), MIN_SPAN) / 24
+    some = points[:: -(-len(points) // MAX_SAMPLE)]  # no order makes many cells of few
     place = ((some - low) / step).astype(np.int64)
     count = np.bincount((place[:, 0] * 25 + place[:, 1]) * 25 + place[:, 2])
     count = count[count > 0]
-    if len(count) <= MANY_CELLS:
+    if len(count) <= MAX_SPECK_CELLS:
         return False
-    return bool(np.partition(count, -MANY_CELLS)[-MANY_CELLS:].sum() < MOST * len(some))
+    return bool(np.partition(count, -MAX_SPECK_CELLS)[-MAX_SPECK_CELLS:].sum() < SPECK_POINT_SHARE * len(some))
 
 
 def above_low_outliers_mask(points: np.ndarray, height: np.ndarray) -> np.ndarray:
@@ -139,23 +149,23 @@ def above_low_outliers_mask(points: np.ndarray, height: np.ndarray) -> np.ndarra
     They go when they are small clusters, of under 0.1 % of the points in all, and the height shrinks by over 10 %.
     """
     kept = np.ones(len(points), dtype=bool)
-    most = int(SMALL_BELOW * len(points))
+    most = int(MAX_LOW_OUTLIER_SHARE * len(points))
     if most == 0:
         return kept
     lowest = np.argpartition(height, most)[: most + 1]
     lowest = lowest[np.argsort(height[lowest], kind="stable")]
     rise = height[lowest] - height[lowest[0]]
-    if rise[-1] < LEAST_GAIN * np.ptp(height):
+    if rise[-1] < MIN_SHRINKAGE * np.ptp(height):
         return kept
     cluster = _clusters(points)
     small = (np.bincount(cluster) <= most)[cluster[lowest]]
     count = len(lowest) if small.all() else int(small.argmin())  # all that lie below the first that is no stray
-    if count <= most and rise[count] >= LEAST_GAIN * np.ptp(height):
+    if count <= most and rise[count] >= MIN_SHRINKAGE * np.ptp(height):
         kept[lowest[:count]] = False
     return kept
 
 
-def _strays(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
+def _outlier_cluster_mask(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
     """Mask (N,) of the points in small clusters outside the sphere of the others, when that sphere is clearly smaller.
 
     Clusters of up to `largest` points count, the farthest ones first, up to `budget` points in all.
@@ -174,10 +184,10 @@ def _strays(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
     taken = np.zeros(len(sizes), dtype=bool)
     taken[farthest[np.cumsum(sizes[farthest]) <= budget]] = True
     strays = taken[cluster]
-    rest_of = few_of(points[~strays])
+    rest_of = outlier_sample(points[~strays])
     rest = bounding_sphere(rest_of)
     whole = bounding_sphere(np.vstack([rest_of, points[strays]])) if strays.any() else rest
-    if rest.radius > (1 - LEAST_GAIN) * whole.radius:
+    if rest.radius > (1 - MIN_SHRINKAGE) * whole.radius:
         return none
     outside = np.sqrt(((points - rest.centre) ** 2).sum(1)) > 1.02 * rest.radius
     return strays & outside & ~_adjoining(points, cluster, taken, sizes > largest)
@@ -190,19 +200,19 @@ def _adjoining(points: np.ndarray, cluster: np.ndarray, taken: np.ndarray, large
     """
     joined: list[int] = []
     clusters = np.flatnonzero(taken)
-    if len(clusters) > MOST_PARTS:
+    if len(clusters) > MAX_PART_CLUSTERS:
         clusters = clusters[:0]
     body = subsample_uniform(points[large[cluster]], len(points))  # in an order that is not the file's
-    places = np.floor((body - body.min(axis=0)) * (BODY_CELLS / max(float(np.ptp(body, axis=0).max()), LEAST_SPAN)))
+    places = np.floor((body - body.min(axis=0)) * (BODY_CELLS / max(float(np.ptp(body, axis=0).max()), MIN_SPAN)))
     few = body[np.unique(places @ [1, BODY_CELLS + 1, (BODY_CELLS + 1) ** 2], return_index=True)[1]]
     for one in clusters:
         own = points[cluster == one]
-        own = own[np.argsort(((own - body.mean(0)) ** 2).sum(1), kind="stable")[:ASKED]]  # on the body's side
+        own = own[np.argsort(((own - body.mean(0)) ** 2).sum(1), kind="stable")[:POINTS_PER_PART]]  # on the body's side
         away = np.sqrt(((own[:, None] - few) ** 2).sum(-1))
         nearest = few[away.min(axis=0).argmin()]
-        around = np.partition(((body - nearest) ** 2).sum(1), min(NEIGHBOURS, len(body) - 1))
-        spacing = np.sqrt(np.pi * around[min(NEIGHBOURS, len(body) - 1)] / NEIGHBOURS)
-        if away.min() < GAP * spacing:
+        around = np.partition(((body - nearest) ** 2).sum(1), min(SPACING_NEIGHBORS, len(body) - 1))
+        spacing = np.sqrt(np.pi * around[min(SPACING_NEIGHBORS, len(body) - 1)] / SPACING_NEIGHBORS)
+        if away.min() < MAX_PART_GAP_SPACINGS * spacing:
             joined.append(int(one))
     return np.isin(cluster, joined)
 
@@ -213,7 +223,7 @@ def _clusters(points: np.ndarray) -> np.ndarray:
     Cells are a 24th of the widest side, or wider where the cloud is sparse: four points in a taken cell on average.
     """
     low, high = bounding_box(points)
-    span = max(float((high - low).max()), LEAST_SPAN)
+    span = max(float((high - low).max()), MIN_SPAN)
     for cells in (24, 16, 12, 8, 6):
         place = ((points - low) * (cells / span * (1 - 1e-9))).astype(np.int64)
         side = cells + 2  # an empty border, so that no neighbour wraps around

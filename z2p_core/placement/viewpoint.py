@@ -20,11 +20,13 @@ from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.linalg import rotate_points
 from z2p_core.placement.bounding_sphere import bounding_sphere
 
-FORMAT = 1
+JSON_VERSION = 1
 """Of the JSON form; raised when its meaning changes."""
-SMALLEST, LARGEST = 1e-150, 1e150
-"""Lengths whose squares are numbers still."""
-SQUARENESS = 1e-6
+MIN_LENGTH = 1e-150
+"""Smallest length whose square does not underflow."""
+MAX_LENGTH = 1e150
+"""Largest length whose square does not overflow."""
+ROTATION_TOLERANCE = 1e-6
 """How far a loaded rotation's rows may be from unit length and right angles."""
 
 
@@ -59,7 +61,7 @@ class Viewpoint:
     def to_json(self) -> dict[str, Any]:
         """The viewpoint as plain numbers, with the constants of the camera that it holds for."""
         return {
-            "z2p_camera": FORMAT,
+            "z2p_camera": JSON_VERSION,
             "centre": list(self.centre),
             "radius": self.radius,
             "rotation": [list(row) for row in self.rotation],
@@ -81,7 +83,7 @@ def frame_points(points: np.ndarray, rotation: np.ndarray, elevation: float) -> 
     if len(points) == 0:
         raise ScanError("expected points, got none; check the file")
     sphere = bounding_sphere(points)
-    if not SMALLEST < sphere.radius < LARGEST:
+    if not MIN_LENGTH < sphere.radius < MAX_LENGTH:
         raise ScanError(f"expected points that span a finite volume, got {len(points)} within radius {sphere.radius:g}")
     return Viewpoint(sphere.centre, sphere.radius, tuple(tuple(row) for row in rotation.tolist()), elevation)
 
@@ -92,16 +94,16 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
     Raises:
         SettingError: a number is missing or no number, the rotation is none, or it is for another camera.
     """
-    if not isinstance(data, Mapping) or type(data.get("z2p_camera")) is not int or data["z2p_camera"] != FORMAT:
-        raise SettingError(f"camera: expected an object with z2p_camera {FORMAT}, got {describe_value(data)}; "
+    if not isinstance(data, Mapping) or type(data.get("z2p_camera")) is not int or data["z2p_camera"] != JSON_VERSION:
+        raise SettingError(f"camera: expected an object with z2p_camera {JSON_VERSION}, got {describe_value(data)}; "
                            "write one with --save-camera")
     centre, radius = _numbers(data, "centre", (3,)), float(_numbers(data, "radius", ()))
     rotation, elevation = _numbers(data, "rotation", (3, 3)), float(_numbers(data, "elevation", ()))
-    if not SMALLEST < radius < LARGEST:
+    if not MIN_LENGTH < radius < MAX_LENGTH:
         raise SettingError(f"camera: expected a radius above 0, got {radius:g}")
     if not -90 <= elevation <= 90:
         raise SettingError(f"camera: expected an elevation from -90 to 90 degrees, got {elevation:g}")
-    square = np.abs(rotation @ rotation.T - np.eye(3)).max() <= SQUARENESS and np.linalg.det(rotation) > 0
+    square = np.abs(rotation @ rotation.T - np.eye(3)).max() <= ROTATION_TOLERANCE and np.linalg.det(rotation) > 0
     if not square:
         raise SettingError("camera: expected a rotation matrix (rows of length 1 at right angles, no mirror), got "
                            f"{rotation.tolist()}")
@@ -116,13 +118,13 @@ def viewpoint_from_json(data: Any) -> Viewpoint:
 
 
 def _numbers(data: Mapping[str, Any], key: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Float64 array of `shape` under a key, each number up to `LARGEST`."""
+    """Float64 array of `shape` under a key, each number up to `MAX_LENGTH`."""
     try:
         given = np.array(data.get(key))
     except (TypeError, ValueError, OverflowError, RecursionError):
         given = np.empty(0)
     numbers = given.dtype.kind in "iuf" and given.shape == shape  # no texts, booleans, or endless ones
-    if not numbers or not (np.abs(given.astype(np.float64)) < LARGEST).all():
+    if not numbers or not (np.abs(given.astype(np.float64)) < MAX_LENGTH).all():
         kind = "x".join(str(side) for side in shape) + " numbers" if shape else "a number"
         raise SettingError(f"camera: expected {kind} as {key!r}, got {describe_value(data.get(key))}")
     return given.astype(np.float64)

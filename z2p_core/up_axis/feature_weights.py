@@ -1,16 +1,16 @@
-"""How much each mark of `z2p_core.up_axis.shape_features` counts; written by scripts/fit_up_axis.py."""
+"""Weights of the small network that scores up axes by their shape features; written by scripts/fit_up_axis.py."""
 
 from __future__ import annotations
 
 import numpy as np
 
-MIDDLE = np.array([-2.18e-20, -1.33e-19, 0.152, 0.117, 0.367, 0.217, 0.301, 0.0257, -0.000956, 0.316, 0.882, 0.778,
+FEATURE_MEAN = np.array([-2.18e-20, -1.33e-19, 0.152, 0.117, 0.367, 0.217, 0.301, 0.0257, -0.000956, 0.316, 0.882, 0.778,
      0.594, 0.118, 0.262, 0.00216, 0.463, 0.35, 0.219, -0.046, 0.14])
-"""What a mark is on average (M,)."""
-SPREAD = np.array([0.0913, 0.131, 0.103, 0.127, 0.482, 0.296, 0.254, 0.0981, 0.412, 0.182, 0.0903, 0.161,
+"""Mean (F,) of each feature over the training clouds."""
+FEATURE_STD = np.array([0.0913, 0.131, 0.103, 0.127, 0.482, 0.296, 0.254, 0.0981, 0.412, 0.182, 0.0903, 0.161,
      0.176, 0.148, 0.176, 0.68, 0.73, 0.271, 0.123, 0.203, 0.14])
-"""Its standard deviation (M,)."""
-HIDDEN = np.array([
+"""Standard deviation (F,) of each feature."""
+HIDDEN_WEIGHTS = np.array([
     [-0.131, 0.682, 0.0883, -0.258, -0.161, -0.322, 0.102, 0.0464, -0.432, -0.0452, 0.143, -0.234,
      -0.596, -1.4, -1.5, -1.05, -0.752, 0.592, -0.108, 0.585, -0.322],
     [0.504, -0.42, -0.891, 0.158, -0.0314, -0.36, -0.473, -0.403, 0.788, -0.165, 0.0569, -0.789,
@@ -44,15 +44,16 @@ HIDDEN = np.array([
     [-0.774, -0.46, 0.339, 0.444, 0.127, -0.614, 0.917, 0.0606, -0.579, 0.0237, 0.262, -0.364,
      -0.396, -0.49, 0.57, -0.25, 0.685, 0.0507, -0.0132, 0.916, 0.197],
 ])
-"""What each hidden unit makes of the marks (H, M)."""
+"""Weights (H, F) from standardized features to hidden units."""
 HIDDEN_BIAS = np.array([-1.73, -0.823, 0.758, 1.28, -0.916, -1.22, -0.437, 0.378, 0.886, -0.251, -0.797, -0.838,
      -2, -1.34, 1.61, -0.369])
-SCORE = np.array([-1.31, -1.28, 0.671, 1.16, 1.05, 1.09, 0.72, -0.803, -1.04, -1.42, 0.982, -0.97,
+OUTPUT_WEIGHTS = np.array([-1.31, -1.28, 0.671, 1.16, 1.05, 1.09, 0.72, -0.803, -1.04, -1.42, 0.982, -0.97,
      1.05, -1.21, -0.96, -1.36])
-"""What each hidden unit counts (H,)."""
+"""Weights (H,) from hidden units to the score."""
 
 
-def up_axis_scores(marks: np.ndarray) -> np.ndarray:
-    """Logarithms (6,), but for a sum that all share, of how likely axes with such marks (6, M) are up."""
-    told: np.ndarray = np.tanh((marks - MIDDLE) / SPREAD @ HIDDEN.T + HIDDEN_BIAS) @ SCORE
-    return told
+def up_axis_scores(features: np.ndarray) -> np.ndarray:
+    """Logits (6,) of the probabilities that axes with these features (6, F) are up: a softmax turns them into these."""
+    hidden = np.tanh((features - FEATURE_MEAN) / FEATURE_STD @ HIDDEN_WEIGHTS.T + HIDDEN_BIAS)
+    scores: np.ndarray = hidden @ OUTPUT_WEIGHTS
+    return scores

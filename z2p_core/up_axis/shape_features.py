@@ -1,8 +1,8 @@
 """What a cloud's shape says of each of its six axes: how likely it is that this one points up.
 
 Things stand on something flat or on feet, are heavier below, and are symmetrical about upright planes; floors are level
-and walls upright. Each such mark is one number for each axis (`axis_features`); `z2p_core.up_axis.feature_weights` holds how much each
-counts.
+and walls upright. Each such mark is one number for each axis (`axis_features`); `feature_weights` holds how
+much each counts.
 """
 
 from __future__ import annotations
@@ -16,16 +16,20 @@ from z2p_core import native
 from z2p_core.surface.subsampling import subsample_uniform
 from z2p_core.up_axis.support_polygon import convex_hull, distance_inside, polygon_area
 
-MOST_POINTS, MOST_MIRRORED = 1500, 300
-"""Points of a cloud that are looked at, and those of them that are mirrored."""
-NEIGHBOURS = 12
-STRAY_SHARE = 0.003
+MAX_POINTS = 1500
+"""Points that features are computed from at most."""
+MAX_MIRRORED_POINTS = 300
+"""Points that symmetries are tested with at most."""
+NORMAL_NEIGHBORS = 12
+OUTLIER_SHARE = 0.003
 """Share of the points beyond either end of an axis that may be strays."""
-GRID_CELLS, FARTHEST_CELLS = 20, 3
-"""Cells along the widest side in which a mirrored point is looked for, and how many away is as far as it gets."""
-MIRRORS = 16
+GRID_CELLS = 20
+"""Cells along the widest side of the grid in which mirrored points are looked up."""
+MAX_DISTANCE_CELLS = 3
+"""Distances to the nearest taken cell are capped at this many cells."""
+UPRIGHT_MIRRORS = 16
 """Upright planes of each axis in which a cloud is mirrored."""
-LEAST_EXTENT = 1e-300
+MIN_EXTENT = 1e-300
 """Extent of a cloud whose places are still numbers when they are divided by it."""
 FLOOR_CELLS = 16
 """Cells along each side of the ground plan, at most."""
@@ -42,9 +46,9 @@ def axis_features(points: np.ndarray) -> np.ndarray:
 
     Each is about 0 to 1, and independent of the cloud's size and place.
     """
-    points = subsample_uniform(points, MOST_POINTS)
-    low, high = np.quantile(points, [STRAY_SHARE, 1 - STRAY_SHARE], axis=0)
-    size = max(float((high - low).max()), LEAST_EXTENT)
+    points = subsample_uniform(points, MAX_POINTS)
+    low, high = np.quantile(points, [OUTLIER_SHARE, 1 - OUTLIER_SHARE], axis=0)
+    size = max(float((high - low).max()), MIN_EXTENT)
     grid = native.NeighborGrid(np.clip((points - (low + high) / 2) / size, -0.55, 0.55).astype(np.float32))
     points, span = grid.points.astype(np.float64), np.maximum((high - low) / size, 1e-6)
     normals = np.abs(_normals(grid))
@@ -107,7 +111,7 @@ class Plan:
 def _normals(grid: native.NeighborGrid) -> np.ndarray:
     """Unit normals (N, 3) of either sign of the planes through the neighbours of each of the grid's points."""
     asked = np.arange(len(grid.points), dtype=np.int32)
-    found, _ = grid.neighbors(asked, min(NEIGHBOURS, len(asked)))
+    found, _ = grid.neighbors(asked, min(NORMAL_NEIGHBORS, len(asked)))
     return np.nan_to_num(native.fit_planes(grid.points, found)[0])
 
 
@@ -155,11 +159,11 @@ def _symmetries(points: np.ndarray) -> np.ndarray:
     taken.ravel()[_cell(*points.T)] = True
     away = _distances(taken)
     centre = (np.argwhere(taken).mean(0) + 0.5) / GRID_CELLS * 1.2 - 0.6
-    some = points[:: max(1, len(points) // MOST_MIRRORED)] - centre
+    some = points[:: max(1, len(points) // MAX_MIRRORED_POINTS)] - centre
     x, y, z = (sum(np.multiply.outer(row[:, part], some[:, part]) for part in range(3)) + centre[at]
-               for at, row in enumerate(MOVES.transpose(1, 0, 2)))  # fmt: skip
-    alike = 1.0 - away[_cell(x, y, z)].mean(1).reshape(3, -1) / FARTHEST_CELLS
-    return np.stack([alike[:, :MIRRORS].max(1), alike[:, MIRRORS], alike[:, MIRRORS + 1 :].mean(1)], axis=1)
+               for at, row in enumerate(SYMMETRY_MATRICES.transpose(1, 0, 2)))  # fmt: skip
+    alike = 1.0 - away[_cell(x, y, z)].mean(1).reshape(3, -1) / MAX_DISTANCE_CELLS
+    return np.stack([alike[:, :UPRIGHT_MIRRORS].max(1), alike[:, UPRIGHT_MIRRORS], alike[:, UPRIGHT_MIRRORS + 1 :].mean(1)], axis=1)
 
 
 def _cell(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
@@ -171,9 +175,9 @@ def _cell(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
 
 def _distances(taken: np.ndarray) -> np.ndarray:
     """How many cells each of `GRID_CELLS` along each axis is away from one that is taken, at most
-    `FARTHEST_CELLS`; flat."""
-    away = np.full(taken.shape, float(FARTHEST_CELLS))
-    for step in range(FARTHEST_CELLS):
+    `MAX_DISTANCE_CELLS`; flat."""
+    away = np.full(taken.shape, float(MAX_DISTANCE_CELLS))
+    for step in range(MAX_DISTANCE_CELLS):
         away[taken & (away > step)] = step
         for axis in range(3):
             grown = np.moveaxis(taken.copy(), axis, 0)
@@ -184,9 +188,9 @@ def _distances(taken: np.ndarray) -> np.ndarray:
     return away.ravel()
 
 
-def _moves() -> np.ndarray:
+def _symmetry_matrices() -> np.ndarray:
     """For each axis the mirrors (3, 3) in its upright planes and in its level one, and three turns about it."""
-    turns = np.arange(MIRRORS) * (math.pi / MIRRORS)
+    turns = np.arange(UPRIGHT_MIRRORS) * (math.pi / UPRIGHT_MIRRORS)
     matrices = []
     for axis in range(3):
         along, first, second = np.roll(np.eye(3), -axis, axis=0)
@@ -199,4 +203,4 @@ def _moves() -> np.ndarray:
     return np.array(matrices)
 
 
-MOVES = _moves()
+SYMMETRY_MATRICES = _symmetry_matrices()

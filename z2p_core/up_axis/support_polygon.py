@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-DIRECTIONS = 64
+HULL_DIRECTIONS = 64
 """In which a hull's corners are looked for: of a disc's hull, all but 0.2 % of its area."""
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:
-    """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise: the farthest ones in `DIRECTIONS`."""
+    """Corners (M, 2) of the convex hull of points (N, 2), counter-clockwise: the farthest ones in `HULL_DIRECTIONS`."""
     if not len(points):
         return points
-    angle = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
+    angle = np.arange(HULL_DIRECTIONS) * (2 * np.pi / HULL_DIRECTIONS)
     near = np.ascontiguousarray((points - points[0]).T, np.float32)  # far from the origin, digits are few
     directions = np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
     corners: np.ndarray = points[(directions @ near).argmax(1)]
