@@ -146,6 +146,7 @@ FAST int z2p_direct_lighting(const float *points, const float *normals, int coun
                              const int *caster_owners, int caster_count, const float *light_positions,
                              const float *light_axes, const float *light_powers, int light_count,
                              const ShadowMapScale *scale, float *irradiance) {
+    ShadowMapScale scales = *scale; /* a copy, which the output cannot alias */
     Casters casters = {caster_positions, caster_owners, caster_count};
     size_t most = (size_t)(caster_count > count ? caster_count : count) + 1;
     ShadowMap map = {.keys = malloc(sizeof(int32_t) * 2 * MAX_MAP_SIDE * MAX_MAP_SIDE)};
@@ -157,7 +158,7 @@ FAST int z2p_direct_lighting(const float *points, const float *normals, int coun
     for (int l = 0; allocated && l < light_count; l++) {
         int eroded = (l ^ (l / grid_side)) & 1;
         const float *light = light_positions + 3 * l;
-        test_visibility(points, normals, count, &casters, light, eroded, scale, &map, depth, cell, cell + most,
+        test_visibility(points, normals, count, &casters, light, eroded, &scales, &map, depth, cell, cell + most,
                         visible);
         add_irradiance(points, normals, count, light, light_axes + 3 * l, light_powers[l], visible, irradiance);
     }
