@@ -56,8 +56,9 @@ SPECULAR_BOUNCES = 1
 """Reflections of the cloud in itself that are followed from the viewer on."""
 RAYCAST_RADIUS_SPACINGS = 1.2
 """Radius of the discs that reflected rays meet, in spacings: of random points they leave 0.01 of the surface open."""
-MIN_N_DOT_V = 1e-3
-"""Least cosine between normal and view that is computed with."""
+N_DOT_V_EPSILON = 1e-3
+"""Smallest cosine between normal and view that albedos and reflected directions are computed with: on estimated normals
+it may be 0 or below. The GGX kernel, which divides by it, has a larger limit (`MIN_N_DOT_V` in `ggx_specular.c`)."""
 NORMAL_COHERENCE = (0.9, 0.98)
 """Length of the mean normal in a pixel up to which its surfels disagree (at creases), and from which on they agree."""
 
@@ -124,7 +125,7 @@ class PrincipledShader:
         scene, field = self.light.scene, self.light
         points = scene.points[rows]
         normals = scene.normals[rows] * np.where(sides, -1, 1).astype(np.float32)[:, None]
-        n_dot_v = np.maximum(row_dots(normals, view), MIN_N_DOT_V)
+        n_dot_v = np.maximum(row_dots(normals, view), N_DOT_V_EPSILON)
         reflected = 2 * n_dot_v[:, None] * normals - view
         direct = field.direct[sides, rows]
         mirror_visibility = np.full(len(rows), 1 - self.diffuse_blend, np.float32)
@@ -186,7 +187,7 @@ class PrincipledShader:
         ggx_terms: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
         """Radiance (M, 3) of the reflections of light, sky and floor."""
-        n_dot_v = np.maximum(row_dots(normals, view), MIN_N_DOT_V)
+        n_dot_v = np.maximum(row_dots(normals, view), N_DOT_V_EPSILON)
         reflected = 2 * n_dot_v[:, None] * normals - view
         lobes = dominant_directions(reflected, normals, self.surface.roughness)
         environment = self.environment_radiance(points, lobes) * outgoing.mirror_visibility

@@ -23,13 +23,13 @@ from z2p_core.errors.value_limits import (
 from z2p_core.meshes.synthetic_noise import NOISE_KINDS
 from z2p_core.network.tensor_shapes import KINDS as NETWORKS
 from z2p_core.network.tensor_shapes import SIZE_LIMITS, network_config_fault
+from z2p_core.quality.metrics import SSIM_WINDOW
 
-MIN_SIDE = 11
-"""Pixels: the window of structural similarity (`z2p_core.quality.metrics.SSIM_WINDOW`)."""
-MAX_SIDE = 8192
-"""Pixels."""
+MIN_SIDE_PIXELS = SSIM_WINDOW
+"""Structural similarity, which training and evaluation measure, is undefined for smaller images."""
+MAX_SIDE_PIXELS = 8192
 SEED_LIMIT = Count(0, 2**32 - 1)
-SIDE_LIMIT = Count(MIN_SIDE, MAX_SIDE)
+SIDE_LIMIT = Count(MIN_SIDE_PIXELS, MAX_SIDE_PIXELS)
 SAMPLES_LIMIT = Count(1, 65_536)
 POINTS_LIMIT = Count(1, 20_000_000)
 ELEVATION_LIMIT = Number(0, 89)
