@@ -1,4 +1,4 @@
-"""Which folders become which packages: all but the core are installed under the one name ``z2p_renderer``."""
+"""Maps folders to installed packages: all but the core become parts of ``z2p_renderer``."""
 
 from pathlib import Path
 
@@ -6,9 +6,9 @@ from setuptools import Extension, find_packages, setup
 
 FOLDERS = ("pipeline", "plugins", "storage", "workflows")
 KERNELS = Path("z2p_core/native/c")
-"""C files, in a folder for each topic; their includes are told from here."""
+"""C files, in a folder for each topic; `#include` names them relative to this folder."""
 DATA = ("z2p_renderer.pipeline.templates", "z2p_renderer.storage.weights")
-"""Folders without code, which setuptools takes for packages too and else warns of, at length."""
+"""Folders without code; setuptools takes them for packages, and prints a long warning if they are not listed."""
 
 
 def installed_packages() -> list[str]:

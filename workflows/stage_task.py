@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import luigi
 
 from z2p_core.config import ConfigError
-from z2p_core.native.source_digest import outdated
+from z2p_core.native.source_digest import are_kernels_outdated
 from z2p_renderer.storage.files.disk_errors import disk_error_message
 from z2p_renderer.storage.results.fingerprints import changed_plugins, file_digest
 from z2p_renderer.storage.results.stage_dependencies import changed_parts
@@ -121,7 +121,7 @@ class StageTask(luigi.Task):
         changed = changed_parts(fields["code"]) + [f"plugin {name}" for name in changed_plugins(fields)]
         if changed:
             raise ConfigError(f"{self.step_name}: {changed[0]} changed since the pipeline started; start it again")
-        if any(part.startswith(C_FOLDER) for part in fields["code"]) and outdated():
+        if any(part.startswith(C_FOLDER) for part in fields["code"]) and are_kernels_outdated():
             raise ConfigError(f"{self.step_name}: the compiled kernels are not those of the C files in {C_FOLDER}; "
                               "install z2p again")
         self._check_files()

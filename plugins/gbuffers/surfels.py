@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import ClassVar, Protocol
 
 import numpy as np
@@ -39,12 +38,8 @@ from z2p_core.shading.surfels import make_surfels
 from z2p_core.surface.normals import SurfacePoints, estimate_surface
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 
-BLEND_DEPTH_RADII = 0.7
-"""How far behind the nearest surfel another one is still blended with it, in radii."""
-COVERAGE_GAIN = 15.0
-"""coverage = 1 - exp(-COVERAGE_GAIN * w), w the sum of the surfels' weights: low where only a disc's rim is."""
-FULL_WEIGHT = 2.7
-"""density = min(w / FULL_WEIGHT, 1): the sum of weights within a surface. At its border it is about a third of that."""
+BLENDING = native.Blending(blend_depth_radii=0.7, coverage_gain=15.0, full_weight=2.7)
+"""Coverage is low where only a disc's rim is; density is 1 within a surface and about a third of that at its border."""
 MIN_SPACING = 1e-3
 """Smallest spacing of a cloud that counts, in world units."""
 SPARSE_QUANTILE, SPARSE_SPACING_SHARE = 0.9, 0.6
@@ -152,13 +147,13 @@ class Surfels(GBuffer):
             lit.points, lit.spacing, casters, lit.light, lit.floor.height, light_sample_sets(camera), use_discs,
             quality.floor_sky_directions,
         )  # fmt: skip
-        projected = project_surfels(surfels, radii, camera)
+        discs = project_surfels(surfels, radii, camera)
 
         seen_by_points, seen_by_floor = point_visibility.result(), floor_visibility.result()
         bounced = bounce_light(lit, direct, occlusion, seen_by_points, seen_by_floor, quality)
         shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, scene, out)
         shader = self.shader(LightField(lit, direct, occlusion, bounced), scene)
-        rasterize(projected, shader, camera, out[RASTERIZED])
+        rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED])
         shadow.result()
 
     def shader(self, light: LightField, scene: SceneDescription) -> Shader:
@@ -192,22 +187,6 @@ class Surfels(GBuffer):
         native.blend_shadow_towards(picture[3], coverage, shadow, SHADOW_BLEND_SHARE, MAX_SHADOW_SHIFT)
 
 
-@dataclass(frozen=True)
-class ProjectedSurfels:
-    """M surfels in the camera's axes, of which the first N belong to points and the others close holes."""
-
-    centers: np.ndarray
-    """(M, 3) float32, relative to the camera's position."""
-    normals: np.ndarray
-    """(M, 3) float32, facing the camera."""
-    radii: np.ndarray
-    """(M,) float32, world units."""
-    clip_planes: np.ndarray
-    """(M, 4, 4) float32, see `z2p_core.native.disc_clip_planes`."""
-    neighbors: np.ndarray
-    """(M, K) int32: rows of the points nearest to each."""
-
-
 def light_scene(
     surface: SurfacePoints, spacing: float, camera: Camera, scene: SceneDescription, floor: float
 ) -> LightScene:  # fmt: skip
@@ -226,7 +205,7 @@ def light_sample_sets(camera: Camera) -> int:
     return 1 if side <= ONE_SET_MAX_SIDE else 2 if side <= TWO_SETS_MAX_SIDE else 4
 
 
-def project_surfels(surfels: SurfacePoints, radii: np.ndarray, camera: Camera) -> ProjectedSurfels:
+def project_surfels(surfels: SurfacePoints, radii: np.ndarray, camera: Camera) -> native.Discs:
     """The surfels as the camera sees them: lowered to the curved surface on average, and clipped where it bends."""
     rotation = camera.rotation.astype(np.float32)
     normals = face_viewer(surfels.points, surfels.normals, camera.position)
@@ -234,26 +213,26 @@ def project_surfels(surfels: SurfacePoints, radii: np.ndarray, camera: Camera) -
     normals = rotate_points(normals, rotation)
     centers = rotate_points(centers - camera.position.astype(np.float32), rotation)
     clip_planes = native.disc_clip_planes(centers, normals, radii, surfels.neighbors)
-    return ProjectedSurfels(centers, normals, radii, clip_planes, surfels.neighbors)
+    return native.Discs(centers, normals, radii, clip_planes)
 
 
-def rasterize(surfels: ProjectedSurfels, shader: Shader, camera: Camera, out: np.ndarray) -> None:
-    """Draws shaded surfels into `out` (9, H, W), the channels `RASTERIZED`; both cores take strips of it in turn.
+def rasterize(discs: native.Discs, neighbors: np.ndarray, shader: Shader, camera: Camera, out: np.ndarray) -> None:
+    """Draws shaded discs into `out` (9, H, W), the channels `RASTERIZED`; both cores take strips of it in turn.
 
-    The kernel averages six values of each surfel. The first layer has two components of the normal and four radiances;
-    a further one, for shaders that need it, the third component and five more values.
+    `neighbors` (M, K) int32 are the points nearest to each disc; the first N discs belong to points, the others close
+    holes. The kernel averages six values of each disc. The first layer has two components of the normal and four
+    radiances; a further one, for shaders that need it, the third component and five more values.
     """
-    first, *further = (fill_holes(values, surfels.neighbors) for values in shader.surfel_values(camera.position))
-    values = [np.column_stack([surfels.normals[:, :2], first])]
-    values += [np.column_stack([surfels.normals[:, 2], more]) for more in further]
+    first, *further = (fill_holes(values, neighbors) for values in shader.surfel_values(camera.position))
+    features = [np.column_stack([discs.normals[:, :2], first])]
+    features += [np.column_stack([discs.normals[:, 2], values]) for values in further]
     layers = [out, *(np.empty_like(out) for _ in further)]
-    draw = partial(native.rasterize_surfels, surfels.centers, surfels.normals, surfels.radii, surfels.clip_planes)
 
     def draw_strips(begin: int, end: int) -> None:
         for strip in range(begin, end):
             rows = (strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS)
-            for value, layer in zip(values, layers, strict=True):
-                draw(value, camera, BLEND_DEPTH_RADII, COVERAGE_GAIN, FULL_WEIGHT, *DEPTH_RANGE, layer, rows)
+            for values, layer in zip(features, layers, strict=True):
+                native.rasterize_surfels(discs, values, camera, BLENDING, DEPTH_RANGE, layer, rows)
             shader.shade_pixels(camera, rows, layers)
 
     parallel_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)

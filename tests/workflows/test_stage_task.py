@@ -171,9 +171,9 @@ def test_kernels_that_were_compiled_from_other_files_are_refused(ran, monkeypatc
     load_pipeline_plan.cache_clear()
     steps = load_pipeline_plan(source).steps
     shard, train = (create_task(steps[name], source, str(tmp_path / "runs")) for name in ("shard/ape", "train"))
-    monkeypatch.setattr(z2p_renderer.workflows.stage_task, "outdated", lambda: False)
+    monkeypatch.setattr(z2p_renderer.workflows.stage_task, "are_kernels_outdated", lambda: False)
     train._check_code()
-    monkeypatch.setattr(z2p_renderer.workflows.stage_task, "outdated", lambda: True)
+    monkeypatch.setattr(z2p_renderer.workflows.stage_task, "are_kernels_outdated", lambda: True)
     shard._check_code()  # it draws nothing
     with pytest.raises(ConfigError, match=r"train: the compiled kernels are not .*install z2p again"):
         train._check_code()

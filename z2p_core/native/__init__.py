@@ -36,6 +36,8 @@ from z2p_core.native.points import fit_planes as fit_planes
 from z2p_core.native.points import fit_thin_slabs as fit_thin_slabs
 from z2p_core.native.points import projected_coverage as projected_coverage
 from z2p_core.native.points import refine_normals as refine_normals
+from z2p_core.native.surfels import Blending as Blending
+from z2p_core.native.surfels import Discs as Discs
 from z2p_core.native.surfels import disc_clip_planes as disc_clip_planes
 from z2p_core.native.surfels import find_hole_discs as find_hole_discs
 from z2p_core.native.surfels import offset_disc_centers as offset_disc_centers

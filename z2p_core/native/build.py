@@ -1,4 +1,8 @@
-"""How an installation compiles the kernels: all of them anew, and with a note of what they come from."""
+"""Compiles the kernels while z2p is installed, and notes the digest of their sources beside the library.
+
+`pyproject.toml` names `BuildKernels` as setuptools' command. It runs before anything of z2p can be imported, so other
+modules are run from their files.
+"""
 
 from __future__ import annotations
 
@@ -13,56 +17,56 @@ from pathlib import Path
 from setuptools.command.build_ext import build_ext
 from setuptools.errors import CCompilerError, ExecError
 
-TOLD = runpy.run_path(str(Path(__file__).with_name("source_digest.py")))
+SOURCE_DIGEST = runpy.run_path(str(Path(__file__).with_name("source_digest.py")))
+"""Names of the module `source_digest`."""
 FLAGS = ["-O3", "-g0", "-fno-wrapv", "-fno-math-errno", "-fno-trapping-math"]
-"""For the compiler. They shape results, so they stand here, where fingerprints see them. Python's own have -fwrapv,
-with which loops over int indices take a fifth longer."""
-USUAL = ("cc", "gcc", "clang")
-INSTALL = (
+"""Compiler flags. They shape results, so they are part of results' fingerprints. Python's own flags have -fwrapv, with
+which loops over int indices take a fifth longer."""
+USUAL_COMPILERS = ("cc", "gcc", "clang")
+"""Tried in this order where the compiler that Python was built with is not installed."""
+INSTALL_ADVICE = (
     "install one (Debian, Ubuntu: apt-get install gcc libc6-dev; Fedora: dnf install gcc; macOS: xcode-select "
     "--install), or take a wheel of z2p, which needs none"
 )
 
 
 class BuildKernels(build_ext):
-    """What ``tool.setuptools.cmdclass`` names; nothing of z2p can be imported yet.
-
-    The kernels are a plain library, which no Python is linked with, so one file serves every Python.
-    """
+    """Compiles the kernels into a plain library that is not linked with Python, so one file serves every version."""
 
     def run(self) -> None:
-        find_compiler()
-        self.force = True  # setuptools would see a changed C file, but no changed header
+        select_compiler()
+        self.force = True  # setuptools notices changed C files, but not changed headers
         for extension in self.extensions:
             extension.extra_compile_args = FLAGS
         try:
             super().run()
         except (CCompilerError, ExecError) as error:
-            sys.exit(f"z2p's kernels need a C compiler that works, and this one does not ({error}); {INSTALL}")
+            sys.exit(f"z2p's kernels need a C compiler that works, and this one does not ({error}); {INSTALL_ADVICE}")
         for extension in self.extensions:
-            kernels = Path(self.get_ext_fullpath(extension.name))
-            kernels.with_name(TOLD["NOTE"]).write_text(TOLD["digest"]() + "\n", encoding="utf-8")
+            library = Path(self.get_ext_fullpath(extension.name))
+            note = library.with_name(SOURCE_DIGEST["NOTE_NAME"])
+            note.write_text(SOURCE_DIGEST["source_digest"]() + "\n", encoding="utf-8")
 
     def get_ext_filename(self, fullname: str) -> str:
-        return str(Path(*fullname.split(".")).with_name(TOLD["LIBRARY"]))
+        return str(Path(*fullname.split(".")).with_name(SOURCE_DIGEST["LIBRARY_NAME"]))
 
     def get_export_symbols(self, ext: object) -> list[str]:
-        return []  # nothing that a module of Python would have
+        return []  # setuptools would export the entry point of a Python module, which the library has not
 
     def get_libraries(self, ext: object) -> list[str]:
         return [] if os.name == "nt" else ["m"]
 
 
-def find_compiler() -> None:
-    """Sees that there is a C compiler: the one that the user or Python names, else a usual one instead of it.
+def select_compiler() -> None:
+    """Sets the variable CC to a usual C compiler if it is empty and the one that Python was built with is missing.
 
-    Ends the installation, in one line that says what to install, where there is none.
+    Ends the installation with one line that says what to install if there is no compiler, or not the one in CC.
     """
-    asked = os.environ.get("CC")
-    named = shlex.split(asked or sysconfig.get_config_var("CC") or USUAL[0])[0]
-    if os.name == "nt" or shutil.which(named):
+    user_choice = os.environ.get("CC")
+    compiler = shlex.split(user_choice or sysconfig.get_config_var("CC") or USUAL_COMPILERS[0])[0]
+    if os.name == "nt" or shutil.which(compiler):
         return
-    other = None if asked else next(filter(shutil.which, USUAL), None)
-    if other is None:
-        sys.exit(f"z2p's kernels need a C compiler, and there is no {named} here; {INSTALL}")
-    os.environ["CC"] = other  # Python was built elsewhere, by a compiler that is not here
+    substitute = None if user_choice else next(filter(shutil.which, USUAL_COMPILERS), None)
+    if substitute is None:
+        sys.exit(f"z2p's kernels need a C compiler, and there is no {compiler} here; {INSTALL_ADVICE}")
+    os.environ["CC"] = substitute

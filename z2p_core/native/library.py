@@ -34,7 +34,7 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.native.source_digest import LIBRARY
+from z2p_core.native.source_digest import LIBRARY_NAME
 
 WIDE_SUFFIX = "_wide"
 """Ends the names of kernels that `c/common/avx512.c` compiles once more; they share the plain kernel's signature."""
@@ -262,7 +262,7 @@ def load_library() -> ctypes.CDLL:
     Raises:
         ImportError: they were not compiled; the message says how.
     """
-    path = Path(__file__).with_name(LIBRARY)
+    path = Path(__file__).with_name(LIBRARY_NAME)
     if path.exists():
         return ctypes.CDLL(str(path))
     raise ImportError(

@@ -7,6 +7,7 @@ is in world units.
 from __future__ import annotations
 
 import ctypes
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -169,10 +170,41 @@ def disc_clip_planes(points: np.ndarray, normals: np.ndarray, radii: np.ndarray,
     return planes
 
 
+@dataclass(frozen=True)
+class Discs:
+    """M surfels in the camera's axes, as `rasterize_surfels` draws them. Arrays are float32.
+
+    Attributes:
+        centers: (M, 3), relative to the camera's position.
+        normals: (M, 3), unit length, facing the camera.
+        radii: (M,), world units.
+        clip_planes: (M, 4, 4), see `disc_clip_planes`.
+    """
+
+    centers: np.ndarray
+    normals: np.ndarray
+    radii: np.ndarray
+    clip_planes: np.ndarray
+
+
+@dataclass(frozen=True)
+class Blending:
+    """How overlapping discs become a pixel.
+
+    Attributes:
+        blend_depth_radii: discs this far behind the nearest one are still visible, in units of their own radius.
+        coverage_gain: coverage is 1 - exp(-coverage_gain w).
+        full_weight: density is w / full_weight, at most 1.
+    """
+
+    blend_depth_radii: float
+    coverage_gain: float
+    full_weight: float
+
+
 def rasterize_surfels(
-    points: np.ndarray, normals: np.ndarray, radii: np.ndarray, clip_planes: np.ndarray, features: np.ndarray,
-    camera: Camera, blend_depth_radii: float, coverage_gain: float, full_weight: float, near_depth: float,
-    far_depth: float, out: np.ndarray, rows: tuple[int, int] | None = None,
+    discs: Discs, features: np.ndarray, camera: Camera, blending: Blending, depth_range: tuple[float, float],
+    out: np.ndarray, rows: tuple[int, int] | None = None,
 ) -> None:  # fmt: skip
     """Draws discs into `out` (9, H, W) float32: coverage, density, depth and six features; 0 where there is none.
 
@@ -181,17 +213,11 @@ def rasterize_surfels(
     their coverage (after Zwicker et al., Surface Splatting, 2001).
 
     Args:
-        points: (N, 3), the discs' centers in the camera's axes.
-        normals: (N, 3), unit length, in the camera's axes, facing the camera.
-        radii: (N,), of the discs.
-        clip_planes: (N, 4, 4), see `disc_clip_planes`, in the camera's axes.
-        features: (N, 6), averaged over the discs that a sample shows.
+        discs: M discs.
+        features: (M, 6), averaged over the discs that a sample shows.
         camera: gives size and focal length of the image.
-        blend_depth_radii: discs this far behind the nearest one are still visible, in units of their own radius.
-        coverage_gain: coverage is 1 - exp(-coverage_gain w).
-        full_weight: density is w / full_weight, at most 1.
-        near_depth: depth that is drawn as 1.
-        far_depth: depth that is drawn as 0.
+        blending: what the weights mean.
+        depth_range: the depths that are drawn as 1 and as 0, world units.
         out: C-contiguous.
         rows: the rows to draw, from the first to the last, which is excluded; all by default.
 
@@ -200,10 +226,11 @@ def rasterize_surfels(
     """
     first, last = rows or (0, camera.height)
     settings = RasterSettings(
-        camera.width, camera.height, first, last, camera.focal, blend_depth_radii, coverage_gain, full_weight,
-        near_depth, far_depth,
+        camera.width, camera.height, first, last, camera.focal, blending.blend_depth_radii, blending.coverage_gain,
+        blending.full_weight, *depth_range,
     )  # fmt: skip
     call(
-        "z2p_rasterize_surfels", as_float32(points), as_float32(normals), as_float32(radii), as_float32(clip_planes),
-        as_float32(features), len(points), settings, check_output(out, (RASTERIZED.stop, camera.height, camera.width)),
+        "z2p_rasterize_surfels", as_float32(discs.centers), as_float32(discs.normals), as_float32(discs.radii),
+        as_float32(discs.clip_planes), as_float32(features), len(discs.centers), settings,
+        check_output(out, (RASTERIZED.stop, camera.height, camera.width)),
     )  # fmt: skip

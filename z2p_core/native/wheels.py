@@ -1,4 +1,8 @@
-"""What a wheel of z2p is called: one serves every Python, for the kernels are a plain library that no Python is in."""
+"""Names of z2p's wheels: one wheel serves every Python version, since the kernels are not linked with Python.
+
+`pyproject.toml` names the classes as setuptools' commands. They run before anything of z2p can be imported, so other
+modules are run from their files.
+"""
 
 from __future__ import annotations
 
@@ -12,42 +16,43 @@ from pathlib import Path
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.editable_wheel import editable_wheel
 
-SOURCES, BUILD = (runpy.run_path(str(Path(__file__).with_name(name))) for name in ("source_digest.py", "build.py"))
-OLDEST_GLIBC_MINOR = 17
-"""The C library 2.17, of 2014, is the oldest that tools still speak of (manylinux2014); the kernels need 2.14."""
+LIBRARY_NAME = runpy.run_path(str(Path(__file__).with_name("source_digest.py")))["LIBRARY_NAME"]
+select_compiler = runpy.run_path(str(Path(__file__).with_name("build.py")))["select_compiler"]
+MIN_GLIBC_MINOR = 17
+"""The GNU C library 2.17, of 2014, is the oldest that installers know (manylinux2014); the kernels need 2.14."""
 
 
-class NameWheel(bdist_wheel):
-    """What ``tool.setuptools.cmdclass`` names; nothing of z2p can be imported yet."""
+class BuildWheel(bdist_wheel):
+    """A wheel for every Python version on one platform."""
 
     def run(self) -> None:
-        BUILD["find_compiler"]()  # before anything else is done and told
-        built = self.get_finalized_command("build").build_lib
-        shutil.rmtree(built, ignore_errors=True)  # all that lies there goes into the wheel, of earlier versions too
+        select_compiler()  # a missing compiler ends the build before anything else is done and printed
+        build_folder = self.get_finalized_command("build").build_lib
+        shutil.rmtree(build_folder, ignore_errors=True)  # all files in it enter the wheel, those of older builds too
         super().run()
 
     def get_tag(self) -> tuple[str, str, str]:
         _, _, platform = super().get_tag()
-        built = Path(self.bdist_dir, "z2p_core", "native", SOURCES["LIBRARY"])
-        return "py3", "none", platform_tag(platform, built.read_bytes() if built.is_file() else b"")
+        library = Path(self.bdist_dir, "z2p_core", "native", LIBRARY_NAME)
+        return "py3", "none", platform_tag(platform, library.read_bytes() if library.is_file() else b"")
 
 
-class LinkedWheel(editable_wheel):
-    """The same for ``pip install --editable``, whose wheel only says where the checkout is."""
+class BuildEditableWheel(editable_wheel):
+    """What ``pip install --editable`` builds: a wheel that only says where the checkout is."""
 
     def run(self) -> None:
-        BUILD["find_compiler"]()
+        select_compiler()
         super().run()
 
 
 def platform_tag(platform: str, library: bytes) -> str:
-    """Name of the platforms where a compiled library runs: on Linux by the oldest GNU C library that has all it needs.
+    """Name of the platforms that can run a compiled library: on Linux by the oldest GNU C library that suffices.
 
     Args:
-        platform: what setuptools calls the machine that builds, such as ``linux_x86_64``.
-        library: the file's bytes, in which every version of the C library that a symbol needs is spelled out.
+        platform: setuptools' name of the building machine, such as ``linux_x86_64``.
+        library: the file's bytes, which contain every version of the C library that a symbol needs.
     """
-    needed = [int(minor) for minor in re.findall(rb"\0GLIBC_2\.(\d+)(?=[.\0])", library)]
-    if sys.platform != "linux" or not needed:  # musl's, which has no versions
+    minors = [int(minor) for minor in re.findall(rb"\0GLIBC_2\.(\d+)(?=[.\0])", library)]
+    if sys.platform != "linux" or not minors:  # musl libc has no such versions
         return platform
-    return f"manylinux_2_{max(OLDEST_GLIBC_MINOR, *needed)}_{sysconfig.get_platform().rpartition('-')[2]}"
+    return f"manylinux_2_{max(MIN_GLIBC_MINOR, *minors)}_{sysconfig.get_platform().rpartition('-')[2]}"

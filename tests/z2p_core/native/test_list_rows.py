@@ -1,4 +1,4 @@
-"""Rows with lists in them are walked as they stand, in either byte order, and never past the end of the file."""
+"""Rows that contain lists are read in either byte order, and never past the end of the file."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from z2p_core.native import read_list_rows
 KINDS = ("i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8")
 
 
-def made(order: str, rows: int, rng: np.random.Generator) -> tuple[bytes, list, list[int], np.ndarray]:
-    """Rows of numbers and lists of random kinds, and what of them is wanted."""
+def random_rows(order: str, rows: int, rng: np.random.Generator) -> tuple[bytes, list, list[int], np.ndarray]:
+    """Bytes of rows of numbers and lists of random types, their properties, the wanted ones, and the values of those."""
     properties = []
     for _ in range(rng.integers(1, 6)):
         kind, length = (np.dtype(order + str(rng.choice(part))) for part in (KINDS, KINDS[:8]))
@@ -33,8 +33,8 @@ def made(order: str, rows: int, rng: np.random.Generator) -> tuple[bytes, list, 
 
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("seed", range(8))
-def test_rows_are_walked_as_they_stand(order: str, seed: int) -> None:
-    blob, properties, wanted, expected = made(order, 7, np.random.default_rng(seed))
+def test_rows_of_numbers_and_lists_are_read(order: str, seed: int) -> None:
+    blob, properties, wanted, expected = random_rows(order, 7, np.random.default_rng(seed))
     values, end = read_list_rows(b"abc" + blob + b"more", 3, 7, properties, wanted)
     assert np.array_equal(values, expected) and end == 3 + len(blob)
     for cut in range(0, len(blob), 3):
@@ -43,7 +43,7 @@ def test_rows_are_walked_as_they_stand(order: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("length", KINDS[:8])
-def test_lists_longer_than_the_file_or_of_negative_length_are_refused(length: str) -> None:
+def test_lists_of_impossible_length_are_refused(length: str) -> None:
     kind = np.dtype(f"<{length}")
     numbers = [np.iinfo(kind).max] + ([-1, np.iinfo(kind).min] if kind.kind == "i" else [])
     for number in numbers:
@@ -52,7 +52,7 @@ def test_lists_longer_than_the_file_or_of_negative_length_are_refused(length: st
             read_list_rows(blob, 0, 1, [(np.dtype("<f8"), kind)], [])
 
 
-def test_rows_that_cannot_be_there_take_no_memory() -> None:
+def test_impossible_row_counts_allocate_no_memory() -> None:
     with pytest.raises(ValueError, match="at least begin"):
         read_list_rows(bytes(100), 0, 10**15, [(np.dtype("<f4"), None)], [0])
-    assert read_list_rows(bytes(100), 5, 10**15, [], [])[1] == 5  # rows of nothing end where they begin
+    assert read_list_rows(bytes(100), 5, 10**15, [], [])[1] == 5  # rows without properties have no bytes
