@@ -11,7 +11,7 @@ KINDS = ("i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8")
 
 
 def random_rows(order: str, rows: int, rng: np.random.Generator) -> tuple[bytes, list, list[int], np.ndarray]:
-    """Bytes of rows of numbers and lists of random types, their properties, the wanted ones, and the values of those."""
+    """Bytes of rows of numbers and lists of random types, their properties, the wanted ones, and their values."""
     properties = []
     for _ in range(rng.integers(1, 6)):
         kind, length = (np.dtype(order + str(rng.choice(part))) for part in (KINDS, KINDS[:8]))

@@ -1,5 +1,5 @@
-/* Kernels that are written in vectors of LANES, compiled once more with 16 lanes for processors with AVX-512, where they
- * take two thirds to three quarters of the time. Results are identical. Exported names end in _wide here. */
+/* Kernels that are written in vectors of LANES, compiled once more with 16 lanes for processors with AVX-512, where
+ * they take two thirds to three quarters of the time. Results are identical. Exported names end in _wide here. */
 
 #include "common/simd.h"
 

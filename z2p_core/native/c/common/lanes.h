@@ -1,5 +1,5 @@
-/* Vectors of LANES floats, for kernels that are written in vectors: 8, or 16 where avx512.c compiles them once more. Longer
- * than a register, compilers would keep them in memory, several times as slow. */
+/* Vectors of LANES floats, for kernels that are written in vectors: 8, or 16 where avx512.c compiles them once more.
+ * Compilers would keep vectors longer than a register in memory, which is several times as slow. */
 
 #pragma once
 

@@ -6,8 +6,8 @@
 #include <stdint.h>
 #include <string.h>
 
-/* FAST functions are compiled three times, for x86-64's baseline, AVX2 and AVX-512, and the processor's variant is chosen
- * at load time; on other platforms, and with compilers that cannot do that, once. */
+/* FAST functions are compiled three times, for x86-64's baseline, AVX2 and AVX-512, and the processor's variant is
+ * chosen at load time; on other platforms, and with compilers that cannot do that, once. */
 #if defined(__x86_64__) && defined(__GLIBC__) && \
     ((defined(__clang__) && __clang_major__ >= 18) || (!defined(__clang__) && defined(__GNUC__) && __GNUC__ >= 12))
 #define FAST __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))

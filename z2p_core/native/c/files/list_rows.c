@@ -1,6 +1,7 @@
 /* Rows of a binary file whose properties are numbers, or lists that begin with their length, as in PLY.
  *
- * In: the file's bytes and the types of a row's properties. Out: the wanted numbers as doubles, and where the rows end. */
+ * Input: the file's bytes and the types of a row's properties. Output: the wanted numbers as doubles, and where the
+ * rows end. */
 
 #include <stdint.h>
 #include <string.h>
@@ -36,11 +37,12 @@ static double read_number(const unsigned char *from, int type_index, int is_swap
 
 /* bounds (6): size of the file, offset of the first row, row count, properties of a row, whether bytes are swapped, and
  * how many columns are wanted. For each property: its type; the type of its length if it is a list, else -1; and its
- * column in values (rows, columns), -1 if it is not wanted. end_offset: where the rows end, -1 if one reaches past the end
- * of the file. */
-int z2p_read_list_rows(const unsigned char *file, const int64_t *bounds, const int32_t *types, const int32_t *length_types,
-             const int32_t *columns, double *values, int64_t *end_offset) {
-    int64_t size = bounds[0], offset = bounds[1], count = bounds[2], property_count = bounds[3], column_count = bounds[5];
+ * column in values (rows, columns), -1 if it is not wanted. end_offset: where the rows end, -1 if one reaches past the
+ * end of the file. */
+int z2p_read_list_rows(const unsigned char *file, const int64_t *bounds, const int32_t *types,
+                       const int32_t *length_types, const int32_t *columns, double *values, int64_t *end_offset) {
+    int64_t size = bounds[0], offset = bounds[1], count = bounds[2];
+    int64_t property_count = bounds[3], column_count = bounds[5];
     int is_swapped = bounds[4] != 0;
     *end_offset = -1;
     if (offset < 0 || offset > size) return 1;

@@ -1,8 +1,8 @@
 /* Curved patches through the neighborhoods of points: jets of second order (Cazals and Pouget, Estimating Differential
  * Quantities using Polynomial Fitting of Osculating Jets, 2005), by weighted least squares.
  *
- * In: points, their neighbors and previous normals. Out: unit normals of the patches, and how far the points lie above
- * them. */
+ * Input: points, their neighbors and previous normals. Output: unit normals of the patches, and how far the points lie
+ * above them. */
 
 #include <math.h>
 
@@ -28,9 +28,9 @@ INLINE float sum_lanes(float *products) {
 
 /* Accumulates the weighted normal equations over a row of neighbors: products of the terms with each other and with the
  * height, into one lane of `sums`. */
-INLINE void accumulate_normal_equations(const float *points, const float *normals_before, int point, const int *row, int neighbor_count,
-                   const float *u, const float *v, float tolerance, float scale, int lane,
-                   float (*sums)[BATCH]) {
+INLINE void accumulate_normal_equations(const float *points, const float *normals_before, int point, const int *row,
+                                        int neighbor_count, const float *u, const float *v, float tolerance,
+                                        float scale, int lane, float (*sums)[BATCH]) {
     const float *p = points + 3 * (size_t)point, *n = normals_before + 3 * (size_t)point;
     float products[SUMS][BATCH] = {{0}}, unit = 1 / scale, inverse_tolerance = scale / tolerance;
     for (int first = 0; first < neighbor_count; first += BATCH) {
@@ -93,20 +93,22 @@ INLINE void solve_cholesky(float (*sums)[BATCH], float (*term)[BATCH]) {
     }
 }
 
-/* normals (count, 3) and heights (count) of the points with `query_indices` (count) above patches through their neighbors
- * (count, neighbor_count). A neighbor weighs less the farther it lies off the plane by the point's normal in
+/* normals (count, 3) and heights (count) of the points with `query_indices` (count) above patches through their
+ * neighbors (count, neighbor_count). A neighbor weighs less the farther it lies off the plane by the point's normal in
  * `normals_before` (all points, 3), relative to `tolerance` (count), the more its own normal differs, and the farther
  * away it lies, relative to `scale` (count). */
-FAST int z2p_fit_jets(const float *points, const float *normals_before, const int *query_indices, const int *neighbors, int count, int neighbor_count,
-                  const float *tolerance, const float *scale, float *normals, float *heights) {
+FAST int z2p_fit_jets(const float *points, const float *normals_before, const int *query_indices, const int *neighbors,
+                      int count, int neighbor_count, const float *tolerance, const float *scale, float *normals,
+                      float *heights) {
     for (int first = 0; first < count; first += BATCH) {
         int batch_size = count - first < BATCH ? count - first : BATCH;
         float sums[SUMS][BATCH] = {{0}}, term[TERMS][BATCH], u[BATCH][3], v[BATCH][3];
         for (int i = 0; i < batch_size; i++) {
             int at = first + i;
             tangent_basis(normals_before + 3 * (size_t)query_indices[at], u[i], v[i]);
-            accumulate_normal_equations(points, normals_before, query_indices[at], neighbors + (size_t)at * neighbor_count, neighbor_count, u[i], v[i], tolerance[at] + 1e-9f,
-                   larger(scale[at], 1e-9f), i, sums);
+            accumulate_normal_equations(points, normals_before, query_indices[at],
+                                        neighbors + (size_t)at * neighbor_count, neighbor_count, u[i], v[i],
+                                        tolerance[at] + 1e-9f, larger(scale[at], 1e-9f), i, sums);
         }
         for (int a = 0, at = 0; a < TERMS; at += ++a)
             for (int i = 0; i < BATCH; i++) sums[at + a][i] += a < 3 ? MIN_WEIGHT : FLATNESS_WEIGHT;

@@ -1,9 +1,9 @@
-/* Nearest neighbors in a point cloud. A uniform grid holds a few points a cell; where most points crowd in few cells, as
- * near a scanner, a k-d tree replaces it (Bentley, Multidimensional Binary Search Trees, 1975), which is slower to build
- * and to search, but independent of density.
+/* Nearest neighbors in a point cloud. A uniform grid holds a few points a cell; where most points crowd in few cells,
+ * as near a scanner, a k-d tree replaces it (Bentley, Multidimensional Binary Search Trees, 1975), which is slower to
+ * build and to search, but independent of density.
  *
- * In: points (count, 3). Out: the points sorted by cell or tree node, in an order that does not depend on that of the
- * input; for queries, indices of the nearest points and the local spacing. */
+ * Input: points (count, 3). Output: the points sorted by cell or tree node, in an order that does not depend on that of
+ * the input; for queries, indices of the nearest points and the local spacing. */
 
 #include "points/neighbor_grid.h"
 
@@ -32,7 +32,8 @@ INLINE int cell_coordinate(const Grid *grid, const float *point, int axis) {
 }
 
 INLINE int cell_index(const Grid *grid, const float *point) {
-    return (cell_coordinate(grid, point, 2) * grid->size[1] + cell_coordinate(grid, point, 1)) * grid->size[0] + cell_coordinate(grid, point, 0);
+    return (cell_coordinate(grid, point, 2) * grid->size[1] + cell_coordinate(grid, point, 1)) * grid->size[0] +
+           cell_coordinate(grid, point, 0);
 }
 
 static int set_cell_size(Grid *grid, const float *extent, float cell) {
@@ -192,7 +193,8 @@ INLINE void keep_nearest(Candidates *candidates, int max_count) {
 }
 
 /* Adds the points `first` to `last` - 1 unless they are too far from p. */
-INLINE void add_candidates(Candidates *candidates, const Grid *grid, int first, int last, const float *p, int max_count) {
+INLINE void add_candidates(Candidates *candidates, const Grid *grid, int first, int last, const float *p,
+                           int max_count) {
     for (; first < last; first += BATCH) {
         int size = last - first < BATCH ? last - first : BATCH;
         if (candidates->count + BATCH > MAX_CANDIDATES) keep_nearest(candidates, max_count);
@@ -236,14 +238,16 @@ INLINE void search_tree(const Grid *grid, const float *p, int max_count, Candida
             float off = p[split.axis] - split.position;
             int half = part.count / 2, above = off >= 0;
             PendingNode low = {2 * part.node + 1, part.level + 1, part.first, half, part.distance_sq};
-            PendingNode high = {2 * part.node + 2, part.level + 1, part.first + half, part.count - half, part.distance_sq};
+            PendingNode high = {2 * part.node + 2, part.level + 1, part.first + half, part.count - half,
+                                part.distance_sq};
             PendingNode other = above ? low : high;
             other.distance_sq = larger(part.distance_sq, off * off);
             pending[pending_count++] = other;
             part = above ? high : low;
         }
         add_candidates(candidates, grid, part.first, part.first + part.count, p, max_count);
-        if (candidates->count >= max_count + (candidates->worst_sq < INFINITY ? max_count : 0)) keep_nearest(candidates, max_count);
+        if (candidates->count >= max_count + (candidates->worst_sq < INFINITY ? max_count : 0))
+            keep_nearest(candidates, max_count);
     }
 }
 
@@ -260,12 +264,14 @@ INLINE void search_cells(const Grid *grid, const float *p, int max_count, Candid
             for (int y = low[1]; y <= high[1]; y++) {
                 const int *start = grid->start + (size_t)(z * grid->size[1] + y) * grid->size[0];
                 int left = center[0] - ring, right = center[0] + ring;
-                if (abs(z - center[2]) == ring || abs(y - center[1]) == ring) { /* the points of a row of cells are contiguous */
+                if (abs(z - center[2]) == ring || abs(y - center[1]) == ring) {
+                    /* the points of a row of cells are contiguous */
                     add_candidates(candidates, grid, start[low[0]], start[high[0] + 1], p, max_count);
                     continue;
                 }
                 if (left >= 0) add_candidates(candidates, grid, start[left], start[left + 1], p, max_count);
-                if (right < grid->size[0]) add_candidates(candidates, grid, start[right], start[right + 1], p, max_count);
+                if (right < grid->size[0])
+                    add_candidates(candidates, grid, start[right], start[right + 1], p, max_count);
             }
         /* the rings up to 1 hold all but the farthest few, as cells hold several points each */
         if (ring && candidates->count >= max_count) break;

@@ -1,9 +1,9 @@
 /* Refinement of normals and positions by a small graph network: rounds of messages between neighboring points. It is
  * equivariant to rotations and to the signs of normals (after Satorras et al., E(n) Equivariant Graph Neural Networks,
- * 2021): its hidden layer reads lengths and angles only, and its outputs are shares of the neighbors' normals and offsets.
- * Trained by scripts/learn_patches.py; scripts/patch_network.py is the same network in torch.
+ * 2021): its hidden layer reads lengths and angles only, and its outputs are coefficients of the neighbors' normals and
+ * offsets. Trained by scripts/train_normal_gnn.py; scripts/normal_network.py is the same network in torch.
  *
- * In: points, unit normals of either sign, neighbors, scales and the noise. Out: refined points and normals. */
+ * Input: points, unit normals of either sign, neighbors, scales and the noise. Output: refined points and normals. */
 
 #include <math.h>
 #include <stddef.h>
@@ -23,14 +23,15 @@
 
 typedef float Eight __attribute__((vector_size(32)));
 
-/* Equivariant components of a neighbor: its sign-aligned normal, its offset weighted by its height over the point's plane
- * and by that over its own plane, and the height. Hidden activations are aggregated against each of them. */
+/* Equivariant components of a neighbor: its sign-aligned normal, its offset weighted by its height over the point's
+ * plane and by that over its own plane, and the height. Hidden activations are aggregated against each of them. */
 enum { ALIGNED_NORMAL, OFFSET_BY_HEIGHT = 3, OFFSET_BY_OTHER_HEIGHT = 6, HEIGHT = 9, COMPONENTS };
 
 /* One vector of a row of WIDTH values. */
 INLINE Lanes load_part(const float *numbers, int part) { return load_lanes(numbers + LANES * part); }
 
-/* Adds values (WIDTH) times weights (WIDTH, WIDTH) to `sums`; odd rows are summed apart, for shorter chains of additions. */
+/* Adds values (WIDTH) times weights (WIDTH, WIDTH) to `sums`; odd rows are summed apart, for shorter chains of
+ * additions. */
 INLINE void add_matrix_product(const float *numbers, const float (*weights)[WIDTH], Lanes *sums) {
     Lanes odd[PARTS];
     for (int u = 0; u < PARTS; u++) odd[u] = (Lanes){0};
@@ -43,20 +44,20 @@ INLINE void add_matrix_product(const float *numbers, const float (*weights)[WIDT
 }
 
 /* Dot product over all units, eight at a time and in the same order for any number of lanes. */
-INLINE float project_votes(const float *votes, const Lanes *sums) {
+INLINE float dot_units(const float *weights, const Lanes *sums) {
     Eight all = {0};
     for (int first = 0; first < WIDTH; first += 8) {
-        Eight vote, sum;
-        memcpy(&vote, votes + first, sizeof vote);
+        Eight weight, sum;
+        memcpy(&weight, weights + first, sizeof weight);
         memcpy(&sum, (const float *)sums + first, sizeof sum);
-        all += vote * sum;
+        all += weight * sum;
     }
     return ((all[0] + all[4]) + (all[1] + all[5])) + ((all[2] + all[6]) + (all[3] + all[7]));
 }
 
 /* Components and rotation-invariant features of the first `count` neighbors in `row`. */
 INLINE void measure_neighbors(const float *points, const float *normals, const float *p, const float *n, const int *row,
-                    int count, float unit, float (*components)[BATCH], float (*features)[BATCH]) {
+                              int count, float unit, float (*components)[BATCH], float (*features)[BATCH]) {
     for (int j = 0; j < BATCH; j++) {
         size_t other = 3 * (size_t)row[j < count ? j : count - 1];
         for (int a = 0; a < 3; a++) {
@@ -65,16 +66,21 @@ INLINE void measure_neighbors(const float *points, const float *normals, const f
         }
     }
     for (int j = 0; j < BATCH; j++) {
-        float x = components[OFFSET_BY_HEIGHT][j], y = components[OFFSET_BY_HEIGHT + 1][j], z = components[OFFSET_BY_HEIGHT + 2][j];
+        float x = components[OFFSET_BY_HEIGHT][j], y = components[OFFSET_BY_HEIGHT + 1][j];
+        float z = components[OFFSET_BY_HEIGHT + 2][j];
         float shorter = 1 / sqrtf(1 + (x * x + y * y + z * z) * (1 / (MAX_STEP * MAX_STEP)));
-        float u = components[ALIGNED_NORMAL][j], v = components[ALIGNED_NORMAL + 1][j], w = components[ALIGNED_NORMAL + 2][j];
+        float u = components[ALIGNED_NORMAL][j], v = components[ALIGNED_NORMAL + 1][j];
+        float w = components[ALIGNED_NORMAL + 2][j];
         float cosine = u * n[0] + v * n[1] + w * n[2], sign = cosine < 0 ? -1.0f : 1.0f;
         x *= shorter, y *= shorter, z *= shorter;
         u *= sign, v *= sign, w *= sign;
-        float height = x * n[0] + y * n[1] + z * n[2], other_height = x * u + y * v + z * w, length_sq = x * x + y * y + z * z;
+        float height = x * n[0] + y * n[1] + z * n[2], other_height = x * u + y * v + z * w;
+        float length_sq = x * x + y * y + z * z;
         components[ALIGNED_NORMAL][j] = u, components[ALIGNED_NORMAL + 1][j] = v, components[ALIGNED_NORMAL + 2][j] = w;
-        components[OFFSET_BY_HEIGHT][j] = x * height, components[OFFSET_BY_HEIGHT + 1][j] = y * height, components[OFFSET_BY_HEIGHT + 2][j] = z * height;
-        components[OFFSET_BY_OTHER_HEIGHT][j] = x * other_height, components[OFFSET_BY_OTHER_HEIGHT + 1][j] = y * other_height;
+        components[OFFSET_BY_HEIGHT][j] = x * height, components[OFFSET_BY_HEIGHT + 1][j] = y * height;
+        components[OFFSET_BY_HEIGHT + 2][j] = z * height;
+        components[OFFSET_BY_OTHER_HEIGHT][j] = x * other_height;
+        components[OFFSET_BY_OTHER_HEIGHT + 1][j] = y * other_height;
         components[OFFSET_BY_OTHER_HEIGHT + 2][j] = z * other_height, components[HEIGHT][j] = height;
         features[0][j] = length_sq;
         features[1][j] = height * height;
@@ -85,9 +91,9 @@ INLINE void measure_neighbors(const float *points, const float *normals, const f
     }
 }
 
-/* Hidden activations for the first `count` neighbors in `row`; own_input is the part that depends on the point alone. */
-INLINE void hidden_activations(const Round *round, const Lanes *own_input, const float *messages, const int *row, int count,
-                float (*features)[BATCH], Lanes (*hidden)[PARTS]) {
+/* Hidden activations for the first `count` neighbors in `row`; own_input is the part that depends on the point only. */
+INLINE void hidden_activations(const Round *round, const Lanes *own_input, const float *messages, const int *row,
+                               int count, float (*features)[BATCH], Lanes (*hidden)[PARTS]) {
     for (int u = 0; u < PARTS; u++) {
         Lanes own = own_input[u], pair[FEATURES];
         for (int f = 0; f < FEATURES; f++) pair[f] = load_part(round->pair[f], u);
@@ -134,7 +140,8 @@ FAST int z2p_normal_gnn_begin(float noise, int count, float *state, float *messa
 }
 
 /* State and outgoing message (WIDTH each) of a point after a round, by its state and the aggregated activations. */
-INLINE void update_state(const Round *round, const float *own, const Lanes *hidden, float *state, float *message_after) {
+INLINE void update_state(const Round *round, const float *own, const Lanes *hidden, float *state,
+                         float *message_after) {
     Lanes after[PARTS], message[PARTS];
     float own_input[WIDTH];
     memcpy(own_input, hidden, sizeof own_input);
@@ -157,12 +164,13 @@ INLINE void begin_point(const Round *round, const float *own, Lanes *own_input, 
     add_matrix_product(own, round->own, own_input);
 }
 
-/* One round, for rows from `begin` to `end`: points (count, 3), unit normals (count, 3), states (count, WIDTH) and messages
- * (count, WIDTH) from those before it, the neighbors (count, neighbor_count) and `scale` (count), by which offsets are
- * divided. The last round writes no states and messages. */
-FAST int z2p_refine_normals(int round_index, const float *points, const float *normals, const float *state, const float *messages,
-                    const int *neighbors, const float *scale, int begin, int end, int neighbor_count, float *points_after,
-                    float *normals_after, float *state_after, float *messages_after) {
+/* One round, for rows from `begin` to `end`: points (count, 3), unit normals (count, 3), states (count, WIDTH) and
+ * messages (count, WIDTH) from those before it, the neighbors (count, neighbor_count) and `scale` (count), by which
+ * offsets are divided. The last round writes no states and messages. */
+FAST int z2p_refine_normals(int round_index, const float *points, const float *normals, const float *state,
+                            const float *messages, const int *neighbors, const float *scale, int begin, int end,
+                            int neighbor_count, float *points_after, float *normals_after, float *state_after,
+                            float *messages_after) {
     const Round *round = NORMAL_GNN_WEIGHTS.rounds + round_index;
     float share = 1 / (float)neighbor_count;
     for (int i = begin; i < end; i++) {
@@ -178,10 +186,11 @@ FAST int z2p_refine_normals(int round_index, const float *points, const float *n
             hidden_activations(round, own_input, messages, row + first, count, features, hidden);
             aggregate(hidden, count, components, all, sums);
         }
-        float refined[3], shift = share * scale[i] * project_votes(round->vote[3], sums[HEIGHT]);
+        float refined[3], shift = share * scale[i] * dot_units(round->output[3], sums[HEIGHT]);
         for (int a = 0; a < 3; a++)
-            refined[a] = n[a] + share * (project_votes(round->vote[0], sums[ALIGNED_NORMAL + a]) + project_votes(round->vote[1], sums[OFFSET_BY_HEIGHT + a])
-                                        + project_votes(round->vote[2], sums[OFFSET_BY_OTHER_HEIGHT + a]));
+            refined[a] = n[a] + share * (dot_units(round->output[0], sums[ALIGNED_NORMAL + a]) +
+                                         dot_units(round->output[1], sums[OFFSET_BY_HEIGHT + a]) +
+                                         dot_units(round->output[2], sums[OFFSET_BY_OTHER_HEIGHT + a]));
         float length = sqrtf(dot(refined, refined));
         for (int a = 0; a < 3; a++) {
             points_after[3 * (size_t)i + a] = p[a] + shift * n[a];

@@ -5,11 +5,11 @@
 #define FEATURES 6 /* rotation-invariant features of a neighbor */
 
 typedef struct {
-    float pair[FEATURES][WIDTH], bias[WIDTH]; /* hidden layer: of the features */
-    float own[WIDTH][WIDTH], other[WIDTH][WIDTH]; /* of the point's state, and of the neighbor's */
-    float vote[4][WIDTH]; /* output: normal, offset weighted by its height over either normal, height */
-    float keep[WIDTH][WIDTH], learn[WIDTH][WIDTH], forget[WIDTH]; /* state update: of the state, of the aggregate, bias;
-                                                                   * unused in the last round */
+    float pair[FEATURES][WIDTH], bias[WIDTH]; /* hidden layer: weights of the features */
+    float own[WIDTH][WIDTH], other[WIDTH][WIDTH]; /* weights of the point's state, and of the neighbor's */
+    float output[4][WIDTH]; /* coefficients of a neighbor's normal, offset (by its height over either normal), height */
+    float keep[WIDTH][WIDTH], learn[WIDTH][WIDTH], forget[WIDTH]; /* state update: weights of the state and of
+                                                                   * the aggregate, bias; unused in the last round */
 } Round;
 
 typedef struct {

@@ -1,7 +1,7 @@
 /* Tangent planes by principal component analysis (Hoppe et al., Surface Reconstruction from Unorganized Points, 1992).
  *
- * In: points and their neighbors. Out: a unit normal of either sign, the eigenvector of the neighbors' covariance with the
- * smallest eigenvalue, and the standard deviation of the neighbors off the plane. */
+ * Input: points and their neighbors. Output: a unit normal of either sign, the eigenvector of the neighbors' covariance
+ * with the smallest eigenvalue, and the standard deviation of the neighbors off the plane. */
 
 #include <math.h>
 #include <stddef.h>
@@ -69,7 +69,8 @@ INLINE void covariance(const float *points, const int *row, int n, float *m) {
 }
 
 /* normals (count, 3) and spread (count) of planes through neighbors (count, neighbor_count) of `points`. */
-FAST int z2p_fit_planes(const float *points, const int *neighbors, int count, int neighbor_count, float *normals, float *spread) {
+FAST int z2p_fit_planes(const float *points, const int *neighbors, int count, int neighbor_count, float *normals,
+                        float *spread) {
     for (int first = 0; first < count; first += BATCH) {
         int batch_size = count - first < BATCH ? count - first : BATCH;
         float m[6][BATCH] = {{0}}, axes[3][BATCH], covariances[6][BATCH];

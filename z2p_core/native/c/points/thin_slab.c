@@ -1,8 +1,8 @@
 /* Half width of the thinnest slab that holds a given number of a point's neighbors: a robust measure of noise, which
  * leaves out a second sheet of surface close by (after Rousseeuw, Least Median of Squares Regression, 1984).
  *
- * In: points, their neighbors, and how many the slab must hold. Out: its half width, and the share of neighbors that lie
- * above or below the point rather than beside it. */
+ * Input: points, their neighbors, and how many the slab must hold. Output: its half width, and the share of neighbors
+ * that lie above or below the point rather than beside it. */
 
 #include <math.h>
 #include <stddef.h>
@@ -60,12 +60,14 @@ INLINE float steep_share(float (*q)[3], int neighbor_count, float (*normal)[BATC
 /* widths (count): half the width of the thinnest slab that holds `held` of the neighbors (count, neighbor_count <= 16),
  * 0 if they lie on a line; steep (count): share of neighbors steeper than 45 degrees against that slab. The points with
  * `query_indices` (count) are the first of their own neighbors. */
-FAST int z2p_fit_thin_slabs(const float *points, const int *query_indices, const int *neighbors, int count, int neighbor_count, int held,
-                   float *widths, float *steep) {
+FAST int z2p_fit_thin_slabs(const float *points, const int *query_indices, const int *neighbors, int count,
+                            int neighbor_count, int held, float *widths, float *steep) {
     for (int i = 0; i < count; i++) {
-        float q[MAX_SLAB_NEIGHBORS][3], normal[3][BATCH], height[MAX_SLAB_NEIGHBORS][BATCH], best[BATCH], least_width = INFINITY;
+        float q[MAX_SLAB_NEIGHBORS][3], normal[3][BATCH], height[MAX_SLAB_NEIGHBORS][BATCH], best[BATCH];
+        float least_width = INFINITY;
         int thinnest = 0;
-        slab_heights(points, points + 3 * (size_t)query_indices[i], neighbors + (size_t)i * neighbor_count, neighbor_count, q, normal, height);
+        slab_heights(points, points + 3 * (size_t)query_indices[i], neighbors + (size_t)i * neighbor_count,
+                     neighbor_count, q, normal, height);
         for (int round = 0; round < neighbor_count; round++) /* odd-even transposition sort of all lanes at once */
             for (int j = round % 2; j + 1 < neighbor_count; j += 2) sort_pair(height[j], height[j + 1]);
         for (int l = 0; l < BATCH; l++) best[l] = INFINITY;

@@ -1,7 +1,7 @@
 /* Projected extent of a cloud for candidate views, on coarse masks.
  *
- * In: points in the unit sphere, azimuths and one elevation. Out, for each view: cells covered by the points' dots, and
- * the width of the orthographic projection. */
+ * Input: points in the unit sphere, azimuths and one elevation. Output, for each view: cells covered by the points'
+ * dots, and the width of the orthographic projection. */
 
 #include <stdint.h>
 #include <stdlib.h>
@@ -9,10 +9,10 @@
 
 #include "common/simd.h"
 
-/* Marks the cells of a mask (side + 2, side + 2) that points (count, 3) of the unit sphere fall into, turned by an azimuth
- * of this cosine and sine. Returns the width of the projection. */
-INLINE float project_points(const float *restrict points, int count, float cosine, float sine, const float *tilt, int side,
-                       uint8_t *restrict mask) {
+/* Marks the cells of a mask (side + 2, side + 2) that points (count, 3) of the unit sphere fall into, turned by an
+ * azimuth of this cosine and sine. Returns the width of the projection. */
+INLINE float project_points(const float *restrict points, int count, float cosine, float sine, const float *tilt,
+                            int side, uint8_t *restrict mask) {
     float half = 0.5f * (float)side - 0.5f, low = INFINITY, high = -INFINITY;
     for (int i = 0; i < count; i++) {
         const float *p = points + 3 * i;
@@ -37,10 +37,10 @@ INLINE int count_covered_cells(const uint8_t *restrict mask, int side, uint8_t *
     return covered;
 }
 
-/* covered (views): cells of a mask (side, side) that the points, as dots of 3 x 3 cells, cover; breadth (views): width of
- * the projection. turns (views, 2): cosine and sine of the azimuth; tilt (2): sine and cosine of the elevation. */
-FAST int z2p_projected_coverage(const float *points, int count, const float *turns, int views, const float *tilt, int side,
-                     int32_t *covered, float *breadth) {
+/* covered (views): cells of a mask (side, side) that the points, as dots of 3 x 3 cells, cover; breadth (views): width
+ * of the projection. turns (views, 2): cosine and sine of the azimuth; tilt (2): sine and cosine of the elevation. */
+FAST int z2p_projected_coverage(const float *points, int count, const float *turns, int views, const float *tilt,
+                                int side, int32_t *covered, float *breadth) {
     size_t cells = (size_t)(side + 2) * (side + 2);
     uint8_t *mask = malloc(2 * cells);
     if (!mask) return 0;
