@@ -1,4 +1,4 @@
-"""Kinds of things and scenes that have an upright, beside those of build_things.py: people, beasts, houses, rooms.
+"""Kinds of things and scenes that have an upright, beside those of build_objects.py: people, beasts, houses, rooms.
 
 Made to learn and to measure which way is up. Sizes are in metres; all stand on the floor, +Z up.
 """
@@ -9,8 +9,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from build_things import KINDS as THINGS
-from build_things import chair, lamp, plant, shelf, table, vessel
+from build_objects import KINDS as OBJECTS
+from build_objects import chair, lamp, plant, shelf, table, vessel
 from mesh_parts import Part, bar, box, curve, lathe, moved, patch, tube, turned_smooth
 
 Rng = np.random.Generator
@@ -275,7 +275,7 @@ def tower(rng: Rng) -> list[Part]:
 
 
 KINDS: dict[str, Callable[[Rng], list[Part]]] = {
-    **{kind: build for kind, build in THINGS.items() if kind != "pipes"},
+    **{kind: build for kind, build in OBJECTS.items() if kind != "pipes"},
     "person": person, "beast": beast, "bird": bird, "bust": bust, "tree": tree, "house": house, "bed": bed,
     "sofa": sofa, "monitor": monitor, "room": room, "street": street, "land": land, "post": post, "flat": flat,
     "still_life": still_life, "garden_chair": garden_chair, "tower": tower,

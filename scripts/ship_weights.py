@@ -48,7 +48,7 @@ Controls: {controls}. Network `{kind}`, widths {widths}; trained at {sides} pixe
 - **Data**: {renders} Cycles renders (and their validation share) of {meshes} meshes: gathered from the public
   repositories alecjacobson/common-3d-test-models, libigl/libigl-tutorial-data and odedstein/meshes, where each keeps
   the licence of its source and none is part of z2p; and, of more than 34, relatives of those by scripts/vary_meshes.py
-  and things built by scripts/build_things.py (docs/meshes.md). {samples} samples seen in this round.
+  and things built by scripts/build_objects.py (docs/meshes.md). {samples} samples seen in this round.
 - **Begun** {begun}.
 - **Measured** on {evaluated} meshes never trained on, {views} views each, {points} points{noise},
   {resolution}x{resolution}, seed {seed}; controls are drawn at random, elevation apart:

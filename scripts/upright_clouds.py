@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from build_standing import KINDS, THINGS, egg
+from build_standing import KINDS, OBJECTS, egg
 from mesh_parts import TURN, Part, box, joined, tube
 
 from z2p_core.camera import turn
@@ -73,7 +73,7 @@ def shapeless(seed: int, each: int) -> list[Labelled]:
         rng = np.random.default_rng([seed, number])
         straight = [box((1, 1, 1), (0, 0, 0)), box(rng.uniform(0.7, 1, 3), (0, 0, 0)),
                     egg((0, 0, 0), *rng.uniform(0.6, 1, 3))]  # fmt: skip
-        askew = [egg((0, 0, 0), *rng.uniform(0.5, 1, 3)), egg((0, 0, 0), 1, 1, 1), THINGS["pipes"](rng), _ring(rng),
+        askew = [egg((0, 0, 0), *rng.uniform(0.5, 1, 3)), egg((0, 0, 0), 1, 1, 1), OBJECTS["pipes"](rng), _ring(rng),
                  [shape("torus_knot")], [*KINDS.values()][rng.integers(len(KINDS))](rng)]  # fmt: skip
         for index, parts in enumerate(straight + askew):
             vertices, faces = joined(parts)

@@ -11,7 +11,7 @@ import torch
 
 SHADOW_ALPHAS = (0.0, 0.001, 0.004, 0.01, 0.04, 0.1, 1.0)
 RELATIVE_BIASES = (0.0, 0.15, 0.7, 1.0, 0.6, 0.32, 0.3)
-"""Bias at shadows of these alphas, relative to its maximum; measured by `scripts/measure_haze.py`."""
+"""Bias at shadows of these alphas, relative to its maximum; measured by `scripts/measure_shadow_bias.py`."""
 
 
 def remove_shadow_bias(image: torch.Tensor, coverage: torch.Tensor, bias: float) -> torch.Tensor:

@@ -131,7 +131,7 @@ class TrainConfig:
     """The teacher's share of the target on the object; the rest is the render."""
     haze: float = 0.0
     """Bias in alpha by which noise darkens faint shadows on the renders' floor; it is removed from the targets. 0.0025
-    for 4 to 16 samples with fast denoising (`scripts/measure_haze.py`)."""
+    for 4 to 16 samples with fast denoising (`scripts/measure_shadow_bias.py`)."""
     resolutions: tuple[int, ...] = ()
     """Image sides trained at, alternating by step, each a divisor of the shards'; empty for theirs alone. Steps at
     larger sides take fewer samples, so that all steps cost the same. Buffers are drawn at each side, never resized."""

@@ -172,7 +172,7 @@ def fit_jets(
 def refine_normals(
     points: np.ndarray, normals: np.ndarray, neighbors: np.ndarray, scale: np.ndarray, noise: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Refines positions (N, 3) and unit normals (N, 3) by the trained graph network (`scripts/learn_patches.py`).
+    """Refines positions (N, 3) and unit normals (N, 3) by the trained graph network (`scripts/train_normal_gnn.py`).
 
     Args:
         points: (N, 3).

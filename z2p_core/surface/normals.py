@@ -6,7 +6,7 @@
    Jets, 2005). Neighbors weigh less the farther they lie from the previous plane and the more their normals differ,
    which keeps creases and close sheets apart.
 3. A small trained graph network that refines positions and normals by messages between neighbors (after Satorras et
-   al., E(n) Equivariant Graph Neural Networks, 2021; trained by `scripts/learn_patches.py`).
+   al., E(n) Equivariant Graph Neural Networks, 2021; trained by `scripts/train_normal_gnn.py`).
 4. Points move onto their patches, the farther the larger the noise is.
 """
 

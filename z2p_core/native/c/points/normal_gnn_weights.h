@@ -1,4 +1,4 @@
-/* Weights of the network in normal_gnn.c. Written by scripts/learn_patches.py; do not edit. */
+/* Weights of the network in normal_gnn.c. Written by scripts/train_normal_gnn.py; do not edit. */
 
 #pragma once
 

@@ -1,6 +1,6 @@
 """Measures the shadow bias of renders with few samples: how much they darken faint shadows on the floor.
 
-    python scripts/measure_haze.py [--mesh FILE] [--samples 16] [--denoise fast] [--bounces 3] [--views 4]
+    python scripts/measure_shadow_bias.py [--mesh FILE] [--samples 16] [--denoise fast] [--bounces 3] [--views 4]
 
 Needs the pipeline extra, and minutes. Compares with renders of many samples, and prints the error of alpha for several
 ranges of alpha, before and after the correction with `train.haze` (`pipeline.training.shadow_debias`).

@@ -1,10 +1,10 @@
-"""Makes meshes of man-made things to train on: furniture, lamps, vessels, aeroplanes, cars, pipes, potted plants.
+"""Makes meshes of man-made objects for training: furniture, lamps, vessels, aeroplanes, cars, pipes, potted plants.
 
-    python scripts/build_things.py OUT [--each 4] [--seed 0]
+    python scripts/build_objects.py OUT [--each 4] [--seed 0]
 
-Collections of figures hold few thin plates and bars, of which furniture is made, and whose two sides lie closer to
-each other than sparse points do. As in such catalogues, parts run into each other, and sheets may
-have no thickness. Sizes are about one; things stand on the floor, +Z up.
+Collections of figures hold few thin plates and bars as in furniture, whose two sides are closer to each other than
+sparse points are. As in catalogues of furniture, parts intersect and sheets may have no thickness. Sizes are about one;
+objects stand on the floor, +Z up.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ Rng = np.random.Generator
 
 
 def main() -> None:
-    """Write the things, as PLY files."""
+    """Writes the objects as PLY files."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path)
-    parser.add_argument("--each", type=int, default=4, help="things of each kind")
+    parser.add_argument("--each", type=int, default=4, help="objects of each kind")
     parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    asked.out.mkdir(parents=True, exist_ok=True)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
     for index, (kind, build) in enumerate(KINDS.items()):
-        for number in range(asked.each):
-            parts = build(np.random.default_rng([asked.seed, index, number]))
-            write_mesh(asked.out / f"{kind}-{number}.ply", *joined(parts))
+        for number in range(options.each):
+            parts = build(np.random.default_rng([options.seed, index, number]))
+            write_mesh(options.out / f"{kind}-{number}.ply", *joined(parts))
 
 
 def legs(rng: Rng, wide: float, deep: float, height: float, thick: float) -> list[Part]:
-    """What carries a seat or a top: four legs, round, square or splayed, two panels, or one column."""
+    """Support of a seat or a top: four round, square or splayed legs, two panels, or one column."""
     parts: list[Part] = []
     kind = rng.integers(5)
     corners = [(x * (wide - thick) / 2, y * (deep - thick) / 2) for x in (-1, 1) for y in (-1, 1)]

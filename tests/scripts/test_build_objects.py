@@ -1,4 +1,4 @@
-"""Things built for training: readable, of sane size, different from each other, the same for the same seed."""
+"""Objects built for training: readable, of about unit size, different from each other, the same for the same seed."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ import pytest
 from z2p_renderer.storage.meshes import read_mesh
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
-import build_things
+import build_objects
 import mesh_parts
 
 
 def build(monkeypatch: pytest.MonkeyPatch, out: Path, *options: str) -> dict[str, bytes]:
-    monkeypatch.setattr(sys, "argv", ["build_things.py", str(out), *options])
-    build_things.main()
+    monkeypatch.setattr(sys, "argv", ["build_objects.py", str(out), *options])
+    build_objects.main()
     return {path.name: path.read_bytes() for path in sorted(out.iterdir())}
 
 
-def test_things_are_new_for_each_number_and_the_same_for_a_seed(
+def test_objects_differ_and_are_reproducible(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = build(monkeypatch, tmp_path / "a", "--each", "2")
-    assert len(set(first.values())) == 2 * len(build_things.KINDS)
+    assert len(set(first.values())) == 2 * len(build_objects.KINDS)
     assert build(monkeypatch, tmp_path / "b", "--each", "2") == first
     other = build(monkeypatch, tmp_path / "c", "--each", "2", "--seed", "1")
     assert not set(other.values()) & set(first.values())
@@ -51,12 +51,12 @@ def test_box_faces_share_no_vertices() -> None:
     assert np.ptp(vertices, axis=0).tolist() == [1, 2, 3]
 
 
-def test_a_box_is_tilted_before_it_is_turned() -> None:
+def test_boxes_are_tilted_before_they_are_turned() -> None:
     vertices, _ = mesh_parts.joined(mesh_parts.box((1, 2, 3), (0, 0, 0), turn=np.pi / 2, tilt=np.pi / 2))
     assert np.ptp(vertices, axis=0) == pytest.approx([3, 1, 2])  # y went up, z went to y, and that to x
 
 
-def test_a_tube_is_as_thick_everywhere_along_a_bent_path() -> None:
+def test_bent_tubes_have_constant_thickness() -> None:
     path = mesh_parts.curve([(0, 0, 0), (0, 0, 1), (1, 1, 1)])
     side, *ends = mesh_parts.tube(path, 0.1)
     rings = side[0].reshape(len(path), -1, 3)
