@@ -19,7 +19,7 @@ from z2p_core.parallel import (
 )
 
 
-def test_work_is_done_on_another_thread_and_its_result_comes_back():
+def test_async_work_runs_on_another_thread():
     assert run_async(threading.get_ident).result() != threading.get_ident()
     assert run_async(lambda x, y: x + y, 2, 3).result() == 5
 
@@ -35,7 +35,7 @@ def test_errors_come_back_from_either_thread():
             future.result()
 
 
-def test_while_the_second_core_is_busy_work_is_done_at_once_here():
+def test_work_runs_here_while_the_second_core_is_busy():
     stop = threading.Event()
     busy = run_async(stop.wait)
     try:
@@ -58,7 +58,7 @@ def test_every_row_is_worked_on_once(count):
     assert (seen == 1).all()
 
 
-def test_a_second_core_that_becomes_idle_takes_parts_of_work_that_has_begun():
+def test_an_idle_second_core_joins_work_in_progress():
     stop, asking, seen = threading.Event(), threading.get_ident(), []
     busy = run_async(stop.wait)
 
@@ -77,7 +77,7 @@ def test_a_second_core_that_becomes_idle_takes_parts_of_work_that_has_begun():
     assert {who for begin, who in seen if begin > 0} - {asking}, "the second core came too late"
 
 
-def test_a_second_core_that_becomes_idle_need_not_wait_for_the_next_part():
+def test_an_idle_second_core_joins_within_a_part():
     stop, helped, asking = threading.Event(), threading.Event(), threading.get_ident()
     busy = run_async(stop.wait)
 
@@ -123,7 +123,7 @@ def test_rows_are_begun_on_a_second_core_and_finished_by_both():
     assert {who for _, who in taken} > {asking}
 
 
-def test_rows_are_done_by_the_one_who_asked_while_the_second_core_is_busy():
+def test_the_caller_does_all_rows_if_the_second_core_is_busy():
     stop, taken = threading.Event(), []
     busy = run_async(stop.wait)
     finish = begin_parallel_rows(lambda *rows: taken.append((*rows, threading.get_ident())), 4, parts=2)
@@ -149,7 +149,7 @@ def test_an_error_in_any_part_is_told():
     assert run_async(threading.get_ident).result() != threading.get_ident()
 
 
-def test_with_a_picture_on_each_core_work_is_done_by_the_thread_that_asks():
+def test_with_a_picture_on_each_core_callers_do_their_work():
     asking = threading.get_ident()
     with without_second_core():
         assert run_async(threading.get_ident).result() == asking
@@ -171,7 +171,7 @@ def test_with_a_picture_on_each_core_work_is_done_by_the_thread_that_asks():
     assert run_async(threading.get_ident).result() != asking
 
 
-def test_all_works_give_what_they_give_in_their_order_by_both_cores():
+def test_parallel_map_returns_results_in_order():
     met = threading.Barrier(2, timeout=10)
 
     def work(number):
@@ -192,7 +192,7 @@ def no_thread(*arguments):
     raise RuntimeError("can't start new thread")
 
 
-def test_where_no_thread_can_be_started_the_one_who_asks_does_it_all(monkeypatch):
+def test_without_threads_the_caller_does_all_work(monkeypatch):
     monkeypatch.setattr(threading.Thread, "start", no_thread)
     parallel._second_core.cache_clear()  # one that has no thread yet
     asking = threading.get_ident()

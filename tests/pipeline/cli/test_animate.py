@@ -35,7 +35,7 @@ def loop(renderer: Renderer, scan: Scan, suffix: str, look: Look, motion: Motion
     return render_frames(draw_opening(renderer, scan, suffix, look), scan, suffix, look, motion)
 
 
-def test_frames_of_a_turn_equal_still_pictures_of_turned_cameras(renderer: Renderer, cloud: np.ndarray) -> None:
+def test_turntable_frames_equal_stills_of_turned_cameras(renderer: Renderer, cloud: np.ndarray) -> None:
     look = replace(LOOK, placement_options=PlacementOptions("+Y", view=10.0))
     frames = list(loop(renderer, usable(cloud), ".ply", look, Motion(frames=4, steady=1)))
     for number, frame in enumerate(frames):

@@ -54,7 +54,7 @@ def test_kept_contrast_ignores_errors_of_the_plain_picture() -> None:
     assert contrast_kept((changed + plain) / 2, plain, changed, plain) == pytest.approx(0.5)
 
 
-def test_uncertainty_gain_is_1_for_perfect_and_0_for_random_maps() -> None:
+def test_uncertainty_gain_is_1_for_perfect_and_0_for_random() -> None:
     error = np.random.default_rng(0).exponential(size=(60, 60))
     perfect, worthless = (
         score_map(2 * error + 1, error),

@@ -46,7 +46,7 @@ def test_colour_of_transparent_pixels_does_not_count() -> None:
     assert measure("invisible") == pytest.approx(measure("nothing"), abs=1e-6)
 
 
-def test_error_on_the_object_has_its_known_psnr_and_leaves_alpha() -> None:
+def test_error_on_the_object_alone_has_its_known_psnr() -> None:
     figures = measure("object")
     assert figures["psnr_foreground"] == pytest.approx(20.0, abs=1e-3)  # error 0.1 everywhere on it
     assert figures["psnr_white"] == pytest.approx(20.0 + 10 * math.log10(SIDE**2 / 600), abs=1e-3)
