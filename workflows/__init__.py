@@ -19,43 +19,44 @@ from z2p_renderer.workflows.plan import USER_ERRORS
 from z2p_renderer.workflows.process.exit_status import summarize_failures
 
 _applied_settings: dict[tuple[str, str], str] = {}
-"""What we have set so far: a user's own configuration goes before it, a later file of ours after it."""
+"""Settings that our files made so far. A later file of ours may replace them; a user's own are never replaced."""
 
 
 def apply_settings(name: str) -> None:
-    """Set what one of our configuration files says, except where the user's own says something else."""
+    """Apply the settings of one of our configuration files, except where the user's own configuration differs."""
     file = configparser.ConfigParser()
     file.read_string((Path(__file__).parent / name).read_text(encoding="utf-8"))
     settings = luigi.configuration.get_config()
     for section in file.sections():
         for option, value in file.items(section):
-            theirs = settings.get(section, option) if settings.has_option(section, option) else None
-            if theirs is None or theirs == _applied_settings.get((section, option)):
+            current = settings.get(section, option) if settings.has_option(section, option) else None
+            if current is None or current == _applied_settings.get((section, option)):
                 settings.set(section, option, value)
             _applied_settings[section, option] = value
 
 
 class _LogFilter(logging.Filter):
-    """Lets through warnings and failures, and the closing summary where nothing failed; all in debug mode."""
+    """Lets through warnings and errors, and luigi's closing summary unless a task failed; in debug mode everything."""
 
     def filter(self, record: logging.LogRecord) -> bool:
-        ends = "Execution Summary" in record.getMessage()
-        failed = ends and summarize_failures()
+        message = record.getMessage()
+        is_summary = "Execution Summary" in message
+        any_failed = is_summary and summarize_failures()
         if logging.getLogger(record.name).getEffectiveLevel() <= logging.DEBUG:
             return True
-        message = record.getMessage()
-        # these are told in one line by `workflows.stage_task` and `workflows.plan_task`: where they arose is no news
-        told_by_us = message.startswith("Will not run") and "error in " in message
-        told_by_us |= record.exc_info is not None and isinstance(record.exc_info[1], (*USER_ERRORS, OSError))
-        told_by_us |= record.exc_info is not None and " failed " in message  # a task, with the traceback of its log
-        return (ends and not failed) or (record.levelno >= logging.WARNING and not told_by_us)
+        # `workflows.stage_task` and `workflows.plan_task` report these in one line, without a traceback
+        reported_by_us = message.startswith("Will not run") and "error in " in message
+        reported_by_us |= record.exc_info is not None and isinstance(record.exc_info[1], (*USER_ERRORS, OSError))
+        reported_by_us |= record.exc_info is not None and " failed " in message  # a task, whose log has the traceback
+        return (is_summary and not any_failed) or (record.levelno >= logging.WARNING and not reported_by_us)
 
 
 apply_settings("luigi.cfg")
-luigi.interface.core.ignore_unconsumed |= {"rpc_retry_attempts", "rpc_retry_wait"}  # read elsewhere; no need to warn
+# luigi's scheduler client reads these two by itself, so luigi need not warn that nobody consumed them
+luigi.interface.core.ignore_unconsumed |= {"rpc_retry_attempts", "rpc_retry_wait"}
 logging.getLogger("luigi-interface").addFilter(_LogFilter())
 
-# after the settings, which luigi reads as it goes
+# after the settings, so that every task sees them
 from z2p_renderer.workflows import stages  # noqa: E402
 from z2p_renderer.workflows.ablation import stages as ablation_stages  # noqa: E402
 from z2p_renderer.workflows.ablation.ablations import Ablations  # noqa: E402

@@ -1,4 +1,4 @@
-"""FullPipeline: the goal that makes weights, from meshes to metrics."""
+"""The FullPipeline task: from meshes to weights and metrics."""
 
 from __future__ import annotations
 
@@ -15,21 +15,20 @@ RESULTS = {
     "metrics.json": "evaluate",
     "sheet.png": "evaluate",
 }
-"""What a user looks for at the end, and the step that makes it."""
+"""File -> the step that makes it; linked under the config's name at the end."""
 
 
 class FullPipeline(PlanTask):
-    """Everything from meshes to weights, picture and metrics; leaves them in ``<workspace>/<config name>/``."""
+    """Weights, learning curve, metrics and contact sheet, linked in ``<workspace>/<config name>/``."""
 
     config = luigi.Parameter(default="", description="TOML file; without one, the quick configuration")
     meshes = luigi.Parameter(default="", description="folder of meshes to train on; default: built-in shapes")
     evaluate_meshes = luigi.Parameter(default="", description="folder of meshes kept aside to measure quality on")
 
-    shown = RESULTS
+    linked_files = RESULTS
 
     @property
     def source(self) -> str:
-        """Where config and meshes come from."""
         return pipeline_source(self.config, self.meshes, self.evaluate_meshes)
 
     @property

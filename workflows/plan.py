@@ -28,32 +28,32 @@ from z2p_renderer.storage.results.store import Entry
 from z2p_renderer.workflows.pretrained_weights import PRETRAINED_KEYS, pretrained_fields, pretrained_files
 
 USER_ERRORS = (ConfigError, ScanError, registry.PluginError)
-"""Errors that a user can mend, with messages that say how."""
+"""Errors that the user can fix; their messages say how, so they are printed without a traceback."""
 
 
 @dataclass(frozen=True)
 class MeshInput:
-    """One mesh: its name, and an identity that changes with its content and with nothing else."""
+    """One mesh, with an identity that depends only on its content."""
 
     name: str
     identity: str
     """64 hex digits: sha256 of the file, or for a built-in shape of what makes it."""
     path: Path | None
-    """None for a built-in shape, which lies in the `shapes` result."""
+    """None for a built-in shape, whose file is in the `shapes` result."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One task: the result that it makes and the steps whose results it reads."""
+    """One task of a plan: the result that it makes, and the upstream steps whose results it reads."""
 
     entry: Entry
     upstream: tuple[str, ...] = ()
     """Names of other steps of the plan."""
     mesh: MeshInput | None = None
     views: tuple[int, int] = (0, 0)
-    """First view and the one after the last, of a render step."""
+    """Index of a render step's first view, and of the one after its last."""
     files: tuple[tuple[Path, str], ...] = ()
-    """Other files that it reads, each with the sha256 that is in the fields: it refuses others."""
+    """Other files that the step reads, each with its sha256 as in the fields. The task fails if a file has changed."""
 
     @property
     def name(self) -> str:
@@ -62,19 +62,19 @@ class Step:
 
 
 class NamedConfig(Protocol):
-    """A configuration of any plan."""
+    """The configuration of any plan."""
 
     @property
     def name(self) -> str:
-        """What its results are kept under."""
+        """Name of the folder with the links to its results."""
 
 
 class AnyPlan(Protocol):
-    """What any plan is to those that keep its results and tell how it is doing."""
+    """The part that pipeline, ablation and report plans share: enough for status, progress and garbage collection."""
 
     @property
     def config(self) -> NamedConfig:
-        """What it was made of."""
+        """The configuration that the plan was made from."""
 
     @property
     def steps(self) -> Mapping[str, Step]:
@@ -83,17 +83,18 @@ class AnyPlan(Protocol):
 
 @dataclass(frozen=True)
 class Plan:
-    """All steps by name, upstream first, and what they work on."""
+    """A FullPipeline's steps and meshes."""
 
     config: PipelineConfig
     steps: dict[str, Step]
+    """All steps by name, upstream first."""
     training: tuple[MeshInput, ...]
     evaluation: tuple[MeshInput, ...]
     warnings: tuple[str, ...] = ()
 
 
 def make_plan(config: PipelineConfig) -> Plan:
-    """Plan of a config; its mesh folders are read for their contents' digests.
+    """Plan of a config. The files in its mesh folders are read to compute their sha256.
 
     Raises:
         ConfigError: values that do not fit together.
@@ -101,14 +102,15 @@ def make_plan(config: PipelineConfig) -> Plan:
         PluginError: a plugin that the config names is unknown or broken.
     """
     check_config(config)
-    training, warnings = drop_duplicate_meshes(_configured_meshes(config.meshes, kept_aside=False))
+    training, warnings = drop_duplicate_meshes(_configured_meshes(config.meshes, held_out=False))
     if len(training) * config.render.views < 2:
         raise ConfigError("render.views: expected two renders or more in all, to train on and to validate with, got "
                           f"{config.render.views} of {len(training)} mesh")
     evaluation = training
     if config.evaluate_meshes or config.meshes == "builtin":
-        evaluation, repeated = drop_duplicate_meshes(_configured_meshes(config.evaluate_meshes or "builtin", kept_aside=True))
-        warnings += repeated
+        held_out = _configured_meshes(config.evaluate_meshes or "builtin", held_out=True)
+        evaluation, duplicate_warnings = drop_duplicate_meshes(held_out)
+        warnings += duplicate_warnings
     else:
         warnings += ["no meshes kept aside for evaluation (--evaluate-meshes): the metrics are taken on the training "
                      "meshes and measure memory rather than quality"]
@@ -121,15 +123,15 @@ def assemble_plan(
     evaluation: Sequence[MeshInput],
     warnings: Sequence[str] = (),
 ) -> Plan:
-    """Plan of a config and meshes whose identities are known; no mesh is read."""
+    """Plan of a config and of meshes whose identities are known. No mesh file is read."""
     steps: list[Step] = []
     if any(mesh.path is None for mesh in [*training, *evaluation]):
         steps.append(Step(Entry("shapes", "shapes", shapes_fields())))
     shards = []
     for mesh in training:
-        chain = _mesh_steps(config, mesh)
-        shards.append(chain[-1])
-        steps += chain
+        mesh_steps = _mesh_steps(config, mesh)
+        shards.append(mesh_steps[-1])
+        steps += mesh_steps
     fields = _train_fields(config, shards)
     upstream, files = tuple(shard.name for shard in shards), pretrained_files(config.train, fields["parameters"])
     train = Step(Entry("train", "train", fields), upstream, files=files)
@@ -144,17 +146,17 @@ def assemble_plan(
 def _mesh_steps(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
     """A mesh's own steps: its pool of points, its chunks of renders, and last its shard."""
     shapes = _shapes_upstream([mesh])
-    where = {"mesh": str(mesh.path or "builtin")}
-    pool = Step(Entry("sample", f"sample/{mesh.name}", _sample_fields(config, mesh), where), shapes, mesh)
+    provenance = {"mesh": str(mesh.path or "builtin")}
+    pool = Step(Entry("sample", f"sample/{mesh.name}", _sample_fields(config, mesh), provenance), shapes, mesh)
     render = _render_fields(config, mesh)
     chunks = []
     for first in range(0, config.render.views, config.render.chunk):
         last = min(first + config.render.chunk, config.render.views)
         fields = {**render, "first": first, "last": last}
-        entry = Entry("render", f"render/{mesh.name}/{first}-{last}", fields, where)
+        entry = Entry("render", f"render/{mesh.name}/{first}-{last}", fields, provenance)
         chunks.append(Step(entry, shapes, mesh, (first, last)))
     shard = stage_fields("shard") | {
-        # the renders as a whole: how they were cut into chunks does not matter
+        # all renders together: how the views were divided into chunks does not matter
         "renders": fingerprint(render),
         "views": config.render.views,
         "sample": pool.entry.fingerprint,
@@ -162,10 +164,11 @@ def _mesh_steps(config: PipelineConfig, mesh: MeshInput) -> list[Step]:
         "controls": _control_fields(config),
     }
     upstream = (pool.name, *(chunk.name for chunk in chunks))
-    return [pool, *chunks, Step(Entry("shard", f"shard/{mesh.name}", shard, where), upstream, mesh)]
+    return [pool, *chunks, Step(Entry("shard", f"shard/{mesh.name}", shard, provenance), upstream, mesh)]
 
 
 def shapes_fields() -> dict[str, Any]:
+    """Fields of the result that holds all built-in shapes."""
     from z2p_renderer.pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
 
     return stage_fields("shapes") | {"shapes": sorted([*TRAINING_SHAPES, *VALIDATION_SHAPES])}
@@ -178,7 +181,7 @@ def _sample_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
 
 
 def _render_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
-    """Fields that all views of a mesh share. Their number is not one: asking for more keeps those that are there."""
+    """Fields that all views of a mesh share. The number of views is not among them, so raising it keeps old renders."""
     parameters = to_dict(config.render)
     for name in ("views", "chunk"):
         del parameters[name]
@@ -188,13 +191,13 @@ def _render_fields(config: PipelineConfig, mesh: MeshInput) -> dict[str, Any]:
 
 def _train_fields(config: PipelineConfig, shards: Iterable[Step]) -> dict[str, Any]:
     parameters = to_dict(config.train)
-    del parameters["checkpoint_every"]  # a run resumes exactly, so how often it could does not matter
+    del parameters["checkpoint_every"]  # resuming is exact, so the number of checkpoints does not change the weights
     for name in PRETRAINED_KEYS:
         del parameters[name]
     parameters |= pretrained_fields(config.train, config.render.controls)
     network = parameters["network"]
     if network["conditioning"] == NetworkConfig.conditioning:
-        del network["conditioning"]  # results of before there was a choice mean the same, and can be adopted
+        del network["conditioning"]  # keeps results adoptable that were made before this key existed
     network["zbuffer"] = plugin_fields(registry.load("zbuffers", network["zbuffer"]))
     network["gbuffer"] = plugin_fields(registry.load("gbuffers", network["gbuffer"]))
     network["encoder"] = plugin_fields(registry.load("encoders", network["encoder"]))
@@ -211,13 +214,13 @@ def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshI
     parameters["engine"] = plugin_fields(registry.load("engines", REFERENCE_ENGINE))
     return stage_fields("evaluate") | {
         "train": train.entry.fingerprint,
-        "meshes": sorted([mesh.name, mesh.identity] for mesh in meshes),  # the metrics' rows bear the names
+        "meshes": sorted([mesh.name, mesh.identity] for mesh in meshes),  # names, because metrics.json has them
         "parameters": parameters,
     }
 
 
 def _control_fields(config: PipelineConfig) -> list[dict[str, str]]:
-    """In the config's order: it is that of the settings vector, and of the draws from the generator."""
+    """Fields of the controls in the config's order, which is that of the settings vector and of the random draws."""
     return [plugin_fields(registry.load("controls", name)) for name in config.render.controls]
 
 
@@ -225,21 +228,22 @@ def _shapes_upstream(meshes: Iterable[MeshInput]) -> tuple[str, ...]:
     return ("shapes",) if any(mesh.path is None for mesh in meshes) else ()
 
 
-def _configured_meshes(where: str, *, kept_aside: bool) -> list[MeshInput]:
-    if where == "builtin":
+def _configured_meshes(folder: str, *, held_out: bool) -> list[MeshInput]:
+    """The meshes of a folder, or for ``builtin`` the shapes to train on or those held out for evaluation."""
+    if folder == "builtin":
         from z2p_renderer.pipeline.shapes import TRAINING_SHAPES, VALIDATION_SHAPES
 
-        return [builtin_mesh(name) for name in (VALIDATION_SHAPES if kept_aside else TRAINING_SHAPES)]
-    return list_meshes(Path(where))
+        return [builtin_mesh(name) for name in (VALIDATION_SHAPES if held_out else TRAINING_SHAPES)]
+    return list_meshes(Path(folder))
 
 
 def builtin_mesh(name: str) -> MeshInput:
-    """A built-in shape; it is made the same every time, so what makes it stands for its content."""
+    """A built-in shape. Making it is deterministic, so its identity is a digest of the code that makes it."""
     return MeshInput(name, fingerprint(stage_fields("shapes") | {"shape": name}), None)
 
 
 def list_meshes(folder: Path) -> list[MeshInput]:
-    """The meshes that lie in a folder (not below it), by name.
+    """The meshes in a folder (not in its subfolders), ordered by name.
 
     Raises:
         ScanError: no such folder, or no mesh in it.
@@ -248,21 +252,21 @@ def list_meshes(folder: Path) -> list[MeshInput]:
 
 
 def drop_duplicate_meshes(meshes: Iterable[MeshInput]) -> tuple[list[MeshInput], list[str]]:
-    """The meshes without repeated contents, and a warning for each that was left out."""
-    found: dict[str, MeshInput] = {}
+    """The meshes of different content, and a warning for each duplicate that was left out."""
+    unique: dict[str, MeshInput] = {}
     warnings = []
     for mesh in meshes:
-        if mesh.identity in found:
-            warnings.append(f"mesh {mesh.name} is left out: its file is the same as {found[mesh.identity].name}'s")
-        found.setdefault(mesh.identity, mesh)
-    return list(found.values()), warnings
+        if mesh.identity in unique:
+            warnings.append(f"mesh {mesh.name} is left out: its file is the same as {unique[mesh.identity].name}'s")
+        unique.setdefault(mesh.identity, mesh)
+    return list(unique.values()), warnings
 
 
 def check_config(config: PipelineConfig) -> None:
-    """Nothing, when each of the config's values can be, and they fit together.
+    """Check that each value of the config is within its limits, and that the values are consistent.
 
     Raises:
-        ConfigError: one cannot, or they do not.
+        ConfigError: a value is out of its limits, or contradicts others.
         PluginError: a plugin is not installed.
     """
     name = config.name

@@ -1,4 +1,4 @@
-"""Makes the plan of a source: of a pipeline, of ablations or one of their variants, or of a report."""
+"""Loads the plan of a source (`workflows.sources`): of a pipeline, of ablations or one variant, or of a report."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from z2p_renderer.workflows.report.plan import ReportPlan, load_report_plan
 
 
 def load_plan(source: str) -> Plan | AblationPlan | ReportPlan:
-    """Plan of any source that `workflows.sources` makes; made once a process.
+    """Plan of any source that `workflows.sources` makes; each process computes it once.
 
     Raises:
         ConfigError: the config cannot be used.
         ScanError: a mesh folder is missing or empty.
         PluginError: the config names an unknown or broken plugin.
     """
-    where = json.loads(source)
-    if "report" in where:
+    inputs = json.loads(source)
+    if "report" in inputs:
         return load_report_plan(source)
-    if "ablations" in where and "variant" not in where:
+    if "ablations" in inputs and "variant" not in inputs:
         return load_ablation_plan(source)
     return load_pipeline_plan(source)
 
@@ -37,30 +37,30 @@ def load_plan(source: str) -> Plan | AblationPlan | ReportPlan:
 def load_pipeline_plan(source: str) -> Plan:
     """Plan of a `pipeline_source` or a `variant_source`.
 
-    It is made once a process, so that edits during a run do not mix two plans.
+    Each process computes it once, so that edits during a run do not mix two plans.
 
     Raises: as `load_plan`.
     """
-    where = json.loads(source)
-    if "variant" in where:
-        ablations = json.dumps({"ablations": where["ablations"]})
-        return load_ablation_plan(ablations).plans[where["variant"]]
+    inputs = json.loads(source)
+    if "variant" in inputs:
+        ablations = json.dumps({"ablations": inputs["ablations"]})
+        return load_ablation_plan(ablations).plans[inputs["variant"]]
     config = PipelineConfig()
-    if where["config"]:
-        path = Path(where["config"])
+    if inputs["config"]:
+        path = Path(inputs["config"])
         config = parse_config(read_config_text(path), str(path))
-        with _errors_name_file(path):
+        with _errors_with_file_name(path):
             check_config(config)
-    given = {key: where[key] for key in ("meshes", "evaluate_meshes") if where[key]}
-    plan = make_plan(from_dict(PipelineConfig, to_dict(config) | given))
+    overrides = {key: inputs[key] for key in ("meshes", "evaluate_meshes") if inputs[key]}
+    plan = make_plan(from_dict(PipelineConfig, to_dict(config) | overrides))
     for warning in plan.warnings:
         log_line(f"warning: {warning}")
     return plan
 
 
 @contextmanager
-def _errors_name_file(path: Path) -> Iterator[None]:
-    """Puts the name of the config's file before errors about its values."""
+def _errors_with_file_name(path: Path) -> Iterator[None]:
+    """Prefix the messages of errors about the config's values with the name of its file."""
     try:
         yield
     except (ConfigError, PluginError) as error:

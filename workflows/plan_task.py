@@ -1,4 +1,4 @@
-"""What users start: a task that needs every step of a plan, and shows where the results are."""
+"""The base of the tasks that users start: it requires every step of a plan, and links the results at the end."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from z2p_renderer.workflows.upkeep.result_links import are_linked, link_results
 
 
 class PlanTask(luigi.Task):
-    """All that a plan holds; leaves what a user looks for in ``<workspace>/<config name>/``."""
+    """Makes every result of a plan, and links those for users in ``<workspace>/<config name>/``."""
 
     config = luigi.Parameter(default="", description="TOML file; without one, the goal's own")
     meshes = luigi.Parameter(default="", description="folder of meshes; default: built-in shapes")
@@ -29,16 +29,17 @@ class PlanTask(luigi.Task):
     explain = luigi.BoolParameter(default=False, significant=False, description="say first why each stage runs")
     dry_run = luigi.BoolParameter(default=False, significant=False, description="say what would run; write nothing")
 
-    shown: ClassVar[Mapping[str, str]] = {}
-    """What a user looks for at the end: name of a file, and the step that makes it."""
+    linked_files: ClassVar[Mapping[str, str]] = {}
+    """Files to link for users: file name -> name of the step that makes it."""
 
     @property
     def source(self) -> str:
-        """Where config, meshes and whatever else the plan depends on come from, for other processes."""
+        """The plan's source (see `workflows.sources`), from which other processes compute the plan again."""
         raise NotImplementedError
 
     @property
     def plan(self) -> AnyPlan:
+        """The plan whose results the task requires."""
         raise NotImplementedError
 
     @property
@@ -46,11 +47,11 @@ class PlanTask(luigi.Task):
         return Store(Path(absolute_path(self.workspace)))
 
     def step_source(self, name: str) -> str:
-        """The source that the step's own task is made with."""
+        """The source for the task of the named step."""
         return self.source
 
     def requires(self) -> list[StageTask]:
-        # every step, not only the last: results that were deleted are made again even if what follows is there
+        # every step, not only the last: a deleted result is made again even if the results downstream exist
         root = str(self.store.root)
         return [create_task(step, self.step_source(name), root) for name, step in self.plan.steps.items()]
 
@@ -60,9 +61,9 @@ class PlanTask(luigi.Task):
                 explain(self, self.plan, self.store, dry_run=self.dry_run)
             tasks = self.requires()
         except USER_ERRORS:
-            return False  # luigi calls requires() next, whose error is told in one line
+            return False  # luigi calls requires() next, and that error is reported in one line
         if self.dry_run:
-            return True  # so that luigi does nothing
+            return True  # luigi then runs nothing
         with reporting_broken(self):
             if all(task.complete() for task in tasks):
                 return are_linked(self.results())
@@ -72,7 +73,7 @@ class PlanTask(luigi.Task):
         return False
 
     def prepare(self) -> None:
-        """What is worth doing once, before luigi gives each task a process that is a copy of this one."""
+        """Called once before luigi forks a process for each task; imports done here are shared by all of them."""
 
     def run(self) -> None:
         link_results(self.results())
@@ -81,7 +82,8 @@ class PlanTask(luigi.Task):
         """Path under ``<workspace>/<config name>/`` -> the file in the store that it leads to."""
         plan, folder = self.plan, self.store.root / self.plan.config.name
         return {
-            folder / name: self.store.folder(plan.steps[step].entry) / name for name, step in self.shown.items()
+            folder / name: self.store.folder(plan.steps[step].entry) / name
+            for name, step in self.linked_files.items()
         }
 
     def on_failure(self, exception: BaseException) -> Any:
@@ -89,7 +91,7 @@ class PlanTask(luigi.Task):
         return super().on_failure(exception)
 
     def print_results(self) -> None:
-        """Say where the results are."""
+        """Print the paths of the linked results."""
         for path in self.results():
             log_line(f"{path.name:20} {path}")
 

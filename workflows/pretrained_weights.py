@@ -1,4 +1,4 @@
-"""The weights that a training starts or learns from: what of them is in its fingerprint, and which files they are."""
+"""Weights that training starts from or distils: their part of the fingerprint, and their files."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ PRETRAINED_KEYS = ("start", "teacher")
 
 
 def pretrained_fields(config: TrainConfig, controls: Sequence[str]) -> dict[str, Any]:
-    """The weights' digests, and what draws the teacher's pictures: its engine, and plugins that are its alone.
+    """Fields for `train`: digests of the weights, and the teacher's engine and those plugins that only it uses.
 
     Raises:
-        ConfigError: weights that cannot be used, or of other controls: told now, not after hours of rendering.
+        ConfigError: weights that cannot be used, or that have other controls. Checked when the plan is made, so that it
+            does not come up after hours of rendering.
         PluginError: a plugin of the teacher's is not installed.
     """
     fields: dict[str, Any] = {}
     for name in PRETRAINED_KEYS:
         if weights := getattr(config, name):
-            loaded = _load_matching(name, weights, controls)
+            loaded = _load_compatible(name, weights, controls)
             fields[name] = file_digest(find_weights(weights))
             if name == "teacher":
                 plugins = _teacher_plugins(loaded, config.network)
@@ -38,27 +39,30 @@ def pretrained_fields(config: TrainConfig, controls: Sequence[str]) -> dict[str,
 
 
 def pretrained_files(config: TrainConfig, fields: Mapping[str, Any]) -> tuple[tuple[Path, str], ...]:
-    """File and digest of each of the weights that `pretrained_fields` tell of."""
-    return tuple((find_weights(getattr(config, name)).absolute(), fields[name]) for name in PRETRAINED_KEYS if name in fields)
+    """Path and sha256 of each weights file whose digest is in the `pretrained_fields`."""
+    return tuple(
+        (find_weights(getattr(config, name)).absolute(), fields[name]) for name in PRETRAINED_KEYS if name in fields
+    )
 
 
-def _load_matching(name: str, weights: str, controls: Sequence[str]) -> Weights:
+def _load_compatible(name: str, weights: str, controls: Sequence[str]) -> Weights:
+    """The weights named by ``train.<name>``, after checking that their controls are those of the config."""
     try:
-        found = load_weights(find_weights(weights))
+        loaded = load_weights(find_weights(weights))
     except WeightsError as error:
         raise ConfigError(f"train.{name}: {error}") from error
-    known = [entry["name"] for entry in found.card["controls"]]
-    learnt = len(known) if name == "start" else None  # what comes after is new to weights that are started from
-    if known != list(controls[:learnt]):
+    known = [entry["name"] for entry in loaded.card["controls"]]
+    compared = len(known) if name == "start" else None  # fine-tuning may add controls after those of the weights
+    if known != list(controls[:compared]):
         raise ConfigError(
             f"train.{name}: expected weights whose controls are {', '.join(controls)}, got {', '.join(known)} in "
             f"{weights}; choose others, or set render.controls as theirs"
         )
-    return found
+    return loaded
 
 
 def _teacher_plugins(weights: Weights, network: NetworkConfig) -> list[dict[str, str]]:
-    """Plugins that draw for the teacher; those that the network in training has as well are told with it."""
+    """Fields of the teacher's plugins, except those that the trained network uses too (its own fields hold these)."""
     try:
         teacher = load_plugins(weights)
     except WeightsError as error:
@@ -69,7 +73,7 @@ def _teacher_plugins(weights: Weights, network: NetworkConfig) -> list[dict[str,
 
 
 def _engine_fields(name: str | None) -> dict[str, str]:
-    """What tells an engine from another; exact ones give the same picture but for rounding."""
+    """Identity of the teacher's engine. All exact engines (None) count as one: they differ in rounding only."""
     if name is None:
         return {"name": "exact"}
     engine = registry.load("engines", name)

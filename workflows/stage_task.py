@@ -1,6 +1,6 @@
-"""What every stage's luigi task has in common: its place in the plan, its result in the store, its log.
+"""The base of all stages' luigi tasks: it finds the task's step in the plan, its result in the store, and its log.
 
-A task's id holds the fingerprint of its result, so a task whose inputs changed is another task to the scheduler.
+A task's id includes the fingerprint of its result, so after its inputs changed it is a new task to the scheduler.
 """
 
 from __future__ import annotations
@@ -30,12 +30,14 @@ from z2p_renderer.workflows.process.task_log import last_lines, log_line, output
 from z2p_renderer.workflows.sources import absolute_path
 
 LOG_NAME = "task.log"
+MADE_ELSEWHERE = "found, made elsewhere meanwhile"
+"""What the log says of a result that another pipeline made since this one was planned."""
 C_FOLDER = "z2p_core/native/c/"
-"""How parts of a fingerprint begin that run only once they are compiled."""
+"""Start of the names of those parts of a fingerprint that have to be compiled before they take effect."""
 
 
 class StageTask(luigi.Task):
-    """One step of the plan; subclasses say how its files are made."""
+    """One step of a plan. A subclass names its `stage`, and writes the result's files in `make`."""
 
     step_name = luigi.Parameter(description="logical name, such as render/bunny/0-10")
     fingerprint = luigi.Parameter(description="fingerprint of the result")
@@ -44,7 +46,9 @@ class StageTask(luigi.Task):
 
     stage: ClassVar[str] = ""
     resumable: ClassVar[bool] = False
+    """Whether `make` can continue from the files of an interrupted run."""
     leftovers: ClassVar[tuple[str, ...]] = ()
+    """Glob patterns of files that only serve to resume; deleted once the result is published."""
 
     @property
     def plan(self) -> Plan:
@@ -52,11 +56,16 @@ class StageTask(luigi.Task):
 
     @property
     def steps(self) -> Mapping[str, Step]:
-        """All steps that the task's own is one of."""
+        """All steps of the plan that the task belongs to, by name."""
         return load_plan(self.source).steps
 
     @property
     def step(self) -> Step:
+        """The task's step.
+
+        Raises:
+            ConfigError: the plan has changed since the task was created.
+        """
         step = self.steps.get(self.step_name)
         if step is None or step.entry.fingerprint != self.fingerprint:
             raise ConfigError(f"{self.step_name}: config, meshes, plugins or code changed since the pipeline started; "
@@ -69,7 +78,7 @@ class StageTask(luigi.Task):
 
     @property
     def log(self) -> Path:
-        """The task's log file; a finished one is also in its result's folder, as `LOG_NAME`."""
+        """The task's log file. The log of a finished task is also in its result's folder, as `LOG_NAME`."""
         return self.store.log(self.step.entry)
 
     def requires(self) -> list[StageTask]:
@@ -81,13 +90,14 @@ class StageTask(luigi.Task):
 
     def run(self) -> None:
         if self.complete():
-            log_line(f"{self.step_name}: found, made elsewhere meanwhile")
+            log_line(f"{self.step_name}: {MADE_ELSEWHERE}")
             return
         started = time.perf_counter()
-        made: list[Path] = []
+        was_made = False
 
         def make(out: Path) -> None:
-            made.append(out)
+            nonlocal was_made
+            was_made = True
             self.make(out)
 
         with exit_on_interrupt(self.step_name), output_to_log(self.log):
@@ -95,17 +105,17 @@ class StageTask(luigi.Task):
             self._check_code()
             for task in self.requires():
                 task.repair_if_damaged()
-            if self.stage == "sample":  # the first that reads a mesh
+            if self.stage == "sample":  # the first stage that reads a mesh
                 for warning in mesh_warnings(self.mesh_path()):
                     log_line(f"warning: {warning}")
             self.store.produce(self.step.entry, make, resumable=self.resumable, leftovers=("**/.*", *self.leftovers))
-            if made:
-                self._show_log()
-            how = f"done in {time.perf_counter() - started:.1f} s" if made else "found, made elsewhere meanwhile"
-            log_line(f"{self.step_name}: {how}")
+            if was_made:
+                self._link_log()
+            seconds = time.perf_counter() - started
+            log_line(f"{self.step_name}: {f'done in {seconds:.1f} s' if was_made else MADE_ELSEWHERE}")
 
     def repair_if_damaged(self) -> None:
-        """Check every byte of the result before it is read; a damaged one is put aside and made again, here and now."""
+        """Verify the sha256 of all files of the result; quarantine a damaged result and make it again right away."""
         faults = self.store.verify(self.step.entry)
         if faults:
             log_line(f"{self.step_name}: damaged, made again: {faults[0]}")
@@ -113,9 +123,13 @@ class StageTask(luigi.Task):
             self.run()
 
     def _check_code(self) -> None:
-        """Code is imported as late as here, and later by Blender: it must be what the fingerprint says.
+        """Check that the code on the disk is that of the fingerprint, because tasks and Blender import it only now.
 
-        A plugin that was loaded before an edit would have its results kept under the edited one's name.
+        Plugins are checked too: one that was loaded before an edit would store its results under the fingerprint of
+        the edited one.
+
+        Raises:
+            ConfigError: code, a plugin or an input file has changed, or the kernels were compiled from other sources.
         """
         fields = self.step.entry.fields
         changed = changed_parts(fields["code"]) + [f"plugin {name}" for name in changed_plugins(fields)]
@@ -127,24 +141,26 @@ class StageTask(luigi.Task):
         self._check_files()
 
     def _check_files(self) -> None:
-        """Weights, scans and the like are read hours after the plan: they must be what the fingerprint says."""
+        """Check that weights, scans and the like, which may be read hours after the plan, are those of the plan."""
         for path, digest in self.step.files:
             _check_file(path, digest)
 
-    def _show_log(self) -> None:
-        """Put the log beside the files that it tells of; it is no part of the result, and failing to harms none."""
-        shown = self.store.folder(self.step.entry) / LOG_NAME
+    def _link_log(self) -> None:
+        """Link the log into the result's folder, where possible. The manifest does not list it."""
+        link = self.store.folder(self.step.entry) / LOG_NAME
         with suppress(OSError):
-            shown.unlink(missing_ok=True)
+            link.unlink(missing_ok=True)
             try:
-                shown.hardlink_to(self.log)
+                link.hardlink_to(self.log)
             except OSError:  # a filesystem without hard links
-                shutil.copyfile(self.log, shown)
+                shutil.copyfile(self.log, link)
 
     def on_failure(self, exception: BaseException) -> Any:
-        refused = disk_error_message(exception, self.store.root)
-        reason = refused or f"{type(exception).__name__}: {exception}"
-        report_failure(self, reason, bool(refused) or isinstance(exception, USER_ERRORS), temporary=bool(refused))
+        disk_message = disk_error_message(exception, self.store.root)
+        reason = disk_message or f"{type(exception).__name__}: {exception}"
+        report_failure(
+            self, reason, bool(disk_message) or isinstance(exception, USER_ERRORS), temporary=bool(disk_message)
+        )
         return super().on_failure(exception)
 
     def make(self, out: Path) -> None:
@@ -152,12 +168,12 @@ class StageTask(luigi.Task):
         raise NotImplementedError
 
     def upstream_folders(self, stage: str) -> list[Path]:
-        """Result folders of the upstream steps of a stage, in the plan's order."""
+        """Result folders of those upstream steps that belong to `stage`, in the plan's order."""
         entries = [self.steps[name].entry for name in self.step.upstream]
         return [self.store.folder(entry) for entry in entries if entry.stage == stage]
 
     def mesh_path(self, mesh: MeshInput | None = None) -> Path:
-        """File of a mesh, by default the step's own; of a user's, whose content is checked against the plan."""
+        """File of a mesh, by default of the step's own; the content of a user's file is checked against the plan."""
         mesh = mesh or self.step.mesh
         if mesh is None:
             raise ValueError(f"{self.step_name} has no mesh")
@@ -175,32 +191,32 @@ def _check_file(path: Path, digest: str) -> None:
 
 
 def create_task(step: Step, source: str, workspace: str) -> StageTask:
-    """The task that makes a step's result."""
-    kinds: dict[str, type[StageTask]] = {kind.stage: kind for kind in _iter_subclasses(StageTask)}
-    return kinds[step.entry.stage](
+    """The luigi task that makes a step's result."""
+    classes: dict[str, type[StageTask]] = {task.stage: task for task in _iter_subclasses(StageTask)}
+    return classes[step.entry.stage](
         step_name=step.name, fingerprint=step.entry.fingerprint, workspace=workspace, source=source
     )
 
 
-def _iter_subclasses(kind: type[StageTask]) -> Iterator[type[StageTask]]:
-    for below in kind.__subclasses__():
-        yield below
-        yield from _iter_subclasses(below)
+def _iter_subclasses(task_class: type[StageTask]) -> Iterator[type[StageTask]]:
+    for subclass in task_class.__subclasses__():
+        yield subclass
+        yield from _iter_subclasses(subclass)
 
 
 def report_failure(task: StageTask, reason: str, brief: bool = False, *, temporary: bool = False) -> None:
-    """Say that a task failed and why, last of all; before that the end of its log, but for reasons that say it all."""
+    """Print the end of a failed task's log, unless `brief`, and then one line with the reason."""
     lines = [] if brief else last_lines(task.log)
     if lines:
         log_line("\n".join(f"    {line}" for line in lines))
     first = next((line for line in reason.splitlines() if line.strip()), reason).rstrip(" :")
-    where = "" if temporary else f"; log: {task.log}"
-    record_failure(f"FAILED {task.step_name}: {first}{where}", temporary=temporary)
+    log_hint = "" if temporary else f"; log: {task.log}"
+    record_failure(f"FAILED {task.step_name}: {first}{log_hint}", temporary=temporary)
 
 
 @contextmanager
 def reporting_broken(task: luigi.Task) -> Iterator[None]:
-    """Says why a task cannot be asked whether it is complete; luigi then leaves it out."""
+    """Report an error of ``complete()``, after which luigi skips the task, and raise it again."""
     try:
         yield
     except Exception as error:
@@ -210,17 +226,17 @@ def reporting_broken(task: luigi.Task) -> Iterator[None]:
 
 @luigi.Task.event_handler(luigi.Event.BROKEN_TASK)
 def report_broken_task(task: luigi.Task, exception: BaseException) -> None:
-    """Say why a task cannot be planned: one line for what a user can mend or what may pass, all for the rest."""
+    """Report why a task cannot be planned: in one line for `USER_ERRORS` and errors of files, else with a traceback."""
     root = getattr(task, "workspace", None)
-    refused = disk_error_message(exception, Path(absolute_path(root)) if root else None)
-    if refused is None and not isinstance(exception, (*USER_ERRORS, OSError)):
+    disk_message = disk_error_message(exception, Path(absolute_path(root)) if root else None)
+    if disk_message is None and not isinstance(exception, (*USER_ERRORS, OSError)):
         log_line("".join(traceback.format_exception(exception)))
     name = getattr(task, "step_name", task.task_family)
-    record_failure(f"FAILED {name}: {refused or exception}", temporary=bool(refused))
+    record_failure(f"FAILED {name}: {disk_message or exception}", temporary=bool(disk_message))
 
 
 @luigi.Task.event_handler(luigi.Event.PROCESS_FAILURE)
 def _report_task_death(task: luigi.Task, reason: str) -> None:
-    """A task's process died without a word, by a crash or a kill; told by the process that started it."""
+    """Report that a task's process was killed or crashed; runs in the process that started it."""
     if isinstance(task, StageTask):
         report_failure(task, f"its process died: {reason.partition('died ')[2] or reason}")

@@ -57,8 +57,8 @@ def find_candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str
             continue
         wanted_entries = {keys.of(without_view_range(entry.fields)): entry for entry in planned if entry.stage == stage}
         for folder, manifest in sorted(store.manifests(stage), key=_preference):
-            entry = wanted_entries.get(keys.of(without_view_range(manifest["fields"])))
-            candidate = _candidate(folder, manifest, entry) if entry else None
+            match = wanted_entries.get(keys.of(without_view_range(manifest["fields"])))
+            candidate = _candidate(folder, manifest, match) if match else None
             if candidate and not store.complete(candidate.entry):
                 candidates[candidate.entry.fingerprint] = candidate
         for candidate in _unfinished_candidates(store, stage, wanted_entries, keys):
@@ -66,7 +66,7 @@ def find_candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str
     return list(candidates.values())
 
 
-def adopt(store: Store, candidate: Candidate, because: str) -> None:
+def adopt_result(store: Store, candidate: Candidate, because: str) -> None:
     """Publish the candidate's files as its entry's result.
 
     Raises:

@@ -93,7 +93,7 @@ def test_table_and_json_say_the_same(config, store):
     found = step_statuses(plan, store)
     lines = format_table(found)
     assert lines[0].split() == ["FRESH", "sample/ape"] and lines[-1] == f"1 fresh, 0 stale, {len(found) - 1} missing"
-    assert len(format_table(found, every=False)) == len(lines) - 1
+    assert len(format_table(found, with_fresh=False)) == len(lines) - 1
     rows = json.loads(statuses_to_json(found))
     assert [row["step"] for row in rows] == list(plan.steps) and rows[1]["state"] == "missing"
 

@@ -1,1 +1,1 @@
-"""The Ablations goal: its plan, its task, and the comparison at the end."""
+"""Ablations: their plan, the task that a user starts, and the task of the final comparison."""

@@ -1,4 +1,4 @@
-"""Ablations: the goal that trains and measures every variant of a base, and shows them side by side."""
+"""The Ablations task: trains and evaluates every variant of a base config, and compares them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ RESULTS = ("ablations.md", "ablations.csv", "ablations.json", "curves.png")
 
 
 class Ablations(PlanTask):
-    """One training run of equal budget for each variant; leaves the comparison in ``<workspace>/<config name>/``."""
+    """A training run of equal budget for each variant; the comparison is linked in ``<workspace>/<config name>/``."""
 
     config = luigi.Parameter(default="", description="TOML file of base and variants; default: configs/ablations.toml")
     meshes = luigi.Parameter(default="", description="folder of meshes to train on; default: built-in shapes")
     evaluate_meshes = luigi.Parameter(default="", description="folder of meshes kept aside to measure quality on")
 
-    shown = dict.fromkeys(RESULTS, COMPARE)
+    linked_files = dict.fromkeys(RESULTS, COMPARE)
 
     @property
     def source(self) -> str:

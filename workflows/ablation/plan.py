@@ -1,4 +1,4 @@
-"""The plan of Ablations: one FullPipeline a variant, on the same renders and shards, and a comparison at the end."""
+"""The plan of Ablations: a FullPipeline for each variant, on shared renders and shards, and a final comparison."""
 
 from __future__ import annotations
 
@@ -20,40 +20,41 @@ from z2p_renderer.workflows.process.task_log import log_line
 
 COMPARE = "compare"
 VARIANT_STAGES = ("train", "evaluate")
-"""Steps that each variant has for itself, called ``train/NAME`` and ``evaluate/NAME``."""
+"""Stages that are not shared: each variant has its own steps ``train/NAME`` and ``evaluate/NAME``."""
 
 
 @dataclass(frozen=True)
 class AblationPlan:
-    """All steps by name, upstream first, and the whole plan of each variant that they come from."""
+    """The steps of all variants, and each variant's own plan."""
 
     config: AblationsConfig
     steps: Mapping[str, Step]
+    """All steps by name, upstream first."""
     plans: Mapping[str, Plan]
-    """Variant -> its plan."""
+    """Name of a variant -> its plan."""
     variant_of: Mapping[str, str]
-    """Step -> a variant whose plan has it; the comparison is of none."""
+    """Name of a step -> name of a variant whose plan has it; without the comparison, which is in none."""
     command: str
-    """What makes all of this."""
+    """The command line that makes these ablations; shown in the comparison."""
 
 
 @lru_cache(maxsize=4)
 def load_ablation_plan(source: str) -> AblationPlan:
-    """Plan of an `ablation_source`; made once a process, so that edits during a run do not mix two plans.
+    """Plan of an `ablation_source`; each process computes it once, so that edits during a run do not mix two plans.
 
     Raises:
         ConfigError: the config, or a variant of it, cannot be used.
         ScanError: a mesh folder is missing or empty.
         PluginError: the base or a variant names an unknown or broken plugin.
     """
-    where = json.loads(source)["ablations"]
-    path = Path(where["config"])
+    inputs = json.loads(source)["ablations"]
+    path = Path(inputs["config"])
     config = parse_ablations(read_config_text(path), str(path))
-    return make_ablation_plan(with_meshes(config, where["meshes"], where["evaluate_meshes"]), where["command"])
+    return make_ablation_plan(with_meshes(config, inputs["meshes"], inputs["evaluate_meshes"]), inputs["command"])
 
 
 def make_ablation_plan(config: AblationsConfig, command: str = "") -> AblationPlan:
-    """Plan of a config; its mesh folders are read once, for their contents' digests.
+    """Plan of a config. The files in its mesh folders are read once, to compute their sha256.
 
     Raises: as `load_ablation_plan`.
     """
@@ -68,12 +69,16 @@ def make_ablation_plan(config: AblationsConfig, command: str = "") -> AblationPl
         for name, step in plan.steps.items():
             steps.setdefault(name, step)
             variant_of.setdefault(name, variant.name)
-    steps[COMPARE] = _comparison(config, plans, command)
+    steps[COMPARE] = _comparison_step(config, plans, command)
     return AblationPlan(config, steps, plans, variant_of, command)
 
 
 def _variant_plan(variant: Variant, shared: Plan) -> Plan:
-    """The variant's own plan on the base's meshes; what is wrong with its values is told with its name."""
+    """The variant's own plan, on the base's meshes.
+
+    Raises:
+        ConfigError, PluginError: as `check_config`; the message starts with the variant's name.
+    """
     try:
         check_config(variant.config)
         return _with_variant_name(assemble_plan(variant.config, shared.training, shared.evaluation), variant.name)
@@ -82,16 +87,20 @@ def _variant_plan(variant: Variant, shared: Plan) -> Plan:
 
 
 def _with_variant_name(plan: Plan, variant: str) -> Plan:
-    """The plan with the variant's name in those of its own steps."""
-    new = {name: f"{name}/{variant}" if name in VARIANT_STAGES else name for name in plan.steps}
+    """The plan with the variant's name appended to the names of the steps that are not shared."""
+    new_names = {name: f"{name}/{variant}" if name in VARIANT_STAGES else name for name in plan.steps}
     steps = [
-        replace(step, entry=replace(step.entry, name=new[name]), upstream=tuple(new[one] for one in step.upstream))
+        replace(
+            step,
+            entry=replace(step.entry, name=new_names[name]),
+            upstream=tuple(new_names[upstream] for upstream in step.upstream),
+        )
         for name, step in plan.steps.items()
     ]
     return replace(plan, steps={step.name: step for step in steps})
 
 
-def _comparison(config: AblationsConfig, plans: Mapping[str, Plan], command: str) -> Step:
+def _comparison_step(config: AblationsConfig, plans: Mapping[str, Plan], command: str) -> Step:
     fields = stage_fields(COMPARE) | {
         "name": config.name, "command": command,
         "variants": [_variant_fields(variant, plans[variant.name]) for variant in config.variants],
@@ -101,6 +110,6 @@ def _comparison(config: AblationsConfig, plans: Mapping[str, Plan], command: str
 
 
 def _variant_fields(variant: Variant, plan: Plan) -> dict[str, Any]:
-    own = {stage: plan.steps[f"{stage}/{variant.name}"].entry.fingerprint for stage in VARIANT_STAGES}
+    upstream = {stage: plan.steps[f"{stage}/{variant.name}"].entry.fingerprint for stage in VARIANT_STAGES}
     changes = {key: list(values) for key, values in variant.changes.items()}
-    return {"name": variant.name, "title": variant.title, "why": variant.why, "changes": changes, **own}
+    return {"name": variant.name, "title": variant.title, "why": variant.why, "changes": changes, **upstream}

@@ -1,4 +1,4 @@
-"""The luigi task that compares the variants of Ablations; training and measuring them are FullPipeline's own tasks."""
+"""The luigi task that compares the variants of Ablations. FullPipeline's tasks train and evaluate each of them."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""How a pipeline that fails ends: with the one line that says why, and an exit status that says whether to try again.
+"""The end of a failed pipeline: one line with the reason, and an exit status that says whether to try again.
 
-Tasks run in processes of their own, so what failed in them comes here through a pipe that all of them have inherited.
-luigi's closing summary, which names no reason, is left out then.
+Tasks run in processes of their own and report their failures through a pipe that they all inherit. luigi's closing
+summary, which names no reasons, is not printed after a failure.
 """
 
 from __future__ import annotations
@@ -15,48 +15,50 @@ import luigi.retcodes
 from z2p_renderer.storage.files.disk_errors import TEMPORARY_FAILURE
 from z2p_renderer.workflows.process.task_log import lines_logged, log_line
 
-_notes_reader, _notes_writer = os.pipe()
-os.set_blocking(_notes_reader, False)
-os.set_blocking(_notes_writer, False)
+_failures_reader, _failures_writer = os.pipe()
+os.set_blocking(_failures_reader, False)
+os.set_blocking(_failures_writer, False)
 MAX_LINE_CHARACTERS = 3000
-"""Characters of a line that is kept: less than what goes through a pipe in one piece."""
+"""Lines are cut to this length, so that each record fits into one atomic write to a pipe."""
+MAX_RECORD_BYTES = 4000
+"""A pipe takes 4096 bytes (PIPE_BUF) at once without mixing them with those of other writers."""
 
 
 def record_failure(line: str, *, temporary: bool = False) -> None:
-    """Say that something failed, and keep the line for the end; `temporary` where the same command may succeed later."""
+    """Print a failure, and record it for the end; `temporary` means that the same command may succeed later."""
     log_line(line)
-    note = json.dumps({"line": line[:MAX_LINE_CHARACTERS], "passing": temporary, "said": lines_logged.value}).encode()
-    with suppress(OSError):  # of so many failures the first ones will do
-        os.write(_notes_writer, note[:4000] + b"\n")
+    record = {"line": line[:MAX_LINE_CHARACTERS], "temporary": temporary, "lines_logged": lines_logged.value}
+    with suppress(OSError):  # the pipe is full of earlier failures, which suffice
+        os.write(_failures_writer, json.dumps(record).encode()[:MAX_RECORD_BYTES] + b"\n")
 
 
 def summarize_failures() -> bool:
-    """Whether anything failed: then one line ends it all, and the exit status tells whether it may pass."""
-    notes = _read_notes()
-    if not notes:
+    """Whether any task failed. If so, print the reason as the last line and set the exit status."""
+    failures = _read_failures()
+    if not failures:
         return False
-    if len(notes) > 1:
-        log_line(f"FAILED {len(notes)} tasks, the first: {str(notes[0]['line']).removeprefix('FAILED ')}")
-    elif notes[0]["said"] != lines_logged.value:  # other tasks went on
-        log_line(str(notes[0]["line"]))
-    if all(note["passing"] for note in notes):
+    if len(failures) > 1:
+        log_line(f"FAILED {len(failures)} tasks, the first: {str(failures[0]['line']).removeprefix('FAILED ')}")
+    elif failures[0]["lines_logged"] != lines_logged.value:  # other tasks have printed lines after it
+        log_line(str(failures[0]["line"]))
+    if all(failure["temporary"] for failure in failures):
         _set_exit_status(TEMPORARY_FAILURE)
     return True
 
 
-def _read_notes() -> list[dict[str, str | bool | int]]:
+def _read_failures() -> list[dict[str, str | bool | int]]:
     text = b""
     with suppress(BlockingIOError):
-        while part := os.read(_notes_reader, 1 << 16):
+        while part := os.read(_failures_reader, 1 << 16):
             text += part
-    notes = []
+    failures = []
     for line in text.splitlines():
-        with suppress(ValueError):
-            notes.append(json.loads(line))
-    return notes
+        with suppress(ValueError):  # a record that was cut
+            failures.append(json.loads(line))
+    return failures
 
 
 def _set_exit_status(status: int) -> None:
-    """luigi has read its exit statuses by now, into an object that it keeps for all who ask: this one."""
+    """Change luigi's exit statuses. It has read its configuration into this shared object before the tasks ran."""
     statuses = luigi.retcodes.retcode()
     statuses.task_failed = statuses.scheduling_error = status

@@ -1,4 +1,4 @@
-"""``--explain`` and ``--dry-run``: what a run would make and why, said before it begins."""
+"""``--explain`` and ``--dry-run``: print before a run which steps it makes, and why."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ _explained: set[luigi.Task] = set()
 
 
 def explain(task: luigi.Task, plan: AnyPlan, store: Store, *, dry_run: bool) -> None:
-    """Say, once a task, which steps of its plan would run and why; in a dry run also that nothing was written."""
+    """Print, once for each task, which steps of its plan would run and why.
+
+    A dry run also prints their number, and silences luigi, whose summary would call all tasks complete.
+    """
     if task in _explained:
         return
     _explained.add(task)
-    found = step_statuses(plan, store)
-    log_line("\n".join(format_table(found, every=False)))
+    statuses = step_statuses(plan, store)
+    log_line("\n".join(format_table(statuses, with_fresh=False)))
     if dry_run:
-        logging.getLogger("luigi-interface").setLevel(logging.ERROR)  # its summary would call all complete
-        log_line(f"a run would make {len(steps_to_run(found))} of {len(found)} results; nothing was written")
+        logging.getLogger("luigi-interface").setLevel(logging.ERROR)
+        log_line(f"a run would make {len(steps_to_run(statuses))} of {len(statuses)} results; nothing was written")

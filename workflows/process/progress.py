@@ -1,6 +1,6 @@
-"""How a long run is doing, in one line every now and then: done, running, images a minute, time left.
+"""Progress of a long run, printed regularly as one line: steps done and running, images per minute, time left.
 
-Whole lines, so that a log file stays readable. They are written by a thread of the process that a user started.
+A thread of the process that the user started prints whole lines rather than a bar, so that log files stay readable.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _started: set[tuple[int, Path]] = set()
 
 
 def start_progress(store: Store, plan: AnyPlan, source: str) -> None:
-    """Note the pipeline as running and begin to tell how it is doing; once a process, and not in luigi's children."""
+    """Register the pipeline as running and start printing its progress; once per process, not in luigi's children."""
     if multiprocessing.parent_process() is not None or (os.getpid(), store.root) in _started:
         return
     _started.add((os.getpid(), store.root))
@@ -36,40 +36,40 @@ def start_progress(store: Store, plan: AnyPlan, source: str) -> None:
 
 @dataclass
 class Progress:
-    """A plan's progress in a store, from the moment that this is made."""
+    """Progress of a plan's steps in a store; rates count from the creation of this object."""
 
     store: Store
     steps: Sequence[Step]
     started: float = field(default_factory=time.monotonic)
-    first_images: int = field(init=False)
+    initial_images: int = field(init=False)
 
     def __post_init__(self) -> None:
         self.finished: set[str] = set()
-        self._look()
-        self.first_images = self._images()
+        self._update_finished()
+        self.initial_images = self._count_images()
 
     def line(self) -> str:
         """Such as ``progress: 12 of 34 done; running render/bunny/0-10; 41 images a minute; 12 min left to render``."""
-        self._look()
+        self._update_finished()
         running = [step for step in self.steps if self.store.is_locked(step.entry.stage, step.entry.fingerprint[:32])]
         self.idle = not running
         parts = [f"progress: {len(self.finished)} of {len(self.steps)} done"]
         if running:
-            parts.append("running " + ", ".join(self._told(step) for step in running))
-        images, asked = self._images(), sum(_view_count(step) for step in self.steps)
-        rate = (images - self.first_images) / max(time.monotonic() - self.started, 1e-9) * 60
-        if images < asked and rate:
-            parts.append(f"{images} of {asked} images, {rate:.1f} a minute, {(asked - images) / rate:.1f} min of "
+            parts.append("running " + ", ".join(self._describe_running(step) for step in running))
+        images, total = self._count_images(), sum(_view_count(step) for step in self.steps)
+        rate = (images - self.initial_images) / max(time.monotonic() - self.started, 1e-9) * 60
+        if images < total and rate:
+            parts.append(f"{images} of {total} images, {rate:.1f} a minute, {(total - images) / rate:.1f} min of "
                          "rendering left")
         return "; ".join(parts)
 
-    def _look(self) -> None:
+    def _update_finished(self) -> None:
         for step in self.steps:
             if step.name not in self.finished and self.store.complete(step.entry):
                 self.finished.add(step.name)
 
-    def _images(self) -> int:
-        """Pictures that are there, those of unfinished chunks too."""
+    def _count_images(self) -> int:
+        """Number of rendered images, including those of unfinished chunks."""
         count = 0
         for step in self.steps:
             if step.name in self.finished:
@@ -79,8 +79,8 @@ class Progress:
                 count += sum(path.name.count(".") == 1 for path in folder.glob("view_*.png"))
         return count
 
-    def _told(self, step: Step) -> str:
-        """The step's name, with where it is: the last line that a training has logged says how long it will take."""
+    def _describe_running(self, step: Step) -> str:
+        """The step's name; for training also its last log line, which estimates the time left."""
         if step.entry.stage != "train":
             return step.name
         lines = last_lines(self.store.log(step.entry), 1)
@@ -96,7 +96,7 @@ def _report_until_done(progress: Progress, registration: Registration, seconds: 
         time.sleep(seconds)
         try:
             line = progress.line()
-        except OSError as error:  # a folder that another process renames, or a disk that is away: the note stays alive
+        except OSError as error:  # another process renamed a folder, or the disk does not respond: go on with touch()
             line = f"progress cannot be told ({error})"
-        if not progress.idle:  # others may be at a step that this pipeline waits for
+        if not progress.idle:  # also while this pipeline waits for a step that another one makes
             log_line(line)

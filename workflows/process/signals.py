@@ -1,6 +1,6 @@
-"""Ctrl-C and SIGTERM end a pipeline with all that it has started, in a line each.
+"""Makes Ctrl-C and SIGTERM end a pipeline together with its tasks, each with one line instead of a traceback.
 
-Of itself luigi dies of SIGTERM, and its tasks, hours of training say, go on without it.
+Without this SIGTERM would end luigi alone, while its tasks, for example hours of training, continued.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from types import FrameType, TracebackType
 from z2p_renderer.workflows.process.task_log import log_line
 
 INTERRUPTED = 128 + signal.SIGINT
-"""Exit status."""
+"""Exit status of an interrupted task."""
 
 
 def handle_termination() -> None:
-    """Takes SIGTERM for Ctrl-C from now on, in this process and those that it forks; handlers of others stay.
+    """Treat SIGTERM as Ctrl-C from now on, in this process and those that it forks; existing handlers are kept.
 
-    luigi then sends it on to its tasks, which stop Blender and keep what they have.
+    luigi then interrupts its tasks, which stop Blender and keep their finished files.
     """
     if threading.current_thread() is not threading.main_thread():
         return
@@ -35,7 +35,7 @@ def handle_termination() -> None:
 
 @contextmanager
 def exit_on_interrupt(name: str) -> Iterator[None]:
-    """What a task's process does: an interrupt ends it at once, told by the task's name and not by a traceback."""
+    """End a task's process at once on an interrupt, with one line that names the task instead of a traceback."""
     try:
         yield
     except KeyboardInterrupt:

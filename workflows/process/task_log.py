@@ -1,4 +1,4 @@
-"""Each task's own log file, beside its output: everything that it and its child processes print."""
+"""The log file of each task, with everything that it and its child processes print."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ TAIL_LINES = 12
 _TAIL_BYTES = 16_384
 
 lines_logged = multiprocessing.RawValue("L", 0)
-"""How much was said so far, by all processes of a pipeline together."""
+"""Number of lines that all processes of a pipeline have logged so far; in shared memory."""
 _terminal: int | None = None
-"""Where stderr led before a task's log took its place; None while no log is open in this process."""
+"""File descriptor of stderr from before it was redirected to a task's log; None while it is not redirected."""
 
 
 def log_line(line: str) -> None:
-    """One line of progress on stderr, and in the log of the task that runs."""
+    """Print a line of progress on stderr, and in the log of the running task."""
     lines_logged.value += 1
-    with suppress(OSError):  # whoever listened may be gone, and the work goes on
+    with suppress(OSError):  # the terminal may have been closed, which must not stop the work
         os.write(2 if _terminal is None else _terminal, f"{line}\n".encode())
     if _terminal is not None:
         stamp = time.strftime("%H:%M:%S", time.gmtime())
-        with suppress(OSError):  # a full disk must not hide, behind its log, what went wrong
+        with suppress(OSError):  # an error of a full disk must not hide the task's own error
             os.write(2, "".join(f"{stamp} {part}\n" for part in line.splitlines()).encode())
 
 
 @contextmanager
 def output_to_log(path: Path) -> Iterator[None]:
-    """Sends what is printed to the file at `path`, child processes' output too; an error's traceback ends it."""
+    """Redirect stdout and stderr, of child processes too, to the file at `path`; an error's traceback is appended."""
     global _terminal
     path.parent.mkdir(parents=True, exist_ok=True)
     sys.stdout.flush()
@@ -41,13 +41,14 @@ def output_to_log(path: Path) -> Iterator[None]:
     saved = [os.dup(1), os.dup(2)]
     log = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
     began = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime())
-    with suppress(OSError):  # of a full disk, which the task will tell of
+    with suppress(OSError):  # a full disk, which the task itself will report
         os.write(log, f"--- {began}, process {os.getpid()} on {os.uname().nodename}\n".encode())
     os.dup2(log, 1)
     os.dup2(log, 2)
     os.close(log)
     outer = _terminal
-    _terminal = saved[1] if outer is None else outer  # a task may make what it needs, which has a log of its own
+    # keep the real terminal if nested: a task may repair an upstream result, which has a log of its own
+    _terminal = saved[1] if outer is None else outer
     try:
         yield
     except BaseException:
@@ -65,7 +66,7 @@ def output_to_log(path: Path) -> Iterator[None]:
 
 
 def last_lines(path: Path, count: int = TAIL_LINES) -> list[str]:
-    """The last lines of a log, none when there is no log."""
+    """The last `count` lines of a log; an empty list if there is no log."""
     try:
         with path.open("rb") as file:
             file.seek(max(0, path.stat().st_size - _TAIL_BYTES))

@@ -1,1 +1,1 @@
-"""The PaperReport goal: its plan and its tasks."""
+"""PaperReport: its plan, the task that a user starts, and the tasks of its stages."""

@@ -1,4 +1,4 @@
-"""The plan of a PaperReport: a step for each method on each sweep of each mesh, so that only what is new is made."""
+"""The plan of a PaperReport: a step for each method on each sweep of each mesh, so that only changes run again."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any
 from z2p_core import registry
 from z2p_core.config import ConfigError, to_dict
 from z2p_core.config.report import SWEEP_NAMES, ReportConfig, Sweep, check_report, parse_report
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import VIEW_CONTROLS, SYNTHETIC_SWEEPS
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import SYNTHETIC_SWEEPS, VIEW_CONTROLS
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.configs import read_config_text
@@ -25,13 +25,13 @@ from z2p_renderer.workflows.plan import MeshInput, Step, builtin_mesh, drop_dupl
 from z2p_renderer.workflows.sources import split_names
 
 MEASURE_PARAMETERS = ("views", "points", "resolution", "samples", "denoise", "seed")
-"""Settings that every measured row depends on."""
+"""Keys of the config that all measurements depend on."""
 TRUTH_METHOD = Method("truth", TRUTH, "")
 
 
 @dataclass(frozen=True)
 class ReportStep(Step):
-    """A step of the report, with what it is about."""
+    """A step of the report, with the name of its sweep and its method."""
 
     sweep: str = ""
     method: Method | None = None
@@ -39,41 +39,42 @@ class ReportStep(Step):
 
 @dataclass(frozen=True)
 class ReportPlan:
-    """All steps by name, upstream first, and what they work on."""
+    """A report's steps, and the meshes, methods and scans that they measure."""
 
     config: ReportConfig
     steps: dict[str, ReportStep]
+    """All steps by name, upstream first."""
     meshes: tuple[MeshInput, ...]
     methods: tuple[Method, ...]
     scans: tuple[Path, ...]
     command: str
-    """What makes this report."""
+    """The command line that makes this report; shown on its page."""
     warnings: tuple[str, ...] = ()
 
 
 @lru_cache(maxsize=4)
 def load_report_plan(source: str) -> ReportPlan:
-    """Plan of a `report_source`; made once a process.
+    """Plan of a `report_source`; each process computes it once.
 
     Raises:
         ConfigError: the config cannot be used, or a method or a sweep is unknown.
         ScanError: a folder of meshes or scans is missing or empty.
         PluginError: a plugin that it names is unknown or broken.
     """
-    where = json.loads(source)["report"]
+    inputs = json.loads(source)["report"]
     config = ReportConfig()
-    if where["config"]:
-        path = Path(where["config"])
+    if inputs["config"]:
+        path = Path(inputs["config"])
         config = parse_report(read_config_text(path), str(path))
-    given: dict[str, Any] = {key: where[key] for key in ("meshes", "scans") if where[key]}
-    if where["weights"]:
-        given["weights"] = tuple(split_names(where["weights"]))
-    config = check_report(replace(config, **given))
-    return make_report_plan(_select_sweeps(config, split_names(where["sweeps"])), where["command"])
+    overrides: dict[str, Any] = {key: inputs[key] for key in ("meshes", "scans") if inputs[key]}
+    if inputs["weights"]:
+        overrides["weights"] = tuple(split_names(inputs["weights"]))
+    config = check_report(replace(config, **overrides))
+    return make_report_plan(_select_sweeps(config, split_names(inputs["sweeps"])), inputs["command"])
 
 
 def make_report_plan(config: ReportConfig, command: str = "") -> ReportPlan:
-    """Plan of a config; its meshes, scans and weights are read for their contents' digests.
+    """Plan of a config. The files of its meshes, scans and weights are read to compute their sha256.
 
     Raises: as `load_report_plan`.
     """
@@ -84,31 +85,26 @@ def make_report_plan(config: ReportConfig, command: str = "") -> ReportPlan:
     scans = tuple(find_scans([config.scans], recursive=False)) if config.scans else ()
     steps = [ReportStep(Entry("shapes", "shapes", shapes_fields()))] if builtin else []
     for name, sweep in config.sweeps().items():
-        chosen: Sequence[MeshInput | None] = [None] if name in SYNTHETIC_SWEEPS else meshes[: sweep.meshes or None]
-        for mesh in chosen:
+        swept: Sequence[MeshInput | None] = [None] if name in SYNTHETIC_SWEEPS else meshes[: sweep.meshes or None]
+        for mesh in swept:
             steps += _measure_steps(config, name, sweep, mesh, methods)
     if config.trust_draws:
-        steps += [_trust_step(config, mesh, method) for mesh in meshes[: config.trust_meshes or None] for method in methods
-                  if method.kind == WEIGHTS]  # fmt: skip
+        networks = [method for method in methods if method.kind == WEIGHTS]
+        trust_meshes = meshes[: config.trust_meshes or None]
+        steps += [_trust_step(config, mesh, method) for mesh in trust_meshes for method in networks]
     steps += [_scans_step(config, scans, method) for method in methods if scans]
     steps.append(_times_step(config, meshes[0], methods))
-    measured = tuple(step.name for step in steps)
-    template = Path(__file__).parents[2] / "pipeline" / "templates" / "report.html"
-    fields = stage_fields("report") | {
-        "upstream": [step.entry.fingerprint for step in steps], "config": to_dict(config), "command": command,
-        "template": file_digest(template), "meshes": [mesh.name for mesh in meshes],
-    }  # fmt: skip
-    files = ((template, fields["template"]), *_weights_files(methods))
-    steps.append(ReportStep(Entry("report", "report", fields), measured, files=files))
-    return ReportPlan(config, {step.name: step for step in steps}, tuple(meshes), methods, scans, command,
-                      tuple(warnings))  # fmt: skip
+    steps.append(_page_step(config, command, steps, meshes, methods))
+    return ReportPlan(
+        config, {step.name: step for step in steps}, tuple(meshes), methods, scans, command, tuple(warnings)
+    )
 
 
 def report_methods(config: ReportConfig) -> tuple[Method, ...]:
-    """The weights, then the baselines.
+    """The methods that a report compares: first the weights, then the baselines.
 
     Raises:
-        ConfigError: weights that are unknown or of other plugins' versions, or two methods of one name.
+        ConfigError: weights that are unknown or need other versions of plugins, or two methods of the same name.
         PluginError: a baseline is unknown or broken.
     """
     methods = []
@@ -128,7 +124,7 @@ def report_methods(config: ReportConfig) -> tuple[Method, ...]:
 
 
 def _method_name(weights: str) -> str:
-    """What a shipped name or a file is called; every training's file is ``weights``, so its folder tells which."""
+    """Name of weights in the report; for a training's ``weights.safetensors`` the name of its folder."""
     path = Path(weights)
     return (path.absolute().parent.name if path.stem == "weights" else "") or path.stem
 
@@ -136,30 +132,35 @@ def _method_name(weights: str) -> str:
 def _measure_steps(
     config: ReportConfig, name: str, sweep: Sweep, mesh: MeshInput | None, methods: Sequence[Method]
 ) -> list[ReportStep]:
-    """The truth's step and that of each method."""
-    of = mesh.name if mesh else "shapes"
-    shapes = ("shapes",) if mesh and mesh.path is None else ()
+    """The steps of one sweep on one mesh (None: on synthetic shapes): ground truth, then each method."""
+    subject = mesh.name if mesh else "shapes"
+    shapes = _shapes_upstream(mesh)
     samplers = [level for level in sweep.levels if name == "sampling" and level != "non-uniform"] or ["uniform"]
     shared = stage_fields("measure") | _measure_fields(config) | {
         "sweep": name, "levels": list(sweep.levels), "mesh": mesh.identity if mesh else "",
         "samplers": [plugin_fields(registry.load("samplers", str(sampler))) for sampler in samplers],
     }  # fmt: skip
-    truth = f"measure/{name}/{of}/truth"
+    truth = f"measure/{name}/{subject}/truth"
     steps = []
     for method in (TRUTH_METHOD, *methods):
         fields = _without_network_code(method, shared) | {"method": method_fields(method)}
-        entry = Entry("measure", f"measure/{name}/{of}/{method.name}", fields)
+        entry = Entry("measure", f"measure/{name}/{subject}/{method.name}", fields)
         upstream = shapes if method == TRUTH_METHOD else (*shapes, truth)
         steps.append(ReportStep(entry, upstream, mesh, sweep=name, method=method))
     return steps
 
 
 def _without_network_code(method: Method, fields: dict[str, Any]) -> dict[str, Any]:
-    """The fields, without the code of networks where the method has none."""
+    """The fields; for a method without weights without the parts of the code that only networks need."""
     if method.kind == WEIGHTS:
         return fields
-    needless = set(WEIGHTS_ONLY_CODE) - set(PLACEMENT_CODE if fields["stage"] == "scans" else ())
-    return fields | {"code": {part: digest for part, digest in fields["code"].items() if part not in needless}}
+    unused = set(WEIGHTS_ONLY_CODE) - set(PLACEMENT_CODE if fields["stage"] == "scans" else ())
+    return fields | {"code": {part: digest for part, digest in fields["code"].items() if part not in unused}}
+
+
+def _shapes_upstream(mesh: MeshInput | None) -> tuple[str, ...]:
+    """Upstream steps of a step that reads the mesh: a built-in shape comes from ``shapes``."""
+    return ("shapes",) if mesh and mesh.path is None else ()
 
 
 def _trust_step(config: ReportConfig, mesh: MeshInput, method: Method) -> ReportStep:
@@ -167,8 +168,8 @@ def _trust_step(config: ReportConfig, mesh: MeshInput, method: Method) -> Report
         "mesh": mesh.identity, "method": method_fields(method), "draws": config.trust_draws,
         "samplers": [plugin_fields(registry.load("samplers", "uniform"))],
     }  # fmt: skip
-    shapes = ("shapes",) if mesh.path is None else ()
-    return ReportStep(Entry("trust", f"trust/{mesh.name}/{method.name}", fields), shapes, mesh, method=method)
+    entry = Entry("trust", f"trust/{mesh.name}/{method.name}", fields)
+    return ReportStep(entry, _shapes_upstream(mesh), mesh, method=method)
 
 
 def _times_step(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]) -> ReportStep:
@@ -176,14 +177,30 @@ def _times_step(config: ReportConfig, mesh: MeshInput, methods: Sequence[Method]
         "mesh": mesh.identity, "methods": [method_fields(method) for method in methods], "points": config.points,
         "repeats": config.time_repeats, "samples": config.samples, "denoise": config.denoise, "seed": config.seed,
     }  # fmt: skip
-    shapes = ("shapes",) if mesh.path is None else ()
-    return ReportStep(Entry("times", "times", fields), shapes, mesh, files=_weights_files(methods))
+    entry = Entry("times", "times", fields)
+    return ReportStep(entry, _shapes_upstream(mesh), mesh, files=_weights_files(methods))
+
+
+def _page_step(
+    config: ReportConfig,
+    command: str,
+    upstream: Sequence[ReportStep],
+    meshes: Sequence[MeshInput],
+    methods: Sequence[Method],
+) -> ReportStep:
+    template = Path(__file__).parents[2] / "pipeline" / "templates" / "report.html"
+    fields = stage_fields("report") | {
+        "upstream": [step.entry.fingerprint for step in upstream], "config": to_dict(config), "command": command,
+        "template": file_digest(template), "meshes": [mesh.name for mesh in meshes],
+    }  # fmt: skip
+    files = ((template, fields["template"]), *_weights_files(methods))
+    return ReportStep(Entry("report", "report", fields), tuple(step.name for step in upstream), files=files)
 
 
 def _weights_files(methods: Sequence[Method]) -> tuple[tuple[Path, str], ...]:
-    """File and digest of all weights, for steps that are of no one method."""
-    found = [(find_weights(method.source).absolute(), method_fields(method)) for method in methods if method.kind == WEIGHTS]
-    return tuple((path, fields["sha256"]) for path, fields in found)
+    """Path and sha256 of all weights, for steps that use more than one method."""
+    networks = [method for method in methods if method.kind == WEIGHTS]
+    return tuple((find_weights(method.source).absolute(), method_fields(method)["sha256"]) for method in networks)
 
 
 def _scans_step(config: ReportConfig, scans: Sequence[Path], method: Method) -> ReportStep:

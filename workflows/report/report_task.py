@@ -1,4 +1,4 @@
-"""What the tasks of the report on the paper's evaluation have in common."""
+"""The common base of the report's tasks."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from z2p_renderer.workflows.stage_task import StageTask
 
 
 class ReportTask(StageTask):
-    """What the report's tasks share; no stage of its own."""
+    """Base class of the report's tasks; abstract, without a stage."""
 
     @property
     def report(self) -> ReportPlan:
@@ -20,11 +20,11 @@ class ReportTask(StageTask):
 
     @property
     def part(self) -> ReportStep:
-        """The task's step, with sweep and method."""
+        """The task's step, as the report's plan has it: with sweep and method."""
         return self.report.steps[self.step.name]
 
     def _check_code(self) -> None:
-        """As for every task; the method's weights must be those of the plan as well."""
+        """As for every task; also checks that the method's weights or plugin are those of the plan."""
         super()._check_code()
         method = self.part.method
         if method is not None and method_fields(method) != self.part.entry.fields["method"]:
@@ -32,5 +32,5 @@ class ReportTask(StageTask):
 
     @property
     def truth(self) -> Path:
-        """The store of ground truth, which evaluations share."""
+        """Folder of the store of ground truth, which all evaluations share."""
         return self.store.root / "truth"

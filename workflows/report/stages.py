@@ -1,4 +1,4 @@
-"""The luigi tasks of the report on the paper's evaluation, each of which calls one function of `pipeline.evaluation.paper`."""
+"""The report's luigi tasks. Each calls one function of `pipeline.evaluation.paper`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from z2p_renderer.workflows.report.report_task import ReportTask
 
 
 class Measure(ReportTask):
-    """One method's pictures and figures on one sweep of one mesh."""
+    """One method's pictures and metrics on one sweep of one mesh."""
 
     stage = "measure"
 
@@ -35,11 +35,11 @@ class Scans(ReportTask):
         if self.part.method is None:
             raise ValueError(f"{self.part.name} has no method")
         draw_scans(self.part.method, self.report.scans, self.report.config, self.truth, out, log=log_line)
-        self._check_files()  # again: a scan is read when its turn comes, which may be long after the first one's
+        self._check_files()  # again, because the scans were read one after another, long after the first check
 
 
 class Trust(ReportTask):
-    """Maps of disagreement, and how well they tell where a picture errs."""
+    """Uncertainty maps, and how well they predict where a picture is wrong."""
 
     stage = "trust"
 
@@ -55,7 +55,7 @@ class Trust(ReportTask):
 
 
 class Times(ReportTask):
-    """Tables 2 and 3, measured in one run."""
+    """The run times of Tables 2 and 3, all measured by one task."""
 
     stage = "times"
 
@@ -66,7 +66,8 @@ class Times(ReportTask):
         mesh = self.part.mesh
         if mesh is None:
             raise ValueError(f"{self.part.name} has no mesh")
-        measure_times(read_true_mesh(mesh.name, self.mesh_path()), self.report.methods, self.report.config, out, log=log_line)
+        subject = read_true_mesh(mesh.name, self.mesh_path())
+        measure_times(subject, self.report.methods, self.report.config, out, log=log_line)
 
 
 class Report(ReportTask):

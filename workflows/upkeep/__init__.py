@@ -1,1 +1,1 @@
-"""Keeping a workspace in order: which results are in use, reused, linked, adopted or removed."""
+"""Maintenance of a workspace: results in use, garbage collection, adoption, links and reuse of renders."""

@@ -1,4 +1,4 @@
-"""Ground truth that older code rendered for a plan's evaluation, with or without a manifest, to be vouched for."""
+"""Adoption of ground truth that older code rendered for a plan's evaluation, with or without a manifest."""
 
 from __future__ import annotations
 
@@ -13,28 +13,28 @@ from z2p_renderer.workflows.plan import Plan
 
 
 def find_truth_candidates(plan: Plan, store: Store, truth: Store) -> list[Candidate]:
-    """Pictures in the store of ground truth that can be adopted for the plan's evaluation."""
-    pictures = list(iter_references(plan, store))
-    found = find_candidates(truth, [entry for entry, _ in pictures], ("reference",))
-    known = {candidate.entry.fingerprint for candidate in found}
-    for entry, old in pictures:
-        coverage = old.with_suffix(".coverage.png")
-        if entry.fingerprint not in known and not truth.complete(entry) and old.is_file() and coverage.is_file():
-            files = {"picture.png": old, "picture.coverage.png": coverage}
-            found.append(Candidate(entry, old.parent, old.parent.name, ("it had no manifest",), files))
-    return found
+    """Images in `truth`, the store of ground truth, that can be adopted for the plan's evaluation."""
+    references = list(iter_references(plan, store))
+    candidates = find_candidates(truth, [entry for entry, _ in references], ("reference",))
+    known = {candidate.entry.fingerprint for candidate in candidates}
+    for entry, legacy in references:
+        coverage = legacy.with_suffix(".coverage.png")
+        if entry.fingerprint not in known and not truth.complete(entry) and legacy.is_file() and coverage.is_file():
+            files = {"picture.png": legacy, "picture.coverage.png": coverage}
+            candidates.append(Candidate(entry, legacy.parent, legacy.parent.name, ("it had no manifest",), files))
+    return candidates
 
 
 def iter_references(plan: Plan, store: Store) -> Iterator[tuple[Entry, Path]]:
-    """Each picture that the plan's evaluation needs, and where it would lie without a manifest."""
-    from z2p_renderer.pipeline.evaluation.evaluate import sample_views, ground_truth_settings, split_seeds
+    """Each ground truth image that the plan's evaluation needs, and its path in stores from before manifests."""
+    from z2p_renderer.pipeline.evaluation.evaluate import ground_truth_settings, sample_views, split_seeds
     from z2p_renderer.pipeline.rendering.ground_truth import legacy_picture_path, reference_entry
     from z2p_renderer.pipeline.rendering.views import load_controls
     from z2p_renderer.pipeline.shapes import shape_path
     from z2p_renderer.storage.results.fingerprints import file_digest
 
     controls = load_controls(plan.config.render.controls)
-    # all that drawing the views asks of the weights
+    # the only attributes of weights that `sample_views` reads
     weights = SimpleNamespace(controls=controls, fixed_elevation=None if "elevation" in controls else DEFAULT_ELEVATION)
     for mesh in plan.evaluation:
         path = mesh.path or shape_path(store.folder(plan.steps["shapes"].entry), mesh.name)

@@ -1,4 +1,4 @@
-"""Results under the name of their config: links into the store that are exchanged whole."""
+"""Symbolic links from ``<workspace>/<config name>/`` into the store, replaced atomically."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from pathlib import Path
 
 
 def link_results(results: Mapping[Path, Path]) -> None:
-    """Make each path of `results` a link to its file in the store, in place of an older one."""
-    for shown, found in results.items():
-        shown.parent.mkdir(parents=True, exist_ok=True)
-        fresh = shown.with_name(f".{shown.name}.{os.getpid()}")
-        fresh.unlink(missing_ok=True)
-        fresh.symlink_to(os.path.relpath(found, shown.parent))
-        fresh.replace(shown)
+    """Make each key of `results` a link to its file in the store, replacing older links."""
+    for link, target in results.items():
+        link.parent.mkdir(parents=True, exist_ok=True)
+        temporary = link.with_name(f".{link.name}.{os.getpid()}")
+        temporary.unlink(missing_ok=True)
+        temporary.symlink_to(os.path.relpath(target, link.parent))
+        temporary.replace(link)
 
 
 def are_linked(results: Mapping[Path, Path]) -> bool:
-    """Whether each path of `results` is a link to its file already."""
-    return all(shown.is_symlink() and shown.resolve() == found.resolve() for shown, found in results.items())
+    """Whether each key of `results` is a link to its file already."""
+    return all(link.is_symlink() and link.resolve() == target.resolve() for link, target in results.items())

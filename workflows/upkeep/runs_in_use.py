@@ -1,8 +1,8 @@
-"""Which results are in use: by pipelines that run now, and by configurations whose results are kept.
+"""Notes in a store about which results are in use: by running pipelines, and by configurations that are kept.
 
 ====================================  ===============================================================================
-`<root>/.running/<host>-<pid>.json`   a running pipeline's results; locked while it lives, touched every few seconds
-`<root>/.kept/<name>.json`            the results of a configuration's newest run
+`<root>/.running/<host>-<pid>.json`   results of a running pipeline; it holds a lock and touches the file regularly
+`<root>/.kept/<name>.json`            results of a configuration's newest run
 ====================================  ===============================================================================
 """
 
@@ -24,11 +24,11 @@ from z2p_renderer.storage.results.store import Store, StoreError
 from z2p_renderer.workflows.plan import AnyPlan
 
 DEAD_AFTER_SECONDS = 600.0
-"""A pipeline of another machine counts as dead when it has been silent for so long."""
+"""A pipeline on another machine counts as dead when it has not touched its note for this time."""
 
 
 class Registration:
-    """A pipeline's note of the results that it uses; it goes when the process ends."""
+    """A running pipeline's note of the results that it uses; deleted when the process ends."""
 
     def __init__(self, store: Store, plan: AnyPlan, source: str) -> None:
         note = _note(store, plan, source)
@@ -42,29 +42,30 @@ class Registration:
         atexit.register(self.close)
 
     def touch(self) -> bool:
-        """Say that the pipeline is alive; False when its note is gone."""
-        with suppress(OSError):  # of a disk that is away for a moment
+        """Update the note's time, as a sign that the pipeline is alive; False if the note no longer exists."""
+        with suppress(OSError):  # such as a network disk that does not respond for a moment
             if not self.path.exists():
                 return False
             os.utime(self.path)
         return True
 
     def close(self) -> None:
-        if os.getpid() == self._process:  # a forked task ends before its pipeline
+        """Delete the note; does nothing in forked processes, which end before the pipeline."""
+        if os.getpid() == self._process:
             self.path.unlink(missing_ok=True)
             self._file.close()
 
 
 def keep_results(store: Store, plan: AnyPlan, source: str) -> None:
-    """Note the plan's results as those of its configuration, in place of an earlier run's."""
+    """Note the plan's results as those of its configuration, replacing the note of an earlier run."""
     _write(store.root / ".kept" / f"{plan.config.name}.json", _note(store, plan, source))
 
 
 def iter_running(store: Store) -> Iterator[dict[str, Any]]:
-    """Notes of the pipelines that are alive, as far as can be told.
+    """Notes of the pipelines that appear to be alive.
 
     Raises:
-        StoreError: one is damaged, so that nobody can tell what its pipeline uses.
+        StoreError: a note is damaged, so that the results its pipeline uses are unknown.
     """
     for path in sorted((store.root / ".running").glob("*.json")):
         if _is_alive(path):
@@ -84,10 +85,10 @@ def kept_names(store: Store) -> list[str]:
 
 
 def kept_results(store: Store, but: Container[str] = ()) -> dict[str, dict[str, Any]]:
-    """Notes of the kept configurations, by name, but for some.
+    """Notes of the kept configurations by name, except of those named in `but`.
 
     Raises:
-        StoreError: one is damaged, so that nobody can tell what its configuration needs.
+        StoreError: a note is damaged, so that the results its configuration needs are unknown.
     """
     advice = "run its pipeline again, which writes the note anew, or let go of it with --drop {}"
     return {name: _read(store.root / ".kept" / f"{name}.json", advice.format(name))
@@ -96,10 +97,10 @@ def kept_results(store: Store, but: Container[str] = ()) -> dict[str, dict[str, 
 
 @contextmanager
 def collection_lock(store: Store, *, shared: bool) -> Iterator[None]:
-    """Held shared by a pipeline that starts and alone by a sweep, so that neither is in the middle of the other."""
+    """Lock against garbage collection: pipelines hold it shared while they start, a collection holds it exclusively."""
     path = store.root / ".locks" / "sweep"
     path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a+") as file:  # NFS 4 locks shared what is open to be read, alone what is open to be written
+    with path.open("a+") as file:  # NFS 4 needs a readable file for a shared lock, a writable one for an exclusive lock
         fcntl.flock(file, fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
         yield
 
@@ -111,10 +112,10 @@ def _note(store: Store, plan: AnyPlan, source: str) -> dict[str, Any]:
 
 
 def _read(path: Path, advice: str) -> dict[str, Any]:
-    """The note at a path.
+    """Read and check the note at a path; `advice` ends the message of an error.
 
     Raises:
-        StoreError: it is torn, or lists no results.
+        StoreError: the note is damaged, or lists no results.
     """
     try:
         note = json.loads(path.read_text(encoding="utf-8"))
@@ -128,18 +129,19 @@ def _read(path: Path, advice: str) -> dict[str, Any]:
 
 
 def _is_alive(path: Path) -> bool:
+    """Whether the pipeline that wrote a note seems to run, judged by the note's lock, and on other hosts by its age."""
     try:
         with path.open("r+" if os.access(path, os.W_OK) else "r") as file:
-            silent = time.time() - path.stat().st_mtime
+            age_seconds = time.time() - path.stat().st_mtime
             try:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
                 return True
-            except OSError:  # another user's note, on NFS 4: its age alone tells
-                return silent < DEAD_AFTER_SECONDS
-            own = json.load(file)["host"] == os.uname().nodename
-            return not own and silent < DEAD_AFTER_SECONDS
-    except (FileNotFoundError, ValueError, KeyError, TypeError, RecursionError):  # gone, or torn by a crash
+            except OSError:  # another user's note on NFS 4, which cannot be locked
+                return age_seconds < DEAD_AFTER_SECONDS
+            is_same_host = json.load(file)["host"] == os.uname().nodename
+            return not is_same_host and age_seconds < DEAD_AFTER_SECONDS
+    except (FileNotFoundError, ValueError, KeyError, TypeError, RecursionError):  # deleted, or damaged by a crash
         return False
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from z2p_renderer.storage.results.adoption import adopt, find_candidates
+from z2p_renderer.storage.results.adoption import adopt_result, find_candidates
 from z2p_renderer.storage.results.fingerprints import STAGE_VERSIONS, fingerprint
 from z2p_renderer.storage.results.store import Entry, Store, StoreError
 
@@ -41,7 +41,7 @@ def make(store, entries):
 def take_over(store, planned, stages=tuple(STAGE_VERSIONS)):
     found = find_candidates(store, planned, stages)
     for candidate in found:
-        adopt(store, candidate, "a refactoring")
+        adopt_result(store, candidate, "a refactoring")
     return [candidate.entry.name for candidate in found]
 
 
@@ -109,10 +109,10 @@ def test_a_damaged_result_and_an_empty_reason_are_refused(store):
     make(store, chain("old")[:1])
     (candidate,) = find_candidates(store, chain("new"), ("render",))
     with pytest.raises(ValueError, match="reason"):
-        adopt(store, candidate, "  ")
+        adopt_result(store, candidate, "  ")
     (candidate.folder / "result.bin").write_text("other")
     with pytest.raises(StoreError, match=r"result\.bin"):
-        adopt(store, candidate, "a refactoring")
+        adopt_result(store, candidate, "a refactoring")
     assert find_candidates(store, chain("new"), ("render",)) == []
 
 
@@ -147,7 +147,7 @@ def test_an_adoption_that_is_cut_off_is_offered_again_and_tells_nothing_false(st
     (candidate,) = find_candidates(store, chain("new"), ("train",))
     with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
         patched.setattr("pathlib.Path.rename", stop_renaming)
-        adopt(store, candidate, "the same")
+        adopt_result(store, candidate, "the same")
     (again,) = find_candidates(store, chain("new"), ("train",))
     assert (again.old_fingerprint, again.differences) == (candidate.old_fingerprint, candidate.differences)
     store.produce(old, lambda folder: (folder / "weights").write_text("old"), resumable=True)
@@ -168,7 +168,7 @@ def test_work_that_went_on_meanwhile_is_not_adopted(store):
     (candidate,) = find_candidates(store, chain("new"), ("train",))
     store.produce(old, lambda folder: (folder / "weights").write_text("whole"), resumable=True)
     with pytest.raises(StoreError, match="has gone on"):
-        adopt(store, candidate, "the same")
+        adopt_result(store, candidate, "the same")
 
 
 def test_work_that_somebody_goes_on_with_or_has_begun_anew_is_left_alone(store):

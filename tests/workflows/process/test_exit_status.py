@@ -14,10 +14,10 @@ def statuses(monkeypatch):
     """The object with luigi's exit statuses, as they were; nothing is left in the pipe."""
     found = luigi.retcodes.retcode()
     before = found.task_failed, found.scheduling_error
-    exit_status._read_notes()
+    exit_status._read_failures()
     yield found
     found.task_failed, found.scheduling_error = before
-    exit_status._read_notes()
+    exit_status._read_failures()
 
 
 def in_a_fork(*calls) -> None:

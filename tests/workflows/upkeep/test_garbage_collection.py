@@ -118,8 +118,8 @@ def test_a_result_that_is_being_written_by_another_process_stays(config, store):
     (store.work_folder(entry) / "checkpoints").mkdir(parents=True)
     with store.lock(entry):
         script = ("import sys; from pathlib import Path; from z2p_renderer.storage.results.store import Store; "
-                  "from z2p_renderer.workflows.upkeep.garbage_collection import sweep; "
-                  "print(len(sweep(Store(Path(sys.argv[1])))))")  # fmt: skip
+                  "from z2p_renderer.workflows.upkeep.garbage_collection import collect_garbage; "
+                  "print(len(collect_garbage(Store(Path(sys.argv[1])))))")  # fmt: skip
         command = [sys.executable, "-c", script, str(store.root)]
         assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split() == ["0"]
     assert names(collect_garbage(store)) == {"unfinished train"} and not store.work_folder(entry).exists()
