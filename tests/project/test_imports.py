@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -33,6 +34,8 @@ FILE_CALLS = {"open", "read_text", "write_text", "read_bytes", "write_bytes", "m
 FILE_CALLS |= {"savez", "savez_compressed", "savetxt", "loadtxt", "genfromtxt", "fromfile", "tofile", "load_file"}
 BUILDING = {Path("z2p_core/native", name) for name in ("build.py", "source_digest.py", "wheels.py")}
 """What compiles the kernels, tells the C files that they come from, which lie beside it, and names wheels."""
+MAX_FOLDER_MODULES = 15
+"""Modules in one source folder, without `__init__.py`."""
 
 
 def sources(*rooms: str) -> list[Path]:
@@ -116,3 +119,44 @@ def test_packages_of_the_pipeline_have_no_circle() -> None:
         for package in leaves:
             del remaining[package]
     assert not remaining, f"packages import one another in a circle: {sorted(remaining)}"
+
+
+def imported_modules(path: Path) -> set[str]:
+    """Names of our own modules, without `z2p_renderer.`, that a file imports, those inside functions included."""
+    names = {module for module, _ in imports(path)}
+    for node in ast.walk(ast.parse((ROOT / path).read_text())):
+        if isinstance(node, ast.ImportFrom):
+            members = {f"{node.module}.{alias.name}".removeprefix("z2p_renderer.") for alias in node.names}
+            if members <= set(MODULES):  # modules of a package, and nothing of the package itself
+                names = names - {node.module} | members
+    return {name.removeprefix("z2p_renderer.") for name in names} & set(MODULES)
+
+
+MODULES = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in ALL}
+"""Dotted name of a module without `z2p_renderer.` -> its file."""
+
+
+def modules_in_circles(edges: dict[str, set[str]]) -> set[str]:
+    """Modules that import one another in a circle, and those between two circles."""
+    remaining = set(edges)
+    importers = {name: {other for other in edges if name in edges[other]} for name in edges}
+    while acyclic := {name for name in remaining if not edges[name] & remaining or not importers[name] & remaining}:
+        remaining -= acyclic
+    return remaining
+
+
+def test_circles_of_imports_are_detected() -> None:
+    edges = {"a": {"b"}, "b": {"c"}, "c": {"b", "d"}, "d": set()}
+    assert modules_in_circles(edges) == {"b", "c"}
+
+
+def test_no_modules_import_one_another_in_a_circle() -> None:
+    """An import inside a function counts as well: it only hides a circle."""
+    edges = {name: imported_modules(path) - {name} for name, path in MODULES.items()}
+    assert "storage.results.store" in edges["storage.results.adoption"]
+    assert not modules_in_circles(edges)
+
+
+def test_no_source_folder_has_too_many_modules() -> None:
+    counts = Counter(path.parent for path in ALL if path.name != "__init__.py")
+    assert {str(folder): count for folder, count in counts.items() if count > MAX_FOLDER_MODULES} == {}
