@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tomllib
 import warnings
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,13 @@ from click import Context, Group, Option, Parameter
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-STRANGERS = ("writing-a-control.md", "writing-a-plugin.md")
-"""The pages about plugins that are not installed; tests/examples/test_coat_example.py runs the first, a test below the other."""
+EXTERNAL_PLUGIN_PAGES = ("writing-a-control.md", "writing-a-plugin.md")
+"""Pages about plugins that are not installed. `tests/examples/test_coat_example.py` runs the first, a test below the
+other."""
+CODE_FOLDERS = ("benchmarks", "configs", "docs", "examples", "pipeline", "plugins", "scripts", "shims", "storage",
+                "tests", "workflows", "z2p_core", "z2p_renderer")  # fmt: skip
+EXAMPLE_FILES = {"mine_zbuffer.py", "mine_reader.py", "test_mine.py", "mine.toml", "z2p_core/native/TOPIC.py"}
+"""Files that a page names for the reader to make."""
 RUN = re.compile(r"(cat \S+ \| )?z2p (render|run-inference|animate|rerender|info|formats|plugins|report|completion) ")
 """Commands that are run; those of whole pipelines have tests of their own, and only their options are checked here."""
 
@@ -30,7 +36,7 @@ def blocks(page: Path, language: str) -> list[str]:
 
 def commands(page: Path) -> list[str]:
     """The lines that call z2p."""
-    if page.name in STRANGERS:
+    if page.name in EXTERNAL_PLUGIN_PAGES:
         return []
     lines = [line for block in blocks(page, "sh") for line in block.splitlines()]
     return [line for line in lines if re.match(r"(cat \S+ \| )?z2p ", line)]
@@ -185,6 +191,22 @@ def test_the_python_page_runs(desk: Path) -> None:
         for block in blocks(ROOT / "docs" / "python.md", "python"):
             exec(block, names)
     assert (desk / "points.png").stat().st_size > 1000 and (desk / "sheet.png").exists()
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "ARCHITECTURE.md"], ids=stem)
+def test_every_file_that_a_page_names_exists(page: Path) -> None:
+    """A page may leave out leading folders; what it names is the end of the path of some file."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    code = " ".join(re.findall(r"`([^`]+)`", text))
+    named = set(re.findall(r"(?<![\w./])([\w./-]*\w\.(?:py|c|h|md|toml))\b", code)) - EXAMPLE_FILES
+    assert [name for name in sorted(named) if not any(path.endswith(f"/{name}") for path in project_files())] == []
+
+
+@cache
+def project_files() -> tuple[str, ...]:
+    """Paths of the project's files, each with a leading slash."""
+    paths = [path for folder in CODE_FOLDERS for path in (ROOT / folder).rglob("*.*")]
+    return tuple(f"/{path.relative_to(ROOT).as_posix()}" for path in [*paths, *ROOT.glob("*.*")])
 
 
 @pytest.mark.parametrize("page", PAGES, ids=stem)
