@@ -1,4 +1,4 @@
-"""Finds plugins through entry points: the only way to a plugin, for built-ins and strangers alike."""
+"""Finds plugins through entry points. Built-in plugins and those of other packages are all loaded through here."""
 
 from __future__ import annotations
 
@@ -51,10 +51,10 @@ def installed(group: str) -> list[Plugin]:
     ]
 
 
-def is_ours(group: str, name: str) -> bool:
-    """Whether z2p itself brings the plugin of that name, and nobody else one; nothing is imported."""
-    found = _entries(group).get(name, ())
-    return bool(found) and all(entry.value.startswith("z2p_renderer.plugins.") for entry in found)
+def is_builtin(group: str, name: str) -> bool:
+    """Whether the plugin of that name comes from z2p and from no other package; nothing is imported."""
+    entries = _entries(group).get(name, ())
+    return bool(entries) and all(entry.value.startswith("z2p_renderer.plugins.") for entry in entries)
 
 
 def load(group: str, name: str) -> type[Any]:
@@ -63,20 +63,20 @@ def load(group: str, name: str) -> type[Any]:
     Raises:
         PluginError: no such plugin, two packages claim the name, or its import fails.
     """
-    found = _entries(group).get(name, ())
-    if not found:
+    entries = _entries(group).get(name, ())
+    if not entries:
         known = ", ".join(names(group)) or "none"
         raise PluginError(f"unknown {group[:-1]} {name!r}; installed: {known}")
-    if len(found) > 1:
-        origins = " and ".join(_origin(entry) for entry in found)
+    if len(entries) > 1:
+        origins = " and ".join(_origin(entry) for entry in entries)
         raise PluginError(f"{group[:-1]} {name!r} is claimed by {origins}; uninstall one of them")
-    return _load_entry(group, name, found[0])
+    return _load_entry(group, name, entries[0])
 
 
 def _load_entry(group: str, name: str, entry: EntryPoint) -> type[Any]:
     try:
         plugin = entry.load()
-    except Exception as error:  # whatever a stranger's import raises must name the plugin, and only when asked for
+    except Exception as error:  # a plugin's import may raise anything; the message names the plugin
         raise PluginError(
             f"{group[:-1]} {name!r} from {_origin(entry)} fails to load ({entry.value}): "
             f"{type(error).__name__}: {error}; repair or uninstall that package"
@@ -98,8 +98,8 @@ def _origin(entry: EntryPoint) -> str:
 
 
 @cache
-def _everything(path: tuple[str, ...]) -> EntryPoints:
-    """The entry points of all packages on the path: reading them once serves every group."""
+def _all_entry_points(path: tuple[str, ...]) -> EntryPoints:
+    """The entry points of all packages on the path, read once for all groups."""
     return entry_points()  # type: ignore[return-value]  # up to 3.11 a subclass of dict, which selects as well
 
 
@@ -107,23 +107,23 @@ def _everything(path: tuple[str, ...]) -> EntryPoints:
 def _entries(group: str) -> dict[str, tuple[EntryPoint, ...]]:
     if group not in GROUPS:
         raise PluginError(f"unknown plugin group {group!r}; groups: {', '.join(GROUPS)}")
-    found: dict[str, list[EntryPoint]] = {}
-    for entry in _everything(tuple(sys.path)).select(group=f"z2p.{group}"):
-        found.setdefault(entry.name, []).append(entry)
+    by_name: dict[str, list[EntryPoint]] = {}
+    for entry in _all_entry_points(tuple(sys.path)).select(group=f"z2p.{group}"):
+        by_name.setdefault(entry.name, []).append(entry)
     origins: dict[int, str] = {}
-    return {name: _different(entries, origins) for name, entries in found.items()}
+    return {name: _without_duplicates(entries, origins) for name, entries in by_name.items()}
 
 
-def _different(entries: list[EntryPoint], origins: dict[int, str]) -> tuple[EntryPoint, ...]:
+def _without_duplicates(entries: list[EntryPoint], origins: dict[int, str]) -> tuple[EntryPoint, ...]:
     """The entries of one name, each once: an editable install beside its build folder lists the same one twice.
 
-    Where they come from is asked only then, and once a package: its metadata takes milliseconds to parse.
+    `origins` caches the packages' origins, whose metadata takes milliseconds to parse.
     """
     if len(entries) == 1:
         return (entries[0],)
-    different = {}
+    unique = {}
     for entry in entries:
         if id(entry.dist) not in origins:
             origins[id(entry.dist)] = _origin(entry)
-        different[origins[id(entry.dist)], entry.value] = entry
-    return tuple(different.values())
+        unique[origins[id(entry.dist)], entry.value] = entry
+    return tuple(unique.values())

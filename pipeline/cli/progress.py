@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
-    from z2p_renderer.pipeline.inference.batch import Outcome
+    from z2p_renderer.pipeline.batch.render_files import Outcome
 
 
 class Progress:

@@ -11,7 +11,8 @@ import click
 from z2p_renderer.pipeline.cli.options.pictures import check_writable
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
-    from z2p_renderer.pipeline.inference.batch import Outcome, Task
+    from z2p_renderer.pipeline.batch.render_files import Outcome
+    from z2p_renderer.pipeline.batch.tasks import Task
     from z2p_renderer.pipeline.inference.look import Look
 
 

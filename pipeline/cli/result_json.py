@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
-    from z2p_renderer.pipeline.inference.batch import Outcome
+    from z2p_renderer.pipeline.batch.render_files import Outcome
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 

@@ -1,6 +1,6 @@
-"""Sparse clouds are drawn small and enlarged: the network closes gaps of some pixels, as it has learnt to, not of many.
+"""Sparse clouds are rendered at a lower resolution and upsampled: the network closes gaps of a few pixels only.
 
-How much smaller was measured on clouds of 100 to 5,000 points in pictures of 256 to 1024 pixels: `docs/ablations.md`.
+The factors were measured on clouds of 100 to 5,000 points in pictures of 256 to 1024 pixels: `docs/ablations.md`.
 """
 
 from __future__ import annotations
@@ -15,34 +15,35 @@ from z2p_core.surface.noise_level import median_spacing
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS
 
 MIN_PIXELS_PER_SPACING = 6.0
-"""Pixels from point to point, at least, in a picture that is drawn smaller."""
+"""Distance between neighboring points, in pixels, that a picture at lower resolution still has."""
 REDUCTION_FACTORS = (2, 3, 4, 6, 8, 12, 16)
-"""How many times smaller: few, for engines prepare for each size of picture."""
+"""Factors by which sides are divided; few, since engines prepare for each size of picture."""
 MIN_SHORTER_SIDE = 128
-"""Of a picture's shorter side: below, the network sees too little."""
+"""Shorter side of the smallest picture that the network renders, in pixels."""
 
 
 def render_size(cloud: np.ndarray, width: int, height: int) -> tuple[int, int]:
-    """Width and height in which a picture of a placed cloud (N, 3) float32 is drawn, at most those that it shall have.
+    """Width and height at which the network renders a placed cloud (N, 3), at most those of the picture.
 
-    They depend on the distance between the cloud's points, not on how it is turned.
+    They depend on the distance between the cloud's points, not on its rotation.
     """
-    scale = Camera(width, height).focal / DISTANCE
-    near = 4 * math.pi * (scale / (REDUCTION_FACTORS[0] * MIN_PIXELS_PER_SPACING)) ** 2  # so many points are close all over the unit sphere
-    if min(len(cloud), MAX_SURFACE_POINTS) >= near:
+    pixels_per_unit = Camera(width, height).focal / DISTANCE
+    # with so many points, neighbors are close even if the points are spread over the whole unit sphere
+    dense = 4 * math.pi * (pixels_per_unit / (REDUCTION_FACTORS[0] * MIN_PIXELS_PER_SPACING)) ** 2
+    if min(len(cloud), MAX_SURFACE_POINTS) >= dense:
         return width, height
-    apart = scale * median_spacing(cloud)
-    small = min(width, height) / MIN_SHORTER_SIDE
-    factor = max((step for step in REDUCTION_FACTORS if apart >= MIN_PIXELS_PER_SPACING * step and small >= step), default=1)
+    spacing = pixels_per_unit * median_spacing(cloud)
+    max_factor = min(width, height) / MIN_SHORTER_SIDE
+    suitable = [f for f in REDUCTION_FACTORS if spacing >= MIN_PIXELS_PER_SPACING * f and max_factor >= f]
+    factor = max(suitable, default=1)
     return round(width / factor), round(height / factor)
 
 
 def upsampled(picture: np.ndarray, width: int, height: int) -> np.ndarray:
-    """A picture (C, h, w) float32, colour times alpha, in another size (C, height, width): bicubic, so somewhat beyond
-    its range."""
+    """A premultiplied image (C, h, w) float32 at another size, (C, height, width); bicubic, so it may overshoot."""
     if picture.shape[1:] == (height, width):
         return picture
-    from PIL import Image  # late: few pictures are enlarged
+    from PIL import Image  # imported late: few pictures are upsampled
 
     out = np.empty((len(picture), height, width), np.float32)
 

@@ -22,10 +22,10 @@ from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_core.up_axis.axis_names import UP_ROTATIONS, parse_up_axis
-from z2p_renderer.pipeline.inference.batch import describe_source, path_relative_to
 from z2p_renderer.pipeline.inference.look import Look, build_look
 from z2p_renderer.pipeline.inference.parse_settings import parse_background
 from z2p_renderer.pipeline.inference.render_scan import RenderedScan, build_record, render_scan
+from z2p_renderer.pipeline.inference.scan_source import describe_source, path_relative_to
 from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, load_renderer
 from z2p_renderer.pipeline.placement.hints import options_as_keywords
 from z2p_renderer.storage.cameras import read_camera

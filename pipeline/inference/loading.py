@@ -110,7 +110,8 @@ def load_plugins(weights: Weights | str | Path, *, to_train: bool = False) -> Lo
     loaded = _with_plugins(weights, to_train)
     if fault := network_config_fault(loaded.config):
         raise WeightsError(f"{_named(weights)} for a network that this z2p cannot build: {fault}")
-    check_tensors(weights, network_shapes(loaded.config, loaded.buffer_channels, loaded.encoder.channels, loaded.settings))
+    shapes = network_shapes(loaded.config, loaded.buffer_channels, loaded.encoder.channels, loaded.settings)
+    check_tensors(weights, shapes)
     return loaded
 
 

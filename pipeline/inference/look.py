@@ -1,4 +1,4 @@
-"""How a picture is to look: control values, placement, size, background. Built in one place from what a user asks for."""
+"""How a picture is to look: control values, placement, size and background; built here from a user's settings."""
 
 from __future__ import annotations
 

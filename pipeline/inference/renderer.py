@@ -74,7 +74,7 @@ class Renderer:
 
     @property
     def fixed_elevation(self) -> float | None:
-        """The only camera elevation that the weights can render, degrees; None when elevation is one of their controls."""
+        """The only camera elevation, in degrees, that the weights can render; None if it is one of their controls."""
         if "elevation" in self.controls:
             return None
         fixed = self._loaded.card.get("fixed_elevation")

@@ -1,4 +1,4 @@
-"""Which weights render a cloud: those that the user names, or, for ``auto``, shipped ones that suit the cloud's noise."""
+"""Which weights render a cloud: those that the user names or, for ``auto``, shipped ones by the cloud's noise."""
 
 from __future__ import annotations
 
@@ -95,5 +95,5 @@ def load_renderer(
 
 
 def select_renderer(renderer: AnyRenderer, cloud: np.ndarray) -> tuple[Renderer, str]:
-    """The renderer with fixed weights for a placed cloud (N, 3) float32; and the reason if `AutoRenderer` chose others."""
+    """The renderer for a placed cloud (N, 3) float32, with fixed weights; and why `AutoRenderer` chose these, if so."""
     return renderer.select(cloud) if isinstance(renderer, AutoRenderer) else (renderer, "")

@@ -1,1 +1,1 @@
-"""What is made from pictures (animations, galleries, contact sheets), and checks of outputs that exist already."""
+"""What is made from pictures: animations, galleries and contact sheets."""

@@ -1,1 +1,1 @@
-"""How a scan comes to stand before the camera, and what the user is told of it."""
+"""Places a scan before the camera, and describes what was done to it."""

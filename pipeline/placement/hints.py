@@ -74,18 +74,19 @@ def small_part_hint(cloud: np.ndarray) -> str:
 
 
 def fixed_camera_hint(cloud: np.ndarray, viewpoint: Viewpoint) -> str:
-    """What to say where a camera that was settled before shows next to nothing of placed points (N, 3), or no floor."""
+    """What to say where a given camera shows next to nothing of placed points (N, 3), or no floor."""
     low, high = bounding_box(cloud)
     tiny = (high - low).max() < 2 * TINY_RADIUS
     floor = low[2] if viewpoint.floor is None else viewpoint.floor
-    away = FLOOR_ABOVE if floor > low[2] + MAX_SUNK_SHARE * (high - low)[2] else FLOOR_BELOW if floor < low[2] - MAX_HOVER_RADII else ""
+    above = floor > low[2] + MAX_SUNK_SHARE * (high - low)[2]
+    away = FLOOR_ABOVE if above else FLOOR_BELOW if floor < low[2] - MAX_HOVER_RADII else ""
     return "; ".join(filter(None, (TINY_HINT if tiny else "", away)))
 
 
 def options_as_keywords(hint: str) -> str:
     """A hint with its options as keywords: ``--cut-top 40`` becomes ``cut_top=40``."""
     option = re.compile(r"--([a-z-]+) ([+-]?\w+)")
-    return option.sub(lambda found: f"{found[1].replace('-', '_')}={_literal(found[2])}", hint)
+    return option.sub(lambda match: f"{match[1].replace('-', '_')}={_literal(match[2])}", hint)
 
 
 def float32_step(points: np.ndarray) -> float:

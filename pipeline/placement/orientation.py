@@ -1,4 +1,4 @@
-"""Which way up a scan is shown and from which side: by the user's options, else the file, else the points."""
+"""Up axis and view of a scan: by the user's options, else by the file, else by the points."""
 
 from __future__ import annotations
 

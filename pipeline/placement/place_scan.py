@@ -1,11 +1,11 @@
-"""Places a scan before the camera: which points are drawn, which way is up, the view, and the frame.
+"""Places a scan before the camera: the points to draw, the up axis, the view, and the frame.
 
-`place_scan` is the whole way; `select_points` its first half, which leaves the points in the file's coordinates:
+`place_scan` does all steps; `select_points` the first four, which leave the points in the file's coordinates:
 
 1. remove outliers;
 2. choose the up axis, and find the depth camera that took the scan, if any;
 3. with a depth camera: fill gaps in depth, remove the background, level the support plane; else remove low outliers;
-4. cut the top off, if asked;
+4. cut the top off, if the user wants it;
 5. choose the view, frame the bounding sphere into the unit sphere (or use the fixed camera), smooth;
 6. describe what was done.
 """
@@ -196,7 +196,7 @@ def _place_before_fixed_camera(
     selected: SelectedPoints, viewpoint: Viewpoint, options: PlacementOptions, elevation: float,
     elevation_range: tuple[float, float] | None,
 ) -> PlacedCloud:  # fmt: skip
-    """The points before a given camera, turned by the user's azimuth and set onto the camera's floor if asked.
+    """The points before a given camera, turned by the user's azimuth and set onto the camera's floor if `grounded`.
 
     Raises:
         ScanError: all of them lie outside its frame, or they reach the camera.

@@ -68,7 +68,7 @@ def _claims(asked: str | None = None) -> tuple[dict[str, list[str]], list[str]]:
     claims: dict[str, list[str]] = {}
     faults = []
     for name in registry.names("readers"):
-        if asked is not None and asked not in OURS.get(name, (asked,)) and registry.is_ours("readers", name):
+        if asked is not None and asked not in OURS.get(name, (asked,)) and registry.is_builtin("readers", name):
             continue
         try:
             plugin = registry.load("readers", name)

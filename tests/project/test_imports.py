@@ -27,8 +27,6 @@ ONLY_IN = {
     "h5py": ("storage/", "plugins/readers/h5.py"),
 }
 """Library -> where alone it may be imported."""
-KNOWN_BACK_EDGE = ("inference", "outputs")
-"""Of the packages of `pipeline/`: batches leave pictures that exist already as they are."""
 NOT_IN_CORE = {"h5py", "luigi", "bpy", "open3d"}
 FILE_CALLS = {"open", "read_text", "write_text", "read_bytes", "write_bytes", "mkdir", "unlink", "touch", "rename"}
 FILE_CALLS |= {"savez", "savez_compressed", "savetxt", "loadtxt", "genfromtxt", "fromfile", "tofile", "load_file"}
@@ -105,7 +103,7 @@ def package_of(module: str) -> str:
 
 
 def test_packages_of_the_pipeline_have_no_circle() -> None:
-    """Imports inside functions included; `KNOWN_BACK_EDGE` is the one exception."""
+    """Imports inside functions included."""
     edges: dict[str, set[str]] = {}
     for path in sources("pipeline"):
         package = path.parts[1].removesuffix(".py")
@@ -113,7 +111,6 @@ def test_packages_of_the_pipeline_have_no_circle() -> None:
         edges.setdefault(package, set()).update(
             package_of(target) for target in targets if target.startswith("pipeline.")
         )
-    edges[KNOWN_BACK_EDGE[0]] -= {KNOWN_BACK_EDGE[1]}
     remaining = {package: targets - {package} for package, targets in edges.items()}
     while leaves := [package for package, targets in remaining.items() if not targets & set(remaining)]:
         for package in leaves:

@@ -67,7 +67,7 @@ def test_a_placed_and_drawn_cloud_leaves_no_thread_spinning():
 
 @pytest.mark.parametrize("entry", ["z2p_renderer.pipeline.cli", "workflows"])
 @pytest.mark.parametrize("asked, expected", [(None, "1"), ("3", "3")])
-def test_commands_give_blas_one_thread_unless_the_user_says_otherwise(entry, asked, expected):
+def test_commands_limit_blas_to_one_thread_by_default(entry, asked, expected):
     environment = {name: value for name, value in os.environ.items() if name != "OPENBLAS_NUM_THREADS"}
     environment |= {"OPENBLAS_NUM_THREADS": asked} if asked else {}
     code = f"""

@@ -55,7 +55,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
     registry._entries.cache_clear()
 
 
-def test_built_ins_are_listed_with_their_origin_and_nothing_is_imported() -> None:
+def test_plugins_are_listed_with_origin_without_importing() -> None:
     listed = {plugin.name: plugin for plugin in registry.installed("controls")}
     assert {"color", "light", "elevation", "metallic", "roughness"} <= set(listed)
     assert listed["color"].origin.startswith("z2p-renderer ")

@@ -79,13 +79,15 @@ def foreground_mask(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     if near <= 0:
         return whole
     # steps that grow with depth, so that the gap is the same number of them everywhere
-    step = np.floor(np.log(np.maximum(depth, near) / near) / math.log(MIN_DEPTH_RATIO) * (DEPTH_STEPS / 40)).astype(np.int64)
+    steps_per_log = DEPTH_STEPS / 40
+    step = np.floor(np.log(np.maximum(depth, near) / near) / math.log(MIN_DEPTH_RATIO) * steps_per_log).astype(np.int64)
     count = np.bincount(step)
     before = np.concatenate([[0], np.cumsum(count)])
     width = DEPTH_STEPS // 40
     for first in range(1, len(count) - width + 1):
-        strays = before[first + width] - before[first]
-        if before[first] >= max(MIN_SUBJECT_SHARE * len(points), MIN_PLANE_SAMPLE) and strays <= MAX_GAP_POINT_SHARE * len(points):
+        in_gap = before[first + width] - before[first]
+        is_subject = before[first] >= max(MIN_SUBJECT_SHARE * len(points), MIN_PLANE_SAMPLE)
+        if is_subject and in_gap <= MAX_GAP_POINT_SHARE * len(points):
             behind = before[-1] - before[first + width]
             rim = next((edge for edge in range(first, first + width) if count[edge] == 0), first)
             return step < rim if behind > MAX_GAP_POINT_SHARE * len(points) else whole
@@ -93,7 +95,7 @@ def foreground_mask(points: np.ndarray, sensor: Sensor) -> np.ndarray:
 
 
 def support_plane_normal(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> np.ndarray | None:
-    """Unit normal (3,) of the table or floor that things stand on in a depth camera's points (N, 3); None without one.
+    """Unit normal (3,) of the table or floor that objects stand on in a depth camera's points (N, 3); None without one.
 
     `up` (3,) is the camera's own up, which is wrong by as much as it was tilted. The plane holds a quarter of the
     points, leans by less than 65 degrees from that, and nearly all else stands on its upper side, the camera too: the
@@ -103,7 +105,7 @@ def support_plane_normal(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> 
     if len(sample) < MIN_PLANE_SAMPLE:
         return None
     size = float(np.linalg.norm(sample.max(0) - sample.min(0)))
-    corner = np.random.default_rng(0).integers(0, len(sample), size=(PLANE_CANDIDATES, 3))  # the same tries for every cloud
+    corner = np.random.default_rng(0).integers(0, len(sample), size=(PLANE_CANDIDATES, 3))  # same for all clouds
     first, second, third = (sample[corner[:, place]] for place in range(3))
     normals = np.cross(second - first, third - first)
     length = np.linalg.norm(normals, axis=1)
@@ -130,21 +132,23 @@ def support_plane_normal(points: np.ndarray, up: np.ndarray, sensor: Sensor) -> 
 def is_room(points: np.ndarray) -> bool:
     """Whether points (N, 3), +Z up, look like a room in metres: a floor and a ceiling, and a person fits between.
 
-    A solid thing fills the middle of its height, and a ring has no floor at its centre.
+    A solid object fills the middle of its height, and a ring has no floor at its centre.
     """
     low, high = bounding_box(points)
-    if (high - low)[2] < ROOM_HEIGHT_METRES[0]:  # told at once for most things; what follows takes longer
+    if (high - low)[2] < ROOM_HEIGHT_METRES[0]:  # a fast test, which most objects fail
         return False
     low, high = np.quantile(points, [0.002, 0.998], axis=0)
     breadth, height = float((high - low)[:2].min()), float((high - low)[2])
-    if not ROOM_HEIGHT_METRES[0] <= height <= ROOM_HEIGHT_METRES[1] or breadth < max(MIN_ROOM_BREADTH_METRES, height / 2):
+    lowest, highest = ROOM_HEIGHT_METRES
+    if not lowest <= height <= highest or breadth < max(MIN_ROOM_BREADTH_METRES, height / 2):
         return False
     cell = np.clip((points[:, :2] - low[:2]) / (high - low)[:2] * 20, 0, 19.999).astype(np.int64)
     footprint = cell[:, 0] * 20 + cell[:, 1]
     taken = len(np.unique(footprint))
     level = (points[:, 2] - low[2]) / height
-    floor, ceiling, middle = (len(np.unique(footprint[slab])) for slab in
-                              (level < ROOM_SLAB_SHARE, level > 1 - ROOM_SLAB_SHARE, np.abs(level - 0.5) < ROOM_SLAB_SHARE))  # fmt: skip
+    slabs = (level < ROOM_SLAB_SHARE, level > 1 - ROOM_SLAB_SHARE, np.abs(level - 0.5) < ROOM_SLAB_SHARE)
+    floor, ceiling, middle = (len(np.unique(footprint[slab])) for slab in slabs)
     centre = np.median(np.unique(cell, axis=0), axis=0)
     central = (np.abs(cell - centre) <= 1.5).all(1).any()
-    return bool(central) and min(floor, ceiling) >= MIN_ROOM_COVERAGE * taken and middle <= MAX_ROOM_MIDDLE_COVERAGE * taken
+    covered = min(floor, ceiling) >= MIN_ROOM_COVERAGE * taken
+    return bool(central) and covered and middle <= MAX_ROOM_MIDDLE_COVERAGE * taken

@@ -43,17 +43,21 @@ def fill_depth_gaps(points: np.ndarray, sensor: Sensor) -> np.ndarray:
     if spacing <= 0 or np.abs(across).max() > MAX_VIEW_TANGENT:
         return none
     for side in PIXEL_SPACINGS:
-        found, share = _between(across, depth, side * spacing, int(MAX_GAP_SPACINGS / side))
+        gap_points, share = _fill_gaps(across, depth, side * spacing, int(MAX_GAP_SPACINGS / side))
         if share <= MAX_GAP_SHARE:
-            moved: np.ndarray = rotate_points(found, sensor.rotation) + sensor.position
+            moved: np.ndarray = rotate_points(gap_points, sensor.rotation) + sensor.position
             return moved
     return none
 
 
-def _between(across: np.ndarray, depth: np.ndarray, pixel: float, most: int) -> tuple[np.ndarray, float]:
-    """Points (M, 3) in the sensor's axes for gaps of at most so many pixels, and how many, in those that hold points.
+def _fill_gaps(across: np.ndarray, depth: np.ndarray, pixel: float, max_pixels: int) -> tuple[np.ndarray, float]:
+    """Points (M, 3) in the sensor's axes that fill gaps of up to `max_pixels`, and M over the occupied pixels.
 
-    Those are seen at places (N, 2) on the sensor's picture, at that depth (N,).
+    Args:
+        across: (N, 2), the points' positions in the image plane at depth 1.
+        depth: (N,).
+        pixel: side of a pixel at depth 1.
+        max_pixels: width of the widest gap that is filled.
     """
     corner = across.min(axis=0)
     if np.prod(np.ptp(across, axis=0) / pixel) > MAX_PIXELS_PER_POINT * len(across):
@@ -63,11 +67,11 @@ def _between(across: np.ndarray, depth: np.ndarray, pixel: float, most: int) -> 
     ends = np.stack([rows.first, rows.last, columns.first, columns.last])
     widest = np.maximum(rows.length, columns.length)
     flat = np.ptp(ends, axis=0) <= MAX_DEPTH_SLOPE * widest * pixel * ends.mean(axis=0)
-    closed = empty & flat & (widest <= most + 1)
+    closed = empty & flat & (widest <= max_pixels + 1)
     between = (rows.between * columns.length + columns.between * rows.length) / (rows.length + columns.length)
     places = np.argwhere(closed)[:, ::-1]
-    ways = np.column_stack([(places + 0.5) * pixel + corner, np.ones(len(places))])
-    return ways * between[closed][:, None], len(places) / np.count_nonzero(~empty)
+    rays = np.column_stack([(places + 0.5) * pixel + corner, np.ones(len(places))])
+    return rays * between[closed][:, None], len(places) / np.count_nonzero(~empty)
 
 
 def _picture(places: np.ndarray, depth: np.ndarray, spread: float) -> tuple[np.ndarray, np.ndarray]:
@@ -111,7 +115,7 @@ def _bridges(picture: np.ndarray, empty: np.ndarray) -> _Bridges:
 
 
 def _spacing(across: np.ndarray) -> float:
-    """Of places (N, 2) on the sensor's picture."""
+    """Spacing of positions (N, 2) in the image plane."""
     flat = np.column_stack([across, np.zeros(len(across))]).astype(np.float32)
     sample = subsample_hashed(flat, MAX_SURFACE_POINTS)
     return median_spacing(sample) * float(np.sqrt(len(sample) / len(flat)))

@@ -1,4 +1,4 @@
-"""Which points to leave out of the frame: strays that would make the object small in it."""
+"""Which points to leave out of the frame: outliers that would make the object small in it."""
 
 from __future__ import annotations
 
@@ -29,24 +29,22 @@ POINTS_PER_PART = 8
 BODY_CELLS = 64
 """Cells along the body's widest side, each with one point, in which the nearest one is searched."""
 MIN_SPAN = 1e-300
-"""Of a cloud whose places in a grid are still numbers."""
+"""Smallest extent of a cloud at which its grid coordinates are finite."""
 MIN_SHRINKAGE = 0.1
-"""Clipping must shrink the bounding sphere's radius by this share at least, or the height where strays lie below;
-otherwise they do no harm."""
+"""Clipping must shrink the bounding sphere's radius by this share at least, or the height where outliers lie below;
+otherwise the outliers do no harm."""
 MAX_LOW_OUTLIER_SHARE = 0.001
-"""Share of all points, of strays that lie below a thing in all."""
-
-
+"""Share of the points that may be low outliers."""
 MIN_VISIBLE_DISC_SHARE = 0.02
-"""Share of the picture's disc that all clusters fill at most, each by its own sphere, where next to nothing shows."""
+"""Share of the frame's disc that all clusters' spheres together cover at most where next to nothing is visible."""
 MAX_SCATTERED_SHARE = 0.25
-"""Share of the points that may lie scattered in small clusters, and still count as strays."""
+"""Share of the points that may lie scattered in small clusters, and still count as outliers."""
 SPECK_POINT_SHARE = 0.7
 """Share of the points that specks hold at least."""
 MAX_SPECK_CELLS = 150
 """Cells of a coarse grid that specks can take up at most."""
 MAX_FAR_ROUNDS = 8
-"""Times that a cloud is looked at for what lies far away: each time the rest is a tenth as wide or less."""
+"""Rounds in which far clusters are removed: each leaves a cloud at most a tenth as wide."""
 
 
 def outlier_sample(points: np.ndarray) -> np.ndarray:
@@ -71,7 +69,7 @@ def remove_outliers(points: np.ndarray) -> tuple[np.ndarray, int]:
 
 
 def inlier_mask(points: np.ndarray) -> np.ndarray:
-    """Mask (N,) bool of finite points (N, 3): False for strays that would make the object small in its sphere.
+    """Mask (N,) bool of finite points (N, 3): False for outliers that would make the object small in its sphere.
 
     Strays are clusters of under 1 % of the points, apart from the rest by a cell or more of a coarse grid. They go only
     when that shrinks the bounding sphere's radius by over 10 %, and never more than 2 % of the points in all.
@@ -82,10 +80,10 @@ def inlier_mask(points: np.ndarray) -> np.ndarray:
     for _ in range(4):  # a stray very far away hides the nearer ones from the first grid
         rows = np.flatnonzero(kept)
         budget = int(MAX_OUTLIER_SHARE * len(points)) - (len(points) - len(rows))
-        strays = _outlier_cluster_mask(points[rows], int(MAX_OUTLIER_CLUSTER_SHARE * len(points)), budget)
-        if not strays.any():
+        outliers = _outlier_cluster_mask(points[rows], int(MAX_OUTLIER_CLUSTER_SHARE * len(points)), budget)
+        if not outliers.any():
             break
-        kept[rows[strays]] = False
+        kept[rows[outliers]] = False
     return kept
 
 
@@ -122,7 +120,7 @@ def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
     radii = np.linalg.norm(high - low, axis=1) / 2
     whole = float(np.linalg.norm(high.max(0) - low.min(0))) / 2
     small = sizes <= MAX_OUTLIER_CLUSTER_SHARE * len(points)
-    if sizes[small].sum() <= MAX_SCATTERED_SHARE * len(points):  # strays may lie in wide chains, of which nothing shows
+    if sizes[small].sum() <= MAX_SCATTERED_SHARE * len(points):  # wide chains of outliers hardly show
         radii[small] = 0.0
     if (radii**2).sum() >= MIN_VISIBLE_DISC_SHARE * whole**2:
         return None
@@ -130,7 +128,7 @@ def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
 
 
 def _spread_out(points: np.ndarray) -> bool:
-    """Whether most of points (N, 3) take up more of the space about them than specks in it do; told at once."""
+    """Whether most of points (N, 3) fill more of their bounding box than specks would; a fast test."""
     low, high = bounding_box(points)
     step = max(float((high - low).max()), MIN_SPAN) / 24
     some = points[:: -(-len(points) // MAX_SAMPLE)]  # no order makes many cells of few
@@ -143,24 +141,24 @@ def _spread_out(points: np.ndarray) -> bool:
 
 
 def above_low_outliers_mask(points: np.ndarray, height: np.ndarray) -> np.ndarray:
-    """Mask (N,) bool of finite points (N, 3) and their heights (N,): False for strays that would lift the thing up.
+    """Mask (N,) bool of finite points (N, 3) and their heights (N,): False for those that would put the floor too low.
 
     The floor touches the lowest point, so a few wrong ones below, as lidar has, leave the rest to hover above it.
-    They go when they are small clusters, of under 0.1 % of the points in all, and the height shrinks by over 10 %.
+    They are removed if they are small clusters with less than 0.1 % of all points, and the height shrinks by over 10 %.
     """
     kept = np.ones(len(points), dtype=bool)
-    most = int(MAX_LOW_OUTLIER_SHARE * len(points))
-    if most == 0:
+    max_count = int(MAX_LOW_OUTLIER_SHARE * len(points))
+    if max_count == 0:
         return kept
-    lowest = np.argpartition(height, most)[: most + 1]
+    lowest = np.argpartition(height, max_count)[: max_count + 1]
     lowest = lowest[np.argsort(height[lowest], kind="stable")]
     rise = height[lowest] - height[lowest[0]]
     if rise[-1] < MIN_SHRINKAGE * np.ptp(height):
         return kept
     cluster = _clusters(points)
-    small = (np.bincount(cluster) <= most)[cluster[lowest]]
-    count = len(lowest) if small.all() else int(small.argmin())  # all that lie below the first that is no stray
-    if count <= most and rise[count] >= MIN_SHRINKAGE * np.ptp(height):
+    small = (np.bincount(cluster) <= max_count)[cluster[lowest]]
+    count = len(lowest) if small.all() else int(small.argmin())  # all below the first one that is no outlier
+    if count <= max_count and rise[count] >= MIN_SHRINKAGE * np.ptp(height):
         kept[lowest[:count]] = False
     return kept
 
@@ -183,20 +181,20 @@ def _outlier_cluster_mask(points: np.ndarray, largest: int, budget: int) -> np.n
     farthest = np.flatnonzero(small)[np.argsort(-reach[small], kind="stable")]
     taken = np.zeros(len(sizes), dtype=bool)
     taken[farthest[np.cumsum(sizes[farthest]) <= budget]] = True
-    strays = taken[cluster]
-    rest_of = outlier_sample(points[~strays])
+    outliers = taken[cluster]
+    rest_of = outlier_sample(points[~outliers])
     rest = bounding_sphere(rest_of)
-    whole = bounding_sphere(np.vstack([rest_of, points[strays]])) if strays.any() else rest
+    whole = bounding_sphere(np.vstack([rest_of, points[outliers]])) if outliers.any() else rest
     if rest.radius > (1 - MIN_SHRINKAGE) * whole.radius:
         return none
     outside = np.sqrt(((points - rest.centre) ** 2).sum(1)) > 1.02 * rest.radius
-    return strays & outside & ~_adjoining(points, cluster, taken, sizes > largest)
+    return outliers & outside & ~_adjoining(points, cluster, taken, sizes > largest)
 
 
 def _adjoining(points: np.ndarray, cluster: np.ndarray, taken: np.ndarray, large: np.ndarray) -> np.ndarray:
-    """Mask (N,) of the points whose cluster is `taken` for strays, but as near to a `large` one as its points there.
+    """Mask (N,) of the points in `taken` clusters that are as near to a `large` one as its points are to each other.
 
-    Where one part of a thing is scanned far more finely, the cells are too small for the others, and part them.
+    Where one part of an object is scanned far more finely, the cells are too small for the others, and part them.
     """
     joined: list[int] = []
     clusters = np.flatnonzero(taken)
@@ -237,7 +235,7 @@ def _clusters(points: np.ndarray) -> np.ndarray:
     steps = [(x * side + y) * side + z for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
     while True:
         least = np.min([label[taken + step] for step in steps], axis=0)
-        least = np.minimum(least, label[least])  # jump along what the neighbour has found
+        least = np.minimum(least, label[least])  # jump to the label that the neighbor has reached
         if np.array_equal(least, label[taken]):
             break
         label[taken] = least

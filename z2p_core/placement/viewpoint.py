@@ -54,8 +54,9 @@ class Viewpoint:
         return world
 
     def unplace(self, cloud: np.ndarray) -> np.ndarray:
-        """Points (N, 3) float64 in the data's units, which `place` makes a cloud (N, 3) in the world's of."""
-        points: np.ndarray = rotate_points(cloud.astype(np.float64), np.array(self.rotation).T) * self.radius + self.centre
+        """Points (N, 3) float64 in the data's units of a cloud (N, 3) in world units; the inverse of `place`."""
+        turned = rotate_points(cloud.astype(np.float64), np.array(self.rotation).T)
+        points: np.ndarray = turned * self.radius + self.centre
         return points
 
     def to_json(self) -> dict[str, Any]:
@@ -89,7 +90,7 @@ def frame_points(points: np.ndarray, rotation: np.ndarray, elevation: float) -> 
 
 
 def viewpoint_from_json(data: Any) -> Viewpoint:
-    """The viewpoint that `Viewpoint.to_json` told of.
+    """The viewpoint that `Viewpoint.to_json` described.
 
     Raises:
         SettingError: a number is missing or no number, the rotation is none, or it is for another camera.

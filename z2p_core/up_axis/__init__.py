@@ -1,1 +1,1 @@
-"""Which axis of a cloud points up: told by its shape, by its header, or by what is usual for its format."""
+"""Which axis of a cloud points up: by its shape, its file header, or the convention of its format."""

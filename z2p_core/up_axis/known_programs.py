@@ -1,11 +1,11 @@
-"""Programs and devices that name themselves in the headers of what they write, and the axis that is up in that."""
+"""Programs and devices that name themselves in file headers, and the axis that points up in their files."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-_MESHES = (".obj",)
-"""Formats of graphics: exporters turn their scenes to +Y for these, whatever they have themselves."""
+_Y_UP_SUFFIXES = (".obj",)
+"""Suffixes of graphics formats: exporters turn their scenes to +Y for these, whatever axis they use themselves."""
 PROGRAMS: Sequence[tuple[str, str, tuple[str, ...]]] = (
     ("+Y", "Polycam", ("polycam", "poly cam")),
     ("+Y", "Scaniverse", ("scaniverse",)),
@@ -34,34 +34,34 @@ PROGRAMS: Sequence[tuple[str, str, tuple[str, ...]]] = (
 
 Programs that keep whatever axes they are given (CloudCompare, MeshLab, Open3D) say nothing.
 """
-_FIXED = "exported from brush"
-"""Brush writes ``Vertical axis: y`` into all of its files, whatever is up in them."""
+_FIXED_AXIS_PROGRAM = "exported from brush"
+"""Brush writes ``Vertical axis: y`` into all of its files, whichever axis points up in them."""
 
 
 def program_up(lines: Sequence[str], suffix: str) -> tuple[str, str]:
-    """The axis that is usually up in a file with that suffix of a program that its comments name, and its name.
+    """The axis that usually points up in files of the program that the comments name, and that program.
 
-    Both empty where they name none that is known, or such of several axes.
+    Both are empty if no known program is named, or programs with different axes are.
     """
     text = "\n".join(" ".join(line.lower().replace("_", " ").split()) for line in lines)
-    found = [(axis, told) for axis, told, names in PROGRAMS if any(_stands_in(text, name) for name in names)]
-    if suffix in _MESHES:
-        found = [("+Y", told) if axis == "+Z" else (axis, told) for axis, told in found]
-    return found[0] if len({axis for axis, _ in found}) == 1 else ("", "")
+    matches = [(axis, label) for axis, label, names in PROGRAMS if any(_contains_name(text, name) for name in names)]
+    if suffix in _Y_UP_SUFFIXES:
+        matches = [("+Y", label) if axis == "+Z" else (axis, label) for axis, label in matches]
+    return matches[0] if len({axis for axis, _ in matches}) == 1 else ("", "")
 
 
 def writes_fixed_axis(line: str) -> bool:
-    """Whether a comment names a program that writes the same axis whatever is up."""
-    return _stands_in(line.lower(), _FIXED)
+    """Whether a comment names a program that writes the same axis into all files."""
+    return _contains_name(line.lower(), _FIXED_AXIS_PROGRAM)
 
 
-def _stands_in(text: str, name: str) -> bool:
-    """Whether a name is in a text as whole words, behind which there may be a number."""
-    ends = ((at, at + len(name)) for at in _places(text, name))
+def _contains_name(text: str, name: str) -> bool:
+    """Whether a text contains a name as whole words, perhaps followed by a number."""
+    ends = ((at, at + len(name)) for at in _occurrences(text, name))
     return any(not text[at - 1 : at].isalnum() and not text[end : end + 1].isalpha() for at, end in ends)
 
 
-def _places(text: str, name: str) -> Iterator[int]:
+def _occurrences(text: str, name: str) -> Iterator[int]:
     at = text.find(name)
     while at >= 0:
         yield at

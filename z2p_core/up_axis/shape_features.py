@@ -110,9 +110,9 @@ class Plan:
 
 def _normals(grid: native.NeighborGrid) -> np.ndarray:
     """Unit normals (N, 3) of either sign of the planes through the neighbours of each of the grid's points."""
-    asked = np.arange(len(grid.points), dtype=np.int32)
-    found, _ = grid.neighbors(asked, min(NORMAL_NEIGHBORS, len(asked)))
-    return np.nan_to_num(native.fit_planes(grid.points, found)[0])
+    all_indices = np.arange(len(grid.points), dtype=np.int32)
+    neighbors, _ = grid.neighbors(all_indices, min(NORMAL_NEIGHBORS, len(all_indices)))
+    return np.nan_to_num(native.fit_planes(grid.points, neighbors)[0])
 
 
 def _standing(plan: Plan, share: np.ndarray, facing: np.ndarray) -> dict[str, float]:
@@ -163,7 +163,8 @@ def _symmetries(points: np.ndarray) -> np.ndarray:
     x, y, z = (sum(np.multiply.outer(row[:, part], some[:, part]) for part in range(3)) + centre[at]
                for at, row in enumerate(SYMMETRY_MATRICES.transpose(1, 0, 2)))  # fmt: skip
     alike = 1.0 - away[_cell(x, y, z)].mean(1).reshape(3, -1) / MAX_DISTANCE_CELLS
-    return np.stack([alike[:, :UPRIGHT_MIRRORS].max(1), alike[:, UPRIGHT_MIRRORS], alike[:, UPRIGHT_MIRRORS + 1 :].mean(1)], axis=1)
+    upright, level, turned = np.split(alike, [UPRIGHT_MIRRORS, UPRIGHT_MIRRORS + 1], axis=1)
+    return np.stack([upright.max(1), level[:, 0], turned.mean(1)], axis=1)
 
 
 def _cell(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ from z2p_renderer.pipeline.cli.options.pictures import (
 from z2p_renderer.pipeline.cli.progress import describe_points, note_if_opaque, scan_label
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
-    from z2p_renderer.pipeline.inference.batch import Task
+    from z2p_renderer.pipeline.batch.tasks import Task
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
     from z2p_renderer.pipeline.outputs.animation import Motion
@@ -76,7 +76,7 @@ def _run(
     columns = parse_columns(options)
     check_view_options(ctx, controls, options)
     scans = find_input_scans(ctx, inputs, options, columns is not None)
-    from z2p_renderer.pipeline.inference.batch import fault_message
+    from z2p_renderer.pipeline.batch.render_files import describe_failure
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.pipeline.outputs.animation import Motion
 
@@ -90,7 +90,7 @@ def _run(
             line = loop.make(renderer, options["overwrite"], options["quiet"])
         except Exception as error:  # the other files are made whatever one of them raises
             has_failed = True
-            click.echo(f"failed: {scan_label(task.scan)}: {fault_message(error, task.scan)}", err=True)
+            click.echo(f"failed: {scan_label(task.scan)}: {describe_failure(error, task.scan)}", err=True)
             continue
         if not options["quiet"]:
             click.echo(line, err=True)
@@ -101,7 +101,7 @@ def _plan(
     ctx: click.Context, scans: list[Path], inputs: tuple[str, ...], output: Path, options: dict[str, Any]
 ) -> list[Task]:
     """The tasks; makes sure beforehand that their loops can be written."""
-    from z2p_renderer.pipeline.inference.batch import Task, plan_outputs
+    from z2p_renderer.pipeline.batch.tasks import Task, plan_outputs
     from z2p_renderer.storage.images.animations import ANIMATION_SUFFIXES, check_animation_suffix
     from z2p_renderer.storage.images.image_files import FORMATS
 
@@ -153,7 +153,7 @@ class _Loop:
 
     def _kept_note(self, renderer: AnyRenderer) -> str | None:
         """How the existing loop differs from the settings, in words, if it is kept; None if it is to be made again."""
-        from z2p_renderer.pipeline.outputs.existing_outputs import kept_output_note
+        from z2p_renderer.pipeline.batch.existing_outputs import kept_output_note
 
         source, single = self._source, self.task.single
         return kept_output_note(self.task.output, source, self.look, renderer, self._motion_record, single)
@@ -184,7 +184,7 @@ class _Loop:
     @cached_property
     def _source(self) -> dict[str, Any]:
         """The cloud, for the record."""
-        from z2p_renderer.pipeline.inference.batch import describe_source
+        from z2p_renderer.pipeline.inference.scan_source import describe_source
 
         return describe_source(self.task.scan, self.task.output, 0, self.columns)
 

@@ -29,7 +29,8 @@ from z2p_renderer.pipeline.cli.render_extras import check_extras, write_extras
 from z2p_renderer.pipeline.cli.result_json import outcome_to_json, settings_to_json
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
-    from z2p_renderer.pipeline.inference.batch import Outcome, Task
+    from z2p_renderer.pipeline.batch.render_files import Outcome
+    from z2p_renderer.pipeline.batch.tasks import Task
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
@@ -93,7 +94,7 @@ def _run(
     check_view_options(ctx, controls, options)
     scans = find_input_scans(ctx, inputs, options, columns is not None)
     from z2p_core.parallel import core_count
-    from z2p_renderer.pipeline.inference.batch import render_files
+    from z2p_renderer.pipeline.batch.render_files import render_files
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
 
     jobs = min(options["jobs"] or core_count(), len(scans))
@@ -119,7 +120,7 @@ def _plan(
     ctx: click.Context, scans: list[Path], inputs: tuple[str, ...], output: Path, options: dict[str, Any]
 ) -> list[Task]:
     """The tasks; makes sure beforehand that their pictures can be written."""
-    from z2p_renderer.pipeline.inference.batch import Task, plan_outputs
+    from z2p_renderer.pipeline.batch.tasks import Task, plan_outputs
     from z2p_renderer.storage.images.image_files import FORMATS
 
     output_suffix, is_folder = output.suffix.lower(), is_output_folder(ctx, output)
@@ -153,18 +154,18 @@ def _share_frame(
     scans: list[Path], renderer: AnyRenderer, look: Look, columns: tuple[str, ...] | None, quiet: bool
 ) -> tuple[AnyRenderer, Look]:
     """The weights for all clouds; and the look with one camera that fits all, and one crop if pictures are trimmed."""
-    from z2p_renderer.pipeline.inference.common_view import common_crop, common_viewpoint
+    from z2p_renderer.pipeline.batch.common_view import common_crop, common_viewpoint
     from z2p_renderer.pipeline.inference.render_scan import camera_elevation
     from z2p_renderer.pipeline.inference.weight_selection import select_renderer
 
     if look.placement_options.viewpoint is None:  # a loaded camera is common to all already
-        series = common_viewpoint(scans, look.placement_options, *camera_elevation(renderer, look.values), columns)
-        renderer, choice = select_renderer(renderer, series.first)
+        common = common_viewpoint(scans, look.placement_options, *camera_elevation(renderer, look.values), columns)
+        renderer, choice = select_renderer(renderer, common.first)
         if not quiet:
-            reasons = "; ".join(filter(None, (series.told, choice)))
-            click.echo("\n".join([f"one frame for {series.clouds} clouds: {reasons}", *series.notes]), err=True)
+            reasons = "; ".join(filter(None, (common.description, choice)))
+            click.echo("\n".join([f"one frame for {common.cloud_count} clouds: {reasons}", *common.notes]), err=True)
         look = replace(look, placement_options=replace(
-            look.placement_options, viewpoint=series.viewpoint, azimuth=0.0, grounded=series.grounded
+            look.placement_options, viewpoint=common.viewpoint, azimuth=0.0, grounded=common.grounded
         ))  # fmt: skip
     if look.tight:
         look = replace(look, crop=common_crop(scans, renderer, look, columns))

@@ -132,8 +132,8 @@ def _draw_again(
 ) -> tuple[np.ndarray, Look, dict[str, Any]]:
     """The new picture (H, W, 4) uint8, the look that it has, and its record."""
     from z2p_core.interfaces import ScanError
-    from z2p_renderer.pipeline.inference.batch import describe_source
     from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
+    from z2p_renderer.pipeline.inference.scan_source import describe_source
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.storage.models.checkpoints import shipped_weights
     from z2p_renderer.storage.scans.clouds import format_suffix, read_each

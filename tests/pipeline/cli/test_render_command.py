@@ -281,7 +281,7 @@ def test_on_a_terminal_each_file_has_a_line(scans: Path, tiny_weights: Path, tmp
 def test_ctrl_c_has_an_exit_status_of_its_own(
     render: Callable[..., Result], scans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from z2p_renderer.pipeline.inference import batch
+    from z2p_renderer.pipeline.batch import render_files as batch
 
     original = batch.read_each
 

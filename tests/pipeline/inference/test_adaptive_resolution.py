@@ -44,7 +44,7 @@ def test_points_are_close_in_a_picture_that_is_drawn_smaller(count: int, side: i
     assert further is None or apart / further < 1.01 * MIN_PIXELS_PER_SPACING or side / further < MIN_SHORTER_SIDE
 
 
-def test_the_size_does_not_depend_on_how_a_cloud_is_turned_or_ordered() -> None:
+def test_render_size_ignores_rotation_and_point_order() -> None:
     rng = np.random.default_rng(0)
     for count in (150, 700, 2500):
         cloud = rng.normal(size=(count, 3))

@@ -266,7 +266,7 @@ def test_clouds_of_laspy_are_points(cloud: np.ndarray, small: dict[str, Any]) ->
     assert z2p_core.render(las, **small).array.any()
 
 
-def test_a_preview_takes_both_sides_and_lists_and_strict_warnings(cloud: np.ndarray, tiny_weights: Path) -> None:
+def test_a_preview_takes_sizes_lists_and_strict_warnings(cloud: np.ndarray, tiny_weights: Path) -> None:
     preview = z2p_core.Previewer(size=(48, 40), weights=tiny_weights)
     assert preview(cloud).shape == (3, 40, 48)
     assert np.array_equal(preview(cloud.tolist()), preview(cloud)) and preview.error is None

@@ -82,7 +82,7 @@ def test_the_lowest_rank_that_can_runs(exported_weights: Path, tiny_weights: Pat
     assert Renderer(tiny_weights).engine == "torch"  # there is no export beside them
 
 
-def test_an_engine_that_is_not_installed_is_passed_over_and_refused_when_forced(
+def test_a_missing_engine_is_skipped_or_refused_if_named(
     exported_weights: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(registry.load("engines", "onnxruntime"), "package", "no_such_package")
@@ -123,7 +123,7 @@ def test_no_engine_that_is_less_exact_runs_unasked(exported_weights: Path, monke
     [("fpu avx2 avx512_vnni", "onnxruntime-int8"), ("fma avx2 bmi1", "onnxruntime-int8"),
      ("sse4_2 avx avx2x", "onnxruntime"), (None, "onnxruntime")],
 )  # fmt: skip
-def test_eight_bits_run_unasked_where_the_processor_multiplies_bytes(
+def test_int8_is_the_default_only_on_cpus_with_byte_dot_products(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flags: str | None, engine: str
 ) -> None:
     told = tmp_path / "cpuinfo"
@@ -202,7 +202,7 @@ def test_a_truncated_export_is_refused(copied: Path, left: int) -> None:
         Renderer(copied)
 
 
-def test_a_linked_weights_file_finds_the_export_of_the_file_itself(copied: Path, tmp_path: Path) -> None:
+def test_a_link_to_weights_uses_the_export_of_its_target(copied: Path, tmp_path: Path) -> None:
     link = tmp_path / "elsewhere" / "linked.safetensors"
     link.parent.mkdir()
     link.symlink_to(copied)
@@ -254,7 +254,7 @@ def test_the_option_forces_it(z2p: Callable[..., Result], exported_weights: Path
     assert refused.exit_code == 2 and "unknown engine 'abacus'" in refused.stderr
 
 
-def test_a_second_run_takes_what_the_first_compiled_unless_the_cache_is_turned_off(
+def test_compiled_models_are_cached_unless_caching_is_off(
     exported_weights: Path, cloud: np.ndarray, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("openvino")
@@ -271,7 +271,7 @@ def test_a_second_run_takes_what_the_first_compiled_unless_the_cache_is_turned_o
     assert [path.stat().st_ino for path in (tmp_path / "cache").iterdir()] == [before]  # read, not written again
 
 
-def test_half_weights_make_a_small_export_and_whole_ones_an_exact_one(make_weights: Callable[..., Path]) -> None:
+def test_fp16_exports_are_small_and_fp32_exports_exact(make_weights: Callable[..., Path]) -> None:
     whole = make_weights(widths=(32, 48), mapping=64)
     weights = load_weights(whole)
     half = whole.with_name("half.safetensors")

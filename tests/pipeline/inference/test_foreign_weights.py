@@ -60,7 +60,7 @@ CARDS = {
 
 
 @pytest.mark.parametrize("key", CARDS)
-def test_a_card_that_cannot_be_is_refused_before_anything_is_made_of_it(sound, tmp_path, key, monkeypatch):
+def test_an_impossible_card_is_refused_before_it_is_used(sound, tmp_path, key, monkeypatch):
     import torch
 
     monkeypatch.setattr(torch, "empty", None)  # no network is built, so no tensor is made for one

@@ -9,7 +9,7 @@ from z2p_renderer.pipeline.inference.loading import load_network
 from z2p_renderer.storage.models.checkpoints import WeightsError, load_weights, save_weights
 
 
-def test_weights_that_know_an_earlier_gbuffer_draw_nothing_but_may_be_trained_on(
+def test_weights_of_an_older_gbuffer_can_only_be_trained_further(
     make_weights: Callable[..., Path], tmp_path: Path
 ) -> None:
     present = load_weights(make_weights())

@@ -38,7 +38,7 @@ def test_trimming_keeps_all_that_shows_and_a_margin() -> None:
     assert np.array_equal(trim_to_content(empty), empty)
 
 
-def test_supersampling_is_the_large_picture_averaged_in_linear_light(renderer: Renderer, cloud: np.ndarray) -> None:
+def test_supersampling_averages_in_linear_light(renderer: Renderer, cloud: np.ndarray) -> None:
     scan, look = usable(cloud), Look(width=40, height=32)
     large = render_scan(renderer, scan, "", replace(look, width=120, height=96)).picture
     small = render_scan(renderer, scan, "", replace(look, supersample=3)).picture

@@ -131,7 +131,7 @@ def test_the_picture_is_the_networks_with_straight_colour(
 
 
 @pytest.mark.parametrize("encoder", ["none", "fourier"])
-def test_weights_that_learnt_from_windows_draw_the_cloud_and_leave_the_floor_to_the_gbuffer(
+def test_weights_trained_on_crops_run_only_around_the_cloud(
     make_weights: Callable[..., Path], cloud: np.ndarray, encoder: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     renderer = Renderer(make_weights(cropped=True, encoder=encoder), engine="torch")

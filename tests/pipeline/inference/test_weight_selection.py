@@ -25,7 +25,7 @@ def sphere_of(count: int, noise: float = 0.0) -> np.ndarray:
     return (points + rng.normal(0, noise or 1e-9, points.shape)).astype(np.float32)
 
 
-def test_clean_clouds_get_the_usual_weights_and_noisy_ones_those_made_for_noise() -> None:
+def test_noisy_clouds_get_the_denoising_weights() -> None:
     renderer = load_renderer("auto", ())
     chosen, why = select_renderer(renderer, sphere_of(5000))
     assert chosen.weights["name"] == DEFAULT_WEIGHTS and not why

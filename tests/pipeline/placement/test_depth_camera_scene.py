@@ -86,7 +86,7 @@ def test_the_top_is_cut_off_along_up(scene: Path) -> None:
         select_points(few, ".ply", PlacementOptions(cut_top=50.0))
 
 
-def test_the_line_and_the_record_tell_and_the_figure_is_drawn_again_the_same(
+def test_a_smoothed_scan_is_recorded_and_rerendered_alike(
     render: Callable[..., Result], z2p: Callable[..., Result], tiny_weights: Path, scene: Path, tmp_path: Path
 ) -> None:
     result = render(scene, "--json", "--cut-top", 10)

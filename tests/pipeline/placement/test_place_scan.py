@@ -40,7 +40,7 @@ def test_forced_up_and_front_are_the_plain_placement_bit_for_bit(axis: str, clou
     assert (stance.up, stance.azimuth, stance.elevation, stance.outlier_count) == (axis, 33.0, None, 0)
 
 
-def test_auto_frames_a_clean_object_as_it_would_be_framed_by_hand(cloud: np.ndarray) -> None:
+def test_auto_placement_of_a_clean_object_equals_manual(cloud: np.ndarray) -> None:
     placed = place_scan(scan(cloud), ".ply", PlacementOptions(azimuth=10.0), 20.0, FREE)
     assert np.array_equal(placed.cloud, place_cloud(cloud, placed.placement.up, placed.placement.azimuth))
     assert placed.placement.elevation is None
@@ -70,7 +70,7 @@ def test_a_sensors_cloud_is_seen_as_the_sensor_saw_it() -> None:
     assert below[1] > ahead[1] + 20 and abs(below[0] - ahead[0]) < 3
 
 
-def test_a_sensors_elevation_is_the_true_one_within_what_the_weights_know() -> None:
+def test_a_sensor_view_is_clamped_to_the_weights_elevations() -> None:
     sensor = Sensor(np.zeros(3), np.eye(3))
     below = place_scan(scan(seen(1.0), sensor), ".pcd", PlacementOptions(), 20.0, FREE).placement
     assert below.elevation == pytest.approx(np.degrees(np.arctan2(1.0, 3.0)), abs=4)
@@ -123,7 +123,7 @@ def test_strays_are_left_out_and_counted_unless_kept(cloud: np.ndarray) -> None:
     assert "stray" not in kept.placement.description
 
 
-def test_a_few_points_far_below_are_left_out_and_the_thing_stands_on_the_floor() -> None:
+def test_low_outliers_are_removed_so_the_object_is_grounded() -> None:
     slab = np.random.default_rng(0).uniform([-1, -1, -0.2], [1, 1, 0.2], (5000, 3))
     points = np.vstack([slab, [[0.3, 0.2, slab[:, 2].min() - 0.9]]])
     placed = place_scan(scan(points), ".las", PlacementOptions())
@@ -168,7 +168,7 @@ def off_the_ball(placed: PlacedCloud) -> float:
     return float(np.abs(away).mean())
 
 
-def test_a_depth_cameras_noisy_cloud_is_made_smooth_unless_asked_otherwise() -> None:
+def test_noisy_depth_camera_clouds_are_smoothed_by_default() -> None:
     camera = Sensor(np.zeros(3), np.eye(3))
     made = {smooth: place_scan(scan(noisy(), camera), ".pcd", PlacementOptions(smooth=smooth), 20.0, FREE)
             for smooth in ("auto", 0.0, 0.25)}  # fmt: skip
@@ -180,7 +180,7 @@ def test_a_depth_cameras_noisy_cloud_is_made_smooth_unless_asked_otherwise() -> 
     assert made[0.0].placement.smoothing_radius == 0 and made[0.25].placement.smoothing_radius == 0.25
 
 
-def test_other_clouds_are_made_smooth_when_that_is_asked_for_alone() -> None:
+def test_other_clouds_are_smoothed_only_on_request() -> None:
     for points, sensor in ((noisy(), None), (seen(), Sensor(np.zeros(3), np.eye(3)))):
         assert place_scan(scan(points, sensor), ".ply", PlacementOptions("+Z" if sensor is None else "auto")).placement.smoothing_radius == 0
     asked = place_scan(scan(noisy()), ".ply", PlacementOptions("+Z", smooth=0.2), 20.0, FREE)
@@ -201,7 +201,7 @@ def test_a_thing_that_others_make_small_is_told(cloud: np.ndarray) -> None:
     assert "strays" not in place_scan(scan(cloud), ".ply", PlacementOptions(), 20.0, FREE).placement.description
 
 
-def test_a_cloud_that_float32_has_rounded_far_from_the_origin_is_told(cloud: np.ndarray) -> None:
+def test_float32_rounding_far_from_the_origin_is_reported(cloud: np.ndarray) -> None:
     """Nothing is said where it does not show, nor of numbers that float32 did not hold."""
     far = cloud + np.array([691234.25, 5334567.75, 512.0])
     for points, step in ((cloud, 0.0), (cloud.astype(np.float32).astype(float), 0.0), (far, 0.0),
@@ -222,7 +222,7 @@ def test_a_clump_far_away_is_told_however_many_points_it_has() -> None:
     assert "strays" not in place_scan(Scan(thing, 0, ""), ".xyz", PlacementOptions()).placement.description
 
 
-def test_a_camera_for_other_units_that_shows_next_to_nothing_is_told() -> None:
+def test_a_camera_in_other_units_is_reported() -> None:
     thing = np.random.default_rng(0).normal(size=(500, 3))
     placed = place_scan(Scan(thing * 1000, 0, ""), ".xyz", PlacementOptions())
     tiny = place_scan(Scan(thing, 0, ""), ".xyz", PlacementOptions(viewpoint=placed.viewpoint))
@@ -260,12 +260,12 @@ def test_another_up_that_may_be_is_told_with_what_to_do() -> None:
     assert place_scan(family, ".ply", PlacementOptions()).placement.up == "-Y"
 
 
-def test_what_turned_the_view_on_is_told_beside_the_whole_azimuth(cloud: np.ndarray) -> None:
+def test_the_users_azimuth_is_reported_beside_the_total(cloud: np.ndarray) -> None:
     told = place_scan(scan(cloud), ".ply", PlacementOptions("+Z", 50.0, azimuth=-20.0)).placement.description
     assert "azimuth 30 from the file's front: as asked, turned on by -20" in told
 
 
-def test_a_scanner_that_sees_all_around_is_looked_from_where_it_stood(cloud: np.ndarray) -> None:
+def test_a_panoramic_scan_is_viewed_from_the_scanner(cloud: np.ndarray) -> None:
     thing = cloud - cloud.mean(0)
     beside = Sensor(np.array([5.0, 0.0, 1.0]), np.eye(3))  # its +Z is not towards the thing: no camera
     placed = place_scan(scan(thing, beside), ".pcd", PlacementOptions("+Z", "sensor"), 20.0, FREE)

@@ -48,7 +48,7 @@ def test_more_points_are_a_surface() -> None:
 
 
 @pytest.mark.filterwarnings("error")
-def test_points_too_near_each_other_for_floats_are_refused_without_a_warning() -> None:
+def test_points_closer_than_floats_resolve_are_refused() -> None:
     for size in (1e-200, 1e-321):
         with pytest.raises(ScanError, match="span a finite volume"):
             place_scan(Scan(size * RNG.normal(size=(20, 3)), 0, ""), ".pcd", PlacementOptions())

@@ -14,7 +14,7 @@ from z2p_renderer.storage.scans.reader_choice import OURS, reader_for
 
 
 def test_the_suffixes_of_our_readers_are_known_without_them() -> None:
-    ours = [name for name in registry.names("readers") if registry.is_ours("readers", name)]
+    ours = [name for name in registry.names("readers") if registry.is_builtin("readers", name)]
     assert {name: set(registry.load("readers", name).suffixes) for name in ours} == {
         name: set(suffixes) for name, suffixes in OURS.items()
     }

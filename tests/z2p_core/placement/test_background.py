@@ -37,7 +37,7 @@ def table(tilt: float, things: int = 1500) -> np.ndarray:
     return (level + np.array([0.0, 0.0, 1.4])) @ pitch.T
 
 
-def test_a_wall_behind_the_subject_goes_and_nothing_of_the_subject() -> None:
+def test_a_wall_behind_the_subject_is_removed_alone() -> None:
     points = np.vstack([ball(2000, 0.3, 0.0, 0.0, 1.0), wall(5000, 2.5), ball(5, 0.01, 0.1, 0.0, 1.8)])
     kept = foreground_mask(points, ORIGIN)
     assert kept[:2000].all() and not kept[2000:].any()

@@ -85,7 +85,7 @@ def test_the_order_of_points_does_not_matter() -> None:
     np.testing.assert_allclose([*first.centre, first.radius], [*second.centre, second.radius], atol=1e-9)
 
 
-def test_normalised_points_fill_the_unit_sphere_and_keep_their_digits_far_from_the_origin() -> None:
+def test_normalization_keeps_precision_far_from_the_origin() -> None:
     points = np.random.default_rng(3).uniform(-1, 1, (1000, 3))
     near = bounding_sphere(points).normalise(points)
     far = bounding_sphere(points + UTM).normalise(points + UTM)

@@ -37,7 +37,7 @@ def test_a_sphere_leaves_just_that_margin(width: int, height: int, elevation: fl
     assert free / min(width, height) == pytest.approx(margin, abs=0.004)
 
 
-def test_the_usual_margin_changes_nothing_and_a_margin_can_be_taken_back() -> None:
+def test_the_default_margin_is_neutral_and_margins_invert() -> None:
     assert radius_with_margin(None) == 1 and radius_with_margin(DEFAULT_MARGIN) == pytest.approx(1)
     points = np.random.default_rng(1).normal(size=(50, 3))
     own = frame_points(points, np.eye(3), 20.0)

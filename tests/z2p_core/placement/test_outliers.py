@@ -31,7 +31,7 @@ def test_strays_are_left_out_whatever_their_distance(distance: float) -> None:
     assert np.array_equal(inlier_mask(strays[::-1]), kept[::-1])
 
 
-def test_no_more_than_two_percent_go_and_strays_that_do_no_harm_stay() -> None:
+def test_at_most_two_percent_are_removed_and_only_if_harmful() -> None:
     thing = sphere(1000)
     many = np.vstack([thing, *(sphere(9, seed) * 0.01 + direction * 5 for seed, direction in enumerate(sphere(5, 9)))])
     assert (~inlier_mask(many)).sum() <= 0.02 * len(many)
@@ -100,7 +100,7 @@ def test_clusters_that_both_show_are_kept(sizes: float) -> None:
         assert visible_cluster_mask(np.vstack([sphere(3000), moved(sphere(count), 2 * sizes, 0, 0)])).all()
 
 
-def test_of_three_clusters_and_of_strays_all_over_the_largest_is_kept() -> None:
+def test_the_largest_cluster_is_kept_amid_outliers() -> None:
     thing = sphere(3000)
     three = np.vstack([thing, moved(sphere(1000), 900, 0, 0), moved(sphere(2000), 0, 1e6, 5)])
     strewn = np.vstack([thing, np.random.default_rng(2).uniform(-1e4, 1e4, (200, 3))])

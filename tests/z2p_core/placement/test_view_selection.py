@@ -58,7 +58,7 @@ def test_a_depth_picture_from_the_origin_is_found_out(sign: float) -> None:
     assert up.sensor is not None and np.array_equal(up.sensor.rotation, axes)
 
 
-def test_a_depth_picture_in_millimetres_is_found_where_that_may_be() -> None:
+def test_a_depth_image_in_millimetres_is_recognized() -> None:
     points = depth_picture() * 1000
     assert implied_sensor(points) is None
     assert implied_sensor(points, (METRES, MILLIMETRES)) is not None
@@ -97,7 +97,7 @@ def shuffled(points: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("count", [900, 30_000])  # the larger ones are thinned
-def test_up_sensor_and_view_do_not_depend_on_the_order_of_the_points(count: int) -> None:
+def test_placement_ignores_point_order(count: int) -> None:
     rng = np.random.default_rng(4)
     for points in (chair(count), rng.normal(size=(count, 3)) * [1, 0.9, 0.8], depth_picture()):
         up, again = (choose_up(cloud, None, ".ply") for cloud in (points, shuffled(points)))
@@ -122,7 +122,7 @@ def test_a_sensors_view_has_the_sensor_behind_the_camera() -> None:
 
 
 @pytest.mark.parametrize("own", [0.0, 40.0, -75.0])
-def test_a_long_thing_is_seen_from_its_side_and_a_little_from_its_end(own: float) -> None:
+def test_a_long_object_is_seen_from_its_side(own: float) -> None:
     points = box(4000, 0.2, 1.0, 0.4) @ turn(own).T
     azimuth, reason = choose_view(points)
     along = turn(azimuth + own) @ [0.0, 1.0, 0.0]

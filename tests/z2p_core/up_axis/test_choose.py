@@ -36,7 +36,7 @@ THINGS = {"chair": chair(1500), "table": table(), "chair on a floor": seated()}
 
 @pytest.mark.parametrize("axis", ["+Z", "+Y", "-Y"])
 @pytest.mark.parametrize("name", THINGS)
-def test_what_stands_is_stood_up_whatever_its_axes_and_its_format(name: str, axis: str) -> None:
+def test_upright_objects_are_found_for_any_axis_and_format(name: str, axis: str) -> None:
     for azimuth in (0.0, 35.0, 250.0):
         points = THINGS[name] @ turn(azimuth).T @ np.array(UP_ROTATIONS[axis], dtype=float)
         for suffix in (".ply", ".pcd", ".npy", ".xyz", ".pts", ".txt"):
@@ -44,7 +44,7 @@ def test_what_stands_is_stood_up_whatever_its_axes_and_its_format(name: str, axi
 
 
 @pytest.mark.parametrize("axis", ["+Z", "+Y", "-Y"])
-def test_what_might_stand_on_its_head_is_stood_up_or_its_axis_named(axis: str) -> None:
+def test_objects_that_could_be_upside_down_are_upright_or_hinted(axis: str) -> None:
     guess = guess_up_axis(bust() @ np.array(UP_ROTATIONS[axis], dtype=float), ".ply")
     assert axis in (guess.axis, guess.other)
 
@@ -55,7 +55,7 @@ def test_sure_ones_are_called_so_and_name_no_other() -> None:
 
 
 @pytest.mark.parametrize("points", [sphere(2000), box(4000, 1, 1, 1), sphere(60)], ids=["ball", "cube", "few"])
-def test_what_has_no_upright_takes_the_usual_axis_and_names_another(points: np.ndarray) -> None:
+def test_shapes_without_an_up_axis_get_the_formats_one(points: np.ndarray) -> None:
     for suffix, axis, other in ((".ply", "+Z", "+Y"), (".obj", "+Y", "+Z")):
         guess = guess_up_axis(points, suffix)
         assert (guess.axis, guess.other) == (axis, other)
@@ -68,7 +68,7 @@ def test_standards_hold_whatever_the_shape(suffix: str, axis: str) -> None:
         assert guess_up_axis(chair(1500) @ np.array(UP_ROTATIONS[turned], dtype=float), suffix).axis == axis
 
 
-def test_the_axes_of_a_family_win_where_the_shape_tells_little_and_yield_where_it_is_clear() -> None:
+def test_a_formats_axis_yields_only_to_a_clear_shape() -> None:
     guess = guess_up_axis(sphere(2000), ".ply", "-Y", "usual for such files")
     assert guess.axis == "-Y" and guess.reason.startswith("usual for such files")
     assert guess_up_axis(chair(1500), ".ply", "-Y", "usual for such files").axis == "+Z"
@@ -81,7 +81,7 @@ def test_coordinates_of_a_map_have_their_heights_along_z() -> None:
     assert (family.axis, family.reason) == ("+Z", "a map's coordinates")
 
 
-def test_a_thing_that_stands_at_height_0_is_the_likelier_to_stand_so() -> None:
+def test_a_lowest_point_at_height_0_favors_that_axis() -> None:
     brick = box(4000, 1, 1, 1)
     assert guess_up_axis(moved(brick, 0.3, 1.0, 0.4), ".ply").axis == "+Y"
     assert guess_up_axis(moved(brick, 0.3, 0.5, 0.4), ".ply").axis == "+Z"

@@ -100,7 +100,7 @@ def test_a_vertical_axis_without_a_sign_leaves_splats_their_own() -> None:
         assert hint is not None and hint.axis == axis
 
 
-def test_a_program_that_writes_the_same_axis_into_all_files_is_not_believed() -> None:
+def test_programs_with_a_fixed_axis_comment_are_ignored() -> None:
     assert up_of_comments(["Exported from Brush", "Vertical axis: y"], ".ply") is None
 
 

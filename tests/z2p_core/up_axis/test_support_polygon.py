@@ -12,7 +12,7 @@ from z2p_core.up_axis.support_polygon import polygon_area, convex_hull, distance
 RNG = np.random.default_rng(0)
 
 
-def test_the_margin_is_the_way_to_the_nearest_edge_and_negative_outside() -> None:
+def test_support_margin_is_the_signed_distance_to_the_hull() -> None:
     square = np.array([[0.0, 0], [2, 0], [2, 1], [0, 1]])
     for place, expected in (([1.0, 0.5], 0.5), ([1.0, 0.9], 0.1), ([1.0, 1.0], 0.0), ([3.0, 0.5], -1.0)):
         assert distance_inside(np.array(place), square) == pytest.approx(expected)
@@ -46,7 +46,7 @@ def exact_hull(points: np.ndarray) -> np.ndarray:
 
 
 @given(st.integers(3, 600), st.integers(0, 50), st.sampled_from(["ball", "disc", "square", "line", "grid", "far"]))
-def test_the_hull_is_nearly_the_exact_one_and_its_corners_are_points(count: int, seed: int, kind: str) -> None:
+def test_the_hull_is_nearly_exact_with_points_as_corners(count: int, seed: int, kind: str) -> None:
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(count, 2))
     if kind == "square":

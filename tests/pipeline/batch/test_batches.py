@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from z2p_renderer.pipeline.inference.batch import Task, plan_outputs, render_files
+from z2p_renderer.pipeline.batch.render_files import render_files
+from z2p_renderer.pipeline.batch.tasks import Task, plan_outputs
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.storage.images.image_files import write_picture
@@ -82,7 +83,7 @@ def test_background_is_blended_on_srgb_values(tmp_path: Path) -> None:
     assert np.abs(white[0, 0].astype(int) - (244, 224, 204)).max() <= 1
 
 
-def test_bad_files_do_not_stop_the_others_and_threads_change_nothing(
+def test_bad_files_do_not_stop_others_with_any_thread_count(
     tmp_path: Path, renderer: Renderer, cloud: np.ndarray
 ) -> None:
     for index in range(6):
@@ -103,10 +104,10 @@ def test_bad_files_do_not_stop_the_others_and_threads_change_nothing(
     assert len(set(pictures[0])) == 5
 
 
-def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
+def test_only_one_large_file_at_a_time_is_in_memory(
     tmp_path: Path, renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from z2p_renderer.pipeline.inference import batch
+    from z2p_renderer.pipeline.batch import render_files as batch
 
     at_work, together = set[str](), set[frozenset[str]]()
     both_light = threading.Barrier(2, timeout=20)
@@ -137,7 +138,7 @@ def test_heavy_files_wait_for_one_another_and_light_ones_do_not(
 
 
 def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    from z2p_renderer.pipeline.inference import batch
+    from z2p_renderer.pipeline.batch import render_files as batch
 
     alive, most, lock = [0], [0], threading.Lock()
     original = batch.read_each
@@ -174,7 +175,7 @@ def test_threads_take_turns_faster_only_meanwhile(tmp_path: Path, renderer: Rend
     assert sys.getswitchinterval() == usual
 
 
-def test_a_batch_file_becomes_numbered_pictures_beside_a_file_of_that_name(
+def test_numbered_pictures_do_not_collide_with_other_files(
     tmp_path: Path, renderer: Renderer, cloud: np.ndarray
 ) -> None:
     np.save(tmp_path / "a.npy", np.stack([cloud, cloud[:, ::-1]]))
@@ -212,10 +213,10 @@ def test_several_clouds_do_not_fit_into_one_named_picture(
 def test_a_batch_file_is_digested_once(
     tmp_path: Path, renderer: Renderer, cloud: np.ndarray, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from z2p_renderer.pipeline.inference import batch
+    from z2p_renderer.pipeline.inference import scan_source
 
     digested = []
-    monkeypatch.setattr(batch, "file_digest", lambda path: digested.append(path) or "0")
+    monkeypatch.setattr(scan_source, "file_digest", lambda path: digested.append(path) or "0")
     np.save(tmp_path / "a.npy", np.stack([cloud] * 5))
     [outcome] = render_files(plan_outputs([tmp_path / "a.npy"], [], tmp_path / "out", False), renderer, LOOK)
     assert outcome.status == "ok" and len(outcome.outputs) == 5

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from z2p_renderer.pipeline.inference.common_view import common_viewpoint
+from z2p_renderer.pipeline.batch.common_view import common_viewpoint
 from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.pipeline.placement.place_scan import place_scan
 from z2p_renderer.storage.scans.clouds import usable
@@ -32,7 +32,7 @@ def drawn(folder: Path, clouds: list[np.ndarray]) -> tuple[float, list[np.ndarra
     return series.viewpoint.floor, [place_scan(usable(points), ".npy", placing).cloud for points in clouds]
 
 
-def test_things_that_were_moved_to_one_place_stand_on_one_floor_and_fit(tmp_path: Path) -> None:
+def test_centered_objects_stand_on_one_floor_in_one_frame(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     clouds = [block(rng, *half) for half in ((1, 1, 1), (0.3, 0.3, 0.2), (1.2, 1, 0.1))]
     clouds = [points - (points.max(0) + points.min(0)) / 2 for points in clouds]
@@ -68,5 +68,5 @@ def test_the_order_of_the_points_changes_nothing(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir(), (tmp_path / "b").mkdir()
     plain, again = (common_viewpoint(written(tmp_path / name, given), PlacementOptions(), 20.0, None) for name, given in
                     (("a", clouds), ("b", [points[rng.permutation(len(points))] for points in clouds])))  # fmt: skip
-    assert plain.viewpoint.rotation == again.viewpoint.rotation and plain.told == again.told
+    assert plain.viewpoint.rotation == again.viewpoint.rotation and plain.description == again.description
     assert replace(plain.viewpoint, floor=None).radius == pytest.approx(again.viewpoint.radius, rel=1e-9)

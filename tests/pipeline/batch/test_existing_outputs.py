@@ -15,7 +15,8 @@ from click.testing import Result
 from PIL import Image
 
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
-from z2p_renderer.pipeline.inference.batch import Outcome, Task, render_files
+from z2p_renderer.pipeline.batch.render_files import Outcome, render_files
+from z2p_renderer.pipeline.batch.tasks import Task
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.weight_selection import AutoRenderer
