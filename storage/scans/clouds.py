@@ -13,7 +13,7 @@ from z2p_core.formats.tables.missing_values import measured
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.meshes import Mesh, check_openable, read_mesh, write_cloud, write_mesh
-from z2p_renderer.storage.scans.duplicate_points import distinct
+from z2p_renderer.storage.scans.duplicate_points import drop_duplicates
 from z2p_renderer.storage.scans.find_scans import find_scans
 from z2p_renderer.storage.scans.isolated_reading import can_read_apart, failure_message, read_apart
 from z2p_renderer.storage.scans.memory_limit import free_memory
@@ -23,7 +23,7 @@ from z2p_renderer.storage.scans.unpack import unpacked
 from z2p_renderer.storage.scans.unsupported_formats import advice_by_content
 from z2p_renderer.storage.scans.up_hints import with_up_hints
 
-__all__ = ["Mesh", "Scan", "is_smooth_surface", "find_scans", "format_suffix", "read_clouds", "read_each",
+__all__ = ["Mesh", "Scan", "find_scans", "format_suffix", "read_clouds", "read_each",
            "read_mesh", "readable_suffixes", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 FEWEST_POINTS = 3
@@ -187,7 +187,7 @@ def _scan(raw: RawCloud, label: str) -> Scan:
         raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe",
                       up_certain=True)
     points = metres
-    once, note = distinct(points), "; ".join(filter(None, (raw.note, missing, degrees)))
+    once, note = drop_duplicates(points), "; ".join(filter(None, (raw.note, missing, degrees)))
     return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once), note, raw.up, raw.up_reason,
                 raw.up_certain, raw.upward, raw.seen_from)
 

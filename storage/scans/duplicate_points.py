@@ -1,4 +1,4 @@
-"""Rows of a cloud that tell nothing new: points given twice, and one place that stands for all that is missing."""
+"""Rows of a cloud that carry no new measurement: duplicate points, and a fill value that stands for missing points."""
 
 from __future__ import annotations
 
@@ -8,102 +8,114 @@ import numpy as np
 
 from z2p_core import native
 
-FEW, FEW_SHARE = 10, 0.01
-"""Rows that may repeat others, in number or as a share of all, before they are left out: so few show nowhere."""
-FEWEST_MARKS, OFTENER, MANY = 20, 10, 0.02
-"""A place marks what was not measured where it comes so often, and so many times as often as is usual in its cloud, and
-is the origin or has that share of all rows."""
-ODD = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
-CHUNK = 1 << 14
-"""Points whose numbers are mixed at a time, in the processor's cache."""
+TOLERATED_DUPLICATES, TOLERATED_DUPLICATE_SHARE = 10, 0.01
+"""Duplicates up to this number, or this share of all rows, may stay: so few are invisible in a picture."""
+MIN_FILL_ROWS = 20
+"""A repeated point is a fill value (it stands for missing measurements) only if it comes at least this many times."""
+FILL_TO_MEDIAN_ROWS = 10
+"""A fill value also comes at least this many times as often as the median point of its cloud."""
+MIN_FILL_SHARE = 0.02
+"""A fill value other than the origin also makes up at least this share of all rows."""
+HASH_MULTIPLIERS = (np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F), np.uint64(0x165667B19E3779F9))
+"""Odd 64-bit multipliers, one for each coordinate."""
+HASH_BLOCK_POINTS = 1 << 14
+"""Points that are hashed at a time, so that the block stays in the processor's cache."""
 
-MOST_COMPARED = 300_000
-"""Of more points nearly equal ones do no harm: they leave no gap between pixels."""
-CROWDED = 0.1
-"""Share of a cloud's points that find another one in their small cell, unless many are nearly equal."""
-ASKED, COPIES = 256, 16
-"""Points whose neighbours are looked at, and how many nearly equal ones each may have."""
-APART, PAIRED = 20.0, 0.2
-"""Copies count as such where the next point is so many times as far off, for that share of the points."""
-SHIFTS = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5), (0.25, 0.75, 0.25), (0.75, 0.25, 0.75))
-"""Of the cells' corners, in cells: copies that one cut parts share a cell in another."""
+MAX_NEAR_DUPLICATE_POINTS = 300_000
+"""Larger clouds keep their near duplicates: there they leave no gap between pixels."""
+CROWDED_SHARE = 0.1
+"""Near duplicates are looked for only if more than this share of the points has another point in its small cell."""
+PROBE_POINTS, MAX_COPIES = 256, 16
+"""Points whose neighbors are examined, and how many near duplicates each of them may have."""
+MIN_GAP_RATIO = 20.0
+"""A point has near duplicates if the next neighbor is at least this many times as far away as they are."""
+MIN_COPIED_SHARE = 0.2
+"""A cloud has near duplicates if at least this share of the examined points has some."""
+GRID_SHIFTS = ((0.0, 0.0, 0.0), (0.5, 0.5, 0.5), (0.25, 0.75, 0.25), (0.75, 0.25, 0.75))
+"""Offsets of the grid, in cells: near duplicates that one grid separates share a cell of another."""
 
 
-def distinct(points: np.ndarray) -> np.ndarray:
-    """Points (N, 3) float64 without the rows that repeat another, or that stand for missing ones, in their order.
+def drop_duplicates(points: np.ndarray) -> np.ndarray:
+    """Removes duplicates, near duplicates and fill values from points (N, 3) float64; the order is kept.
 
-    Distances between points say how dense a cloud is: meshes whose corners come once for each triangle, and scans that
-    were joined twice, would pass for clouds of no spacing at all. So would scans that were joined with a copy which
-    differs in the last digits. Depth cameras write (0, 0, 0) for what they did not see, others -9999.
+    The distances between points measure the density of a cloud. Meshes that list a corner once for each triangle, and
+    scans that were joined twice, would otherwise have a spacing of zero; so would scans that were joined with a copy
+    that differs in the last digits. Depth cameras write (0, 0, 0) for pixels without a measurement, others -9999.
+
+    Returns:
+        `points` itself where nothing is removed, otherwise a new array (M, 3).
     """
-    return _apart(_once(points))
+    return _drop_near_duplicates(_drop_exact_duplicates(points))
 
 
-def _once(points: np.ndarray) -> np.ndarray:
-    """The points without rows that are equal to others, or marks."""
-    keys = _keys(points)
+def _drop_exact_duplicates(points: np.ndarray) -> np.ndarray:
+    """Removes rows that equal an earlier one, and all rows that are a fill value."""
+    keys = _hash_rows(points)
     ordered = np.sort(keys)
     repeats = np.count_nonzero(ordered[1:] == ordered[:-1])
-    few = max(FEW, FEW_SHARE * len(points))
-    if repeats < min(FEWEST_MARKS - 1, few):
+    tolerated = max(TOLERATED_DUPLICATES, TOLERATED_DUPLICATE_SHARE * len(points))
+    if repeats < min(MIN_FILL_ROWS - 1, tolerated):
         return points
     _, first, count = np.unique(keys, return_index=True, return_counts=True)
-    often = count >= max(FEWEST_MARKS, OFTENER * float(np.median(count)))
-    often &= (count >= MANY * len(points)) | ~points[first].any(axis=1)
-    if often.any() and len(first) - np.count_nonzero(often) > FEWEST_MARKS:
-        first = first[~often]
-    elif repeats <= few:
+    is_fill = count >= max(MIN_FILL_ROWS, FILL_TO_MEDIAN_ROWS * float(np.median(count)))
+    is_fill &= (count >= MIN_FILL_SHARE * len(points)) | ~points[first].any(axis=1)
+    if is_fill.any() and len(first) - np.count_nonzero(is_fill) > MIN_FILL_ROWS:
+        first = first[~is_fill]
+    elif repeats <= tolerated:
         return points
     kept: np.ndarray = points[np.sort(first)]
     return kept
 
 
-def _keys(points: np.ndarray) -> np.ndarray:
-    """A number (N,) uint64 for each point (N, 3) float64; equal ones have the same, and others, but for chance, not."""
+def _hash_rows(points: np.ndarray) -> np.ndarray:
+    """A hash (N,) uint64 of each row of points (N, 3) float64; 0.0 and -0.0 have the same."""
     keys = np.empty(len(points), np.uint64)
-    for start in range(0, len(points), CHUNK):
-        bits = np.ascontiguousarray(points[start : start + CHUNK].T + 0.0).view(np.uint64)  # -0.0 becomes 0.0
-        mixed = bits[0] * ODD[0]
+    for start in range(0, len(points), HASH_BLOCK_POINTS):
+        bits = np.ascontiguousarray(points[start : start + HASH_BLOCK_POINTS].T + 0.0).view(np.uint64)  # -0.0 -> 0.0
+        mixed = bits[0] * HASH_MULTIPLIERS[0]
         for axis in (1, 2):
             mixed ^= mixed >> np.uint64(29)
             mixed ^= bits[axis]
-            mixed *= ODD[axis]
-        keys[start : start + CHUNK] = mixed
+            mixed *= HASH_MULTIPLIERS[axis]
+        keys[start : start + HASH_BLOCK_POINTS] = mixed
     return keys
 
 
-def _apart(points: np.ndarray) -> np.ndarray:
-    """The points without rows that all but repeat an earlier one."""
-    if not COPIES < len(points) <= MOST_COMPARED:
+def _drop_near_duplicates(points: np.ndarray) -> np.ndarray:
+    """Removes rows that differ from an earlier one by far less than the spacing of the cloud."""
+    if not MAX_COPIES < len(points) <= MAX_NEAR_DUPLICATE_POINTS:
         return points
     low = points.min(axis=0)
     span = float((points.max(axis=0) - low).max())
     cell = 0.1 * span / math.sqrt(len(points))  # less than a tenth of the gaps between points of a surface
-    if not cell > 0 or len(points) - len(_firsts((points - low) / cell)) <= max(FEW, CROWDED * len(points)):
+    if not cell > 0:
         return points
-    cell = _copies_apart(((points - low) / span).astype(np.float32)) * span
-    for shift in SHIFTS if cell else ():
-        kept: np.ndarray = points[np.sort(_firsts((points - low) / cell + shift))]
+    shared = len(points) - len(_first_row_per_cell((points - low) / cell))
+    if shared <= max(TOLERATED_DUPLICATES, CROWDED_SHARE * len(points)):
+        return points
+    cell = _near_duplicate_distance(((points - low) / span).astype(np.float32)) * span
+    for shift in GRID_SHIFTS if cell else ():
+        kept: np.ndarray = points[np.sort(_first_row_per_cell((points - low) / cell + shift))]
         points = kept
     return points
 
 
-def _firsts(places: np.ndarray) -> np.ndarray:
-    """The first row in each cell of side 1 that holds some of places (N, 3) >= 0, in no order."""
-    return np.unique(_keys(np.floor(places)), return_index=True)[1]
+def _first_row_per_cell(coordinates: np.ndarray) -> np.ndarray:
+    """The index of the first row in each occupied unit cell of coordinates (N, 3) >= 0, in no particular order."""
+    return np.unique(_hash_rows(np.floor(coordinates)), return_index=True)[1]
 
 
-def _copies_apart(cloud: np.ndarray) -> float:
-    """A length between the distance of copies and that of other points in a cloud (N, 3) float32; 0 without copies."""
+def _near_duplicate_distance(cloud: np.ndarray) -> float:
+    """A distance that separates near duplicates from other neighbors in a cloud (N, 3) float32; 0 without any."""
     grid = native.NeighborGrid(cloud)
-    asked = np.linspace(0, len(cloud) - 1, min(ASKED, len(cloud))).astype(np.int32)
-    found, _ = grid.neighbors(asked, COPIES + 2)
-    away = np.linalg.norm(grid.points[found[:, 1:]] - grid.points[asked][:, None], axis=2)
-    jump = away[:, 1:] / np.maximum(away[:, :-1], np.finfo(np.float32).eps)
-    rows, last = np.arange(len(asked)), jump.argmax(axis=1)
-    copied = jump[rows, last] > APART
-    if copied.mean() < PAIRED:
+    queries = np.linspace(0, len(cloud) - 1, min(PROBE_POINTS, len(cloud))).astype(np.int32)
+    neighbors, _ = grid.neighbors(queries, MAX_COPIES + 2)
+    distances = np.linalg.norm(grid.points[neighbors[:, 1:]] - grid.points[queries][:, None], axis=2)
+    gap_ratios = distances[:, 1:] / np.maximum(distances[:, :-1], np.finfo(np.float32).eps)
+    rows, last_copy = np.arange(len(queries)), gap_ratios.argmax(axis=1)
+    has_copies = gap_ratios[rows, last_copy] > MIN_GAP_RATIO
+    if has_copies.mean() < MIN_COPIED_SHARE:
         return 0.0
-    near, far = (float(np.median(away[rows, last + step][copied])) for step in (0, 1))
+    near, far = (float(np.median(distances[rows, last_copy + step][has_copies])) for step in (0, 1))
     near = max(near, float(np.finfo(np.float32).eps))
     return min(math.sqrt(near * far), far / 3)
