@@ -12,6 +12,7 @@ from z2p_core.camera import DEFAULT_ELEVATION, Camera
 from z2p_core.interfaces import Control, Engine, Value
 from z2p_core.native import to_straight_rgba8
 from z2p_core.network.crop_window import crop_window
+from z2p_core.network.exit_guard import inside_engine
 from z2p_core.parallel import parallel_rows
 from z2p_core.scene import SceneDescription
 from z2p_core.settings import apply_controls, settings_vector
@@ -140,13 +141,16 @@ class Renderer:
         """
         outside = self._loaded.gbuffer.elsewhere(features, points) if self._loaded.windows else None
         if outside is None:
-            return np.require(self._engine.draw(buffers, encoding, settings)[0], np.float32, ["C", "W"])
+            with inside_engine():
+                picture = self._engine.draw(buffers, encoding, settings)[0]
+            return np.require(picture, np.float32, ["C", "W"])
         mask, image = outside
         cell = self._loaded.config.unshuffle
         window = crop_window(mask > 0, self._loaded.config.stride, cell)
         cells = [slice(side.start // cell, -(-side.stop // cell)) for side in window]
         inputs = self._contiguous(buffers[:, :, *window]), np.ascontiguousarray(encoding[:, *cells]), settings
-        image[:, *window] = self._engine.draw(*inputs)[0]
+        with inside_engine():
+            image[:, *window] = self._engine.draw(*inputs)[0]
         return image
 
     def _contiguous(self, window: np.ndarray) -> np.ndarray:
