@@ -41,8 +41,8 @@ def find_candidates(store: Store, planned: Sequence[Entry], stages: Iterable[str
     """Results that can be adopted for those planned entries of `stages` that are not complete.
 
     `planned` is a whole plan, upstream first. Of several results that are equal but for code, the newest of the latest
-    stage version is taken; results of a later stage version than the installed one are left out. Renders are found
-    whatever chunks their views were divided into.
+    stage version is taken; results of a later stage version than the installed one are left out. Renders also
+    match if their views were divided into other chunks.
     """
     wanted = set(stages)
     keys = _CodeFreeFingerprints()

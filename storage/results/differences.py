@@ -10,7 +10,7 @@ from typing import Any
 from z2p_renderer.storage.results.fingerprints import PLUGIN_KEYS
 
 CODE_FIELDS = frozenset({"schema", "stage_version", "code", "packages"})
-"""Top-level fields that depend on code alone, not on what the user asked for."""
+"""Top-level fields that depend on code alone, not on the config or the input files."""
 
 UPSTREAM_FIELDS = frozenset({"sample", "renders", "shards", "train", "upstream"})
 """Top-level fields that hold fingerprints of other results."""
@@ -54,15 +54,15 @@ class Difference:
 def compare_fields(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Difference]:
     """Every difference between the fields of two results of one stage, in the new one's order."""
     old, new = (json.loads(json.dumps(fields)) for fields in (old, new))  # a tuple is a list in a manifest
-    found: list[Difference] = []
+    differences: list[Difference] = []
     for key in [*new, *(key for key in old if key not in new)]:
         if key not in old or key not in new:
             if key != "packages" or "code" in old:  # the same schema introduced both: report it once
-                found.append(Difference((key,), old.get(key), new.get(key)))
+                differences.append(Difference((key,), old.get(key), new.get(key)))
         else:
-            found += _compare_values((key,), old[key], new[key])
-    schema = [one for one in found if one.path == ("schema",)]
-    return [one for one in found if one not in schema] if len(found) > len(schema) else found
+            differences += _compare_values((key,), old[key], new[key])
+    without_schema = [difference for difference in differences if difference.path != ("schema",)]
+    return without_schema or differences  # a new schema alone is reported, but adds nothing to other differences
 
 
 def _compare_values(path: tuple[str, ...], old: Any, new: Any) -> Iterator[Difference]:
@@ -80,9 +80,9 @@ def _compare_values(path: tuple[str, ...], old: Any, new: Any) -> Iterator[Diffe
                 yield Difference((*path, key), old.get(key), new.get(key))
             else:
                 yield from _compare_values((*path, key), old[key], new[key])
-    elif _are_plugins(old) and _are_plugins(new) and [one["name"] for one in old] == [one["name"] for one in new]:
-        for mine, theirs in zip(old, new, strict=True):
-            yield from _compare_values(path, mine, theirs)
+    elif _are_plugins(old) and _are_plugins(new) and _plugin_names(old) == _plugin_names(new):
+        for old_plugin, new_plugin in zip(old, new, strict=True):
+            yield from _compare_values(path, old_plugin, new_plugin)
     else:
         yield Difference(path, old, new)
 
@@ -95,6 +95,10 @@ def _are_plugins(value: Any) -> bool:
     return isinstance(value, list) and all(map(_is_plugin, value))
 
 
+def _plugin_names(plugins: list[dict[str, str]]) -> list[str]:
+    return [plugin["name"] for plugin in plugins]
+
+
 def _changed_meshes(old: Any, new: Any) -> list[str]:
     before, after = (dict(_mesh_identities(meshes)) for meshes in (old, new))
     return sorted(name for name in {**before, **after} if before.get(name) != after.get(name))
@@ -102,15 +106,15 @@ def _changed_meshes(old: Any, new: Any) -> list[str]:
 
 def _mesh_identities(meshes: Any) -> Iterator[tuple[str, str]]:
     """(name, identity) of an evaluation's meshes; a report's page has names only."""
-    for one in meshes or ():
-        yield (one, "") if isinstance(one, str) else tuple(one)
+    for mesh in meshes or ():
+        yield (mesh, "") if isinstance(mesh, str) else tuple(mesh)
 
 
 def _format_value(value: Any) -> str:
-    """A value in a few characters."""
+    """A value in at most 60 characters, or a list of plugins by their names."""
     if value is None:
         return "none"
     if _are_plugins(value) and value:
-        return ", ".join(one["name"] for one in value)
+        return ", ".join(_plugin_names(value))
     text = value if isinstance(value, str) else ", ".join(map(str, value)) if isinstance(value, list) else str(value)
     return text if len(text) <= 60 else f"{text[:57]}..."

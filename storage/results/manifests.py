@@ -24,12 +24,12 @@ from z2p_renderer.storage.results.fingerprints import file_digest, fingerprint
 
 MANIFEST = "manifest.json"
 FOLDER_NAME_DIGITS = 32
-"""A result's folder is named by so many hex digits of its fingerprint."""
+"""Number of hex digits of the fingerprint that name a result's folder."""
 MAX_MANIFEST_BYTES = 256 << 20
 _NAME = Text("a text", r"(?s:.*)", 10_000)
 _DIGEST = Text("64 hex digits", "[0-9a-f]{64}")
 _MANIFEST = JsonObject(
-    {"name": _NAME, "fingerprint": _DIGEST, 
+    {"name": _NAME, "fingerprint": _DIGEST,
      "fields": JsonObject({}, {"stage": _NAME, "stage_version": Count(0, 10**6)}),
      "files": MappingOf(JsonObject({"size": Count(0, 1 << 60), "sha256": _DIGEST}), 10**6)},
     {"written": _NAME, "listing": _DIGEST, "provenance": JsonObject({})},
@@ -43,7 +43,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
     Raises:
         OSError: there is none.
-        ValueError: it is not JSON, or not what a manifest holds.
+        ValueError: it is not JSON, or does not have the structure of a manifest.
     """
     with (folder / MANIFEST).open("rb") as file:
         manifest = read_json(file.read(MAX_MANIFEST_BYTES + 1), MAX_MANIFEST_BYTES)
@@ -58,36 +58,36 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 def find_faults(
     folder: Path, expected: str | None = None, *, verify_digests: bool = False, allow_unlisted: bool = False
 ) -> list[str]:
-    """What is wrong with a result, in sentences; empty when nothing is.
+    """Faults of a result, a sentence each; empty for an intact one.
 
     `expected` is the fingerprint that it should have, by default that of the folder's name. A file is read and its
     sha256 compared only with `verify_digests`, or if the file was written to after its manifest. So checking an intact
     result reads its manifest alone, and touching a file does no harm. `allow_unlisted` accepts older manifests, which
     have no `listing`.
     """
-    where = folder / MANIFEST
+    path = folder / MANIFEST
     try:
         manifest = read_manifest(folder)
         actual = fingerprint(manifest["fields"])
         files = {name: (record["size"], record["sha256"]) for name, record in manifest["files"].items()}
-        sealed = where.stat().st_mtime_ns
-        inside = [path.parent.name for path in folder.glob(f"*/{MANIFEST}")]
+        sealed_ns = path.stat().st_mtime_ns
+        subfolders = [nested.parent.name for nested in folder.glob(f"*/{MANIFEST}")]
     except FileNotFoundError:
         return [f"{folder}: no result"]
     except (OSError, ValueError, TypeError) as error:
-        return [f"{where}: unreadable ({type(error).__name__}: {error})"]
-    misplaced = len(folder.name) == FOLDER_NAME_DIGITS and actual[:FOLDER_NAME_DIGITS] != folder.name
-    if actual != (expected or manifest["fingerprint"]) or misplaced:
-        return [f"{where}: its fields are not those of this result"]
+        return [f"{path}: unreadable ({type(error).__name__}: {error})"]
+    is_misnamed = len(folder.name) == FOLDER_NAME_DIGITS and actual[:FOLDER_NAME_DIGITS] != folder.name
+    if actual != (expected or manifest["fingerprint"]) or is_misnamed:
+        return [f"{path}: its fields are not those of this result"]
     if "listing" not in manifest and not allow_unlisted:
-        return [f"{where}: written before lists of files were under a digest"]
+        return [f"{path}: written before lists of files were under a digest"]
     listing = _listing_digest(actual, manifest["files"])
     if manifest.get("listing", listing) != listing:
-        return [f"{where}: its list of files is not the one that was written"]
-    nested = [name for name in inside if f"{name}/{MANIFEST}" not in files]
-    if nested:
-        return [f"{folder / nested[0]}: a result within another one's folder"]
-    faults = (_file_fault(folder / name, *record, sealed, verify_digests) for name, record in files.items())
+        return [f"{path}: its list of files is not the one that was written"]
+    misplaced_results = [name for name in subfolders if f"{name}/{MANIFEST}" not in files]
+    if misplaced_results:
+        return [f"{folder / misplaced_results[0]}: a result within another one's folder"]
+    faults = (_file_fault(folder / name, *record, sealed_ns, verify_digests) for name, record in files.items())
     return [fault for fault in faults if fault]
 
 
@@ -101,14 +101,14 @@ def seal(
 ) -> None:
     """Flush every file of the folder to the disk (fsync), then write the manifest.
 
-    `leftovers`, files and folders in it by their paths below it, are left as they are and are not in the manifest.
+    `leftovers` are paths of files and folders relative to `folder`; they stay there, and the manifest omits them.
 
     Raises:
         FileNotFoundError: the folder holds no file.
     """
     remove_path(folder / MANIFEST)
-    left = {folder / path for path in leftovers}
-    kept = [path for path in folder.rglob("*") if not left & {path, *path.parents}]
+    omitted = {folder / path for path in leftovers}
+    kept = [path for path in folder.rglob("*") if not omitted & {path, *path.parents}]
     paths = sorted(path for path in kept if path.is_file())
     if not paths:
         raise FileNotFoundError(f"{name}: the stage wrote no file into {folder}")
@@ -149,30 +149,27 @@ def fsync_path(path: Path) -> None:
         os.close(descriptor)
 
 
-def _file_fault(path: Path, size: int, digest: str, sealed: int, verify_digests: bool) -> str | None:
+def _file_fault(path: Path, size: int, digest: str, sealed_ns: int, verify_digests: bool) -> str | None:
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return f"{path}: expected {size} bytes, found no file"
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         return f"{path}: expected a file, found {file_kind(path)}"
-    if found.st_size != size:
-        return f"{path}: expected {size} bytes, found {found.st_size}"
-    doubted = verify_digests or found.st_mtime_ns > sealed
+    if status.st_size != size:
+        return f"{path}: expected {size} bytes, found {status.st_size}"
+    if not verify_digests and status.st_mtime_ns <= sealed_ns:
+        return None
     try:
-        same = not doubted or _compared_digest(path, found.st_mtime_ns, verify_digests) == digest
+        actual = file_digest(path) if verify_digests else _cached_file_digest(path, status.st_mtime_ns)
     except OSError as error:
         return f"{path}: cannot be read ({error.strerror})"
-    return None if same else f"{path}: its bytes are not those that were written (sha256 differs)"
-
-
-def _compared_digest(path: Path, changed: int, anew: bool) -> str:
-    return file_digest(path) if anew else _cached_file_digest(path, changed)
+    return None if actual == digest else f"{path}: its bytes are not those that were written (sha256 differs)"
 
 
 @lru_cache(maxsize=10_000)
-def _cached_file_digest(path: Path, changed: int) -> str:
-    """Digest of a file that was last modified at `changed`; cached, because copied results are checked again and again."""
+def _cached_file_digest(path: Path, modified_ns: int) -> str:
+    """sha256 of a file last modified at `modified_ns`; cached, because copied results are checked many times."""
     return file_digest(path)
 
 

@@ -1,7 +1,7 @@
 """The store: results under `<root>/<stage>/<fingerprint>/`, each with a manifest, published atomically.
 
-A result is written in another folder of the same filesystem: files, fsync, the manifest last, then one rename. A kill at
-any moment leaves either the complete result or none. The first writer wins; results are never overwritten.
+A result is written in another folder of the same filesystem: files, fsync, the manifest last, then one rename. A kill
+at any moment leaves either the complete result or none. The first writer wins; results are never overwritten.
 
 =======================================  =====================================================================
 `<root>/<stage>/<fingerprint>/`          a finished result and its `manifest.json`
@@ -46,7 +46,7 @@ _FOLDER_NAME = re.compile(rf"[0-9a-f]{{{FOLDER_NAME_DIGITS}}}")
 
 
 class StoreError(RuntimeError):
-    """A result that cannot be written or found; the message says which."""
+    """A result is missing or damaged, or cannot be written; the message names it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Store:
         self.root = Path(root)
 
     def folder(self, entry: Entry) -> Path:
-        """Where the entry's finished result lies, or will."""
+        """Folder of the entry's result, whether or not it exists yet."""
         return self.root / entry.stage / entry.fingerprint[:FOLDER_NAME_DIGITS]
 
     def complete(self, entry: Entry) -> bool:
@@ -96,11 +96,11 @@ class Store:
         """The finished entry's manifest.
 
         Raises:
-            StoreError: the result is not there, or is damaged.
+            StoreError: the result is missing or damaged.
         """
-        found = self.faults(entry)
-        if found:
-            raise StoreError(f"{entry.name}: {found[0]}; run the pipeline again to make it")
+        faults = self.faults(entry)
+        if faults:
+            raise StoreError(f"{entry.name}: {faults[0]}; run the pipeline again to make it")
         return read_manifest(self.folder(entry))
 
     def stages(self) -> list[str]:
@@ -118,20 +118,23 @@ class Store:
                 yield folder, read_manifest(folder)
 
     def iter_all_manifests(self, stage: str) -> Iterator[tuple[Path, dict[str, Any]]]:
-        """Folder and manifest of every result, also of damaged and quarantined ones: check the sha256 of files you use."""
+        """Folder and manifest of every result, damaged and quarantined ones included.
+
+        Callers must check the sha256 of each file that they use.
+        """
         for folder in [*self.folders(stage), *sorted((self.root / ".quarantine" / stage).glob("*"))]:
             with suppress(OSError, ValueError):
                 manifest = read_manifest(folder)
-                if fingerprint(manifest["fields"]) == manifest["fingerprint"]:  # else it was edited, and cannot be trusted
+                if fingerprint(manifest["fields"]) == manifest["fingerprint"]:  # else it was edited
                     yield folder, manifest
 
     def damaged(self) -> Iterator[tuple[Path, str]]:
         """Folder and first fault of every damaged result, judged by its manifest and the files' sizes."""
         for stage in self.stages():
             for folder in self.folders(stage):
-                found = find_faults(folder)
-                if found and not self.is_locked(stage, folder.name):
-                    yield folder, found[0]
+                faults = find_faults(folder)
+                if faults and not self.is_locked(stage, folder.name):
+                    yield folder, faults[0]
 
     def produce(
         self,
@@ -157,7 +160,7 @@ class Store:
                         entry = replace(entry, provenance={**entry.provenance, "adopted": note["adopted"]})
                     self.publish(folder, entry, (NOTE, *leftovers))
                 except BaseException as error:
-                    disk_message = full_disk_message(folder)  # before the folder goes, which may be what fills the disk
+                    disk_message = full_disk_message(folder)  # first, because removing the folder may free the disk
                     if not resumable:
                         _remove(folder)
                     if disk_message and isinstance(error, Exception) and not isinstance(error, ValueError):
@@ -166,9 +169,10 @@ class Store:
         return self.folder(entry)
 
     def publish(self, folder: Path, entry: Entry, leftovers: Sequence[str] = ()) -> bool:
-        """Whether `folder` became the entry's result; False when another writer was first, and `folder` is dropped.
+        """Publish `folder` as the entry's result; False if another writer was first, after which `folder` is deleted.
 
-        `leftovers`, as in `produce`, move with the folder and are deleted then; those that cannot be do no harm.
+        `leftovers`, as in `produce`, move with the folder and are deleted afterwards; one that cannot be deleted does
+        no harm, because the manifest does not list it.
 
         Raises:
             StoreError: the folder holds no file.
@@ -215,11 +219,11 @@ class Store:
                 self.quarantine(self.folder(entry))
 
     def quarantine(self, folder: Path) -> Path:
-        """Move a damaged result's folder aside, after which the result counts as missing; returns its new place."""
-        place = self.root / ".quarantine" / folder.parent.name / f"{folder.name}-{time.time_ns()}"
-        place.parent.mkdir(parents=True, exist_ok=True)
-        folder.rename(place)
-        return place
+        """Move a damaged result's folder aside, so that the result counts as missing; returns the new path."""
+        target = self.root / ".quarantine" / folder.parent.name / f"{folder.name}-{time.time_ns()}"
+        target.parent.mkdir(parents=True, exist_ok=True)
+        folder.rename(target)
+        return target
 
     def work_folder(self, entry: Entry) -> Path:
         """Where a resumable stage collects the entry's files until they are published."""
@@ -236,9 +240,9 @@ class Store:
         folder = self.work_folder(entry)
         folder.mkdir(parents=True, exist_ok=True)
         if os.path.lexists(folder / MANIFEST):
-            _remove(folder / MANIFEST)  # there when a run was killed between manifest and rename
+            _remove(folder / MANIFEST)  # left by a run that was killed between manifest and rename
         note = read_note(folder)
-        if note is None or fingerprint(note["fields"]) != entry.fingerprint:  # or of an adoption that was cut off
+        if note is None or fingerprint(note["fields"]) != entry.fingerprint:  # e.g. of an interrupted adoption
             write_note(folder, entry.name, entry.fields)
         return folder
 
@@ -284,6 +288,6 @@ def check_result(folder: Path) -> None:
     Raises:
         StoreError: the result is damaged.
     """
-    found = find_faults(folder, verify_digests=True, allow_unlisted=True)
-    if found:
-        raise StoreError(found[0])
+    faults = find_faults(folder, verify_digests=True, allow_unlisted=True)
+    if faults:
+        raise StoreError(faults[0])
