@@ -39,7 +39,7 @@ from z2p_renderer.pipeline.placement.hints import (
 from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.pipeline.placement.orientation import choose_side, choose_upright, clamp_elevation
 from z2p_renderer.pipeline.placement.placement_record import FIXED_CAMERA, Placement
-from z2p_renderer.storage.scans.clouds import FEWEST_POINTS, Scan
+from z2p_renderer.storage.scans.clouds import MIN_POINTS, Scan
 
 MIN_OUTSIDE_RADII = 1.2
 """Distance from the frame's center, in its radii, beyond which a point may lie outside a square picture."""
@@ -117,7 +117,7 @@ def select_points(scan: Scan, suffix: str, options: PlacementOptions) -> Selecte
     """The scan without outliers, without the background of a depth camera's subject, and without the top cut off.
 
     Raises:
-        ScanError: fewer than `FEWEST_POINTS` are left below the cut.
+        ScanError: fewer than `MIN_POINTS` are left below the cut.
     """
     points, far_count = (scan.points, 0) if options.keep_outliers else remove_outliers(scan.points)
     up = choose_upright(points, scan, suffix, options)
@@ -170,7 +170,7 @@ def _cut_top(points: np.ndarray, filled_count: int, up: np.ndarray, percent: flo
     height = dot_axis(points, up)
     low = height <= height.max() - percent / 100 * np.ptp(height)
     points, filled_count = points[low], int(low[len(low) - filled_count :].sum())
-    if len(points) < FEWEST_POINTS:
+    if len(points) < MIN_POINTS:
         raise ScanError(f"--cut-top {percent:g} leaves {len(points)} points; cut off less")
     return points, filled_count
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.errors.messages import error_reason
-from z2p_core.formats.geographic import metres_of_degrees
+from z2p_core.formats.geographic import project_degrees
 from z2p_core.formats.row_subsampling import MOST_ROWS
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import colours_note
@@ -113,7 +113,7 @@ def _read(path: Path) -> RawCloud:
     points = np.concatenate(told.parts)
     if told.came != count:
         raise ScanError(f"the LAS header promises {count} points, {told.came} came; export the file again")
-    points, laid_out = metres_of_degrees(points) if degrees else (points, "")
+    points, laid_out = project_degrees(points) if degrees else (points, "")
     note = "; ".join(filter(None, (told.note(iter(names)), laid_out)))
     return RawCloud(points, total=count if step > 1 else None, note=note)
 

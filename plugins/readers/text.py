@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.formats.geographic import metres_of_degrees
+from z2p_core.formats.geographic import project_degrees
 from z2p_core.formats.tables.camera_poses import name_poses
 from z2p_core.formats.tables.extra_columns import ignored_colours, ignored_columns
 from z2p_core.formats.tables.header_lines import is_count, is_row
@@ -122,7 +122,7 @@ def _named(found: _Rows, form: Form, head: Head, path: Path) -> RawCloud:
         points = points * [1, 1, -1] if positive else points
         told.append("depths count down, so z = -depth" if positive else "depths below 0 are taken as heights")
     if head.degrees:
-        points, laid_out = metres_of_degrees(points)
+        points, laid_out = project_degrees(points)
         told.append(laid_out)
     if head.colmap:
         posed: RawCloud = late("z2p_renderer.plugins.readers._cameras.colmap").posed(points, path, _joined(*told))

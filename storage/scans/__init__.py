@@ -1,1 +1,1 @@
-"""Scans on disk: which files are scans, which reader takes each, and what of their points is passed on."""
+"""Scans on disk: finds the files, chooses a reader for each, and keeps the points that can be drawn."""

@@ -1,4 +1,4 @@
-"""Scans on disk: reads them through the reader plugins, and passes on only points that can be used."""
+"""Reads scans through the reader plugins and keeps the points that can be drawn."""
 
 from __future__ import annotations
 
@@ -8,49 +8,49 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.formats.geographic import local_metres
-from z2p_core.formats.tables.missing_values import measured
+from z2p_core.formats.geographic import metres_from_degrees
+from z2p_core.formats.tables.missing_values import measured_mask
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.meshes import Mesh, check_openable, read_mesh, write_cloud, write_mesh
 from z2p_renderer.storage.scans.duplicate_points import drop_duplicates
 from z2p_renderer.storage.scans.find_scans import find_scans
-from z2p_renderer.storage.scans.isolated_reading import can_read_apart, failure_message, read_apart
+from z2p_renderer.storage.scans.isolated_reading import can_read_in_subprocess, failure_message, read_in_subprocess
 from z2p_renderer.storage.scans.memory_limit import free_memory
 from z2p_renderer.storage.scans.reader_choice import format_suffix, readable_suffixes, reader_for
 from z2p_renderer.storage.scans.silenced_libraries import quiet
-from z2p_renderer.storage.scans.unpack import unpacked
+from z2p_renderer.storage.scans.unpack import unpacked_file
 from z2p_renderer.storage.scans.unsupported_formats import advice_by_content
 from z2p_renderer.storage.scans.up_hints import with_up_hints
 
 __all__ = ["Mesh", "Scan", "find_scans", "format_suffix", "read_clouds", "read_each",
            "read_mesh", "readable_suffixes", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
-FEWEST_POINTS = 3
-LARGEST = float(np.finfo(np.float32).max)
-"""What is as large, of either sign, is no coordinate: formats of rasters write it for what was not measured."""
+MIN_POINTS = 3
+"""A scan needs at least this many finite points."""
+MAX_COORDINATE = float(np.finfo(np.float32).max)
+"""Coordinates of this magnitude or more are invalid: raster formats write such values for missing measurements."""
 
 
 @dataclass(frozen=True)
 class Scan:
-    """One cloud: points (N, 3) float64, finite, in the file's own units; `dropped` rows were not finite.
-
-    `label` is empty, or ``[3]`` for the fourth cloud of a batch file. `repeated` rows more were left out, which repeat
-    others or stand for missing points.
-    """
+    """One cloud: points (N, 3) float64, finite, in the file's own units."""
 
     points: np.ndarray
     dropped: int
+    """How many rows were left out because a coordinate was not finite."""
     label: str
+    """Empty, or ``[3]`` for the fourth cloud of a batch file."""
     sensor: Sensor | None = None
-    """Where the cloud was seen from, when the file tells."""
+    """The sensor's pose, if the file gives it."""
     total: int | None = None
-    """How many points the file has, where those here only stand for them."""
+    """How many points the file has, if `points` are a subsample of them."""
     repeated: int = 0
+    """How many finite rows were left out as duplicates or fill values."""
     note: str = ""
-    """What the reader took for granted or left out, in words."""
+    """What the reader assumed or left out, in words."""
     up: str = ""
-    """The file's axis that points up, where the file tells; see `RawCloud`."""
+    """The file's up axis, if known, and why; see `RawCloud` for this and the fields below."""
     up_reason: str = ""
     up_certain: bool = True
     upward: np.ndarray | None = None
@@ -58,13 +58,14 @@ class Scan:
 
 
 def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
-    """The clouds of a file: one, or as many as its batch holds; the reader is found by the suffix, in either case.
+    """Reads all clouds of a file: one, or those of a batch. The suffix, in any case, selects the reader.
 
-    A .gz is unpacked on the way. `columns` names those of a text file.
+    A .gz file is unpacked on the way. `columns` names the columns of a text file.
 
     Raises:
-        ScanError: no such file, no reader for its suffix, a file that is not of its format or too large for the free
-            memory, or a cloud without three finite points at two places at least; one line that names the file.
+        ScanError: there is no such file or no reader for its suffix, the file is damaged or too large for the free
+            memory, or a cloud has fewer than three finite points or all at one place. The message is one line that
+            names the file.
     """
     scans = []
     for scan in read_each(path, columns):
@@ -75,7 +76,7 @@ def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan
 
 
 def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan | ScanError]:
-    """The clouds of a file as `read_clouds` gives them, but in place of one that shows nothing the error that says so.
+    """Reads all clouds of a file like `read_clouds`, but returns the error of an unusable cloud in its place.
 
     Raises:
         ScanError: the file as a whole cannot be read.
@@ -87,40 +88,40 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
         reader.columns = columns
         check_openable(path)
         free = free_memory()
-        with unpacked(path, None if free is None else free // MEMORY_A_BYTE) as plain:
-            if told := advice_by_content(plain, plain.suffix.lower()):
-                raise ScanError(told)
+        with unpacked_file(path, None if free is None else free // MEMORY_A_BYTE) as plain:
+            if advice := advice_by_content(plain, plain.suffix.lower()):
+                raise ScanError(advice)
             _check_memory(reader, plain, free)
-            clouds = with_up_hints(_clouds(reader, plain, free), plain, path)
+            clouds = with_up_hints(_run_reader(reader, plain, free), plain, path)
         if columns and not reader.takes_columns:
             ignored = f"--columns ignored, which {format_suffix(path)} files do not take"
             clouds = [replace(cloud, note="; ".join(filter(None, [cloud.note, ignored]))) for cloud in clouds]
         labels = [f"[{index}]" for index in range(len(clouds))] if len(clouds) > 1 else [""]
-        return [_scan_or_fault(cloud, label, path) for cloud, label in zip(clouds, labels, strict=True)]
+        return [_scan_or_error(cloud, label, path) for cloud, label in zip(clouds, labels, strict=True)]
     except ScanError as error:
         raise ScanError(f"{printable(path)}: {error}") from error
 
 
 def usable(points: np.ndarray, label: str = "") -> Scan:
-    """The finite rows of points (N, 3), as a scan in float64; `label` tells it from the others of its batch.
+    """Makes a scan from points (N, 3) as `read_clouds` does from a file's; `label` names it within its batch.
 
     Raises:
-        ScanError: there are not three finite points at two places at least.
+        ScanError: there are fewer than three finite points, or all are at one place.
     """
-    return _scan(RawCloud(np.asarray(points, dtype=np.float64)), label)
+    return _scan_from_raw(RawCloud(np.asarray(points, dtype=np.float64)), label)
 
 
 def reader_of(path: Path) -> type[Reader]:
-    """The reader that takes a file of that name.
+    """The class of the reader for a file of that name.
 
     Raises:
-        ScanError: none does, or two do.
+        ScanError: no reader claims its suffix, or several do.
     """
     return type(reader_for(path))
 
 
 def _check_memory(reader: Reader, path: Path, free: int | None) -> None:
-    """Raises ScanError when the file will not fit, rather than let the system end the whole run."""
+    """Raises ScanError if the file will not fit into memory: otherwise the system would kill the whole run."""
     with quiet():
         needed = reader.memory(path)
     if free is not None and needed > free:
@@ -128,16 +129,16 @@ def _check_memory(reader: Reader, path: Path, free: int | None) -> None:
                         "out first, a million points are plenty for a picture")
 
 
-def _clouds(reader: Reader, path: Path, free: int | None) -> list[RawCloud]:
-    """What the reader gives; a stranger's reader that fails in its own way must not end the batch."""
+def _run_reader(reader: Reader, path: Path, free: int | None) -> list[RawCloud]:
+    """Runs the reader. Whatever a third-party reader raises becomes a ScanError, so that it cannot end the batch."""
     try:
-        if can_read_apart(reader) and reader.is_fragile(path):
+        if can_read_in_subprocess(reader) and reader.is_fragile(path):
             needed = 2 * reader.memory(path)
-            given = read_apart(reader, path, needed if free is None else min(needed, free))
+            raw_clouds = read_in_subprocess(reader, path, needed if free is None else min(needed, free))
         else:
             with quiet():
-                given = [cloud if isinstance(cloud, RawCloud) else RawCloud(cloud) for cloud in reader.read(path)]
-        clouds = [replace(cloud, points=np.asarray(cloud.points, dtype=np.float64)) for cloud in given]
+                raw_clouds = [cloud if isinstance(cloud, RawCloud) else RawCloud(cloud) for cloud in reader.read(path)]
+        clouds = [replace(cloud, points=np.asarray(cloud.points, dtype=np.float64)) for cloud in raw_clouds]
     except ScanError:
         raise
     except Exception as error:  # named, chained and passed on as this file's failure
@@ -151,51 +152,52 @@ def _clouds(reader: Reader, path: Path, free: int | None) -> list[RawCloud]:
 
 
 def _mode(path: Path) -> int:
-    """The file's mode, 0 where it cannot be told."""
+    """The mode of a file; 0 if it cannot be read."""
     try:
         return path.stat().st_mode
     except (OSError, ValueError):
         return 0
 
 
-def _scan_or_fault(raw: RawCloud, label: str, path: Path) -> Scan | ScanError:
+def _scan_or_error(raw: RawCloud, label: str, path: Path) -> Scan | ScanError:
     try:
-        return _scan(raw, label)
+        return _scan_from_raw(raw, label)
     except ScanError as error:
         return ScanError(f"{printable(path)}: {error}")
 
 
-def _scan(raw: RawCloud, label: str) -> Scan:
-    """The usable part of a cloud, checked."""
+def _scan_from_raw(raw: RawCloud, label: str) -> Scan:
+    """Removes invalid, duplicate and fill rows of a cloud, converts degrees to metres, and checks what is left."""
     cloud = raw.points
     where = f"cloud {label}: " if label else ""
     if len(cloud) == 0:
-        raise ScanError(f"{where}the cloud is empty; expected at least {FEWEST_POINTS} points")
-    finite = (np.abs(cloud) < LARGEST).all(axis=1)
+        raise ScanError(f"{where}the cloud is empty; expected at least {MIN_POINTS} points")
+    finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
     dropped = int(len(cloud) - finite.sum())
     points = cloud[finite] if dropped else cloud
     if len(points) == 0:
         raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
-                        f"{LARGEST:.1e}; the scan holds no measurement")
-    if len(points) < FEWEST_POINTS:
-        raise ScanError(f"{where}expected at least {FEWEST_POINTS} finite points, got {len(points)} of {len(cloud)}")
-    points, missing = _measured(points)
+                        f"{MAX_COORDINATE:.1e}; the scan holds no measurement")
+    if len(points) < MIN_POINTS:
+        raise ScanError(f"{where}expected at least {MIN_POINTS} finite points, got {len(points)} of {len(cloud)}")
+    points, missing_note = _drop_missing(points)
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
-    metres, degrees = local_metres(points) if raw.sensor is None else (points, "")
+    metres, degrees_note = metres_from_degrees(points) if raw.sensor is None else (points, "")
     if metres is not points and not (raw.up and raw.up_certain):
         raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe",
                       up_certain=True)
     points = metres
-    once, note = drop_duplicates(points), "; ".join(filter(None, (raw.note, missing, degrees)))
-    return Scan(once, dropped, label, raw.sensor, raw.total, len(points) - len(once), note, raw.up, raw.up_reason,
+    unique = drop_duplicates(points)
+    note = "; ".join(filter(None, (raw.note, missing_note, degrees_note)))
+    return Scan(unique, dropped, label, raw.sensor, raw.total, len(points) - len(unique), note, raw.up, raw.up_reason,
                 raw.up_certain, raw.upward, raw.seen_from)
 
 
-def _measured(points: np.ndarray) -> tuple[np.ndarray, str]:
-    """The points without those that say that nothing was measured, and a word of it."""
-    kept = measured(points)
-    if kept is None or kept.sum() < FEWEST_POINTS:
+def _drop_missing(points: np.ndarray) -> tuple[np.ndarray, str]:
+    """Removes the points that a no-data value marks as missing; also returns the note for the user."""
+    kept = measured_mask(points)
+    if kept is None or kept.sum() < MIN_POINTS:
         return points, ""
     left_out = len(points) - int(kept.sum())
     return points[kept], f"{left_out} points left out that say -9999 or the like for no measurement"

@@ -1,4 +1,4 @@
-"""Scans that a command's inputs stand for: files, folders and patterns."""
+"""Finds the scans that a command's inputs name: files, folders and glob patterns."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from z2p_core.formats.colmap_files import is_part, is_points
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.scans.reader_choice import format_suffix, readable_suffixes
-from z2p_renderer.storage.scans.unpack import is_no_sweep, is_prose
+from z2p_renderer.storage.scans.unpack import is_prose, is_unrelated_bin
 from z2p_renderer.storage.scans.unsupported_formats import advice_by_suffix, is_unread_cloud
 
 
 def find_scans(
     inputs: Sequence[str], recursive: bool, passed_over: Callable[[Path], None] = lambda path: None, named: bool = False
 ) -> list[Path]:
-    """The files that the inputs stand for, in the inputs' order, each once.
+    """The files that the inputs name, in the inputs' order, each once.
 
-    A file stands for itself. A folder stands for the readable files in it, sorted by name; with `recursive`, for those
-    below it too. Anything else is a glob pattern. Hidden files and links to folders are left out of folders and globs:
-    what such a link leads to is either found anyway or lies outside. So is prose: a folder's .txt or .csv that does not
-    begin with numbers or their names (which the user may have `named`), and so are clouds in a format that stays
-    unread; `passed_over` is told of each.
+    A file names itself. A folder names the readable files in it, sorted; with `recursive`, also those below it.
+    Anything else is a glob pattern. Folders and globs skip hidden files and links to folders: such a link leads to
+    files that are either found anyway or outside. They also skip prose (a .txt or .csv that begins with neither
+    numbers nor column names, unless the user `named` the columns) and clouds in unsupported formats; `passed_over` is
+    called with each of these.
 
     Raises:
-        ScanError: an input is empty, is a URL or matches nothing, or a folder or pattern holds no readable file.
+        ScanError: an input is empty, a URL or matches nothing, or a folder or pattern has no readable file.
     """
-    found: dict[str, Path] = {}
+    scans: dict[str, Path] = {}
     for text in inputs:
         if not text:
             raise ScanError("expected a file, folder or pattern, got ''; is the variable empty that should hold it?")
@@ -44,33 +44,33 @@ def find_scans(
             reason = getattr(error, "strerror", None) or error
             raise ScanError(f"{printable(Path(text))}: cannot be searched ({reason})") from error
         for path in paths:
-            found.setdefault(os.path.abspath(path), path)  # noqa: PTH100 - Path.resolve would join links to one file
-    return list(found.values())
+            scans.setdefault(os.path.abspath(path), path)  # noqa: PTH100 - Path.resolve would join links to one file
+    return list(scans.values())
 
 
-MOST_BESIDE = 5000
-"""Names in a folder among which the one that was meant is looked for."""
+MAX_COMPARED_NAMES = 5000
+"""At most this many names of a folder are compared to a misspelled one."""
 PICTURE_SUFFIXES = frozenset({".png", ".webp", ".jpg", ".jpeg", ".tif", ".tiff", ".gif", ".mp4"})
-"""Suffixes of what z2p writes."""
+"""Suffixes of files that z2p writes."""
 
 
-def _advice(path: Path) -> str:
-    """What to say of a path that leads nowhere: the name beside it that was meant, where that is sure."""
+def _missing_file_advice(path: Path) -> str:
+    """Advice for a path that does not exist: a similar name in its folder, if one is clearly meant."""
     if path.suffix.lower() in PICTURE_SUFFIXES:
         return f"a picture that is to be written is named by --output {printable(path)}"
-    from z2p_core.errors.did_you_mean import closest_name  # late: for this message alone
+    from z2p_core.errors.did_you_mean import closest_name  # imported late: only this message needs it
 
     try:
-        beside = [other.name for other in islice(path.parent.iterdir(), MOST_BESIDE)]
-        numbers = re.findall(r"\d+", path.name)  # of a series no other one is meant
-        meant = closest_name(path.name, [name for name in beside if re.findall(r"\d+", name) == numbers])
-    except OSError:  # the folder is not there either, or is closed
+        siblings = [other.name for other in islice(path.parent.iterdir(), MAX_COMPARED_NAMES)]
+        numbers = re.findall(r"\d+", path.name)  # another number of a series is not meant
+        meant = closest_name(path.name, [name for name in siblings if re.findall(r"\d+", name) == numbers])
+    except OSError:  # the folder does not exist either, or cannot be listed
         meant = None
     return "check the path" if meant is None else f"did you mean {printable(path.with_name(meant))}?"
 
 
 def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], named: bool) -> list[Path]:
-    """The files behind one input."""
+    """The files that one input names."""
     path = Path(text)
     if path.is_dir():
         name, candidates = f"folder {printable(path)}", list(_walk(path)) if recursive else _children(path)
@@ -79,16 +79,16 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
     elif any(sign in text for sign in "*?["):
         name, candidates = f"pattern {text!r}", _glob(path)
     else:
-        raise ScanError(f"{printable(path)}: no such file or folder; {_advice(path)}")
+        raise ScanError(f"{printable(path)}: no such file or folder; {_missing_file_advice(path)}")
     suffixes = readable_suffixes()
     paths = []
     for candidate in candidates:
         if is_part(candidate) and any(is_points(other) and other.parent == candidate.parent for other in candidates):
-            continue  # a model's cameras and pictures, of which the reader of its points knows
+            continue  # the reader of a COLMAP model's points reads these files itself
         if format_suffix(candidate) not in suffixes:
             if is_unread_cloud(candidate):
                 passed_over(candidate)
-        elif is_prose(candidate, named) or is_no_sweep(candidate, named):
+        elif is_prose(candidate, named) or is_unrelated_bin(candidate, named):
             passed_over(candidate)
         else:
             paths.append(candidate)

@@ -1,4 +1,4 @@
-"""How much memory is left for reading a scan, where the system tells."""
+"""How much memory is free for reading a scan."""
 
 from __future__ import annotations
 
@@ -10,32 +10,32 @@ MEMINFO = Path("/proc/meminfo")
 
 
 def free_memory() -> int | None:
-    """Bytes that can still be taken without swapping: the system's, or the container's where that is less.
+    """Bytes that can be allocated without swapping: the minimum over the system and the container.
 
-    None where no system tells.
+    None if neither is known.
     """
-    known = [size for size in (_system(), _container()) if size is not None]
+    known = [size for size in (_system_free(), _container_free()) if size is not None]
     return min(known) if known else None
 
 
-def _system() -> int | None:
+def _system_free() -> int | None:
     try:
         lines = MEMINFO.read_text().splitlines()
     except OSError:  # not Linux
-        return _physical()
+        return _physical_memory()
     kilobytes = [line.split()[1] for line in lines if line.startswith("MemAvailable:")]
-    return int(kilobytes[0]) * 1024 if kilobytes else _physical()
+    return int(kilobytes[0]) * 1024 if kilobytes else _physical_memory()
 
 
-def _physical() -> int | None:
-    """All memory there is: the best that other systems tell without a library."""
+def _physical_memory() -> int | None:
+    """The total physical memory, which is all that other systems report without a library."""
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, OSError, ValueError):
         return None
 
 
-def _container() -> int | None:
+def _container_free() -> int | None:
     try:
         limit = (CGROUP / "memory.max").read_text().strip()
         if limit == "max":
@@ -47,9 +47,9 @@ def _container() -> int | None:
 
 
 def _reclaimable() -> int:
-    """Bytes that a container counts as used for files that were read: the system lets go of them when asked."""
+    """Bytes of the file cache, which the container counts as used although the system frees them on demand."""
     try:
-        told = dict(line.split() for line in (CGROUP / "memory.stat").read_text().splitlines())
-        return int(told["inactive_file"])
+        statistics = dict(line.split() for line in (CGROUP / "memory.stat").read_text().splitlines())
+        return int(statistics["inactive_file"])
     except (OSError, ValueError, KeyError):
         return 0

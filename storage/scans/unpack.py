@@ -1,4 +1,4 @@
-"""Scans that are no plain files: gzip'd ones and standard input, in a temporary file while they are read."""
+"""Unpacks gzip'd scans and spools standard input into temporary files, and tells scans from other files."""
 
 from __future__ import annotations
 
@@ -41,48 +41,49 @@ MAGIC = (
 )  # fmt: skip
 """First bytes -> suffix."""
 _OFF = re.compile(r"(ST)?C?N?4?n?OFF(?![A-Za-z])")
-"""How OFF files begin; the letters before tell what stands beside a vertex."""
-_STL_HEAD, _STL_TRIANGLE, _MOST_STRAY = 84, 50, 16
-"""Bytes of a binary STL file's header and of each triangle, and how many may follow."""
-PREFIX = "z2p-stdin-"
-"""Of the temporary folder that keeps standard input."""
-_STEP = 1 << 20
-_PACKED, _PACKED_TIMES = (".laz", ".npz", ".e57"), 8
-"""Suffixes of files that may be packed, and how many times as large they may be then."""
-_LARGEST_POSES = 1 << 20
-"""Bytes of a file of poses at the most, which is some thousands of them."""
-_HEAD = 4096
-"""Bytes at the head of a text that tell what it is."""
+"""The first line of an OFF file; the letters before OFF say which values follow each vertex."""
+_STL_HEADER_BYTES, _STL_TRIANGLE_BYTES, _MAX_TRAILING_BYTES = 84, 50, 16
+"""Sizes in a binary STL file: its header, each triangle, and what may follow the triangles."""
+SPOOL_FOLDER_PREFIX = "z2p-stdin-"
+"""Prefix of the temporary folder that holds standard input."""
+_CHUNK_BYTES = 1 << 20
+"""Streams are copied and unpacked in chunks of this size."""
+_PACKED_SUFFIXES, _ASSUMED_COMPRESSION_RATIO = (".laz", ".npz", ".e57"), 8
+"""Formats that may be compressed, and the compression ratio that is assumed for them."""
+_MAX_POSE_FILE_BYTES = 1 << 20
+"""Larger .npy files are not checked for camera poses; this holds some thousands of poses."""
+_HEAD_BYTES = 4096
+"""Bytes at the beginning of a text file that decide whether it is prose."""
 _SWEEP_ROWS = 1000
-"""Rows at the head of a .bin file that tell whether it is a sweep."""
+"""Rows at the beginning of a .bin file that decide whether it is a lidar sweep."""
 
 
 def spool(stream: BinaryIO, folder: Path) -> Path:
-    """File ``stdin.<suffix>`` in the folder that holds all of a stream; its format is told by its first bytes.
+    """Copies a stream to ``stdin.<suffix>`` in the folder; its first bytes decide the suffix.
 
-    Text that says nothing else of itself counts as ``.txt``, which takes any columns.
+    Text of no other known format gets ``.txt``, which allows any columns.
 
     Raises:
-        ScanError: nothing comes, or what begins like gzip is not.
+        ScanError: the stream is empty, or begins like gzip and is not.
     """
-    head = stream.read(_STEP)
+    head = stream.read(_CHUNK_BYTES)
     if not head:
         raise ScanError("standard input is empty; pipe a scan into it, as in: cat scan.ply | z2p run-inference -")
     zipped = head.startswith(b"\x1f\x8b")
     try:
-        start = zlib.decompressobj(31).decompress(head, _STEP) if zipped else head
+        start = zlib.decompressobj(31).decompress(head, _CHUNK_BYTES) if zipped else head
     except zlib.error as error:
         raise ScanError(f"standard input begins like a gzip file, and is none ({error}); send it again") from error
     path = folder / STDIN_STEM
     with path.open("wb") as file:
         file.write(head)
-        shutil.copyfileobj(stream, file, _STEP)
+        shutil.copyfileobj(stream, file, _CHUNK_BYTES)
     suffix = suffix_of(start, _unpacked_size(path) if zipped else path.stat().st_size)
     return path.rename(folder / f"{STDIN_STEM}{suffix}{'.gz' if zipped else ''}")
 
 
 def content_size(path: Path) -> int:
-    """Bytes of what a scan holds, about: a packed one tells it, or is taken for one packed well.
+    """About how many bytes a scan holds when unpacked: by its gzip trailer, or by an assumed compression ratio.
 
     Raises:
         OSError: it cannot be read.
@@ -90,23 +91,23 @@ def content_size(path: Path) -> int:
     size = path.stat().st_size
     if path.suffix.lower() == ".gz":
         return max(size, _unpacked_size(path))
-    return size * (_PACKED_TIMES if path.suffix.lower() in _PACKED else 1)
+    return size * (_ASSUMED_COMPRESSION_RATIO if path.suffix.lower() in _PACKED_SUFFIXES else 1)
 
 
 def _unpacked_size(path: Path) -> int:
-    """Bytes of a gzip file's content, as its last four say; more than 4 GB count from 0 again."""
+    """Unpacked size of a gzip file in bytes, modulo 4 GiB, from its last four bytes."""
     with path.open("rb") as file:
         file.seek(max(path.stat().st_size - 4, 0))
         return int.from_bytes(file.read(), "little")
 
 
 def is_spooled(path: Path) -> bool:
-    """Whether a file is what `spool` keeps of standard input."""
-    return path.name.startswith(f"{STDIN_STEM}.") and path.parent.name.startswith(PREFIX)
+    """Whether `spool` wrote the file."""
+    return path.name.startswith(f"{STDIN_STEM}.") and path.parent.name.startswith(SPOOL_FOLDER_PREFIX)
 
 
 def suffix_of(head: bytes, size: int) -> str:
-    """Suffix of the format that a file of `size` bytes belongs to, by its first ones."""
+    """Suffix of the format of a file of `size` bytes, recognized by its first bytes."""
     for magic, suffix in MAGIC:
         if head.startswith(magic):
             return suffix
@@ -114,35 +115,35 @@ def suffix_of(head: bytes, size: int) -> str:
         return ".vtp" if b"PolyData" in head[:400] else ".vtu"
     if head.lstrip()[:5].lower() == b"solid":
         return ".stl"
-    if len(head) >= _STL_HEAD:  # a binary STL says no more of itself than how many triangles make its length
-        triangles = int.from_bytes(head[_STL_HEAD - 4 : _STL_HEAD], "little")
-        if 0 <= size - _STL_HEAD - _STL_TRIANGLE * triangles <= _MOST_STRAY:
+    if len(head) >= _STL_HEADER_BYTES:  # a binary STL has no magic bytes, but its triangle count fits its length
+        triangles = int.from_bytes(head[_STL_HEADER_BYTES - 4 : _STL_HEADER_BYTES], "little")
+        if 0 <= size - _STL_HEADER_BYTES - _STL_TRIANGLE_BYTES * triangles <= _MAX_TRAILING_BYTES:
             return ".stl"
-    lines = _told_lines(head)
+    lines = _content_lines(head)
     if lines and _OFF.match(lines[0]):
         return ".off"
     return ".obj" if any(line.split()[0] == "v" for line in lines[:200]) else ".txt"
 
 
 def is_prose(path: Path, named: bool = False) -> bool:
-    """Whether a .txt or .csv file begins with neither three numbers nor the names x, y and z: a note, not a scan.
+    """Whether a .txt or .csv file is no scan: it begins with neither three numbers nor the names x, y and z.
 
-    So do lists of poses and matrices of cameras count, which data sets keep beside their scans, in .npy too. Where
-    the user has `named` its columns, one line may stand before the numbers, and words beside them.
+    Lists of camera poses and camera matrices (in .npy too), which data sets keep beside their scans, count as no scan.
+    If the user has `named` the columns, one line may precede the numbers, and words may stand beside them.
     """
     if path.suffix.lower() == ".npy":
         return _is_pose_array(path)
-    if path.suffix.lower() not in (".txt", ".csv") or not path.is_file():  # opening a pipe would wait for ever
+    if path.suffix.lower() not in (".txt", ".csv") or not path.is_file():  # opening a pipe would block
         return False
     try:
         with path.open("rb") as file:
-            head = file.read(_HEAD)
+            head = file.read(_HEAD_BYTES)
     except OSError:
-        return False  # the reader says what is wrong
-    lines = _told_lines(head)
+        return False  # the reader reports the error
+    lines = _content_lines(head)
     first = _first_row(lines)
-    if ways := next(filter(None, map(column_names, lines[: first + 1])), None):
-        return not named and any(map(name_poses, ways))
+    if candidates := next(filter(None, map(column_names, lines[: first + 1])), None):
+        return not named and any(map(name_poses, candidates))
     rows = lines[first:]
     if named and rows and not is_row(rows[0]):
         rows = rows[1:]
@@ -150,44 +151,44 @@ def is_prose(path: Path, named: bool = False) -> bool:
     numbers = sum(is_number(word) or is_missing(word) for word in words)
     if numbers < 3 or (numbers < len(words) and not named):
         return True
-    return not named and _holds_poses(rows[: -1 if len(head) == _HEAD else None])
+    return not named and _holds_poses(rows[: -1 if len(head) == _HEAD_BYTES else None])
 
 
 def _is_pose_array(path: Path) -> bool:
-    """Whether a .npy file, not too large for it, holds matrices of cameras."""
+    """Whether a .npy file of moderate size holds camera matrices."""
     try:
-        if not path.is_file() or path.stat().st_size > _LARGEST_POSES:
+        if not path.is_file() or path.stat().st_size > _MAX_POSE_FILE_BYTES:
             return False
         with quiet():
             array = np.load(path, allow_pickle=False)
         return array.dtype.kind == "f" and array.ndim in (2, 3) and bool(pose_array_kind(array))
-    except Exception:  # numpy raises whatever its parsing stumbles over, and the reader says what is wrong
+    except Exception:  # numpy raises many kinds of errors on damaged files; the reader reports them
         return False
 
 
 def _holds_poses(rows: list[str]) -> bool:
-    """Whether rows, none of them cut short, are those of a camera's way or matrix."""
+    """Whether complete rows of text are camera poses or a camera matrix."""
     cells = [[cell.strip("\"'") for cell in re.split(r"[;,\s]+", row.strip(";, "))] for row in rows]
     if not cells or len({len(row) for row in cells}) > 1 or not all(is_number(cell) for row in cells for cell in row):
         return False
     return bool(pose_kind(np.array([[float(plain_exponents(cell)) for cell in row] for row in cells])))
 
 
-def is_no_sweep(path: Path, named: bool = False) -> bool:
-    """Whether a .bin file is other than a car's lidar sweep: weights of a network, a buffer of a glTF file.
+def is_unrelated_bin(path: Path, named: bool = False) -> bool:
+    """Whether a .bin file holds no points: network weights or a glTF buffer, for example.
 
-    Where the user has `named` its columns, it is what they say.
+    False if the user has `named` its columns.
     """
     if named or path.suffix.lower() != ".bin" or not path.is_file():
         return False
     try:
-        return not _looks_like_sweep(path)
+        return not _looks_like_points(path)
     except OSError:
-        return False  # the reader says what is wrong
+        return False  # the reader reports the error
 
 
-def _looks_like_sweep(path: Path) -> bool:
-    """Whether a file begins as rows of points do, a lidar's or others, or as COLMAP's points."""
+def _looks_like_points(path: Path) -> bool:
+    """Whether a .bin file begins like rows of float32 points or like the points of a COLMAP model."""
     size = path.stat().st_size
     with path.open("rb") as file:
         if counts_points(file.read(8), size):
@@ -199,43 +200,43 @@ def _looks_like_sweep(path: Path) -> bool:
     return bool(fitting_forms(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size))
 
 
-def _told_lines(head: bytes) -> list[str]:
-    """Lines of a text's first bytes that hold something, without what ``#`` begins."""
+def _content_lines(head: bytes) -> list[str]:
+    """The nonempty lines of the first bytes of a text, without ``#`` comments."""
     text = head.decode(text_encoding(head), errors="replace")
     return [line for line in (without_comment(line).strip() for line in text.splitlines()) if line]
 
 
 def _first_row(lines: list[str]) -> int:
-    """Index of the first line that is no comment and no count of the rows."""
+    """Index of the first line that is neither a comment nor a row count."""
     first = next((index for index, line in enumerate(lines) if not is_comment(line)), len(lines))
     return first + any(map(is_count, lines[first : first + 1]))
 
 
 @contextmanager
-def unpacked(path: Path, largest: int | None) -> Iterator[Path]:
-    """The path itself, or while the context lasts a temporary file with the content of a .gz, unpacked step by step.
+def unpacked_file(path: Path, max_bytes: int | None) -> Iterator[Path]:
+    """The path itself; for a .gz, a temporary file with its content that exists while the context is open.
 
     Raises:
-        ScanError: it is no gzip file, is cut short, or would unpack to more than `largest` bytes (None: no limit).
+        ScanError: the gzip file is damaged, or unpacks to more than `max_bytes` (None: no limit).
     """
     if path.suffix.lower() != ".gz":
         yield path
         return
     with tempfile.TemporaryDirectory(prefix="z2p-") as folder:
         inner = Path(folder) / Path(path.name).with_suffix("").name
-        _unpack(path, inner, largest)
+        _unpack(path, inner, max_bytes)
         yield inner
 
 
-def _unpack(path: Path, inner: Path, largest: int | None) -> None:
+def _unpack(path: Path, inner: Path, max_bytes: int | None) -> None:
     size = 0
     try:
         with gzip.open(path) as packed, inner.open("wb") as file:
-            while step := packed.read(_STEP):
-                size += len(step)
-                if largest is not None and size > largest:
-                    raise ScanError(f"unpacks to more than {largest / 1e9:.1f} GB, which do not fit into memory; "
+            while chunk := packed.read(_CHUNK_BYTES):
+                size += len(chunk)
+                if max_bytes is not None and size > max_bytes:
+                    raise ScanError(f"unpacks to more than {max_bytes / 1e9:.1f} GB, which do not fit into memory; "
                                     "thin the scan out first")
-                file.write(step)
+                file.write(chunk)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise ScanError(f"cannot be unpacked ({error}); the file is damaged or cut short: fetch it again") from error

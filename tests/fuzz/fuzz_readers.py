@@ -15,7 +15,7 @@ from made_scans import MADE, Files, glb, gltf, gltf_tree, made, npz
 
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.scans.clouds import Scan, read_each, readable_suffixes
-from z2p_renderer.storage.scans.unpack import is_no_sweep, is_prose
+from z2p_renderer.storage.scans.unpack import is_prose, is_unrelated_bin
 
 CASE = "case.json"
 COLUMNS = (
@@ -59,7 +59,7 @@ def check(folder: Path) -> str:
     path = folder / case["scan"]
     suffix = "".join(path.suffixes[-2:])
     is_prose(path)
-    is_no_sweep(path)
+    is_unrelated_bin(path)
     try:
         scans = read_each(path, tuple(case["columns"]) if case["columns"] else None)
     except ScanError as error:

@@ -22,7 +22,7 @@ def find_input_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[
         click.UsageError: standard input is named twice.
     """
     from z2p_renderer.storage.scans.clouds import find_scans
-    from z2p_renderer.storage.scans.unpack import PREFIX, spool
+    from z2p_renderer.storage.scans.unpack import SPOOL_FOLDER_PREFIX, spool
 
     if inputs.count(STDIN) > 1:
         raise click.UsageError("- stands for standard input, which can be read only once", ctx)
@@ -33,7 +33,7 @@ def find_input_scans(ctx: click.Context, inputs: tuple[str, ...], options: dict[
 
     scans = find_scans([text for text in inputs if text != STDIN], options["recursive"], report_passed_over, named)
     if STDIN in inputs:
-        folder = ctx.with_resource(tempfile.TemporaryDirectory(prefix=PREFIX))
+        folder = ctx.with_resource(tempfile.TemporaryDirectory(prefix=SPOOL_FOLDER_PREFIX))
         scans.append(spool(sys.stdin.buffer, Path(folder)))
     return scans
 

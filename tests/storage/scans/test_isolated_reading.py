@@ -15,7 +15,7 @@ import pytest
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.storage.scans import clouds
 from z2p_renderer.storage.scans.clouds import read_clouds
-from z2p_renderer.storage.scans.isolated_reading import SPARE_BYTES, ReaderEndedError, read_apart
+from z2p_renderer.storage.scans.isolated_reading import SPARE_BYTES, ReaderEndedError, read_in_subprocess
 
 POINTS = np.random.default_rng(1).normal(size=(50, 3))
 WHOLE = RawCloud(POINTS, Sensor(np.arange(3.0), np.eye(3)), total=99, note="nach Maß", up="-Y", up_reason="so",
@@ -55,7 +55,7 @@ class Fragile(Reader):
 
 def read(path: Path, memory: int = 1 << 20) -> list[RawCloud]:
     path.touch()
-    return read_apart(Fragile(), path, memory)
+    return read_in_subprocess(Fragile(), path, memory)
 
 
 @pytest.mark.parametrize(("stem", "error", "told"), [
@@ -97,7 +97,7 @@ def test_columns_go_along_and_threads_do_not_mix(tmp_path: Path) -> None:
     def count(columns: int) -> None:
         reader = Fragile()
         reader.columns = ("x",) * columns
-        counts[columns] = len(read_apart(reader, tmp_path / "columns.fragile", 1 << 20)[0].points)
+        counts[columns] = len(read_in_subprocess(reader, tmp_path / "columns.fragile", 1 << 20)[0].points)
 
     threads = [threading.Thread(target=count, args=(columns,)) for columns in (3, 5)]
     for thread in threads:
@@ -122,7 +122,7 @@ def test_packed_scans_are_read_apart_and_plain_ones_are_not(tmp_path: Path, monk
     def ended(*_: object) -> list[RawCloud]:
         raise ReaderEndedError("the reader's process ended (SIGABRT)")
 
-    monkeypatch.setattr(clouds, "read_apart", ended)
+    monkeypatch.setattr(clouds, "read_in_subprocess", ended)
     assert len(read_clouds(tmp_path / "a.las")[0].points) == len(plain.points)
     with pytest.raises(ScanError, match=r"a\.laz: the reader's process ended"):
         read_clouds(tmp_path / "a.laz")

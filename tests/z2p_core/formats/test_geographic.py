@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.formats.geographic import local_metres
+from z2p_core.formats.geographic import metres_from_degrees
 
 RNG = np.random.default_rng(0)
 
@@ -20,7 +20,7 @@ def ground(wide: float, high: float, at: tuple[float, float]) -> np.ndarray:
 @pytest.mark.parametrize("at", [(7.1, 50.2), (-122.4, 37.7), (151.2, -33.9), (50.2, 7.1), (-0.1, 51.5)])
 def test_ground_in_degrees_is_laid_out_in_metres(wide: float, at: tuple[float, float]) -> None:
     points = ground(wide, 60, at)
-    metres, told = local_metres(points)
+    metres, told = metres_from_degrees(points)
     assert "look like degrees" in told and "pyproj" in told
     east, north = np.ptp(metres, axis=0)[:2]
     assert north == pytest.approx(wide * 111_320, rel=0.02)
@@ -41,9 +41,9 @@ def pole(radius: float, high: float, at: tuple[float, float]) -> np.ndarray:
     ids=str,
 )  # fmt: skip
 def test_what_is_no_ground_in_degrees_stays_as_it_is(points: np.ndarray) -> None:
-    same, told = local_metres(points)
+    same, told = metres_from_degrees(points)
     assert same is points and (not told or told.startswith("if x and y"))
 
 
 def test_in_doubt_it_is_told() -> None:
-    assert local_metres(pole(0.1, 8, (7.1, 50.2)))[1].startswith("if x and y (7..7.2, 50.1..50.3) are degrees")
+    assert metres_from_degrees(pole(0.1, 8, (7.1, 50.2)))[1].startswith("if x and y (7..7.2, 50.1..50.3) are degrees")

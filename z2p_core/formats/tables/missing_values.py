@@ -1,4 +1,4 @@
-"""Numbers that programs write where nothing was measured, and that are no coordinates: -9999, 1e30 and their like."""
+"""No-data values: numbers such as -9999 and 1e30 that programs write in place of missing measurements."""
 
 from __future__ import annotations
 
@@ -6,36 +6,36 @@ import numpy as np
 
 NODATA_VALUES = (-999.0, -9999.0, -99999.0, -999999.0, 9999.0, 99999.0, 999999.0, -32768.0, -32767.0, 32767.0,
                  -2147483648.0)  # fmt: skip
-_LARGEST_COORDINATE = 1e20
-"""No coordinate is as large; several formats of rasters and meshes write such numbers."""
-_LEAST_EXTENTS_AWAY = 2.0
-"""How many times the extent of all else such a number lies away from it."""
-_FEWEST_MEASURED = 3
-"""Other numbers of an axis, at least, beside which one can stand for none."""
+_MIN_NODATA_MAGNITUDE = 1e20
+"""Numbers of this magnitude or more are no coordinates; several raster and mesh formats write them for no data."""
+_MIN_GAP_EXTENTS = 2.0
+"""A no-data value lies at least this far from all other numbers of its axis, in multiples of their extent."""
+_MIN_MEASURED_POINTS = 3
+"""An axis has no-data values only beside at least this many other numbers."""
 
 
-def measured(points: np.ndarray) -> np.ndarray | None:
-    """Mask (N,) bool of finite points (N, 3), False for those with a number that stands for none; None if all count.
+def measured_mask(points: np.ndarray) -> np.ndarray | None:
+    """Mask (N,) bool of finite points (N, 3), False for those with a no-data value; None if no point has one.
 
-    A number counts as such if it is a usual one and lies far from all others of its axis.
+    A number is a no-data value if it is a usual one and lies far from all other numbers of its axis.
     """
     kept: np.ndarray | None = None
     for axis in range(3):
         column = points[:, axis]
-        for mark in _candidates(column):
-            found = np.abs(column) >= _LARGEST_COORDINATE if mark is None else column == mark
-            others = column[~found]
-            if len(others) < _FEWEST_MEASURED:
+        for value in _candidates(column):
+            missing = np.abs(column) >= _MIN_NODATA_MAGNITUDE if value is None else column == value
+            others = column[~missing]
+            if len(others) < _MIN_MEASURED_POINTS:
                 continue
             low, high = float(others.min()), float(others.max())
-            if mark is not None and _LEAST_EXTENTS_AWAY * (high - low) > min(abs(mark - low), abs(mark - high)):
+            if value is not None and _MIN_GAP_EXTENTS * (high - low) > min(abs(value - low), abs(value - high)):
                 continue
-            kept = ~found if kept is None else kept & ~found
+            kept = ~missing if kept is None else kept & ~missing
     return kept
 
 
 def _candidates(column: np.ndarray) -> list[float | None]:
-    """Usual numbers that are the column's least or largest one; None stands for all that are absurdly large."""
+    """The usual no-data values that are the minimum or maximum of a column; None stands for all huge numbers."""
     low, high = float(column.min()), float(column.max())
-    marks: list[float | None] = [mark for mark in NODATA_VALUES if mark in (low, high)]
-    return [None, *marks] if max(abs(low), abs(high)) >= _LARGEST_COORDINATE else marks
+    values: list[float | None] = [value for value in NODATA_VALUES if value in (low, high)]
+    return [None, *values] if max(abs(low), abs(high)) >= _MIN_NODATA_MAGNITUDE else values

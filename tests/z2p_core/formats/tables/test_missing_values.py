@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.formats.tables.missing_values import measured
+from z2p_core.formats.tables.missing_values import measured_mask
 
 CLOUD = np.random.default_rng(1).normal((448_000.0, 5_538_000.0, 300.0), 1.0, (200, 3))
 
@@ -14,7 +14,7 @@ CLOUD = np.random.default_rng(1).normal((448_000.0, 5_538_000.0, 300.0), 1.0, (2
 def test_marks_are_found_in_one_axis_or_in_all(mark: float) -> None:
     points = CLOUD.copy()
     points[5:9, 2], points[20] = mark, mark
-    kept = measured(points)
+    kept = measured_mask(points)
     assert kept is not None and np.array_equal(np.flatnonzero(~kept), [5, 6, 7, 8, 20])
 
 
@@ -23,4 +23,4 @@ def test_marks_are_found_in_one_axis_or_in_all(mark: float) -> None:
     1e4 * np.sign(CLOUD - CLOUD.mean(0)), np.array([[-9999.0, 0, 0], [1, 0, 0]]),
 ])  # fmt: skip
 def test_coordinates_stay(points: np.ndarray) -> None:
-    assert measured(points) is None
+    assert measured_mask(points) is None
