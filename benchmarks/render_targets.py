@@ -2,7 +2,7 @@
 
 Renders a few views of a mesh (by default a built-in shape) at 512x512 with few samples and several seeds, halves them,
 and compares them with clean renders: one picture alone, and the mean over the seeds. The noise of one picture averages
-out in training; the error of the mean, a bias of the denoiser, is learnt.
+out in training; the error of the mean, a bias of the denoiser, does not.
 
 Prints a table and writes ``render_targets.json`` to --output.
 """

@@ -34,7 +34,7 @@ GRAY_BLUE = (0.29, 0.53, 0.73)
 
 
 def main() -> None:
-    """Renders the rotation, draws it in each way, and prints the metrics."""
+    """Renders the rotation, draws it by each method, and prints the metrics."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--mesh", type=Path, help="a mesh file; Blender's monkey without it")
     parser.add_argument("--frames", type=int, default=12)
@@ -48,7 +48,7 @@ def main() -> None:
         truth, mask = _truth(mesh, options, Path(folder))
     cloud = _cloud(mesh, options.points)
     renderer = Renderer("regular")
-    print(f"{'way':<28}{'flicker':>9}{'error':>9}")
+    print(f"{'method':<28}{'flicker':>9}{'error':>9}")
     print(f"{'standing still':<28}{flicker(np.repeat(truth[:1], len(truth), 0), truth, mask):9.2f}{'-':>9}")
     for steady in (1, 2, 3, 5):
         for supersample in (1, 2):

@@ -2,8 +2,8 @@
 
     python scripts/mix_weights.py BEFORE AFTER OUT [--share 0.7]
 
-Each parameter is (1 - share) * BEFORE + share * AFTER (Wortsman et al., Model soups, 2022). This keeps what fine-tuning
-on new shapes has learnt, and loses less of what was known before.
+Each parameter is (1 - share) * BEFORE + share * AFTER (Wortsman et al., Model soups, 2022). This keeps what
+fine-tuning on new shapes has improved, and loses less on the shapes before.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ CANDIDATES_PER_POINT = 8
 MAX_HOLES = 8
 """Largest number of holes in one cloud."""
 HOLE_POINTS = (3, 8)
-"""Fewest and most points that a hole removes: it is two to three spacings wide. A wider gap cannot be told from an
+"""Fewest and most points that a hole removes: it is two to three spacings wide. A wider gap looks like an
 opening of the object, so the network must leave it open."""
 CELL_SIZE_STEPS = 2
 """Corrections of the cell size; on a surface the number of occupied cells falls with the square of the size."""

@@ -35,8 +35,8 @@ class Teacher:
     """Trained weights that draw a training cloud at a higher resolution and downsample the image. Thread-safe.
 
     A downsampled image is closer to the render than one drawn at the target resolution. Unlike the render it shows
-    nothing that the cloud does not contain, so it can be learnt (Hinton et al., Distilling the knowledge in a neural
-    network, 2015).
+    nothing that the cloud does not contain, so a network can learn it (Hinton et al., Distilling the knowledge in a
+    neural network, 2015).
     """
 
     def __init__(self, weights: str, resolution: int, controls: list[dict[str, Any]]) -> None:

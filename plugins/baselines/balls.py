@@ -22,7 +22,7 @@ class Balls(Baseline):
     packages = ("trimesh",)
 
     def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-        """Vertices (42 N, 3) float64 and triangles (80 N, 3) int64; from `MANY_POINTS` points on (12 N, 3) and (20 N, 3).
+        """Vertices (42 N, 3) float64 and triangles (80 N, 3) int64; (12 N, 3) and (20 N, 3) from `MANY_POINTS` on.
 
         Raises:
             ScanError: no points.

@@ -12,10 +12,12 @@ from z2p_core.interfaces import Engine, TrainedNetwork
 from z2p_core.network.per_size_cache import cached_per_size
 from z2p_core.network.telemetry import forbid_telemetry
 
-CPU_FLAGS, AVX2 = Path("/proc/cpuinfo"), "avx2"
-"""Where Linux says what a processor knows, and the name of the instructions that add up products of bytes."""
+CPU_INFO = Path("/proc/cpuinfo")
+"""Linux's description of the processor, which lists its instruction sets."""
+INT8_INSTRUCTIONS = "avx2"
+"""The instruction set with fast sums of products of bytes."""
 SIZE = ("batch", "height", "width")
-"""What an export calls the sizes of its buffers."""
+"""Names of the dynamic dimensions in an exported network."""
 
 
 class OnnxRuntime(Engine):
@@ -33,11 +35,11 @@ class OnnxRuntime(Engine):
         model = network.int8 if self.reads_int8 else network.onnx
 
         def start(size: tuple[int, ...]) -> Any:
-            """A session that knows its one size of picture is a twelfth quicker, and sooner there."""
+            """A session for one image size, which runs a twelfth faster than one for all sizes, and starts sooner."""
             options = onnxruntime.SessionOptions()
             options.intra_op_num_threads = threads or 0  # 0: as many as there are cores
             options.log_severity_level = 3
-            # Its threads would go on spinning after a picture, on the cores that draw the next one's buffers.
+            # Its threads would keep spinning after an image, on the cores that draw the buffers of the next one.
             options.add_session_config_entry("session.force_spinning_stop", "1")
             for name, value in zip(SIZE, size, strict=False):
                 options.add_free_dimension_override_by_name(name, value)
@@ -74,9 +76,9 @@ class OnnxRuntimeInt8(OnnxRuntime):
 
 @lru_cache(maxsize=1)
 def multiplies_bytes() -> bool:
-    """Whether the processor multiplies many bytes at a time; where nothing tells, it does not."""
+    """Whether the processor computes fast with 8-bit integers; False if the operating system does not say."""
     try:
-        told = CPU_FLAGS.read_text(encoding="ascii", errors="replace")
+        description = CPU_INFO.read_text(encoding="ascii", errors="replace")
     except OSError:  # not Linux
         return False
-    return AVX2 in told.split()
+    return INT8_INSTRUCTIONS in description.split()

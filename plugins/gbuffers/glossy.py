@@ -9,7 +9,7 @@ diffuse light of `surfels`:
 - other parts of the cloud: one ray to the surfels' discs. It stands for the whole lobe, so the rougher the surface, the
   more of the diffuse light around is used instead.
 
-Highlights may be smaller than the distance between points. So, where the surfels of a pixel agree on the normal, the
+Highlights may be smaller than the distance between points. So, where the surfels of a pixel have similar normals, the
 reflections of light, sky and floor are computed again for the pixel.
 """
 
@@ -60,7 +60,8 @@ N_DOT_V_EPSILON = 1e-3
 """Smallest cosine between normal and view that albedos and reflected directions are computed with: on estimated normals
 it may be 0 or below. The GGX kernel, which divides by it, has a larger limit (`MIN_N_DOT_V` in `ggx_specular.c`)."""
 NORMAL_COHERENCE = (0.9, 0.98)
-"""Length of the mean normal in a pixel up to which its surfels disagree (at creases), and from which on they agree."""
+"""Length of the mean normal in a pixel up to which its reflections are those of its surfels (as at creases), and from
+which on they are computed for the pixel; between the two they are blended."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ class PrincipledShader:
         return [to_srgb(np.column_stack([grey, radiance])), values]
 
     def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
-        """Computes the reflections of light, sky and floor in each pixel where the surfels agree on the normal."""
+        """Computes the reflections of light, sky and floor in each pixel whose surfels have similar normals."""
         drawn, material = (layer[:, slice(*rows)] for layer in layers)
         covered = drawn[GBufferChannel.COVERAGE] > 0
         averaged, material = drawn[:, covered], material[:, covered]

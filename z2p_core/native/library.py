@@ -14,7 +14,7 @@ dtype and memory order: `FLOATS` float32, `DOUBLES` float64, `INTS` int32, `INT6
 in C order. `..._OUT` kinds are written to, so they refuse read-only arrays. `FLOATS_OR_NONE` takes None for NULL and
 `FLOAT_ROWS` rows that lie apart. Plain Python numbers are passed for `INT`, `INT64` and `FLOAT`, without `ctypes`.
 Values that go by the dozen are one structure: a `ctypes.Structure`, declared as `Struct(FloorStruct, "Floor")` with the
-name of the C typedef, and passed as an instance. Shapes are not checked here: the binding knows them. A binding that
+name of the C typedef, and passed as an instance. Shapes are not checked here, but by the bindings. A binding that
 draws into a caller's array checks it by `check_output`.
 
 `tests/z2p_core/native/test_signatures.py` compares all declarations, and the fields of structures, with the C files.
@@ -97,7 +97,7 @@ class Array(ArgumentType):
         dtype: the array's dtype.
         is_output: the kernel writes to it.
         is_optional: None is passed on as NULL.
-        is_strided: only the last axis has to be contiguous; the kernel is told how far apart rows lie.
+        is_strided: only the last axis has to be contiguous; the kernel takes the rows' distance as a parameter.
     """
 
     ctypes_type = ctypes.c_void_p

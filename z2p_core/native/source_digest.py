@@ -1,4 +1,4 @@
-"""The digest of the kernels' sources, noted beside the compiled library: tells whether the two belong together."""
+"""The digest of the kernels' sources, noted beside the compiled library, to see whether the two belong together."""
 
 from __future__ import annotations
 

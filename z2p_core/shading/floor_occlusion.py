@@ -1,7 +1,7 @@
 """What casts a cloud's shadows, and how much light it takes from the floor below it.
 
-The floor is a square of cells. For each cell, occlusion is the share of light samples (or of sky directions) whose way
-is blocked. Shadows of single points are joined to shadows of surfaces because a cell counts as shadowed where a shadow
+The floor is a square of cells. For each cell, occlusion is the share of light samples (or of sky directions) that the
+cloud hides. Shadows of single points are joined to shadows of surfaces because a cell counts as shadowed where a shadow
 touches it (`z2p_core/native/c/lighting/floor_occlusion.c`). This makes shadows too large by up to a cell, while points,
 which lie within outlines, make them too small. The cell size, and a share of light samples whose shadows are eroded by
 a cell, balance the two: they are fitted to ray-traced shadows of meshes from which clouds of 1,000 to 40,000 points

@@ -1,9 +1,9 @@
 """Spacing and noise of a bare cloud: how far points lie apart, and how far off their surface.
 
 Noise is the standard deviation of points off planes through their neighbors, with the part removed that a curved
-surface adds. Where several sheets of surface lie close together (a thin plate, bars), planes cannot tell them from
-noise; there the thinnest slab that holds just over half of the neighbors measures it (after Rousseeuw, Least Median of
-Squares Regression, 1984).
+surface adds. Where several sheets of surface lie close together (a thin plate, bars), planes cannot distinguish them
+from noise; there the thinnest slab that holds just over half of the neighbors measures it (after Rousseeuw, Least
+Median of Squares Regression, 1984).
 """
 
 from __future__ import annotations
@@ -92,7 +92,7 @@ def least_median_noise(points: np.ndarray, query_indices: np.ndarray, neighbors:
     """Noise by the nearer half of the neighbors (M, 16), and the share of neighbors above or below their point.
 
     The other side of a plate, or another bar close by, is not in the nearer half, so it does not count as noise. The
-    share tells such sheets from the depth steps of a depth camera.
+    share distinguishes such sheets from the depth steps of a depth camera.
     """
     variances = []
     for neighbor_number, held, width_to_noise in LEAST_MEDIAN_SLABS:

@@ -124,9 +124,9 @@ def paired_difference(own: Mapping[Any, Any], base: Mapping[Any, Any], name: str
 def training_seconds(log: Path) -> float | None:
     """Seconds of a task by its log; None if the log lacks them or has several starts."""
     text = log.read_text(encoding="utf-8", errors="replace") if log.is_file() else ""
-    found = re.findall(r": done in ([\d.]+) s$", text, flags=re.MULTILINE)
+    durations = re.findall(r": done in ([\d.]+) s$", text, flags=re.MULTILINE)
     starts = re.findall(r": started$", text, flags=re.MULTILINE)
-    return float(found[0]) if len(found) == len(starts) == 1 else None
+    return float(durations[0]) if len(durations) == len(starts) == 1 else None
 
 
 def read_curve(path: Path) -> list[tuple[float, float]]:

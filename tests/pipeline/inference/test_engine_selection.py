@@ -129,7 +129,7 @@ def test_int8_is_the_default_only_on_cpus_with_byte_dot_products(
     told = tmp_path / "cpuinfo"
     if flags is not None:
         told.write_text(f"model name\t: one of these\nflags\t\t: {flags}\n")
-    monkeypatch.setattr(z2p_renderer.plugins.engines.onnxruntime, "CPU_FLAGS", told)
+    monkeypatch.setattr(z2p_renderer.plugins.engines.onnxruntime, "CPU_INFO", told)
     z2p_renderer.plugins.engines.onnxruntime.multiplies_bytes.cache_clear()
     file = find_weights("regular")
     loaded = load_plugins(file)
