@@ -1,6 +1,6 @@
-"""Kinds of things and scenes that have an upright, beside those of build_objects.py: people, beasts, houses, rooms.
+"""Kinds of objects and scenes with an up axis, besides those of build_objects.py: people, animals, houses, rooms.
 
-Made to learn and to measure which way is up. Sizes are in metres; all stand on the floor, +Z up.
+The choice of the up axis is trained and measured with them. Sizes are in metres; all stand on the floor, +Z up.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def egg(at: tuple[float, float, float], *half: float) -> list[Part]:
 
 
 def person(rng: Rng) -> list[Part]:
-    """Somebody who stands, on a foot or without one, the arms down, out or up."""
+    """A standing person, on a base or without one, the arms down, out or up."""
     tall, wide = rng.uniform(1.5, 1.9), rng.uniform(0.16, 0.24)
     hip, neck, stride = 0.5 * tall, 0.82 * tall, rng.uniform(0, 0.3)
     parts = egg((0, 0, (hip + neck) / 2), wide, 0.6 * wide, (neck - hip) / 1.7)
@@ -197,8 +197,9 @@ def land(rng: Rng) -> list[Part]:
     x, y = np.meshgrid(t, t * rng.uniform(0.3, 1), indexing="ij")
     height = rng.normal(0, 0.2) * x + rng.normal(0, 0.2) * y
     for scale in (1, 2, 4, 8):
-        phase, way = rng.uniform(0, 6, 2), rng.normal(size=(2, 2)) * 3 * scale
-        wave = np.sin(way[0, 0] * x + way[0, 1] * y + phase[0]) * np.cos(way[1, 0] * x + way[1, 1] * y + phase[1])
+        phase, wave_vectors = rng.uniform(0, 6, 2), rng.normal(size=(2, 2)) * 3 * scale
+        (a, b), (c, d) = wave_vectors
+        wave = np.sin(a * x + b * y + phase[0]) * np.cos(c * x + d * y + phase[1])
         height = height + rng.uniform(0, 0.12) / scale * wave
     parts = [patch(side * np.stack([x, y, height], axis=-1))]
     for _ in range(int(rng.integers(0, 25))):
@@ -226,7 +227,7 @@ def post(rng: Rng) -> list[Part]:
 
 
 def flat(rng: Rng) -> list[Part]:
-    """What lies: a board, a book, a dish, a phone, a cake."""
+    """A flat object: a board, a book, a dish, a phone, a cake."""
     wide, deep = rng.uniform(0.3, 1), rng.uniform(0.3, 1)
     high = min(wide, deep) * rng.uniform(0.02, 0.5)
     kind = rng.integers(3)

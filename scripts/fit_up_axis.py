@@ -2,8 +2,8 @@
 
     python scripts/fit_up_axis.py MESHES [--each 250] [--hidden 16] [--seed 1]
 
-MESHES is a folder of meshes, of which those count whose upright `upright_clouds.STANDING` tells; made things are added.
-benchmarks/up_axis.py measures the outcome, on others.
+MESHES is a folder of meshes; those with a label in `upright_clouds.STANDING` are used, and synthetic objects are added.
+benchmarks/up_axis.py measures the hit rate on other clouds.
 """
 
 from __future__ import annotations
@@ -14,19 +14,21 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from upright_clouds import made, meshes, shapeless
+from upright_clouds import mesh_clouds, synthetic_clouds, unoriented_clouds
 
 from z2p_core.up_axis.shape_features import FEATURE_NAMES, axis_features
 
-OUT = Path(__file__).parents[1] / "z2p_core" / "up_axis" / "feature_weights.py"
-UP = 4
-"""Place of +Z among the axes."""
-ROUNDS, DECAY = 800, 0.3
-SHAPELESS = 8
-"""Kinds of things for which all clouds without an upright count."""
-STRETCH = 1.25
-"""Factor by which each axis of a mesh is stretched or squeezed at most, so that few meshes are not learnt by heart."""
-TEXT = '''"""Weights of the small network that scores up axes by their shape features; written by scripts/fit_up_axis.py."""
+WEIGHTS_FILE = Path(__file__).parents[1] / "z2p_core" / "up_axis" / "feature_weights.py"
+UP_INDEX = 4
+"""Index of +Z among the axes."""
+STEP_COUNT = 800
+WEIGHT_DECAY = 0.3
+UNORIENTED_WEIGHT = 8
+"""Weight in the loss of all clouds without an up axis together; all clouds of one kind of object have a weight of 1."""
+MAX_STRETCH = 1.25
+"""Largest factor by which each axis of a mesh is stretched or squeezed, against overfitting to few meshes."""
+MODULE_TEMPLATE = '''\
+"""Weights of the small network that scores up axes by their shape features; written by scripts/fit_up_axis.py."""
 
 from __future__ import annotations
 
@@ -52,48 +54,50 @@ def up_axis_scores(features: np.ndarray) -> np.ndarray:
 
 
 def main() -> None:
-    """Make the clouds, fit, write."""
+    """Makes the clouds, fits the network and writes its weights."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("meshes", type=Path)
-    parser.add_argument("--each", type=int, default=250, help="clouds of each kind of made things; half of each mesh")
+    parser.add_argument("--each", type=int, default=250, help="clouds of each kind of object; half as many of a mesh")
     parser.add_argument("--hidden", type=int, default=16)
     parser.add_argument("--seed", type=int, default=1)
-    asked = parser.parse_args()
-    standing = made(asked.seed, asked.each) + meshes(asked.meshes, asked.each // 2, asked.seed, STRETCH)
-    others = shapeless(asked.seed, asked.each // 2)
-    count = Counter(cloud.name for cloud in standing)
-    weight = np.array([1 / count[cloud.name] for cloud in standing] + [SHAPELESS / len(others)] * len(others))
-    wanted = np.full((len(weight), 6), 1 / 6)
-    wanted[: len(standing)] = np.eye(6)[UP]
-    table = np.array([axis_features(cloud.points) for cloud in standing + others])
-    OUT.write_text(fitted(table, wanted, weight, asked.hidden, asked.seed))
+    options = parser.parse_args()
+    oriented = synthetic_clouds(options.seed, options.each)
+    oriented += mesh_clouds(options.meshes, options.each // 2, options.seed, MAX_STRETCH)
+    others = unoriented_clouds(options.seed, options.each // 2)
+    count = Counter(cloud.name for cloud in oriented)
+    weight = np.array([1 / count[cloud.name] for cloud in oriented] + [UNORIENTED_WEIGHT / len(others)] * len(others))
+    target = np.full((len(weight), 6), 1 / 6)
+    target[: len(oriented)] = np.eye(6)[UP_INDEX]
+    features = np.array([axis_features(cloud.points) for cloud in oriented + others])
+    WEIGHTS_FILE.write_text(fit_network(features, target, weight, options.hidden, options.seed))
 
 
-def fitted(table: np.ndarray, wanted: np.ndarray, weight: np.ndarray, hidden: int, seed: int) -> str:
-    """The module's text, of marks (N, 6, M), how likely each axis should be (N, 6) and what a cloud counts (N,)."""
+def fit_network(features: np.ndarray, target: np.ndarray, weight: np.ndarray, hidden: int, seed: int) -> str:
+    """The module's text, for features (N, 6, F), target probabilities of the axes (N, 6) and weights of clouds (N,)."""
     torch.manual_seed(seed)
-    middle, spread = table.reshape(-1, len(FEATURE_NAMES)).mean(0), table.reshape(-1, len(FEATURE_NAMES)).std(0) + 1e-9
-    given = torch.tensor((table - middle) / spread, dtype=torch.float32)
-    goal = torch.tensor(wanted, dtype=torch.float32)
-    counts = torch.tensor(weight / weight.mean(), dtype=torch.float32)
-    network = torch.nn.Sequential(torch.nn.Linear(len(FEATURE_NAMES), hidden), torch.nn.Tanh(), torch.nn.Linear(hidden, 1))
-    optimizer = torch.optim.AdamW(network.parameters(), lr=0.01, weight_decay=DECAY)
-    for _ in range(ROUNDS):
+    count = len(FEATURE_NAMES)
+    mean, std = features.reshape(-1, count).mean(0), features.reshape(-1, count).std(0) + 1e-9
+    inputs = torch.tensor((features - mean) / std, dtype=torch.float32)
+    targets = torch.tensor(target, dtype=torch.float32)
+    weights = torch.tensor(weight / weight.mean(), dtype=torch.float32)
+    network = torch.nn.Sequential(torch.nn.Linear(count, hidden), torch.nn.Tanh(), torch.nn.Linear(hidden, 1))
+    optimizer = torch.optim.AdamW(network.parameters(), lr=0.01, weight_decay=WEIGHT_DECAY)
+    for _ in range(STEP_COUNT):
         optimizer.zero_grad()
-        off = torch.nn.functional.cross_entropy(network(given)[..., 0], goal, reduction="none")
-        loss = (counts * off).mean()
+        errors = torch.nn.functional.cross_entropy(network(inputs)[..., 0], targets, reduction="none")
+        loss = (weights * errors).mean()
         loss.backward()
         optimizer.step()
-    print(f"{len(table)} clouds, loss {loss.item():.3f}")
+    print(f"{len(features)} clouds, loss {loss.item():.3f}")
     first, bias, last = (part.detach().numpy() for part in list(network.parameters())[:3])
-    return TEXT.format(mean=_listed(middle), std=_listed(spread), hidden=_listed(first), bias=_listed(bias),
-                       output=_listed(last[0]))  # fmt: skip
+    return MODULE_TEMPLATE.format(mean=_to_source(mean), std=_to_source(std), hidden=_to_source(first),
+                                  bias=_to_source(bias), output=_to_source(last[0]))  # fmt: skip
 
 
-def _listed(numbers: np.ndarray) -> str:
-    """Numbers as Python writes them, three digits each, a row or two a line."""
+def _to_source(numbers: np.ndarray) -> str:
+    """A vector or matrix as a Python list, with three digits and at most twelve numbers in a line."""
     if numbers.ndim == 2:
-        return "[\n" + "".join(f"    {_listed(row)},\n" for row in numbers) + "]"
+        return "[\n" + "".join(f"    {_to_source(row)},\n" for row in numbers) + "]"
     words = [f"{number:.3g}" for number in numbers]
     lines = [", ".join(words[start : start + 12]) for start in range(0, len(words), 12)]
     return "[" + ",\n     ".join(lines) + "]"

@@ -1,4 +1,4 @@
-"""Clouds whose upright axis is known: made things and labelled meshes, seen whole or from one side, clean or noisy."""
+"""Clouds whose up axis is known: synthetic objects and labelled meshes, from all or one side, clean or noisy."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ STANDING = {
     "cow": "+Y", "elephant": "+Y", "penguin": "+Y", "skull": "+Y", "spot": "+Y", "stanford-bunny": "+Y",
 }  # fmt: skip
 """Common test meshes -> the axis that points up in their files, as seen in pictures of them. Tools, rings, flat shapes
-and body parts without an upright are left out."""
+and body parts without an up axis are left out."""
 FROM_ABOVE = {"land", "street"}
 """Kinds that are measured from the air."""
-GRID = 48
-"""Cells across a picture in which what lies behind other points is found."""
+DEPTH_MAP_SIDE = 48
+"""Cells along a side of the depth map by which hidden points are removed."""
 
 
 @dataclass(frozen=True)
-class Labelled:
-    """One cloud (N, 3) with +Z up, and what it is."""
+class LabelledCloud:
+    """A cloud (N, 3) with +Z up, and its kind."""
 
     name: str
     points: np.ndarray
@@ -42,8 +42,8 @@ class Labelled:
     noisy: bool
 
 
-def made(seed: int, each: int) -> list[Labelled]:
-    """So many clouds of each kind of made things."""
+def synthetic_clouds(seed: int, each: int) -> list[LabelledCloud]:
+    """This many clouds of each kind of synthetic object."""
     clouds = []
     for index, (kind, build) in enumerate(KINDS.items()):
         for number in range(each):
@@ -52,8 +52,8 @@ def made(seed: int, each: int) -> list[Labelled]:
     return clouds
 
 
-def meshes(folder: Path, each: int, seed: int, stretch: float = 1.0) -> list[Labelled]:
-    """So many clouds of each mesh in a folder whose upright is known, each axis stretched by up to that factor."""
+def mesh_clouds(folder: Path, each: int, seed: int, stretch: float = 1.0) -> list[LabelledCloud]:
+    """This many clouds of each mesh in a folder whose up axis is known, each axis stretched by up to that factor."""
     clouds = []
     for path in sorted(folder.glob("*.*")):
         if path.stem in STANDING:
@@ -66,8 +66,8 @@ def meshes(folder: Path, each: int, seed: int, stretch: float = 1.0) -> list[Lab
     return clouds
 
 
-def shapeless(seed: int, each: int) -> list[Labelled]:
-    """Clouds without an upright: balls, bricks, rings, knots, pipes, and made things that lie at any angle."""
+def unoriented_clouds(seed: int, each: int) -> list[LabelledCloud]:
+    """Clouds without an up axis: balls, bricks, rings, knots, pipes, and synthetic objects at any angle."""
     clouds = []
     for number in range(each):
         rng = np.random.default_rng([seed, number])
@@ -79,7 +79,7 @@ def shapeless(seed: int, each: int) -> list[Labelled]:
             vertices, faces = joined(parts)
             if index >= len(straight):
                 vertices = vertices @ random_rotation(rng).T
-            clouds.append(cloud_of("shapeless", vertices, faces, rng))
+            clouds.append(cloud_of("unoriented", vertices, faces, rng))
     return clouds
 
 
@@ -88,7 +88,7 @@ def _ring(rng: np.random.Generator) -> list[Part]:
     return tube(np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]), rng.uniform(0.05, 0.4))
 
 
-def cloud_of(name: str, vertices: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> Labelled:
+def cloud_of(name: str, vertices: np.ndarray, faces: np.ndarray, rng: np.random.Generator) -> LabelledCloud:
     """Points of a mesh with +Z up, turned about it; every third noisy, every fourth seen from one side only."""
     points = sample_uniform(vertices, faces, int(10 ** rng.uniform(2.9, 4.1)), rng)
     angle = 90.0 * rng.integers(4) if rng.random() < 0.5 else rng.uniform(0, 360)
@@ -96,21 +96,21 @@ def cloud_of(name: str, vertices: np.ndarray, faces: np.ndarray, rng: np.random.
     partial, noisy = bool(rng.random() < 0.25), bool(rng.random() < 0.33)
     if partial:
         lowest, highest = (50, 90) if name in FROM_ABOVE else (0, 45)
-        points = points[seen(points, rng.uniform(lowest, highest), rng.uniform(0, 360))]
+        points = points[visible_points(points, rng.uniform(lowest, highest), rng.uniform(0, 360))]
     size = float(np.ptp(points, axis=0).max())
     if noisy:
         points = points + rng.normal(0, size * rng.uniform(0.001, 0.01), points.shape)
     where = rng.uniform(-1, 1, 3) * size * rng.choice([0.0, 0.3, 3.0])
-    return Labelled(name, points - (points.max(0) + points.min(0)) / 2 + where, partial, noisy)
+    return LabelledCloud(name, points - (points.max(0) + points.min(0)) / 2 + where, partial, noisy)
 
 
-def seen(points: np.ndarray, elevation: float, azimuth: float) -> np.ndarray:
-    """Mask (N,) of the points (N, 3) that a picture from afar shows, from that elevation and azimuth, degrees."""
+def visible_points(points: np.ndarray, elevation: float, azimuth: float) -> np.ndarray:
+    """Mask (N,) of the points (N, 3) that are visible from afar, at an elevation and azimuth in degrees."""
     up, around = math.radians(elevation), math.radians(azimuth)
     back = np.array([math.cos(around) * math.cos(up), math.sin(around) * math.cos(up), math.sin(up)])
     right = np.array([-math.sin(around), math.cos(around), 0.0])
     place = points @ np.stack([right, np.cross(back, right)], axis=1)
-    cells = min(GRID, max(8, int(math.sqrt(len(points) / 6))))
+    cells = min(DEPTH_MAP_SIDE, max(8, int(math.sqrt(len(points) / 6))))
     step = float(np.ptp(place, axis=0).max()) / cells
     column, row = ((place - place.min(0)) / step).astype(int).T
     nearest = np.full((cells + 1) ** 2, -np.inf)

@@ -33,10 +33,10 @@ def test_clouds_have_their_labels_and_are_the_same_for_a_seed(tmp_path: Path) ->
     vertices, faces = joined(build_standing.chair(np.random.default_rng(0)))
     write_mesh(tmp_path / "cow.ply", vertices @ np.array(upright_clouds.UP_ROTATIONS["+Y"], dtype=float), faces)
     write_mesh(tmp_path / "stranger.ply", vertices, faces)
-    first, again = (upright_clouds.meshes(tmp_path, 4, 1) for _ in range(2))
+    first, again = (upright_clouds.mesh_clouds(tmp_path, 4, 1) for _ in range(2))
     assert [cloud.name for cloud in first] == ["cow"] * 4
     assert all(np.array_equal(a.points, b.points) for a, b in zip(first, again, strict=True))
-    assert not np.array_equal(first[0].points, upright_clouds.meshes(tmp_path, 1, 2)[0].points)
+    assert not np.array_equal(first[0].points, upright_clouds.mesh_clouds(tmp_path, 1, 2)[0].points)
     hits = [up_axis.by_shape(cloud.points, ".ply")[0] == "+Z" for cloud in first]
     assert sum(hits) >= 3  # turned to +Z, as the label says
 
@@ -44,7 +44,7 @@ def test_clouds_have_their_labels_and_are_the_same_for_a_seed(tmp_path: Path) ->
 def test_what_lies_behind_is_not_seen() -> None:
     near, far = np.random.default_rng(0).uniform(-1, 1, (2, 3000, 3))
     wall = np.vstack([near * [0, 1, 1] + [2, 0, 0], far * [0, 1, 1] - [2, 0, 0]])
-    visible = upright_clouds.seen(wall, 0.0, 0.0)
+    visible = upright_clouds.visible_points(wall, 0.0, 0.0)
     assert visible[:3000].mean() > 0.95 and visible[3000:].mean() < 0.1
 
 
@@ -54,7 +54,7 @@ def test_the_table_names_every_rule_and_pose(monkeypatch: pytest.MonkeyPatch, ca
     monkeypatch.setattr(sys, "argv", ["up_axis.py", "--each", "2", "--kinds"])
     up_axis.main()
     told = capsys.readouterr().out
-    assert "made things: 6 clouds, each in 4 poses" in told
+    assert "synthetic objects: 6 clouds, each in 4 poses" in told
     assert all(word in told for word in (*up_axis.RULES, *(f"{axis} up" for axis in up_axis.TURNED), *kinds))
     shape = next(line for line in told.splitlines() if "by shape" in line).split()
     assert float(shape[2].rstrip("%")) > 60
