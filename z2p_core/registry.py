@@ -1,4 +1,4 @@
-"""Finds plugins through entry points. Built-in plugins and those of other packages are all loaded through here."""
+"""Finds and loads plugins, built-in or of other packages, through entry points."""
 
 from __future__ import annotations
 
@@ -28,13 +28,14 @@ class PluginError(LookupError):
 
 @dataclass(frozen=True)
 class Plugin:
-    """What is known of a plugin without importing it."""
+    """A plugin's entry point, read without importing the plugin."""
 
     group: str
     name: str
     origin: str
     """Distribution and its version, e.g. ``z2p-renderer 0.1.0``."""
     target: str
+    """The plugin class as ``module:name``."""
 
 
 def names(group: str) -> list[str]:
@@ -93,7 +94,7 @@ def _load_entry(group: str, name: str, entry: EntryPoint) -> type[Any]:
 def _origin(entry: EntryPoint) -> str:
     if entry.dist is None:
         return "an unnamed package"
-    metadata = entry.dist.metadata  # parsed anew each time it is asked for
+    metadata = entry.dist.metadata  # parsed anew at each access
     return f"{metadata['Name']} {metadata['Version']}"
 
 

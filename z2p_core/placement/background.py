@@ -1,4 +1,4 @@
-"""What a cloud's picture is of: a depth camera's subject without the wall behind it, a room without its ceiling."""
+"""Removes the background behind a depth camera's subject, finds its support plane, and recognizes rooms."""
 
 from __future__ import annotations
 
@@ -13,38 +13,39 @@ from z2p_core.placement.point_balls import MIN_SURFACE_POINTS
 from z2p_core.surface.subsampling import subsample_uniform
 
 MIN_DEPTH_RATIO = 1.15
-"""How many times as far from the sensor as its subject's farthest point the background must begin."""
+"""The background begins at least this many times as far from the sensor as the subject's farthest point."""
 MAX_GAP_POINT_SHARE = 0.003
-"""Share of all points that may stray within the gap."""
+"""Largest share of all points within the gap in depth, and in front of the nearest depth that is considered."""
 MIN_SUBJECT_SHARE = 0.1
-"""Share of all points that the subject must hold; what is less is no subject but a scrap."""
+"""Smallest share of all points that a subject has."""
 DEPTH_STEPS = 400
+"""Resolution of depth: a factor of `MIN_DEPTH_RATIO` is a fortieth of this many steps."""
 
 PLANE_CANDIDATES = 600
-"""Planes through three random points that are tried (RANSAC)."""
+"""Number of planes through three random points that are tested (RANSAC)."""
 MAX_PLANE_SAMPLE = 3000
-"""Points that each plane is tried on at most."""
+"""Largest number of points that the planes are tested with."""
 MIN_PLANE_SAMPLE = 200
-"""Smallest sample that makes a search for a plane worthwhile."""
+"""Smallest number of points in which a plane is searched, and that a subject has."""
 MAX_TILT_DEGREES = 65.0
-"""Degrees between a table's normal and the camera's own up."""
+"""Largest angle between the support plane's normal and the camera's own up."""
 PLANE_HALF_THICKNESS = 0.01
-"""Distance from a plane up to which points lie on it, in the cloud's diagonal."""
+"""Largest distance of a plane's inliers, in the cloud's diagonal."""
 MIN_STANDING_HEIGHT = 0.05
-"""Height above a plane from which on points stand on it, in the cloud's diagonal."""
+"""Smallest height above a plane of points that stand on it, in the cloud's diagonal."""
 MIN_PLANE_SHARE = 0.25
 """Smallest share of the points on the support plane."""
 MIN_STANDING_SHARE = 0.01
-"""Smallest share of the points above it."""
+"""Smallest share of the points above the support plane."""
 MAX_BELOW_SHARE = 0.03
-"""Largest share of the points below it."""
+"""Largest share of the points below the support plane."""
 
 ROOM_SLAB_SHARE = 0.12
 """Thickness of a room's floor and ceiling, as a share of the height."""
 MIN_ROOM_COVERAGE = 0.35
 """Smallest share of the footprint that floor and ceiling each cover."""
 MAX_ROOM_MIDDLE_COVERAGE = 0.8
-"""Half way up, a room's walls and furniture stand on this share of the footprint at most."""
+"""Largest share of the footprint that a room's walls and furniture cover half way up."""
 ROOM_HEIGHT_METRES = (1.9, 12.0)
 """Range of a room's height."""
 MIN_ROOM_BREADTH_METRES = 2.5
@@ -52,12 +53,12 @@ MIN_ROOM_BREADTH_METRES = 2.5
 
 
 def sensor_depths(points: np.ndarray, sensor: Sensor) -> np.ndarray:
-    """How far ahead of a sensor, along its axis, points (N, 3) lie: (N,)."""
+    """Depths (N,) of points (N, 3) along a sensor's axis."""
     return dot_axis(points - sensor.position, sensor.rotation[:, 2])
 
 
 def remove_background(points: np.ndarray, sensor: Sensor) -> tuple[np.ndarray, int]:
-    """Points (M, 3) of a depth camera's subject without outliers, and how many points (N, 3) lay far behind it."""
+    """Points (M, 3) of a depth camera's subject without outliers, and how many of points (N, 3) lay far behind it."""
     if len(points) < MIN_SURFACE_POINTS:  # a gap in depth between a few points means nothing
         return points, 0
     foreground = foreground_mask(points, sensor)

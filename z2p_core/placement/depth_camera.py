@@ -1,4 +1,4 @@
-"""Depth cameras that clouds come from: whether a given sensor is one, and whether a cloud looks as if it were one's."""
+"""Whether a given sensor is a depth camera, and whether a cloud without a sensor looks like a depth camera's."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ MAX_SAMPLE = 20_000
 SENSOR_CONE_DEGREES = 60.0
 """Half angle of the cone that a depth camera sees; a laser scanner sees all around."""
 MIN_SHARE_IN_CONE = 0.98
+"""Smallest share of a depth camera's points in that cone."""
 
 MIN_POINTS_IMPLIED = 500
 """Smallest cloud whose depth layers say whether a depth camera took it."""
@@ -54,7 +55,7 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
     All points must lie before the origin in a narrow cone along +Z (OpenCV's axes) or -Z (OpenGL's). From the origin
     hardly any direction may hold two depths, while from the side many do: a whole object would show its back as well.
     Hills measured from the air look the same, so depths must also be those of such cameras in one of the `units` per
-    metre. Millimetres cannot be told from hills some hundred metres above the sea.
+    metre. A cloud in millimetres looks the same as hills some hundred metres above the sea.
     """
     if len(points) < MIN_POINTS_IMPLIED:
         return None
@@ -77,13 +78,13 @@ def implied_sensor(points: np.ndarray, units: Sequence[float] = (METRES,)) -> Se
 
 
 def _layered_share(u: np.ndarray, v: np.ndarray, depth: np.ndarray, scale: float) -> float:
-    """Share of the taken cells of a picture that hold two clearly different depths.
+    """Share of the occupied cells of a picture that hold two clearly different depths.
 
     Pixel coordinates u (N,), v (N,) and depths (N,). `scale` is the length, in units of depth, of one unit of u.
     """
     plane = np.column_stack([u - u.min(), v - v.min()])
     size = math.sqrt(float(plane.max(0).prod()) * POINTS_PER_CELL / len(u))
-    for _ in range(2):  # the first round finds how much of the rectangle is taken at all
+    for _ in range(2):  # the first round estimates how much of the rectangle is occupied
         if not size > 0:
             return 0.0
         column, row = (plane / size).astype(np.int64).T

@@ -1,8 +1,8 @@
-"""What a depth camera failed to measure in the midst of a surface, put in.
+"""Fills small gaps in the surfaces of a depth camera's cloud, where the camera measured nothing.
 
-Shiny, dark or steep spots leave gaps of some pixels in its view. A cloud has no pixels any more, so they are laid over
-the view anew: where a few of them hold no point, and a surface goes on to all four sides at about one depth, it goes on
-between. What the view shows through a gap, even far behind, is a point there, and keeps it open.
+Shiny, dark or steep spots leave gaps of some pixels in its view. The cloud has no pixels, so a pixel grid is laid over
+the view again: where a few pixels hold no point, and a surface continues on all four sides at about one depth, the
+surface is interpolated. Anything that is visible through a gap, even far behind, is a point there and keeps it open.
 """
 
 from __future__ import annotations
@@ -17,37 +17,38 @@ from z2p_core.surface.noise_level import median_spacing
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 
 PIXEL_SPACINGS = (1.5, 2.5, 4.0)
-"""Sides of a pixel, in the spacing of the points that the sensor sees. On an even grid each holds some."""
+"""Sides of a pixel that are tried in turn, in the spacing of the points as the sensor sees them."""
 MAX_GAP_SHARE = 0.02
-"""Gaps that are more than this share of the pixels that hold points come from how these are spread, rather than from
-what was lost. Larger pixels may tell; else the points are no camera's, and stay as they are."""
+"""Largest number of filled pixels, as a share of the occupied ones: more gaps come from uneven sampling. Then larger
+pixels are tried, and if these have as many gaps, nothing is filled."""
 MAX_GAP_SPACINGS = 12
-"""How wide a gap may be, in spacings."""
+"""Largest width of a gap that is filled, in spacings."""
 MAX_DEPTH_SLOPE = 3.0
-"""Most that the depths around a gap may differ by, in its width: as on a table that is looked at 18 degrees from above.
-Behind a step a camera that projects or compares misses a strip narrower than that, by distance over baseline."""
+"""Largest difference of the depths around a gap, in the gap's width: that of a table seen from 18 degrees above it.
+Structured-light and stereo cameras miss a strip behind each step in depth; it is narrower than this, by distance over
+baseline, so it stays open."""
 MAX_PIXELS_PER_POINT = 20.0
-"""Pixels for each point up to which these can fill a camera's picture."""
+"""Largest number of pixels per point; sparser points are no camera's picture."""
 MAX_VIEW_TANGENT = 2.0
-"""Tangent of the angle off the sensor's axis within which all points lie, if it is a camera."""
+"""Largest tangent of the angle between a point and the sensor's axis; wider views are no camera's."""
 
 
 def fill_depth_gaps(points: np.ndarray, sensor: Sensor) -> np.ndarray:
-    """Points (M, 3) float64, one a pixel, for the gaps in surfaces of points (N, 3) as their depth camera sees them."""
+    """Points (M, 3) float64, one per pixel, that fill small gaps in a depth camera's points (N, 3); M may be 0."""
     view = rotate_points(points - sensor.position, sensor.rotation.T)
-    none = np.empty((0, 3))
+    nothing = np.empty((0, 3))
     if not len(view) or view[:, 2].min() <= 0:
-        return none
+        return nothing
     across, depth = view[:, :2] / view[:, 2:], view[:, 2]
     spacing = _spacing(across)
     if spacing <= 0 or np.abs(across).max() > MAX_VIEW_TANGENT:
-        return none
+        return nothing
     for side in PIXEL_SPACINGS:
         gap_points, share = _fill_gaps(across, depth, side * spacing, int(MAX_GAP_SPACINGS / side))
         if share <= MAX_GAP_SHARE:
             moved: np.ndarray = rotate_points(gap_points, sensor.rotation) + sensor.position
             return moved
-    return none
+    return nothing
 
 
 def _fill_gaps(across: np.ndarray, depth: np.ndarray, pixel: float, max_pixels: int) -> tuple[np.ndarray, float]:
@@ -75,9 +76,10 @@ def _fill_gaps(across: np.ndarray, depth: np.ndarray, pixel: float, max_pixels: 
 
 
 def _picture(places: np.ndarray, depth: np.ndarray, spread: float) -> tuple[np.ndarray, np.ndarray]:
-    """Mean depth (H, W) of points (N,) in pixels at places (N, 2), from 0 on; and which hold none, (H, W) bool.
+    """Mean depth (H, W) of the points in each pixel, and a mask (H, W) bool of the empty pixels.
 
-    NaN where depths spread by more than that share of their mean: a gap's end there would lie between two surfaces.
+    The points have depths (N,) and pixel coordinates `places` (N, 2), from 0 on. The mean is NaN where the standard
+    deviation is over `spread` times the mean: the end of a gap there would lie between two surfaces.
     """
     width, height = (int(last) + 1 for last in places.max(axis=0))
     pixel = places[:, 1] * width + places[:, 0]
@@ -90,21 +92,24 @@ def _picture(places: np.ndarray, depth: np.ndarray, spread: float) -> tuple[np.n
 
 @dataclass(frozen=True)
 class _Bridges:
-    """For each pixel (H, W) the nearest ones in its row that hold points: depth of the first and the last, how many
-    steps lie from one to the other, and the depth between them where the pixel is."""
+    """For each pixel (H, W), the interpolation between the nearest occupied pixels of its row to the left and right."""
 
     first: np.ndarray
+    """(H, W), depth of the left one."""
     last: np.ndarray
+    """(H, W), depth of the right one."""
     length: np.ndarray
+    """(H, W), pixels from the left one to the right one."""
     between: np.ndarray
+    """(H, W), interpolated depth at the pixel."""
 
     def transposed(self) -> _Bridges:
-        """Of a picture whose rows and columns were exchanged, in that picture's own order."""
+        """The same arrays with rows and columns exchanged."""
         return _Bridges(self.first.T, self.last.T, self.length.T, self.between.T)
 
 
 def _bridges(picture: np.ndarray, empty: np.ndarray) -> _Bridges:
-    """Bridges over the rows of depths (H, W); where a row is open to one side, they are longer than it."""
+    """Bridges over the rows of depths (H, W); without an occupied pixel on one side, the length exceeds the row's."""
     width = picture.shape[1]
     place, rows = np.arange(width), np.arange(len(picture))[:, None]
     before = np.maximum.accumulate(np.where(empty, -width, place), axis=1)

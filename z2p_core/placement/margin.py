@@ -12,11 +12,11 @@ from z2p_core.interfaces import SettingError
 from z2p_core.placement.viewpoint import Viewpoint
 
 MAX_MARGIN = 0.45
-"""Share of the shorter side that a margin takes at most, on each side of the object."""
+"""Largest margin on each side of the object, as a share of the picture's shorter side."""
 HALF_WIDTH = math.tan(math.radians(FIELD_OF_VIEW / 2))
-"""Half the width of what the camera sees, at a distance of 1."""
+"""Half the width of the camera's view at distance 1."""
 DEFAULT_MARGIN = (1 - math.tan(math.asin(1 / DISTANCE)) / HALF_WIDTH) / 2
-"""The margin around a sphere of radius 1, which every object is brought to: 0.103."""
+"""Margin around the unit sphere, into which every object is scaled: 0.103."""
 
 
 def parse_margin(wish: Any) -> float | None:
@@ -41,19 +41,19 @@ def parse_margin(wish: Any) -> float | None:
 
 
 def radius_with_margin(margin: float | None) -> float:
-    """Radius in the world, 1 by itself, of the sphere that leaves such a margin around it."""
+    """Radius in world units of the sphere that leaves this margin around it; 1 for None."""
     if margin is None:
         return 1.0
     return DISTANCE * math.sin(math.atan((1 - 2 * margin) * HALF_WIDTH))
 
 
 def with_margin(viewpoint: Viewpoint, margin: float | None) -> Viewpoint:
-    """The viewpoint from which what fits the picture leaves such a margin."""
+    """The viewpoint that leaves this margin around an object that fits the frame of the given viewpoint."""
     return _resized(viewpoint, radius_with_margin(margin))
 
 
 def without_margin(viewpoint: Viewpoint, margin: float | None) -> Viewpoint:
-    """The viewpoint that `with_margin` was given."""
+    """The viewpoint to which `with_margin` adds this margin: its inverse."""
     return _resized(viewpoint, 1 / radius_with_margin(margin))
 
 

@@ -11,7 +11,7 @@ from z2p_core.placement.point_balls import MIN_SURFACE_POINTS
 from z2p_core.surface.subsampling import subsample_uniform
 
 MAX_SAMPLE = 20_000
-"""A larger cloud is thinned to this many points before it is weighed as a whole."""
+"""Number of points to which a larger cloud is subsampled where bounding spheres and extents are estimated."""
 MIN_POINTS_TO_CLIP = 100
 """Smallest cloud in which clusters may be outliers."""
 MAX_OUTLIER_CLUSTER_SHARE = 0.01
@@ -19,43 +19,44 @@ MAX_OUTLIER_CLUSTER_SHARE = 0.01
 MAX_OUTLIER_SHARE = 0.02
 """Largest share of all points that are removed as outlier clusters."""
 MAX_PART_GAP_SPACINGS = 4.0
-"""A part of the object may be this far off, in the spacing of the object's points there."""
+"""Largest distance between a part and the rest of the object, in the spacing of the object's points there."""
 SPACING_NEIGHBORS = 12
 """Neighbors that this spacing is estimated from."""
 MAX_PART_CLUSTERS = 64
-"""Small clusters that are tested for being parts of the object; more are not looked at."""
+"""If there are more small clusters than this, none is tested for being a part of the object."""
 POINTS_PER_PART = 8
 """Points of each such cluster that are compared with the body."""
 BODY_CELLS = 64
-"""Cells along the body's widest side, each with one point, in which the nearest one is searched."""
+"""Cells along the body's widest side; one point of each is compared with a part, to find the nearest."""
 MIN_SPAN = 1e-300
-"""Smallest extent of a cloud at which its grid coordinates are finite."""
+"""Smallest extent of a cloud at which its grid coordinates are finite, in the cloud's units."""
 MIN_SHRINKAGE = 0.1
-"""Clipping must shrink the bounding sphere's radius by this share at least, or the height where outliers lie below;
-otherwise the outliers do no harm."""
+"""Outliers are removed only if that shrinks the bounding sphere's radius by at least this share; for low outliers, the
+height."""
 MAX_LOW_OUTLIER_SHARE = 0.001
-"""Share of the points that may be low outliers."""
+"""Largest share of all points that are removed as low outliers."""
 MIN_VISIBLE_DISC_SHARE = 0.02
-"""Share of the frame's disc that all clusters' spheres together cover at most where next to nothing is visible."""
+"""Share of the frame's disc: if all clusters' spheres together cover less, the clusters are specks."""
 MAX_SCATTERED_SHARE = 0.25
-"""Share of the points that may lie scattered in small clusters, and still count as outliers."""
+"""Largest share of the points in small clusters for these clusters to be ignored in the test for specks."""
 SPECK_POINT_SHARE = 0.7
-"""Share of the points that specks hold at least."""
+"""Smallest share of the points that specks hold."""
 MAX_SPECK_CELLS = 150
-"""Cells of a coarse grid that specks can take up at most."""
+"""Largest number of cells of a coarse grid that specks occupy."""
 MAX_FAR_ROUNDS = 8
-"""Rounds in which far clusters are removed: each leaves a cloud at most a tenth as wide."""
+"""Largest number of rounds in which far clusters are removed: each leaves a cloud at most a tenth as wide."""
 
 
 def outlier_sample(points: np.ndarray) -> np.ndarray:
-    """`MAX_SAMPLE` of points (N, 3) at most, whatever their order."""
+    """A uniform sample of at most `MAX_SAMPLE` of points (N, 3); it does not depend on their order."""
     return subsample_uniform(points, MAX_SAMPLE)
 
 
 def remove_outliers(points: np.ndarray) -> tuple[np.ndarray, int]:
-    """Points (M, 3) without outliers of finite points (N, 3), and how many were too far away for anything to show.
+    """Finite points (N, 3) without outliers, (M, 3); and how many were removed because their cluster was too far away.
 
-    Small clusters go first, then clusters so far away that the frame would show specks, and last isolated points.
+    Small clusters are removed first, then clusters so far away that the frame would show only specks, then isolated
+    points.
     """
     kept = inlier_mask(points)
     points = points[kept] if not kept.all() else points
@@ -71,13 +72,13 @@ def remove_outliers(points: np.ndarray) -> tuple[np.ndarray, int]:
 def inlier_mask(points: np.ndarray) -> np.ndarray:
     """Mask (N,) bool of finite points (N, 3): False for outliers that would make the object small in its sphere.
 
-    Strays are clusters of under 1 % of the points, apart from the rest by a cell or more of a coarse grid. They go only
-    when that shrinks the bounding sphere's radius by over 10 %, and never more than 2 % of the points in all.
+    Outliers are clusters of under 1 % of the points, separated from the rest by at least one cell of a coarse grid.
+    They are removed only if that shrinks the bounding sphere's radius by over 10 %, and at most 2 % of all points are.
     """
     kept = np.ones(len(points), dtype=bool)
     if len(points) < MIN_POINTS_TO_CLIP:
         return kept
-    for _ in range(4):  # a stray very far away hides the nearer ones from the first grid
+    for _ in range(4):  # an outlier very far away makes the first grid too coarse for the nearer ones
         rows = np.flatnonzero(kept)
         budget = int(MAX_OUTLIER_SHARE * len(points)) - (len(points) - len(rows))
         outliers = _outlier_cluster_mask(points[rows], int(MAX_OUTLIER_CLUSTER_SHARE * len(points)), budget)
@@ -88,28 +89,28 @@ def inlier_mask(points: np.ndarray) -> np.ndarray:
 
 
 def visible_cluster_mask(points: np.ndarray) -> np.ndarray:
-    """Mask (N,) bool of finite points (N, 3): False for clusters so far from the largest one that nothing would show.
+    """Mask (N,) bool of finite points (N, 3): False for clusters so far from the largest one that all would be specks.
 
-    Clusters far from each other are specks in a picture of them all. The one with the most points is kept then, with
-    what lies near enough for all of it to be seen; where two have as many, the wider one is.
+    Clusters far from each other are specks in a picture of all of them. Then the one with the most points is kept, or
+    the widest of several such ones, with all that is near enough to stay visible together with it.
     """
     kept = np.ones(len(points), dtype=bool)
     if len(points) < MIN_SURFACE_POINTS:
         return kept
     for _ in range(MAX_FAR_ROUNDS):
         rows = np.flatnonzero(kept)
-        largest = _largest_of_specks(points[rows])
+        largest = _largest_speck_mask(points[rows])
         if largest is None:
             break
         kept[rows[~largest]] = False
     return kept
 
 
-def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
-    """Mask (N,) of the largest cluster of points (N, 3), where all of them together would hardly show; else None."""
-    if _spread_out(points):
+def _largest_speck_mask(points: np.ndarray) -> np.ndarray | None:
+    """Mask (N,) of the largest cluster of points (N, 3) if all clusters together would be specks; else None."""
+    if _fills_its_box(points):
         return None
-    cluster = _clusters(points)
+    cluster = _cluster_indices(points)
     sizes = np.bincount(cluster)
     low, high = np.full((len(sizes), 3), np.inf), np.full((len(sizes), 3), -np.inf)
     order = np.argsort(cluster, kind="stable")
@@ -127,11 +128,11 @@ def _largest_of_specks(points: np.ndarray) -> np.ndarray | None:
     return np.asarray(cluster == np.lexsort((low[:, 0], radii, sizes))[-1])
 
 
-def _spread_out(points: np.ndarray) -> bool:
-    """Whether most of points (N, 3) fill more of their bounding box than specks would; a fast test."""
+def _fills_its_box(points: np.ndarray) -> bool:
+    """Whether points (N, 3) fill more of their bounding box than specks could; faster than computing clusters."""
     low, high = bounding_box(points)
     step = max(float((high - low).max()), MIN_SPAN) / 24
-    some = points[:: -(-len(points) // MAX_SAMPLE)]  # no order makes many cells of few
+    some = points[:: -(-len(points) // MAX_SAMPLE)]  # a sample in any order occupies no more cells than all points
     place = ((some - low) / step).astype(np.int64)
     count = np.bincount((place[:, 0] * 25 + place[:, 1]) * 25 + place[:, 2])
     count = count[count > 0]
@@ -143,8 +144,8 @@ def _spread_out(points: np.ndarray) -> bool:
 def above_low_outliers_mask(points: np.ndarray, height: np.ndarray) -> np.ndarray:
     """Mask (N,) bool of finite points (N, 3) and their heights (N,): False for those that would put the floor too low.
 
-    The floor touches the lowest point, so a few wrong ones below, as lidar has, leave the rest to hover above it.
-    They are removed if they are small clusters with less than 0.1 % of all points, and the height shrinks by over 10 %.
+    The floor touches the lowest point, so above a few low outliers, as lidar has, the object would hover. They are
+    removed if they are small clusters with less than 0.1 % of all points, and the height shrinks by over 10 %.
     """
     kept = np.ones(len(points), dtype=bool)
     max_count = int(MAX_LOW_OUTLIER_SHARE * len(points))
@@ -155,7 +156,7 @@ def above_low_outliers_mask(points: np.ndarray, height: np.ndarray) -> np.ndarra
     rise = height[lowest] - height[lowest[0]]
     if rise[-1] < MIN_SHRINKAGE * np.ptp(height):
         return kept
-    cluster = _clusters(points)
+    cluster = _cluster_indices(points)
     small = (np.bincount(cluster) <= max_count)[cluster[lowest]]
     count = len(lowest) if small.all() else int(small.argmin())  # all below the first one that is no outlier
     if count <= max_count and rise[count] >= MIN_SHRINKAGE * np.ptp(height):
@@ -164,12 +165,12 @@ def above_low_outliers_mask(points: np.ndarray, height: np.ndarray) -> np.ndarra
 
 
 def _outlier_cluster_mask(points: np.ndarray, largest: int, budget: int) -> np.ndarray:
-    """Mask (N,) of the points in small clusters outside the sphere of the others, when that sphere is clearly smaller.
+    """Mask (N,) of the points in small clusters outside the sphere of the others, if that sphere is clearly smaller.
 
-    Clusters of up to `largest` points count, the farthest ones first, up to `budget` points in all.
+    Small clusters have up to `largest` points; the farthest ones are taken first, up to `budget` points in all.
     """
     none = np.zeros(len(points), dtype=bool)
-    cluster = _clusters(points)
+    cluster = _cluster_indices(points)
     sizes = np.bincount(cluster)
     small = sizes <= largest
     if small.all() or not small.any():
@@ -182,43 +183,45 @@ def _outlier_cluster_mask(points: np.ndarray, largest: int, budget: int) -> np.n
     taken = np.zeros(len(sizes), dtype=bool)
     taken[farthest[np.cumsum(sizes[farthest]) <= budget]] = True
     outliers = taken[cluster]
-    rest_of = outlier_sample(points[~outliers])
-    rest = bounding_sphere(rest_of)
-    whole = bounding_sphere(np.vstack([rest_of, points[outliers]])) if outliers.any() else rest
+    rest_sample = outlier_sample(points[~outliers])
+    rest = bounding_sphere(rest_sample)
+    whole = bounding_sphere(np.vstack([rest_sample, points[outliers]])) if outliers.any() else rest
     if rest.radius > (1 - MIN_SHRINKAGE) * whole.radius:
         return none
     outside = np.sqrt(((points - rest.centre) ** 2).sum(1)) > 1.02 * rest.radius
-    return outliers & outside & ~_adjoining(points, cluster, taken, sizes > largest)
+    return outliers & outside & ~_adjacent_part_mask(points, cluster, taken, sizes > largest)
 
 
-def _adjoining(points: np.ndarray, cluster: np.ndarray, taken: np.ndarray, large: np.ndarray) -> np.ndarray:
+def _adjacent_part_mask(points: np.ndarray, cluster: np.ndarray, taken: np.ndarray, large: np.ndarray) -> np.ndarray:
     """Mask (N,) of the points in `taken` clusters that are as near to a `large` one as its points are to each other.
 
-    Where one part of an object is scanned far more finely, the cells are too small for the others, and part them.
+    Where one part of an object is scanned far more densely, the cells are too small for the rest and separate it.
     """
-    joined: list[int] = []
+    adjacent: list[int] = []
     clusters = np.flatnonzero(taken)
     if len(clusters) > MAX_PART_CLUSTERS:
         clusters = clusters[:0]
-    body = subsample_uniform(points[large[cluster]], len(points))  # in an order that is not the file's
+    body = subsample_uniform(points[large[cluster]], len(points))  # an order that does not depend on the file's
     places = np.floor((body - body.min(axis=0)) * (BODY_CELLS / max(float(np.ptp(body, axis=0).max()), MIN_SPAN)))
-    few = body[np.unique(places @ [1, BODY_CELLS + 1, (BODY_CELLS + 1) ** 2], return_index=True)[1]]
-    for one in clusters:
-        own = points[cluster == one]
-        own = own[np.argsort(((own - body.mean(0)) ** 2).sum(1), kind="stable")[:POINTS_PER_PART]]  # on the body's side
-        away = np.sqrt(((own[:, None] - few) ** 2).sum(-1))
-        nearest = few[away.min(axis=0).argmin()]
+    one_per_cell = body[np.unique(places @ [1, BODY_CELLS + 1, (BODY_CELLS + 1) ** 2], return_index=True)[1]]
+    for index in clusters:
+        own = points[cluster == index]
+        nearest_first = np.argsort(((own - body.mean(0)) ** 2).sum(1), kind="stable")
+        own = own[nearest_first[:POINTS_PER_PART]]
+        away = np.sqrt(((own[:, None] - one_per_cell) ** 2).sum(-1))
+        nearest = one_per_cell[away.min(axis=0).argmin()]
         around = np.partition(((body - nearest) ** 2).sum(1), min(SPACING_NEIGHBORS, len(body) - 1))
         spacing = np.sqrt(np.pi * around[min(SPACING_NEIGHBORS, len(body) - 1)] / SPACING_NEIGHBORS)
         if away.min() < MAX_PART_GAP_SPACINGS * spacing:
-            joined.append(int(one))
-    return np.isin(cluster, joined)
+            adjacent.append(int(index))
+    return np.isin(cluster, adjacent)
 
 
-def _clusters(points: np.ndarray) -> np.ndarray:
-    """Number (N,) of each point's cluster: points in touching cells of a coarse grid.
+def _cluster_indices(points: np.ndarray) -> np.ndarray:
+    """Cluster index (N,) of each point: a cluster is the points in touching cells of a coarse grid.
 
-    Cells are a 24th of the widest side, or wider where the cloud is sparse: four points in a taken cell on average.
+    The side of a cell is a 24th of the widest side, or more in a sparse cloud, so that occupied cells hold at least
+    four points on average.
     """
     low, high = bounding_box(points)
     span = max(float((high - low).max()), MIN_SPAN)

@@ -21,7 +21,7 @@ BALL_RADIUS_PER_GAP = 0.4
 
 
 def points_to_balls(points: np.ndarray) -> np.ndarray:
-    """Points (N * `POINTS_PER_BALL`, 3) on balls around points (N, 3), of which at least two must differ."""
+    """Points (N * `POINTS_PER_BALL`, 3) on balls around points (N, 3), at least two of which differ; all float64."""
     distance = np.linalg.norm(points[:, None] - points, axis=2)
     cloud_radius = bounding_sphere(points).radius
     nearest = np.where(distance > 0, distance, np.inf).min(1)

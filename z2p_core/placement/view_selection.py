@@ -1,4 +1,4 @@
-"""From which side a cloud is looked at: the side that shows most of it, or the side on which its sensor stood.
+"""The azimuth from which a cloud is seen: the side that shows most of it, or the side on which its sensor stood.
 
 No choice is certain, so each comes with its reason in words, and the user can force another one.
 """

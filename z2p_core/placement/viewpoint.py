@@ -21,18 +21,18 @@ from z2p_core.linalg import rotate_points
 from z2p_core.placement.bounding_sphere import bounding_sphere
 
 JSON_VERSION = 1
-"""Of the JSON form; raised when its meaning changes."""
+"""Version of the JSON format, raised when its meaning changes."""
 MIN_LENGTH = 1e-150
 """Smallest length whose square does not underflow."""
 MAX_LENGTH = 1e150
 """Largest length whose square does not overflow."""
 ROTATION_TOLERANCE = 1e-6
-"""How far a loaded rotation's rows may be from unit length and right angles."""
+"""Largest deviation of a loaded rotation's rows from unit length and right angles."""
 
 
 @dataclass(frozen=True)
 class Viewpoint:
-    """Place, scale and turn of the data before the camera, and the camera's height."""
+    """Position, scale and rotation of the data before the camera, and the camera's elevation."""
 
     centre: tuple[float, float, float]
     """Point of the data at the middle of the picture, in the data's units."""
@@ -41,7 +41,7 @@ class Viewpoint:
     rotation: tuple[tuple[float, ...], ...]
     """Matrix (3, 3), rows, from the data's axes to the world's."""
     elevation: float
-    """Of the camera above the horizon, degrees."""
+    """Elevation of the camera above the horizon, in degrees."""
     floor: float | None = None
     """Height of the floor in world units, for clouds that share one; None: each stands on its own lowest point."""
 

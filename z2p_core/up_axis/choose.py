@@ -28,17 +28,17 @@ STANDARD_AXES = {".glb": "+Y", ".gltf": "+Y", ".las": "+Z", ".laz": "+Z", ".e57"
 FILE_HINT_PRIOR = 0.8
 """Prior probability of the axis that the file's own hints (its program or its family of files) name."""
 SHAPE_UNCERTAINTY = 0.05
-"""Share of clouds whose shape says nothing, however clear it seems: they may be of a kind that was not learned from."""
+"""Share of clouds whose shape features are taken as uninformative: their kind may be missing in the training data."""
 MIN_SHAPE_SUPPORT = 0.3
 """Smallest probability by shape alone for an axis that is not the usual one to be chosen."""
 MIN_POINTS = 100
 """Smallest cloud whose shape is considered."""
 ORIGIN_TOLERANCE = 0.005
-"""An end of the cloud lies at coordinate 0 if it is at most this far away, in the cloud's size."""
+"""Largest distance from coordinate 0, in the cloud's size, at which an end of the cloud counts as lying there."""
 GROUNDED_ODDS = 3.0
 """Factor by which an object with one end at coordinate 0 is likelier to stand on that end."""
 MIN_MAP_COORDINATE = 1000.0
-"""Coordinates at least this large may belong to a map, whose heights are along z."""
+"""Smallest horizontal coordinate that may belong to a map, whose heights are along z."""
 MIN_MAP_DISTANCE = 10.0
 """The smallest distance of a map's tile from the origin, in the cloud's size."""
 CLEAR_PROBABILITY = 0.9
@@ -77,11 +77,11 @@ def choose_up(
     points: np.ndarray, sensor: Sensor | None, suffix: str, units: Sequence[float] = (METRES,),
     usual: tuple[str, str] = ("", ""),
 ) -> UpChoice:  # fmt: skip
-    """Which way is up in finite points (N, 3) of a file with that suffix (lower-case, with its dot), and why.
+    """The up axis of finite points (N, 3) of a file with that suffix (lower-case, with its dot), and the reason.
 
     A depth camera's own up, else `guess_up_axis`. A `sensor` that sees all around (a laser scanner) says nothing about
     up. Without a sensor, the points may still look like a depth camera's in one of the `units` per metre. `usual` is
-    the axis, with the reason, that hints in the file name.
+    the axis that hints in the file name, and the reason; both are empty without hints.
     """
     reason = "as its depth camera stood"
     if sensor is not None and not is_depth_camera(points, sensor):
@@ -97,11 +97,11 @@ def choose_up(
 
 
 def guess_up_axis(points: np.ndarray, suffix: str, usual: str = "", usual_reason: str = "") -> AxisGuess:
-    """Which axis of finite points (N, 3) is up in a file with that suffix (lower-case, with its dot).
+    """The axis of finite points (N, 3) that is probably up in a file with that suffix (lower-case, with its dot).
 
-    Naive Bayes: the format's prior, times what `axis_features` say of the shape, times the odds of an end at
+    Naive Bayes: the format's prior, times the likelihood of the shape's `axis_features`, times the odds of an end at
     coordinate 0. `usual` is the axis that hints in the file name, if any, and `usual_reason` says which. The order of
-    the points does not count.
+    the points does not matter.
     """
     if not usual and suffix in STANDARD_AXES:
         return AxisGuess(STANDARD_AXES[suffix], f"the convention of {suffix}")
@@ -119,11 +119,11 @@ def guess_up_axis(points: np.ndarray, suffix: str, usual: str = "", usual_reason
     posterior = prior * shape * grounded
     unsupported = (shape * grounded < MIN_SHAPE_SUPPORT) & (prior < prior.max())
     posterior[unsupported] = np.minimum(posterior[unsupported], 0.9 * posterior[prior.argmax()])
-    return _described(posterior / posterior.sum(), prior, usual_reason if usual else "the usual axis")
+    return _explain_choice(posterior / posterior.sum(), prior, usual_reason if usual else "the usual axis")
 
 
 def _prior(suffix: str, usual: str) -> np.ndarray:
-    """Probability (6,) of each of `AXES` before the cloud is looked at."""
+    """Prior probabilities (6,) of `AXES`."""
     share = np.array([PRIORS.get(suffix, _SCAN_PRIOR)[axis] for axis in AXES])
     if not usual:
         return share
@@ -133,8 +133,8 @@ def _prior(suffix: str, usual: str) -> np.ndarray:
     return share
 
 
-def _described(posterior: np.ndarray, prior: np.ndarray, usual_reason: str) -> AxisGuess:
-    """The likeliest axis with its reason in words, from the probabilities (6,) after and before the shape was seen."""
+def _explain_choice(posterior: np.ndarray, prior: np.ndarray, usual_reason: str) -> AxisGuess:
+    """The likeliest axis with its reason in words, from its posterior and prior probabilities (6,)."""
     first, second = (int(place) for place in np.argsort(-posterior, kind="stable")[:2])
     expected = int(prior.argmax())
     other = AXES[second] if posterior[second] >= ALTERNATIVE_PROBABILITY else ""

@@ -1,8 +1,8 @@
-"""What a cloud's shape says of each of its six axes: how likely it is that this one points up.
+"""Features of a cloud's shape for each of its six axes, from which the axis that points up is predicted.
 
-Things stand on something flat or on feet, are heavier below, and are symmetrical about upright planes; floors are level
-and walls upright. Each such mark is one number for each axis (`axis_features`); `feature_weights` holds how
-much each counts.
+Objects stand on a flat side or on feet, are heavier below, and are symmetrical about upright planes; floors are level
+and walls upright. Each such property is one number per axis (`axis_features`); the network in `feature_weights` scores
+an axis by them.
 """
 
 from __future__ import annotations
@@ -17,34 +17,35 @@ from z2p_core.surface.subsampling import subsample_uniform
 from z2p_core.up_axis.support_polygon import convex_hull, distance_inside, polygon_area
 
 MAX_POINTS = 1500
-"""Points that features are computed from at most."""
+"""Number of points to which a larger cloud is subsampled."""
 MAX_MIRRORED_POINTS = 300
-"""Points that symmetries are tested with at most."""
+"""Number of points with which symmetries are tested, at most twice as many."""
 NORMAL_NEIGHBORS = 12
+"""Neighbors of a point, itself included, to which the plane of its normal is fitted."""
 OUTLIER_SHARE = 0.003
-"""Share of the points beyond either end of an axis that may be strays."""
+"""Share of the points at either end of an axis that are ignored as outliers."""
 GRID_CELLS = 20
-"""Cells along the widest side of the grid in which mirrored points are looked up."""
+"""Cells along each side of the grid in which mirrored points are looked up."""
 MAX_DISTANCE_CELLS = 3
-"""Distances to the nearest taken cell are capped at this many cells."""
+"""Distances to the nearest occupied cell are capped at this many cells."""
 UPRIGHT_MIRRORS = 16
-"""Upright planes of each axis in which a cloud is mirrored."""
+"""Number of planes through each axis in which a cloud is mirrored."""
 MIN_EXTENT = 1e-300
-"""Extent of a cloud whose places are still numbers when they are divided by it."""
+"""Smallest extent of a cloud by which its coordinates can be divided without overflow."""
 FLOOR_CELLS = 16
-"""Cells along each side of the ground plan, at most."""
+"""Largest number of cells along each side of the ground plan."""
 FEATURE_NAMES = (
     "low mass", "low middle", "flat below", "level below", "held below", "feet's hull", "feet's share", "narrow feet",
     "taper", "cut below", "upright mirror", "level mirror", "turned alike", "level faces", "upright faces", "height",
     "height squared", "one layer", "level slab", "margin", "level above",
 )  # fmt: skip
-"""Names of the marks, as `axis_features` gives them."""
+"""Names of the features, in the order of `axis_features`."""
 
 
 def axis_features(points: np.ndarray) -> np.ndarray:
-    """The marks (6, M) of the axes +X, -X, +Y, -Y, +Z, -Z of finite points (N, 3), whatever their order.
+    """Features (6, F) float64 of the axes +X, -X, +Y, -Y, +Z, -Z, of finite points (N, 3).
 
-    Each is about 0 to 1, and independent of the cloud's size and place.
+    Most are in [0, 1], all in [-2, 4]. They do not depend on the cloud's size or position, nor on the order of points.
     """
     points = subsample_uniform(points, MAX_POINTS)
     low, high = np.quantile(points, [OUTLIER_SHARE, 1 - OUTLIER_SHARE], axis=0)
@@ -56,9 +57,9 @@ def axis_features(points: np.ndarray) -> np.ndarray:
     rows = []
     for axis in range(3):
         others = [(axis + 1) % 3, (axis + 2) % 3]
-        plan, facing = Plan.of(points[:, others]), normals[:, axis]
+        plan, facing = GroundPlan.of(points[:, others]), normals[:, axis]
         height = math.log(span[axis] / math.sqrt(span[others[0]] * span[others[1]]))
-        even = {
+        both_ends = {
             "upright mirror": alike[axis, 0], "level mirror": alike[axis, 1], "turned alike": alike[axis, 2],
             "level faces": (facing > 0.95).mean(), "upright faces": (facing < 0.15).mean(),
             "height": max(-2.0, min(2.0, height)), "height squared": min(height**2, 4.0),
@@ -66,28 +67,29 @@ def axis_features(points: np.ndarray) -> np.ndarray:
         }  # fmt: skip
         for sign in (1.0, -1.0):
             share = np.clip(0.5 + sign * points[:, axis] / span[axis], -0.05, 1.05)
-            odd = _standing(plan, share, facing)
-            rows.append([{**even, **odd}[name] for name in FEATURE_NAMES])
+            one_end = _end_features(plan, share, facing)
+            rows.append([{**both_ends, **one_end}[name] for name in FEATURE_NAMES])
     return np.array(rows)
 
 
 @dataclass(frozen=True)
-class Plan:
-    """A cloud seen from above or below."""
+class GroundPlan:
+    """A cloud projected along an axis: its ground plan."""
 
     places: np.ndarray
-    """(N, 2)."""
+    """Positions (N, 2) of the points, in the cloud's size."""
     middle: np.ndarray
+    """Mean (2,) of the positions."""
     area: float
-    """Of its hull."""
+    """Area of their convex hull."""
     cell: np.ndarray
-    """Number (N,) of each point's cell of a coarse grid."""
+    """Index (N,) of each point's cell in a coarse grid."""
     taken: int
-    """Cells that hold a point."""
+    """Number of occupied cells."""
 
     @classmethod
-    def of(cls, places: np.ndarray) -> Plan:
-        """The plan of places (N, 2)."""
+    def of(cls, places: np.ndarray) -> GroundPlan:
+        """The plan of positions (N, 2)."""
         cells = max(4, min(FLOOR_CELLS, int(math.sqrt(len(places) / 4))))
         column, row = np.clip((places.T + 0.55) / 1.1 * cells, 0, cells - 1).astype(np.int64)
         cell = column * cells + row
@@ -95,11 +97,11 @@ class Plan:
         return cls(places, places.mean(0), max(polygon_area(convex_hull(places)), 1e-9), cell, taken)
 
     def covered(self, which: np.ndarray) -> float:
-        """Share of the taken cells that hold some of those points."""
+        """Share of the occupied cells that hold some of the points `which`, a mask (N,) bool."""
         return float(np.count_nonzero(np.bincount(self.cell[which]))) / self.taken
 
     def one_layer(self, height: np.ndarray) -> float:
-        """Share of the cells that hold one height alone, as land seen from the air does."""
+        """Share of the cells of several points in which all have about one height, as in terrain seen from the air."""
         order = np.argsort(self.cell, kind="stable")
         starts = np.flatnonzero(np.diff(self.cell[order], prepend=-1))
         height = height[order]
@@ -109,16 +111,16 @@ class Plan:
 
 
 def _normals(grid: native.NeighborGrid) -> np.ndarray:
-    """Unit normals (N, 3) of either sign of the planes through the neighbours of each of the grid's points."""
+    """Unit normals (N, 3), with either sign, of the planes through the neighbors of each of the grid's points."""
     all_indices = np.arange(len(grid.points), dtype=np.int32)
     neighbors, _ = grid.neighbors(all_indices, min(NORMAL_NEIGHBORS, len(all_indices)))
     return np.nan_to_num(native.fit_planes(grid.points, neighbors)[0])
 
 
-def _standing(plan: Plan, share: np.ndarray, facing: np.ndarray) -> dict[str, float]:
-    """The marks of one end of an axis, taken for the lower one.
+def _end_features(plan: GroundPlan, share: np.ndarray, facing: np.ndarray) -> dict[str, float]:
+    """The features that depend on which end of the axis is below, with the given end below.
 
-    `share` (N,) is the height from that end, 0 to 1, and `facing` (N,) how level the face is there.
+    `share` (N,) is the height above that end, 0 to 1, and `facing` (N,) the normal's part along the axis, 0 to 1.
     """
     feet = convex_hull(plan.places[share < 0.04])
     held = distance_inside(plan.middle, feet) / math.sqrt(plan.area) if len(feet) > 2 else -0.3
@@ -146,14 +148,14 @@ def _standing(plan: Plan, share: np.ndarray, facing: np.ndarray) -> dict[str, fl
 
 
 def _breadth(places: np.ndarray) -> float:
-    """Standard deviation of places (N, 2)."""
+    """Standard deviation of positions (N, 2); 0 for fewer than five."""
     return math.sqrt(float(places[:, 0].var() + places[:, 1].var())) if len(places) > 4 else 0.0
 
 
 def _symmetries(points: np.ndarray) -> np.ndarray:
-    """How alike a cloud is (3, 3), for each axis: mirrored in its best upright plane, in its level one, and turned.
+    """Symmetries (3, 3) in [0, 1] of each axis: about its best upright plane, about its level one, and of rotations.
 
-    1 is exactly alike, 0 not at all. Mirrors go through the middle of the taken cells, so that density does not count.
+    1 is exact, 0 none. The planes go through the mean of the occupied cells, so that density has no influence.
     """
     taken = np.zeros((GRID_CELLS, GRID_CELLS, GRID_CELLS), dtype=bool)
     taken.ravel()[_cell(*points.T)] = True
@@ -168,15 +170,17 @@ def _symmetries(points: np.ndarray) -> np.ndarray:
 
 
 def _cell(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Number of the cell of each place (x, y, z), of `GRID_CELLS` along each axis."""
+    """Index of the cell of each position (x, y, z), in a grid of `GRID_CELLS` along each axis."""
     scale, last = GRID_CELLS / 1.2, GRID_CELLS - 1
     column, row, layer = (np.clip((part + 0.6) * scale, 0, last).astype(np.int64) for part in (x, y, z))
     return (column * GRID_CELLS + row) * GRID_CELLS + layer
 
 
 def _distances(taken: np.ndarray) -> np.ndarray:
-    """How many cells each of `GRID_CELLS` along each axis is away from one that is taken, at most
-    `MAX_DISTANCE_CELLS`; flat."""
+    """Distance of each cell to the nearest occupied one, in cells, at most `MAX_DISTANCE_CELLS`; flat.
+
+    `taken` is the mask of occupied cells, with `GRID_CELLS` along each axis.
+    """
     away = np.full(taken.shape, float(MAX_DISTANCE_CELLS))
     for step in range(MAX_DISTANCE_CELLS):
         away[taken & (away > step)] = step
@@ -190,7 +194,7 @@ def _distances(taken: np.ndarray) -> np.ndarray:
 
 
 def _symmetry_matrices() -> np.ndarray:
-    """For each axis the mirrors (3, 3) in its upright planes and in its level one, and three turns about it."""
+    """Matrices (60, 3, 3): for each axis reflections in its upright planes and its level one, and three rotations."""
     turns = np.arange(UPRIGHT_MIRRORS) * (math.pi / UPRIGHT_MIRRORS)
     matrices = []
     for axis in range(3):
@@ -205,3 +209,4 @@ def _symmetry_matrices() -> np.ndarray:
 
 
 SYMMETRY_MATRICES = _symmetry_matrices()
+"""Reflections and rotations of all three axes, with which symmetries are tested."""

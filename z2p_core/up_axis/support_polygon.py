@@ -1,11 +1,11 @@
-"""Where a thing's feet are, seen from above: their hull, its area, and how far inside it the thing's middle lies."""
+"""The support polygon of an object, the convex hull of its feet seen from above, and its stability margin."""
 
 from __future__ import annotations
 
 import numpy as np
 
 HULL_DIRECTIONS = 64
-"""In which a hull's corners are looked for: of a disc's hull, all but 0.2 % of its area."""
+"""Directions in which the farthest point is a corner of the hull; a disc's hull gets all but 0.2 % of its area."""
 
 
 def convex_hull(points: np.ndarray) -> np.ndarray:
@@ -13,10 +13,10 @@ def convex_hull(points: np.ndarray) -> np.ndarray:
     if not len(points):
         return points
     angle = np.arange(HULL_DIRECTIONS) * (2 * np.pi / HULL_DIRECTIONS)
-    near = np.ascontiguousarray((points - points[0]).T, np.float32)  # far from the origin, digits are few
+    near = np.ascontiguousarray((points - points[0]).T, np.float32)  # float32 is coarse far from the origin
     directions = np.column_stack([np.cos(angle), np.sin(angle)]).astype(np.float32)
     corners: np.ndarray = points[(directions @ near).argmax(1)]
-    return corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]  # one is the farthest in many directions
+    return corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]  # without repeats
 
 
 def polygon_area(corners: np.ndarray) -> float:
@@ -28,7 +28,10 @@ def polygon_area(corners: np.ndarray) -> float:
 
 
 def distance_inside(middle: np.ndarray, feet: np.ndarray) -> float:
-    """How far inside a polygon (M, 2), M >= 3, counter-clockwise, a place (2,) lies; below 0 where it lies outside."""
+    """Distance of a position (2,) from the nearest edge of a convex polygon (M, 2), counter-clockwise; below 0 outside.
+
+    The polygon has at least three corners.
+    """
     edge = np.roll(feet, -1, axis=0) - feet
     outward = np.column_stack([edge[:, 1], -edge[:, 0]]) / np.linalg.norm(edge, axis=1, keepdims=True)
     return -float(((middle - feet) * outward).sum(1).max())
