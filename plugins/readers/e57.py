@@ -13,7 +13,7 @@ from z2p_core.errors.install_advice import install_advice
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
-from z2p_renderer.plugins.readers._helpers.lazy_import import late
+from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _HEADER, _CHECKSUM, _LONGEST = 48, 4, 1 << 26
 """Bytes of the header and of a page's checksum, and of the longest description that is looked at."""
@@ -62,7 +62,7 @@ class E57(Reader):
 
 def _opened(path: Path) -> Any:
     try:
-        pye57 = late("pye57")
+        pye57 = import_lazily("pye57")
     except ImportError:
         raise ScanError(f"reading .e57 needs an extra; {install_advice('e57')}") from None
     try:

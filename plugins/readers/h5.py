@@ -16,13 +16,13 @@ from z2p_renderer.plugins.readers._helpers.array_clouds import (
     KEYS,
     check_fields,
     check_shape,
-    clouds_of,
+    clouds_from_array,
+    exceeds_size_limit,
     is_points,
     numbers,
-    side_by_side,
-    unpacks_too_much,
+    stack_axes,
 )
-from z2p_renderer.plugins.readers._helpers.lazy_import import late
+from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _MOST_OBJECTS, _DEEPEST = 1000, 4
 """Data sets and groups that are looked at, and how deep they may lie."""
@@ -55,7 +55,7 @@ class H5(Reader):
 def _with_file(path: Path, work: Callable[[Any], Any]) -> Any:
     """What `work` makes of the opened file."""
     try:
-        library = late("h5py")
+        library = import_lazily("h5py")
     except ImportError:
         raise ScanError(f"reading {path.suffix} needs an extra; {install_advice('h5')}") from None
     try:
@@ -74,7 +74,7 @@ def _clouds(file: Any) -> list[RawCloud | np.ndarray]:
         check_fields(found.dtype)
         told = f"of {found.name.lstrip('/')}, not of {', '.join(others)}" if others else ""
         clouds += [replace(cloud, note="; ".join(filter(None, (told, cloud.note))))
-                   for cloud in clouds_of(numbers(found[()]), key)]  # fmt: skip
+                   for cloud in clouds_from_array(numbers(found[()]), key)]  # fmt: skip
     return clouds or _apart(file)
 
 
@@ -90,7 +90,7 @@ def _apart(file: Any) -> list[RawCloud | np.ndarray]:
     for found in axes.values():
         _check_size(found)
         check_fields(found.dtype)
-    return [side_by_side({axis: found[()] for axis, found in axes.items()})]
+    return [stack_axes({axis: found[()] for axis, found in axes.items()})]
 
 
 def _refuse_odd_shapes(file: Any) -> None:
@@ -124,7 +124,7 @@ def _data_sets(file: Any) -> list[tuple[str, Any]]:
 
 def _walk(group: Any, place: str, depth: int, left: Iterator[int]) -> Iterator[tuple[str, Any]]:
     """What lies in a group and below it, as long as objects are `left` to be looked at: a group may lie in itself."""
-    library = late("h5py")
+    library = import_lazily("h5py")
     for name in sorted(group):
         if next(left, None) is None:
             return
@@ -142,5 +142,5 @@ def _check_size(found: Any) -> None:
     if found.is_virtual or found.external:
         raise ScanError(f"{found.name} lies in other files, which are not opened; save its points in one file")
     size, packed = int(np.prod(found.shape, dtype=object)) * found.dtype.itemsize, found.id.get_storage_size()
-    if unpacks_too_much(size, packed, _MOST_BYTES):
+    if exceeds_size_limit(size, packed, _MOST_BYTES):
         raise ScanError(f"{found.name} would unpack to {size} bytes from {packed}; save fewer clouds, as .npy for one")

@@ -11,11 +11,11 @@ import numpy as np
 
 from z2p_core.errors.messages import error_reason
 from z2p_core.formats.geographic import project_degrees
-from z2p_core.formats.row_subsampling import MOST_ROWS
+from z2p_core.formats.row_subsampling import MAX_ROWS
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import colours_note
 from z2p_renderer.plugins.readers._helpers.las_header import check_records, promised_points
-from z2p_renderer.plugins.readers._helpers.lazy_import import late
+from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _CHUNK = 1_000_000
 """Points unpacked at a time: a header that lies about its count costs one chunk, not the machine's memory."""
@@ -43,7 +43,7 @@ class Las(Reader):
     def memory(self, path: Path) -> int:
         """As many points as the header promises, which may be packed far tighter than in other formats."""
         count = promised_points(path)
-        return min(count, MOST_ROWS) * MEMORY_A_POINT + min(count, _CHUNK) * _UNPACKED
+        return min(count, MAX_ROWS) * MEMORY_A_POINT + min(count, _CHUNK) * _UNPACKED
 
     def is_fragile(self, path: Path) -> bool:
         """Where points are packed: lazrs ends the process on some damaged chunks."""
@@ -96,7 +96,7 @@ class _Told:
 
 
 def _read(path: Path) -> RawCloud:
-    laspy = late("laspy")
+    laspy = import_lazily("laspy")
     single = laspy.LazBackend.Lazrs  # the parallel one believes the chunk sizes of a damaged file, and aborts on them
     with laspy.open(path, laz_backend=single) as reader:
         header = reader.header
@@ -105,7 +105,7 @@ def _read(path: Path) -> RawCloud:
         if body < 0 or (not header.are_points_compressed and count * row > body):
             raise ScanError(f"the LAS header promises {count} points of {row} bytes, {max(body, 0)} bytes follow it; "
                             "the file is cut short or its header is wrong: export it again")
-        told, step = _Told(), -(-count // MOST_ROWS) if count else 1
+        told, step = _Told(), -(-count // MAX_ROWS) if count else 1
         rng = np.random.default_rng(0)
         for chunk in reader.chunk_iterator(_CHUNK):
             _take(chunk, told, step, rng)

@@ -13,8 +13,8 @@ from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._helpers.gltf import readable_glb
 from z2p_renderer.plugins.readers._helpers.gltf_parts import as_glb, bytes_beside
-from z2p_renderer.plugins.readers._helpers.lazy_import import late
-from z2p_renderer.plugins.readers._helpers.length_check import stray_bytes, stray_note
+from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
+from z2p_renderer.plugins.readers._helpers.length_check import check_trailing_bytes, trailing_bytes_note
 
 _STL_HEAD, _STL_TRIANGLE = 84, 50
 """Bytes of a binary STL file's header and of each triangle."""
@@ -65,15 +65,16 @@ def _stl(blob: bytes) -> tuple[np.ndarray, str]:
     """Corners of the triangles (N, 3) float64, and a note."""
     note = ""
     if _is_text(blob):
-        loaded = late("trimesh.exchange.stl").load_stl_ascii(io.BytesIO(_whole_text(blob)))
+        loaded = import_lazily("trimesh.exchange.stl").load_stl_ascii(io.BytesIO(_whole_text(blob)))
     else:
         if len(blob) < _STL_HEAD:
             raise ScanError(f"a binary STL file begins with {_STL_HEAD} bytes of header, got {len(blob)} in all; it is "
                             "cut short, or another format: export it again")
         (count,) = struct.unpack_from("<I", blob, _STL_HEAD - 4)
         size = _STL_TRIANGLE * count
-        note = stray_note(stray_bytes(f"the STL header promises {count} triangles", size, len(blob) - _STL_HEAD))
-        loaded = late("trimesh.exchange.stl").load_stl_binary(io.BytesIO(blob[: _STL_HEAD + size]))
+        promise = f"the STL header promises {count} triangles"
+        note = trailing_bytes_note(check_trailing_bytes(promise, size, len(blob) - _STL_HEAD))
+        loaded = import_lazily("trimesh.exchange.stl").load_stl_binary(io.BytesIO(blob[: _STL_HEAD + size]))
     solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
     parts = [np.asarray(solid["vertices"], dtype=np.float64).reshape(-1, 3) for solid in solids]
     if not parts:
@@ -103,7 +104,7 @@ def _glb(blob: bytes) -> tuple[np.ndarray, str]:
     """Vertices (N, 3) float64 of a scene, and a note."""
     if blob[:4] != b"glTF":
         raise ScanError("expected a GLB file, which begins with 'glTF'; this is another format under that name")
-    scene = late("trimesh").load_scene(io.BytesIO(readable_glb(blob)), file_type="glb", process=False)
+    scene = import_lazily("trimesh").load_scene(io.BytesIO(readable_glb(blob)), file_type="glb", process=False)
     parts = [np.empty((0, 3))]
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]

@@ -9,19 +9,19 @@ from typing import IO
 import numpy as np
 
 from z2p_core.errors.messages import error_reason
-from z2p_core.formats.arrays.depth_maps import depth_and_camera, seen_points
-from z2p_core.formats.row_subsampling import BLOCK, MOST_ROWS, spread_points
+from z2p_core.formats.arrays.depth_maps import find_depth_and_camera, unproject_depth
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_points
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.array_clouds import (
     KEYS,
-    MOST_COLUMNS,
+    MAX_COLUMNS,
     check_fields,
     check_shape,
-    clouds_of,
+    clouds_from_array,
+    exceeds_size_limit,
     is_points,
     numbers,
-    side_by_side,
-    unpacks_too_much,
+    stack_axes,
 )
 
 _LARGEST = 2 << 30
@@ -49,7 +49,7 @@ class NumpyArrays(Reader):
             try:
                 with path.open("rb") as file:
                     if _is_spread(*_header(file, path.stat().st_size)):
-                        return MOST_ROWS * MEMORY_A_POINT + 2 * BLOCK
+                        return MAX_ROWS * MEMORY_A_POINT + 2 * BLOCK_BYTES
             except Exception:  # numpy raises whatever its parsing stumbles over, and read says what is wrong
                 return 0
         return super().memory(path)
@@ -81,7 +81,7 @@ class NumpyArrays(Reader):
         except Exception as error:  # zipfile, zlib and numpy raise whatever their parsing stumbles over
             raise ScanError(f"expected a numpy file ({error_reason(error)}); "
                             "save it again with numpy.save or numpy.savez") from error
-        return list(clouds_of(array, key))
+        return list(clouds_from_array(array, key))
 
 
 def _from_zip(path: Path) -> tuple[np.ndarray, str]:
@@ -89,11 +89,11 @@ def _from_zip(path: Path) -> tuple[np.ndarray, str]:
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
         if members.keys() >= _AXES and not members.keys() & set(KEYS):
-            return _side_by_side(archive, members, path.stat().st_size), ""
+            return _stack_axes(archive, members, path.stat().st_size), ""
         chosen = _chosen(archive, members, path.stat().st_size)
-        if chosen is None and (names := depth_and_camera(members)):
+        if chosen is None and (names := find_depth_and_camera(members)):
             depth, camera = (_member(archive, name, members[name], path.stat().st_size) for name in names)
-            return seen_points(depth, camera), "point_map"
+            return unproject_depth(depth, camera), "point_map"
         if chosen is None:
             raise ScanError(f"expected an array named 'points' or 'xyz', or one array of floats (N, 3) alone, got "
                             f"{', '.join(members) or 'none'}; save the points as points=...")
@@ -107,9 +107,9 @@ def _member(archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo, size: in
         return _array(file, info.file_size)
 
 
-def _side_by_side(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> np.ndarray:
+def _stack_axes(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> np.ndarray:
     """Points (N, 3) of arrays x, y and z, of any shape but the same."""
-    return side_by_side({axis: _member(archive, axis, members[axis], size) for axis in "xyz"})
+    return stack_axes({axis: _member(archive, axis, members[axis], size) for axis in "xyz"})
 
 
 def _chosen(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:
@@ -144,7 +144,7 @@ def _shape_of_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bo
 
 def _weigh(name: str, info: zipfile.ZipInfo, size: int) -> None:
     """Raises ScanError for an array that packs more than a cloud could into a file of `size` bytes."""
-    if unpacks_too_much(info.file_size, info.compress_size, _LARGEST) or info.compress_size > size:
+    if exceeds_size_limit(info.file_size, info.compress_size, _LARGEST) or info.compress_size > size:
         raise ScanError(f"array {name!r} would unpack to {info.file_size} bytes from {info.compress_size}; "
                         "that is no cloud: save it again as .npy if it is one")
 
@@ -164,7 +164,7 @@ def _array(file: IO[bytes], size: int) -> np.ndarray:
 
 def _is_spread(shape: tuple[int, ...], fortran: bool, dtype: np.dtype) -> bool:
     """Whether this is one cloud, row by row, of more points than are drawn."""
-    return len(shape) == 2 and 3 <= shape[1] <= MOST_COLUMNS and shape[0] > MOST_ROWS and not fortran
+    return len(shape) == 2 and 3 <= shape[1] <= MAX_COLUMNS and shape[0] > MAX_ROWS and not fortran
 
 
 def _spread(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawCloud:
@@ -175,7 +175,7 @@ def _spread(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawClou
     def read(rows: int) -> np.ndarray:
         return np.frombuffer(file.read(rows * row), dtype).reshape(rows, shape[1])[:, :3]
 
-    return RawCloud(spread_points(read, shape[0], row, np.random.default_rng(0), MOST_ROWS), total=shape[0])
+    return RawCloud(subsample_points(read, shape[0], row, np.random.default_rng(0), MAX_ROWS), total=shape[0])
 
 
 def _header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype]:

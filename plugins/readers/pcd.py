@@ -13,8 +13,12 @@ from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
 from z2p_core.rotations import quaternion_rotations
 from z2p_renderer.plugins.readers._helpers.color_note import colours_note
-from z2p_renderer.plugins.readers._helpers.lazy_import import late
-from z2p_renderer.plugins.readers._helpers.length_check import MOST_STRAY, stray_bytes, stray_note
+from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
+from z2p_renderer.plugins.readers._helpers.length_check import (
+    MAX_TRAILING_BYTES,
+    check_trailing_bytes,
+    trailing_bytes_note,
+)
 
 _LONGEST_HEADER = 1 << 16
 _WORST_LZF_RATIO = 100
@@ -63,7 +67,7 @@ class Pcd(Reader):
         if header.points == 0:
             return [np.empty((0, 3))]
         pose = _viewpoint(header)
-        note = "; ".join(filter(None, (stray_note(_check_size(header, body)), header.colours)))
+        note = "; ".join(filter(None, (trailing_bytes_note(_check_size(header, body)), header.colours)))
         points = _load(header, _tidy_ascii(header, body) if header.data == "ascii" else _tidy_header(header) + body)
         return [RawCloud(points, None if pose is None else _faced(pose, points), note=note)]
 
@@ -185,7 +189,7 @@ def _check_size(header: _Header, body: bytes) -> int:
         case "binary":  # a field that the header has lost is a byte a point at least
             if full < len(body) < full + _PAGE and not any(body[full:]):
                 return 0
-            return stray_bytes(promise, full, len(body), min(header.points - 1, MOST_STRAY))
+            return check_trailing_bytes(promise, full, len(body), min(header.points - 1, MAX_TRAILING_BYTES))
         case "binary_compressed" | "binaryscompressed":
             packed, unpacked = struct.unpack("<II", body[:8]) if len(body) >= 8 else (0, 0)
             fits = 0 < packed <= len(body) - 8 and unpacked == full and unpacked <= _WORST_LZF_RATIO * packed
@@ -222,7 +226,7 @@ def _tidy_header(header: _Header) -> bytes:
 
 def _load(header: _Header, blob: bytes) -> np.ndarray:
     """Points (N, 3) float64 of a file whose size has been checked."""
-    library = late("pypcd4")
+    library = import_lazily("pypcd4")
     try:
         rows = np.atleast_1d(library.PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(blob))).pc_data)
         points = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)

@@ -8,20 +8,24 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.formats.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
-from z2p_core.formats.row_subsampling import BLOCK, MOST_ROWS, spread_points
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_points
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers._cameras.camera_hints import trained_cameras, with_camera_hints
+from z2p_renderer.plugins.readers._cameras.camera_hints import read_3dgs_cameras, with_camera_hints
 from z2p_renderer.plugins.readers._cameras.model_cameras import with_model_cameras
 from z2p_renderer.plugins.readers._helpers.color_note import colours_note
 from z2p_renderer.plugins.readers._helpers.gaussian_splats import (
+    cloud_from_packed_splats,
+    cloud_from_splats,
     is_packed,
     is_splats,
-    of_packed,
-    of_splats,
     splat_columns,
 )
-from z2p_renderer.plugins.readers._helpers.length_check import MOST_STRAY, stray_bytes, stray_note
-from z2p_renderer.plugins.readers._helpers.ply_lists import walked_ascii, walked_binary
+from z2p_renderer.plugins.readers._helpers.length_check import (
+    MAX_TRAILING_BYTES,
+    check_trailing_bytes,
+    trailing_bytes_note,
+)
+from z2p_renderer.plugins.readers._helpers.ply_lists import parse_ascii_lists, parse_binary_lists
 
 
 class Ply(Reader):
@@ -40,7 +44,7 @@ class Ply(Reader):
             header = parse_header(head)
             _check_length(header, path.stat().st_size)
             if is_packed(header):
-                return 2 * path.stat().st_size + MOST_ROWS * MEMORY_A_POINT
+                return 2 * path.stat().st_size + MAX_ROWS * MEMORY_A_POINT
             vertex = _vertex(header)
         except ScanError:
             return 0  # read says what is wrong
@@ -48,8 +52,8 @@ class Ply(Reader):
             return MEMORY_A_CHARACTER * path.stat().st_size
         if not _found(header, vertex):
             return vertex.count * MEMORY_A_POINT + 2 * path.stat().st_size
-        if vertex.count > MOST_ROWS:
-            return MOST_ROWS * MEMORY_A_POINT + 2 * BLOCK
+        if vertex.count > MAX_ROWS:
+            return MAX_ROWS * MEMORY_A_POINT + 2 * BLOCK_BYTES
         return vertex.count * MEMORY_A_POINT + 2 * vertex.least_bytes(ascii=False)
 
     def read(self, path: Path) -> list[RawCloud]:
@@ -60,17 +64,17 @@ class Ply(Reader):
         """
         cloud = _cloud(path)
         if cloud.up:  # only Gaussians have one
-            return [with_camera_hints(cloud, *trained_cameras(path))]
+            return [with_camera_hints(cloud, *read_3dgs_cameras(path))]
         return [with_model_cameras(cloud, path)]
 
 
 def _cloud(path: Path) -> RawCloud:
     with path.open("rb") as file:
         header = parse_header(file.read(LONGEST_HEADER))
-        note = stray_note(_check_length(header, path.stat().st_size))
+        note = trailing_bytes_note(_check_length(header, path.stat().st_size))
         file.seek(header.size)
         if is_packed(header):
-            return of_packed(file.read(), header, note)
+            return cloud_from_packed_splats(file.read(), header, note)
         vertex = _vertex(header)
         if vertex.count == 0:
             return RawCloud(np.empty((0, 3)))
@@ -79,11 +83,11 @@ def _cloud(path: Path) -> RawCloud:
         note = note if splats else "; ".join(filter(None, [note, colours_note(_names(vertex))]))
         if header.ascii:
             table = _load_ascii(vertex, _rows_ascii(file, header, vertex), columns)
-            return of_splats(table, vertex.count, note) if splats else RawCloud(table, note=note)
+            return cloud_from_splats(table, vertex.count, note) if splats else RawCloud(table, note=note)
         if not _found(header, vertex):
-            return RawCloud(walked_binary(file.read(), header, vertex, _axes(vertex)), note=note)
+            return RawCloud(parse_binary_lists(file.read(), header, vertex, _axes(vertex)), note=note)
         _seek(file, header, vertex)
-        if splats or vertex.count > MOST_ROWS:
+        if splats or vertex.count > MAX_ROWS:
             return _spread(file, vertex, columns, note)
         points = _table(vertex, file.read(vertex.least_bytes(ascii=False)), columns).astype(np.float64)
     return RawCloud(points, note=note)
@@ -101,7 +105,7 @@ def _check_length(header: PlyHeader, size: int) -> int:
     promise = f"the PLY header promises {', '.join(f'{element.count} {element.name}' for element in header.elements)}"
     expected = sum(element.least_bytes(ascii=False) for element in header.elements)
     most = max([0, *(element.count - 1 for element in header.elements)])  # a lost property is a byte a row at least
-    return stray_bytes(promise, expected, size - header.size, min(most, MOST_STRAY))
+    return check_trailing_bytes(promise, expected, size - header.size, min(most, MAX_TRAILING_BYTES))
 
 
 def _vertex(header: PlyHeader) -> PlyElement:
@@ -137,9 +141,9 @@ def _spread(file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...
     def read(rows: int) -> np.ndarray:
         return _table(vertex, file.read(rows * vertex.dtype.itemsize), columns)
 
-    table = spread_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MOST_ROWS)
+    table = subsample_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MAX_ROWS)
     if len(columns) > 3:
-        return of_splats(table, vertex.count, note)
+        return cloud_from_splats(table, vertex.count, note)
     return RawCloud(table, total=vertex.count, note=note)
 
 
@@ -163,7 +167,7 @@ def _load_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...]
     """Numbers (N, len(columns)) float64 of the vertex rows."""
     try:
         if not vertex.scalar:
-            return walked_ascii(lines, vertex, _axes(vertex))
+            return parse_ascii_lists(lines, vertex, _axes(vertex))
         rows = np.loadtxt(io.BytesIO(b"\n".join(lines)), comments=None, ndmin=2)
         names = [entry.name for entry in vertex.properties]
         if rows.shape[1] != len(names):

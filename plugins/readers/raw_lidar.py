@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.formats.headerless_floats import (
-    COLOURED,
+    COLOR_COLUMNS,
     SAMPLE_NUMBERS,
-    SWEEP_FORMS,
-    are_doubles,
-    fitting_forms,
-    possible_names,
+    SWEEP_LAYOUTS,
+    are_float64_halves,
+    matching_layouts,
+    suggest_columns,
 )
-from z2p_core.formats.raw_lidar import WITH_RING, could_be_measured
+from z2p_core.formats.raw_lidar import NUSCENES_COLUMNS, is_plausible_sweep
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.plugins.readers._cameras.colmap import is_points3d, read_points3d
 
@@ -51,12 +51,12 @@ class Sweeps(Reader):
         row = 4 * len(names)
         if size % row:
             raise ScanError(f"expected rows of float32 {' '.join(names)}, {row} bytes each, got {size} bytes; name the "
-                            f"columns that it has, as in --columns {','.join(WITH_RING)}")
+                            f"columns that it has, as in --columns {','.join(NUSCENES_COLUMNS)}")
         table = np.fromfile(path, "<f4").reshape(-1, len(names))
-        if not self.columns and not could_be_measured(table):
+        if not self.columns and not is_plausible_sweep(table):
             raise _no_sweep(size)
         points = table[:, [names.index(axis) for axis in "xyz"]].astype(np.float64)
-        if tuple(names) not in SWEEP_FORMS:
+        if tuple(names) not in SWEEP_LAYOUTS:
             return [RawCloud(points)]
         return [RawCloud(points, Sensor(np.zeros(3), _LIDAR), up="+Z", up_reason=_UP)]
 
@@ -68,9 +68,9 @@ def _told_columns(path: Path, size: int) -> tuple[str, ...]:
         ScanError: they tell none, or several, or such as no sweep has.
     """
     if path.name.lower().endswith(".pcd.bin"):
-        return WITH_RING
-    forms = fitting_forms(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size)
-    if len(forms) == 1 and forms[0] in SWEEP_FORMS:
+        return NUSCENES_COLUMNS
+    forms = matching_layouts(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size)
+    if len(forms) == 1 and forms[0] in SWEEP_LAYOUTS:
         return forms[0]
     if not forms:
         raise _no_sweep(size)
@@ -85,16 +85,16 @@ def _refuse_doubles(path: Path) -> None:
     Raises:
         ScanError: they are float64.
     """
-    if path.stat().st_size % 8 == 0 and are_doubles(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS)):
+    if path.stat().st_size % 8 == 0 and are_float64_halves(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS)):
         raise ScanError("its numbers are float64, and z2p takes those only from files that say so; convert it: "
                         f"numpy.save({path.stem + '.npy'!r}, numpy.fromfile({path.name!r}).reshape(-1, 3)), with as "
                         "many columns as it has in place of 3")
 
 
 def _no_sweep(size: int) -> ScanError:
-    ways = " or ".join(f"--columns {names}" for names in possible_names(size))
+    ways = " or ".join(f"--columns {names}" for names in suggest_columns(size))
     named = f"if it holds points as float32, name its columns: by its size they could be {ways}" if ways else (
         f"its {size} bytes are no whole rows of 3, 4, 5 or 6 numbers; if it holds points as float32, name its columns, "
-        f"as in --columns {','.join(COLOURED)},label")
+        f"as in --columns {','.join(COLOR_COLUMNS)},label")
     return ScanError("expected rows of float32 x y z intensity (KITTI) or x y z intensity ring (nuScenes), got numbers "
                      f"that no lidar measures; {named}")

@@ -11,17 +11,22 @@ import numpy as np
 
 from z2p_core.formats.geographic import project_degrees
 from z2p_core.formats.tables.camera_poses import name_poses
-from z2p_core.formats.tables.extra_columns import ignored_colours, ignored_columns
+from z2p_core.formats.tables.extra_columns import ignored_colors_note, ignored_columns_note
 from z2p_core.formats.tables.header_lines import is_count, is_row
 from z2p_core.interfaces import RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers._helpers.lazy_import import late
-from z2p_renderer.plugins.readers._text.column_doubts import check_first, counts_rows, refuse_other_tables, some_names
+from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
+from z2p_renderer.plugins.readers._text.column_doubts import (
+    check_first_columns,
+    is_row_index,
+    refuse_other_tables,
+    some_names,
+)
 from z2p_renderer.plugins.readers._text.esri_grid import is_raster, raster_points
-from z2p_renderer.plugins.readers._text.header import Head, as_colmap, head_of
-from z2p_renderer.plugins.readers._text.line_blocks import content, has_long_lines, line_number, told_cut
+from z2p_renderer.plugins.readers._text.header import Head, as_colmap, parse_head
+from z2p_renderer.plugins.readers._text.line_blocks import content, has_long_lines, line_number, truncation_hint
 from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
-from z2p_renderer.plugins.readers._text.row_format import SAMPLE, BadLineError, Form, form_of
-from z2p_renderer.plugins.readers._text.unsupported_notations import told_no_height, told_writing
+from z2p_renderer.plugins.readers._text.row_format import SAMPLE, BadLineError, RowFormat, detect_row_format
+from z2p_renderer.plugins.readers._text.unsupported_notations import missing_height_hint, notation_message
 
 _MOST_IN_LONG_LINES = 1 << 28
 """Bytes that a text at most takes whose rows are too long to be points."""
@@ -58,7 +63,7 @@ class Text(Reader):
         if is_raster(first):
             return [RawCloud(raster_points(first, blocks), note="an ESRI grid, a point a cell", up="+Z",
                              up_reason="its numbers are heights")]
-        head = head_of(first, path.suffix.lower(), self.columns is not None)
+        head = parse_head(first, path.suffix.lower(), self.columns is not None)
         rows = first[head.lines :] or next(blocks, [])
         if not rows:
             _check_counts(path, head, _Rows())
@@ -77,25 +82,25 @@ class Text(Reader):
         refuse_other_tables(sample, path.stat().st_size // (len(rows[0]) + 1))
         found = _table(path, form, head, chain([rows], blocks))
         _check_counts(path, head, found)
-        if form.width > 3 and counts_rows(found.points[:, 0]):
+        if form.width > 3 and is_row_index(found.points[:, 0]):
             found = _table(path, replace(form, places=(1, 2, 3)), head, _rows_again(path, head))
-            check_first(found.points, sample[:, 1:], 2)
-            told = ignored_columns(sample[:, 4:], 5)
+            check_first_columns(found.points, sample[:, 1:], 2)
+            told = ignored_columns_note(sample[:, 4:], 5)
             return [RawCloud(found.points, note=_joined(_told_numbers(form.width), told, found.told))]
-        check_first(found.points, sample)
-        return [RawCloud(found.points, note=_joined(ignored_columns(sample[:, 3:]), found.told))]
+        check_first_columns(found.points, sample)
+        return [RawCloud(found.points, note=_joined(ignored_columns_note(sample[:, 3:]), found.told))]
 
-    def _form(self, path: Path, head: Head, rows: list[str]) -> Form:
+    def _form(self, path: Path, head: Head, rows: list[str]) -> RowFormat:
         """How the rows, of which these are the first, are written.
 
         Raises:
             ScanError: as `read` says.
         """
         try:
-            return form_of(rows, head, self.columns)
+            return detect_row_format(rows, head, self.columns)
         except ScanError as error:
-            raise ScanError(f"line {line_number(path, head.lines)}: {told_writing(rows[:2]) or error}"
-                            f"{told_cut(path, head.lines)}") from error
+            raise ScanError(f"line {line_number(path, head.lines)}: {notation_message(rows[:2]) or error}"
+                            f"{truncation_hint(path, head.lines)}") from error
 
 
 @dataclass
@@ -114,9 +119,9 @@ class _Rows:
         return f"{len(self.counts)} scans in one file" if len(self.counts) > 1 else ""
 
 
-def _named(found: _Rows, form: Form, head: Head, path: Path) -> RawCloud:
+def _named(found: _Rows, form: RowFormat, head: Head, path: Path) -> RawCloud:
     """The points of a table whose columns have names, which say what the numbers are; those of no title, nothing."""
-    points, told = found.points, [ignored_colours(form.names), found.told]
+    points, told = found.points, [ignored_colors_note(form.names), found.told]
     if head.depth:
         positive = bool(np.nanmedian(points[:, 2]) > 0) if np.isfinite(points[:, 2]).any() else False
         points = points * [1, 1, -1] if positive else points
@@ -125,8 +130,9 @@ def _named(found: _Rows, form: Form, head: Head, path: Path) -> RawCloud:
         points, laid_out = project_degrees(points)
         told.append(laid_out)
     if head.colmap:
-        posed: RawCloud = late("z2p_renderer.plugins.readers._cameras.colmap").posed(points, path, _joined(*told))
-        return posed
+        colmap = import_lazily("z2p_renderer.plugins.readers._cameras.colmap")
+        cloud: RawCloud = colmap.with_colmap_cameras(points, path, _joined(*told))
+        return cloud
     if head.heights:
         return RawCloud(points, note=_joined(*told), up="+Z", up_reason="z is a height by its columns' names")
     return RawCloud(points, note=_joined(*told))
@@ -162,7 +168,7 @@ def _rows_again(path: Path, head: Head) -> Iterable[list[str]]:
     return chain([first[head.lines :] or next(blocks, [])], blocks)
 
 
-def _table(path: Path, form: Form, head: Head, blocks: Iterable[list[str]]) -> _Rows:
+def _table(path: Path, form: RowFormat, head: Head, blocks: Iterable[list[str]]) -> _Rows:
     """Points of blocks of rows, among which may stand the counts of more scans."""
     parts, found, before = [np.empty((0, 3))], _Rows(), head.lines
     several = head.promised is not None and (not form.named or path.suffix.lower() == ".pts")
@@ -180,7 +186,7 @@ def _table(path: Path, form: Form, head: Head, blocks: Iterable[list[str]]) -> _
     return found
 
 
-def _pieces(path: Path, form: Form, rows: list[str], before: int, found: _Rows) -> list[np.ndarray]:
+def _pieces(path: Path, form: RowFormat, rows: list[str], before: int, found: _Rows) -> list[np.ndarray]:
     """Points of the rows between lines that count those of the next scan."""
     marks = [index for index, row in enumerate(rows) if is_count(row)]
     parts = []
@@ -197,16 +203,16 @@ def _pieces(path: Path, form: Form, rows: list[str], before: int, found: _Rows) 
     return parts
 
 
-def _told_bad(error: BadLineError, form: Form, lines: list[str], path: Path, before: int) -> ScanError:
+def _told_bad(error: BadLineError, form: RowFormat, lines: list[str], path: Path, before: int) -> ScanError:
     """What is wrong with a line of those that have `before` others with content before them in the file."""
     index = before + error.index
-    if told := told_writing(lines[error.index : error.index + 2]):
+    if told := notation_message(lines[error.index : error.index + 2]):
         return ScanError(f"line {line_number(path, index)}: {told}")
     title = lines[0]
     if index == 0 and not is_row(title):
         return ScanError(f"line {line_number(path, 0)}: expected points, or names of columns with x, y and z once "
                          f"each, got {title.strip()[:60]!r}; name all columns, as in --columns x,y,z,label"
-                         f"{told_no_height(title)}")
+                         f"{missing_height_hint(title)}")
     hint = "" if form.named else "; where columns hold words, name all of them, as in --columns x,y,z,label"
     return ScanError(f"expected the same count of numbers on every line, but in line {line_number(path, index)} "
-                     f"{error}; put '#' before lines that are no points{hint}{told_cut(path, index)}")
+                     f"{error}; put '#' before lines that are no points{hint}{truncation_hint(path, index)}")

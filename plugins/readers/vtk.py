@@ -9,7 +9,7 @@ import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE, colours_note
-from z2p_renderer.plugins.readers._helpers.lazy_import import late
+from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _TYPES = {
     "float": "f4", "double": "f8", "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2",
@@ -42,7 +42,8 @@ class Vtk(Reader):
         blob = path.read_bytes()
         if path.suffix.lower() == ".vtk":
             return [_legacy(blob)]
-        points, names = late("z2p_renderer.plugins.readers._helpers.vtk_xml").points_of_xml(blob)  # XML takes long to import
+        vtk_xml = import_lazily("z2p_renderer.plugins.readers._helpers.vtk_xml")  # the XML library is slow to import
+        points, names = vtk_xml.points_of_xml(blob)
         return [RawCloud(points, note=colours_note(names))]
 
 

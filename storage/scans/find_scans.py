@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
-from z2p_core.formats.colmap_files import is_part, is_points
+from z2p_core.formats.colmap_files import is_colmap_part, is_colmap_points
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.scans.reader_choice import format_suffix, readable_suffixes
@@ -81,9 +81,10 @@ def _expand(text: str, recursive: bool, passed_over: Callable[[Path], None], nam
     else:
         raise ScanError(f"{printable(path)}: no such file or folder; {_missing_file_advice(path)}")
     suffixes = readable_suffixes()
+    model_folders = {other.parent for other in candidates if is_colmap_points(other)}
     paths = []
     for candidate in candidates:
-        if is_part(candidate) and any(is_points(other) and other.parent == candidate.parent for other in candidates):
+        if is_colmap_part(candidate) and candidate.parent in model_folders:
             continue  # the reader of a COLMAP model's points reads these files itself
         if format_suffix(candidate) not in suffixes:
             if is_unread_cloud(candidate):

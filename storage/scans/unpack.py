@@ -15,9 +15,9 @@ from typing import BinaryIO
 import numpy as np
 
 from z2p_core.formats.arrays.non_point_arrays import pose_array_kind
-from z2p_core.formats.colmap_files import counts_points
-from z2p_core.formats.headerless_floats import SAMPLE_NUMBERS, fitting_forms
-from z2p_core.formats.raw_lidar import WITH_RING, could_be_measured
+from z2p_core.formats.colmap_files import is_colmap_points_head
+from z2p_core.formats.headerless_floats import SAMPLE_NUMBERS, matching_layouts
+from z2p_core.formats.raw_lidar import NUSCENES_COLUMNS, is_plausible_sweep
 from z2p_core.formats.tables.camera_poses import name_poses, pose_kind
 from z2p_core.formats.tables.header_lines import (
     column_names,
@@ -191,13 +191,13 @@ def _looks_like_points(path: Path) -> bool:
     """Whether a .bin file begins like rows of float32 points or like the points of a COLMAP model."""
     size = path.stat().st_size
     with path.open("rb") as file:
-        if counts_points(file.read(8), size):
+        if is_colmap_points_head(file.read(8), size):
             return True
     if path.name.lower().endswith(".pcd.bin"):
-        rows = np.fromfile(path, "<f4", count=_SWEEP_ROWS * len(WITH_RING))
-        whole = size and not size % (4 * len(WITH_RING))
-        return bool(whole) and could_be_measured(rows.reshape(-1, len(WITH_RING)))
-    return bool(fitting_forms(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size))
+        rows = np.fromfile(path, "<f4", count=_SWEEP_ROWS * len(NUSCENES_COLUMNS))
+        whole = size and not size % (4 * len(NUSCENES_COLUMNS))
+        return bool(whole) and is_plausible_sweep(rows.reshape(-1, len(NUSCENES_COLUMNS)))
+    return bool(matching_layouts(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size))
 
 
 def _content_lines(head: bytes) -> list[str]:

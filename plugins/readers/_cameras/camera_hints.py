@@ -15,7 +15,7 @@ _AXIS_DEGREES, _LEAST_AGREEMENT = 20.0, 0.5
 for cameras that were held in all ways say nothing."""
 _LEAST_TURN = 0.2
 """How far cameras must be turned to one another to tell what was level to all of them."""
-MOST_JSON_BYTES, _MOST_FOLDERS = 1 << 26, 3
+MAX_JSON_BYTES, _MOST_FOLDERS = 1 << 26, 3
 """Bytes of a list of cameras at the most, and folders in which it is looked for, from that of the points upwards."""
 
 
@@ -55,7 +55,7 @@ def _upward(rotations: np.ndarray) -> np.ndarray | None:
     return np.asarray(level if level @ mean > 0 else -level)
 
 
-def trained_cameras(path: Path) -> tuple[np.ndarray, np.ndarray]:
+def read_3dgs_cameras(path: Path) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (M, 3, 3) and places (M, 3) of the cameras in the cameras.json that 3DGS writes for its model.
 
     None where there is no such file in the folder of the splats or above it, or where it is damaged.
@@ -63,7 +63,7 @@ def trained_cameras(path: Path) -> tuple[np.ndarray, np.ndarray]:
     for folder in list(path.absolute().parents)[:_MOST_FOLDERS]:
         beside = folder / "cameras.json"
         try:
-            if not beside.is_file() or beside.stat().st_size > MOST_JSON_BYTES:
+            if not beside.is_file() or beside.stat().st_size > MAX_JSON_BYTES:
                 continue
             listed = json.loads(beside.read_bytes())
             rotations = np.array([camera["rotation"] for camera in listed], np.float64).reshape(-1, 3, 3)

@@ -1,4 +1,4 @@
-"""Models of COLMAP: the points of points3D.bin, and what the cameras beside them tell of up and of a good view."""
+"""Reads COLMAP models: the points of points3D.bin, and the poses of the cameras beside them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from z2p_core.formats.colmap_files import counts_points, is_points
+from z2p_core.formats.colmap_files import is_colmap_points, is_colmap_points_head
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_core.native import read_list_rows
 from z2p_core.rotations import quaternion_rotations
@@ -16,21 +16,21 @@ from z2p_renderer.plugins.readers._cameras.camera_hints import with_camera_hints
 AXES_REASON = "the usual axes of COLMAP"
 _POINT = [(np.dtype(kind), None) for kind in ("<u8", "<f8", "<f8", "<f8", "u1", "u1", "u1", "<f8")]
 _TRACK = (np.dtype("<u8"), np.dtype("<u8"))
-"""A point's id, place, colour and error; then the pictures that show it, as pairs of numbers of four bytes."""
-_LONGEST_NAME = 4096
+"""A point's id, position, color and error; then its track, pairs of four-byte image and feature indices."""
+_MAX_NAME_BYTES = 4096
 
 
 def is_points3d(path: Path) -> bool:
-    """Whether a file is a model's points: what it counts first are so many points, of the size of such."""
+    """Whether a file holds the points of a COLMAP model, by its name or by the count at its beginning."""
     with path.open("rb") as file:
-        return is_points(path) or counts_points(file.read(8), path.stat().st_size)
+        return is_colmap_points(path) or is_colmap_points_head(file.read(8), path.stat().st_size)
 
 
 def read_points3d(path: Path) -> RawCloud:
-    """The points of a points3D.bin, with what cameras beside it tell.
+    """Reads a points3D.bin, with the up axis and viewpoint from the cameras beside it.
 
     Raises:
-        ScanError: the file is cut short, or longer than the points that it counts.
+        ScanError: the file is shorter or longer than its point count requires.
     """
     blob = path.read_bytes()
     if not blob:
@@ -42,56 +42,56 @@ def read_points3d(path: Path) -> RawCloud:
         raise ScanError(f"COLMAP's points promise to be {count}, and the file ends before; copy it again") from error
     if end != len(blob):
         raise ScanError(f"COLMAP's {count} points end at byte {end}, but the file has {len(blob)}; copy it again")
-    return posed(points, path)
+    return with_colmap_cameras(points, path)
 
 
-def posed(points: np.ndarray, path: Path, note: str = "") -> RawCloud:
-    """A model's points (N, 3), of the file `path`, with the up and the view of the cameras in its folder.
+def with_colmap_cameras(points: np.ndarray, path: Path, note: str = "") -> RawCloud:
+    """The points (N, 3) of the model file `path`, with the up axis and viewpoint from the cameras in its folder.
 
-    Where there are none, up is -Y: so are the axes of the first picture, of which most models keep the others.
+    Without cameras, up is -Y: most models keep the axes of their first image.
     """
     cloud = RawCloud(points, note=note, up="-Y", up_reason=AXES_REASON, up_certain=False)
-    return with_camera_hints(cloud, *cameras_in(path.parent))
+    return with_camera_hints(cloud, *read_colmap_cameras(path.parent))
 
 
-def cameras_in(folder: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (M, 3, 3) from a model's axes to each camera's, and their places (M, 3); none without a model."""
+def read_colmap_cameras(folder: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Rotations (M, 3, 3) from model to camera axes, and camera positions (M, 3); M = 0 without a model."""
     poses = _poses(folder)
     return poses[:, :, :3], -np.einsum("nij,ni->nj", poses[:, :, :3], poses[:, :, 3])
 
 
 def _poses(folder: Path) -> np.ndarray:
-    """Where a model's pictures were taken: matrices (M, 3, 4) from its axes to each camera's; none if nothing tells."""
+    """World-to-camera matrices (M, 3, 4) of a model's images; M = 0 if they cannot be read."""
     poses = []
-    for name, read in (("images.bin", _binary), ("images.txt", _text)):
+    for name, read in (("images.bin", _read_images_bin), ("images.txt", _read_images_txt)):
         try:
             poses = read(folder / name)
-        except (OSError, ValueError, struct.error):  # not there, or damaged: the points are drawn all the same
+        except (OSError, ValueError, struct.error):  # missing or damaged: the points are drawn without cameras
             continue
         if poses:
             break
     numbers = np.array(poses, dtype=np.float64).reshape(-1, 7)
     length = np.linalg.norm(numbers[:, :4], axis=1)
-    fine = np.isfinite(numbers).all(1) & (length > 0)
-    rotation = quaternion_rotations(numbers[fine, :4] / length[fine, None])
-    return np.concatenate([rotation, numbers[fine, 4:, None]], axis=2)
+    valid = np.isfinite(numbers).all(1) & (length > 0)
+    rotation = quaternion_rotations(numbers[valid, :4] / length[valid, None])
+    return np.concatenate([rotation, numbers[valid, 4:, None]], axis=2)
 
 
-def _binary(path: Path) -> list[list[float]]:
-    """Quaternion (w, x, y, z) and shift of each picture in an images.bin."""
+def _read_images_bin(path: Path) -> list[list[float]]:
+    """Quaternion (w, x, y, z) and translation of each image in an images.bin."""
     blob = path.read_bytes()
     (count,) = struct.unpack_from("<Q", blob)
     poses, at = [], 8
     for _ in range(min(count, len(blob) // 73)):
         poses.append(list(struct.unpack_from("<7d", blob, at + 4)))
-        at = blob.index(b"\0", at + 64, at + 64 + _LONGEST_NAME) + 1
-        (marks,) = struct.unpack_from("<Q", blob, at)
-        at += 8 + 24 * marks
+        at = blob.index(b"\0", at + 64, at + 64 + _MAX_NAME_BYTES) + 1
+        (features,) = struct.unpack_from("<Q", blob, at)
+        at += 8 + 24 * features
     return poses
 
 
-def _text(path: Path) -> list[list[float]]:
-    """The same of an images.txt, in which a second line of each picture holds what it shows."""
+def _read_images_txt(path: Path) -> list[list[float]]:
+    """The same for an images.txt, which has a second line of features for each image."""
     poses, pose_next = [], True
     with path.open(encoding="utf-8", errors="replace") as file:
         for line in file:

@@ -11,8 +11,8 @@ import numpy as np
 
 from z2p_core.interfaces import RawCloud
 from z2p_core.up_axis.header_comments import axis_of_vector
-from z2p_renderer.plugins.readers._cameras.camera_hints import MOST_JSON_BYTES, trained_cameras, with_camera_hints
-from z2p_renderer.plugins.readers._helpers.lazy_import import late
+from z2p_renderer.plugins.readers._cameras.camera_hints import MAX_JSON_BYTES, read_3dgs_cameras, with_camera_hints
+from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _MOST_IMAGES_BYTES = 1 << 28
 """Bytes of a list of pictures at the most."""
@@ -33,16 +33,16 @@ def with_model_cameras(cloud: RawCloud, path: Path) -> RawCloud:
     """
     name = path.name.lower()
     if name == _INPUT_NAME:
-        return with_camera_hints(cloud, *trained_cameras(path))
+        return with_camera_hints(cloud, *read_3dgs_cameras(path))
     folder = path.parent / "sparse" if name in _DENSE_NAMES else path.parent
     if any(_is_small(folder / images, _MOST_IMAGES_BYTES) for images in _IMAGES_NAMES):
-        colmap = late("z2p_renderer.plugins.readers._cameras.colmap")
-        rotations, places = colmap.cameras_in(folder)
+        colmap = import_lazily("z2p_renderer.plugins.readers._cameras.colmap")
+        rotations, places = colmap.read_colmap_cameras(folder)
         if len(places):
             return with_camera_hints(_with_usual_up(cloud, "-Y", colmap.AXES_REASON), rotations, places)
     if name in _DENSE_NAMES:
         return _with_usual_up(cloud, "-Y", "the usual axes of COLMAP, as whose result it is named")
-    if _is_small(path.parent / "transforms.json", MOST_JSON_BYTES):
+    if _is_small(path.parent / "transforms.json", MAX_JSON_BYTES):
         return _with_transforms(cloud, path)
     return cloud
 

@@ -9,12 +9,12 @@ import numpy as np
 from z2p_core.api.point_arrays import as_batch, plain
 from z2p_core.formats.arrays.image_grids import GRID_ADVICE
 from z2p_core.formats.arrays.non_point_arrays import refuse_other_arrays
-from z2p_core.formats.arrays.point_maps import map_sensor
-from z2p_core.formats.tables.extra_columns import ignored_columns
+from z2p_core.formats.arrays.point_maps import estimate_map_sensor
+from z2p_core.formats.tables.extra_columns import ignored_columns_note
 from z2p_core.interfaces import RawCloud, ScanError, Sensor
 from z2p_renderer.plugins.readers._text.column_doubts import columns_before
 
-MOST_COLUMNS = 128
+MAX_COLUMNS = 128
 _SUSPICIOUS_BYTES, _WORST_RATIO = 100 << 20, 200
 """An array above so many bytes that was packed to a smaller share of them than one in so many is no cloud."""
 MAP_KEYS = ("pts3d", "world_points", "point_map", "pointmap", "point_maps", "points3d", "points_3d", "xyz_map",
@@ -34,13 +34,13 @@ _SMALLEST_MAP, _MOST_IN_MAPS = 8, 8
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
-def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
+def clouds_from_array(array: np.ndarray, key: str = "") -> list[RawCloud]:
     """Clouds (N, 3) float64 of an array whose shape, and the name that it has, say which axis is which.
 
     Raises:
         ScanError: it holds no points by its shape or its numbers.
     """
-    array = as_rows_last(array)
+    array = coordinates_last(array)
     as_maps = array.ndim == 4 or (array.ndim == 3 and key in MAP_KEYS)
     if as_maps and min(array.shape[-3:-1]) >= _SMALLEST_MAP and 3 <= array.shape[-1] <= _MOST_IN_MAPS:
         maps = array if array.ndim == 4 else array[None]
@@ -54,7 +54,7 @@ def clouds_of(array: np.ndarray, key: str = "") -> list[RawCloud]:
     if array.ndim == 2:
         _check_first(array)
     up = _OBJECT_UP if key in OBJECT_KEYS else {}
-    note = ignored_columns(batch[0][:_MOST_SAMPLED, 3:].astype(np.float64)) if len(batch) else ""
+    note = ignored_columns_note(batch[0][:_MOST_SAMPLED, 3:].astype(np.float64)) if len(batch) else ""
     return [RawCloud(_points(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
 
 
@@ -67,12 +67,12 @@ def _check_first(array: np.ndarray) -> None:
                         "come next, or array[:, :3]")
 
 
-def unpacks_too_much(unpacked: int, packed: int, most: int) -> bool:
+def exceeds_size_limit(unpacked: int, packed: int, most: int) -> bool:
     """Whether an array of `unpacked` bytes, kept in `packed` ones, has more than `most`, or more than clouds pack."""
     return unpacked > most or (unpacked > _SUSPICIOUS_BYTES and unpacked > _WORST_RATIO * max(packed, 1))
 
 
-def as_rows_last(array: np.ndarray) -> np.ndarray:
+def coordinates_last(array: np.ndarray) -> np.ndarray:
     """The array with x, y, z along its last axis, where a point map has them before its rows and columns."""
     if array.ndim not in (3, 4) or array.shape[-3] != 3 or array.shape[-1] == 3 or array.shape[-2] < _SMALLEST_MAP:
         return array
@@ -82,10 +82,10 @@ def as_rows_last(array: np.ndarray) -> np.ndarray:
 
 def check_shape(shape: tuple[int, ...]) -> None:
     """Raises ScanError for a shape that points never have."""
-    if len(shape) in (2, 3) and 3 <= shape[-1] <= MOST_COLUMNS and not _lies_flat(shape):
+    if len(shape) in (2, 3) and 3 <= shape[-1] <= MAX_COLUMNS and not _lies_flat(shape):
         return
     hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _lies_flat(shape) else ""
-    if len(shape) in (2, 3) and (shape[-1] > MOST_COLUMNS or (len(shape) == 3 and shape[-1] < 3)) and not hint:
+    if len(shape) in (2, 3) and (shape[-1] > MAX_COLUMNS or (len(shape) == 3 and shape[-1] < 3)) and not hint:
         hint = f"; is it a depth map or a grid of heights? {GRID_ADVICE}"
     raise ScanError(f"expected (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
 
@@ -112,7 +112,7 @@ def numbers(array: np.ndarray) -> np.ndarray:
     return plain(array) if name is None else array[name]
 
 
-def side_by_side(columns: dict[str, np.ndarray]) -> np.ndarray:
+def stack_axes(columns: dict[str, np.ndarray]) -> np.ndarray:
     """Points (N, 3) of arrays x, y and z, of any shape but the same."""
     shapes = [columns[axis].shape for axis in "xyz"]
     if len(set(shapes)) > 1:
@@ -145,7 +145,7 @@ def _points_field(dtype: np.dtype) -> str | None:
 def _seen(points: np.ndarray, certain: bool = False) -> RawCloud:
     """The cloud of a point map (H, W, 3 or more), as its camera sees it."""
     rows, columns = points.shape[:2]
-    sensor: Sensor | None = map_sensor(points[..., :3], certain)
+    sensor: Sensor | None = estimate_map_sensor(points[..., :3], certain)
     note = f"a point map of {rows} x {columns} pixels"
     return RawCloud(_points(points.reshape(rows * columns, -1)), sensor, note=note)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.formats.ply_header import PlyElement, PlyHeader
-from z2p_core.formats.row_subsampling import MOST_ROWS
+from z2p_core.formats.row_subsampling import MAX_ROWS
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 
@@ -34,7 +34,7 @@ def splat_columns(vertex: PlyElement) -> tuple[str, ...]:
     return ("opacity", *scales)
 
 
-def of_splats(table: np.ndarray, total: int, note: str = "") -> RawCloud:
+def cloud_from_splats(table: np.ndarray, total: int, note: str = "") -> RawCloud:
     """The cloud of Gaussians (N, 4 or more): x, y, z, the opacity before its sigmoid, and sizes' logarithms.
 
     `total` is how many the file has, if those stand for all.
@@ -52,7 +52,7 @@ def is_packed(header: PlyHeader) -> bool:
     return {"packed_position", "packed_color"} <= names and header.element("chunk") is not None
 
 
-def of_packed(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
+def cloud_from_packed_splats(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
     """The cloud of packed Gaussians, from all bytes behind the header.
 
     Raises:
@@ -75,7 +75,7 @@ def of_packed(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
     if chunk is None or not set(_BOUNDS) <= names or len(chunk) != -(-len(vertex) // _GROUP_SIZE):
         raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each {_GROUP_SIZE} "
                         f"of them, got {0 if chunk is None else len(chunk)}; export the file again")
-    rows = np.arange(0, len(vertex), -(-len(vertex) // MOST_ROWS))
+    rows = np.arange(0, len(vertex), -(-len(vertex) // MAX_ROWS))
     group, vertex = rows // _GROUP_SIZE, vertex[rows]
     points = _between(vertex["packed_position"], chunk[group], _BOUNDS)
     sized = "packed_scale" in (vertex.dtype.names or ()) and set(_SCALE_BOUNDS) <= names

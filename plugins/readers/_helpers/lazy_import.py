@@ -9,7 +9,7 @@ from types import ModuleType
 _one_at_a_time = Lock()
 
 
-def late(name: str) -> ModuleType:
+def import_lazily(name: str) -> ModuleType:
     """The module of that name.
 
     Files are read in threads. Where two of them enter a library whose modules import each other by different doors,

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from z2p_core.interfaces import ScanError
 
-MOST_STRAY = 16
+MAX_TRAILING_BYTES = 16
 """Bytes that may follow the data: a newline, or what fills a file up to whole words."""
 
 
-def stray_bytes(promise: str, expected: int, got: int, most: int = MOST_STRAY) -> int:
+def check_trailing_bytes(promise: str, expected: int, got: int, most: int = MAX_TRAILING_BYTES) -> int:
     """How many of `got` bytes follow the `expected` ones; no more than `most` may.
 
     Raises:
@@ -24,6 +24,6 @@ def stray_bytes(promise: str, expected: int, got: int, most: int = MOST_STRAY) -
     return stray
 
 
-def stray_note(stray: int) -> str:
+def trailing_bytes_note(stray: int) -> str:
     """What the file's line says of stray bytes; nothing if there are none."""
     return f"stray bytes at the file's end ignored: {stray}" if stray else ""

@@ -9,7 +9,7 @@ from z2p_core.interfaces import ScanError
 from z2p_core.native import read_list_rows
 
 
-def walked_binary(body: bytes, header: PlyHeader, vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
+def parse_binary_lists(body: bytes, header: PlyHeader, vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
     """x, y and z (N, 3) float64 of the vertices, from all bytes behind the header.
 
     Raises:
@@ -27,7 +27,7 @@ def walked_binary(body: bytes, header: PlyHeader, vertex: PlyElement, axes: tupl
     return values
 
 
-def walked_ascii(lines: list[bytes], vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
+def parse_ascii_lists(lines: list[bytes], vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
     """x, y and z (N, 3) float64 of the vertices, a line each.
 
     Raises:

@@ -8,7 +8,7 @@ import numpy as np
 
 from z2p_core.formats.arrays.image_grids import GRID_ADVICE, is_grid
 from z2p_core.formats.tables.camera_poses import pose_kind
-from z2p_core.formats.tables.extra_columns import are_colours, are_normals, side_names
+from z2p_core.formats.tables.extra_columns import are_colours, are_normals, suggest_extra_names
 from z2p_core.interfaces import ScanError
 
 FEWEST_ROWS = 10
@@ -32,7 +32,7 @@ class Doubt:
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
-def counts_rows(column: np.ndarray) -> bool:
+def is_row_index(column: np.ndarray) -> bool:
     """Whether a column (N,) numbers its rows, from 0 or 1 on."""
     return len(column) >= FEWEST_ROWS and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
 
@@ -59,14 +59,14 @@ def columns_before(points: np.ndarray, sample: np.ndarray) -> tuple[int, str]:
     """
     if sample.shape[1] < 4:
         return 0, ""
-    if counts_rows(points[:, 0]):
+    if is_row_index(points[:, 0]):
         return 1, "numbers of the points"
     doubt = _doubt(points[np.isfinite(points).all(1)], sample)
     return (len(doubt.names), doubt.looks) if doubt else (0, "")
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
-def check_first(points: np.ndarray, sample: np.ndarray, first: int = 1) -> None:
+def check_first_columns(points: np.ndarray, sample: np.ndarray, first: int = 1) -> None:
     """None where the first three of more columns may well be x, y and z: points (N, 3) of the whole file.
 
     `sample` (n, M): all columns of its first rows; `first`: the number of the first of them.
@@ -79,7 +79,7 @@ def check_first(points: np.ndarray, sample: np.ndarray, first: int = 1) -> None:
         return
     before = len(doubt.names)
     leading = [f"c{column}" for column in range(1, first)]
-    rest = side_names(sample[:, before + 3 :], first + before + 3)
+    rest = suggest_extra_names(sample[:, before + 3 :], first + before + 3)
     wanted = ",".join([*leading, *doubt.names, "x", "y", "z", *rest])
     plain = ",".join([*leading, "x", "y", "z", *(f"c{column + first}" for column in range(3, sample.shape[1]))])
     which = (f"column {first}", f"columns {first} and {first + 1}", f"columns {first} to {first + 2}")[before - 1]

@@ -61,7 +61,7 @@ class Head:
         return names_depth(self.title)
 
 
-def head_of(lines: list[str], suffix: str, named: bool) -> Head:
+def parse_head(lines: list[str], suffix: str, named: bool) -> Head:
     """What the first lines say before the rows begin; `named`: the user names the columns."""
     head = Head()
     while head.lines < len(lines) and is_comment(lines[head.lines]):

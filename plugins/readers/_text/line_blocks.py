@@ -52,7 +52,7 @@ def line_number(path: Path, index: int) -> int:
     return _line(path, index)[0]
 
 
-def told_cut(path: Path, index: int) -> str:
+def truncation_hint(path: Path, index: int) -> str:
     """What to say of a line that goes on behind ``#``, as a colour would."""
     if "#" not in _line(path, index)[1]:
         return ""

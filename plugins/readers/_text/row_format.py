@@ -29,7 +29,7 @@ class BadLineError(ValueError):
 
 
 @dataclass(frozen=True)
-class Form:
+class RowFormat:
     """How a row is written: `width` cells, of which those at `places` are x, y and z."""
 
     delimiter: str | None
@@ -138,7 +138,7 @@ class Form:
         return True
 
 
-def form_of(rows: list[str], head: Head, columns: Sequence[str] | None) -> Form:
+def detect_row_format(rows: list[str], head: Head, columns: Sequence[str] | None) -> RowFormat:
     """The form of a file whose first rows these are, one at least; `columns` are those that the user names.
 
     Raises:
@@ -147,7 +147,7 @@ def form_of(rows: list[str], head: Head, columns: Sequence[str] | None) -> Form:
     sample = rows[:SAMPLE]
     delimiter = _delimiter(sample, head.title)
     commas = delimiter == ";" or (delimiter != "," and any("," in line for line in sample))
-    form = Form(delimiter, commas)
+    form = RowFormat(delimiter, commas)
     table = [form.cells(line) for line in sample]
     if delimiter in (",", ";") and any(_holds_several(cell) for cells in table for cell in cells):
         form = replace(form, delimiter=None, blank=delimiter)

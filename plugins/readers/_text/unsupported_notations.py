@@ -16,7 +16,7 @@ _THOUSANDS = re.compile(r"(?<![\d.,])[-+]?\d{1,3}([.,'\u00a0\u202f\u2019])\d{3}(
 """A number with a mark behind its thousands and another one before its decimals."""
 
 
-def told_writing(lines: Sequence[str]) -> str:
+def notation_message(lines: Sequence[str]) -> str:
     """What is wrong with a line, and what to do, where it or the next one writes points in a way of its own."""
     if any(map(_GEOMETRY.search, lines)):
         return ("its points are written as geometry (WKT), which z2p does not read; export x, y and z as columns, as "
@@ -35,7 +35,7 @@ def told_writing(lines: Sequence[str]) -> str:
     return ""
 
 
-def told_no_height(title: str) -> str:
+def missing_height_hint(title: str) -> str:
     """What to say of a line that names latitude and longitude, but no height or several."""
     if not _DEGREES & set(re.split(r"[^a-z]+", title.lower())):
         return ""

@@ -289,7 +289,7 @@ def test_of_very_many_points_some_stand_for_all(
         path.write_bytes(header.encode() + table.tobytes())
     [whole] = read_clouds(path)
     before = plugin().memory(path)
-    for name, value in {"MOST_ROWS": 1000, "BLOCK": 0}.items():
+    for name, value in {"MAX_ROWS": 1000, "BLOCK_BYTES": 0}.items():
         monkeypatch.setattr(sys.modules[plugin.__module__], name, value)
     [some] = read_clouds(path)
     assert whole.total is None and len(whole.points) == 4999

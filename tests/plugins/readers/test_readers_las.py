@@ -74,7 +74,7 @@ def test_points_that_were_never_measured_are_left_out(tmp_path: Path) -> None:
 def test_of_a_large_file_some_points_stand_for_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = survey(tmp_path / "a.las", 0)
     assert Las().memory(path) > 300 * 170
-    monkeypatch.setattr(las, "MOST_ROWS", 100)
+    monkeypatch.setattr(las, "MAX_ROWS", 100)
     monkeypatch.setattr(las, "_CHUNK", 90)
     cloud = read(path)
     assert cloud.total == 300 and len(cloud.points) == 100

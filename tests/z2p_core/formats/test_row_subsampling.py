@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from z2p_core.formats import row_subsampling
-from z2p_core.formats.row_subsampling import spread_points, spread_rows
+from z2p_core.formats.row_subsampling import subsample_blocks, subsample_points
 
 
 @given(st.integers(1, 5000), st.integers(1, 400), st.integers(1, 200), st.integers(0, 9))
 def test_one_of_every_so_many_in_turn(count: int, most: int, row_bytes: int, seed: int) -> None:
-    blocks = list(spread_rows(count, row_bytes, np.random.default_rng(seed), most))
+    blocks = list(subsample_blocks(count, row_bytes, np.random.default_rng(seed), most))
     assert sum(rows for rows, _ in blocks) == count
     ends = np.cumsum([0, *(rows for rows, _ in blocks)])
     rows = np.concatenate([first + kept for first, (_, kept) in zip(ends, blocks, strict=False)])
@@ -23,7 +23,7 @@ def test_one_of_every_so_many_in_turn(count: int, most: int, row_bytes: int, see
 
 
 def test_blocks_are_small_and_together_the_whole_file(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(row_subsampling, "BLOCK", 1200)
+    monkeypatch.setattr(row_subsampling, "BLOCK_BYTES", 1200)
     table = np.random.default_rng(0).normal(size=(5003, 3)).astype(np.float32)
     asked: list[int] = []
 
@@ -31,7 +31,7 @@ def test_blocks_are_small_and_together_the_whole_file(monkeypatch: pytest.Monkey
         asked.append(rows)
         return table[sum(asked) - rows : sum(asked)]
 
-    points = spread_points(read, len(table), 12, np.random.default_rng(1), 500)
+    points = subsample_points(read, len(table), 12, np.random.default_rng(1), 500)
     assert sum(asked) == len(table) and max(asked) <= 110
     assert points.dtype == np.float64 and points.shape == (455, 3)
     known = {row.tobytes() for row in table}
@@ -40,5 +40,5 @@ def test_blocks_are_small_and_together_the_whole_file(monkeypatch: pytest.Monkey
 
 def test_a_scanners_lines_do_not_fall_in_step() -> None:
     """Every tenth of lines of 100 points would see ten columns alone."""
-    columns = np.concatenate([kept for _, kept in spread_rows(100_000, 1, np.random.default_rng(0), 10_000)]) % 100
+    columns = np.concatenate([kept for _, kept in subsample_blocks(100_000, 1, np.random.default_rng(0), 10_000)]) % 100
     assert np.bincount(columns, minlength=100).min() > 50

@@ -13,7 +13,7 @@ CAMERA_KEYS = ("k", "intrinsics", "intrinsic", "camera_matrix", "cam_k", "camera
 """Names, lower-case, under which programs keep a depth map and its camera's matrix."""
 
 
-def depth_and_camera(names: Collection[str]) -> tuple[str, str] | None:
+def find_depth_and_camera(names: Collection[str]) -> tuple[str, str] | None:
     """Those of some names that are a depth map's and its camera's; None unless there are both."""
     by_lower = {name.lower(): name for name in names}
     depth, camera = (next((by_lower[key] for key in keys if key in by_lower), None)
@@ -21,7 +21,7 @@ def depth_and_camera(names: Collection[str]) -> tuple[str, str] | None:
     return None if depth is None or camera is None else (depth, camera)
 
 
-def seen_points(depth: np.ndarray, camera: np.ndarray) -> np.ndarray:
+def unproject_depth(depth: np.ndarray, camera: np.ndarray) -> np.ndarray:
     """Points (B, H, W, 3) in the camera's OpenCV axes of depths (H, W) or (B, H, W), by its matrix (3, 3) or matrices.
 
     Depths are in the direction of view, and 0 where nothing was measured.

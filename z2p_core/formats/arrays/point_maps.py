@@ -21,7 +21,7 @@ _AXIS_COSINE = 0.995
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
-def map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | None:
+def estimate_map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | None:
     """The camera that saw points (H, W, 3), row by row from the top of its picture; None where they do not tell.
 
     In the camera's own axes, OpenCV's (+Z ahead), OpenGL's (-Z ahead) or turned ones, it stands at the origin, and the
@@ -36,7 +36,7 @@ def map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | None:
     if len(some) < _FEWEST_POINTS:
         return None
     try:
-        told_by_pixels = _camera_at_origin(some, pixels) or _camera_elsewhere(some, pixels)
+        told_by_pixels = _camera_at_origin(some, pixels) or _camera_by_dlt(some, pixels)
         return told_by_pixels or (_camera_by_name(some) if certain else None)
     except np.linalg.LinAlgError:  # numbers too large to be reckoned with
         return None
@@ -60,7 +60,7 @@ def _camera_at_origin(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
     return _sensor_facing(np.zeros(3), np.array([*slopes[0], 0.0]), downward, ahead)
 
 
-def _camera_elsewhere(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
+def _camera_by_dlt(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
     """The camera anywhere whose picture has points (N, 3) at their pixels (N, 2), by direct linear transformation."""
     middle = np.median(points, axis=0)
     scale = float(np.abs(points - middle).mean())

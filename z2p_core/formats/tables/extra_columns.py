@@ -14,7 +14,7 @@ _COLOUR_NAMES = ({"r", "g", "b"}, {"red", "green", "blue"}, {"rgb"}, {"color"}, 
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
-def ignored_columns(columns: np.ndarray, first: int = 4) -> str:
+def ignored_columns_note(columns: np.ndarray, first: int = 4) -> str:
     """What is left out, in words, of a file whose columns (N, M) from the `first` on, counted from 1, are not drawn."""
     if columns.shape[1] == 0:
         return ""
@@ -26,7 +26,7 @@ def ignored_columns(columns: np.ndarray, first: int = 4) -> str:
     return f"ignored: {', '.join(parts)}"
 
 
-def ignored_colours(names: Sequence[str]) -> str:
+def ignored_colors_note(names: Sequence[str]) -> str:
     """What is left out, in words, of a file whose columns have such names, lower-case, where someone may miss it."""
     for wanted in _COLOUR_NAMES:
         if wanted <= set(names):
@@ -35,7 +35,7 @@ def ignored_colours(names: Sequence[str]) -> str:
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
-def side_names(columns: np.ndarray, first: int) -> list[str]:
+def suggest_extra_names(columns: np.ndarray, first: int) -> list[str]:
     """Names for columns (N, M) as --columns takes them: ``r``, ``g``, ``b``, and ``c9`` for what cannot be told."""
     names: list[str] = []
     for kind, start, count in _groups(columns):
