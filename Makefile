@@ -34,7 +34,7 @@ test-fast: $(FULL)
 	$(PYTEST) -m "not slow"
 
 soak: $(FULL)
-	OMP_NUM_THREADS=1 $(BIN)/python tests/workflows/soak.py 50
+	OMP_NUM_THREADS=1 PYTHONPATH=tests/workflows $(BIN)/python tests/workflows/faults/soak.py 50
 
 SECONDS ?= 60
 SEED ?= 0

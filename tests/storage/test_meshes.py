@@ -55,7 +55,7 @@ def polygon_ply(encoding: str) -> bytes:
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian", "binary_big_endian"])
-def test_polygons_of_mixed_sizes_become_triangles_of_the_same_area(tmp_path: Path, encoding: str) -> None:
+def test_mixed_polygons_become_triangles_of_the_same_area(tmp_path: Path, encoding: str) -> None:
     (tmp_path / "a.ply").write_bytes(polygon_ply(encoding))
     mesh = read_mesh(tmp_path / "a.ply")
     assert mesh.faces.shape == (6, 3)
@@ -154,7 +154,7 @@ def test_facets_are_flat_and_curves_are_smooth() -> None:
     assert is_smooth_surface(cylinder.vertices, cylinder.faces)
 
 
-def test_shading_does_not_depend_on_size_place_winding_or_splitting() -> None:
+def test_shading_ignores_scale_position_winding_and_splitting() -> None:
     rng = np.random.default_rng(5)
     for subdivisions, expected in ((0, False), (3, True)):
         vertices, faces = sphere(subdivisions)
@@ -166,7 +166,7 @@ def test_shading_does_not_depend_on_size_place_winding_or_splitting() -> None:
         assert is_smooth_surface(soup, np.arange(len(soup)).reshape(-1, 3)) is expected
 
 
-def test_dense_noise_stays_smooth_and_lone_triangles_do_not_fail() -> None:
+def test_noisy_meshes_and_lone_triangles_are_smooth() -> None:
     vertices, faces = sphere(5)
     rough = vertices + np.random.default_rng(6).normal(scale=0.02, size=vertices.shape)
     assert len(faces) == 20_480

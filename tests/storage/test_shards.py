@@ -67,7 +67,7 @@ def test_what_goes_in_comes_out(shard):
         Shard(shard).read(5)
 
 
-def test_equal_records_give_equal_bytes_and_nothing_else_is_left(shard, tmp_path):
+def test_equal_records_give_equal_bytes_and_no_other_files(shard, tmp_path):
     first = shard.read_bytes()
     digests = {write_shard(shard, records_of(5), POOL, ATTRIBUTES) for _ in range(2)}
     assert len(digests) == 1 and shard.read_bytes() == first
@@ -155,7 +155,7 @@ def test_external_virtual_linked_and_unwritten_data_are_refused(shard, tmp_path)
             pytest.fail(name)
 
 
-def test_a_size_that_the_file_cannot_hold_is_refused_before_reading(shard):
+def test_sizes_larger_than_the_file_are_refused_unread(shard):
     rewrite(shard, "pool", lambda file: file.create_dataset("pool", (2**33, 3), "f4", chunks=(2**20, 3)))
     with pytest.raises(ShardError, match="declares"):
         Shard(shard)

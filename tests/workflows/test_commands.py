@@ -181,7 +181,7 @@ def test_a_reports_results_are_adopted(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("text", ["", "{", "[" * 100_000, '{"name": NaN}', "[]", "7"])
-def test_a_torn_manifest_is_told_by_status_and_gc_and_put_aside_by_verify(world, plan, text):
+def test_a_damaged_manifest_is_reported_and_quarantined(world, plan, text):
     store = Store(world.workspace)
     fill(store, plan)
     keep_results(store, plan, "{}")

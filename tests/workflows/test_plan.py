@@ -292,6 +292,6 @@ def test_another_built_in_shape_leaves_the_others_alone(config):
     assert prints(before)[f"shard/{name}"] == prints(after)[f"shard/{name}"]
 
 
-def test_without_meshes_kept_aside_a_warning_says_what_the_metrics_mean(config):
+def test_training_meshes_as_evaluation_meshes_give_a_warning(config):
     plan = make_plan(replace(config, evaluate_meshes=""))
     assert plan.evaluation == plan.training and "memory" in plan.warnings[0]

@@ -71,7 +71,7 @@ def test_weights_to_learn_from_that_are_not_there_are_refused(config, field):
     ("teacher", "material", "got color, light, elevation, metallic, roughness in material"),
     ("teacher", "regular", "color, light, elevation, metallic, got color, light, elevation in regular"),
 ])  # fmt: skip
-def test_weights_to_learn_from_with_other_controls_are_refused_before_anything_is_rendered(
+def test_pretrained_weights_with_other_controls_are_refused(
     config, field, weights, message
 ):
     if weights == "regular":

@@ -8,11 +8,11 @@ import luigi
 import pytest
 
 import workflows
-import z2p_renderer.storage.results.stage_dependencies
 import z2p_renderer.workflows.stage_task
 from z2p_core import registry
 from z2p_core.config import ConfigError, parse_config
 from z2p_renderer.storage.models.checkpoints import find_weights
+from z2p_renderer.storage.results import stage_dependencies
 from z2p_renderer.storage.results.store import Store
 from z2p_renderer.workflows.full_pipeline import RESULTS
 from z2p_renderer.workflows.plan import make_plan
@@ -75,7 +75,7 @@ def test_every_step_runs_once_upstream_first(ran):
     assert build() and steps_of(ran) == []
 
 
-def test_a_deleted_result_is_made_again_alone_and_reverting_runs_nothing(ran):
+def test_a_deleted_result_alone_is_made_again(ran):
     assert build() and steps_of(ran)
     shutil.rmtree(next(Path("runs/train").iterdir()))
     assert build() and steps_of(ran) == ["train"]
@@ -119,10 +119,10 @@ def test_a_task_whose_inputs_changed_is_another_task(ran):
     assert ids[0] != ids[1]
 
 
-def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, capfd):
+def test_code_edited_after_planning_is_refused(ran, monkeypatch, capfd):
     assert build() and steps_of(ran)
     shutil.rmtree(next(Path("runs/train").iterdir()))
-    monkeypatch.setattr(z2p_renderer.storage.results.stage_dependencies, "current_part_digest", lambda part: f"other {part}")
+    monkeypatch.setattr(stage_dependencies, "current_part_digest", lambda part: f"other {part}")
     assert not build() and steps_of(ran) == []
     assert "FAILED train: ConfigError: train: workflows.stages:Train changed since" in capfd.readouterr().err
 
@@ -132,7 +132,7 @@ def test_code_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, 
     [("sample/ape", "samplers", "uniform"), ("render/ape/0-2", "controls", "color"), ("train", "encoders", "none"),
      ("evaluate", "engines", "torch"), ("shard/bee", "controls", "light")],
 )  # fmt: skip
-def test_a_plugin_that_changed_since_the_plan_was_made_is_refused(ran, monkeypatch, tmp_path, step, group, name):
+def test_a_plugin_edited_after_planning_is_refused(ran, monkeypatch, tmp_path, step, group, name):
     """What it makes would be kept under another's fingerprint."""
     source = workflows.FullPipeline(config="small.toml").source
     load_pipeline_plan.cache_clear()
@@ -151,7 +151,7 @@ def test_a_plugin_that_changed_since_the_plan_was_made_is_refused(ran, monkeypat
 
 @pytest.mark.parametrize("name", ["start", "teacher"])
 @pytest.mark.parametrize("edit", [lambda path: path.write_bytes(b"others"), Path.unlink])
-def test_weights_to_learn_from_that_changed_since_the_plan_was_made_are_refused(ran, monkeypatch, tmp_path, name, edit):
+def test_pretrained_weights_edited_after_planning_are_refused(ran, monkeypatch, tmp_path, name, edit):
     weights = tmp_path / "known.safetensors"
     shutil.copyfile(find_weights("regular"), weights)
     (tmp_path / "small.toml").write_text(f"{TOML}[train]\n{name} = 'known.safetensors'\n")
@@ -165,7 +165,7 @@ def test_weights_to_learn_from_that_changed_since_the_plan_was_made_are_refused(
         task._check_code()
 
 
-def test_kernels_that_were_compiled_from_other_files_are_refused(ran, monkeypatch, tmp_path):
+def test_kernels_compiled_from_other_sources_are_refused(ran, monkeypatch, tmp_path):
     """The fingerprint holds the C files, and what runs is another thing."""
     source = workflows.FullPipeline(config="small.toml").source
     load_pipeline_plan.cache_clear()
@@ -207,7 +207,7 @@ def test_views_of_other_chunks_are_copied_unless_damaged(ran, tmp_path):
     assert all(text == f"{int(name[5:10])}{name[10:]}" for name, text in copied.items())
 
 
-def test_links_lead_to_the_results_in_a_workspace_that_is_a_link_itself(ran, tmp_path):
+def test_links_work_in_a_workspace_that_is_a_link_itself(ran, tmp_path):
     (tmp_path / "far" / "away").mkdir(parents=True)
     Path("runs").symlink_to(tmp_path / "far" / "away")
     assert build() and steps_of(ran)

@@ -98,7 +98,7 @@ def test_table_and_json_say_the_same(config, store):
     assert [row["step"] for row in rows] == list(plan.steps) and rows[1]["state"] == "missing"
 
 
-def test_a_table_names_a_few_of_many_reasons_upstream_and_json_all_of_them():
+def test_a_table_shortens_upstream_reasons_but_json_does_not():
     many = tuple(f"upstream shard/{number}" for number in range(170))
     found = [StepStatus("train", "train", "stale", ("steps 5 -> 6", *many), "0")]
     line = format_table(found)[0]

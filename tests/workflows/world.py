@@ -17,7 +17,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 PROJECT = Path(__file__).parents[2]
-FAULTS = Path(__file__).parent / "faults"
+FAULTS = Path(__file__).parent / "faults" / "injected"
+"""Folder of the `sitecustomize` that injects faults into the Python processes of a pipeline."""
 ROOMS = ("pipeline", "plugins", "storage", "workflows", "z2p_core", "z2p_renderer")
 
 CONFIG = """name = "small"

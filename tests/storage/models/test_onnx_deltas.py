@@ -47,12 +47,12 @@ def test_weights_in_float32_have_graphs_too(make_weights: Callable[..., Path], t
     assert load_graph(file, load_weights(file).digest) == onnx
 
 
-def test_engines_draw_from_a_graph_alone_and_torch_is_not_chosen(weights: Path) -> None:
+def test_engines_run_from_a_graph_file_without_torch(weights: Path) -> None:
     assert not onnx_path(weights).exists()
     assert Renderer(weights, threads=1).engine == "onnxruntime"
 
 
-def test_a_link_to_the_weights_finds_the_graph_of_the_file_itself(weights: Path, tmp_path: Path) -> None:
+def test_a_link_to_weights_finds_the_graph_of_its_target(weights: Path, tmp_path: Path) -> None:
     link = tmp_path / "elsewhere" / "linked.safetensors"
     link.parent.mkdir()
     link.symlink_to(weights)

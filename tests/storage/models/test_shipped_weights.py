@@ -29,7 +29,7 @@ def regular() -> Renderer:
     return Renderer("regular")
 
 
-def test_regular_is_shipped_and_all_weights_fit_into_forty_megabytes() -> None:
+def test_shipped_weights_fit_into_forty_megabytes() -> None:
     assert "regular" in shipped_weights()
     assert sum(path.stat().st_size for path in SHIPPED_FOLDER.iterdir()) < 40e6
     assert not list(SHIPPED_FOLDER.glob("*.onnx"))  # a graph file says the same in a few kilobytes
@@ -79,7 +79,7 @@ def test_the_picture_shows_the_object_in_the_colour_asked_for(
         assert picture[: side // 16, :, 3].max() < 0.3  # nothing hangs in the sky
 
 
-def test_light_from_the_right_brightens_the_right_and_throws_the_shadow_left(
+def test_light_from_the_right_casts_the_shadow_to_the_left(
     regular: Renderer, suzanne: np.ndarray
 ) -> None:
     def balance(azimuth: float) -> tuple[float, float]:

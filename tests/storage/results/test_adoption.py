@@ -50,7 +50,7 @@ def store(tmp_path):
     return Store(tmp_path / "runs")
 
 
-def test_a_whole_chain_of_older_code_is_taken_over_with_its_provenance(store):
+def test_a_whole_chain_is_adopted_with_its_provenance(store):
     old, new = chain("old"), chain("new")
     make(store, old)
     assert not any(map(store.complete, new))
@@ -71,7 +71,7 @@ def test_entries_of_the_schema_without_code_can_be_taken_over(store):
 
 
 @pytest.mark.parametrize("other", [{"mesh": "b" * 64}, {"samples": 5}, {"plugin": "2"}])
-def test_other_meshes_parameters_and_plugin_versions_are_never_taken_over(store, other):
+def test_results_of_other_inputs_are_never_adopted(store, other):
     make(store, chain("old", **other))
     assert take_over(store, chain("new")) == []
 
@@ -95,7 +95,7 @@ def test_renders_are_found_under_another_cut_into_chunks(store):
     assert sorted(candidate.entry.name for candidate in found) == [f"render/ape/{n}-{n + 1}" for n in range(4)]
 
 
-def test_code_of_a_later_stage_version_is_not_taken_back_and_the_latest_before_is_preferred(store):
+def test_the_latest_stage_version_up_to_ours_is_adopted(store):
     for version, code in ((3, "a"), (1, "b"), (2, "c")):
         make(store, [replace(entry, fields=entry.fields | {"stage_version": version}) for entry in chain(code)[:1]])
     planned = [replace(chain("new")[0], fields=chain("new")[0].fields | {"stage_version": 2})]
@@ -138,7 +138,7 @@ def test_unfinished_work_is_taken_over_and_told_in_the_end(store):
     assert store.manifest(new)["provenance"]["adopted"]["from"] == old.fingerprint
 
 
-def test_an_adoption_that_is_cut_off_is_offered_again_and_tells_nothing_false(store, monkeypatch):
+def test_an_interrupted_adoption_is_offered_again(store, monkeypatch):
     old, new = chain("old")[-1], chain("new")[-1]
     make(store, chain("old")[:-1])
     with pytest.raises(KeyboardInterrupt):
@@ -171,7 +171,7 @@ def test_work_that_went_on_meanwhile_is_not_adopted(store):
         adopt_result(store, candidate, "the same")
 
 
-def test_work_that_somebody_goes_on_with_or_has_begun_anew_is_left_alone(store):
+def test_unfinished_work_that_continues_is_not_adopted(store):
     old, new = chain("old")[-1], chain("new")[-1]
     make(store, chain("old")[:-1])
     with pytest.raises(KeyboardInterrupt):

@@ -6,7 +6,7 @@ import os
 from z2p_renderer.storage.results.store import Entry, Store
 
 
-def test_a_look_at_a_lock_leaves_none_in_a_process_forked_meanwhile(tmp_path, monkeypatch):
+def test_checking_a_lock_leaks_no_lock_into_a_forked_process(tmp_path, monkeypatch):
     """A fork shares the open file with its lock, as does a second descriptor of it, which is easier to be rid of."""
     store, one = Store(tmp_path / "runs"), Entry("sample", "sample/bunny", {"stage": "sample"}, {})
     flock, shared = fcntl.flock, []

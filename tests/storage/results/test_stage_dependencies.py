@@ -32,6 +32,7 @@ from z2p_renderer.storage.results.stage_dependencies import (
 )
 
 ROOT = Path(__file__).parents[3]
+PAPER = "pipeline.evaluation.paper"
 TOP_FOLDERS = {"z2p_core", "storage", "pipeline", "plugins", "workflows"}
 ENTRY = {
     "shapes": {"workflows.stages:Shapes", "pipeline.shapes:make_shapes", "pipeline.blender:export_suzanne"},
@@ -41,11 +42,11 @@ ENTRY = {
     "train": {"workflows.stages:Train", "pipeline.training.train:train"},
     "reference": {"pipeline.rendering.ground_truth:render_references", "pipeline.blender:main"},
     "evaluate": {"workflows.stages:Evaluate", "pipeline.evaluation.evaluate:evaluate", "pipeline.blender:main"},
-    "measure": {"workflows.report.stages:Measure", "pipeline.evaluation.paper.measure:measure", "pipeline.blender:main"},
-    "scans": {"workflows.report.stages:Scans", "pipeline.evaluation.paper.real_scans:draw_scans", "pipeline.blender:main"},
-    "times": {"workflows.report.stages:Times", "pipeline.evaluation.paper.timing:measure_times", "pipeline.blender:main"},
-    "trust": {"workflows.report.stages:Trust", "pipeline.evaluation.paper.uncertainty:measure_uncertainty", "pipeline.blender:main"},
-    "report": {"workflows.report.stages:Report", "pipeline.evaluation.paper.page.report:write_report"},
+    "measure": {"workflows.report.stages:Measure", f"{PAPER}.measure:measure", "pipeline.blender:main"},
+    "scans": {"workflows.report.stages:Scans", f"{PAPER}.real_scans:draw_scans", "pipeline.blender:main"},
+    "times": {"workflows.report.stages:Times", f"{PAPER}.timing:measure_times", "pipeline.blender:main"},
+    "trust": {"workflows.report.stages:Trust", f"{PAPER}.uncertainty:measure_uncertainty", "pipeline.blender:main"},
+    "report": {"workflows.report.stages:Report", f"{PAPER}.page.report:write_report"},
     "compare": {"workflows.ablation.stages:Compare", "pipeline.evaluation.ablation.page:write_ablations"},
 }
 """Stage -> its luigi task, the function that this calls, and what its Blender process runs."""
@@ -136,8 +137,8 @@ def test_all_imports_of_a_stage_are_listed_or_excused(stage):
             if module in plugin_modules(stage) or module == "z2p_core":
                 continue
             assert listed(stage, module, name) or excused(stage, module, name), (
-                f"{stage}: {part} uses {module}:{name}, which is neither in STAGE_CODE[{stage!r}] nor in NOT_IN_FINGERPRINT"
-            )
+                f"{stage}: {part} uses {module}:{name}, which is neither in STAGE_CODE[{stage!r}] nor in "
+                "NOT_IN_FINGERPRINT")
 
 
 @pytest.mark.parametrize("stage", STAGE_CODE)
@@ -153,9 +154,10 @@ def test_no_part_is_listed_that_the_stage_never_imports(stage):
     by_package = {part for part in STAGE_CODE[stage] if (package := part.rpartition(".")[0]) in WHOLE_PACKAGES
               and any(module == package or module.startswith(package + ".") for module in reached)}  # fmt: skip
     by_package |= {part for part in WHOLE_PACKAGES if any(module.startswith(part + ".") for module in reached)}
-    beside = {part for part in STAGE_CODE[stage] if "/" in part and part.rpartition("/")[0].replace("/", ".") in reached}
-    beside |= {part for part in STAGE_CODE[stage] if part.startswith("z2p_core/native/") and "z2p_core.native" in reached}
-    assert set(STAGE_CODE[stage]) <= reached | beside | by_package  # what is compiled belongs to the module beside it
+    files = {part for part in STAGE_CODE[stage] if "/" in part}
+    compiled = {file for file in files if file.rpartition("/")[0].replace("/", ".") in reached}
+    compiled |= {file for file in files if file.startswith("z2p_core/native/") and "z2p_core.native" in reached}
+    assert set(STAGE_CODE[stage]) <= reached | compiled | by_package
 
 
 @pytest.mark.parametrize("stage", STAGE_CODE)
@@ -178,7 +180,10 @@ def test_placement_code_is_not_dropped_for_baselines():
     assert reached & set(WEIGHTS_ONLY_CODE) <= set(PLACEMENT_CODE) <= set(WEIGHTS_ONLY_CODE) & set(STAGE_CODE["scans"])
     kernels = {name: set(re.findall(r"native\.(\w+)", (ROOT / "z2p_core" / f"{name}.py").read_text()))
                for name in ("placement/view_selection", "surface/mls_smoothing")}  # fmt: skip
-    assert kernels == {"placement/view_selection": {"projected_coverage"}, "surface/mls_smoothing": {"NeighborGrid", "fit_jets", "fit_planes"}}  # and what noise is told by
+    assert kernels == {
+        "placement/view_selection": {"projected_coverage"},
+        "surface/mls_smoothing": {"NeighborGrid", "fit_jets", "fit_planes"},
+    }
 
 
 def test_a_package_may_come_by_another_name(monkeypatch):
@@ -265,7 +270,8 @@ def test_any_other_change_of_c_changes_the_digest(old, new):
 def test_code_of_each_kernel_counts_and_comments_do_not():
     for part in {part for part in STAGE_CODE["train"] if part.endswith((".c", ".h"))}:
         source = (ROOT / part).read_text()
-        assert cached_part_digest(part) == c_digest(f"/* new */\n{source}\n\n// new\n") != c_digest(f"{source}\nint new;\n")
+        assert cached_part_digest(part) == c_digest(f"/* new */\n{source}\n\n// new\n")
+        assert cached_part_digest(part) != c_digest(f"{source}\nint new;\n")
 
 
 def test_digest_of_a_definition_ignores_the_rest_of_its_module():

@@ -115,7 +115,7 @@ def test_verify_finds_a_flipped_bit_that_left_no_trace(store):
     assert len(store.verify(entry())) == 1 and "pool.npy" in store.verify(entry())[0]
 
 
-def test_a_quarantined_entry_counts_as_missing_and_its_remains_can_be_found(store):
+def test_a_quarantined_result_is_missing_but_still_listed(store):
     folder = store.produce(entry(), write)
     assert store.quarantine(folder).parent == store.root / ".quarantine" / "sample"
     assert not store.complete(entry()) and list(store.manifests("sample")) == []
@@ -187,7 +187,7 @@ def test_racing_producers_make_one_result_once(store):
     assert len(made) == 1 and store.complete(entry()) and unfinished(store) == []
 
 
-def test_a_resumable_stage_finds_what_it_left_and_publishes_without_leftovers(store):
+def test_a_resumable_stage_resumes_and_drops_its_leftovers(store):
     def stop_halfway(folder):
         (folder / "view_0.png").write_text("first")
         (folder / ".half").write_text("x")
@@ -228,7 +228,7 @@ def test_what_stops_the_publishing_costs_no_work(store, monkeypatch, broken):
     assert not store.work_folder(entry()).exists()
 
 
-def test_leftovers_of_a_kill_right_after_publishing_harm_no_result(store, monkeypatch):
+def test_leftovers_of_a_kill_after_publishing_are_harmless(store, monkeypatch):
     def train(folder):
         write(folder)
         (folder / "checkpoints").mkdir()
@@ -321,7 +321,7 @@ DAMAGE = {
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
-def test_a_manifest_that_is_not_the_one_written_is_noticed_and_put_aside(store, damage):
+def test_an_edited_manifest_is_detected_and_quarantined(store, damage):
     folder = store.produce(entry(), write)
     DAMAGE[damage](folder)
     assert store.faults(entry()) and store.verify(entry()) and not store.complete(entry())
@@ -338,7 +338,7 @@ def test_a_result_under_another_ones_name_is_none(store):
     assert [path for path, _ in store.damaged()] == [store.folder(entry(2))] and not list(store.manifests("sample"))
 
 
-def test_a_manifest_from_before_lists_had_digests_can_be_vouched_for(store):
+def test_a_manifest_without_a_listing_digest_is_adoptable(store):
     folder = store.produce(entry(), write)
     resealed(folder, lambda one: one.pop("listing"))
     assert not store.complete(entry()) and [path for path, _ in store.manifests("sample")] == [folder]

@@ -62,7 +62,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Ablated, str]:
 
 
 @pytest.mark.slow
-def test_it_trains_each_variant_on_shared_shards_and_compares_them(finished: tuple[Ablated, str]) -> None:
+def test_each_variant_is_trained_on_shared_shards(finished: tuple[Ablated, str]) -> None:
     world, said = finished
     assert set(made(said)) == SHARED | OWN | {"compare"}
     shown = world.workspace / "small"
@@ -124,7 +124,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("plain")
-def test_the_shipped_ablations_need_no_render_that_regular_has_not() -> None:
+def test_shipped_ablations_use_the_renders_of_regular() -> None:
     regular = make_plan(parse_config((CONFIGS / "regular.toml").read_text()))
     plan = load_ablation_plan(ablation_source("", "", ""))
     prints = {name: step.entry.fingerprint for name, step in plan.steps.items() if step.entry.stage in RENDERS}
@@ -134,7 +134,7 @@ def test_the_shipped_ablations_need_no_render_that_regular_has_not() -> None:
 
 
 @pytest.mark.usefixtures("plain")
-def test_a_variants_plan_is_that_of_a_full_pipeline_with_its_config() -> None:
+def test_a_variants_plan_equals_its_full_pipelines_plan() -> None:
     source = ablation_source("", "", "")
     ablations = load_ablation_plan(source).config
     for variant in ablations.variants[:3]:

@@ -1,4 +1,4 @@
-"""Kills the whole process tree of a pipeline at random moments, again and again: ``python tests/workflows/soak.py 50``.
+"""Kills the whole process tree of a pipeline at random moments, again and again: ``make soak``.
 
 In the end every result has the bytes that an undisturbed run gives it. `make soak` does it fifty times.
 """

@@ -86,7 +86,7 @@ def test_everything_killed(world, undisturbed, moment):
     ("render/tetra/0-2", "os.rename 1 /mesh\\.npz$"),  # which Blender would read
     ("train", "open 2 /checkpoints/\\.z2p-"),
 ])  # fmt: skip
-def test_one_process_killed_is_told_and_ends_with_an_exit_status(world, undisturbed, step, rule):
+def test_one_process_killed_ends_with_an_exit_status(world, undisturbed, step, rule):
     lose(world, step)
     status, said = world.run(Z2P_FAULT=f"die {rule}")
     assert status == 30 and f"FAILED {step}" in said and "died" in said and ".log" in said

@@ -88,14 +88,16 @@ INPUTS: dict[str, tuple[Change, set[str]]] = {
     "another sampler's code": (appended("code/plugins/samplers/grid.py", "\nEXTRA = 1\n"), set()),
     "comments and docstrings": (lambda world: [
         (world.code / path).write_text("# a comment\n" + (world.code / path).read_text().replace('"""', '"""Well: ', 1))
-        for path in ("pipeline/render.py", "pipeline/training/train.py", "plugins/controls/light.py", "storage/meshes.py")
+        for path in ("pipeline/render.py", "pipeline/training/train.py", "plugins/controls/light.py",
+                     "storage/meshes.py")
     ], set()),
     "unrelated modules": (lambda world: [appended(f"code/{path}", "\nEXTRA = 1\n")(world) for path in
-                          ("pipeline/inference/batch.py", "pipeline/cli/__init__.py", "workflows/status.py", "storage/results/store.py")], set()),
+                          ("pipeline/batch/render_files.py", "pipeline/cli/__init__.py", "workflows/status.py",
+                           "storage/results/store.py")], set()),
     "the Blender scene": (appended("code/pipeline/blender.py", "\nEXTRA = 1\n"), RENDERS | SHARDS | AFTER),
-    "the sharding code": (appended("code/pipeline/shard.py", "\nEXTRA = 1\n"), SHARDS | AFTER),
-    "the training code": (appended("code/pipeline/train.py", "\nEXTRA = 1\n"), AFTER),
-    "a metric's code": (appended("code/z2p_core/metrics.py", "\nEXTRA = 1\n"), EVALUATE),
+    "the sharding code": (appended("code/pipeline/training/make_shard.py", "\nEXTRA = 1\n"), SHARDS | AFTER),
+    "the training code": (appended("code/pipeline/training/train.py", "\nEXTRA = 1\n"), AFTER),
+    "a metric's code": (appended("code/z2p_core/quality/metrics.py", "\nEXTRA = 1\n"), EVALUATE),
     "torch's version": (package("torch", "99.0"), AFTER),
     "h5py's version": (package("h5py", "99.0"), SHARDS | AFTER),
     "luigi's version": (package("pillow", "99.0"), set()),

@@ -25,12 +25,12 @@ def world(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", INPUTS)
-def test_a_changed_input_runs_what_depends_on_it_and_going_back_runs_nothing(world, tmp_path, name):
+def test_a_changed_input_runs_only_what_depends_on_it(world, tmp_path, name):
     change_and_go_back(world, name, tmp_path)
 
 
 @pytest.mark.parametrize("name", OUTPUTS)
-def test_a_lost_or_damaged_output_is_made_again_alone_to_the_same_bytes(world, name):
+def test_a_damaged_output_is_remade_with_the_same_bytes(world, name):
     lose_and_mend(world, name)
 
 
@@ -53,7 +53,7 @@ def test_a_dry_run_writes_nothing_and_says_what_a_run_then_does(world):
     assert world.make() == []
 
 
-def test_a_bit_that_flipped_without_a_trace_is_found_by_verify_and_before_it_is_read(world):
+def test_a_flipped_bit_is_found_by_verify_and_before_reading(world):
     """Only then: nothing tells it from sound data but its digest."""
     before = world.digests()
     path = world.manifest("sample/tetra").parent / "pool.npy"

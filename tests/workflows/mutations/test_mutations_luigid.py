@@ -24,10 +24,10 @@ def world(tmp_path_factory):
 
 
 @pytest.mark.parametrize("name", one_of_each(INPUTS))
-def test_a_changed_input_runs_what_depends_on_it_and_going_back_runs_nothing(world, tmp_path, name):
+def test_a_changed_input_runs_only_what_depends_on_it(world, tmp_path, name):
     change_and_go_back(world, name, tmp_path)
 
 
 @pytest.mark.parametrize("name", one_of_each(OUTPUTS))
-def test_a_lost_or_damaged_output_is_made_again_alone_to_the_same_bytes(world, name):
+def test_a_damaged_output_is_remade_with_the_same_bytes(world, name):
     lose_and_mend(world, name)

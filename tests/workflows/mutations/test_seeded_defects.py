@@ -1,4 +1,4 @@
-"""The mutation matrix can fail: with any one field left out of the fingerprints, some row of it is no longer right."""
+"""The mutation matrix is complete: leaving any one field out of the fingerprints makes at least one row of it fail."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import pytest
 from editing import edited
 from test_plan import AFTER_SHARDS, EFFECTS, EVERYTHING, RENDERS, SAMPLES, SHARDS, before, stale
 
-import z2p_renderer.storage.results.stage_dependencies
 import z2p_renderer.storage.results.store
 import z2p_renderer.workflows.plan
 from z2p_core.config import PipelineConfig
 from z2p_renderer.storage.results import fingerprints
 from z2p_renderer.storage.results.fingerprints import fingerprint
+from z2p_renderer.storage.results.stage_dependencies import PACKAGES, STAGE_CODE
 from z2p_renderer.workflows.plan import Plan, make_plan
 
 BEE = {"sample/bee", "render/bee/0-10", "render/bee/10-12", "shard/bee"}
@@ -32,9 +32,8 @@ def rows(config: PipelineConfig, meshes: Any) -> Iterator[tuple[str, Callable[[p
             yield path, lambda patch, path=path, value=value: make_plan(edited(config, path, value)), expected
     for stage, expected in STAGES.items():
         yield f"{stage} version", set_item(config, fingerprints.STAGE_VERSIONS, stage, 99), expected
-        for table in (z2p_renderer.storage.results.stage_dependencies.STAGE_CODE, z2p_renderer.storage.results.stage_dependencies.PACKAGES):
-            parts = (*table[stage], "z2p_core.testing" if table is z2p_renderer.storage.results.stage_dependencies.STAGE_CODE else "luigi")
-            yield f"{stage} code", set_item(config, table, stage, parts), expected
+        for table, added in ((STAGE_CODE, "z2p_core.testing"), (PACKAGES, "luigi")):
+            yield f"{stage} code", set_item(config, table, stage, (*table[stage], added)), expected
     yield "schema", lambda patch: (patch.setattr(fingerprints, "SCHEMA", 99), make_plan(config))[1], EVERYTHING
     for key in ("version", "code"):
         yield f"a control's {key}", other_plugin(config, "color", key), RENDERS | SHARDS | AFTER_SHARDS

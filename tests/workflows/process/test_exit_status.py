@@ -51,7 +51,7 @@ def test_thousands_of_failures_and_endless_lines_block_nobody():
     assert exit_status.summarize_failures()
 
 
-def test_the_reason_is_the_last_line_whatever_others_say_meanwhile(capfd):
+def test_the_reason_of_a_failure_is_the_last_line(capfd):
     exit_status.record_failure("FAILED train: no shards")
     assert exit_status.summarize_failures() and capfd.readouterr().err.splitlines() == ["FAILED train: no shards"]
     in_a_fork(("FAILED train: no shards", False))

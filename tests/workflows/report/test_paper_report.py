@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import z2p_renderer.pipeline.evaluation.paper.real_scans
 from z2p_core import registry
 from z2p_core.config import ConfigError
 from z2p_core.registry import PluginError
+from z2p_renderer.pipeline.evaluation.paper import real_scans
 from z2p_renderer.storage.models.checkpoints import load_weights, save_weights
 from z2p_renderer.storage.results import stage_dependencies
 from z2p_renderer.workflows.report.plan import load_report_plan
@@ -145,7 +145,7 @@ def test_other_weights_leave_the_others_results_alone(finished, make_weights) ->
     assert result == steps(*ALL, methods=("mine",)) | {"trust/pyramid/mine", "times", "report"}
 
 
-def test_a_dry_run_says_what_a_run_would_make_and_writes_nothing(tmp_path: Path) -> None:
+def test_a_dry_run_lists_the_steps_to_run_and_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "meshes").mkdir()
     (tmp_path / "meshes" / "tetra.off").write_text(TETRA)
     result = report(tmp_path, CONFIG, "--weights", "regular", "--dry-run")
@@ -191,9 +191,11 @@ def test_only_what_a_setting_shapes_hangs_on_it(tmp_path: Path) -> None:
     assert everything == {"shapes"}
 
 
-@pytest.mark.parametrize("part", ["z2p_core.network.unet", "z2p_core/native/c/surfels/surfel_raster.c", "z2p_core.surface.normals",
-                                  "z2p_core.linalg", "z2p_core.native.images", "z2p_core/native/c/points/view_coverage.c"])
-def test_code_of_networks_and_buffers_leaves_baselines_and_truths_alone(tmp_path: Path, monkeypatch, part) -> None:
+@pytest.mark.parametrize("part", [
+    "z2p_core.network.unet", "z2p_core/native/c/surfels/surfel_raster.c", "z2p_core.surface.normals", "z2p_core.linalg",
+    "z2p_core.native.images", "z2p_core/native/c/points/view_coverage.c",
+])  # fmt: skip
+def test_network_code_is_not_in_fingerprints_of_baselines(tmp_path: Path, monkeypatch, part) -> None:
     def prints() -> dict[str, str]:
         return {name: step.entry.fingerprint for name, step in plan(tmp_path, "scans = 'scans'").steps.items()}
 
@@ -211,7 +213,7 @@ def test_code_of_networks_and_buffers_leaves_baselines_and_truths_alone(tmp_path
     assert expected == changed - {"times", "report"}
 
 
-def test_a_method_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, monkeypatch) -> None:
+def test_a_method_edited_after_planning_is_refused(tmp_path: Path, monkeypatch) -> None:
     """What it renders would be kept under another's name."""
     source = report_source(str(CONFIG), "", "", "", "")
     step = load_report_plan(source).steps["measure/noise/bumpy_ball/splats"]
@@ -222,7 +224,7 @@ def test_a_method_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path
         task._check_code()
 
 
-def test_weights_that_changed_since_the_plan_was_made_are_refused(tmp_path: Path, make_weights) -> None:
+def test_weights_edited_after_planning_are_refused(tmp_path: Path, make_weights) -> None:
     mine = tmp_path / "mine.safetensors"
     shutil.copy(make_weights(), mine)
     source = report_source(str(CONFIG), "", "", str(mine), "")
@@ -238,7 +240,7 @@ def test_weights_that_changed_since_the_plan_was_made_are_refused(tmp_path: Path
             task._check_code()
 
 
-def test_a_scan_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, monkeypatch) -> None:
+def test_a_scan_edited_after_planning_is_refused(tmp_path: Path, monkeypatch) -> None:
     (tmp_path / "scans").mkdir()
     scan = tmp_path / "scans" / "one.xyz"
     np.savetxt(scan, np.eye(3))
@@ -247,9 +249,9 @@ def test_a_scan_that_changed_since_the_plan_was_made_is_refused(tmp_path: Path, 
     source = report_source("scans.toml", "", str(scan.parent), "", "")
     task = create_task(load_report_plan(source).steps["scans/splats"], source, str(tmp_path / "runs"))
     task._check_code()
-    monkeypatch.setattr(z2p_renderer.pipeline.evaluation.paper.real_scans, "draw_scans", lambda *_, **__: scan.write_text("1 2 3\n"))
+    monkeypatch.setattr(real_scans, "draw_scans", lambda *_, **__: scan.write_text("1 2 3\n"))
     with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):
-        task.make(tmp_path)  # it was read when its turn came
+        task.make(tmp_path)  # the file changed before its turn to be read
     with pytest.raises(ConfigError, match=r"one\.xyz: the file changed since the pipeline started"):
         task._check_code()
 

@@ -27,7 +27,7 @@ def names(found):
     return {one.name for one in found}
 
 
-def test_results_of_a_setting_that_was_left_go_and_the_rest_stays(config, store):
+def test_results_of_an_abandoned_setting_are_removed(config, store):
     old, new = make_plan(config), make_plan(edited(config, "train.steps", 7))
     fill(store, old)
     fill(store, new)
@@ -42,7 +42,7 @@ def test_results_of_a_setting_that_was_left_go_and_the_rest_stays(config, store)
     assert not store.complete(old.steps["train"].entry) and not (store.root / ".trash").exists()
 
 
-def test_what_a_link_leads_to_stays_with_all_that_it_was_made_from(config, store):
+def test_linked_results_and_their_upstream_are_kept(config, store):
     plan = make_plan(config)
     fill(store, plan)
     link(store, plan)
@@ -59,7 +59,7 @@ def test_a_configuration_can_be_dropped(config, store):
     assert not list((store.root / ".kept").iterdir())
 
 
-def test_what_a_running_pipeline_uses_stays_until_it_ends(config, store):
+def test_results_of_a_running_pipeline_are_kept(config, store):
     plan = make_plan(config)
     fill(store, plan)
     registration = Registration(store, plan, "{}")
@@ -70,7 +70,7 @@ def test_what_a_running_pipeline_uses_stays_until_it_ends(config, store):
 
 
 @pytest.mark.parametrize("name", ["elsewhere", f"{os.uname().nodename}-2"])
-def test_a_killed_pipelines_note_does_not_last_but_that_of_another_machine_is_believed_for_a_while(config, store, name):
+def test_notes_of_killed_pipelines_expire_later_on_other_hosts(config, store, name):
     plan = make_plan(config)
     fill(store, plan)
     registration = Registration(store, plan, "{}")
@@ -98,7 +98,7 @@ def locked_as_on_nfs4(monkeypatch):
     monkeypatch.setattr(fcntl, "flock", strict)
 
 
-def test_notes_are_told_alive_or_dead_on_nfs4_too(config, store, monkeypatch):
+def test_live_and_dead_notes_are_distinguished_on_nfs4(config, store, monkeypatch):
     locked_as_on_nfs4(monkeypatch)
     note = Registration(store, make_plan(config), "{}")
     copy = note.path.with_name("copy.json")
@@ -112,7 +112,7 @@ def test_notes_are_told_alive_or_dead_on_nfs4_too(config, store, monkeypatch):
     assert list(iter_running(store)) == []
 
 
-def test_a_result_that_is_being_written_by_another_process_stays(config, store):
+def test_a_result_locked_by_another_process_is_kept(config, store):
     plan = make_plan(config)
     entry = plan.steps["train"].entry
     (store.work_folder(entry) / "checkpoints").mkdir(parents=True)
@@ -125,7 +125,7 @@ def test_a_result_that_is_being_written_by_another_process_stays(config, store):
     assert names(collect_garbage(store)) == {"unfinished train"} and not store.work_folder(entry).exists()
 
 
-def test_scraps_of_killed_runs_and_repairs_go(config, store):
+def test_leftovers_of_killed_runs_and_repairs_are_removed(config, store):
     plan = make_plan(config)
     fill(store, plan)
     keep_results(store, plan, "{}")
@@ -140,7 +140,7 @@ def test_scraps_of_killed_runs_and_repairs_go(config, store):
 
 
 @pytest.mark.parametrize("torn", ["", "{", "[]", "3", '{"results": 3}', '{"results": [3]}', "[" * 100_000, "9" * 5000])
-def test_a_damaged_note_of_what_is_kept_lets_nothing_go(config, store, torn):
+def test_a_damaged_note_of_kept_results_blocks_collection(config, store, torn):
     plan = make_plan(config)
     fill(store, plan)
     keep_results(store, plan, "{}")
@@ -153,7 +153,7 @@ def test_a_damaged_note_of_what_is_kept_lets_nothing_go(config, store, torn):
 
 
 @pytest.mark.parametrize("torn", ["", "[]", '{"results": 3}', "[" * 100_000])
-def test_a_damaged_note_of_a_pipeline_counts_as_long_as_it_lives(config, store, torn):
+def test_a_damaged_note_of_a_live_pipeline_blocks_collection(config, store, torn):
     plan = make_plan(config)
     fill(store, plan)
     registration = Registration(store, plan, "{}")
@@ -164,7 +164,7 @@ def test_a_damaged_note_of_a_pipeline_counts_as_long_as_it_lives(config, store, 
     assert len(collect_garbage(store, drop=["quick"])) == len(plan.steps)
 
 
-def test_nothing_goes_while_a_link_leads_to_a_result_that_tells_nothing(config, store):
+def test_a_link_to_a_damaged_result_blocks_collection(config, store):
     plan = make_plan(config)
     fill(store, plan)
     link(store, plan)
