@@ -89,6 +89,6 @@ def test_the_range_is_encoded_between_0_and_1(name: str) -> None:
 
 
 @pytest.mark.parametrize("number", [math.nan, math.inf, -0.001, 1.001])
-def test_what_is_outside_is_told_with_its_range(number: float) -> None:
+def test_values_out_of_range_are_refused_with_the_range(number: float) -> None:
     with pytest.raises(SettingError, match=r"--metallic: metallic is .*expected 0 to 1"):
         load("metallic").check((number,))

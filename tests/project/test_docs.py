@@ -25,7 +25,8 @@ other."""
 CODE_FOLDERS = ("benchmarks", "configs", "docs", "examples", "pipeline", "plugins", "scripts", "shims", "storage",
                 "tests", "workflows", "z2p_core", "z2p_renderer")  # fmt: skip
 EXAMPLE_FILES = {"mine_zbuffer.py", "mine_reader.py", "test_mine.py", "mine.toml", "z2p_core/native/TOPIC.py"}
-"""Files that a page names for the reader to make."""
+EXAMPLE_FOLDERS = {"z2p_core/native/c/TOPIC/"}
+"""Files and folders that a page names for the reader to make."""
 RUN = re.compile(r"(cat \S+ \| )?z2p (render|run-inference|animate|rerender|info|formats|plugins|report|completion) ")
 """Commands that are run; those of whole pipelines have tests of their own, and only their options are checked here."""
 
@@ -56,11 +57,11 @@ def parameters(command: str) -> list[Parameter]:
 
     assert isinstance(main, Group)
     name = command.split()[1]
-    found = main.get_command(Context(main), name)
-    if isinstance(found, ForwardedCommand):
-        found = workspace_commands.get_command(Context(workspace_commands), name)
-    assert found is not None, command
-    return found.get_params(Context(found))
+    command_object = main.get_command(Context(main), name)
+    if isinstance(command_object, ForwardedCommand):
+        command_object = workspace_commands.get_command(Context(workspace_commands), name)
+    assert command_object is not None, command
+    return command_object.get_params(Context(command_object))
 
 
 def stem(page: Path) -> str:
@@ -89,7 +90,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_there_are_pages_with_commands() -> None:
+def test_pages_contain_commands() -> None:
     assert {"index.md", "your-scans.md", "figures.md", "python.md", "training.md", "limits.md"} <= {
         page.name for page in PAGES
     }
@@ -109,7 +110,7 @@ def test_the_commands_of_a_page_run(page: Path, desk: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=stem)
-def test_every_option_named_is_one(page: Path) -> None:
+def test_documented_options_exist(page: Path) -> None:
     for command in [*commands(page), *inline_commands(page)]:
         words = re.sub(r"^cat \S+ \| ", "", command).split()
         known = {option for parameter in parameters(" ".join(words)) for option in parameter.opts}
@@ -117,7 +118,7 @@ def test_every_option_named_is_one(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=stem)
-def test_no_command_lacks_an_option_that_it_needs(page: Path) -> None:
+def test_documented_commands_have_all_required_options(page: Path) -> None:
     for command in [*commands(page), *inline_commands(page)]:
         words = re.sub(r"^cat \S+ \| ", "", command).split()
         needed = [one for one in parameters(" ".join(words)) if isinstance(one, Option) and one.required]
@@ -125,7 +126,7 @@ def test_no_command_lacks_an_option_that_it_needs(page: Path) -> None:
         assert not missing, f"{command}: lacks {', '.join(missing)}"
 
 
-def test_amid_the_text_commands_are_found() -> None:
+def test_inline_commands_are_recognized() -> None:
     assert any(command.startswith("z2p evaluate ") for command in inline_commands(ROOT / "README.md"))
     assert any("--points 2048" in command for command in inline_commands(ROOT / "docs" / "ablations.md"))
 
@@ -162,7 +163,7 @@ assert len(read_clouds(Path("scan.f32"))[0].points) == 4
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_the_sweeps_that_are_named_are_all() -> None:
+def test_documented_sweeps_are_complete() -> None:
     from z2p_core.config.report import SWEEP_NAMES
 
     texts = [(ROOT / name).read_text() for name in ("configs/report.toml", "docs/paper-report.md")]
@@ -196,10 +197,20 @@ def test_the_python_page_runs(desk: Path) -> None:
 @pytest.mark.parametrize("page", [*PAGES, ROOT / "ARCHITECTURE.md"], ids=stem)
 def test_every_file_that_a_page_names_exists(page: Path) -> None:
     """A page may leave out leading folders; what it names is the end of the path of some file."""
-    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
-    code = " ".join(re.findall(r"`([^`]+)`", text))
-    named = set(re.findall(r"(?<![\w./])([\w./-]*\w\.(?:py|c|h|md|toml))\b", code)) - EXAMPLE_FILES
+    named = set(re.findall(r"(?<![\w./])([\w./-]*\w\.(?:py|c|h|md|toml))\b", inline_code(page))) - EXAMPLE_FILES
     assert [name for name in sorted(named) if not any(path.endswith(f"/{name}") for path in project_files())] == []
+
+
+@pytest.mark.parametrize("page", [*PAGES, ROOT / "ARCHITECTURE.md"], ids=stem)
+def test_every_folder_that_a_page_names_exists(page: Path) -> None:
+    named = re.findall(rf"(?<![\w./-])((?:{'|'.join(CODE_FOLDERS)})/[\w/-]*)(?![\w./*{{<-])", inline_code(page))
+    assert [name for name in sorted({*named} - EXAMPLE_FOLDERS) if not (ROOT / name).is_dir()] == []
+
+
+def inline_code(page: Path) -> str:
+    """The words of a page in single backticks."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.MULTILINE | re.DOTALL)
+    return " ".join(re.findall(r"`([^`]+)`", text))
 
 
 @cache

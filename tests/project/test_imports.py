@@ -1,4 +1,4 @@
-"""The house's rules that no reader should have to remember: which room imports which."""
+"""Rules of imports: which layers may import which, and where alone some libraries may be imported."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROOMS = {
+LAYERS = {
     "z2p_core": set(),
     "storage": {"z2p_core"},
     "pipeline": {"storage", "z2p_core"},
     "workflows": {"pipeline", "storage", "z2p_core"},
     "plugins": {"z2p_core"},
 }
-"""Room -> the other rooms that it may import."""
-FOLDERS = set(ROOMS) - {"z2p_core"}
-"""Rooms that are packages of `z2p_renderer`."""
+"""Layer -> the other layers that it may import."""
+FOLDERS = set(LAYERS) - {"z2p_core"}
+"""Layers that are packages of `z2p_renderer`."""
 ONLY_IN = {
     "bpy": "pipeline/blender.py",
     "mathutils": "pipeline/blender.py",
@@ -31,13 +31,13 @@ NOT_IN_CORE = {"h5py", "luigi", "bpy", "open3d"}
 FILE_CALLS = {"open", "read_text", "write_text", "read_bytes", "write_bytes", "mkdir", "unlink", "touch", "rename"}
 FILE_CALLS |= {"savez", "savez_compressed", "savetxt", "loadtxt", "genfromtxt", "fromfile", "tofile", "load_file"}
 BUILDING = {Path("z2p_core/native", name) for name in ("build.py", "source_digest.py", "wheels.py")}
-"""What compiles the kernels, tells the C files that they come from, which lie beside it, and names wheels."""
+"""Modules that run while z2p is installed; setuptools is imported only there, and they read the C files."""
 MAX_FOLDER_MODULES = 15
 """Modules in one source folder, without `__init__.py`."""
 
 
-def sources(*rooms: str) -> list[Path]:
-    return sorted(path.relative_to(ROOT) for room in rooms for path in (ROOT / room).rglob("*.py"))
+def sources(*layers: str) -> list[Path]:
+    return sorted(path.relative_to(ROOT) for layer in layers for path in (ROOT / layer).rglob("*.py"))
 
 
 def imports(path: Path) -> Iterator[tuple[str, int]]:
@@ -51,34 +51,34 @@ def imports(path: Path) -> Iterator[tuple[str, int]]:
             yield from ((str(name.value), node.lineno) for name in node.args if isinstance(name, ast.Constant))
 
 
-ALL = sources(*ROOMS)
+ALL = sources(*LAYERS)
 
 
-def test_there_is_something_to_check() -> None:
-    assert {path.parts[0] for path in ALL} == set(ROOMS)
+def test_the_checked_modules_are_found() -> None:
+    assert {path.parts[0] for path in ALL} == set(LAYERS)
     assert "numpy" in [module for module, _ in imports(Path("z2p_core/placement/bounding_sphere.py"))]
     assert "bpy" in [module for module, _ in imports(Path("pipeline/blender.py"))]
 
 
 @pytest.mark.parametrize("path", ALL, ids=str)
 def test_imports_follow_the_arrows(path: Path) -> None:
-    room = path.parts[0]
+    layer = path.parts[0]
     for module, line in imports(path):
         assert not module.startswith("."), f"{path}:{line}: relative import; write the whole name"
         target = module.removeprefix("z2p_renderer.").split(".")[0]
         assert target not in FOLDERS or module.startswith("z2p_renderer."), (
             f"{path}:{line}: {module} is installed as z2p_renderer.{module}")
-        if target in ROOMS and target != room:
-            allowed = ", ".join(sorted(ROOMS[room])) or "no other room"
-            assert target in ROOMS[room], f"{path}:{line} imports {module}; {room} may import {allowed}"
+        if target in LAYERS and target != layer:
+            allowed = ", ".join(sorted(LAYERS[layer])) or "no other layer"
+            assert target in LAYERS[layer], f"{path}:{line} imports {module}; {layer} may import {allowed}"
         home = ONLY_IN.get(target)
         assert home is None or str(path).startswith(home), f"{path}:{line} imports {target}, which belongs in {home}"
 
 
 @pytest.mark.parametrize("path", sources("pipeline", "storage", "workflows", "z2p_core"), ids=str)
 def test_nobody_imports_plugins(path: Path) -> None:
-    found = [line for module, line in imports(path) if module.startswith("z2p_renderer.plugins")]
-    assert not found, f"{path}:{found[0]} imports plugins; use z2p_core.registry.load"
+    lines = [line for module, line in imports(path) if module.startswith("z2p_renderer.plugins")]
+    assert not lines, f"{path}:{lines[0]} imports plugins; use z2p_core.registry.load"
 
 
 @pytest.mark.parametrize("path", sorted({*sources("z2p_core")} - BUILDING), ids=str)

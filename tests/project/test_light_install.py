@@ -71,8 +71,8 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable
     @cache
     def install(series: str) -> Path:
         find = ["sh", ROOT / "scripts" / "python.sh", f"python{series}"]
-        found = subprocess.run(find, capture_output=True, text=True, check=True).stdout.strip()
-        python = sys.executable if series == THIS else found
+        path = subprocess.run(find, capture_output=True, text=True, check=True).stdout.strip()
+        python = sys.executable if series == THIS else path
         if not python:
             pytest.skip(f"there is no Python {series} on this machine")
         environment = tmp_path_factory.mktemp("venv")
@@ -153,6 +153,6 @@ def test_weights_of_ones_own_need_torch_or_an_export(
     z2p += [ROOT / "samples", "-o", tmp_path / "out"]
     assert run(*z2p, cwd=tmp_path).returncode == 0
     weights.with_suffix(".onnx").unlink()
-    told = run(*z2p, cwd=tmp_path)
-    assert told.returncode == 2 and 'pip install -c constraints.txt ".[torch]"' in told.stderr
-    assert "z2p_renderer.pipeline.export" in told.stderr
+    completed = run(*z2p, cwd=tmp_path)
+    assert completed.returncode == 2 and 'pip install -c constraints.txt ".[torch]"' in completed.stderr
+    assert "z2p_renderer.pipeline.export" in completed.stderr

@@ -15,7 +15,7 @@ import measure_growth as growth
 BASE = parse_config((growth.ROOT / "configs" / "growth.toml").read_text())
 
 
-def test_each_axis_changes_one_thing_in_its_proportion() -> None:
+def test_each_sweep_changes_one_quantity_in_proportion() -> None:
     assert growth.varied(BASE, "samples", 2).train.steps == 2 * BASE.train.steps
     learnt = 1 - growth.varied(BASE, "renders", 0.25).train.validation_share
     assert learnt == pytest.approx(0.25 * (1 - BASE.train.validation_share))

@@ -100,7 +100,7 @@ def test_repeated_sides_share_their_epochs(shards):
     assert [len(data.batch(step).settings) for step in (0, 1, 2)] == [5, 5, 1]
 
 
-def test_validation_is_always_the_same(shards):
+def test_validation_data_are_fixed(shards):
     assert_equal(pictures(shards).validation_batch([0, 2]), pictures(shards).validation_batch([0, 2]))
     np.testing.assert_array_equal(
         pictures(shards).validation_batch([2]).buffers[0], pictures(shards).validation_batch([0, 2]).buffers[1]

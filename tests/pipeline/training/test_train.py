@@ -143,7 +143,7 @@ def test_the_weights_load_and_draw_what_the_card_says(undisturbed):
     ids=["fast", "paper"],
 )
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
-def test_thirty_steps_learn(shards, tmp_path, network, loss, precision):
+def test_thirty_steps_lower_the_loss(shards, tmp_path, network, loss, precision):
     config = replace(
         CONFIG, network=network, loss=loss, steps=30, batch=4, learning_rate=3e-3, warmup=3, average=0.8,
         validate_every=30, checkpoint_every=30,

@@ -143,7 +143,7 @@ def test_random_gaps_are_closed_and_large_holes_stay_open():
     away = np.hypot(sheet[:, 0], sheet[:, 2])
     closed = Surfels().draw(sheet.astype(np.float32), CAMERA, SCENE)[COVERAGE]
     torn = Surfels().draw(sheet[away > 4.5 * spacing].astype(np.float32), CAMERA, SCENE)[COVERAGE]
-    (column, row), _ = (found[0] for found in CAMERA.project(np.zeros((1, 3))))
+    (column, row), _ = (projected[0] for projected in CAMERA.project(np.zeros((1, 3))))
     rows, columns = np.mgrid[:96, :96] + 0.5
     reach = np.hypot(columns - column, rows - row) * DISTANCE / CAMERA.focal  # in world units, nearly
     assert (closed[(reach < 0.5)] > 0.5).mean() > 0.997
@@ -157,7 +157,7 @@ def test_a_small_hole_is_closed_and_looks_like_its_rim():
     sheet = np.column_stack([rng.uniform(-0.6, 0.6, 3000), np.zeros(3000), rng.uniform(-0.6, 0.6, 3000)])
     sheet = sheet[np.hypot(sheet[:, 0], sheet[:, 2]) > 2.5 * spacing]
     picture = Surfels().draw(sheet.astype(np.float32), CAMERA, SCENE)
-    (column, row), _ = (found[0] for found in CAMERA.project(np.zeros((1, 3))))
+    (column, row), _ = (projected[0] for projected in CAMERA.project(np.zeros((1, 3))))
     rows, columns = np.mgrid[:96, :96] + 0.5
     reach = np.hypot(columns - column, rows - row) * DISTANCE / CAMERA.focal
     hole, around = reach < 2 * spacing, (reach > 3 * spacing) & (reach < 8 * spacing)
@@ -244,7 +244,7 @@ def test_large_images_have_finer_steps_in_penumbrae(monkeypatch):
     assert steps[0] < 0.8 * steps[1]
 
 
-def test_elsewhere_is_the_faint_cast_shadow():
+def test_outside_the_crop_the_faint_cast_shadow_is_shown():
     features = Surfels().draw(sphere_of(4000), CAMERA, SCENE)
     outside = Surfels().elsewhere(features, 4000)
     assert outside is not None

@@ -33,10 +33,9 @@ def test_a_mirrored_camera_sees_a_sheet_smaller_on_the_floor():
 
 
 def mean_around(grid: np.ndarray, cells: int) -> np.ndarray:
-    """The mean over so many cells to every side; beyond the border there is none."""
-    padded, wide = np.pad(grid, cells), 2 * cells + 1
-    side = len(grid)
-    return sum(padded[i : i + side, j : j + side] for i in range(wide) for j in range(wide)) / wide**2
+    """The mean over this many cells to every side; cells beyond the border count as 0."""
+    padded, window, side = np.pad(grid, cells), 2 * cells + 1, len(grid)
+    return sum(padded[i : i + side, j : j + side] for i in range(window) for j in range(window)) / window**2
 
 
 def square_light(middle: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -54,17 +53,17 @@ def test_light_samples_count_by_the_light_that_they_give():
     sheet = square_of(40_000, 0.5, 0.3)
     occlusion = native.floor_occlusion(sheet, samples, floor, half, side, blur_cells=2, area_light=square)
     x, y = np.meshgrid(*[(np.arange(side) + 0.5) / side * 2 * half - half] * 2)
-    full, lost = np.zeros((side, side)), np.zeros((side, side))
+    full, hidden = np.zeros((side, side)), np.zeros((side, side))
     for number, sample in enumerate(samples):
-        away = sample - np.stack([x, y, np.full_like(x, floor)], -1)
-        given = np.abs(away @ axis) * away[..., 2] / (away**2).sum(-1) ** 2
-        alone = np.where(np.arange(64)[:, None] == number, samples, np.float32([0, 0, -0.6]))  # others are below
-        full += given
-        lost += given * 64 * native.floor_occlusion(sheet, alone, floor, half, side)
-    expected, even = lost / full, native.floor_occlusion(sheet, samples, floor, half, side)
+        to_sample = sample - np.stack([x, y, np.full_like(x, floor)], -1)
+        irradiance = np.abs(to_sample @ axis) * to_sample[..., 2] / (to_sample**2).sum(-1) ** 2
+        one_sample = np.where(np.arange(64)[:, None] == number, samples, np.float32([0, 0, -0.6]))  # others are below
+        full += irradiance
+        hidden += irradiance * 64 * native.floor_occlusion(sheet, one_sample, floor, half, side)
+    expected, unweighted = hidden / full, native.floor_occlusion(sheet, samples, floor, half, side)
     # compared after a blur, as the kernel smooths the steps from sample to sample
-    off = [np.abs(mean_around(result - expected, 4)).mean() for result in (occlusion, even)]
-    assert off[0] < 0.25 * off[1]
+    errors = [np.abs(mean_around(result - expected, 4)).mean() for result in (occlusion, unweighted)]
+    assert errors[0] < 0.25 * errors[1]
 
 
 def test_a_penumbra_has_no_steps():
@@ -114,11 +113,13 @@ def test_points_above_the_light_or_far_off_cast_no_shadow():
 def test_eroded_samples_are_spread_evenly_over_the_light(share: float):
     """The width of each sample's own shadow shows whether it is eroded; each quarter of the light has as many."""
     side, sheet = 60, square_of(4_000, 0.5, 0.0)
-    dark, wide = np.float32([0, 0, -0.3]), []
+    below, widths = np.float32([0, 0, -0.3]), []
     for number in range(64):
-        samples = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), dark)
-        wide.append(native.floor_occlusion(sheet, samples, -0.5, 2.0, side, share).sum())
-    is_eroded = (np.float32(wide) < max(wide) - 1e-3).reshape(8, 8) if 0 < share < 1 else np.full((8, 8), share == 1)
+        samples = np.where(np.arange(64)[:, None] == number, np.float32([0, 0, 4000.0]), below)
+        widths.append(native.floor_occlusion(sheet, samples, -0.5, 2.0, side, share).sum())
+    is_eroded = np.full((8, 8), share == 1)
+    if 0 < share < 1:
+        is_eroded = (np.float32(widths) < max(widths) - 1e-3).reshape(8, 8)
     assert is_eroded.sum() == round(64 * share)
     for quarter in (is_eroded[:4, :4], is_eroded[:4, 4:], is_eroded[4:, :4], is_eroded[4:, 4:]):
         assert abs(quarter.mean() - share) <= 1 / 16

@@ -86,9 +86,10 @@ def test_mirror_image_has_the_normalized_fresnel_weights() -> None:
         across = np.cross(center, UP) / np.linalg.norm(np.cross(center, UP))
         normal = math.cos(turn) * center + math.sin(turn) * across
         view_dir = 2 * (normal @ center) * normal - center  # mirrors the light's center
-        found = native.sharp_light_reflection(np.zeros((1, 3)), normal[None], view_dir[None], light, 1.0, 1e-4, IOR)[0]
+        surface = (np.zeros((1, 3)), normal[None], view_dir[None])
+        reflected = native.sharp_light_reflection(*surface, light, 1.0, 1e-4, IOR)[0]
         fresnel, f0 = fresnel_dielectric(np.array(math.cos(turn)), IOR), ((IOR - 1) / (IOR + 1)) ** 2
-        assert found == pytest.approx([1, schlick(math.cos(turn)), (fresnel - f0) / (1 - f0)], abs=2e-3)
+        assert reflected == pytest.approx([1, schlick(math.cos(turn)), (fresnel - f0) / (1 - f0)], abs=2e-3)
 
 
 @pytest.mark.parametrize("n_dot_v", [0.015, -0.2])

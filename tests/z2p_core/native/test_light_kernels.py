@@ -68,8 +68,8 @@ def floor_under(light_at=(0, 0, 3), power=10.0, sky=1.0, height=-0.8, half=2.0):
 
 def light_on(floor, place):
     """Radiance of a white floor under the light at a place (2,)."""
-    away = floor.light_positions[0] - [*place, floor.height]
-    return floor.light_power * (away[2] / np.linalg.norm(away)) ** 2 / (away @ away) / math.pi
+    to_light = floor.light_positions[0] - [*place, floor.height]
+    return floor.light_power * (to_light[2] / np.linalg.norm(to_light)) ** 2 / (to_light @ to_light) / math.pi
 
 
 DARK, NOTHING = np.zeros((16, 16), np.float32), np.zeros((16, 16), np.float32)
@@ -99,8 +99,8 @@ def test_the_floors_shadow_is_drawn_where_it_projects():
     alpha = np.full((64, 96), np.nan, np.float32)
     native.floor_shadow(occlusion, np.zeros_like(occlusion), NOTHING, DARK, floor, camera, alpha)
     (x, y), _ = (part[0] for part in camera.project(np.array([[*place, floor.height]])))
-    found = np.average(np.argwhere(alpha > 0) + 0.5, axis=0, weights=alpha[alpha > 0])
-    assert found[::-1] == pytest.approx([x, y], abs=0.5)
+    center = np.average(np.argwhere(alpha > 0) + 0.5, axis=0, weights=alpha[alpha > 0])
+    assert center[::-1] == pytest.approx([x, y], abs=0.5)
     light = light_on(floor, place)
     to_camera = camera.position - [*place, floor.height]
     specular = specular_albedo(to_camera[2] / np.linalg.norm(to_camera))[0]

@@ -27,13 +27,13 @@ def c_text() -> str:
 
 def parameters_of(prototype: str) -> dict[str, str]:
     """Types of a C function's parameters by their names."""
-    found = {}
+    types = {}
     for parameter in prototype.split(","):
         words = re.fullmatch(r"\s*(const )?([\w ]+?)\s*(\**)\s*(?:restrict )?(\w+)\s*", parameter)
         assert words, parameter
         const, kind, stars, name = words.groups()
-        found[name] = f"{const or ''}{ALIASES.get(kind, kind)}{stars}"
-    return found
+        types[name] = f"{const or ''}{ALIASES.get(kind, kind)}{stars}"
+    return types
 
 
 def exported() -> dict[str, dict[str, str]]:
