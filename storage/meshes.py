@@ -81,8 +81,9 @@ def is_smooth_surface(vertices: np.ndarray, faces: np.ndarray) -> bool:
     """Whether triangles faces (M, 3) int of vertices (V, 3) float64 stand for a curved surface.
 
     They do unless the typical angle between neighbouring faces (median over shared edges, weighted by their length) is
-    `MIN_FACET_ANGLE_DEGREES` or more and there are fewer than `MAX_FACETED_FACES`: a dense scan with large angles is noisy,
-    not faceted. A curved surface cut into that few triangles shows its facets however it is shaded. Flat sides with
+    `MIN_FACET_ANGLE_DEGREES` or more and there are fewer than `MAX_FACETED_FACES`: a dense scan with large angles is
+    noisy, not faceted. A curved surface cut into that few triangles shows its facets however it is shaded. Flat sides
+    with
     sharp edges between them (most CAD) count as smooth: their triangles meet at 0 degrees, and the renderer parts the
     normals at sharp edges anyway.
     """

@@ -32,7 +32,8 @@ ATTRIBUTES = JsonObject({
 })  # fmt: skip
 """What a shard's attributes may be; more may be there."""
 SCENE = JsonObject(
-    {"elevation": _NUMBER, "light": ListOf(_NUMBER, 3, 3), "rotation": ListOf(ListOf(_NUMBER, 3, 3), 3, 3), "lift": _NUMBER,
+    {"elevation": _NUMBER, "lift": _NUMBER, "light": ListOf(_NUMBER, 3, 3),
+     "rotation": ListOf(ListOf(_NUMBER, 3, 3), 3, 3),
      "material": MappingOf(AnyOf((_NUMBER, ListOf(_NUMBER, 1, 4))))},
     {"floor": OrNone(_NUMBER)},
 )  # fmt: skip

@@ -36,6 +36,6 @@ from z2p_core.contracts.readers import check_reader
 from z2p_core.contracts.samplers import check_sampler
 
 __all__ = [
-    "check_baseline", "check_control", "check_encoder", "check_engine", "check_gbuffer", "check_painter", "check_reader",
-    "check_sampler", "check_zbuffer",
+    "check_baseline", "check_control", "check_encoder", "check_engine", "check_gbuffer", "check_painter",
+    "check_reader", "check_sampler", "check_zbuffer",
 ]  # fmt: skip

@@ -7,9 +7,9 @@ import re
 import numpy as np
 
 from z2p_core.linalg import bounding_box, rotate_points
-from z2p_core.placement.background import is_room
 from z2p_core.placement.depth_camera import MILLIMETRES, implied_sensor
 from z2p_core.placement.outliers import outlier_sample
+from z2p_core.placement.room_detection import is_room
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.surface.subsampling import subsample_uniform
 from z2p_core.up_axis.choose import UpChoice

@@ -101,7 +101,8 @@ def load_weights(path: Path) -> Weights:
     """
     tensors, card, digest = _read(path)
     if type(card.get("format")) is not int or card["format"] != FORMAT:
-        raise WeightsError(f"{path}: expected weights of format {FORMAT}, got {describe_value(card.get('format'))}; update z2p")
+        given = describe_value(card.get("format"))
+        raise WeightsError(f"{path}: expected weights of format {FORMAT}, got {given}; update z2p")
     missing = [key for key in CARD_KEYS if key not in card]
     if missing:
         raise WeightsError(f"{path}: the card lacks {', '.join(missing)}; these are not weights of z2p")
@@ -203,7 +204,8 @@ def _tensor(opened: Any, name: str, path: Path) -> np.ndarray:
     """A tensor of an opened file, which makes sure that it holds all of it."""
     kind = opened.get_slice(name).get_dtype()
     if kind not in TENSOR_DTYPES:
-        raise WeightsError(f"{path}: {name}: expected numbers of {', '.join(TENSOR_DTYPES)}, got {kind}; export it as float32")
+        expected = ", ".join(TENSOR_DTYPES)
+        raise WeightsError(f"{path}: {name}: expected numbers of {expected}, got {kind}; export it as float32")
     array: np.ndarray = opened.get_tensor(name)
     return array
 

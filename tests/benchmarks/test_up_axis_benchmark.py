@@ -1,4 +1,4 @@
-"""Made things have an upright, and the benchmark of up tells of every rule, pose and kind."""
+"""Synthetic objects have an up axis, and the benchmark of up axes prints every rule, pose and kind."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from z2p_renderer.storage.meshes import write_mesh  # noqa: E402
 
 
 @pytest.mark.parametrize("kind", build_standing.KINDS)
-def test_things_stand_on_the_floor_and_are_new_for_each_number(kind: str) -> None:
+def test_objects_stand_on_the_floor_and_differ(kind: str) -> None:
     made = [joined(build_standing.KINDS[kind](np.random.default_rng([3, number])))[0] for number in (0, 1)]
     again = joined(build_standing.KINDS[kind](np.random.default_rng([3, 0])))[0]
     assert (np.array_equal(made[0], again) and made[0].shape != made[1].shape) or not np.array_equal(*made)
@@ -53,8 +53,8 @@ def test_the_table_names_every_rule_and_pose(monkeypatch: pytest.MonkeyPatch, ca
     monkeypatch.setattr(upright_clouds, "KINDS", {kind: build_standing.KINDS[kind] for kind in kinds})
     monkeypatch.setattr(sys, "argv", ["up_axis.py", "--each", "2", "--kinds"])
     up_axis.main()
-    told = capsys.readouterr().out
-    assert "synthetic objects: 6 clouds, each in 4 poses" in told
-    assert all(word in told for word in (*up_axis.RULES, *(f"{axis} up" for axis in up_axis.TURNED), *kinds))
-    shape = next(line for line in told.splitlines() if "by shape" in line).split()
+    output = capsys.readouterr().out
+    assert "synthetic objects: 6 clouds, each in 4 poses" in output
+    assert all(word in output for word in (*up_axis.RULES, *(f"{axis} up" for axis in up_axis.UP_AXES), *kinds))
+    shape = next(line for line in output.splitlines() if "by shape" in line).split()
     assert float(shape[2].rstrip("%")) > 60

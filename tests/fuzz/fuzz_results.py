@@ -23,7 +23,7 @@ from z2p_renderer.storage.results.work_note import NOTE
 from z2p_renderer.storage.shards import Record, Shard, ShardError, write_shard
 from z2p_renderer.workflows import commands
 from z2p_renderer.workflows.plan import MeshInput, Plan, assemble_plan
-from z2p_renderer.workflows.status import statuses_to_json, step_statuses, format_table
+from z2p_renderer.workflows.status import format_table, statuses_to_json, step_statuses
 from z2p_renderer.workflows.upkeep.garbage_collection import find_garbage
 from z2p_renderer.workflows.upkeep.runs_in_use import keep_results
 
@@ -66,7 +66,8 @@ def check(folder: Path) -> str:
     json.loads(statuses_to_json(found))
     with suppress(StoreError):  # a note of what is in use that is damaged
         find_garbage(store, ())
-    find_candidates(store, [step.entry for step in plan.steps.values()], [step.entry.stage for step in plan.steps.values()])
+    entries = [step.entry for step in plan.steps.values()]
+    find_candidates(store, entries, [entry.stage for entry in entries])
     if edited.name == MANIFEST:
         place = edited.parent
         (state,) = (one.state for one in found if one.fingerprint.startswith(place.name))

@@ -7,7 +7,7 @@ import sys
 import numpy as np
 import pytest
 
-from z2p_core.linalg import dot_axis, bounding_box, rotate_points
+from z2p_core.linalg import bounding_box, dot_axis, rotate_points
 
 
 @pytest.mark.parametrize("kind, close", [(np.float32, 1e-6), (np.float64, 1e-14)])

@@ -157,7 +157,8 @@ def test_a_trimmed_picture_has_its_margin_even_beyond_the_frame() -> None:
 
 
 def test_what_trains_and_measures_draws_as_before(tiny_weights: Path, cloud: np.ndarray) -> None:
-    renderer, look = Renderer(tiny_weights), Look(width=64, height=64, placement_options=PlacementOptions("+Z", "front"))
+    renderer = Renderer(tiny_weights)
+    look = Look(width=64, height=64, placement_options=PlacementOptions("+Z", "front"))
     drawing = render_scan(renderer, usable(cloud), "", look)
     raw = renderer.render(drawing.viewpoint.place(cloud), look.values, 64, 64)
     assert not np.array_equal(raw, drawing.picture), "the network's own picture is not faded"

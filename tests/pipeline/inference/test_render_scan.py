@@ -57,7 +57,8 @@ def test_the_record_draws_the_same_picture_again(renderer: Renderer, cloud: np.n
     assert made_by["controls"]["color"] == [0.5, 0.1, 0.2] and made_by["controls"]["elevation"] == [20.0]
     assert made_by["weights"] == renderer.weights and len(made_by["weights"]["sha256"]) == 64
     assert (made_by["resolution"], made_by["input"]) == ([48, 40], {"name": "a.ply"})
-    again = render_scan(renderer, usable(cloud), ".ply", replace(look, placement_options=PlacementOptions(viewpoint=drawing.viewpoint)))
+    same_camera = replace(look, placement_options=PlacementOptions(viewpoint=drawing.viewpoint))
+    again = render_scan(renderer, usable(cloud), ".ply", same_camera)
     assert np.array_equal(again.picture, drawing.picture)
 
 

@@ -52,7 +52,8 @@ def test_ply_vertices_after_another_element_and_with_colours(tmp_path: Path) -> 
 def test_reading_ply_does_not_import_trimesh(tmp_path: Path) -> None:
     path = tmp_path / "scan.ply"
     path.write_bytes(ply(cloud(5), "ascii", "float"))
-    code = f"import sys; from z2p_renderer.storage.scans.clouds import Path, read_clouds; read_clouds(Path({str(path)!r}))"
+    code = "import sys; from z2p_renderer.storage.scans.clouds import Path, read_clouds"
+    code += f"; read_clouds(Path({str(path)!r}))"
     code += "; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "z2p_renderer.plugins.readers.ply" in done.stdout.split() and "trimesh" not in done.stdout.split()

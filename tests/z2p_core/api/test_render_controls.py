@@ -1,4 +1,4 @@
-"""Keywords of `z2p_core.render` come from the installed controls: those of other packages work as the built-in ones do."""
+"""Keywords of `z2p_core.render` come from the installed controls, those of other packages included."""
 
 from __future__ import annotations
 

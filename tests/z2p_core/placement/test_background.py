@@ -7,7 +7,9 @@ import pytest
 
 from z2p_core.camera import turn
 from z2p_core.interfaces import Sensor
-from z2p_core.placement.background import foreground_mask, is_room, support_plane_normal
+from z2p_core.placement.background import foreground_mask
+from z2p_core.placement.room_detection import is_room
+from z2p_core.placement.support_plane import support_plane_normal
 from z2p_core.rotations import align_to_vertical, random_rotation
 from z2p_core.up_axis.axis_names import UP_ROTATIONS
 from z2p_core.up_axis.choose import choose_up

@@ -7,7 +7,7 @@ import pytest
 from made_clouds import box, chair, lamppost, moved, sphere
 
 from z2p_core.placement.bounding_sphere import bounding_sphere
-from z2p_core.placement.outliers import above_low_outliers_mask, visible_cluster_mask, inlier_mask
+from z2p_core.placement.outliers import above_low_outliers_mask, inlier_mask, visible_cluster_mask
 
 CLEAN = {
     "sphere": sphere(5000), "sparse sphere": sphere(500), "few": sphere(40), "chair": chair(1500),

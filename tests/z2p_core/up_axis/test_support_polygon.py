@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from z2p_core.up_axis.support_polygon import polygon_area, convex_hull, distance_inside
+from z2p_core.up_axis.support_polygon import convex_hull, distance_inside, polygon_area
 
 RNG = np.random.default_rng(0)
 
