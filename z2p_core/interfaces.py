@@ -34,9 +34,9 @@ from __future__ import annotations
 import importlib.util
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -187,6 +187,16 @@ class ZBuffer(ABC):
         out[...] = self.draw(cloud, camera)
 
 
+@dataclass(frozen=True)
+class PointColors:
+    """Colors of a surface at K points on it, which need not be the points that the surface is made of."""
+
+    points: np.ndarray
+    """(K, 3) float32, world units."""
+    albedo: np.ndarray
+    """(K, 3) float32, linear base color in [0, 1]."""
+
+
 class GBuffer(ABC):
     """Renders features of the lit scene from the bare cloud, which the network reads after the z-buffer's channels.
 
@@ -198,6 +208,8 @@ class GBuffer(ABC):
     version: ClassVar[str]
     channels: ClassVar[int]
     """How many channels `draw` gives; 0 for none."""
+    draws_textures: ClassVar[bool] = False
+    """Whether `draw_textured_into` is implemented."""
     refines: ClassVar[str] = ""
     """Name of a G-buffer whose channels have the same meaning: its weights can be trained further with this one."""
 
@@ -213,6 +225,27 @@ class GBuffer(ABC):
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
         """Write the same features into `out`, whatever it holds. z2p calls this; override it to save a copy."""
         out[...] = self.draw(cloud, camera, scene)
+
+    def draw_textured_into(
+        self, out: np.ndarray, cloud: np.ndarray, colors: PointColors, camera: Camera, scene: SceneDescription
+    ) -> np.ndarray:
+        """Write `draw_into`'s features, and return the radiance of the cloud in its own colors relative to them.
+
+        Called instead of `draw_into` for a cloud whose points have colors, if the class `draws_textures`.
+
+        Args:
+            out: (channels, H, W) float32; it receives the features of the cloud in the scene's base color.
+            cloud: (N, 3) float32.
+            colors: the surface's own colors.
+            camera: as for `draw`.
+            scene: as for `draw`.
+
+        Returns:
+            (4, H, W) float32: linear radiance of the surface in its own colors over that in the scene's base color (red,
+            green, blue), and its coverage in [0, 1]. z2p multiplies the finished picture by that ratio, so that the
+            network renders light and does not filter texture.
+        """
+        raise NotImplementedError(f"the G-buffer {self.name!r} draws no textures")
 
     def reconcile(self, picture: np.ndarray, features: np.ndarray, points: int) -> None:  # noqa: B027 - most need none
         """Blend the network's output towards the rough rendering, in place. Called once a picture, after the network.
@@ -428,6 +461,8 @@ class RawCloud:
     """The direction (3,) that points up, if it is none of the file's axes; `up` is then the nearest axis."""
     seen_from: np.ndarray | None = None
     """A place (3,) from which the object was looked at, where the file, or one beside it, has camera poses."""
+    fields: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """What else is known of each point, by name. ``rgb`` (N, 3): its sRGB color in [0, 1], NaN where unknown."""
 
 
 MEMORY_A_POINT = 170

@@ -18,6 +18,7 @@ import numpy as np
 
 from z2p_core.api.backend import RenderedImage, RenderRequest
 from z2p_core.api.picture import opaque_over
+from z2p_core.api.point_colors import mean_color, name_colors
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
@@ -50,7 +51,8 @@ class RenderBackend:
             SettingError: a setting is invalid.
         """
         labels = [f"[{index}]" if len(clouds) > 1 else "" for index in range(len(clouds))]
-        scans = [usable(cloud, label) for cloud, label in zip(clouds, labels, strict=True)]
+        colors = request.point_colors or [None] * len(clouds)
+        scans = [usable(*one) for one in zip(clouds, labels, colors, strict=True)]
         sources = [{"name": None, "sha256": hashlib.sha256(cloud.tobytes()).hexdigest(), "cloud": index}
                    for index, cloud in enumerate(clouds)]  # fmt: skip
         return _render_all(scans, sources, "", request)
@@ -107,13 +109,18 @@ def _render_all(
     """An image of each scan; `sources` describe them for their records, `suffix` is their file's."""
     images = []
     with _default_device_cpu():
-        renderer = _renderer_for(request)
+        renderer, note = _renderer_for(request), ""
+        if request.point_colors and not renderer.draws_colors:
+            means = tuple(mean_color(colors) for colors in request.point_colors)
+            request = replace(request, colors=means, point_colors=())
+            note = (f"these weights draw no per-point colours: the whole object has their mean, {name_colors(means)}; "
+                    "choose another with color=")  # fmt: skip
         for scan, source, own_request in zip(scans, sources, _request_per_cloud(request, len(scans)), strict=True):
             look = _look_for(renderer, own_request)
             rendered = _render_labeled(renderer, scan, suffix, look)
             array = rendered.picture if look.background is None else opaque_over(rendered.picture, look.background)
             record = build_record(rendered, look, source)
-            images.append(RenderedImage(array, record, tuple(_notes(scan, rendered, look))))
+            images.append(RenderedImage(array, record, (*_notes(scan, rendered, look), *filter(None, [note]))))
     return images
 
 
@@ -133,7 +140,7 @@ def _renderer_for(request: RenderRequest) -> AnyRenderer:
     if str(request.weights) != AUTO:
         return _cached_renderer(request.weights, frozenset(), find_weights(request.weights).stat().st_mtime_ns)
     controls = {name for name, value in request.controls.items() if value is not None}
-    if request.colors:
+    if request.colors or request.point_colors:
         controls.add("color")
     return _cached_renderer(request.weights, frozenset(controls), 0)
 

@@ -5,17 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core.camera import Camera
-from z2p_core.interfaces import GBuffer, ZBuffer
+from z2p_core.interfaces import GBuffer, PointColors, ZBuffer
 from z2p_core.parallel import run_async
 from z2p_core.scene import SceneDescription
 
 
 def draw_buffers(
     cloud: np.ndarray, camera: Camera, scene: SceneDescription, zbuffer: ZBuffer, gbuffer: GBuffer
-) -> np.ndarray:
-    """Picture (channels, height, width) float32 of a cloud (N, 3) float32 that is placed in the scene already."""
-    picture = np.empty((zbuffer.channels + gbuffer.channels, camera.height, camera.width), dtype=np.float32)
-    splats = run_async(zbuffer.draw_into, picture[: zbuffer.channels], cloud, camera)
-    gbuffer.draw_into(picture[zbuffer.channels :], cloud, camera, scene)
+) -> np.ndarray:  # fmt: skip
+    """Buffers (channels, height, width) float32 of a cloud (N, 3) float32 that is placed in the scene already."""
+    return draw_textured_buffers(cloud, None, camera, scene, zbuffer, gbuffer)[0]
+
+
+def draw_textured_buffers(
+    cloud: np.ndarray, colors: PointColors | None, camera: Camera, scene: SceneDescription, zbuffer: ZBuffer,
+    gbuffer: GBuffer,
+) -> tuple[np.ndarray, np.ndarray | None]:  # fmt: skip
+    """The same buffers, and with colors what `GBuffer.draw_textured_into` returns; without, None."""
+    buffers = np.empty((zbuffer.channels + gbuffer.channels, camera.height, camera.width), dtype=np.float32)
+    splats = run_async(zbuffer.draw_into, buffers[: zbuffer.channels], cloud, camera)
+    features, relative = buffers[zbuffer.channels :], None
+    if colors is None:
+        gbuffer.draw_into(features, cloud, camera, scene)
+    else:
+        relative = gbuffer.draw_textured_into(features, cloud, colors, camera, scene)
     splats.result()
-    return picture
+    return buffers, relative

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from z2p_core import __version__
-from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
-from z2p_core.interfaces import Value
+from z2p_core.images import bytes_from_unit, linear_from_srgb, shrink, unit_from_bytes
+from z2p_core.interfaces import PointColors, Value
 from z2p_core.placement.margin import radius_with_margin, with_margin
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.shadow_fade import fade_shadow
@@ -24,6 +24,8 @@ from z2p_renderer.storage.scans.clouds import Scan
 
 RECORD_FORMAT = 1
 """Version of the record's format, raised when the meaning of a key changes."""
+MAX_COLOR_SAMPLES = 200_000
+"""Colors of a cloud that are used: several for each of its surface points."""
 RECORDED_OPTIONS = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
 """Fields of `PlacementOptions` that the record keeps; the camera stands for the others."""
 
@@ -45,6 +47,8 @@ class RenderedScan:
     """Why other weights than the default ones were selected, in words; empty where they were not."""
     has_automatic_weights: bool = False
     """Whether the weights were selected by the cloud, rather than named by the user."""
+    has_point_colors: bool = False
+    """Whether each point has its own color, in place of the control ``color``."""
 
 
 def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
@@ -64,11 +68,25 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     if look.frame_margin is not None:
         cloud = cloud * np.float32(radius_with_margin(look.frame_margin))
 
-    picture = _render_frame(selected, cloud, values, look, viewpoint.floor)
+    colors = _place_colors(scan, viewpoint) if _uses_point_colors(scan, selected, look) else None
+    picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
     if look.tight:
         picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
-                        isinstance(renderer, AutoRenderer))  # fmt: skip
+                        isinstance(renderer, AutoRenderer), colors is not None)  # fmt: skip
+
+
+def _uses_point_colors(scan: Scan, renderer: Renderer, look: Look) -> bool:
+    """Whether the points' own colors are drawn: there are some, the weights can, and the user names no other color."""
+    return scan.colors is not None and renderer.draws_colors and "color" not in look.values
+
+
+def _place_colors(scan: Scan, viewpoint: Viewpoint) -> PointColors:
+    """The colors of a scan before the camera; of very many every k-th one."""
+    assert scan.colors is not None
+    step = -(-len(scan.colors.points) // MAX_COLOR_SAMPLES)
+    points, srgb = scan.colors.points[::step], scan.colors.srgb[::step]
+    return PointColors(viewpoint.place(points), linear_from_srgb(srgb).astype(np.float32))
 
 
 def camera_elevation(renderer: AnyRenderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
@@ -85,13 +103,14 @@ def camera_elevation(renderer: AnyRenderer, values: dict[str, Value]) -> tuple[f
 
 
 def _render_frame(
-    renderer: Renderer, cloud: np.ndarray, values: dict[str, Value], look: Look, floor: float | None
-) -> np.ndarray:
+    renderer: Renderer, cloud: np.ndarray, values: dict[str, Value], look: Look, floor: float | None,
+    colors: PointColors | None,
+) -> np.ndarray:  # fmt: skip
     """The whole frame (H, W, 4) uint8 of a placed cloud (N, 3) float32; its shadow fades towards the frame's edges."""
     if floor is not None:
         floor = min(floor, float(cloud[:, 2].min()))  # no point lies below the floor
     factor = look.supersample
-    image = renderer.render(cloud, values, look.width * factor, look.height * factor, floor)
+    image = renderer.render(cloud, values, look.width * factor, look.height * factor, floor, colors)
     if factor > 1:
         image = bytes_from_unit(shrink(unit_from_bytes(image), factor))
     return fade_shadow(image)
@@ -107,6 +126,7 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         "camera": rendered.viewpoint.to_json(),
         "controls": {name: list(value) for name, value in rendered.values.items()},
         "weights": dict(rendered.renderer.weights),
+        **({"color_by": "rgb"} if rendered.has_point_colors else {}),
         "weights_chosen": rendered.has_automatic_weights,
         "engine": rendered.renderer.engine,
         "resolution": [look.width, look.height],

@@ -9,16 +9,19 @@ from threading import local
 import numpy as np
 
 from z2p_core.camera import DEFAULT_ELEVATION, Camera
-from z2p_core.interfaces import Control, Engine, Value
+from z2p_core.images import srgb_from_linear
+from z2p_core.interfaces import Control, Engine, PointColors, Value
 from z2p_core.native import to_straight_rgba8
 from z2p_core.network.crop_window import crop_window
 from z2p_core.network.exit_guard import inside_engine
 from z2p_core.parallel import parallel_rows
 from z2p_core.scene import SceneDescription
 from z2p_core.settings import apply_controls, settings_vector
+from z2p_core.shading.demodulation import apply_relative_radiance
+from z2p_core.shading.textured_light import neutral_albedo
 from z2p_renderer.pipeline.inference.adaptive_resolution import render_size, upsampled
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
-from z2p_renderer.pipeline.inference.input_buffers import draw_buffers
+from z2p_renderer.pipeline.inference.input_buffers import draw_textured_buffers
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest
@@ -81,6 +84,11 @@ class Renderer:
         fixed = self._loaded.card.get("fixed_elevation")
         return DEFAULT_ELEVATION if fixed is None else float(fixed)
 
+    @property
+    def draws_colors(self) -> bool:
+        """Whether `render` takes colors of points: the weights have a control ``color``, their G-buffer textures."""
+        return "color" in self.controls and self._loaded.gbuffer.draws_textures
+
     def settings(self, values: dict[str, Value] | None = None) -> dict[str, Value]:
         """Every control's value: the given one, or its slider's default."""
         values = values or {}
@@ -93,15 +101,24 @@ class Renderer:
         width: int = 512,
         height: int = 512,
         floor: float | None = None,
+        colors: PointColors | None = None,
     ) -> np.ndarray:
         """Image (height, width, 4) uint8, straight sRGB RGBA, of a placed cloud (N, 3) float32 in world units.
 
         `floor` is its height; None puts it under the lowest point. A sparse cloud is rendered smaller and upsampled.
+        `colors` are the surface's own, which take the place of the control ``color``; only for weights that
+        `draw_colors`.
         """
-        buffers, encoding, settings = self.inputs(cloud, values, *render_size(cloud, width, height), floor)
+        if colors is not None:
+            neutral = srgb_from_linear(neutral_albedo(colors.albedo))
+            values = {**(values or {}), "color": tuple(round(channel, 5) for channel in neutral.tolist())}
+        inputs, relative = self._inputs(cloud, values, *render_size(cloud, width, height), floor, colors)
+        buffers, encoding, settings = inputs
         features = buffers[0, self._loaded.zbuffer.channels :]
         image = self._run_network(buffers, features, encoding, settings, len(cloud))
         self._loaded.gbuffer.reconcile(image, features, len(cloud))
+        if relative is not None:
+            apply_relative_radiance(image, relative[:3], relative[3])
         return to_straight_rgba8(upsampled(image, width, height))
 
     def inputs(
@@ -113,14 +130,24 @@ class Renderer:
         floor: float | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The network's inputs for that image: buffers, encoding and settings, as `Engine.run` takes them."""
+        return self._inputs(cloud, values, width, height, floor, None)[0]
+
+    def _inputs(
+        self, cloud: np.ndarray, values: dict[str, Value] | None, width: int, height: int, floor: float | None,
+        colors: PointColors | None,
+    ) -> tuple[tuple[np.ndarray, np.ndarray, np.ndarray], np.ndarray | None]:  # fmt: skip
+        """`inputs`, and the relative radiance (4, height, width) of a surface with colors of its own."""
         scene = SceneDescription(floor=floor)
         if self.fixed_elevation is not None:
             scene.elevation = self.fixed_elevation
         settings = self.settings(values)
         apply_controls(settings, self.controls, scene)
         camera = Camera(width, height, scene.elevation)
-        buffers = draw_buffers(cloud, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer)
-        return buffers[None], self._encoding(width, height), settings_vector(settings, self.controls)[None]
+        buffers, relative = draw_textured_buffers(
+            cloud, colors, camera, scene, self._loaded.zbuffer, self._loaded.gbuffer
+        )
+        inputs = buffers[None], self._encoding(width, height), settings_vector(settings, self.controls)[None]
+        return inputs, relative
 
     def _encoding(self, width: int, height: int) -> np.ndarray:
         """The encoder's features (E, h, w) for an image of that size. The last are kept: most images have one size."""

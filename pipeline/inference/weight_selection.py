@@ -46,6 +46,11 @@ class AutoRenderer:
         """See `Renderer.fixed_elevation`."""
         return self._default.fixed_elevation
 
+    @property
+    def draws_colors(self) -> bool:
+        """See `Renderer.draws_colors`."""
+        return self._default.draws_colors
+
     def settings(self, values: dict[str, Value]) -> dict[str, Value]:
         """See `Renderer.settings`."""
         return self._default.settings(values)

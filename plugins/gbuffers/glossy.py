@@ -16,7 +16,7 @@ reflections of light, sky and floor are computed again for the pixel.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +31,7 @@ from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, 
 from z2p_core.shading.light_transport import LightField, base_color
 from z2p_core.shading.microfacet import alpha_from_roughness
 from z2p_core.shading.principled import IOR, Principled
-from z2p_renderer.plugins.gbuffers.surfels import GREY_ALBEDO, Shader, Surfels
+from z2p_renderer.plugins.gbuffers.surfels import GREY_ALBEDO, MIN_RADIANCE, Shader, Surfels
 
 SPECULAR_LIGHT_SAMPLES = 36
 """Samples of the area light for its reflection, a square number."""
@@ -93,6 +93,24 @@ class PrincipledShader:
         grey = GREY_ALBEDO * self.light.bounced.radiance(np.array([GREY_ALBEDO]))
         values = np.column_stack([outgoing.steady, outgoing.light_visibility, outgoing.mirror_visibility])
         return [to_srgb(np.column_stack([grey, radiance])), values]
+
+    def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
+        return replace(self.surface, color=albedo).albedo
+
+    def relative_radiance(self, viewer: np.ndarray, albedo: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+        """As of `Shader`. The base color scales the diffuse part and a metal's reflections, not a dielectric's."""
+        scene, surface = self.light.scene, self.surface
+        rows = np.arange(len(scene.points))
+        view = directions_to(viewer, scene.points)
+        n_dot_v = np.maximum(row_dots(scene.normals, view), N_DOT_V_EPSILON)
+        total = self.outgoing_radiance(rows, np.zeros_like(rows), view, 0)[1]
+        diffuse = self.light.bounced.radiance(surface.albedo) * surface.diffuse_albedo(n_dot_v)
+        specular = np.maximum(total - diffuse, 0)
+        tint = albedo / np.maximum(surface.color, MIN_RADIANCE)
+        received = self.light.bounced.radiance(surface.albedo)
+        own_diffuse = tint * diffuse * (radiance + MIN_RADIANCE) / (received + MIN_RADIANCE)
+        own_specular = specular * (1 + surface.metal_share(n_dot_v) * (tint - 1))
+        return (own_diffuse + own_specular + MIN_RADIANCE) / (diffuse + specular + MIN_RADIANCE)
 
     def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
         """Computes the reflections of light, sky and floor in each pixel whose surfels have similar normals."""

@@ -16,11 +16,11 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.interfaces import GBuffer
+from z2p_core.interfaces import GBuffer, PointColors
 from z2p_core.linalg import rotate_points, row_dots
 from z2p_core.parallel import parallel_rows, run_async
 from z2p_core.scene import SceneDescription
-from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
+from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, STEADY_RGB, GBufferChannel, MaterialChannel
 from z2p_core.shading.floor_occlusion import FloorOcclusion, floor_occlusion, is_sparse, shadow_casters
 from z2p_core.shading.floor_shadow import cloud_radiance_from_floor, draw_floor_shadow
 from z2p_core.shading.light_transport import (
@@ -35,6 +35,7 @@ from z2p_core.shading.light_transport import (
     direct_radiance,
 )
 from z2p_core.shading.surfels import make_surfels
+from z2p_core.shading.textured_light import surface_albedo, textured_radiance
 from z2p_core.surface.normals import SurfacePoints, estimate_surface
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
 
@@ -54,6 +55,8 @@ HOLE_RIM_POINTS = 4
 """Points at the rim of a hole whose mean color its surfel gets."""
 GREY_ALBEDO = 0.5
 """Albedo of the grey radiance: it stays below white under the nearest light."""
+MIN_RADIANCE = 1e-4
+"""Added to radiances before they are divided by each other, so that the darkest places keep a ratio near 1."""
 STRIPS = 6
 """Strips of an image that the cores rasterize in turn. One core draws the same strips: surfels are culled within each
 strip, so that other strips would change a few pixels near their borders."""
@@ -86,6 +89,15 @@ class Shader(Protocol):
         Each further layer has five values (N, 5).
         """
 
+    def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
+        """Share (N, 3) of light that points with these base colors (N, 3) send on, reflections included."""
+
+    def relative_radiance(self, viewer: np.ndarray, albedo: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+        """Radiance (N, 3) towards the viewer of points with albedos (N, 3), over that of the shader's own surface.
+
+        `radiance` (N, 3) is that of white points amid them.
+        """
+
     def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
         """Completes the radiance in rows [first, last) of the first layer (9, H, W), after all have been rasterized."""
 
@@ -105,6 +117,37 @@ class DiffuseShader:
         """Nothing: what surfels show of it is all there is."""
 
 
+    def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
+        return albedo
+
+    def relative_radiance(self, viewer: np.ndarray, albedo: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+        neutral = np.asarray(self.color, np.float32)
+        received = self.light.bounced.radiance(neutral)
+        return albedo / np.maximum(neutral, MIN_RADIANCE) * (radiance + MIN_RADIANCE) / (received + MIN_RADIANCE)
+
+
+@dataclass(frozen=True)
+class TexturedShader:
+    """A shader of the neutral surface, with a last layer of the textured surface's radiance relative to it (N, 3)."""
+
+    neutral: Shader
+    relative: np.ndarray
+
+    def surfel_values(self, viewer: np.ndarray) -> list[np.ndarray]:
+        return [*self.neutral.surfel_values(viewer), np.pad(self.relative, ((0, 0), (0, 2)))]
+
+    def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
+        self.neutral.shade_pixels(camera, rows, layers[:-1])
+
+
+@dataclass(frozen=True)
+class Texture:
+    """Colors of a surface, and the layer (9, H, W) that receives its radiance relative to one in the base color."""
+
+    colors: PointColors
+    relative: np.ndarray
+
+
 class Surfels(GBuffer):
     """Ten channels (`z2p_core.shading.channels.GBufferChannel`): coverage, density, depth, normal, radiance, shadow.
 
@@ -115,6 +158,7 @@ class Surfels(GBuffer):
     name = "surfels"
     version = "11"
     channels = len(GBufferChannel)
+    draws_textures = True
     quality: ClassVar[Quality] = Quality()
 
     def draw(self, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
@@ -123,6 +167,18 @@ class Surfels(GBuffer):
         return features
 
     def draw_into(self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription) -> None:
+        self._draw(out, cloud, camera, scene, None)
+
+    def draw_textured_into(
+        self, out: np.ndarray, cloud: np.ndarray, colors: PointColors, camera: Camera, scene: SceneDescription
+    ) -> np.ndarray:  # fmt: skip
+        relative = np.zeros((len(MaterialChannel), camera.height, camera.width), np.float32)
+        self._draw(out, cloud, camera, scene, Texture(colors, relative))
+        return np.concatenate([relative[STEADY_RGB], relative[:1]])
+
+    def _draw(
+        self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription, texture: Texture | None
+    ) -> None:  # fmt: skip
         """The whole pass, in the order in which its steps need each other's results.
 
         A second core finds out which points see which while this one makes surfels and casts shadows, and draws the
@@ -153,7 +209,14 @@ class Surfels(GBuffer):
         bounced = bounce_light(lit, direct, occlusion, seen_by_points, seen_by_floor, quality)
         shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, scene, out)
         shader = self.shader(LightField(lit, direct, occlusion, bounced), scene)
-        rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED])
+        layers = [out[RASTERIZED]]
+        if texture is not None:
+            albedo = surface_albedo(surface, texture.colors)
+            sent = shader.total_albedo(albedo)
+            radiance = textured_radiance(lit, bounced, sent, seen_by_points, seen_by_floor, quality)
+            shader = TexturedShader(shader, shader.relative_radiance(camera.position, albedo, radiance))
+            layers.append(texture.relative)
+        rasterize(discs, surfels.neighbors, shader, camera, *layers)
         shadow.result()
 
     def shader(self, light: LightField, scene: SceneDescription) -> Shader:
@@ -216,17 +279,23 @@ def project_surfels(surfels: SurfacePoints, radii: np.ndarray, camera: Camera) -
     return native.Discs(centers, normals, radii, clip_planes)
 
 
-def rasterize(discs: native.Discs, neighbors: np.ndarray, shader: Shader, camera: Camera, out: np.ndarray) -> None:
+def rasterize(
+    discs: native.Discs, neighbors: np.ndarray, shader: Shader, camera: Camera, out: np.ndarray,
+    last: np.ndarray | None = None,
+) -> None:  # fmt: skip
     """Draws shaded discs into `out` (9, H, W), the channels `RASTERIZED`; both cores take strips of it in turn.
 
     `neighbors` (M, K) int32 are the points nearest to each disc; the first N discs belong to points, the others close
     holes. The kernel averages six values of each disc. The first layer has two components of the normal and four
     radiances; a further one, for shaders that need it, the third component and five more values.
+    `last` (9, H, W), if any, receives the shader's last layer.
     """
     first, *further = (fill_holes(values, neighbors) for values in shader.surfel_values(camera.position))
     features = [np.column_stack([discs.normals[:, :2], first])]
     features += [np.column_stack([discs.normals[:, 2], values]) for values in further]
     layers = [out, *(np.empty_like(out) for _ in further)]
+    if last is not None:
+        layers[-1] = last
 
     def draw_strips(begin: int, end: int) -> None:
         for strip in range(begin, end):

@@ -58,6 +58,7 @@ _INPUT = JsonObject({}, {
 })  # fmt: skip
 _PARTS: dict[str, Any] = {
     "version": _TEXT,
+    "color_by": _TEXT,
     "input": _INPUT,
     "camera": CAMERA_LIMITS,
     "controls": MappingOf(ListOf(Number(-1e6, 1e6), 1, 100)),

@@ -33,6 +33,16 @@ MAX_COORDINATE = float(np.finfo(np.float32).max)
 
 
 @dataclass(frozen=True)
+class ScanColors:
+    """Colors of a scan's points, duplicates included."""
+
+    points: np.ndarray
+    """(K, 3) float64, finite, in the units and axes of `Scan.points`."""
+    srgb: np.ndarray
+    """(K, 3) float32, sRGB in [0, 1]."""
+
+
+@dataclass(frozen=True)
 class Scan:
     """One cloud: points (N, 3) float64, finite, in the file's own units."""
 
@@ -55,6 +65,7 @@ class Scan:
     up_certain: bool = True
     upward: np.ndarray | None = None
     seen_from: np.ndarray | None = None
+    colors: ScanColors | None = None
 
 
 def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
@@ -102,13 +113,16 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
         raise ScanError(f"{printable(path)}: {error}") from error
 
 
-def usable(points: np.ndarray, label: str = "") -> Scan:
+def usable(points: np.ndarray, label: str = "", colors: np.ndarray | None = None) -> Scan:
     """Makes a scan from points (N, 3) as `read_clouds` does from a file's; `label` names it within its batch.
+
+    `colors` (N, 3) are the points' sRGB in [0, 1], NaN where unknown.
 
     Raises:
         ScanError: there are fewer than three finite points, or all are at one place.
     """
-    return _scan_from_raw(RawCloud(np.asarray(points, dtype=np.float64)), label)
+    fields = {} if colors is None else {"rgb": colors}
+    return _scan_from_raw(RawCloud(np.asarray(points, dtype=np.float64), fields=fields), label)
 
 
 def reader_of(path: Path) -> type[Reader]:
@@ -174,13 +188,14 @@ def _scan_from_raw(raw: RawCloud, label: str) -> Scan:
         raise ScanError(f"{where}the cloud is empty; expected at least {MIN_POINTS} points")
     finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
     dropped = int(len(cloud) - finite.sum())
-    points = cloud[finite] if dropped else cloud
+    points, rgb = (cloud[finite] if dropped else cloud), raw.fields.get("rgb")
+    rgb = rgb[finite] if dropped and rgb is not None else rgb
     if len(points) == 0:
         raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
                         f"{MAX_COORDINATE:.1e}; the scan holds no measurement")
     if len(points) < MIN_POINTS:
         raise ScanError(f"{where}expected at least {MIN_POINTS} finite points, got {len(points)} of {len(cloud)}")
-    points, missing_note = _drop_missing(points)
+    points, rgb, missing_note = _drop_missing(points, rgb)
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     metres, degrees_note = metres_from_degrees(points) if raw.sensor is None else (points, "")
@@ -191,13 +206,23 @@ def _scan_from_raw(raw: RawCloud, label: str) -> Scan:
     unique = drop_duplicates(points)
     note = "; ".join(filter(None, (raw.note, missing_note, degrees_note)))
     return Scan(unique, dropped, label, raw.sensor, raw.total, len(points) - len(unique), note, raw.up, raw.up_reason,
-                raw.up_certain, raw.upward, raw.seen_from)
+                raw.up_certain, raw.upward, raw.seen_from, _known_colors(points, rgb))
 
 
-def _drop_missing(points: np.ndarray) -> tuple[np.ndarray, str]:
-    """Removes the points that a no-data value marks as missing; also returns the note for the user."""
+def _known_colors(points: np.ndarray, rgb: np.ndarray | None) -> ScanColors | None:
+    """The points (N, 3) with known colors (N, 3); None if there is none."""
+    if rgb is None:
+        return None
+    known = ~np.isnan(rgb).any(axis=1)
+    if not known.any():
+        return None
+    return ScanColors(points, rgb) if known.all() else ScanColors(points[known], rgb[known])
+
+
+def _drop_missing(points: np.ndarray, rgb: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None, str]:
+    """Removes the points that a no-data value marks as missing, with their colors; and the note for the user."""
     kept = measured_mask(points)
     if kept is None or kept.sum() < MIN_POINTS:
-        return points, ""
+        return points, rgb, ""
     left_out = len(points) - int(kept.sum())
-    return points[kept], f"{left_out} points left out that say -9999 or the like for no measurement"
+    return points[kept], None if rgb is None else rgb[kept], f"{left_out} points left out that say -9999 or the like for no measurement"

@@ -42,6 +42,8 @@ class RenderRequest:
     weights: str | Path = "auto"
     colors: Sequence[Sequence[float]] = ()
     """sRGB in [0, 1] of each cloud, or one for all of them, instead of the color control; empty for none."""
+    point_colors: Sequence[np.ndarray] = ()
+    """sRGB (N, 3) in [0, 1] of the points of each cloud, NaN where unknown; empty for none."""
 
 
 @dataclass(frozen=True)

@@ -17,14 +17,12 @@ from z2p_core import registry
 from z2p_core.api.backend import RenderedImage, RenderRequest, load_backend
 from z2p_core.api.picture import Picture, tile_images
 from z2p_core.api.point_arrays import point_arrays
+from z2p_core.api.point_colors import mean_color, name_colors, parse_colors, split_by_cloud
 from z2p_core.errors.did_you_mean import suggest_name
-from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.scene import SIDE_LIMITS
 
-MAX_NAMED_COLORS = 4
-"""How many mean colors a warning lists."""
 DEFAULT_SIDE = 512
 """Width and height of a picture in pixels, unless the caller names a size."""
 
@@ -66,9 +64,9 @@ def render(
     Args:
         points: array or tensor (N, 3 or more), of which x, y, z count, or a batch (B, N, 3 or more); a cloud of
             open3d, trimesh, pyvista or laspy; a list of these; or the path of a file. Any unit, any offset.
-        colors: per-point colors (N, 3), for a batch (B, N, 3) or a list of (N, 3). The weights know none: a cloud's
-            mean becomes the color of the whole object, with a warning, unless `color` is given. Floats in [0, 1], or
-            integers to 255 (to 1 if none is larger).
+        colors: sRGB colors of the points (N, 3), for a batch (B, N, 3) or a list of (N, 3): floats in [0, 1], or
+            integers to 255 (to 1 if none is larger); NaN where unknown. They are the surface's albedo under the
+            studio's light. `color` replaces them. Weights that draw no textures get their mean, with a warning.
         up: the data's axis that points up, ``+Z`` (or ``Z``), ``-Y``, ...; ``auto`` looks for a depth camera's own,
             then weighs the shape against what is usual for the format. None: ``auto`` for a file, as in `z2p
             render`, else ``+Z``.
@@ -142,17 +140,22 @@ def _render_images(
     points: Any, colors: Any, request: RenderRequest
 ) -> tuple[list[RenderedImage], list[str], bool]:
     """An image of each cloud, what to warn of beside their own notes, and whether `points` is a batch."""
-    table = None if colors is None else _color_table(colors)
+    table = None if colors is None else parse_colors(colors)
     if isinstance(points, str | Path):
-        request, notes = _colored(request, table, [])
+        request, notes = (request, []) if table is None else _with_mean_color(request, table)
         return load_backend().render_file(Path(points), request), notes, False
-    given = point_arrays(points)
-    request, notes = _colored(request, table, given.clouds)
+    given, notes = point_arrays(points), []
+    if table is not None:
+        parts = split_by_cloud(table, given.clouds)
+        if request.controls.get("color") is None:
+            request = replace(request, point_colors=parts)
+        else:
+            notes.append("colors= are left out: the whole object has the colour given")
     if given.unused_columns:
-        notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): no normals or per-point "
-                     "colours are drawn")
+        notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): colours of points are drawn if "
+                     "they are given as colors=, normals are not needed")  # fmt: skip
     elif given.coloured and table is None:
-        notes.append("the cloud's colours were left out: no per-point colours are drawn; color= chooses one for it")
+        notes.append("the cloud's colours were left out: give them as colors=, or one color= for all points")
     return load_backend().render_arrays(given.clouds, request), notes, given.batched
 
 
@@ -171,64 +174,16 @@ def _check_names(controls: Collection[str]) -> None:
                               "installed control")
 
 
-def _colored(
-    request: RenderRequest, table: np.ndarray | None, clouds: Sequence[np.ndarray]
-) -> tuple[RenderRequest, list[str]]:
-    """The request with one color for each cloud instead of per-point ones (N, 3), and a warning about it."""
-    if table is None:
-        return request, []
-    means = _mean_colors(table, clouds)
-    unknown = "these weights draw no per-point colours: the whole object has "
+def _with_mean_color(request: RenderRequest, table: np.ndarray) -> tuple[RenderRequest, list[str]]:
+    """The request for a file with the mean of its points' colors (M, 3), and a warning about it.
+
+    Its rows cannot be told to belong to these colors, as readers leave some out.
+    """
     if request.controls.get("color") is not None:
-        return request, [f"{unknown}the colour given"]
-    told = list(dict.fromkeys("#" + "".join(f"{round(255 * channel):02x}" for channel in mean) for mean in means))
-    named = ", ".join(told[:MAX_NAMED_COLORS]) + (", ..." if len(told) > MAX_NAMED_COLORS else "")
-    return replace(request, colors=means), [f"{unknown}their mean, {named}; choose another with color="]
-
-
-def _color_table(colors: Any) -> np.ndarray:
-    """Colours (N, 3) as floats of per-point colours (..., 3 or 4), in whichever numbers they came.
-
-    Integers count to 255, but mean what floats do where none is above 1.
-    """
-    try:
-        parts = [_plain(part) for part in colors] if isinstance(colors, Sequence) else []
-        many = bool(parts) and all(part.ndim == 2 for part in parts)
-        table = np.concatenate(parts) if many else _plain(colors)
-    except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
-        message = f"expected colors (N, 3) as numbers, got {type(colors).__name__} ({error_reason(error)})"
-        raise SettingError(message) from error
-    if table.size == 0 or table.ndim < 2 or table.shape[-1] not in (3, 4) or table.dtype.kind not in "fiu":
-        raise SettingError(f"expected colors (N, 3) as numbers, got {table.shape} {table.dtype}")
-    bytes_ = table.dtype.kind in "iu" and table.max() > 1
-    return table[..., :3].reshape(-1, 3) / (255.0 if bytes_ else 1.0)
-
-
-def _plain(colors: Any) -> np.ndarray:
-    return np.asarray(colors.detach().cpu().numpy() if hasattr(colors, "detach") else colors)
-
-
-def _mean_colors(table: np.ndarray, clouds: Sequence[np.ndarray]) -> tuple[tuple[float, ...], ...]:
-    """Mean sRGB of each cloud's points, of colours (N, 3) of all their points; or one, of colours that all share.
-
-    Raises:
-        SettingError: there is a colour neither for each point of all clouds nor for each one of every cloud, or a mean
-            lies outside [0, 1].
-    """
-    points = sum(map(len, clouds))
-    if len(table) == points:
-        parts = np.split(table, np.cumsum([len(cloud) for cloud in clouds])[:-1])
-    elif any(len(cloud) != len(table) for cloud in clouds):
-        raise SettingError(f"expected a color for each of the {points} points, got {len(table)}; leave colors out, or "
-                           "give one color=")
-    else:
-        parts = [table]
-    means = [part.mean(0, dtype=np.float64) if len(part) else np.zeros(3) for part in parts]  # none: refused later on
-    for mean in means:
-        if not ((mean >= 0) & (mean <= 1)).all():
-            raise SettingError(f"expected colors as floats from 0 to 1 or integers to 255, got a mean of "
-                               f"{mean.tolist()}")
-    return tuple(tuple(mean.tolist()) for mean in means)
+        return request, ["colors= are left out: the whole object has the colour given"]
+    mean = mean_color(table)
+    note = f"colors= of a file cannot be matched to its points: the whole object has their mean, {name_colors([mean])}"
+    return replace(request, colors=(mean,)), [f"{note}; read the points first, or choose one color="]
 
 
 def chosen_size(size: Any, resolution: Any, usual: int = DEFAULT_SIDE) -> tuple[int, int]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from z2p_core.camera import Camera
 from z2p_core.contracts.assertions import check_array, check_class, expect, same
-from z2p_core.interfaces import GBuffer, ZBuffer
+from z2p_core.interfaces import GBuffer, PointColors, ZBuffer
 from z2p_core.scene import SceneDescription
 
 
@@ -82,4 +82,23 @@ def check_gbuffer(gbuffer_class: type[GBuffer]) -> None:
                 check_array(beside[1], (4, height, width), np.float32, f"{name}: picture elsewhere than {what}")
     for what, cloud in clouds.items():
         same(cloud, given[what], f"{name}: the cloud given to draw, {what}")
+    if gbuffer.draws_textures:
+        _check_textures(gbuffer, sphere, scene)
     expect(scene == SceneDescription(), f"{name}: draw changes the scene given to it")
+
+
+def _check_textures(gbuffer: GBuffer, cloud: np.ndarray, scene: SceneDescription) -> None:
+    """The features are those of the cloud in one color, and colors twice as dark send about half as much light."""
+    camera, name = Camera(64, 64), gbuffer.name
+    bright = np.full((len(cloud), 3), 0.6, np.float32)
+    relative = []
+    for albedo in (bright, bright / 2):
+        features = np.full((gbuffer.channels, 64, 64), np.nan, np.float32)
+        colors = PointColors(cloud, albedo)
+        relative.append(gbuffer.draw_textured_into(features, cloud, colors, camera, scene))
+        same(features, gbuffer.draw(cloud, camera, scene), f"{name}: the features that draw_textured_into writes")
+        check_array(relative[-1], (4, 64, 64), np.float32, f"{name}: draw_textured_into")
+    covered = relative[0][3] > 0.5
+    expect(bool(covered.any()), f"{name}: draw_textured_into covers no pixel")
+    ratio = float(np.median(relative[1][0, covered] / relative[0][0, covered]))
+    expect(0.3 < ratio < 0.6, f"{name}: colors half as bright send {ratio:.2f} of the light, expected about a half")

@@ -50,6 +50,9 @@ declare(
     "z2p_blend_shadow_towards", alpha=FLOATS_OUT, coverage=FLOATS, shadow=FLOATS, first=INT64, last=INT64,
     weight=FLOAT, max_difference=FLOAT,
 )  # fmt: skip
+declare(
+    "z2p_multiply_linear", image=FLOATS_OUT, factors=FLOATS, pixels=INT64, first=INT64, last=INT64,
+)  # fmt: skip
 declare("z2p_to_straight_rgba8", image=FLOATS, pixels=INT64, first=INT64, last=INT64, rgba=BYTES_OUT)
 declare(
     "z2p_final_convs", cells=FLOATS, buffers=FLOATS, channels=INT, height=INT, width=INT, unshuffle=INT,
@@ -149,6 +152,28 @@ def blend_shadow_towards(
         call("z2p_blend_shadow_towards", *planes, top * width, bottom * width, weight, max_difference)
 
     parallel_rows(blend, height, MIN_PARALLEL_ROWS, parts=2)
+
+
+def multiply_linear(image: np.ndarray, factors: np.ndarray) -> None:
+    """Multiplies the colors of an image (4, H, W), premultiplied sRGB and alpha, in linear light, in place.
+
+    Straight colors are clipped to [0, 1] before and after.
+
+    Args:
+        image: C-contiguous.
+        factors: (3, H, W), at least 0.
+
+    Raises:
+        ValueError: `image` has another dtype, or is not contiguous.
+    """
+    height, width = image.shape[1:]
+    image, factors = check_output(image, (4, height, width)), as_float32(factors)
+    pixels = height * width
+
+    def multiply(begin: int, end: int) -> None:
+        call("z2p_multiply_linear", image, factors, pixels, begin * width, end * width)
+
+    parallel_rows(multiply, height, MIN_PARALLEL_ROWS)
 
 
 def to_straight_rgba8(image: np.ndarray) -> np.ndarray:

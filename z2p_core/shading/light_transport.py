@@ -124,11 +124,12 @@ class BouncedLight:
         other is assumed to be that of the last to the one before.
         """
         weights = albedo ** np.arange(BOUNCES + 1, dtype=np.float32)[:, None]
-        weights[-1] /= 1 - self._last_ratio * albedo
+        weights[-1] /= 1 - self.last_ratio * albedo
         return np.einsum("bm,ba->ma", np.stack([bounce[sides, rows] for bounce in self.points]), weights)
 
     @cached_property
-    def _last_ratio(self) -> float:
+    def last_ratio(self) -> float:
+        """Ratio of the last bounce to the one before it, which stands for those of all later bounces."""
         before, last = (float(bounce[0].mean()) for bounce in self.points[-2:])
         return min(last / max(before, 1e-6), MAX_BOUNCE_RATIO)
 

@@ -47,6 +47,12 @@ class Principled:
         table = self.metallic * self._metal_albedo + (1 - self.metallic) * self._dielectric_albedo
         return _interpolate_table(table, n_dot_v)
 
+    def metal_share(self, n_dot_v: np.ndarray) -> np.ndarray:
+        """Share (M, 3) in [0, 1] of metal, which the base color tints, in the specular albedo."""
+        metal = self.metallic * _interpolate_table(self._metal_albedo, n_dot_v)
+        share: np.ndarray = metal / np.maximum(self.specular_albedo(n_dot_v), 1e-6)
+        return share
+
     def specular_radiance(self, ggx_terms: np.ndarray, n_dot_v: np.ndarray) -> np.ndarray:
         """Specular radiance (M, 3) of the area light.
 

@@ -129,11 +129,6 @@ def test_what_is_left_out_is_said(cloud: np.ndarray, small: dict[str, Any]) -> N
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         z2p_core.render(cloud, **small)
-    with pytest.warns(RenderWarning, match="no per-point colours: the whole object has their mean, #ff8000"):
-        warm = z2p_core.render(cloud, np.full(cloud.shape, (255, 128, 0), np.uint8), **small)
-    assert warm.record["controls"]["color"] == pytest.approx([1, 128 / 255, 0])
-    with pytest.warns(RenderWarning, match="their mean, #ff0000"):
-        z2p_core.render([cloud, cloud], [[1, 0, 0]] * len(cloud), **small)
     with pytest.warns(RenderWarning, match="has the colour given"):
         green = z2p_core.render(cloud, np.ones(cloud.shape), color="lime", **small)
     assert green.record["controls"]["color"] == [0, 1, 0]

@@ -29,8 +29,9 @@ def shadowy(monkeypatch: pytest.MonkeyPatch) -> None:
     from z2p_core.camera import Camera
 
     def render(
-        self: Renderer, cloud: np.ndarray, values: Any = None, width: int = 512, height: int = 512, floor: Any = None
-    ) -> np.ndarray:
+        self: Renderer, cloud: np.ndarray, values: Any = None, width: int = 512, height: int = 512, floor: Any = None,
+        colors: Any = None,
+    ) -> np.ndarray:  # fmt: skip
         picture = np.zeros((height, width, 4), np.uint8)
         picture[..., 3] = 110
         pixels, _ = Camera(width, height, 20.0).project(cloud)

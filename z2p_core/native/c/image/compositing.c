@@ -3,6 +3,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "common/simd.h"
 
@@ -50,6 +51,53 @@ FAST int z2p_to_straight_rgba8(const float *image, int64_t pixels, int64_t first
         rgba[4 * i + 1] = to_byte(clamp_unit(green[i]) * inverse);
         rgba[4 * i + 2] = to_byte(clamp_unit(blue[i]) * inverse);
         rgba[4 * i + 3] = to_byte(a);
+    }
+    return 1;
+}
+
+/* ln x for x > 0 to about two units in the last place, without calls and branches (polynomial of Cephes' logf). */
+INLINE float log_fast(float x) {
+    int32_t bits;
+    memcpy(&bits, &x, sizeof bits);
+    int32_t exponent = ((bits >> 23) & 0xff) - 126, mantissa_bits = (bits & 0x7fffff) | (126 << 23);
+    float m;
+    memcpy(&m, &mantissa_bits, sizeof m); /* in [0.5, 1) */
+    int small = m < 0.707106781f;
+    float e = (float)(exponent - small), f = small ? 2 * m - 1 : m - 1, z = f * f;
+    float y = 7.0376836292e-2f;
+    y = y * f - 1.1514610310e-1f;
+    y = y * f + 1.1676998740e-1f;
+    y = y * f - 1.2420140846e-1f;
+    y = y * f + 1.4249322787e-1f;
+    y = y * f - 1.6668057665e-1f;
+    y = y * f + 2.0000714765e-1f;
+    y = y * f - 2.4999993993e-1f;
+    y = y * f + 3.3333331174e-1f;
+    y = y * f * z - 2.12194440e-4f * e - 0.5f * z;
+    return f + y + 0.693359375f * e;
+}
+
+INLINE float linear_from_srgb(float value) {
+    float power = exp_fast(2.4f * log_fast((larger(value, 0.04045f) + 0.055f) * (1 / 1.055f)));
+    return value <= 0.04045f ? value * (1 / 12.92f) : power;
+}
+
+INLINE float srgb_from_linear(float value) {
+    float power = 1.055f * exp_fast((1 / 2.4f) * log_fast(larger(value, 0.0031308f))) - 0.055f;
+    return value <= 0.0031308f ? value * 12.92f : power;
+}
+
+/* Multiplies the colors of pixels [first, last) of image (4, pixels) by factors (3, pixels) >= 0 in linear light. */
+FAST int z2p_multiply_linear(float *image, const float *factors, int64_t pixels, int64_t first, int64_t last) {
+    const float *alpha = image + 3 * pixels;
+    for (int color = 0; color < 3; color++) {
+        float *plane = image + color * pixels;
+        const float *factor = factors + color * pixels;
+        for (int64_t i = first; i < last; i++) {
+            float straight = clamp_unit(plane[i] / larger(alpha[i], 1e-6f));
+            float scaled = clamp_unit(linear_from_srgb(straight) * factor[i]);
+            plane[i] = alpha[i] > 1e-6f ? srgb_from_linear(scaled) * alpha[i] : 0;
+        }
     }
     return 1;
 }

@@ -1,0 +1,42 @@
+"""Relative radiance multiplies a picture in linear light, and reaches beyond the outline."""
+
+import numpy as np
+
+from z2p_core.images import linear_from_srgb, srgb_from_linear
+from z2p_core.shading.demodulation import apply_relative_radiance, extend_by_pyramid
+
+
+def test_colors_are_multiplied_in_linear_light() -> None:
+    rng = np.random.default_rng(0)
+    alpha = rng.uniform(0.2, 1, (40, 30)).astype(np.float32)
+    straight = rng.uniform(0, 1, (3, 40, 30)).astype(np.float32)
+    factors = rng.uniform(0, 2, (3, 40, 30)).astype(np.float32)
+    image = np.concatenate([straight * alpha, alpha[None]])
+    apply_relative_radiance(image, factors, np.ones_like(alpha))
+    expected = srgb_from_linear(np.minimum(linear_from_srgb(straight) * factors, 1)) * alpha
+    np.testing.assert_allclose(image[:3], expected, atol=2e-5)
+    assert np.array_equal(image[3], alpha)
+
+
+def test_factors_of_1_change_nothing() -> None:
+    image = np.random.default_rng(0).uniform(0, 1, (4, 16, 16)).astype(np.float32)
+    image[3] = 1
+    before = image.copy()
+    apply_relative_radiance(image, np.ones((3, 16, 16), np.float32), np.ones((16, 16), np.float32))
+    np.testing.assert_allclose(image, before, atol=1e-5)
+
+
+def test_pixels_beyond_the_coverage_get_the_factors_nearby() -> None:
+    values, weights = np.zeros((3, 33, 47), np.float32), np.zeros((33, 47), np.float32)
+    weights[:, :10], weights[:, 37:] = 1, 1
+    values[0, :, :10], values[2, :, 37:] = 1, 1
+    filled = extend_by_pyramid(values, weights)
+    assert np.array_equal(filled[:, weights == 1], values[:, weights == 1])
+    assert (filled[0, :, 12] > 0.6).all() and (filled[2, :, 34] > 0.6).all()
+    np.testing.assert_allclose(filled.sum(0), 1, atol=1e-5)  # means of 1 everywhere, never 0
+
+
+def test_a_transparent_image_stays_as_it_is() -> None:
+    image = np.zeros((4, 8, 8), np.float32)
+    apply_relative_radiance(image, np.ones((3, 8, 8), np.float32), np.zeros((8, 8), np.float32))
+    assert not image.any()
