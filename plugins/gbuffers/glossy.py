@@ -31,7 +31,7 @@ from z2p_core.shading.channels import RADIANCE_RGB, STEADY_RGB, GBufferChannel, 
 from z2p_core.shading.light_transport import LightField, base_color
 from z2p_core.shading.microfacet import alpha_from_roughness
 from z2p_core.shading.principled import IOR, Principled
-from z2p_renderer.plugins.gbuffers.surfels import GREY_ALBEDO, MIN_RADIANCE, Shader, Surfels
+from z2p_renderer.plugins.gbuffers.surfels import GREY_ALBEDO, MIN_RADIANCE, MaterialShader, Surfels
 
 SPECULAR_LIGHT_SAMPLES = 36
 """Samples of the area light for its reflection, a square number."""
@@ -270,7 +270,7 @@ class Glossy(Surfels):
     version = "12"
     refines = "surfels"
 
-    def shader(self, light: LightField, scene: SceneDescription) -> Shader:
+    def shader(self, light: LightField, scene: SceneDescription) -> MaterialShader:
         metallic, specular = (
             _material_number(scene, "Metallic", 0.0),
             _material_number(scene, "Specular IOR Level", 0.0),

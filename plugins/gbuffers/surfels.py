@@ -89,6 +89,13 @@ class Shader(Protocol):
         Each further layer has five values (N, 5).
         """
 
+    def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
+        """Completes the radiance in rows [first, last) of the first layer (9, H, W), after all have been rasterized."""
+
+
+class MaterialShader(Shader, Protocol):
+    """A shader of a surface in the scene's base color, which knows what other colors would change."""
+
     def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
         """Share (N, 3) of light that points with these base colors (N, 3) send on, reflections included."""
 
@@ -97,9 +104,6 @@ class Shader(Protocol):
 
         `radiance` (N, 3) is that of white points amid them.
         """
-
-    def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
-        """Completes the radiance in rows [first, last) of the first layer (9, H, W), after all have been rasterized."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +119,6 @@ class DiffuseShader:
 
     def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
         """Nothing: what surfels show of it is all there is."""
-
 
     def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
         return albedo
@@ -209,17 +212,17 @@ class Surfels(GBuffer):
         bounced = bounce_light(lit, direct, occlusion, seen_by_points, seen_by_floor, quality)
         shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, scene, out)
         shader = self.shader(LightField(lit, direct, occlusion, bounced), scene)
-        layers = [out[RASTERIZED]]
-        if texture is not None:
+        if texture is None:
+            rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED])
+        else:
             albedo = surface_albedo(surface, texture.colors)
             sent = shader.total_albedo(albedo)
             radiance = textured_radiance(lit, bounced, sent, seen_by_points, seen_by_floor, quality)
-            shader = TexturedShader(shader, shader.relative_radiance(camera.position, albedo, radiance))
-            layers.append(texture.relative)
-        rasterize(discs, surfels.neighbors, shader, camera, *layers)
+            textured = TexturedShader(shader, shader.relative_radiance(camera.position, albedo, radiance))
+            rasterize(discs, surfels.neighbors, textured, camera, out[RASTERIZED], texture.relative)
         shadow.result()
 
-    def shader(self, light: LightField, scene: SceneDescription) -> Shader:
+    def shader(self, light: LightField, scene: SceneDescription) -> MaterialShader:
         """What the surface looks like in that light."""
         return DiffuseShader(light, base_color(scene))
 

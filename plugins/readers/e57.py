@@ -15,9 +15,9 @@ from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
-_HEADER, _CHECKSUM, _LONGEST = 48, 4, 1 << 26
+_HEADER_BYTES, _CHECKSUM_BYTES, _MAX_DESCRIPTION_BYTES = 48, 4, 1 << 26
 """Bytes of the header and of a page's checksum, and of the longest description that is looked at."""
-_COUNT = re.compile(rb'<points\b[^>]*\brecordCount="(\d{1,15})"')
+_POINT_COUNT = re.compile(rb'<points\b[^>]*\brecordCount="(\d{1,15})"')
 
 
 class E57(Reader):
@@ -34,7 +34,7 @@ class E57(Reader):
 
         The library is not asked: it would run in this process.
         """
-        counts = _COUNT.findall(_description(path))
+        counts = _POINT_COUNT.findall(_read_description(path))
         return MEMORY_A_POINT * sum(map(int, counts))
 
     def is_fragile(self, path: Path) -> bool:
@@ -47,12 +47,12 @@ class E57(Reader):
         Raises:
             ScanError: no E57 file, a damaged one, one without points, or pye57 is not installed.
         """
-        file = _opened(path)
+        file = _open(path)
         try:
             coloured = any("colorRed" in file.get_header(index).point_fields for index in range(file.scan_count))
             parts = [file.read_scan(index, ignore_missing_fields=True) for index in range(file.scan_count)]
         except Exception as error:  # the library raises whatever its parsing stumbles over
-            raise _unreadable(error) from error
+            raise _unreadable_error(error) from error
         finally:
             file.close()
         axes = ("cartesianX", "cartesianY", "cartesianZ")
@@ -60,7 +60,7 @@ class E57(Reader):
         return [RawCloud(np.concatenate([np.empty((0, 3)), *clouds]), note=IGNORED_NOTE if coloured else "")]
 
 
-def _opened(path: Path) -> Any:
+def _open(path: Path) -> Any:
     try:
         pye57 = import_lazily("pye57")
     except ImportError:
@@ -68,21 +68,21 @@ def _opened(path: Path) -> Any:
     try:
         return pye57.E57(str(path))
     except Exception as error:  # as above
-        raise _unreadable(error) from error
+        raise _unreadable_error(error) from error
 
 
-def _description(path: Path) -> bytes:
+def _read_description(path: Path) -> bytes:
     """The XML that tells what is in the file, without the checksums at the ends of its pages; empty if it has none."""
     with path.open("rb") as file:
-        magic, start, length, page = struct.unpack("<8s16xQQQ", file.read(_HEADER).ljust(_HEADER, b"\0"))
-        sane = _CHECKSUM < page <= _LONGEST and length <= _LONGEST and start < path.stat().st_size
+        magic, start, length, page = struct.unpack("<8s16xQQQ", file.read(_HEADER_BYTES).ljust(_HEADER_BYTES, b"\0"))
+        sane = _CHECKSUM_BYTES < page <= _MAX_DESCRIPTION_BYTES and length <= _MAX_DESCRIPTION_BYTES and start < path.stat().st_size
         if magic != b"ASTM-E57" or not sane:
             return b""
         file.seek(start - start % page)
-        pages = file.read((start % page + length) * page // (page - _CHECKSUM) + page)
-    content = b"".join(pages[begin : begin + page - _CHECKSUM] for begin in range(0, len(pages), page))
+        pages = file.read((start % page + length) * page // (page - _CHECKSUM_BYTES) + page)
+    content = b"".join(pages[begin : begin + page - _CHECKSUM_BYTES] for begin in range(0, len(pages), page))
     return content[start % page :][:length]
 
 
-def _unreadable(error: Exception) -> ScanError:
+def _unreadable_error(error: Exception) -> ScanError:
     return ScanError(f"the E57 file cannot be read ({error_reason(error)}); export it again")

@@ -17,17 +17,17 @@ from z2p_renderer.plugins.readers._helpers.color_note import colours_note
 from z2p_renderer.plugins.readers._helpers.las_header import check_records, promised_points
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
-_CHUNK = 1_000_000
+_CHUNK_POINTS = 1_000_000
 """Points unpacked at a time: a header that lies about its count costs one chunk, not the machine's memory."""
-_UNPACKED = 200
+_UNPACKED_POINT_BYTES = 200
 """Bytes that a point of a chunk takes at the most."""
-_NOISE = (7, 18)
+_NOISE_CLASSES = (7, 18)
 """Classes of low and of high noise, as the standard has them."""
-_UNSEEN = (-(2**31), 2**31 - 1)
+_INVALID_INTEGERS = (-(2**31), 2**31 - 1)
 """Whole numbers that writers make of no number or of one too large."""
-_GEOGRAPHIC = (1024, 2)
+_GEOGRAPHIC_GEO_KEY = (1024, 2)
 """Key and value by which GeoTIFF tells degrees."""
-_MARKS = 20
+_MIN_UNMEASURED_AT_OFFSET = 20
 """Points at the very offset from which on they mark what was not measured."""
 
 
@@ -43,7 +43,7 @@ class Las(Reader):
     def memory(self, path: Path) -> int:
         """As many points as the header promises, which may be packed far tighter than in other formats."""
         count = promised_points(path)
-        return min(count, MAX_ROWS) * MEMORY_A_POINT + min(count, _CHUNK) * _UNPACKED
+        return min(count, MAX_ROWS) * MEMORY_A_POINT + min(count, _CHUNK_POINTS) * _UNPACKED_POINT_BYTES
 
     def is_fragile(self, path: Path) -> bool:
         """Where points are packed: lazrs ends the process on some damaged chunks."""
@@ -63,39 +63,39 @@ class Las(Reader):
             return [np.empty((0, 3))]
         check_records(path)
         try:
-            return [_read(path)]
+            return [_read_points(path)]
         except (ScanError, ImportError):
             raise
         except Exception as error:  # laspy and lazrs raise whatever their parsing stumbles over
-            raise _unreadable(error) from error
+            raise _unreadable_error(error) from error
         except BaseException as error:
             if type(error).__name__ != "PanicException":  # lazrs' way to fail on a damaged file, no Exception
                 raise
-            raise _unreadable(error) from error
+            raise _unreadable_error(error) from error
 
 
 @dataclass
-class _Told:
+class _ChunkTotals:
     """What comes of the chunks."""
 
     parts: list[np.ndarray] = field(default_factory=lambda: [np.empty((0, 3))])
-    came: int = 0
+    points_read: int = 0
     noise: int = 0
     withheld: int = 0
-    unseen: int = 0
+    unmeasured: int = 0
 
     def note(self, names: Iterator[str]) -> str:
         """What the file's line says."""
         parts = (
             f"{self.noise} points of noise (classes 7 and 18) left out" if self.noise else "",
             f"{self.withheld} withheld points left out" if self.withheld else "",
-            f"{self.unseen} points that stand for no measurement left out" if self.unseen else "",
+            f"{self.unmeasured} points that stand for no measurement left out" if self.unmeasured else "",
             colours_note(names),
         )
         return "; ".join(filter(None, parts))
 
 
-def _read(path: Path) -> RawCloud:
+def _read_points(path: Path) -> RawCloud:
     laspy = import_lazily("laspy")
     single = laspy.LazBackend.Lazrs  # the parallel one believes the chunk sizes of a damaged file, and aborts on them
     with laspy.open(path, laz_backend=single) as reader:
@@ -105,23 +105,23 @@ def _read(path: Path) -> RawCloud:
         if body < 0 or (not header.are_points_compressed and count * row > body):
             raise ScanError(f"the LAS header promises {count} points of {row} bytes, {max(body, 0)} bytes follow it; "
                             "the file is cut short or its header is wrong: export it again")
-        told, step = _Told(), -(-count // MAX_ROWS) if count else 1
+        totals, step = _ChunkTotals(), -(-count // MAX_ROWS) if count else 1
         rng = np.random.default_rng(0)
-        for chunk in reader.chunk_iterator(_CHUNK):
-            _take(chunk, told, step, rng)
+        for chunk in reader.chunk_iterator(_CHUNK_POINTS):
+            _add_chunk(chunk, totals, step, rng)
         names, degrees = list(header.point_format.dimension_names), _is_in_degrees(header)
-    points = np.concatenate(told.parts)
-    if told.came != count:
-        raise ScanError(f"the LAS header promises {count} points, {told.came} came; export the file again")
-    points, laid_out = project_degrees(points) if degrees else (points, "")
-    note = "; ".join(filter(None, (told.note(iter(names)), laid_out)))
+    points = np.concatenate(totals.parts)
+    if totals.points_read != count:
+        raise ScanError(f"the LAS header promises {count} points, {totals.points_read} came; export the file again")
+    points, degrees_note = project_degrees(points) if degrees else (points, "")
+    note = "; ".join(filter(None, (totals.note(iter(names)), degrees_note)))
     return RawCloud(points, total=count if step > 1 else None, note=note)
 
 
 def _is_in_degrees(header: Any) -> bool:
     """Whether the header says that x and y are longitude and latitude, by keys of GeoTIFF's or in words."""
     for record in header.vlrs:
-        if any((key.id, key.value_offset) == _GEOGRAPHIC for key in getattr(record, "geo_keys", ())):
+        if any((key.id, key.value_offset) == _GEOGRAPHIC_GEO_KEY for key in getattr(record, "geo_keys", ())):
             return True
         words = str(getattr(record, "string", ""))
         if "PROJC" not in words and any(kind in words for kind in ("GEOGCS", "GEOGCRS", "GEODCRS")):
@@ -129,30 +129,30 @@ def _is_in_degrees(header: Any) -> bool:
     return False
 
 
-def _take(chunk: Any, told: _Told, step: int, rng: np.random.Generator) -> None:
+def _add_chunk(chunk: Any, totals: _ChunkTotals, step: int, rng: np.random.Generator) -> None:
     """Adds a chunk's points, those that count, and one at random of every `step`."""
-    told.came += len(chunk)
+    totals.points_read += len(chunk)
     raw = np.column_stack([chunk.X, chunk.Y, chunk.Z])
     kept = np.ones(len(chunk), dtype=bool)
     classes = np.asarray(chunk.classification)
-    noise = np.isin(classes, _NOISE)
+    noise = np.isin(classes, _NOISE_CLASSES)
     withheld = np.asarray(chunk.withheld).astype(bool) & ~noise
-    unseen = np.isin(raw, _UNSEEN).any(1)
+    unmeasured = np.isin(raw, _INVALID_INTEGERS).any(1)
     at_offset = ~raw.any(1)
-    if at_offset.sum() >= _MARKS:
-        unseen |= at_offset
+    if at_offset.sum() >= _MIN_UNMEASURED_AT_OFFSET:
+        unmeasured |= at_offset
     if not (noise | withheld).all():  # a file of nothing else is looked at for its noise
-        told.noise += int(noise.sum())
-        told.withheld += int(withheld.sum())
+        totals.noise += int(noise.sum())
+        totals.withheld += int(withheld.sum())
         kept &= ~noise & ~withheld
-    told.unseen += int((unseen & kept).sum())
-    kept &= ~unseen
+    totals.unmeasured += int((unmeasured & kept).sum())
+    kept &= ~unmeasured
     rows = np.flatnonzero(kept)
     if step > 1:
         start = np.arange(0, len(rows), step)
         rows = rows[start + (rng.random(len(start)) * np.minimum(step, len(rows) - start)).astype(np.int64)]
-    told.parts.append(np.column_stack([chunk.x, chunk.y, chunk.z])[rows])
+    totals.parts.append(np.column_stack([chunk.x, chunk.y, chunk.z])[rows])
 
 
-def _unreadable(error: BaseException) -> ScanError:
+def _unreadable_error(error: BaseException) -> ScanError:
     return ScanError(f"the LAS file cannot be read ({error_reason(error)}); export it again")

@@ -16,7 +16,7 @@ from z2p_renderer.plugins.readers._helpers.gltf_parts import as_glb, bytes_besid
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.length_check import check_trailing_bytes, trailing_bytes_note
 
-_STL_HEAD, _STL_TRIANGLE = 84, 50
+_STL_HEADER_BYTES, _STL_TRIANGLE_BYTES = 84, 50
 """Bytes of a binary STL file's header and of each triangle."""
 
 
@@ -48,11 +48,11 @@ class Meshes(Reader):
         try:
             match path.suffix.lower():
                 case ".stl":
-                    points, note = _stl(path.read_bytes())
+                    points, note = _read_stl(path.read_bytes())
                 case ".gltf":
-                    points, note = _glb(as_glb(path))
+                    points, note = _read_glb(as_glb(path))
                 case _:
-                    points, note = _glb(path.read_bytes())
+                    points, note = _read_glb(path.read_bytes())
         except (ScanError, ImportError):  # no fault of the file
             raise
         except Exception as error:  # the library raises whatever its parsing stumbles over
@@ -61,20 +61,20 @@ class Meshes(Reader):
         return [RawCloud(points[np.sort(first)], note=note)]
 
 
-def _stl(blob: bytes) -> tuple[np.ndarray, str]:
+def _read_stl(blob: bytes) -> tuple[np.ndarray, str]:
     """Corners of the triangles (N, 3) float64, and a note."""
     note = ""
     if _is_text(blob):
-        loaded = import_lazily("trimesh.exchange.stl").load_stl_ascii(io.BytesIO(_whole_text(blob)))
+        loaded = import_lazily("trimesh.exchange.stl").load_stl_ascii(io.BytesIO(_check_complete(blob)))
     else:
-        if len(blob) < _STL_HEAD:
-            raise ScanError(f"a binary STL file begins with {_STL_HEAD} bytes of header, got {len(blob)} in all; it is "
+        if len(blob) < _STL_HEADER_BYTES:
+            raise ScanError(f"a binary STL file begins with {_STL_HEADER_BYTES} bytes of header, got {len(blob)} in all; it is "
                             "cut short, or another format: export it again")
-        (count,) = struct.unpack_from("<I", blob, _STL_HEAD - 4)
-        size = _STL_TRIANGLE * count
+        (count,) = struct.unpack_from("<I", blob, _STL_HEADER_BYTES - 4)
+        size = _STL_TRIANGLE_BYTES * count
         promise = f"the STL header promises {count} triangles"
-        note = trailing_bytes_note(check_trailing_bytes(promise, size, len(blob) - _STL_HEAD))
-        loaded = import_lazily("trimesh.exchange.stl").load_stl_binary(io.BytesIO(blob[: _STL_HEAD + size]))
+        note = trailing_bytes_note(check_trailing_bytes(promise, size, len(blob) - _STL_HEADER_BYTES))
+        loaded = import_lazily("trimesh.exchange.stl").load_stl_binary(io.BytesIO(blob[: _STL_HEADER_BYTES + size]))
     solids = loaded["geometry"].values() if "geometry" in loaded else [loaded]
     parts = [np.asarray(solid["vertices"], dtype=np.float64).reshape(-1, 3) for solid in solids]
     if not parts:
@@ -88,7 +88,7 @@ def _is_text(blob: bytes) -> bool:
     return head.lstrip().startswith(b"solid") and (b"vertex" in head or b"endsolid" in head)
 
 
-def _whole_text(blob: bytes) -> bytes:
+def _check_complete(blob: bytes) -> bytes:
     """The text of an STL file.
 
     Raises:
@@ -100,7 +100,7 @@ def _whole_text(blob: bytes) -> bytes:
     return blob
 
 
-def _glb(blob: bytes) -> tuple[np.ndarray, str]:
+def _read_glb(blob: bytes) -> tuple[np.ndarray, str]:
     """Vertices (N, 3) float64 of a scene, and a note."""
     if blob[:4] != b"glTF":
         raise ScanError("expected a GLB file, which begins with 'glTF'; this is another format under that name")

@@ -13,25 +13,25 @@ from z2p_core.formats.arrays.depth_maps import find_depth_and_camera, unproject_
 from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_points
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.array_clouds import (
-    KEYS,
+    POINT_KEYS,
     MAX_COLUMNS,
     check_fields,
     check_shape,
     clouds_from_array,
     exceeds_size_limit,
     is_points,
-    numbers,
+    plain_numbers,
     stack_axes,
 )
 
-_LARGEST = 2 << 30
+_MAX_MEMBER_BYTES = 2 << 30
 """Bytes of an npz member, unpacked; one with more is refused."""
-_NO_POINTS = ("normal", "color", "colour", "rgb", "feat", "conf", "mask", "depth")
+_ATTRIBUTE_WORDS = ("normal", "color", "colour", "rgb", "feat", "conf", "mask", "depth")
 """Parts of the names of arrays that stand beside points."""
-_AXES = {"x", "y", "z"}
-_AMBIGUOUS = (4, 5)
+_AXIS_NAMES = {"x", "y", "z"}
+_AMBIGUOUS_COLUMNS = (4, 5)
 """Columns of arrays that need such a name to be taken: four may be a colour, or a rotation."""
-_FEWEST_ROWS = 5
+_MIN_UNNAMED_ROWS = 5
 """Of an array that is taken without such a name: what has fewer may be a camera's matrix."""
 
 
@@ -48,7 +48,7 @@ class NumpyArrays(Reader):
         if path.suffix.lower() == ".npy":
             try:
                 with path.open("rb") as file:
-                    if _is_spread(*_header(file, path.stat().st_size)):
+                    if _is_subsampled(*_read_header(file, path.stat().st_size)):
                         return MAX_ROWS * MEMORY_A_POINT + 2 * BLOCK_BYTES
             except Exception:  # numpy raises whatever its parsing stumbles over, and read says what is wrong
                 return 0
@@ -69,13 +69,13 @@ class NumpyArrays(Reader):
         try:
             key = ""
             if path.suffix.lower() == ".npz":
-                array, key = _from_zip(path)
+                array, key = _read_npz(path)
             else:
                 with path.open("rb") as file:
-                    shape, fortran, dtype = _header(file, path.stat().st_size)
-                    if _is_spread(shape, fortran, dtype):
-                        return [_spread(file, shape, dtype)]
-                    array = _array(file, path.stat().st_size)
+                    shape, column_major, dtype = _read_header(file, path.stat().st_size)
+                    if _is_subsampled(shape, column_major, dtype):
+                        return [_read_subsampled(file, shape, dtype)]
+                    array = _read_array(file, path.stat().st_size)
         except ScanError:
             raise
         except Exception as error:  # zipfile, zlib and numpy raise whatever their parsing stumbles over
@@ -84,74 +84,74 @@ class NumpyArrays(Reader):
         return list(clouds_from_array(array, key))
 
 
-def _from_zip(path: Path) -> tuple[np.ndarray, str]:
+def _read_npz(path: Path) -> tuple[np.ndarray, str]:
     """The array that holds the points, and its name."""
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
-        if members.keys() >= _AXES and not members.keys() & set(KEYS):
-            return _stack_axes(archive, members, path.stat().st_size), ""
-        chosen = _chosen(archive, members, path.stat().st_size)
+        if members.keys() >= _AXIS_NAMES and not members.keys() & set(POINT_KEYS):
+            return _read_axes(archive, members, path.stat().st_size), ""
+        chosen = _choose_member(archive, members, path.stat().st_size)
         if chosen is None and (names := find_depth_and_camera(members)):
-            depth, camera = (_member(archive, name, members[name], path.stat().st_size) for name in names)
+            depth, camera = (_read_member(archive, name, members[name], path.stat().st_size) for name in names)
             return unproject_depth(depth, camera), "point_map"
         if chosen is None:
             raise ScanError(f"expected an array named 'points' or 'xyz', or one array of floats (N, 3) alone, got "
                             f"{', '.join(members) or 'none'}; save the points as points=...")
-        return _member(archive, chosen, members[chosen], path.stat().st_size), chosen
+        return _read_member(archive, chosen, members[chosen], path.stat().st_size), chosen
 
 
-def _member(archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo, size: int) -> np.ndarray:
+def _read_member(archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo, size: int) -> np.ndarray:
     """The array of that name in an archive of `size` bytes."""
-    _weigh(name, info, size)
+    _check_member_size(name, info, size)
     with archive.open(info) as file:
-        return _array(file, info.file_size)
+        return _read_array(file, info.file_size)
 
 
-def _stack_axes(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> np.ndarray:
+def _read_axes(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> np.ndarray:
     """Points (N, 3) of arrays x, y and z, of any shape but the same."""
-    return stack_axes({axis: _member(archive, axis, members[axis], size) for axis in "xyz"})
+    return stack_axes({axis: _read_member(archive, axis, members[axis], size) for axis in "xyz"})
 
 
-def _chosen(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:
+def _choose_member(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:
     """Name of the array that holds the points, by that name or because no other one could; None if that is open.
 
     One that is called so but has another shape is named too: the message then says what is wrong with it.
     """
-    named = [key for key in KEYS if key in members]
+    named = [key for key in POINT_KEYS if key in members]
     for key in named:
-        _weigh(key, members[key], size)
-        if _shape_of_points(archive, members[key]):
+        _check_member_size(key, members[key], size)
+        if _could_be_points(archive, members[key]):
             return key
     if named or len(members) == 1:
         return next(iter(named or members))
-    others = [key for key in members if not any(word in key.lower() for word in _NO_POINTS)]
-    floats = [key for key in others if _shape_of_points(archive, members[key], floats=True)]
+    others = [key for key in members if not any(word in key.lower() for word in _ATTRIBUTE_WORDS)]
+    floats = [key for key in others if _could_be_points(archive, members[key], floats=True)]
     return floats[0] if len(floats) == 1 else None
 
 
-def _shape_of_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bool = False) -> bool:
+def _could_be_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bool = False) -> bool:
     """Whether an array's header promises points; `floats`: such as can be told without a name."""
     with archive.open(info) as file:
         try:
-            shape, _, dtype = _header(file, info.file_size)
+            shape, _, dtype = _read_header(file, info.file_size)
         except ValueError:  # no array of numbers
             return False
     if not is_points(shape, dtype, info.filename.removesuffix(".npy")):
         return False
-    return not floats or (dtype.kind == "f" and (len(shape) == 4 or (shape[-2] >= _FEWEST_ROWS
-                                                                     and shape[-1] not in _AMBIGUOUS)))
+    return not floats or (dtype.kind == "f" and (len(shape) == 4 or (shape[-2] >= _MIN_UNNAMED_ROWS
+                                                                     and shape[-1] not in _AMBIGUOUS_COLUMNS)))
 
 
-def _weigh(name: str, info: zipfile.ZipInfo, size: int) -> None:
+def _check_member_size(name: str, info: zipfile.ZipInfo, size: int) -> None:
     """Raises ScanError for an array that packs more than a cloud could into a file of `size` bytes."""
-    if exceeds_size_limit(info.file_size, info.compress_size, _LARGEST) or info.compress_size > size:
+    if exceeds_size_limit(info.file_size, info.compress_size, _MAX_MEMBER_BYTES) or info.compress_size > size:
         raise ScanError(f"array {name!r} would unpack to {info.file_size} bytes from {info.compress_size}; "
                         "that is no cloud: save it again as .npy if it is one")
 
 
-def _array(file: IO[bytes], size: int) -> np.ndarray:
+def _read_array(file: IO[bytes], size: int) -> np.ndarray:
     """The array in an npy stream of `size` bytes, after its header has been weighed against them."""
-    shape, fortran, dtype = _header(file, size)
+    shape, column_major, dtype = _read_header(file, size)
     content = memoryview(bytearray(size - file.tell()))
     filled = 0
     while filled < len(content) and (step := file.readinto(content[filled:])):  # type: ignore[attr-defined]
@@ -159,15 +159,15 @@ def _array(file: IO[bytes], size: int) -> np.ndarray:
     if filled < len(content):
         raise ScanError(f"{len(content) - filled} bytes of the array are missing; the file is cut short: save it again")
     array = np.frombuffer(content, dtype)
-    return numbers(array.reshape(shape[::-1]).T if fortran else array.reshape(shape))
+    return plain_numbers(array.reshape(shape[::-1]).T if column_major else array.reshape(shape))
 
 
-def _is_spread(shape: tuple[int, ...], fortran: bool, dtype: np.dtype) -> bool:
+def _is_subsampled(shape: tuple[int, ...], column_major: bool, dtype: np.dtype) -> bool:
     """Whether this is one cloud, row by row, of more points than are drawn."""
-    return len(shape) == 2 and 3 <= shape[1] <= MAX_COLUMNS and shape[0] > MAX_ROWS and not fortran
+    return len(shape) == 2 and 3 <= shape[1] <= MAX_COLUMNS and shape[0] > MAX_ROWS and not column_major
 
 
-def _spread(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawCloud:
+def _read_subsampled(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawCloud:
     """Points spread over the rows that follow a header, read in blocks."""
     check_shape(shape)
     row = shape[1] * dtype.itemsize
@@ -178,7 +178,7 @@ def _spread(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawClou
     return RawCloud(subsample_points(read, shape[0], row, np.random.default_rng(0), MAX_ROWS), total=shape[0])
 
 
-def _header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype]:
+def _read_header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype]:
     """Shape, whether columns come first, and type of an npy stream of `size` bytes, which its array must fill.
 
     The stream stays where the array begins.
@@ -188,10 +188,10 @@ def _header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype
     if version not in ((1, 0), (2, 0)):
         raise ScanError(f"npy format {version} holds no plain array; save the points with numpy.save")
     parse = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, fortran, dtype = parse(file)
+    shape, column_major, dtype = parse(file)
     check_fields(dtype)
     promised = int(np.prod(shape, dtype=object)) * dtype.itemsize
     if promised != size - file.tell():
         raise ScanError(f"the npy header promises {shape} {dtype}, {promised} bytes, but {size - file.tell()} follow; "
                         "the file is cut short: save it again")
-    return shape, fortran, dtype
+    return shape, column_major, dtype

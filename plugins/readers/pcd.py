@@ -20,12 +20,12 @@ from z2p_renderer.plugins.readers._helpers.length_check import (
     trailing_bytes_note,
 )
 
-_LONGEST_HEADER = 1 << 16
-_WORST_LZF_RATIO = 100
+_MAX_HEADER_BYTES = 1 << 16
+_MAX_LZF_RATIO = 100
 """LZF writes 264 bytes from 3 at the very best: a larger ratio is a lie."""
-_TYPES = frozenset({"F4", "F8", *(kind + size for kind in "IU" for size in "1248")})
+_FIELD_TYPES = frozenset({"F4", "F8", *(kind + size for kind in "IU" for size in "1248")})
 """What numbers may be, as TYPE and SIZE have it."""
-_PAGE = 4096
+_PAGE_BYTES = 4096
 """Older versions of the Point Cloud Library fill binary files up to whole pages of memory, with zeros."""
 
 
@@ -41,7 +41,7 @@ class Pcd(Reader):
     def memory(self, path: Path) -> int:
         """As many points as the header promises, beside the file itself; text takes far more."""
         with path.open("rb") as file:
-            head = file.read(_LONGEST_HEADER)
+            head = file.read(_MAX_HEADER_BYTES)
         try:
             header = _parse_header(head)
         except ScanError:
@@ -49,7 +49,7 @@ class Pcd(Reader):
         size = path.stat().st_size
         if header.data == "ascii":
             return MEMORY_A_CHARACTER * size
-        plausible = min(header.points, _WORST_LZF_RATIO * size)  # a lie is found out by read
+        plausible = min(header.points, _MAX_LZF_RATIO * size)  # a lie is found out by read
         return 3 * size + plausible * MEMORY_A_POINT
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
@@ -66,21 +66,21 @@ class Pcd(Reader):
         body = blob[header.size :]
         if header.points == 0:
             return [np.empty((0, 3))]
-        pose = _viewpoint(header)
-        note = "; ".join(filter(None, (trailing_bytes_note(_check_size(header, body)), header.colours)))
-        points = _load(header, _tidy_ascii(header, body) if header.data == "ascii" else _tidy_header(header) + body)
-        return [RawCloud(points, None if pose is None else _faced(pose, points), note=note)]
+        pose = _parse_viewpoint(header)
+        note = "; ".join(filter(None, (trailing_bytes_note(_check_size(header, body)), header.color_note)))
+        points = _load_points(header, _normalized_ascii(header, body) if header.data == "ascii" else _normalized_header(header) + body)
+        return [RawCloud(points, None if pose is None else _turn_to_points(pose, points), note=note)]
 
 
 @dataclass(frozen=True)
 class _Header:
     entries: dict[str, list[str]]
     points: int
-    columns: int
+    numbers_per_row: int
     row_bytes: int
     data: str
     size: int
-    colours: str
+    color_note: str
     """What to say of its colours."""
 
 
@@ -92,7 +92,7 @@ def _parse_header(blob: bytes) -> _Header:
     """
     entries: dict[str, list[str]] = {}
     size = 0
-    for line in blob[:_LONGEST_HEADER].splitlines(keepends=True):
+    for line in blob[:_MAX_HEADER_BYTES].splitlines(keepends=True):
         size += len(line)
         words = line.decode("utf-8", errors="replace").split()
         if words and not words[0].startswith("#"):
@@ -104,7 +104,7 @@ def _parse_header(blob: bytes) -> _Header:
         raise ScanError(f"expected a PCD header, its lines {', '.join(missing)} are missing; export the file again")
     entries.setdefault("COUNT", ["1"] * len(entries["FIELDS"]))
     given = entries["FIELDS"]
-    names = _tidy_fields(entries)
+    names = _normalize_fields(entries)
     try:
         sizes, counts = ([int(word) for word in entries[key]] for key in ("SIZE", "COUNT"))
         width, height, points = (int(entries[key][0]) for key in ("WIDTH", "HEIGHT", "POINTS"))
@@ -118,7 +118,7 @@ def _parse_header(blob: bytes) -> _Header:
     if any(names.count(axis) != 1 or counts[names.index(axis)] != 1 for axis in "xyz"):
         raise ScanError(f"the PCD file needs the fields x, y and z once each, got {' '.join(given)}; export it again")
     for name, kind, each in zip(names, entries["TYPE"], entries["SIZE"], strict=True):
-        if kind + each not in _TYPES:
+        if kind + each not in _FIELD_TYPES:
             raise ScanError(f"the PCD field {name} has TYPE {kind} and SIZE {each}, expected F of 4 or 8 bytes, or I "
                             "or U of 1, 2, 4 or 8; export the file again")
     if width * height != points:
@@ -126,16 +126,16 @@ def _parse_header(blob: bytes) -> _Header:
     return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size, colours_note(given))
 
 
-def _tidy_fields(entries: dict[str, list[str]]) -> list[str]:
+def _normalize_fields(entries: dict[str, list[str]]) -> list[str]:
     """Renames the header's fields in place, so that each has a name of its own, and gives their names.
 
     Those of COUNT 0, which take no bytes, are left out: PCL's reader does so too. The axes may be written in capitals;
     padding is called ``_``, several times perhaps.
     """
-    columns = ("FIELDS", "SIZE", "TYPE", "COUNT")
-    if len({len(entries[key]) for key in columns}) == 1:
-        rows = [row for row in zip(*(entries[key] for key in columns), strict=True) if row[3] != "0"]
-        entries.update({key: [row[place] for row in rows] for place, key in enumerate(columns)})
+    numbers_per_row = ("FIELDS", "SIZE", "TYPE", "COUNT")
+    if len({len(entries[key]) for key in numbers_per_row}) == 1:
+        rows = [row for row in zip(*(entries[key] for key in numbers_per_row), strict=True) if row[3] != "0"]
+        entries.update({key: [row[place] for row in rows] for place, key in enumerate(numbers_per_row)})
     names = entries["FIELDS"]
     if set(names).isdisjoint("xyz"):
         names = [name.lower() if name in ("X", "Y", "Z") else name for name in names]
@@ -143,7 +143,7 @@ def _tidy_fields(entries: dict[str, list[str]]) -> list[str]:
     return entries["FIELDS"]
 
 
-def _viewpoint(header: _Header) -> Sensor | None:
+def _parse_viewpoint(header: _Header) -> Sensor | None:
     """The sensor's pose as the header has it; None where it says nothing.
 
     Raises:
@@ -164,7 +164,7 @@ def _viewpoint(header: _Header) -> Sensor | None:
     return Sensor(position, quaternion_rotations(turn[None])[0])
 
 
-def _faced(sensor: Sensor, points: np.ndarray) -> Sensor:
+def _turn_to_points(sensor: Sensor, points: np.ndarray) -> Sensor:
     """The sensor turned to its points: PCD leaves open whether it looks along +Z (OpenCV) or -Z (OpenGL).
 
     When all that it saw lies behind it, its axes are OpenGL's, and a half turn about its X axis makes them OpenCV's.
@@ -185,14 +185,14 @@ def _check_size(header: _Header, body: bytes) -> int:
     promise = f"the PCD header promises {header.points} points of {header.row_bytes} bytes ({header.data})"
     match header.data:
         case "ascii":
-            fits = len(body) >= header.points * header.columns * 2 - 1
+            fits = len(body) >= header.points * header.numbers_per_row * 2 - 1
         case "binary":  # a field that the header has lost is a byte a point at least
-            if full < len(body) < full + _PAGE and not any(body[full:]):
+            if full < len(body) < full + _PAGE_BYTES and not any(body[full:]):
                 return 0
             return check_trailing_bytes(promise, full, len(body), min(header.points - 1, MAX_TRAILING_BYTES))
         case "binary_compressed" | "binaryscompressed":
             packed, unpacked = struct.unpack("<II", body[:8]) if len(body) >= 8 else (0, 0)
-            fits = 0 < packed <= len(body) - 8 and unpacked == full and unpacked <= _WORST_LZF_RATIO * packed
+            fits = 0 < packed <= len(body) - 8 and unpacked == full and unpacked <= _MAX_LZF_RATIO * packed
         case _:
             raise ScanError(f"PCD data is ascii, binary or binary_compressed, got {header.data!r}; export it again")
     if not fits:
@@ -201,30 +201,30 @@ def _check_size(header: _Header, body: bytes) -> int:
     return 0
 
 
-def _tidy_ascii(header: _Header, body: bytes) -> bytes:
+def _normalized_ascii(header: _Header, body: bytes) -> bytes:
     """The same cloud with x, y, z alone and single blanks, which is all that the library's ascii parser takes."""
     rows = [line.split() for line in body.splitlines() if line.strip()]
     if len(rows) != header.points:
         raise ScanError(f"the PCD header promises {header.points} points, {len(rows)} lines came; export it again")
     counts = [int(word) for word in header.entries["COUNT"]]
     where = [header.entries["FIELDS"].index(axis) for axis in "xyz"]
-    columns = [sum(counts[:field]) for field in where]
+    numbers_per_row = [sum(counts[:field]) for field in where]
     for number, row in enumerate(rows, start=1):
-        if len(row) != header.columns:
-            raise ScanError(f"PCD point {number}: expected {header.columns} numbers, got {len(row)}; export it again")
+        if len(row) != header.numbers_per_row:
+            raise ScanError(f"PCD point {number}: expected {header.numbers_per_row} numbers, got {len(row)}; export it again")
     xyz = {"FIELDS": ["x", "y", "z"], "SIZE": ["8"] * 3, "TYPE": ["F"] * 3, "COUNT": ["1"] * 3}
-    lines = (b" ".join(row[column] for column in columns) for row in rows)
-    return _tidy_header(replace(header, entries=xyz)) + b"\n".join(lines)
+    lines = (b" ".join(row[column] for column in numbers_per_row) for row in rows)
+    return _normalized_header(replace(header, entries=xyz)) + b"\n".join(lines)
 
 
-def _tidy_header(header: _Header) -> bytes:
+def _normalized_header(header: _Header) -> bytes:
     """The header as PCD 0.7 words it: the library stumbles over comments inside, older versions and a missing COUNT."""
     fields = [f"{key} {' '.join(header.entries[key])}" for key in ("FIELDS", "SIZE", "TYPE", "COUNT")]
     count = [f"WIDTH {header.points}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {header.points}"]
     return "\n".join(["VERSION 0.7", *fields, *count, f"DATA {header.data}", ""]).encode()
 
 
-def _load(header: _Header, blob: bytes) -> np.ndarray:
+def _load_points(header: _Header, blob: bytes) -> np.ndarray:
     """Points (N, 3) float64 of a file whose size has been checked."""
     library = import_lazily("pypcd4")
     try:

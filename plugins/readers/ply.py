@@ -45,12 +45,12 @@ class Ply(Reader):
             _check_length(header, path.stat().st_size)
             if is_packed(header):
                 return 2 * path.stat().st_size + MAX_ROWS * MEMORY_A_POINT
-            vertex = _vertex(header)
+            vertex = _find_vertex(header)
         except ScanError:
             return 0  # read says what is wrong
         if header.ascii:
             return MEMORY_A_CHARACTER * path.stat().st_size
-        if not _found(header, vertex):
+        if not _has_fixed_offsets(header, vertex):
             return vertex.count * MEMORY_A_POINT + 2 * path.stat().st_size
         if vertex.count > MAX_ROWS:
             return MAX_ROWS * MEMORY_A_POINT + 2 * BLOCK_BYTES
@@ -62,34 +62,34 @@ class Ply(Reader):
         Raises:
             ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
         """
-        cloud = _cloud(path)
+        cloud = _read_cloud(path)
         if cloud.up:  # only Gaussians have one
             return [with_camera_hints(cloud, *read_3dgs_cameras(path))]
         return [with_model_cameras(cloud, path)]
 
 
-def _cloud(path: Path) -> RawCloud:
+def _read_cloud(path: Path) -> RawCloud:
     with path.open("rb") as file:
         header = parse_header(file.read(LONGEST_HEADER))
         note = trailing_bytes_note(_check_length(header, path.stat().st_size))
         file.seek(header.size)
         if is_packed(header):
             return cloud_from_packed_splats(file.read(), header, note)
-        vertex = _vertex(header)
+        vertex = _find_vertex(header)
         if vertex.count == 0:
             return RawCloud(np.empty((0, 3)))
         splats = vertex.scalar and is_splats(vertex)
-        columns = (*_axes(vertex), *(splat_columns(vertex) if splats else ()))
-        note = note if splats else "; ".join(filter(None, [note, colours_note(_names(vertex))]))
+        columns = (*_axis_names(vertex), *(splat_columns(vertex) if splats else ()))
+        note = note if splats else "; ".join(filter(None, [note, colours_note(_scalar_names(vertex))]))
         if header.ascii:
-            table = _load_ascii(vertex, _rows_ascii(file, header, vertex), columns)
+            table = _parse_ascii(vertex, _read_ascii_rows(file, header, vertex), columns)
             return cloud_from_splats(table, vertex.count, note) if splats else RawCloud(table, note=note)
-        if not _found(header, vertex):
-            return RawCloud(parse_binary_lists(file.read(), header, vertex, _axes(vertex)), note=note)
-        _seek(file, header, vertex)
+        if not _has_fixed_offsets(header, vertex):
+            return RawCloud(parse_binary_lists(file.read(), header, vertex, _axis_names(vertex)), note=note)
+        _seek_vertices(file, header, vertex)
         if splats or vertex.count > MAX_ROWS:
-            return _spread(file, vertex, columns, note)
-        points = _table(vertex, file.read(vertex.least_bytes(ascii=False)), columns).astype(np.float64)
+            return _read_subsampled(file, vertex, columns, note)
+        points = _parse_binary(vertex, file.read(vertex.least_bytes(ascii=False)), columns).astype(np.float64)
     return RawCloud(points, note=note)
 
 
@@ -108,38 +108,38 @@ def _check_length(header: PlyHeader, size: int) -> int:
     return check_trailing_bytes(promise, expected, size - header.size, min(most, MAX_TRAILING_BYTES))
 
 
-def _vertex(header: PlyHeader) -> PlyElement:
+def _find_vertex(header: PlyHeader) -> PlyElement:
     """The element that holds the points, checked for x, y, z."""
     vertex = header.element("vertex")
     known = ", ".join(element.name for element in header.elements) or "none"
     if vertex is None:
         raise ScanError(f"the PLY file has no element 'vertex' (elements: {known}); export the points as vertices")
-    names = _names(vertex)
-    if any(names.count(axis) != 1 for axis in _axes(vertex)) or len(set(names)) != len(names):
+    names = _scalar_names(vertex)
+    if any(names.count(axis) != 1 for axis in _axis_names(vertex)) or len(set(names)) != len(names):
         raise ScanError(f"the PLY vertices need x, y and z once each, got {', '.join(names) or 'none'}; export again")
     return vertex
 
 
-def _axes(vertex: PlyElement) -> tuple[str, ...]:
+def _axis_names(vertex: PlyElement) -> tuple[str, ...]:
     """Names of the coordinates: some programs write them in capitals."""
-    return tuple("XYZ") if set(_names(vertex)).isdisjoint("xyz") else tuple("xyz")
+    return tuple("XYZ") if set(_scalar_names(vertex)).isdisjoint("xyz") else tuple("xyz")
 
 
-def _names(vertex: PlyElement) -> list[str]:
+def _scalar_names(vertex: PlyElement) -> list[str]:
     """Names of the properties that are no lists."""
     return [entry.name for entry in vertex.properties if entry.length is None]
 
 
-def _found(header: PlyHeader, vertex: PlyElement) -> bool:
+def _has_fixed_offsets(header: PlyHeader, vertex: PlyElement) -> bool:
     """Whether it is known where each vertex stands in a binary file: no list is before or among them."""
     return all(element.scalar for element in header.elements[: header.elements.index(vertex) + 1])
 
 
-def _spread(file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...], note: str) -> RawCloud:
+def _read_subsampled(file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...], note: str) -> RawCloud:
     """Points spread over the vertex rows, read in blocks; of Gaussians, those that show a surface."""
 
     def read(rows: int) -> np.ndarray:
-        return _table(vertex, file.read(rows * vertex.dtype.itemsize), columns)
+        return _parse_binary(vertex, file.read(rows * vertex.dtype.itemsize), columns)
 
     table = subsample_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MAX_ROWS)
     if len(columns) > 3:
@@ -147,13 +147,13 @@ def _spread(file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...
     return RawCloud(table, total=vertex.count, note=note)
 
 
-def _seek(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> None:
+def _seek_vertices(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> None:
     """Goes on from the header's end to the first vertex row of a binary file."""
     before = header.elements[: header.elements.index(vertex)]
     file.seek(sum(element.least_bytes(ascii=False) for element in before), io.SEEK_CUR)
 
 
-def _rows_ascii(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> list[bytes]:
+def _read_ascii_rows(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> list[bytes]:
     before = sum(element.count for element in header.elements[: header.elements.index(vertex)])
     lines = [line for line in file.read().splitlines() if line.strip()]
     rows = lines[before : before + vertex.count]
@@ -163,11 +163,11 @@ def _rows_ascii(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) 
     return rows
 
 
-def _load_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...]) -> np.ndarray:
+def _parse_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...]) -> np.ndarray:
     """Numbers (N, len(columns)) float64 of the vertex rows."""
     try:
         if not vertex.scalar:
-            return parse_ascii_lists(lines, vertex, _axes(vertex))
+            return parse_ascii_lists(lines, vertex, _axis_names(vertex))
         rows = np.loadtxt(io.BytesIO(b"\n".join(lines)), comments=None, ndmin=2)
         names = [entry.name for entry in vertex.properties]
         if rows.shape[1] != len(names):
@@ -177,7 +177,7 @@ def _load_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...]
         raise ScanError(f"the PLY vertices cannot be read ({error}); export the file again") from error
 
 
-def _table(vertex: PlyElement, rows: bytes, columns: tuple[str, ...]) -> np.ndarray:
+def _parse_binary(vertex: PlyElement, rows: bytes, columns: tuple[str, ...]) -> np.ndarray:
     """Numbers (N, len(columns)) of whole binary rows, in a type that holds them all."""
     table = np.frombuffer(rows, vertex.dtype)
     return np.column_stack([table[column] for column in columns])

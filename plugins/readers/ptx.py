@@ -13,11 +13,11 @@ from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
 
-_HEADER = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
+_NUMBERS_PER_HEADER_LINE = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
 """Numbers on each line before a scan: columns and rows of its grid, the scanner's place and axes, and a matrix."""
-_COLOURED = 7
+_NUMBERS_PER_COLORED_CELL = 7
 """Numbers of a cell with intensity and colour."""
-_LINES = 200_000
+_BLOCK_LINES = 200_000
 """Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
 
 
@@ -40,23 +40,23 @@ class Ptx(Reader):
             ScanError: a header of another form, a scan that is cut short, or something not a number.
         """
         with path.open(encoding="utf-8-sig", errors="replace") as file:
-            points = np.concatenate([np.empty((0, 3)), *_scans(file)])
+            points = np.concatenate([np.empty((0, 3)), *_iter_point_blocks(file)])
         with path.open(encoding="utf-8-sig", errors="replace") as file:
-            first = next(islice(file, len(_HEADER), None), "")
-        return [RawCloud(points, note=IGNORED_NOTE if len(first.split()) == _COLOURED else "")]
+            first = next(islice(file, len(_NUMBERS_PER_HEADER_LINE), None), "")
+        return [RawCloud(points, note=IGNORED_NOTE if len(first.split()) == _NUMBERS_PER_COLORED_CELL else "")]
 
 
-def _scans(file: TextIO) -> Iterator[np.ndarray]:
+def _iter_point_blocks(file: TextIO) -> Iterator[np.ndarray]:
     """Points (N, 3) of the parts of each scan, where its matrix puts them."""
     line = 0
-    while header := _header(file, line):
-        line += len(_HEADER)
+    while header := _read_header(file, line):
+        line += len(_NUMBERS_PER_HEADER_LINE)
         cells = int(header[0][0]) * int(header[1][0])
         matrix = np.array(header[6:])
-        for start in range(0, cells, _LINES):
-            expected = min(_LINES, cells - start)
+        for start in range(0, cells, _BLOCK_LINES):
+            expected = min(_BLOCK_LINES, cells - start)
             rows = list(islice(file, expected))
-            points = _points(rows, line)
+            points = _parse_points(rows, line)
             line += len(rows)
             if len(points) < expected:
                 raise ScanError(f"a scan of {header[0][0]:g} x {header[1][0]:g} cells ends in line {line}, after "
@@ -65,28 +65,28 @@ def _scans(file: TextIO) -> Iterator[np.ndarray]:
             yield measured @ matrix[:3, :3] + matrix[3, :3]  # points are rows: what moves them is the last row
 
 
-def _header(file: TextIO, before: int) -> list[list[float]]:
+def _read_header(file: TextIO, first_line: int) -> list[list[float]]:
     """The numbers of a scan's first lines; none at the end of the file.
 
     Raises:
         ScanError: they are others.
     """
-    lines = list(islice(file, len(_HEADER)))
+    lines = list(islice(file, len(_NUMBERS_PER_HEADER_LINE)))
     if not any(map(str.strip, lines)):
         return []
     try:
         numbers = [[float(word) for word in line.split()] for line in lines]
-        right = tuple(map(len, numbers)) == _HEADER and all(row[0].is_integer() and row[0] >= 0 for row in numbers[:2])
+        valid = tuple(map(len, numbers)) == _NUMBERS_PER_HEADER_LINE and all(row[0].is_integer() and row[0] >= 0 for row in numbers[:2])
     except ValueError:
-        right = False
-    if not right:
-        raise ScanError(f"line {before + 1}: expected the header of a scan in ten lines (columns, rows, place, three "
+        valid = False
+    if not valid:
+        raise ScanError(f"line {first_line + 1}: expected the header of a scan in ten lines (columns, rows, place, three "
                         f"axes, four rows of a matrix), got {lines[0].strip()[:40]!r}; export the file again, or "
                         "rename it to .txt if it holds rows of x y z")
     return numbers
 
 
-def _points(rows: list[str], before: int) -> np.ndarray:
+def _parse_points(rows: list[str], first_line: int) -> np.ndarray:
     """x, y and z (N, 3) of the rows that follow so many lines of the file.
 
     Raises:
@@ -97,10 +97,10 @@ def _points(rows: list[str], before: int) -> np.ndarray:
             return np.empty((0, 3))
         return np.loadtxt(rows, np.float64, comments=None, usecols=(0, 1, 2), ndmin=2)
     except ValueError as error:
-        for number, row in enumerate(rows, start=before + 1):
+        for number, row in enumerate(rows, start=first_line + 1):
             try:
                 np.loadtxt([row], np.float64, comments=None, usecols=(0, 1, 2))
             except ValueError:
                 raise ScanError(f"line {number}: expected x y z intensity, got {row.strip()[:40]!r}; "
                                 "export the file again") from error
-        raise ScanError(f"lines from {before + 1} on: {error}; export the file again") from error
+        raise ScanError(f"lines from {first_line + 1} on: {error}; export the file again") from error

@@ -18,9 +18,9 @@ from z2p_core.formats.raw_lidar import NUSCENES_COLUMNS, is_plausible_sweep
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.plugins.readers._cameras.colmap import is_points3d, read_points3d
 
-_LIDAR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+_OPENCV_TO_LIDAR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Axes of a car's lidar: +X ahead, +Y to the left, +Z up; from those of OpenCV."""
-_UP = "a car's lidar has it so"
+_UP_REASON = "a car's lidar has it so"
 
 
 class Sweeps(Reader):
@@ -45,23 +45,23 @@ class Sweeps(Reader):
         """
         if is_points3d(path):
             return [read_points3d(path)]
-        _refuse_doubles(path)
+        _refuse_float64(path)
         size = path.stat().st_size
-        names = self.columns or _told_columns(path, size)
+        names = self.columns or _infer_columns(path, size)
         row = 4 * len(names)
         if size % row:
             raise ScanError(f"expected rows of float32 {' '.join(names)}, {row} bytes each, got {size} bytes; name the "
                             f"columns that it has, as in --columns {','.join(NUSCENES_COLUMNS)}")
         table = np.fromfile(path, "<f4").reshape(-1, len(names))
         if not self.columns and not is_plausible_sweep(table):
-            raise _no_sweep(size)
+            raise _no_sweep_error(size)
         points = table[:, [names.index(axis) for axis in "xyz"]].astype(np.float64)
         if tuple(names) not in SWEEP_LAYOUTS:
             return [RawCloud(points)]
-        return [RawCloud(points, Sensor(np.zeros(3), _LIDAR), up="+Z", up_reason=_UP)]
+        return [RawCloud(points, Sensor(np.zeros(3), _OPENCV_TO_LIDAR), up="+Z", up_reason=_UP_REASON)]
 
 
-def _told_columns(path: Path, size: int) -> tuple[str, ...]:
+def _infer_columns(path: Path, size: int) -> tuple[str, ...]:
     """Columns of a sweep that nobody names: told by the name, or by the numbers.
 
     Raises:
@@ -69,17 +69,17 @@ def _told_columns(path: Path, size: int) -> tuple[str, ...]:
     """
     if path.name.lower().endswith(".pcd.bin"):
         return NUSCENES_COLUMNS
-    forms = matching_layouts(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size)
-    if len(forms) == 1 and forms[0] in SWEEP_LAYOUTS:
-        return forms[0]
-    if not forms:
-        raise _no_sweep(size)
-    ways = " or ".join(f"--columns {','.join(form)} ({size // (4 * len(form))} points)" for form in forms)
-    told = "could be of several forms" if len(forms) > 1 else f"look like {' '.join(forms[0])}, no sweep's"
-    raise ScanError(f"the file says nothing of its columns, and its numbers {told}; read it with {ways}")
+    layouts = matching_layouts(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS), size)
+    if len(layouts) == 1 and layouts[0] in SWEEP_LAYOUTS:
+        return layouts[0]
+    if not layouts:
+        raise _no_sweep_error(size)
+    options = " or ".join(f"--columns {','.join(layout)} ({size // (4 * len(layout))} points)" for layout in layouts)
+    reason = "could be of several forms" if len(layouts) > 1 else f"look like {' '.join(layouts[0])}, no sweep's"
+    raise ScanError(f"the file says nothing of its columns, and its numbers {reason}; read it with {options}")
 
 
-def _refuse_doubles(path: Path) -> None:
+def _refuse_float64(path: Path) -> None:
     """None where numbers may be float32; those of a float64 array, cut in two, would be points all over the place.
 
     Raises:
@@ -91,10 +91,10 @@ def _refuse_doubles(path: Path) -> None:
                         "many columns as it has in place of 3")
 
 
-def _no_sweep(size: int) -> ScanError:
-    ways = " or ".join(f"--columns {names}" for names in suggest_columns(size))
-    named = f"if it holds points as float32, name its columns: by its size they could be {ways}" if ways else (
+def _no_sweep_error(size: int) -> ScanError:
+    options = " or ".join(f"--columns {names}" for names in suggest_columns(size))
+    advice = f"if it holds points as float32, name its columns: by its size they could be {options}" if options else (
         f"its {size} bytes are no whole rows of 3, 4, 5 or 6 numbers; if it holds points as float32, name its columns, "
         f"as in --columns {','.join(COLOR_COLUMNS)},label")
     return ScanError("expected rows of float32 x y z intensity (KITTI) or x y z intensity ring (nuScenes), got numbers "
-                     f"that no lidar measures; {named}")
+                     f"that no lidar measures; {advice}")

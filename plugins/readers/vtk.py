@@ -11,13 +11,13 @@ from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE, colours_note
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
-_TYPES = {
+_NUMPY_TYPES = {
     "float": "f4", "double": "f8", "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2",
     "int": "i4", "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "vtktypeint64": "i8", "vtktypeint32": "i4",
 }  # fmt: skip
-_POINTS = re.compile(rb"^[ \t]*POINTS[ \t]+(\d{1,15})[ \t]+(\w+)[ \t]*\r?\n", re.MULTILINE | re.IGNORECASE)
-_DATA_SET = re.compile(rb"^[ \t]*DATASET[ \t]+(\w+)", re.MULTILINE | re.IGNORECASE)
-_LONGEST_HEAD = 4096
+_POINTS_LINE = re.compile(rb"^[ \t]*POINTS[ \t]+(\d{1,15})[ \t]+(\w+)[ \t]*\r?\n", re.MULTILINE | re.IGNORECASE)
+_DATASET_LINE = re.compile(rb"^[ \t]*DATASET[ \t]+(\w+)", re.MULTILINE | re.IGNORECASE)
+_MAX_HEADER_BYTES = 4096
 """Bytes before the kind of data set is told: two lines and a word."""
 
 
@@ -41,50 +41,50 @@ class Vtk(Reader):
         """
         blob = path.read_bytes()
         if path.suffix.lower() == ".vtk":
-            return [_legacy(blob)]
+            return [_read_legacy(blob)]
         vtk_xml = import_lazily("z2p_renderer.plugins.readers._helpers.vtk_xml")  # the XML library is slow to import
         points, names = vtk_xml.points_of_xml(blob)
         return [RawCloud(points, note=colours_note(names))]
 
 
-def _legacy(blob: bytes) -> RawCloud:
-    head = blob[:_LONGEST_HEAD]
+def _read_legacy(blob: bytes) -> RawCloud:
+    head = blob[:_MAX_HEADER_BYTES]
     if not head.startswith(b"# vtk DataFile"):
         raise ScanError("expected a VTK file, which begins with '# vtk DataFile'; this is another format under that "
                         "name")
-    kind = _DATA_SET.search(head)
+    kind = _DATASET_LINE.search(head)
     encoding = [line.strip().upper() for line in head.split(b"\n", 3)[2:3]]
     if kind is None or encoding not in ([b"ASCII"], [b"BINARY"]):
         raise ScanError("expected ASCII or BINARY in the VTK file's third line and then DATASET; export it again")
-    found = _POINTS.search(blob, kind.end())
-    if found is None:
+    points_line = _POINTS_LINE.search(blob, kind.end())
+    if points_line is None:
         raise ScanError(f"the VTK file holds a data set {kind[1].decode()} without POINTS; save it as poly data")
-    count, name = int(found[1]), found[2].decode().lower()
-    if name not in _TYPES:
+    count, name = int(points_line[1]), points_line[2].decode().lower()
+    if name not in _NUMPY_TYPES:
         raise ScanError(f"VTK points are float or double, got {name!r}; export the file again")
-    note = IGNORED_NOTE if re.search(rb"^COLOR_SCALARS ", blob[found.end() :], re.MULTILINE) else ""
-    read = _binary if encoding == [b"BINARY"] else _text
-    return RawCloud(read(blob, found.end(), count, np.dtype(">" + _TYPES[name])), note=note)
+    note = IGNORED_NOTE if re.search(rb"^COLOR_SCALARS ", blob[points_line.end() :], re.MULTILINE) else ""
+    read = _parse_binary if encoding == [b"BINARY"] else _parse_text
+    return RawCloud(read(blob, points_line.end(), count, np.dtype(">" + _NUMPY_TYPES[name])), note=note)
 
 
-def _binary(blob: bytes, start: int, count: int, kind: np.dtype) -> np.ndarray:
+def _parse_binary(blob: bytes, start: int, count: int, kind: np.dtype) -> np.ndarray:
     if 3 * count * kind.itemsize > len(blob) - start:
-        raise _short(count)
+        raise _truncated_error(count)
     return np.frombuffer(blob, kind, 3 * count, start).reshape(-1, 3).astype(np.float64)
 
 
-def _text(blob: bytes, start: int, count: int, kind: np.dtype) -> np.ndarray:
+def _parse_text(blob: bytes, start: int, count: int, kind: np.dtype) -> np.ndarray:
     if 6 * count - 1 > len(blob) - start:  # a digit and a blank each
-        raise _short(count)
+        raise _truncated_error(count)
     words = blob[start:].split(None, 3 * count)[: 3 * count]
     try:
         numbers = np.array(words, dtype=np.float64)
     except ValueError as error:
         raise ScanError(f"the VTK points cannot be read ({str(error)[:80]}); export the file again") from error
     if len(numbers) != 3 * count:
-        raise _short(count)
+        raise _truncated_error(count)
     return numbers.reshape(-1, 3)
 
 
-def _short(count: int) -> ScanError:
+def _truncated_error(count: int) -> ScanError:
     return ScanError(f"the VTK file promises {count} points, and ends before them; it is cut short: export it again")

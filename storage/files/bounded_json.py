@@ -19,31 +19,31 @@ class JsonError(ValueError):
     """A text that is no JSON, or none that anybody would write; the message says what it is."""
 
 
-def read_json(text: str | bytes, most_bytes: int = MAX_BYTES) -> Any:
+def read_json(text: str | bytes, max_bytes: int = MAX_BYTES) -> Any:
     """What a JSON text holds: objects, lists, texts, booleans, none, and finite numbers.
 
     Raises:
-        JsonError: no JSON, not UTF-8, longer than `most_bytes`, nested too deep, or with numbers that are none.
+        JsonError: no JSON, not UTF-8, longer than `max_bytes`, nested too deep, or with numbers that are none.
     """
-    if len(text) > most_bytes:
-        raise JsonError(f"expected JSON of at most {most_bytes:,} bytes, got {len(text):,}")
+    if len(text) > max_bytes:
+        raise JsonError(f"expected JSON of at most {max_bytes:,} bytes, got {len(text):,}")
     try:
-        found = json.loads(text, parse_constant=_refuse_constant, parse_int=_parse_int, parse_float=_parse_float)
+        value = json.loads(text, parse_constant=_refuse_constant, parse_int=_parse_int, parse_float=_parse_float)
     except JsonError:
         raise
     except RecursionError:
         raise JsonError(f"expected JSON nested at most {MAX_DEPTH} deep") from None
     except ValueError as error:  # UnicodeDecodeError is one
         raise JsonError(f"not JSON ({error})") from error
-    _check_depth(found)
-    return found
+    _check_depth(value)
+    return value
 
 
-def _check_depth(found: Any) -> None:
-    level = [found]
+def _check_depth(value: Any) -> None:
+    level = [value]
     for _ in range(MAX_DEPTH + 1):
-        inside = [one.values() if isinstance(one, dict) else one for one in level if isinstance(one, dict | list)]
-        level = [item for items in inside for item in items]
+        children = [one.values() if isinstance(one, dict) else one for one in level if isinstance(one, dict | list)]
+        level = [item for items in children for item in items]
         if not level:
             return
     raise JsonError(f"expected JSON nested at most {MAX_DEPTH} deep")

@@ -13,16 +13,16 @@ from pathlib import Path
 
 TEMPORARY_FAILURE = 75
 """Exit status, EX_TEMPFAIL of sysexits.h: the same command may succeed later."""
-_GOES_ON = "and the same command goes on"
-_FREE_SPACE, _MAKE_WRITABLE = f"free some, {_GOES_ON}", f"make it writable, {_GOES_ON}"
-_REFUSALS = {
-    errno.ENOSPC: ("no space left on the disk", _FREE_SPACE),
-    errno.EDQUOT: ("the quota is used up on the disk", _FREE_SPACE),
-    errno.EROFS: ("read-only: the disk", _MAKE_WRITABLE),
-    errno.EIO: ("reading or writing failed on the disk", f"look after it, {_GOES_ON}"),
-    errno.ESTALE: ("out of reach: the network disk", f"wait for it, {_GOES_ON}"),
-    errno.EMFILE: ("too many open files for one process, one", f"raise the limit (ulimit -n), {_GOES_ON}"),
-    errno.ENFILE: ("too many open files for this machine, one", f"end other programs, {_GOES_ON}"),
+_RERUN_ADVICE = "and the same command goes on"
+_FREE_SPACE_ADVICE, _WRITABLE_ADVICE = f"free some, {_RERUN_ADVICE}", f"make it writable, {_RERUN_ADVICE}"
+_ERROR_TEXTS = {
+    errno.ENOSPC: ("no space left on the disk", _FREE_SPACE_ADVICE),
+    errno.EDQUOT: ("the quota is used up on the disk", _FREE_SPACE_ADVICE),
+    errno.EROFS: ("read-only: the disk", _WRITABLE_ADVICE),
+    errno.EIO: ("reading or writing failed on the disk", f"look after it, {_RERUN_ADVICE}"),
+    errno.ESTALE: ("out of reach: the network disk", f"wait for it, {_RERUN_ADVICE}"),
+    errno.EMFILE: ("too many open files for one process, one", f"raise the limit (ulimit -n), {_RERUN_ADVICE}"),
+    errno.ENFILE: ("too many open files for this machine, one", f"end other programs, {_RERUN_ADVICE}"),
 }
 """Number of the error -> what it means, followed by the place, and what to do."""
 _NO_INODES = "no inodes left (too many files) on the disk"
@@ -52,10 +52,10 @@ def disk_error_message(error: BaseException | str, folder: Path | None = None) -
         if not isinstance(one, OSError) or one.errno is None:
             continue
         named = Path(os.fsdecode(one.filename)) if isinstance(one.filename, str | bytes | os.PathLike) else None
-        if one.errno in _REFUSALS:
+        if one.errno in _ERROR_TEXTS:
             return _disk_message(one.errno, named or folder)
         if one.errno in _PERMISSION_ERRORS and named and folder and _lies_in(named, folder):
-            return f"no permission for {named}; {_MAKE_WRITABLE}"
+            return f"no permission for {named}; {_WRITABLE_ADVICE}"
     number = next((number for words, number in _LIBRARY_WORDS.items() if any(words in text for text in texts)), None)
     return None if number is None else _disk_message(number, folder)
 
@@ -71,7 +71,7 @@ def full_disk_message(folder: Path) -> str | None:
 
 
 def _disk_message(number: int, place: Path | None) -> str:
-    reason, advice = _REFUSALS[number]
+    reason, advice = _ERROR_TEXTS[number]
     if number == errno.ENOSPC and place is not None and _has_no_inodes(place):
         reason = _NO_INODES
     return f"{reason} of {place}; {advice}" if place is not None else f"{reason}; {advice}"

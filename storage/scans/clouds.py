@@ -225,4 +225,5 @@ def _drop_missing(points: np.ndarray, rgb: np.ndarray | None) -> tuple[np.ndarra
     if kept is None or kept.sum() < MIN_POINTS:
         return points, rgb, ""
     left_out = len(points) - int(kept.sum())
-    return points[kept], None if rgb is None else rgb[kept], f"{left_out} points left out that say -9999 or the like for no measurement"
+    note = f"{left_out} points left out that say -9999 or the like for no measurement"
+    return points[kept], None if rgb is None else rgb[kept], note

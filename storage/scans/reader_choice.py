@@ -9,7 +9,7 @@ from z2p_core.interfaces import Reader, ScanError
 from z2p_renderer.storage.files.printable_names import without_gz
 from z2p_renderer.storage.scans.unsupported_formats import advice_by_content, advice_by_suffix
 
-OURS = {
+BUILTIN_SUFFIXES = {
     "e57": (".e57",),
     "h5": (".h5", ".hdf5"),
     "las": (".las", ".laz"),
@@ -29,7 +29,7 @@ imported for every file."""
 
 def readable_suffixes() -> dict[str, str]:
     """Suffix, lower-case with its dot -> name of the reader that takes it; readers that fail to load are left out."""
-    return {suffix: names[0] for suffix, names in sorted(_claims()[0].items())}
+    return {suffix: names[0] for suffix, names in sorted(_collect_claims()[0].items())}
 
 
 def format_suffix(path: Path) -> str:
@@ -44,13 +44,13 @@ def reader_for(path: Path) -> Reader:
         ScanError: none does, or two do.
     """
     suffix = format_suffix(path)
-    claims, faults = _claims(suffix)
+    claims, faults = _collect_claims(suffix)
     if suffix not in claims:
-        claims, faults = _claims()
+        claims, faults = _collect_claims()
     names = claims.get(suffix, [])
     if not names:
-        if told := advice_by_suffix(path) or advice_by_content(path, suffix):
-            raise ScanError(told)
+        if advice := advice_by_suffix(path) or advice_by_content(path, suffix):
+            raise ScanError(advice)
         broken = f" ({'; '.join(faults)})" if faults else ""
         raise ScanError(f"no reader for {suffix or 'a file without suffix'!r}; readable: "
                         f"{', '.join(sorted(claims))}{broken}; a text with a point a line is read as .txt")
@@ -59,16 +59,16 @@ def reader_for(path: Path) -> Reader:
     return registry.load("readers", names[0])()
 
 
-def _claims(asked: str | None = None) -> tuple[dict[str, list[str]], list[str]]:
+def _collect_claims(wanted: str | None = None) -> tuple[dict[str, list[str]], list[str]]:
     """Suffix -> names of the readers that claim it, and what is wrong with the readers that fail to load.
 
-    Where one suffix is `asked` for, readers of ours that are known to have others are not imported: that takes longer
+    Where one suffix is `wanted` for, readers of ours that are known to have others are not imported: that takes longer
     than a picture's network.
     """
     claims: dict[str, list[str]] = {}
     faults = []
     for name in registry.names("readers"):
-        if asked is not None and asked not in OURS.get(name, (asked,)) and registry.is_builtin("readers", name):
+        if wanted is not None and wanted not in BUILTIN_SUFFIXES.get(name, (wanted,)) and registry.is_builtin("readers", name):
             continue
         try:
             plugin = registry.load("readers", name)

@@ -13,7 +13,7 @@ import numpy as np
 _LIBRARY_MODULES = r"(z2p_renderer\.plugins\.readers|numpy|PIL|laspy|trimesh|pypcd4|pye57|meshio|h5py)(\.|$)"
 """Modules whose warnings are no word to the user. z2p's own RenderWarning comes from the caller's."""
 _lock, _reading = threading.Lock(), threading.local()
-_count = 0
+_active_readers = 0
 
 
 class _Silence(logging.Filter):
@@ -29,31 +29,31 @@ _silence = _Silence()
 @contextmanager
 def quiet() -> Iterator[None]:
     """Within it no warning of a library reaches the user, nor a line that it logs and nobody has asked for."""
-    _begin()
+    _start_silence()
     before, _reading.now = getattr(_reading, "now", False), True
     try:
         with np.errstate(all="ignore"):
             yield
     finally:
         _reading.now = before
-        _end()
+        _end_silence()
 
 
-def _begin() -> None:
-    global _count
+def _start_silence() -> None:
+    global _active_readers
     with _lock:
-        _count += 1
-        if _count == 1:
+        _active_readers += 1
+        if _active_readers == 1:
             warnings.filterwarnings("ignore", module=_LIBRARY_MODULES)
             if logging.lastResort is not None:
                 logging.lastResort.addFilter(_silence)
 
 
-def _end() -> None:
-    global _count
+def _end_silence() -> None:
+    global _active_readers
     with _lock:
-        _count -= 1
-        if _count == 0:
+        _active_readers -= 1
+        if _active_readers == 0:
             ours = [entry for entry in warnings.filters if getattr(entry[3], "pattern", None) == _LIBRARY_MODULES]
             for entry in ours:
                 warnings.filters.remove(entry)  # type: ignore[attr-defined]

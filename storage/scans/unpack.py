@@ -18,7 +18,7 @@ from z2p_core.formats.arrays.non_point_arrays import pose_array_kind
 from z2p_core.formats.colmap_files import is_colmap_points_head
 from z2p_core.formats.headerless_floats import SAMPLE_NUMBERS, matching_layouts
 from z2p_core.formats.raw_lidar import NUSCENES_COLUMNS, is_plausible_sweep
-from z2p_core.formats.tables.camera_poses import name_poses, pose_kind
+from z2p_core.formats.tables.camera_poses import are_pose_names, pose_kind
 from z2p_core.formats.tables.header_lines import (
     column_names,
     is_comment,
@@ -42,7 +42,7 @@ MAGIC = (
 """First bytes -> suffix."""
 _OFF = re.compile(r"(ST)?C?N?4?n?OFF(?![A-Za-z])")
 """The first line of an OFF file; the letters before OFF say which values follow each vertex."""
-_STL_HEADER_BYTES, _STL_TRIANGLE_BYTES, _MAX_TRAILING_BYTES = 84, 50, 16
+_STL_HEADER_BYTES, _STL_TRIANGLE_BYTES, _MAX_STL_TRAILING_BYTES = 84, 50, 16
 """Sizes in a binary STL file: its header, each triangle, and what may follow the triangles."""
 SPOOL_FOLDER_PREFIX = "z2p-stdin-"
 """Prefix of the temporary folder that holds standard input."""
@@ -117,7 +117,7 @@ def suffix_of(head: bytes, size: int) -> str:
         return ".stl"
     if len(head) >= _STL_HEADER_BYTES:  # a binary STL has no magic bytes, but its triangle count fits its length
         triangles = int.from_bytes(head[_STL_HEADER_BYTES - 4 : _STL_HEADER_BYTES], "little")
-        if 0 <= size - _STL_HEADER_BYTES - _STL_TRIANGLE_BYTES * triangles <= _MAX_TRAILING_BYTES:
+        if 0 <= size - _STL_HEADER_BYTES - _STL_TRIANGLE_BYTES * triangles <= _MAX_STL_TRAILING_BYTES:
             return ".stl"
     lines = _content_lines(head)
     if lines and _OFF.match(lines[0]):
@@ -143,7 +143,7 @@ def is_prose(path: Path, named: bool = False) -> bool:
     lines = _content_lines(head)
     first = _first_row(lines)
     if candidates := next(filter(None, map(column_names, lines[: first + 1])), None):
-        return not named and any(map(name_poses, candidates))
+        return not named and any(map(are_pose_names, candidates))
     rows = lines[first:]
     if named and rows and not is_row(rows[0]):
         rows = rows[1:]

@@ -10,52 +10,52 @@ from z2p_renderer.storage.files.printable_names import is_file, without_gz
 
 _HEAD_BYTES = 4096
 """Bytes from which a file's content is told."""
-_SPLATS = "convert them to PLY with SuperSplat, or with: splat-transform {name} {stem}.ply"
-_SCANNER = "export the scans as E57 or LAS with {program}"
-_MESH = "open it in {program}, and export it as PLY, OBJ or GLB"
-_PACKED = "unpack it first, and give z2p what is in it"
-_LAS_OR_CSV = "open it in VeloView or the maker's viewer, and save the frames as PCD, LAS or CSV"
+_SPLATS_ADVICE = "convert them to PLY with SuperSplat, or with: splat-transform {name} {stem}.ply"
+_SCANNER_ADVICE = "export the scans as E57 or LAS with {program}"
+_MESH_ADVICE = "open it in {program}, and export it as PLY, OBJ or GLB"
+_ARCHIVE_ADVICE = "unpack it first, and give z2p what is in it"
+_PACKETS_ADVICE = "open it in VeloView or the maker's viewer, and save the frames as PCD, LAS or CSV"
 
-CLOUDS: dict[str, tuple[str, str]] = {
-    ".splat": ("holds packed Gaussian splats", _SPLATS), ".ksplat": ("holds packed Gaussian splats", _SPLATS),
-    ".spz": ("holds packed Gaussian splats (SPZ)", _SPLATS), ".sog": ("holds packed Gaussian splats", _SPLATS),
+UNREAD_CLOUDS: dict[str, tuple[str, str]] = {
+    ".splat": ("holds packed Gaussian splats", _SPLATS_ADVICE), ".ksplat": ("holds packed Gaussian splats", _SPLATS_ADVICE),
+    ".spz": ("holds packed Gaussian splats (SPZ)", _SPLATS_ADVICE), ".sog": ("holds packed Gaussian splats", _SPLATS_ADVICE),
     ".drc": ("holds points or a mesh packed by Draco", "unpack it with: draco_decoder -i {name} -o {stem}.ply"),
     ".bag": ("is a ROS bag", "write its clouds as PCD files with: rosrun pcl_ros bag_to_pcd {name} /the/topic folder"),
     ".mcap": ("is a ROS 2 recording", "play it, and write its clouds as PCD files with: ros2 run pcl_ros "
               "pointcloud_to_pcd --ros-args -r input:=/the/topic"),
     ".db3": ("is a ROS 2 recording", "play its folder with ros2 bag play, and write its clouds as PCD files with: ros2 "
              "run pcl_ros pointcloud_to_pcd --ros-args -r input:=/the/topic"),
-    ".fls": ("is a FARO scan", _SCANNER.format(program="FARO SCENE")),
-    ".fws": ("is a FARO workspace", _SCANNER.format(program="FARO SCENE")),
-    ".rcp": ("is an Autodesk ReCap project", _SCANNER.format(program="ReCap Pro")),
-    ".rcs": ("is an Autodesk ReCap scan", _SCANNER.format(program="ReCap Pro")),
-    ".zfs": ("is a Zoller + Froehlich scan", _SCANNER.format(program="Z+F LaserControl")),
-    ".lgs": ("is a Leica project", _SCANNER.format(program="Cyclone 3DR or Cyclone REGISTER 360")),
-    ".lgsx": ("is a Leica project", _SCANNER.format(program="Cyclone 3DR or Cyclone REGISTER 360")),
-    ".ptg": ("is a Leica scan", _SCANNER.format(program="Cyclone")),
-    ".rdbx": ("is a RIEGL scan", _SCANNER.format(program="RiSCAN PRO")),
-    ".rxp": ("is a RIEGL scan", _SCANNER.format(program="RiSCAN PRO")),
-    ".cl3": ("is a Topcon scan", _SCANNER.format(program="Magnet Collage")),
-    ".clr": ("is a Topcon scan", _SCANNER.format(program="Magnet Collage")),
-    ".tzf": ("is a Trimble scan", _SCANNER.format(program="Trimble RealWorks")),
-    ".pod": ("is a Pointools cloud", _SCANNER.format(program="Bentley Pointools")),
-    ".pcap": ("is a lidar's recorded packets", _LAS_OR_CSV), ".pcapng": ("is a lidar's recorded packets", _LAS_OR_CSV),
+    ".fls": ("is a FARO scan", _SCANNER_ADVICE.format(program="FARO SCENE")),
+    ".fws": ("is a FARO workspace", _SCANNER_ADVICE.format(program="FARO SCENE")),
+    ".rcp": ("is an Autodesk ReCap project", _SCANNER_ADVICE.format(program="ReCap Pro")),
+    ".rcs": ("is an Autodesk ReCap scan", _SCANNER_ADVICE.format(program="ReCap Pro")),
+    ".zfs": ("is a Zoller + Froehlich scan", _SCANNER_ADVICE.format(program="Z+F LaserControl")),
+    ".lgs": ("is a Leica project", _SCANNER_ADVICE.format(program="Cyclone 3DR or Cyclone REGISTER 360")),
+    ".lgsx": ("is a Leica project", _SCANNER_ADVICE.format(program="Cyclone 3DR or Cyclone REGISTER 360")),
+    ".ptg": ("is a Leica scan", _SCANNER_ADVICE.format(program="Cyclone")),
+    ".rdbx": ("is a RIEGL scan", _SCANNER_ADVICE.format(program="RiSCAN PRO")),
+    ".rxp": ("is a RIEGL scan", _SCANNER_ADVICE.format(program="RiSCAN PRO")),
+    ".cl3": ("is a Topcon scan", _SCANNER_ADVICE.format(program="Magnet Collage")),
+    ".clr": ("is a Topcon scan", _SCANNER_ADVICE.format(program="Magnet Collage")),
+    ".tzf": ("is a Trimble scan", _SCANNER_ADVICE.format(program="Trimble RealWorks")),
+    ".pod": ("is a Pointools cloud", _SCANNER_ADVICE.format(program="Bentley Pointools")),
+    ".pcap": ("is a lidar's recorded packets", _PACKETS_ADVICE), ".pcapng": ("is a lidar's recorded packets", _PACKETS_ADVICE),
     ".lvx": ("is a Livox recording", "open it in Livox Viewer, and save the frames as CSV or LAS"),
     ".lvx2": ("is a Livox recording", "open it in Livox Viewer 2, and save the frames as CSV or LAS"),
 }  # fmt: skip
 """Suffix -> what a file with points is that stays unread, and what turns it into one that is read."""
-SCENES: dict[str, tuple[str, str]] = {
-    ".skp": ("is a SketchUp model", _MESH.format(program="SketchUp")),
-    ".blend": ("is a Blender file", _MESH.format(program="Blender")),
-    ".max": ("is a 3ds Max scene", _MESH.format(program="3ds Max")),
-    ".c4d": ("is a Cinema 4D scene", _MESH.format(program="Cinema 4D")),
-    ".ma": ("is a Maya scene", _MESH.format(program="Maya")), ".mb": ("is a Maya scene", _MESH.format(program="Maya")),
-    **{suffix: ("is a USD scene", _MESH.format(program="Blender")) for suffix in (".usd", ".usda", ".usdc", ".usdz")},
-    **{suffix: (f"is a mesh in the format {suffix[1:].upper()}", _MESH.format(program="Blender"))
+UNREAD_OTHERS: dict[str, tuple[str, str]] = {
+    ".skp": ("is a SketchUp model", _MESH_ADVICE.format(program="SketchUp")),
+    ".blend": ("is a Blender file", _MESH_ADVICE.format(program="Blender")),
+    ".max": ("is a 3ds Max scene", _MESH_ADVICE.format(program="3ds Max")),
+    ".c4d": ("is a Cinema 4D scene", _MESH_ADVICE.format(program="Cinema 4D")),
+    ".ma": ("is a Maya scene", _MESH_ADVICE.format(program="Maya")), ".mb": ("is a Maya scene", _MESH_ADVICE.format(program="Maya")),
+    **{suffix: ("is a USD scene", _MESH_ADVICE.format(program="Blender")) for suffix in (".usd", ".usda", ".usdc", ".usdz")},
+    **{suffix: (f"is a mesh in the format {suffix[1:].upper()}", _MESH_ADVICE.format(program="Blender"))
        for suffix in (".fbx", ".dae", ".abc", ".3ds", ".x3d", ".wrl", ".3mf", ".lwo")},
-    **{suffix: (f"is a solid in the format {suffix[1:].upper()}", _MESH.format(program="FreeCAD"))
+    **{suffix: (f"is a solid in the format {suffix[1:].upper()}", _MESH_ADVICE.format(program="FreeCAD"))
        for suffix in (".step", ".stp", ".iges", ".igs", ".brep", ".fcstd", ".dwg", ".dxf", ".ifc", ".3dm")},
-    **{suffix: ("is an archive", _PACKED) for suffix in (".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz", ".zst")},
+    **{suffix: ("is an archive", _ARCHIVE_ADVICE) for suffix in (".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz", ".zst")},
     **{suffix: ("holds heights in a grid, or a picture", "turn heights into points first, as in: gdal_translate "
                 "-of XYZ {name} {stem}.xyz") for suffix in (".tif", ".tiff", ".dem", ".hgt", ".vrt")},
     **{suffix: ("is a spreadsheet", "save the sheet with the points as CSV") for suffix in (".xls", ".xlsx", ".ods")},
@@ -68,12 +68,12 @@ SCENES: dict[str, tuple[str, str]] = {
 }  # fmt: skip
 """The same for what a folder of scans may hold beside them, so that only one who names it is told."""
 
-_LFS = b"version https://git-lfs.github.com/spec"
+_GIT_LFS_HEAD = b"version https://git-lfs.github.com/spec"
 _ARCHIVE_HEADS = (
     (b"PK\x03\x04", "a ZIP archive"), (b"BZh", "packed by bzip2"), (b"\xfd7zXZ\0", "packed by xz"),
     (b"\x28\xb5\x2f\xfd", "packed by zstd"), (b"7z\xbc\xaf\x27\x1c", "a 7-Zip archive"), (b"Rar!", "a RAR archive"),
 )  # fmt: skip
-_ZIPPED = {".npz", ".usdz", ".xlsx", ".ods", ".3mf", ".sog", ".zip", ".fcstd"}
+_ZIP_BASED_SUFFIXES = {".npz", ".usdz", ".xlsx", ".ods", ".3mf", ".sog", ".zip", ".fcstd"}
 """Suffixes of formats that are ZIP archives themselves."""
 _READ_HEADS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (
     (rb"ply[ \t]*[\r\n]", "a PLY file", (".ply",)),
@@ -92,21 +92,21 @@ _UNREAD_HEADS: tuple[tuple[bytes, str], ...] = (
     (rb"BLENDER", ".blend"), (rb"PXR-USDC|#usda ", ".usd"), (rb"NGSP", ".spz"), (rb"\xd0\xcf\x11\xe0", ".xls"),
     (rb"Kaydara FBX|; FBX ", ".fbx"), (rb"ISO-10303-21", ".step"), (rb"(II\*\0|MM\0\*)", ".tif"),
 )  # fmt: skip
-"""First bytes, as a pattern -> the suffix under which `CLOUDS` or `SCENES` has it."""
-_CLOUDCOMPARE = re.compile(rb"CCB[0-9\0]")
+"""First bytes, as a pattern -> the suffix under which `UNREAD_CLOUDS` or `UNREAD_OTHERS` has it."""
+_CLOUDCOMPARE_HEAD = re.compile(rb"CCB[0-9\0]")
 
 
 def is_unread_cloud(path: Path) -> bool:
     """Whether a file holds points, by its suffix, in a format that stays unread."""
-    return path.suffix.lower() in CLOUDS
+    return path.suffix.lower() in UNREAD_CLOUDS
 
 
 def advice_by_suffix(path: Path) -> str:
     """What a file is, by its suffix, and how its points can be had; empty where the suffix is not known."""
     inner = without_gz(path)
     if inner.suffix.lower() == ".tar":
-        return f"is an archive, which z2p does not read; {_PACKED}"
-    return _advice(*known, inner) if (known := _known(inner.suffix.lower())) else ""
+        return f"is an archive, which z2p does not read; {_ARCHIVE_ADVICE}"
+    return _format_advice(*kind_and_advice, inner) if (kind_and_advice := _kind_and_advice(inner.suffix.lower())) else ""
 
 
 def advice_of(path: Path) -> str:
@@ -130,24 +130,24 @@ def advice_by_content(path: Path, suffix: str) -> str:
 
 
 def _advice_by_head(head: bytes, path: Path, suffix: str) -> str:
-    if told := _advice_by_other_head(head, path, suffix):
-        return told
-    if _CLOUDCOMPARE.match(head):
+    if advice := _advice_by_other_head(head, path, suffix):
+        return advice
+    if _CLOUDCOMPARE_HEAD.match(head):
         return "is a CloudCompare project (CCB), which z2p does not read; open it there, and save it as PLY or LAS"
     for pattern, name, suffixes in _READ_HEADS:
         if re.match(pattern, head):
             under = f"under a name that ends in {suffix}" if suffix else "under a name without suffix"
             return "" if suffix in suffixes else f"holds {name} {under}; rename it to {path.stem}{suffixes[0]}"
     for pattern, unread in _UNREAD_HEADS:
-        if suffix != unread and re.match(pattern, head) and (known := _known(unread)):
-            return _advice(*known, path)
+        if suffix != unread and re.match(pattern, head) and (kind_and_advice := _kind_and_advice(unread)):
+            return _format_advice(*kind_and_advice, path)
     return ""
 
 
 def _advice_by_other_head(head: bytes, path: Path, suffix: str) -> str:
     """What is said of packed files and of what downloads leave in place of a file."""
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
-    if head.startswith(_LFS):
+    if head.startswith(_GIT_LFS_HEAD):
         return "is a Git LFS pointer, which stands for a file that was not fetched; fetch it with: git lfs pull"
     if re.match(rb"(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)?<(!doctype html|html|head|body)\b", start, re.DOTALL):
         return "is a web page (HTML), not a scan: the download has failed or wants a login; download it again"
@@ -159,21 +159,21 @@ def _advice_by_other_head(head: bytes, path: Path, suffix: str) -> str:
         except zlib.error:
             return ""
         if inside == b"NGSP":
-            return _advice(*CLOUDS[".spz"], path)
+            return _format_advice(*UNREAD_CLOUDS[".spz"], path)
         return f"is packed by gzip; rename it to {path.name}.gz"
     if head.startswith((b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"RIFF")) or head.startswith(b"%PDF-"):
         return "is a picture, a film or a PDF, not a scan; check which file is meant"
     if head.startswith(b"PK\x03\x04") and suffix == ".csv":
-        return _advice(*SCENES[".xlsx"], path)
+        return _format_advice(*UNREAD_OTHERS[".xlsx"], path)
     for magic, name in _ARCHIVE_HEADS:
-        if head.startswith(magic) and not (magic.startswith(b"PK") and suffix in _ZIPPED):
-            return f"is {name}; {_PACKED}"
+        if head.startswith(magic) and not (magic.startswith(b"PK") and suffix in _ZIP_BASED_SUFFIXES):
+            return f"is {name}; {_ARCHIVE_ADVICE}"
     return ""
 
 
-def _known(suffix: str) -> tuple[str, str] | None:
-    return CLOUDS.get(suffix) or SCENES.get(suffix)
+def _kind_and_advice(suffix: str) -> tuple[str, str] | None:
+    return UNREAD_CLOUDS.get(suffix) or UNREAD_OTHERS.get(suffix)
 
 
-def _advice(what: str, how: str, path: Path) -> str:
-    return f"{what}, which z2p does not read; {how.format(name=path.name, stem=path.stem)}"
+def _format_advice(kind: str, advice: str, path: Path) -> str:
+    return f"{kind}, which z2p does not read; {advice.format(name=path.name, stem=path.stem)}"

@@ -15,16 +15,16 @@ from z2p_core.up_axis.choose import STANDARD_AXES
 from z2p_core.up_axis.header_comments import UpHint, axis_of_vector, up_of_comments
 from z2p_renderer.storage.files.bounded_json import MAX_BYTES, read_json
 from z2p_renderer.storage.files.printable_names import is_file, printable, without_gz
-from z2p_renderer.storage.scans.reader_choice import OURS
+from z2p_renderer.storage.scans.reader_choice import BUILTIN_SUFFIXES
 
 _HEAD_BYTES = 1 << 13
 """Bytes at the head of a file in which its comments are."""
-_MOST_LINES = 200
-_TEXT_SUFFIXES = OURS["text"]
+_MAX_COMMENTS = 200
+_TEXT_SUFFIXES = BUILTIN_SUFFIXES["text"]
 _SCENE_SUFFIXES = (".glb", ".gltf")
-_JSON_KEYS = frozenset({"upaxis", "axisup", "upvector", "updirection", "upvec", "worldup", "verticalaxis"})
+_UP_AXIS_KEYS = frozenset({"upaxis", "axisup", "upvector", "updirection", "upvec", "worldup", "verticalaxis"})
 """What tells up in JSON, in lower case and without what parts words; ``up`` does so at the top alone."""
-_LONGEST_VALUE = 40
+_MAX_AXIS_CHARACTERS = 40
 _XML_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
 
 
@@ -36,12 +36,12 @@ def with_up_hints(clouds: Sequence[RawCloud], plain: Path, path: Path) -> list[R
     if all(cloud.up and cloud.up_certain for cloud in clouds):
         return list(clouds)
     suffix = plain.suffix.lower()
-    comments = _comments(plain, suffix)
-    beside = None if suffix in STANDARD_AXES else _told_beside(path)
-    return [_hinted(cloud, up_of_comments(comments, suffix, cloud.up), beside) for cloud in clouds]
+    comments = _read_comments(plain, suffix)
+    beside = None if suffix in STANDARD_AXES else _hint_from_sibling_files(path)
+    return [_with_hint(cloud, up_of_comments(comments, suffix, cloud.up), beside) for cloud in clouds]
 
 
-def _hinted(cloud: RawCloud, header: UpHint | None, beside: UpHint | None) -> RawCloud:
+def _with_hint(cloud: RawCloud, header: UpHint | None, beside: UpHint | None) -> RawCloud:
     """The cloud with the surest hint; of two that are as sure, the one that is nearest to the points."""
     if cloud.up and cloud.up_certain:
         return cloud
@@ -52,9 +52,9 @@ def _hinted(cloud: RawCloud, header: UpHint | None, beside: UpHint | None) -> Ra
     return cloud
 
 
-def _comments(path: Path, suffix: str) -> list[str]:
+def _read_comments(path: Path, suffix: str) -> list[str]:
     """The comments at the head of a file with that suffix; none where its format has no such, or it cannot be read."""
-    if suffix not in _COMMENTS_IN and suffix not in _TEXT_SUFFIXES:
+    if suffix not in _COMMENT_PARSERS and suffix not in _TEXT_SUFFIXES:
         return []
     try:
         with path.open("rb") as file:
@@ -62,48 +62,48 @@ def _comments(path: Path, suffix: str) -> list[str]:
     except OSError:
         return []
     text = head.decode(text_encoding(head) if suffix in _TEXT_SUFFIXES else "utf-8", errors="replace")
-    return [line.strip() for line in _COMMENTS_IN.get(suffix, _of_text)(text)][:_MOST_LINES]
+    return [line.strip() for line in _COMMENT_PARSERS.get(suffix, _text_comments)(text)][:_MAX_COMMENTS]
 
 
-def _of_ply(text: str) -> Iterable[str]:
+def _ply_comments(text: str) -> Iterable[str]:
     lines = re.split(r"\nend_header", text, maxsplit=1)[0].splitlines()
     return (line.split(None, 1)[1] for line in lines if re.match(r"(?:comment|obj_info)\s+\S", line))
 
 
-def _of_pcd(text: str) -> Iterable[str]:
+def _pcd_comments(text: str) -> Iterable[str]:
     lines = re.split(r"\nDATA\b", text, maxsplit=1, flags=re.IGNORECASE)[0].splitlines()
     return (line.lstrip("# \t") for line in lines if line.lstrip().startswith("#"))
 
 
-def _of_mesh(text: str) -> Iterable[str]:
+def _mesh_comments(text: str) -> Iterable[str]:
     return (line.partition("#")[2].lstrip("# ") for line in text.splitlines() if line.lstrip().startswith("#"))
 
 
-def _of_text(text: str) -> Iterable[str]:
+def _text_comments(text: str) -> Iterable[str]:
     signs = ("#", *COMMENT_SIGNS)
     return (line.lstrip("#/;%! \t") for line in text.splitlines() if line.lstrip().startswith(signs))
 
 
-def _of_stl(text: str) -> Iterable[str]:
+def _stl_comments(text: str) -> Iterable[str]:
     return [re.split(r"[\r\n\x00]", text[:80])[0].removeprefix("solid ")]
 
 
-def _of_vtk(text: str) -> Iterable[str]:
+def _vtk_comments(text: str) -> Iterable[str]:
     return text.splitlines()[1:2]
 
 
-def _of_xml(text: str) -> Iterable[str]:
+def _xml_comments(text: str) -> Iterable[str]:
     return (line for comment in _XML_COMMENT.findall(text) for line in comment.splitlines())
 
 
-_COMMENTS_IN = {
-    ".ply": _of_ply, ".pcd": _of_pcd, ".obj": _of_mesh, ".off": _of_mesh, ".stl": _of_stl, ".vtk": _of_vtk,
-    ".vtp": _of_xml, ".vtu": _of_xml,
+_COMMENT_PARSERS = {
+    ".ply": _ply_comments, ".pcd": _pcd_comments, ".obj": _mesh_comments, ".off": _mesh_comments, ".stl": _stl_comments, ".vtk": _vtk_comments,
+    ".vtp": _xml_comments, ".vtu": _xml_comments,
 }  # fmt: skip
 """Suffix -> what finds the comments in a head of such a file; all texts have the same."""
 
 
-def _told_beside(path: Path) -> UpHint | None:
+def _hint_from_sibling_files(path: Path) -> UpHint | None:
     """What small files beside a scan say of up: a description in JSON, or the same thing as a glTF scene."""
     stem = without_gz(path).stem
     for name in (f"{stem}.json", "metadata.json"):
@@ -124,15 +124,15 @@ def _axis_in_json(path: Path) -> str:
         return ""
     top = read if isinstance(read, dict) else {}
     inner = [pair for value in top.values() if isinstance(value, dict) for pair in value.items()]
-    told = [(re.sub(r"[ _.-]", "", key.lower()), value) for key, value in [*top.items(), *inner]]
-    axes = {_axis_of(value) for key, value in told if key in _JSON_KEYS} | {_axis_of(top.get("up"))}
+    entries = [(re.sub(r"[ _.-]", "", key.lower()), value) for key, value in [*top.items(), *inner]]
+    axes = {_parse_axis(value) for key, value in entries if key in _UP_AXIS_KEYS} | {_parse_axis(top.get("up"))}
     axes.discard("")
     return axes.pop() if len(axes) == 1 else ""
 
 
-def _axis_of(value: Any) -> str:
+def _parse_axis(value: Any) -> str:
     """The axis that a value in JSON stands for: ``"Y"``, ``"Z_UP"`` or [0, 0, 1]; empty for any other."""
-    if isinstance(value, str) and len(value) <= _LONGEST_VALUE:
+    if isinstance(value, str) and len(value) <= _MAX_AXIS_CHARACTERS:
         axis = parse_up_axis(value) or ""
         return "" if axis == "auto" else axis
     if isinstance(value, list) and len(value) == 3 and all(type(number) in (int, float) for number in value):

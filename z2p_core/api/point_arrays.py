@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.api.point_cloud_objects import NUMERIC_KINDS, extract_array, has_colors, is_cloud_object
-from z2p_core.api.point_cloud_objects import records_to_points as plain
+from z2p_core.api.point_cloud_objects import records_to_points as records_to_points
 from z2p_core.errors.messages import error_reason
 from z2p_core.formats.arrays.non_point_arrays import refuse_other_arrays
 from z2p_core.interfaces import ScanError
@@ -47,11 +47,11 @@ def point_arrays(points: Any) -> PointArrays:
     Raises:
         ScanError: no numbers, or another shape.
     """
-    if isinstance(points, Sequence) and not isinstance(points, str) and points and _rank(points[0]) == 2:
-        parts = [_member(part, index) for index, part in enumerate(points)]
+    if isinstance(points, Sequence) and not isinstance(points, str) and points and _axis_count(points[0]) == 2:
+        parts = [_parse_member(part, index) for index, part in enumerate(points)]
         return PointArrays([part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts),
                            any(part.coloured for part in parts))  # fmt: skip
-    array = plain(_array(points))
+    array = records_to_points(_extract_array(points))
     shape = array.shape
     if array.dtype.names:
         raise ScanError(f"expected records with fields x, y and z, got {', '.join(array.dtype.names)}")
@@ -89,14 +89,14 @@ def _is_point_map(array: np.ndarray) -> bool:
     with np.errstate(all="ignore"):  # missing points are 0 0 0 or no numbers
         across, down = x / z, y / z
     seen = np.isfinite(across) & np.isfinite(down)
-    if _told_by_column(across, seen) and _told_by_column(down.T, seen.T):
+    if _varies_across_columns(across, seen) and _varies_across_columns(down.T, seen.T):
         return True
-    whole = _bulges(points.reshape(1, -1, 3), seen.reshape(1, -1))
-    return all(np.median(_bulges(*lines)) < MAX_LINE_BULGE_SHARE * whole.max(initial=0)
+    whole = _plane_residuals(points.reshape(1, -1, 3), seen.reshape(1, -1))
+    return all(np.median(_plane_residuals(*lines)) < MAX_LINE_BULGE_SHARE * whole.max(initial=0)
                for lines in ((points, seen), (points.swapaxes(0, 1), seen.T)))  # fmt: skip
 
 
-def _bulges(points: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def _plane_residuals(points: np.ndarray, seen: np.ndarray) -> np.ndarray:
     """How far points (L, M, 3), those `seen`, stand out of each line's best plane: (K,), of lines with many."""
     counts = seen.sum(1)
     used = counts >= MIN_POINTS_PER_LINE
@@ -111,7 +111,7 @@ def _bulges(points: np.ndarray, seen: np.ndarray) -> np.ndarray:
     return np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 0], 0))
 
 
-def _told_by_column(values: np.ndarray, seen: np.ndarray) -> bool:
+def _varies_across_columns(values: np.ndarray, seen: np.ndarray) -> bool:
     """Whether values (H, W), those that are `seen`, vary far less within the columns than from one to the other."""
     counts = seen.sum(0)
     used = counts > 0
@@ -124,7 +124,7 @@ def _told_by_column(values: np.ndarray, seen: np.ndarray) -> bool:
     return bool(within < MAX_SPREAD_SHARE**2 * between)
 
 
-def _member(part: Any, index: int) -> PointArrays:
+def _parse_member(part: Any, index: int) -> PointArrays:
     """The one cloud that is a member of a list; an error names which it was."""
     try:
         return point_arrays(part)
@@ -132,13 +132,13 @@ def _member(part: Any, index: int) -> PointArrays:
         raise ScanError(f"cloud [{index}]: {error}") from error
 
 
-def _array(points: Any) -> np.ndarray:
+def _extract_array(points: Any) -> np.ndarray:
     """Array of a tensor on any device, of a cloud object, or of what numpy can read.
 
     Raises:
         ScanError: it is something else.
     """
-    expected = f"expected points as an array (N, 3), a cloud object or one path, got {_kind(points)}"
+    expected = f"expected points as an array (N, 3), a cloud object or one path, got {_type_name(points)}"
     try:
         array = extract_array(points)
     except ScanError:
@@ -150,13 +150,13 @@ def _array(points: Any) -> np.ndarray:
     return array
 
 
-def _kind(points: Any) -> str:
+def _type_name(points: Any) -> str:
     """The type of something in words, of a list also that of its first member."""
     name = type(points).__name__
     return f"{name} of {type(points[0]).__name__}" if isinstance(points, list | tuple) and points else name
 
 
-def _rank(part: Any) -> int:
+def _axis_count(part: Any) -> int:
     """Axes of one member of a list: 2 for a cloud, so that the list is a batch."""
     if hasattr(part, "shape"):
         return len(part.shape)

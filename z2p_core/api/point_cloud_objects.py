@@ -24,38 +24,38 @@ def names_include_color(names: Iterable[object]) -> bool:
     return any(str(name).strip().lower() in COLOR_NAMES for name in names)
 
 
-def is_cloud_object(thing: Any) -> bool:
+def is_cloud_object(source: Any) -> bool:
     """Whether something holds one cloud, and is no array."""
-    if hasattr(thing, "shape"):
+    if hasattr(source, "shape"):
         return False
-    return isinstance(thing, Mapping) or is_scene(thing) or any(
-        hasattr(thing, attribute) for attribute in (*ATTRIBUTES, "point", "pc_data"))  # fmt: skip
+    return isinstance(source, Mapping) or is_scene(source) or any(
+        hasattr(source, attribute) for attribute in (*ATTRIBUTES, "point", "pc_data"))  # fmt: skip
 
 
-def has_colors(thing: Any) -> bool:
+def has_colors(source: Any) -> bool:
     """Whether it has a colour for each point beside its place."""
-    if isinstance(thing, Mapping):
-        return names_include_color(thing)
-    if callable(getattr(thing, "has_colors", None)):  # open3d
-        return bool(thing.has_colors())
+    if isinstance(source, Mapping):
+        return names_include_color(source)
+    if callable(getattr(source, "has_colors", None)):  # open3d
+        return bool(source.has_colors())
     for holder in ("point", "point_data"):  # open3d's tensor clouds, pyvista
-        if hasattr(thing, holder):
-            return _names_of(getattr(thing, holder))
-    if hasattr(thing, "pc_data"):  # pypcd4
-        return names_include_color(thing.pc_data.dtype.names or ())
-    if is_scene(thing):
-        return any(has_colors(part) for part in thing.geometry.values())
-    visual = getattr(thing, "visual", None)  # trimesh
-    if visual is not None and not hasattr(thing, "faces"):
-        return np.size(getattr(thing, "colors", ())) > 0
+        if hasattr(source, holder):
+            return _keys_include_color(getattr(source, holder))
+    if hasattr(source, "pc_data"):  # pypcd4
+        return names_include_color(source.pc_data.dtype.names or ())
+    if is_scene(source):
+        return any(has_colors(part) for part in source.geometry.values())
+    visual = getattr(source, "visual", None)  # trimesh
+    if visual is not None and not hasattr(source, "faces"):
+        return np.size(getattr(source, "colors", ())) > 0
     if visual is not None:
         return bool(getattr(visual, "defined", False)) and getattr(visual, "kind", None) is not None
-    if hasattr(thing, "columns") and hasattr(thing, "to_numpy"):
-        return names_include_color(thing.columns)
-    return names_include_color(getattr(getattr(thing, "dtype", None), "names", None) or ()) or hasattr(thing, "red")
+    if hasattr(source, "columns") and hasattr(source, "to_numpy"):
+        return names_include_color(source.columns)
+    return names_include_color(getattr(getattr(source, "dtype", None), "names", None) or ()) or hasattr(source, "red")
 
 
-def _names_of(holder: Any) -> bool:
+def _keys_include_color(holder: Any) -> bool:
     """Whether a mapping's keys, of whatever kind it is, name colours."""
     try:
         return any(name in holder for name in ("colors", "RGB", "RGBA", "rgb", "rgba", "color", "Colors"))
@@ -63,31 +63,31 @@ def _names_of(holder: Any) -> bool:
         return False
 
 
-def extract_array(thing: Any) -> np.ndarray:
+def extract_array(source: Any) -> np.ndarray:
     """Array of what holds points, or of what numpy can read; it may be none of points."""
-    if isinstance(thing, Mapping):
-        return _of_mapping(thing)
-    if hasattr(thing, "detach"):  # torch; through float64, as numpy knows no bfloat16
-        return _of_tensor(thing)
-    if hasattr(thing, "point") and hasattr(thing.point, "positions"):  # open3d's tensor clouds
-        return np.asarray(thing.point.positions.cpu().numpy())
-    if hasattr(thing, "pc_data"):  # pypcd4, whose `points` is a number
-        return np.asarray(thing.pc_data)
-    if is_scene(thing):
-        return _vertices(thing)
-    if hasattr(thing, "columns") and hasattr(thing, "to_numpy"):  # pandas and polars
-        return _of_table(thing)
-    if isinstance(thing, np.ma.MaskedArray) and thing.dtype.kind in NUMERIC_KINDS:
-        return np.asarray(np.ma.filled(thing.astype(np.float64), np.nan))
-    if not isinstance(thing, np.ndarray):
+    if isinstance(source, Mapping):
+        return _array_from_mapping(source)
+    if hasattr(source, "detach"):  # torch; through float64, as numpy knows no bfloat16
+        return _array_from_tensor(source)
+    if hasattr(source, "point") and hasattr(source.point, "positions"):  # open3d's tensor clouds
+        return np.asarray(source.point.positions.cpu().numpy())
+    if hasattr(source, "pc_data"):  # pypcd4, whose `points` is a number
+        return np.asarray(source.pc_data)
+    if is_scene(source):
+        return _scene_vertices(source)
+    if hasattr(source, "columns") and hasattr(source, "to_numpy"):  # pandas and polars
+        return _array_from_table(source)
+    if isinstance(source, np.ma.MaskedArray) and source.dtype.kind in NUMERIC_KINDS:
+        return np.asarray(np.ma.filled(source.astype(np.float64), np.nan))
+    if not isinstance(source, np.ndarray):
         for attribute in ATTRIBUTES:
-            found = getattr(thing, attribute, None)
-            if found is not None and not callable(found):
-                return _of_tensor(found) if hasattr(found, "detach") else np.asarray(found)
-    return np.asarray(thing)
+            value = getattr(source, attribute, None)
+            if value is not None and not callable(value):
+                return _array_from_tensor(value) if hasattr(value, "detach") else np.asarray(value)
+    return np.asarray(source)
 
 
-def _of_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
+def _array_from_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
     """Points under a name of points, or beside each other under x, y and z.
 
     Raises:
@@ -102,23 +102,23 @@ def _of_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
         if len({column.shape for column in columns}) > 1:
             shapes = ", ".join(str(column.shape) for column in columns)
             raise ScanError(f"expected x, y and z of one shape, got {shapes}")
-        return np.stack([_checked(column).reshape(-1).astype(np.float64) for column in columns], axis=-1)
+        return np.stack([_check_numeric(column).reshape(-1).astype(np.float64) for column in columns], axis=-1)
     known = ", ".join(str(name)[:40] for name in list(mapping)[:8]) or "nothing"
     raise ScanError(f"expected a {type(mapping).__name__} with points, xyz, positions ... or x, y and z, got {known}")
 
 
-def _of_tensor(tensor: Any) -> np.ndarray:
+def _array_from_tensor(tensor: Any) -> np.ndarray:
     kind = str(tensor.dtype)
     if "complex" in kind or "bool" in kind:
         raise ScanError(f"expected points as numbers, got dtype {kind}")
     return np.asarray(tensor.detach().cpu().double().numpy())
 
 
-def _of_table(table: Any) -> np.ndarray:
+def _array_from_table(table: Any) -> np.ndarray:
     """Columns x, y and z of a data frame, or all of them where it has no such."""
     names = {str(name).strip().lower(): name for name in table.columns}
     if names.keys() >= set("xyz"):
-        columns = [_checked(np.asarray(table[names[axis]])) for axis in "xyz"]
+        columns = [_check_numeric(np.asarray(table[names[axis]])) for axis in "xyz"]
         return np.stack([column.astype(np.float64) for column in columns], axis=-1)
     return np.asarray(table.to_numpy())
 
@@ -132,10 +132,10 @@ def records_to_points(array: np.ndarray) -> np.ndarray:
     fields = {name.lower(): name for name in array.dtype.names or ()}
     if not fields.keys() >= set("xyz"):
         return array
-    return np.stack([_checked(array[fields[axis]]).astype(np.float64) for axis in "xyz"], axis=-1)
+    return np.stack([_check_numeric(array[fields[axis]]).astype(np.float64) for axis in "xyz"], axis=-1)
 
 
-def _checked(column: np.ndarray) -> np.ndarray:
+def _check_numeric(column: np.ndarray) -> np.ndarray:
     """The column itself.
 
     Raises:
@@ -146,12 +146,12 @@ def _checked(column: np.ndarray) -> np.ndarray:
     return column
 
 
-def is_scene(thing: Any) -> bool:
+def is_scene(source: Any) -> bool:
     """Whether it is a scene of trimesh, whose geometry stands where its graph says."""
-    return hasattr(thing, "geometry") and hasattr(getattr(thing, "graph", None), "nodes_geometry")
+    return hasattr(source, "geometry") and hasattr(getattr(source, "graph", None), "nodes_geometry")
 
 
-def _vertices(scene: Any) -> np.ndarray:
+def _scene_vertices(scene: Any) -> np.ndarray:
     """All vertices (N, 3) of a scene, in the world's coordinates."""
     parts = []
     for node in scene.graph.nodes_geometry:

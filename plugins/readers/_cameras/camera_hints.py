@@ -10,12 +10,12 @@ import numpy as np
 
 from z2p_core.interfaces import RawCloud
 
-_AXIS_DEGREES, _LEAST_AGREEMENT = 20.0, 0.5
+_MAX_AXIS_TILT_DEGREES, _MIN_MEAN_UP_LENGTH = 20.0, 0.5
 """Degrees between the cameras' up and an axis that it may be; and the least length of the mean of their unit vectors,
 for cameras that were held in all ways say nothing."""
-_LEAST_TURN = 0.2
+_MIN_RIGHT_SPREAD = 0.2
 """How far cameras must be turned to one another to tell what was level to all of them."""
-MAX_JSON_BYTES, _MOST_FOLDERS = 1 << 26, 3
+MAX_JSON_BYTES, _MAX_SEARCHED_FOLDERS = 1 << 26, 3
 """Bytes of a list of cameras at the most, and folders in which it is looked for, from that of the points upwards."""
 
 
@@ -27,17 +27,17 @@ def with_camera_hints(cloud: RawCloud, rotations: np.ndarray, places: np.ndarray
     if not len(places):
         return cloud
     seen_from = places[((places - places.mean(0)) ** 2).sum(1).argmin()]
-    upward = _upward(rotations)
+    upward = _estimate_up(rotations)
     if upward is None:
         return replace(cloud, seen_from=seen_from)
     longest = int(np.abs(upward).argmax())
     axis = ("+" if upward[longest] > 0 else "-") + "XYZ"[longest]
-    tilted = abs(float(upward[longest])) < np.cos(np.radians(_AXIS_DEGREES))
+    tilted = abs(float(upward[longest])) < np.cos(np.radians(_MAX_AXIS_TILT_DEGREES))
     return replace(cloud, up=axis, up_certain=True, up_reason=f"its {len(places)} cameras stood so",
                    upward=upward if tilted else None, seen_from=seen_from)  # fmt: skip
 
 
-def _upward(rotations: np.ndarray) -> np.ndarray | None:
+def _estimate_up(rotations: np.ndarray) -> np.ndarray | None:
     """The unit vector (3,) that was up to cameras of rotations (M, 3, 3); None where they were held in all ways.
 
     Their own up leans back where they look down, and is no more than the direction; what is at right angles to what was
@@ -45,12 +45,12 @@ def _upward(rotations: np.ndarray) -> np.ndarray | None:
     """
     mean = -rotations[:, 1].mean(0)
     length = float(np.linalg.norm(mean))
-    if length < _LEAST_AGREEMENT:
+    if length < _MIN_MEAN_UP_LENGTH:
         return None
     spread, axes = np.linalg.svd(rotations[:, 0], full_matrices=True)[1:]
     level = axes[2]
-    least_spread, off = _LEAST_TURN * len(rotations) ** 0.5, abs(level @ mean) < _LEAST_AGREEMENT * length
-    if len(rotations) < 3 or spread[1] < least_spread or off:
+    min_spread, off = _MIN_RIGHT_SPREAD * len(rotations) ** 0.5, abs(level @ mean) < _MIN_MEAN_UP_LENGTH * length
+    if len(rotations) < 3 or spread[1] < min_spread or off:
         return np.asarray(mean / length)
     return np.asarray(level if level @ mean > 0 else -level)
 
@@ -60,7 +60,7 @@ def read_3dgs_cameras(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
     None where there is no such file in the folder of the splats or above it, or where it is damaged.
     """
-    for folder in list(path.absolute().parents)[:_MOST_FOLDERS]:
+    for folder in list(path.absolute().parents)[:_MAX_SEARCHED_FOLDERS]:
         beside = folder / "cameras.json"
         try:
             if not beside.is_file() or beside.stat().st_size > MAX_JSON_BYTES:

@@ -14,8 +14,8 @@ from z2p_core.rotations import quaternion_rotations
 from z2p_renderer.plugins.readers._cameras.camera_hints import with_camera_hints
 
 AXES_REASON = "the usual axes of COLMAP"
-_POINT = [(np.dtype(kind), None) for kind in ("<u8", "<f8", "<f8", "<f8", "u1", "u1", "u1", "<f8")]
-_TRACK = (np.dtype("<u8"), np.dtype("<u8"))
+_POINT_FIELDS = [(np.dtype(kind), None) for kind in ("<u8", "<f8", "<f8", "<f8", "u1", "u1", "u1", "<f8")]
+_TRACK_FIELD = (np.dtype("<u8"), np.dtype("<u8"))
 """A point's id, position, color and error; then its track, pairs of four-byte image and feature indices."""
 _MAX_NAME_BYTES = 4096
 
@@ -37,7 +37,7 @@ def read_points3d(path: Path) -> RawCloud:
         return RawCloud(np.empty((0, 3)))
     (count,) = struct.unpack("<Q", blob[:8].ljust(8, b"\0"))
     try:
-        points, end = read_list_rows(blob, 8, count, [*_POINT, _TRACK], [1, 2, 3])
+        points, end = read_list_rows(blob, 8, count, [*_POINT_FIELDS, _TRACK_FIELD], [1, 2, 3])
     except ValueError as error:
         raise ScanError(f"COLMAP's points promise to be {count}, and the file ends before; copy it again") from error
     if end != len(blob):
@@ -56,11 +56,11 @@ def with_colmap_cameras(points: np.ndarray, path: Path, note: str = "") -> RawCl
 
 def read_colmap_cameras(folder: Path) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (M, 3, 3) from model to camera axes, and camera positions (M, 3); M = 0 without a model."""
-    poses = _poses(folder)
+    poses = _read_poses(folder)
     return poses[:, :, :3], -np.einsum("nij,ni->nj", poses[:, :, :3], poses[:, :, 3])
 
 
-def _poses(folder: Path) -> np.ndarray:
+def _read_poses(folder: Path) -> np.ndarray:
     """World-to-camera matrices (M, 3, 4) of a model's images; M = 0 if they cannot be read."""
     poses = []
     for name, read in (("images.bin", _read_images_bin), ("images.txt", _read_images_txt)):

@@ -14,7 +14,7 @@ from z2p_core.up_axis.header_comments import axis_of_vector
 from z2p_renderer.plugins.readers._cameras.camera_hints import MAX_JSON_BYTES, read_3dgs_cameras, with_camera_hints
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
-_MOST_IMAGES_BYTES = 1 << 28
+_MAX_IMAGES_FILE_BYTES = 1 << 28
 """Bytes of a list of pictures at the most."""
 _IMAGES_NAMES = ("images.bin", "images.txt")
 _DENSE_NAMES = ("fused.ply", "meshed-poisson.ply", "meshed-delaunay.ply")
@@ -35,15 +35,15 @@ def with_model_cameras(cloud: RawCloud, path: Path) -> RawCloud:
     if name == _INPUT_NAME:
         return with_camera_hints(cloud, *read_3dgs_cameras(path))
     folder = path.parent / "sparse" if name in _DENSE_NAMES else path.parent
-    if any(_is_small(folder / images, _MOST_IMAGES_BYTES) for images in _IMAGES_NAMES):
+    if any(_is_file_within(folder / images, _MAX_IMAGES_FILE_BYTES) for images in _IMAGES_NAMES):
         colmap = import_lazily("z2p_renderer.plugins.readers._cameras.colmap")
         rotations, places = colmap.read_colmap_cameras(folder)
         if len(places):
             return with_camera_hints(_with_usual_up(cloud, "-Y", colmap.AXES_REASON), rotations, places)
     if name in _DENSE_NAMES:
         return _with_usual_up(cloud, "-Y", "the usual axes of COLMAP, as whose result it is named")
-    if _is_small(path.parent / "transforms.json", MAX_JSON_BYTES):
-        return _with_transforms(cloud, path)
+    if _is_file_within(path.parent / "transforms.json", MAX_JSON_BYTES):
+        return _with_nerfstudio_cameras(cloud, path)
     return cloud
 
 
@@ -51,36 +51,36 @@ def _with_usual_up(cloud: RawCloud, axis: str, reason: str) -> RawCloud:
     return replace(cloud, up=axis, up_reason=reason, up_certain=False)
 
 
-def _is_small(path: Path, most: int) -> bool:
+def _is_file_within(path: Path, max_bytes: int) -> bool:
     try:
-        return path.is_file() and path.stat().st_size <= most
+        return path.is_file() and path.stat().st_size <= max_bytes
     except OSError:
         return False
 
 
-def _with_transforms(cloud: RawCloud, path: Path) -> RawCloud:
+def _with_nerfstudio_cameras(cloud: RawCloud, path: Path) -> RawCloud:
     """The cloud as the cameras in a transforms.json tell.
 
     They are surely the cloud's own where the file names it. Any other cloud may have been turned since, so that they
     make an axis no more than usual for it.
     """
     try:
-        told = json.loads((path.parent / "transforms.json").read_bytes())
+        transforms = json.loads((path.parent / "transforms.json").read_bytes())
     except (OSError, ValueError, RecursionError):
         return cloud
-    if not isinstance(told, dict) or not isinstance(told.get("frames"), list):
+    if not isinstance(transforms, dict) or not isinstance(transforms.get("frames"), list):
         return cloud
-    rotations, places = _frames(told["frames"])
-    cloud = _with_usual_up(cloud, _world_up(told), "the usual axes of nerfstudio, whose transforms.json lies beside it")
-    found = with_camera_hints(cloud, rotations, places)
-    named = told.get("ply_file_path")
-    if isinstance(named, str) and PurePath(named).name == path.name:
-        return found
-    reason = found.up_reason if not found.up_certain else "that of the cameras in the transforms.json beside it"
-    return _with_usual_up(cloud, found.up, reason)
+    rotations, places = _parse_frames(transforms["frames"])
+    cloud = _with_usual_up(cloud, _world_up_axis(transforms), "the usual axes of nerfstudio, whose transforms.json lies beside it")
+    hinted = with_camera_hints(cloud, rotations, places)
+    ply_name = transforms.get("ply_file_path")
+    if isinstance(ply_name, str) and PurePath(ply_name).name == path.name:
+        return hinted
+    reason = hinted.up_reason if not hinted.up_certain else "that of the cameras in the transforms.json beside it"
+    return _with_usual_up(cloud, hinted.up, reason)
 
 
-def _frames(frames: list[Any]) -> tuple[np.ndarray, np.ndarray]:
+def _parse_frames(frames: list[Any]) -> tuple[np.ndarray, np.ndarray]:
     """Rotations (M, 3, 3) from the world's axes to each camera's, those of OpenCV, and places (M, 3).
 
     None where the matrices are none of cameras.
@@ -98,10 +98,10 @@ def _frames(frames: list[Any]) -> tuple[np.ndarray, np.ndarray]:
     return _OPENGL_TO_OPENCV @ axes.transpose(0, 2, 1), poses[:, :3, 3]
 
 
-def _world_up(told: dict[str, Any]) -> str:
+def _world_up_axis(transforms: dict[str, Any]) -> str:
     """The axis that is up in nerfstudio's world: +Z, or what became of COLMAP's -Y where the file tells the turn."""
     try:
-        turned = np.array(told["applied_transform"], np.float64)[:3, :3] @ [0.0, -1.0, 0.0]
+        turned = np.array(transforms["applied_transform"], np.float64)[:3, :3] @ [0.0, -1.0, 0.0]
         return axis_of_vector([round(number, 6) for number in turned.tolist()]) or "+Z"
     except (KeyError, ValueError, TypeError, IndexError):
         return "+Z"

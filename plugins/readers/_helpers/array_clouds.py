@@ -6,30 +6,30 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from z2p_core.api.point_arrays import as_batch, plain
+from z2p_core.api.point_arrays import as_batch, records_to_points
 from z2p_core.formats.arrays.image_grids import GRID_ADVICE
 from z2p_core.formats.arrays.non_point_arrays import refuse_other_arrays
 from z2p_core.formats.arrays.point_maps import estimate_map_sensor
 from z2p_core.formats.tables.extra_columns import ignored_columns_note
 from z2p_core.interfaces import RawCloud, ScanError, Sensor
-from z2p_renderer.plugins.readers._text.column_doubts import columns_before
+from z2p_renderer.plugins.readers._text.column_doubts import find_leading_columns
 
 MAX_COLUMNS = 128
-_SUSPICIOUS_BYTES, _WORST_RATIO = 100 << 20, 200
+_MIN_SUSPICIOUS_BYTES, _MAX_COMPRESSION_RATIO = 100 << 20, 200
 """An array above so many bytes that was packed to a smaller share of them than one in so many is no cloud."""
 MAP_KEYS = ("pts3d", "world_points", "point_map", "pointmap", "point_maps", "points3d", "points_3d", "xyz_map",
             "world_points_from_depth", "pts3d_in_other_view", "xyz_image")  # fmt: skip
 """Names of point maps, as learnt depth writes them."""
 OBJECT_KEYS = ("data", "complete_pcds", "incomplete_pcds", "gt", "complete", "partial", "pcds")
 """Names under which data sets made of ShapeNet or ModelNet keep their objects."""
-KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord", "point_cloud", "pointcloud", "pointclouds",
+POINT_KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord", "point_cloud", "pointcloud", "pointclouds",
         "point_clouds", "pcd", "pc", "pts", "cloud", *MAP_KEYS, *OBJECT_KEYS)  # fmt: skip
 """Names under which programs keep points; the first that holds some counts."""
 _CAMERA_AXES_KEYS = {"pts3d", "point_map", "pointmap", "point_maps", "xyz_map", "xyz_image"}
 """Those of maps in their own camera's axes."""
 _OBJECT_UP = {"up": "+Y", "up_reason": "the usual axes of ModelNet and ShapeNet", "up_certain": False}
-_MOST_SAMPLED = 1000
-_SMALLEST_MAP, _MOST_IN_MAPS = 8, 8
+_MAX_SAMPLED_ROWS = 1000
+_MIN_MAP_SIDE, _MAX_MAP_CHANNELS = 8, 8
 """Rows and columns of a map of points at least, and numbers of each of its pixels at most."""
 
 
@@ -40,41 +40,41 @@ def clouds_from_array(array: np.ndarray, key: str = "") -> list[RawCloud]:
     Raises:
         ScanError: it holds no points by its shape or its numbers.
     """
-    array = coordinates_last(array)
+    array = move_coordinates_last(array)
     as_maps = array.ndim == 4 or (array.ndim == 3 and key in MAP_KEYS)
-    if as_maps and min(array.shape[-3:-1]) >= _SMALLEST_MAP and 3 <= array.shape[-1] <= _MOST_IN_MAPS:
+    if as_maps and min(array.shape[-3:-1]) >= _MIN_MAP_SIDE and 3 <= array.shape[-1] <= _MAX_MAP_CHANNELS:
         maps = array if array.ndim == 4 else array[None]
-        return [_seen(points, certain=key in _CAMERA_AXES_KEYS or not key) for points in maps]
-    if not _lies_flat(array.shape) or array.shape[-1] == 4:
+        return [_cloud_from_map(points, certain=key in _CAMERA_AXES_KEYS or not key) for points in maps]
+    if not _is_transposed(array.shape) or array.shape[-1] == 4:
         refuse_other_arrays(array)
     check_shape(array.shape)
     batch = as_batch(array)
     if array.ndim == 3 and batch is not array:
-        return [_seen(array)]
+        return [_cloud_from_map(array)]
     if array.ndim == 2:
-        _check_first(array)
+        _check_first_columns(array)
     up = _OBJECT_UP if key in OBJECT_KEYS else {}
-    note = ignored_columns_note(batch[0][:_MOST_SAMPLED, 3:].astype(np.float64)) if len(batch) else ""
-    return [RawCloud(_points(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
+    note = ignored_columns_note(batch[0][:_MAX_SAMPLED_ROWS, 3:].astype(np.float64)) if len(batch) else ""
+    return [RawCloud(_first_three_columns(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
 
 
-def _check_first(array: np.ndarray) -> None:
+def _check_first_columns(array: np.ndarray) -> None:
     """Raises ScanError where something else than x, y and z comes first in the rows of a cloud (N, 3 or more)."""
-    before, looks = columns_before(_points(array), array[:_MOST_SAMPLED].astype(np.float64))
+    before, description = find_leading_columns(_first_three_columns(array), array[:_MAX_SAMPLED_ROWS].astype(np.float64))
     if before:
-        raise ScanError(f"column{'s' if before > 1 else ''} 1{f' to {before}' if before > 1 else ''} may be {looks} "
+        raise ScanError(f"column{'s' if before > 1 else ''} 1{f' to {before}' if before > 1 else ''} may be {description} "
                         f"rather than coordinates: save x, y and z alone, as array[:, {before}:{before + 3}] if they "
                         "come next, or array[:, :3]")
 
 
-def exceeds_size_limit(unpacked: int, packed: int, most: int) -> bool:
-    """Whether an array of `unpacked` bytes, kept in `packed` ones, has more than `most`, or more than clouds pack."""
-    return unpacked > most or (unpacked > _SUSPICIOUS_BYTES and unpacked > _WORST_RATIO * max(packed, 1))
+def exceeds_size_limit(unpacked: int, packed: int, max_bytes: int) -> bool:
+    """Whether an array of `unpacked` bytes, kept in `packed` ones, has more than `max_bytes`, or more than clouds pack."""
+    return unpacked > max_bytes or (unpacked > _MIN_SUSPICIOUS_BYTES and unpacked > _MAX_COMPRESSION_RATIO * max(packed, 1))
 
 
-def coordinates_last(array: np.ndarray) -> np.ndarray:
+def move_coordinates_last(array: np.ndarray) -> np.ndarray:
     """The array with x, y, z along its last axis, where a point map has them before its rows and columns."""
-    if array.ndim not in (3, 4) or array.shape[-3] != 3 or array.shape[-1] == 3 or array.shape[-2] < _SMALLEST_MAP:
+    if array.ndim not in (3, 4) or array.shape[-3] != 3 or array.shape[-1] == 3 or array.shape[-2] < _MIN_MAP_SIDE:
         return array
     moved = np.moveaxis(array, -3, -1)
     return moved if array.ndim == 4 or as_batch(moved) is not moved else array
@@ -82,9 +82,9 @@ def coordinates_last(array: np.ndarray) -> np.ndarray:
 
 def check_shape(shape: tuple[int, ...]) -> None:
     """Raises ScanError for a shape that points never have."""
-    if len(shape) in (2, 3) and 3 <= shape[-1] <= MAX_COLUMNS and not _lies_flat(shape):
+    if len(shape) in (2, 3) and 3 <= shape[-1] <= MAX_COLUMNS and not _is_transposed(shape):
         return
-    hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _lies_flat(shape) else ""
+    hint = "; transpose it, e.g. array.swapaxes(-1, -2)" if _is_transposed(shape) else ""
     if len(shape) in (2, 3) and (shape[-1] > MAX_COLUMNS or (len(shape) == 3 and shape[-1] < 3)) and not hint:
         hint = f"; is it a depth map or a grid of heights? {GRID_ADVICE}"
     raise ScanError(f"expected (N, 3 or more) or a batch (B, N, 3 or more), got {shape}{hint}")
@@ -106,10 +106,10 @@ def check_fields(dtype: np.dtype) -> None:
                         "save the points as float32 or float64")
 
 
-def numbers(array: np.ndarray) -> np.ndarray:
+def plain_numbers(array: np.ndarray) -> np.ndarray:
     """The numbers (..., 3 or more) of an array, or of its records by the names of their fields."""
     name = _points_field(array.dtype)
-    return plain(array) if name is None else array[name]
+    return records_to_points(array) if name is None else array[name]
 
 
 def stack_axes(columns: dict[str, np.ndarray]) -> np.ndarray:
@@ -138,23 +138,23 @@ def is_points(shape: tuple[int, ...], dtype: np.dtype, key: str = "") -> bool:
 def _points_field(dtype: np.dtype) -> str | None:
     """The field of records that holds all of x, y and z, if one is called so."""
     fields = {name.lower(): name for name in dtype.names or ()}
-    names: Iterable[str] = (fields[key] for key in KEYS if key in fields)
+    names: Iterable[str] = (fields[key] for key in POINT_KEYS if key in fields)
     return next((name for name in names if dtype[name].shape == (3,) and dtype[name].base.kind in "fiu"), None)
 
 
-def _seen(points: np.ndarray, certain: bool = False) -> RawCloud:
+def _cloud_from_map(points: np.ndarray, certain: bool = False) -> RawCloud:
     """The cloud of a point map (H, W, 3 or more), as its camera sees it."""
     rows, columns = points.shape[:2]
     sensor: Sensor | None = estimate_map_sensor(points[..., :3], certain)
     note = f"a point map of {rows} x {columns} pixels"
-    return RawCloud(_points(points.reshape(rows * columns, -1)), sensor, note=note)
+    return RawCloud(_first_three_columns(points.reshape(rows * columns, -1)), sensor, note=note)
 
 
-def _points(rows: np.ndarray) -> np.ndarray:
+def _first_three_columns(rows: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):  # long doubles beyond float64 become infinite, and are dropped as such
         return np.ascontiguousarray(rows[:, :3], dtype=np.float64)
 
 
-def _lies_flat(shape: tuple[int, ...]) -> bool:
+def _is_transposed(shape: tuple[int, ...]) -> bool:
     """Whether the coordinates seem to run along the axis before the last: (3, N) rather than (N, 3)."""
     return len(shape) in (2, 3) and shape[-2] == 3 != shape[-1]

@@ -10,15 +10,15 @@ from z2p_core.interfaces import RawCloud, ScanError
 from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 
 USUAL_UP, UP_REASON = "-Y", "usual for Gaussian splats"
-FAINT_OPACITY = 0.05
+MIN_VISIBLE_OPACITY = 0.05
 """Opacity below which a Gaussian hardly shows: training leaves many such floating about."""
-HUGE_DIAGONALS = 0.25
+MIN_HUGE_DIAGONALS = 0.25
 """Length of a Gaussian's longest axis, in diagonals of the box about most others, from which on it is no surface but
 haze or sky, and its centre no point of anything."""
 _BOX_QUANTILES = (0.02, 0.98)
-_GROUP_SIZE = 256
+_SPLATS_PER_CHUNK = 256
 """Packed Gaussians that share the bounds in one row of the element ``chunk``."""
-_PACKED = ("packed_position", "packed_scale", "packed_color")
+_PACKED_PROPERTIES = ("packed_position", "packed_scale", "packed_color")
 _BOUNDS = ("min_x", "min_y", "min_z", "max_x", "max_y", "max_z")
 _SCALE_BOUNDS = ("min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z")
 
@@ -42,7 +42,7 @@ def cloud_from_splats(table: np.ndarray, total: int, note: str = "") -> RawCloud
     opacity = table[:, 3]
     seen = opacity[np.isfinite(opacity)]
     alpha = opacity if len(seen) and seen.min() >= 0 and seen.max() <= 1 else _sigmoid(opacity)
-    return _shown(table[:, :3], alpha, table[:, 4:], "colours (f_dc) ignored", total, note)
+    return _visible_cloud(table[:, :3], alpha, table[:, 4:], "colours (f_dc) ignored", total, note)
 
 
 def is_packed(header: PlyHeader) -> bool:
@@ -61,7 +61,7 @@ def cloud_from_packed_splats(body: bytes, header: PlyHeader, note: str = "") -> 
     tables, at = {}, 0
     for element in header.elements:
         given = [entry.name for entry in element.properties]
-        packed = [entry.type for entry in element.properties if entry.name in _PACKED]
+        packed = [entry.type for entry in element.properties if entry.name in _PACKED_PROPERTIES]
         if header.ascii or not element.scalar or len(set(given)) < len(given) or any(
             kind.kind not in "iu" or kind.itemsize != 4 for kind in packed
         ):
@@ -72,19 +72,19 @@ def cloud_from_packed_splats(body: bytes, header: PlyHeader, note: str = "") -> 
     if vertex is None:
         return RawCloud(np.empty((0, 3)))
     names = set(chunk.dtype.names or ()) if chunk is not None else set()
-    if chunk is None or not set(_BOUNDS) <= names or len(chunk) != -(-len(vertex) // _GROUP_SIZE):
-        raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each {_GROUP_SIZE} "
+    if chunk is None or not set(_BOUNDS) <= names or len(chunk) != -(-len(vertex) // _SPLATS_PER_CHUNK):
+        raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each {_SPLATS_PER_CHUNK} "
                         f"of them, got {0 if chunk is None else len(chunk)}; export the file again")
     rows = np.arange(0, len(vertex), -(-len(vertex) // MAX_ROWS))
-    group, vertex = rows // _GROUP_SIZE, vertex[rows]
-    points = _between(vertex["packed_position"], chunk[group], _BOUNDS)
-    sized = "packed_scale" in (vertex.dtype.names or ()) and set(_SCALE_BOUNDS) <= names
-    scales = _between(vertex["packed_scale"], chunk[group], _SCALE_BOUNDS) if sized else np.empty((len(rows), 0))
+    group, vertex = rows // _SPLATS_PER_CHUNK, vertex[rows]
+    points = _dequantize(vertex["packed_position"], chunk[group], _BOUNDS)
+    has_scales = "packed_scale" in (vertex.dtype.names or ()) and set(_SCALE_BOUNDS) <= names
+    scales = _dequantize(vertex["packed_scale"], chunk[group], _SCALE_BOUNDS) if has_scales else np.empty((len(rows), 0))
     alpha = (vertex["packed_color"] & 255) / 255.0
-    return _shown(points, alpha, scales, IGNORED_NOTE, int(header.element("vertex").count), note)  # type: ignore[union-attr]
+    return _visible_cloud(points, alpha, scales, IGNORED_NOTE, int(header.element("vertex").count), note)  # type: ignore[union-attr]
 
 
-def _between(packed: np.ndarray, chunk: np.ndarray, bounds: tuple[str, ...]) -> np.ndarray:
+def _dequantize(packed: np.ndarray, chunk: np.ndarray, bounds: tuple[str, ...]) -> np.ndarray:
     """Three numbers (N, 3) float64 that were packed into 11, 10 and 11 bits, between bounds (N) of theirs."""
     packed = packed.astype(np.uint32)
     shares = np.column_stack([(packed >> 21) / 2047.0, (packed >> 11 & 1023) / 1023.0, (packed & 2047) / 2047.0])
@@ -97,18 +97,18 @@ def _sigmoid(numbers: np.ndarray) -> np.ndarray:
         return np.asarray(1 / (1 + np.exp(-numbers.astype(np.float64))))
 
 
-def _shown(
+def _visible_cloud(
     points: np.ndarray, alpha: np.ndarray, scales: np.ndarray, colours: str, total: int, note: str
 ) -> RawCloud:
     """The cloud of those Gaussians that show a surface; all of them if hardly any does."""
-    solid = alpha >= FAINT_OPACITY
+    solid = alpha >= MIN_VISIBLE_OPACITY
     large = np.zeros(len(points), dtype=bool)
     placed = points[solid & np.isfinite(points).all(1)]
     if scales.shape[1] and len(placed) > 2:
         low, high = np.quantile(placed, _BOX_QUANTILES, axis=0)
         with np.errstate(over="ignore"):
             length = np.exp(scales.astype(np.float64)).max(1)
-            large = solid & (length > HUGE_DIAGONALS * float(np.linalg.norm(high - low)))
+            large = solid & (length > MIN_HUGE_DIAGONALS * float(np.linalg.norm(high - low)))
     kept = solid & ~large
     parts = [note]
     if kept.sum() < 3:
@@ -116,9 +116,9 @@ def _shown(
         parts.append("all its Gaussians are nearly transparent or huge, and none was left out")
     elif not kept.all():
         huge = f" and {int(large.sum())} huge ones" if large.any() else ""
-        faint = f"{int((~solid).sum())} nearly transparent Gaussians (opacity below {FAINT_OPACITY:.0%})"
+        faint = f"{int((~solid).sum())} nearly transparent Gaussians (opacity below {MIN_VISIBLE_OPACITY:.0%})"
         parts.append(f"{faint}{huge} left out")
     parts.append(colours)
-    told = "; ".join(filter(None, parts))
-    return RawCloud(points[kept].astype(np.float64), total=total if total > len(points) else None, note=told,
+    joined_note = "; ".join(filter(None, parts))
+    return RawCloud(points[kept].astype(np.float64), total=total if total > len(points) else None, note=joined_note,
                     up=USUAL_UP, up_reason=UP_REASON, up_certain=False)  # fmt: skip

@@ -11,17 +11,17 @@ import numpy as np
 
 from z2p_core.interfaces import ScanError
 
-_PACKINGS = {
+_COMPRESSION_NAMES = {
     "KHR_draco_mesh_compression": "Draco",
     "EXT_meshopt_compression": "meshopt",
     "KHR_meshopt_compression": "meshopt",
 }
 """Extensions without whose unpacking there are no positions -> how people call them."""
-_WHOLE = {5120: ("i1", 127), 5121: ("u1", 255), 5122: ("<i2", 32767), 5123: ("<u2", 65535)}
+_INTEGER_COMPONENTS = {5120: ("i1", 127), 5121: ("u1", 255), 5122: ("<i2", 32767), 5123: ("<u2", 65535)}
 """Component type -> its numpy type, and the whole number that stands for 1 where an accessor is normalized."""
-_FLOAT = 5126
-_JSON, _BINARY = b"JSON", b"BIN\0"
-_POINTS, _READ = 0, (0, 4, 5)
+_FLOAT_COMPONENT = 5126
+_JSON_CHUNK, _BINARY_CHUNK = b"JSON", b"BIN\0"
+_POINTS_MODE, _READABLE_MODES = 0, (0, 4, 5)
 """The mode of points, and those that trimesh reads: points, triangles and strips of them."""
 
 
@@ -37,37 +37,37 @@ def readable_glb(blob: bytes) -> bytes:
     (length,) = struct.unpack_from("<I", blob, 12)
     tree = json.loads(blob[20 : 20 + length])
     for extension in tree.get("extensionsRequired", ()):
-        if extension in _PACKINGS:
-            raise _is_packed(extension)
+        if extension in _COMPRESSION_NAMES:
+            raise _compression_error(extension)
     parts = [part for mesh in tree.get("meshes", ()) for part in mesh["primitives"]]
-    for extension in (name for part in parts for name in part.get("extensions", ()) if name in _PACKINGS):
-        placed = [part["attributes"]["POSITION"] for part in parts if extension in part.get("extensions", ())]
-        if any("bufferView" not in tree["accessors"][index] for index in placed):
-            raise _is_packed(extension)
+    for extension in (name for part in parts for name in part.get("extensions", ()) if name in _COMPRESSION_NAMES):
+        compressed = [part["attributes"]["POSITION"] for part in parts if extension in part.get("extensions", ())]
+        if any("bufferView" not in tree["accessors"][index] for index in compressed):
+            raise _compression_error(extension)
     used = {part.get("attributes", {}).get("POSITION") for part in parts}
     if any(index is not None and "sparse" in tree["accessors"][index] for index in used):
         raise ScanError("its positions are kept sparse, as differences, which cannot be read here; export the file "
                         "again without sparse accessors")
-    whole = [index for index in used if index is not None and _is_whole(tree["accessors"][index])]
-    bare = bool(parts) and not tree.get("scenes")
-    unread = [part for part in parts if part.get("mode", 4) not in _READ]
-    if not whole and not bare and not unread:
+    normalized = [index for index in used if index is not None and _is_normalized_integer(tree["accessors"][index])]
+    lacks_scene = bool(parts) and not tree.get("scenes")
+    unreadable = [part for part in parts if part.get("mode", 4) not in _READABLE_MODES]
+    if not normalized and not lacks_scene and not unreadable:
         return blob
-    for part in unread:  # only its vertices count
-        part["mode"] = _POINTS
+    for part in unreadable:  # only its vertices count
+        part["mode"] = _POINTS_MODE
         part.pop("indices", None)
-    if bare:
+    if lacks_scene:
         _add_scene(tree)
     binary = bytearray(blob[20 + length + 8 :])
-    for index in whole:
+    for index in normalized:
         _make_float(tree, tree["accessors"][index], binary)
-    return packed(tree, bytes(binary))
+    return encode_glb(tree, bytes(binary))
 
 
-def _is_packed(extension: str) -> ScanError:
-    packing = _PACKINGS[extension]
-    return ScanError(f"its meshes are packed by {packing} ({extension}), which cannot be read here; open it in "
-                     f"Blender, and export it as PLY, or again without {packing} compression")
+def _compression_error(extension: str) -> ScanError:
+    compression = _COMPRESSION_NAMES[extension]
+    return ScanError(f"its meshes are packed by {compression} ({extension}), which cannot be read here; open it in "
+                     f"Blender, and export it as PLY, or again without {compression} compression")
 
 
 def _add_scene(tree: dict[str, Any]) -> None:
@@ -78,8 +78,8 @@ def _add_scene(tree: dict[str, Any]) -> None:
     tree.update(nodes=nodes, scenes=[{"nodes": roots}], scene=0)
 
 
-def _is_whole(accessor: dict[str, Any]) -> bool:
-    return bool(accessor.get("normalized")) and accessor["componentType"] in _WHOLE and "bufferView" in accessor
+def _is_normalized_integer(accessor: dict[str, Any]) -> bool:
+    return bool(accessor.get("normalized")) and accessor["componentType"] in _INTEGER_COMPONENTS and "bufferView" in accessor
 
 
 def _make_float(tree: dict[str, Any], accessor: dict[str, Any], binary: bytearray) -> None:
@@ -87,24 +87,24 @@ def _make_float(tree: dict[str, Any], accessor: dict[str, Any], binary: bytearra
     view = tree["bufferViews"][accessor["bufferView"]]
     if view["buffer"] != 0:
         raise ScanError("the positions lie in another buffer than the file's own; export it again as one .glb file")
-    kind, one = _WHOLE[accessor["componentType"]]
+    kind, scale = _INTEGER_COMPONENTS[accessor["componentType"]]
     stride = view.get("byteStride", 3 * np.dtype(kind).itemsize)
     row = np.dtype({"names": ["xyz"], "formats": [(kind, 3)], "itemsize": stride})
     start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
     padded = bytes(binary[start:]) + bytes(stride)  # the last row may end before its stride does
-    values = np.frombuffer(padded, row, accessor["count"])["xyz"] / one
+    values = np.frombuffer(padded, row, accessor["count"])["xyz"] / scale
     binary += bytes(-len(binary) % 4)
     floats = np.maximum(values, -1).astype("<f4").tobytes()
-    accessor.update(bufferView=len(tree["bufferViews"]), byteOffset=0, componentType=_FLOAT, normalized=False)
+    accessor.update(bufferView=len(tree["bufferViews"]), byteOffset=0, componentType=_FLOAT_COMPONENT, normalized=False)
     tree["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(floats)})
     binary += floats
 
 
-def packed(tree: dict[str, Any], binary: bytes) -> bytes:
+def encode_glb(tree: dict[str, Any], binary: bytes) -> bytes:
     """A GLB of the two chunks."""
     binary += bytes(-len(binary) % 4)
     tree["buffers"][0]["byteLength"] = len(binary)
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)
-    chunks = b"".join(struct.pack("<I4s", len(part), kind) + part for part, kind in ((text, _JSON), (binary, _BINARY)))
+    chunks = b"".join(struct.pack("<I4s", len(part), kind) + part for part, kind in ((text, _JSON_CHUNK), (binary, _BINARY_CHUNK)))
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

@@ -9,9 +9,9 @@ from typing import Any
 from urllib.parse import unquote
 
 from z2p_core.interfaces import ScanError
-from z2p_renderer.plugins.readers._helpers.gltf import packed
+from z2p_renderer.plugins.readers._helpers.gltf import encode_glb
 
-_NOT_NEEDED = ("images", "textures", "samplers", "materials", "animations", "skins", "cameras")
+_UNUSED_PARTS = ("images", "textures", "samplers", "materials", "animations", "skins", "cameras")
 """Parts of a glTF file without which its vertices are where they are."""
 
 
@@ -31,7 +31,7 @@ def as_glb(path: Path) -> bytes:
     binary, starts = b"", []
     for number, buffer in enumerate(tree.get("buffers", ())):
         starts.append(len(binary))
-        content = _content(buffer, path.parent, number)
+        content = _read_buffer(buffer, path.parent, number)
         if len(content) < buffer["byteLength"]:
             raise ScanError(f"the glTF file promises {buffer['byteLength']} bytes in buffer {number}, {len(content)} "
                             "came; export it again")
@@ -39,7 +39,7 @@ def as_glb(path: Path) -> bytes:
     for view in tree.get("bufferViews", ()):
         view["byteOffset"] = view.get("byteOffset", 0) + starts[view["buffer"]]
         view["buffer"] = 0
-    for name in _NOT_NEEDED:
+    for name in _UNUSED_PARTS:
         tree.pop(name, None)
     for part in (part for mesh in tree.get("meshes", ()) for part in mesh["primitives"]):
         part.pop("material", None)
@@ -47,7 +47,7 @@ def as_glb(path: Path) -> bytes:
         node.pop("skin", None)
         node.pop("camera", None)
     tree["buffers"] = [{"byteLength": len(binary)}]
-    return packed(tree, binary)
+    return encode_glb(tree, binary)
 
 
 def bytes_beside(path: Path) -> int:
@@ -59,7 +59,7 @@ def bytes_beside(path: Path) -> int:
         return 0
 
 
-def _content(buffer: dict[str, Any], folder: Path, number: int) -> bytes:
+def _read_buffer(buffer: dict[str, Any], folder: Path, number: int) -> bytes:
     """The bytes of a buffer: in its own text, or in a file in the folder or below it.
 
     Raises:

@@ -17,10 +17,10 @@ def parse_binary_lists(body: bytes, header: PlyHeader, vertex: PlyElement, axes:
     """
     offset = 0
     for element in header.elements[: header.elements.index(vertex) + 1]:
-        places = _places(vertex, axes) if element is vertex else []
+        indices = _property_indices(vertex, axes) if element is vertex else []
         properties = [(entry.type, entry.length) for entry in element.properties]
         try:
-            values, offset = read_list_rows(body, offset, element.count, properties, places)
+            values, offset = read_list_rows(body, offset, element.count, properties, indices)
         except ValueError as error:
             raise ScanError("a PLY list reaches past the end of the file; it is cut short or its header is wrong: "
                             "export it again") from error
@@ -33,8 +33,8 @@ def parse_ascii_lists(lines: list[bytes], vertex: PlyElement, axes: tuple[str, .
     Raises:
         ValueError: a line with more or fewer numbers than it should have, or with something else.
     """
-    places = _places(vertex, axes)
-    values = np.empty((len(lines), len(places)))
+    indices = _property_indices(vertex, axes)
+    values = np.empty((len(lines), len(indices)))
     for row, line in enumerate(lines):
         words = line.split()
         at, starts = 0, []
@@ -43,11 +43,11 @@ def parse_ascii_lists(lines: list[bytes], vertex: PlyElement, axes: tuple[str, .
             at += 1 + (int(words[at]) if entry.length is not None and at < len(words) else 0)
         if at != len(words):
             raise ValueError(f"vertex {row + 1}: {at} numbers expected, {len(words)} came")
-        values[row] = [float(words[starts[place]]) for place in places]
+        values[row] = [float(words[starts[index]]) for index in indices]
     return values
 
 
-def _places(vertex: PlyElement, axes: tuple[str, ...]) -> list[int]:
+def _property_indices(vertex: PlyElement, axes: tuple[str, ...]) -> list[int]:
     """Indices of the properties of those names."""
     names = [None if entry.length is not None else entry.name for entry in vertex.properties]
     return [names.index(axis) for axis in axes]

@@ -16,10 +16,10 @@ import numpy as np
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import ScanError
 
-_TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4",
+_NUMPY_TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4",
           "UInt32": "u4", "Int64": "i8", "UInt64": "u8"}  # fmt: skip
-_KINDS = ("PolyData", "UnstructuredGrid")
-_APPENDED = re.compile(rb"<AppendedData\b[^>]*>\s*_")
+_DATASET_TYPES = ("PolyData", "UnstructuredGrid")
+_APPENDED_DATA = re.compile(rb"<AppendedData\b[^>]*>\s*_")
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,10 @@ def points_of_xml(blob: bytes) -> tuple[np.ndarray, list[str]]:
         ScanError: no VTK file of points, a damaged one, or one packed in a way that is not read.
     """
     try:
-        tree, file = _parsed(blob)
+        tree, file = _parse_xml(blob)
         pieces = [piece for piece in tree.iter("Piece") if int(piece.get("NumberOfPoints", "0"))]
         names = [array.get("Name") or "" for piece in pieces for array in piece.iterfind("PointData/DataArray")]
-        parts = [_points(piece, file) for piece in pieces]
+        parts = [_read_points(piece, file) for piece in pieces]
     except ScanError:
         raise
     except (ElementTree.ParseError, ValueError, KeyError, binascii.Error, zlib.error, lzma.LZMAError) as error:
@@ -53,25 +53,25 @@ def points_of_xml(blob: bytes) -> tuple[np.ndarray, list[str]]:
     return np.concatenate([np.empty((0, 3)), *parts]), names
 
 
-def _parsed(blob: bytes) -> tuple[ElementTree.Element, _File]:
+def _parse_xml(blob: bytes) -> tuple[ElementTree.Element, _File]:
     """The text of a file, and what its arrays share."""
-    split = _APPENDED.search(blob)
+    split = _APPENDED_DATA.search(blob)
     text, appended = (blob, b"") if split is None else (blob[: split.start()] + b"</VTKFile>", blob[split.end() :])
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
         raise ScanError("a VTK file has no document type of its own; export it again")
     tree = ElementTree.fromstring(text)
-    if tree.tag != "VTKFile" or tree.get("type") not in _KINDS:
+    if tree.tag != "VTKFile" or tree.get("type") not in _DATASET_TYPES:
         raise ScanError(f"expected a VTKFile of PolyData or UnstructuredGrid, got {tree.tag[:40]} of "
                         f"{tree.get('type', 'no type')[:40]}; save it as poly data (.vtp)")
     order = ">" if tree.get("byte_order") == "BigEndian" else "<"
-    header = np.dtype(order + _TYPES[tree.get("header_type", "UInt32")])
+    header = np.dtype(order + _NUMPY_TYPES[tree.get("header_type", "UInt32")])
     if header.kind != "u":
         raise ScanError(f"a VTK file's header_type is UInt32 or UInt64, got {header}; export it again")
     in_base64 = split is not None and b"base64" in split[0]
-    return tree, _File(order, header, _unpacking(tree.get("compressor", "")), appended, in_base64)
+    return tree, _File(order, header, _decompressor(tree.get("compressor", "")), appended, in_base64)
 
 
-def _unpacking(name: str) -> Callable[[bytes, int], bytes] | None:
+def _decompressor(name: str) -> Callable[[bytes, int], bytes] | None:
     """What unpacks a block into as many bytes at the most; None where nothing is packed."""
     match name:
         case "":
@@ -83,7 +83,7 @@ def _unpacking(name: str) -> Callable[[bytes, int], bytes] | None:
     raise ScanError(f"the VTK file is packed by {name[:40]}, which is not read here; save it again with ZLib")
 
 
-def _points(piece: ElementTree.Element, file: _File) -> np.ndarray:
+def _read_points(piece: ElementTree.Element, file: _File) -> np.ndarray:
     """The points (N, 3) float64 of a piece."""
     count = int(piece.get("NumberOfPoints", "0"))
     array = piece.find("Points/DataArray")
@@ -91,7 +91,7 @@ def _points(piece: ElementTree.Element, file: _File) -> np.ndarray:
         raise ScanError(f"the VTK file promises {count} points and has no array of them; export it again")
     if array.get("NumberOfComponents", "3") != "3":
         raise ScanError(f"VTK points have three numbers each, got {array.get('NumberOfComponents')}; export it again")
-    kind = np.dtype(file.order + _TYPES[array.get("type", "Float32")])
+    kind = np.dtype(file.order + _NUMPY_TYPES[array.get("type", "Float32")])
     form = array.get("format", "ascii")
     if form == "ascii":
         numbers = np.array((array.text or "").split(), dtype=np.float64)
@@ -100,40 +100,40 @@ def _points(piece: ElementTree.Element, file: _File) -> np.ndarray:
             stream, in_base64 = file.appended[int(array.get("offset", "0")) :], file.in_base64
         else:
             stream, in_base64 = (array.text or "").strip().encode(), True
-        numbers = np.frombuffer(_content(stream, in_base64, file, 3 * count * kind.itemsize), kind).astype(np.float64)
+        numbers = np.frombuffer(_read_array(stream, in_base64, file, 3 * count * kind.itemsize), kind).astype(np.float64)
     if len(numbers) != 3 * count:
         raise ScanError(f"the VTK file promises {count} points, and {len(numbers)} numbers came; export it again")
     return numbers.reshape(-1, 3)
 
 
-def _content(stream: bytes, in_base64: bool, file: _File, expected: int) -> bytes:
+def _read_array(stream: bytes, in_base64: bool, file: _File, expected: int) -> bytes:
     """So many bytes of an array that a stream begins with: its length, or those of its packed blocks, stand before."""
     word = file.header.itemsize
     if file.unpack is None:
-        taken = _taken(stream, in_base64, word)
-        came = int(np.frombuffer(taken, file.header, 1)[0])
-        if came != expected:
-            raise ValueError(f"{expected} bytes of points expected, {came} came")
-        parted = in_base64 and b"=" in stream[: _letters(word)]  # some writers encode the length by itself
-        if parted:
-            return _taken(stream[_letters(word) :], True, expected)
-        return _taken(stream, in_base64, word + expected)[word:]
-    blocks, size, last = (int(number) for number in np.frombuffer(_taken(stream, in_base64, 3 * word), file.header, 3))
+        taken = _take_bytes(stream, in_base64, word)
+        announced = int(np.frombuffer(taken, file.header, 1)[0])
+        if announced != expected:
+            raise ValueError(f"{expected} bytes of points expected, {announced} came")
+        separate_length = in_base64 and b"=" in stream[: _base64_length(word)]  # some writers encode the length by itself
+        if separate_length:
+            return _take_bytes(stream[_base64_length(word) :], True, expected)
+        return _take_bytes(stream, in_base64, word + expected)[word:]
+    blocks, size, last = (int(number) for number in np.frombuffer(_take_bytes(stream, in_base64, 3 * word), file.header, 3))
     if blocks == 0 or (blocks - 1) * size + (last or size) != expected or blocks * word > len(stream):
         raise ValueError(f"{expected} bytes of points expected, and {blocks} blocks of {size} came")
     head = (3 + blocks) * word
-    packed = np.frombuffer(_taken(stream, in_base64, head), file.header, 3 + blocks)[3:].astype(np.int64)
-    body = _taken(stream[_letters(head) if in_base64 else head :], in_base64, int(packed.sum()))
+    packed = np.frombuffer(_take_bytes(stream, in_base64, head), file.header, 3 + blocks)[3:].astype(np.int64)
+    body = _take_bytes(stream[_base64_length(head) if in_base64 else head :], in_base64, int(packed.sum()))
     ends = np.cumsum(packed)
     return b"".join(file.unpack(body[end - length : end], size) for end, length in zip(ends, packed, strict=True))
 
 
-def _letters(size: int) -> int:
+def _base64_length(size: int) -> int:
     """Letters of base64 for so many bytes."""
     return 4 * -(-size // 3)
 
 
-def _taken(stream: bytes, in_base64: bool, size: int) -> bytes:
+def _take_bytes(stream: bytes, in_base64: bool, size: int) -> bytes:
     """The first bytes of a stream, so many.
 
     Raises:
@@ -141,7 +141,7 @@ def _taken(stream: bytes, in_base64: bool, size: int) -> bytes:
     """
     taken = stream[:size]
     if in_base64:
-        letters = stream[: _letters(size)]
+        letters = stream[: _base64_length(size)]
         end = letters.find(b"=")
         if 0 <= end < len(letters) - 4:  # parted streams: no more than the first is meant
             letters = letters[: -(-(end + 1) // 4) * 4]

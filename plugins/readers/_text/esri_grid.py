@@ -9,24 +9,24 @@ import numpy as np
 
 from z2p_core.interfaces import ScanError
 
-_KEYS = {"ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "nodata_value", "dx", "dy",
+_HEADER_KEYS = {"ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "nodata_value", "dx", "dy",
          "xdim", "ydim"}  # fmt: skip
-_MOST_LINES = 12
+_MAX_HEADER_LINES = 12
 
 
-def is_raster(lines: list[str]) -> bool:
+def is_esri_grid(lines: list[str]) -> bool:
     """Whether the first lines are those of such a grid."""
     return bool(lines) and lines[0].split()[0].lower() in ("ncols", "nrows")
 
 
-def raster_points(first: list[str], blocks: Iterable[list[str]]) -> np.ndarray:
+def read_esri_grid(first: list[str], blocks: Iterable[list[str]]) -> np.ndarray:
     """Points (N, 3) float64 at the middles of the cells that have a height, of the first lines and all others.
 
     Raises:
         ScanError: the lines before the heights do not say where they lie, or other many heights come.
     """
-    keys, used = _keys(first)
-    columns, rows, left, bottom, wide, high = _frame(keys)
+    keys, used = _parse_header(first)
+    columns, rows, left, bottom, cell_width, cell_height = _cell_layout(keys)
     try:
         parts = [np.array(" ".join(lines).replace(",", ".").split(), dtype=np.float64)
                  for lines in chain([first[used:]], blocks)]
@@ -35,34 +35,34 @@ def raster_points(first: list[str], blocks: Iterable[list[str]]) -> np.ndarray:
     heights = np.concatenate(parts)
     if len(heights) != columns * rows:
         raise ScanError(f"the ESRI grid promises {columns} x {rows} heights, {len(heights)} came; export it again")
-    seen = np.flatnonzero(np.isfinite(heights) & (heights != keys.get("nodata_value", -9999.0)))
-    row, column = np.divmod(seen, columns)
-    return np.column_stack([left + column * wide, bottom + (rows - 1 - row) * high, heights[seen]])
+    measured = np.flatnonzero(np.isfinite(heights) & (heights != keys.get("nodata_value", -9999.0)))
+    row, column = np.divmod(measured, columns)
+    return np.column_stack([left + column * cell_width, bottom + (rows - 1 - row) * cell_height, heights[measured]])
 
 
-def _keys(lines: list[str]) -> tuple[dict[str, float], int]:
+def _parse_header(lines: list[str]) -> tuple[dict[str, float], int]:
     """What the lines before the heights say, and how many they are."""
     keys: dict[str, float] = {}
-    for index, line in enumerate(lines[:_MOST_LINES]):
+    for index, line in enumerate(lines[:_MAX_HEADER_LINES]):
         words = line.replace(",", ".").lower().split()
-        if words[0] not in _KEYS:
+        if words[0] not in _HEADER_KEYS:
             return keys, index
         try:
             (keys[words[0]],) = map(float, words[1:])
         except ValueError as error:
             raise ScanError(f"the ESRI grid's {words[0]} is {line.strip()[:40]!r}, expected one number; export the "
                             "grid again") from error
-    return keys, min(len(lines), _MOST_LINES)
+    return keys, min(len(lines), _MAX_HEADER_LINES)
 
 
-def _frame(keys: dict[str, float]) -> tuple[int, int, float, float, float, float]:
+def _cell_layout(keys: dict[str, float]) -> tuple[int, int, float, float, float, float]:
     """Columns, rows, the middle of the lower left cell, and a cell's width and height."""
-    wide = keys.get("cellsize", keys.get("dx", keys.get("xdim", 1.0)))
-    high = keys.get("cellsize", keys.get("dy", keys.get("ydim", wide)))
+    cell_width = keys.get("cellsize", keys.get("dx", keys.get("xdim", 1.0)))
+    cell_height = keys.get("cellsize", keys.get("dy", keys.get("ydim", cell_width)))
     columns, rows = keys.get("ncols", 0.0), keys.get("nrows", 0.0)
-    if not (1 <= columns < 1e9 and 1 <= rows < 1e9 and columns % 1 == rows % 1 == 0) or not (wide > 0 and high > 0):
+    if not (1 <= columns < 1e9 and 1 <= rows < 1e9 and columns % 1 == rows % 1 == 0) or not (cell_width > 0 and cell_height > 0):
         raise ScanError("expected an ESRI grid's ncols, nrows and cellsize as numbers above 0, got "
                         f"{', '.join(f'{key} {value:g}' for key, value in keys.items())}; export the grid again")
-    left = keys.get("xllcenter", keys.get("xllcorner", 0.0) + wide / 2)
-    bottom = keys.get("yllcenter", keys.get("yllcorner", 0.0) + high / 2)
-    return int(columns), int(rows), left, bottom, wide, high
+    left = keys.get("xllcenter", keys.get("xllcorner", 0.0) + cell_width / 2)
+    bottom = keys.get("yllcenter", keys.get("yllcorner", 0.0) + cell_height / 2)
+    return int(columns), int(rows), left, bottom, cell_width, cell_height

@@ -19,11 +19,11 @@ from z2p_core.formats.tables.header_lines import (
     only_numbers_columns,
 )
 
-_ELEMENT = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
+_ATOM_NAME = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
 """An atom's name in a chemist's .xyz."""
-_LIST = re.compile(r"\w\[\]")
+_LIST_COLUMN = re.compile(r"\w\[\]")
 """A column that holds several numbers, as COLMAP names it: ``TRACK[]``."""
-_POINTS_OF_COLMAP, _ID_OF_COLMAP = ("point3d_id", "x", "y", "z", "r", "g", "b", "error"), "point3d_id"
+_COLMAP_COLUMNS, _COLMAP_ID_COLUMN = ("point3d_id", "x", "y", "z", "r", "g", "b", "error"), "point3d_id"
 
 
 @dataclass
@@ -68,31 +68,31 @@ def parse_head(lines: list[str], suffix: str, named: bool) -> Head:
         if names := column_names(lines[head.lines]):
             head.names, head.title, head.optional = names, lines[head.lines], True
         head.lines += 1
-    _take_count(lines, suffix, head)
+    _parse_count(lines, suffix, head)
     if head.promised is not None:
-        _take_molecule(lines, head)
+        _parse_molecule(lines, head)
     rest = lines[head.lines : head.lines + 1]
     names = column_names(rest[0]) if rest else []
     if names or (rest and named and not is_row(rest[0])):
         head.names, head.title, head.optional = names, rest[0], False
         head.lines += 1
-        _take_count(lines, suffix, head)
+        _parse_count(lines, suffix, head)
     elif len(lines) > head.lines + 1 and only_numbers_columns(*lines[head.lines : head.lines + 2]):
         head.lines += 1
     if head.title and any(map(is_units, lines[head.lines : head.lines + 1])):
         head.lines += 1
-    head.colmap = any(_ID_OF_COLMAP in names for names in head.names)
-    head.ragged = head.optional and _LIST.search(head.title) is not None
+    head.colmap = any(_COLMAP_ID_COLUMN in names for names in head.names)
+    head.ragged = head.optional and _LIST_COLUMN.search(head.title) is not None
     return head
 
 
 def as_colmap(head: Head) -> Head:
     """The head of a list of COLMAP's points that has lost its comments."""
-    return replace(head, names=[_POINTS_OF_COLMAP], title=",".join(_POINTS_OF_COLMAP), optional=True, ragged=True,
+    return replace(head, names=[_COLMAP_COLUMNS], title=",".join(_COLMAP_COLUMNS), optional=True, ragged=True,
                    colmap=True)
 
 
-def _take_count(lines: list[str], suffix: str, head: Head) -> None:
+def _parse_count(lines: list[str], suffix: str, head: Head) -> None:
     """Adds to the head a next line that holds a count alone, or, in a .pts, any one word."""
     for line in lines[head.lines : head.lines + 1]:
         alone = len(re.split(r"[;,\s]+", line.strip())) == 1
@@ -101,11 +101,11 @@ def _take_count(lines: list[str], suffix: str, head: Head) -> None:
             head.lines += 1
 
 
-def _take_molecule(lines: list[str], head: Head) -> None:
+def _parse_molecule(lines: list[str], head: Head) -> None:
     """Adds to the head what a chemist's .xyz has behind the count: a line of remarks, and an element in each row."""
     for index, line in enumerate(lines[head.lines : head.lines + 2]):
         words = line.split()
-        if len(words) > 3 and _ELEMENT.fullmatch(words[0]) and all(map(is_number, words[1:4])):
+        if len(words) > 3 and _ATOM_NAME.fullmatch(words[0]) and all(map(is_number, words[1:4])):
             head.names = [("element", "x", "y", "z", *[""] * (len(words) - 4))]
             head.lines += index
             return

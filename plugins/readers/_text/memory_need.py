@@ -6,14 +6,14 @@ from pathlib import Path
 
 from z2p_core.interfaces import MEMORY_A_BYTE, MEMORY_A_POINT
 
-_HEAD = 1 << 16
+_SAMPLE_BYTES = 1 << 16
 """Bytes from which the length of a line is told."""
 
 
 def memory_of_lines(path: Path) -> int:
     """Bytes that a text with a point a line takes at the most, of which only some lines are in memory at once."""
     with path.open("rb") as file:
-        head = file.read(_HEAD)
+        head = file.read(_SAMPLE_BYTES)
     if head.lstrip()[:5].lower() in (b"ncols", b"nrows"):  # a raster, each number of which is a point
         return path.stat().st_size * len(head.split()) // len(head) * MEMORY_A_POINT
     lines = head.count(b"\n")

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.formats.tables.header_lines import is_fortran, is_missing, is_number, plain_exponents
+from z2p_core.formats.tables.header_lines import is_fortran_number, is_missing, is_number, plain_exponents
 from z2p_core.interfaces import ScanError
 from z2p_renderer.plugins.readers._text.header import Head
 
-SAMPLE = 1000
+SAMPLE_ROWS = 1000
 """Rows from which the form is told."""
 _COMMA_DECIMAL = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _POINT_DECIMAL = re.compile(r"[+-]?\d*\.\d*([eE][+-]?\d+)?")
@@ -30,18 +30,18 @@ class BadLineError(ValueError):
 
 @dataclass(frozen=True)
 class RowFormat:
-    """How a row is written: `width` cells, of which those at `places` are x, y and z."""
+    """How a row is written: `width` cells, of which those at `xyz_columns` are x, y and z."""
 
     delimiter: str | None
     """None: blanks."""
-    commas: bool
+    decimal_commas: bool
     """Commas stand for decimal points."""
-    blank: str = ""
+    blank_sign: str = ""
     """A sign that parts numbers just as blanks do, so that no cell can be told to be empty."""
-    ended: bool = False
+    trailing_delimiter: bool = False
     """The delimiter ends every row too."""
     width: int = 0
-    places: tuple[int, ...] = (0, 1, 2)
+    xyz_columns: tuple[int, ...] = (0, 1, 2)
     named: bool = False
     """Whether it is said which columns are x, y and z: then the others may hold words."""
     names: tuple[str, ...] = ()
@@ -57,9 +57,9 @@ class RowFormat:
         Raises:
             BadLineError: a row with other columns than the first one, or with something not a number.
         """
-        only: dict[str, Any] = {"usecols": self.places} if self.ragged else {}
+        only: dict[str, Any] = {"usecols": self.xyz_columns} if self.ragged else {}
         try:  # by far the fastest, but it takes nothing else than numbers
-            table = np.loadtxt(self._plain(lines), np.float64, comments=None, delimiter=self.delimiter, ndmin=2,
+            table = np.loadtxt(self._normalized(lines), np.float64, comments=None, delimiter=self.delimiter, ndmin=2,
                                **only)
         except ValueError:
             return self._row_by_row(lines)
@@ -67,38 +67,38 @@ class RowFormat:
             return table
         if table.shape[1] != self.width:
             return self._row_by_row(lines)
-        return table[:, :3].copy() if self.places == (0, 1, 2) else table[:, list(self.places)]
+        return table[:, :3].copy() if self.xyz_columns == (0, 1, 2) else table[:, list(self.xyz_columns)]
 
     def table(self, lines: list[str]) -> np.ndarray:
         """All numbers (N, width) float64 of some rows; NaN for what is none."""
         table = np.full((len(lines), self.width), np.nan)
         for index, line in enumerate(lines):
-            for place, cell in enumerate(self.cells(line)[: self.width]):
-                table[index, place] = self._number(cell) if self._readable(cell) else np.nan
+            for column, cell in enumerate(self.cells(line)[: self.width]):
+                table[index, column] = self._number(cell) if self._is_readable(cell) else np.nan
         return table
 
     def cells(self, line: str) -> list[str]:
         """The row's cells; a quoted one may hold the delimiter."""
-        if self.blank:
-            line = line.replace(self.blank, " ")
+        if self.blank_sign:
+            line = line.replace(self.blank_sign, " ")
         if '"' not in line:
             return line.split(self.delimiter)
         line = line.strip("\r\n") if self.delimiter else " ".join(line.split())
         return next(csv.reader([line], delimiter=self.delimiter or " ", skipinitialspace=True))
 
-    def _plain(self, lines: list[str]) -> list[str]:
+    def _normalized(self, lines: list[str]) -> list[str]:
         """The lines as numpy takes them."""
-        if self.ended and self.delimiter:
+        if self.trailing_delimiter and self.delimiter:
             lines = [line.rstrip().removesuffix(self.delimiter) for line in lines]
-        if self.commas:
+        if self.decimal_commas:
             lines = [line.replace(",", ".") for line in lines]
         if self.fortran:
             lines = [plain_exponents(line) for line in lines]
-        return [line.replace(self.blank, " ") for line in lines] if self.blank else lines
+        return [line.replace(self.blank_sign, " ") for line in lines] if self.blank_sign else lines
 
     def _row_by_row(self, lines: list[str]) -> np.ndarray:
         points = np.empty((len(lines), 3))
-        places = self.places if self.named else range(self.width)
+        xyz_columns = self.xyz_columns if self.named else range(self.width)
         for index, line in enumerate(lines):
             cells = self.cells(line)
             if len(cells) == self.width + 1 and not cells[-1].strip():
@@ -106,11 +106,11 @@ class RowFormat:
             if len(cells) < self.width or (len(cells) > self.width and not self.ragged):
                 raise BadLineError(index, f"the number of columns changed from {self.width} to {len(cells)}")
             try:
-                numbers = {place: self._number(cells[place]) for place in places}
-                points[index] = [numbers[place] for place in self.places]
+                numbers = {column: self._number(cells[column]) for column in xyz_columns}
+                points[index] = [numbers[column] for column in self.xyz_columns]
             except ValueError as error:
-                place = next(place for place in places if not self._readable(cells[place]))
-                reason = f"column {place + 1} holds {cells[place].strip()[:40]!r}, which is no number"
+                column = next(column for column in xyz_columns if not self._is_readable(cells[column]))
+                reason = f"column {column + 1} holds {cells[column].strip()[:40]!r}, which is no number"
                 raise BadLineError(index, reason) from error
         return points
 
@@ -130,7 +130,7 @@ class RowFormat:
                 return np.nan
             raise
 
-    def _readable(self, cell: str) -> bool:
+    def _is_readable(self, cell: str) -> bool:
         try:
             self._number(cell)
         except ValueError:
@@ -144,42 +144,42 @@ def detect_row_format(rows: list[str], head: Head, columns: Sequence[str] | None
     Raises:
         ScanError: fewer columns than three, or as many as the names do not stand for.
     """
-    sample = rows[:SAMPLE]
+    sample = rows[:SAMPLE_ROWS]
     delimiter = _delimiter(sample, head.title)
-    commas = delimiter == ";" or (delimiter != "," and any("," in line for line in sample))
-    form = RowFormat(delimiter, commas)
-    table = [form.cells(line) for line in sample]
-    if delimiter in (",", ";") and any(_holds_several(cell) for cells in table for cell in cells):
-        form = replace(form, delimiter=None, blank=delimiter)
-        table = [form.cells(line) for line in sample]
-    form = replace(form, fortran=any(is_fortran(cell.strip(" \"'")) for cells in table for cell in cells))
+    decimal_commas = delimiter == ";" or (delimiter != "," and any("," in line for line in sample))
+    row_format = RowFormat(delimiter, decimal_commas)
+    table = [row_format.cells(line) for line in sample]
+    if delimiter in (",", ";") and any(_holds_several_numbers(cell) for cells in table for cell in cells):
+        row_format = replace(row_format, delimiter=None, blank_sign=delimiter)
+        table = [row_format.cells(line) for line in sample]
+    row_format = replace(row_format, fortran=any(is_fortran_number(cell.strip(" \"'")) for cells in table for cell in cells))
     width = len(table[0])
-    ended = width > 0 and not any(len(cells) >= width and cells[width - 1].strip() for cells in table)
-    ragged = _ragged(head, table, columns)
+    trailing_delimiter = width > 0 and not any(len(cells) >= width and cells[width - 1].strip() for cells in table)
+    ragged = _ragged_names(head, table, columns)
     if ragged is not None:
-        places = tuple(ragged.index(axis) for axis in "xyz")
-        return replace(form, width=len(ragged), places=places, named=True, names=ragged, ragged=True)
-    if not columns and _have_names(sample, table):
+        xyz_columns = tuple(ragged.index(axis) for axis in "xyz")
+        return replace(row_format, width=len(ragged), xyz_columns=xyz_columns, named=True, names=ragged, ragged=True)
+    if not columns and _have_row_names(sample, table):
         head = replace(head, names=[*head.names, *(("", *names) for names in head.names)])
-    names = _fitting(head, width, ended, columns)
+    names = _matching_names(head, width, trailing_delimiter, columns)
     if names is None:
-        _check_columns(width - ended)
-        return replace(form, width=width - ended, ended=ended)
-    places = tuple(names.index(axis) for axis in "xyz")
-    return replace(form, width=len(names), ended=len(names) < width, places=places, named=True, names=tuple(names))
+        _check_column_count(width - trailing_delimiter)
+        return replace(row_format, width=width - trailing_delimiter, trailing_delimiter=trailing_delimiter)
+    xyz_columns = tuple(names.index(axis) for axis in "xyz")
+    return replace(row_format, width=len(names), trailing_delimiter=len(names) < width, xyz_columns=xyz_columns, named=True, names=tuple(names))
 
 
-def _ragged(head: Head, table: list[list[str]], columns: Sequence[str] | None) -> tuple[str, ...] | None:
+def _ragged_names(head: Head, table: list[list[str]], columns: Sequence[str] | None) -> tuple[str, ...] | None:
     """Names of the columns before a list that ends each row, where rows differ in length; None where they do not.
 
     The user's names and those of a comment hold for them; other names have to fit each row.
     """
     shortest, longest = min(map(len, table)), max(map(len, table))
     if columns:
-        ways = [tuple(columns)] if shortest < longest else []
+        candidates = [tuple(columns)] if shortest < longest else []
     else:
-        ways = list(head.names) if head.optional and (head.ragged or shortest < longest) else []
-    for names in ways:
+        candidates = list(head.names) if head.optional and (head.ragged or shortest < longest) else []
+    for names in candidates:
         last = max(names.index(axis) for axis in "xyz")
         if last < shortest and (longest > len(names) or head.ragged):
             return names[: max(min(shortest, len(names) - 1), last + 1)]
@@ -192,7 +192,7 @@ def _delimiter(sample: list[str], title: str) -> str | None:
         return ";"
     if "," not in title and _has_cells_between_tabs(sample, title):
         return "\t"
-    if any("," in line for line in sample) and not all(map(_has_decimal_commas, sample)):
+    if any("," in line for line in sample) and not all(map(_uses_decimal_commas, sample)):
         return ","
     return None
 
@@ -204,7 +204,7 @@ def _has_cells_between_tabs(sample: list[str], title: str) -> bool:
             and any(len(line.split()) != words for line in sample))  # fmt: skip
 
 
-def _has_decimal_commas(line: str) -> bool:
+def _uses_decimal_commas(line: str) -> bool:
     """Whether blanks part the line into numbers whose commas, if any, can only stand for points: ``0,5 1,25 0``."""
     fields = line.split()
     return len(fields) > 2 and all(
@@ -212,12 +212,12 @@ def _has_decimal_commas(line: str) -> bool:
     )
 
 
-def _holds_several(cell: str) -> bool:
+def _holds_several_numbers(cell: str) -> bool:
     parts = cell.split()
     return len(parts) > 1 and all(map(is_number, parts))
 
 
-def _have_names(sample: list[str], table: list[list[str]]) -> bool:
+def _have_row_names(sample: list[str], table: list[list[str]]) -> bool:
     """Whether each row begins with a name of its own, over which R writes none: a word, or a count, perhaps quoted."""
     firsts = [cells[0].strip() for cells in table if cells]
     if all(line.lstrip().startswith('"') for line in sample) or not any(map(is_number, firsts)):
@@ -225,26 +225,26 @@ def _have_names(sample: list[str], table: list[list[str]]) -> bool:
     return len(firsts) > 1 and firsts == [str(number) for number in range(1, len(firsts) + 1)]
 
 
-def _fitting(head: Head, width: int, ended: bool, columns: Sequence[str] | None) -> Sequence[str] | None:
+def _matching_names(head: Head, width: int, trailing_delimiter: bool, columns: Sequence[str] | None) -> Sequence[str] | None:
     """Names of the columns: the user's, or the file's if they are as many; None if nobody names them."""
-    ways = [tuple(columns)] if columns else head.names
-    for names in ways:
+    candidates = [tuple(columns)] if columns else head.names
+    for names in candidates:
         for shorter in (False, True):  # a delimiter may end every row, or the line of names alone
             cut = names[:-1] if shorter and not names[-1] else names
-            if len(cut) == width or (ended and len(cut) == width - 1):
+            if len(cut) == width or (trailing_delimiter and len(cut) == width - 1):
                 return cut
-    if not ways or (head.optional and not columns):
+    if not candidates or (head.optional and not columns):
         return None
-    raise ScanError(f"--columns or the file's first line names {len(ways[0])} columns ({','.join(ways[0])}), the file "
-                    f"has {width - ended}; name each of them, in their order, as in --columns x,y,z,i")
+    raise ScanError(f"--columns or the file's first line names {len(candidates[0])} columns ({','.join(candidates[0])}), the file "
+                    f"has {width - trailing_delimiter}; name each of them, in their order, as in --columns x,y,z,i")
 
 
-def some_names(columns: int) -> str:
+def example_column_names(columns: int) -> str:
     """Names for so many columns, of which x, y and z come first, as --columns takes them."""
     return ",".join(["x", "y", "z", *(f"c{column}" for column in range(4, columns + 1))])
 
 
-def _check_columns(columns: int) -> None:
+def _check_column_count(columns: int) -> None:
     if columns < 3:
         raise ScanError(f"expected x y z and perhaps more on a line, got {columns} "
                         f"column{'' if columns == 1 else 's'}; part them by blanks, commas or semicolons, and put '#' "

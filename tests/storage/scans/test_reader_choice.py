@@ -10,13 +10,13 @@ import pytest
 
 from z2p_core import registry
 from z2p_core.interfaces import Reader, ScanError
-from z2p_renderer.storage.scans.reader_choice import OURS, reader_for
+from z2p_renderer.storage.scans.reader_choice import BUILTIN_SUFFIXES, reader_for
 
 
 def test_the_suffixes_of_our_readers_are_known_without_them() -> None:
     ours = [name for name in registry.names("readers") if registry.is_builtin("readers", name)]
     assert {name: set(registry.load("readers", name).suffixes) for name in ours} == {
-        name: set(suffixes) for name, suffixes in OURS.items()
+        name: set(suffixes) for name, suffixes in BUILTIN_SUFFIXES.items()
     }
 
 

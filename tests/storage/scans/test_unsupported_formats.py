@@ -11,7 +11,7 @@ import pytest
 
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.scans.clouds import find_scans, read_clouds, readable_suffixes, write_cloud
-from z2p_renderer.storage.scans.unsupported_formats import CLOUDS, SCENES
+from z2p_renderer.storage.scans.unsupported_formats import UNREAD_CLOUDS, UNREAD_OTHERS
 
 POINTS = np.random.default_rng(1).normal(size=(20, 3))
 
@@ -23,7 +23,7 @@ def refused(path: Path, blob: bytes, told: str) -> None:
     assert "\n" not in str(caught.value) and "--columns" not in str(caught.value)
 
 
-@pytest.mark.parametrize("suffix", sorted({*CLOUDS, *SCENES} - set(readable_suffixes())))
+@pytest.mark.parametrize("suffix", sorted({*UNREAD_CLOUDS, *UNREAD_OTHERS} - set(readable_suffixes())))
 def test_unsupported_formats_get_advice_on_conversion(tmp_path: Path, suffix: str) -> None:
     refused(tmp_path / f"a{suffix}", b"\x01\x02\x03" * 9, rf"a\{suffix}: (is|holds) .*, which z2p does not read; \w")
 

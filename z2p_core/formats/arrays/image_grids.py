@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-FEWEST_COLUMNS = 7
+MIN_GRID_COLUMNS = 7
 """Columns from which an array of two axes may be a picture: points have up to six by all means."""
-_MANY_COLUMNS, _ROWS_A_COLUMN = 17, 4
+_WIDE_GRID_COLUMNS, _MAX_ROWS_PER_COLUMN = 17, 4
 """From so many columns on, points are expected to be more by such a factor than their columns."""
-_LEAST_CORRELATION, _CORRELATED_SHARE = 0.8, 0.7
+_MIN_CORRELATION, _MIN_CORRELATED_SHARE = 0.8, 0.7
 """How alike neighbouring columns of a picture are (correlation), and the share of them that must be."""
-_MOST_ROWS = 2000
+_MAX_SAMPLED_ROWS = 2000
 """Rows of an array that are looked at."""
-_PICTURE_SAMPLE, _STEP_TOLERANCE, _FEWEST_SHADES = 64, 0.02, 16
+_MAX_SAMPLED_SIDE, _GRAY_STEP_TOLERANCE, _MIN_SHADES = 64, 0.02, 16
 """Rows and columns of a colour picture that are looked at, how exact their steps are, and how many it has at least."""
 GRID_ADVICE = ("a depth map becomes points by its camera: save it as depth, and the camera's matrix as K, in one npz, "
                "or save x = (column - cx) * depth / fx, y = (row - cy) * depth / fy and z = depth; a grid of heights "
@@ -27,13 +27,13 @@ def is_grid(table: np.ndarray, total: int | None = None) -> bool:
     `total` is how many rows there are, where these are only the first.
     """
     rows, width = table.shape
-    if width < FEWEST_COLUMNS:
+    if width < MIN_GRID_COLUMNS:
         return False
     if table.dtype.kind == "u" and table.dtype.itemsize <= 2:
         return True
-    if width >= _MANY_COLUMNS and max(rows, total or 0) <= _ROWS_A_COLUMN * width:
+    if width >= _WIDE_GRID_COLUMNS and max(rows, total or 0) <= _MAX_ROWS_PER_COLUMN * width:
         return True
-    return rows >= FEWEST_COLUMNS and _neighbours_agree(table[:: -(-rows // _MOST_ROWS)].astype(np.float64))
+    return rows >= MIN_GRID_COLUMNS and _are_neighbors_correlated(table[:: -(-rows // _MAX_SAMPLED_ROWS)].astype(np.float64))
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
@@ -43,17 +43,17 @@ def is_picture(array: np.ndarray) -> bool:
         return True
     if min(array.shape) == 0 or array.dtype.kind != "f":
         return False
-    down, across = (-(-side // _PICTURE_SAMPLE) for side in array.shape[:2])
+    down, across = (-(-side // _MAX_SAMPLED_SIDE) for side in array.shape[:2])
     some = array[::down, ::across].astype(np.float64) * 255
-    stepped = bool((np.abs(some - np.rint(some)) < _STEP_TOLERANCE).all())
-    return stepped and some.min() >= 0 and some.max() <= 255 and len(np.unique(some)) > _FEWEST_SHADES
+    stepped = bool((np.abs(some - np.rint(some)) < _GRAY_STEP_TOLERANCE).all())
+    return stepped and some.min() >= 0 and some.max() <= 255 and len(np.unique(some)) > _MIN_SHADES
 
 
-def _neighbours_agree(table: np.ndarray) -> bool:
+def _are_neighbors_correlated(table: np.ndarray) -> bool:
     with np.errstate(all="ignore"):
         table = np.where(np.isfinite(table), table, np.nan)
         table = np.where(np.isnan(table), np.nanmean(table) if not np.isnan(table).all() else 0.0, table)
         table = table - table.mean(0)
         spread = np.sqrt((table**2).mean(0))
-        alike = (table[:, 1:] * table[:, :-1]).mean(0) / (spread[1:] * spread[:-1])
-    return bool((alike > _LEAST_CORRELATION).mean() >= _CORRELATED_SHARE)
+        correlation = (table[:, 1:] * table[:, :-1]).mean(0) / (spread[1:] * spread[:-1])
+    return bool((correlation > _MIN_CORRELATION).mean() >= _MIN_CORRELATED_SHARE)

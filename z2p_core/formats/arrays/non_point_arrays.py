@@ -8,7 +8,7 @@ from z2p_core.formats.arrays.image_grids import GRID_ADVICE, is_grid, is_picture
 from z2p_core.formats.tables.camera_poses import pose_kind
 from z2p_core.interfaces import ScanError
 
-_MOST_ROWS = 1000
+_MAX_SAMPLED_ROWS = 1000
 """Rows of an array that are looked at."""
 
 
@@ -19,8 +19,8 @@ def refuse_other_arrays(array: np.ndarray) -> None:
     Raises:
         ScanError: they are matrices of cameras or a list of poses, a depth map, a grid of heights or a colour picture.
     """
-    if told := pose_array_kind(array):
-        raise ScanError(f"numbers {array.shape} are no points but {told}; give points (N, 3)")
+    if kind := pose_array_kind(array):
+        raise ScanError(f"numbers {array.shape} are no points but {kind}; give points (N, 3)")
     if array.ndim == 2 and is_grid(array):
         raise ScanError(f"numbers {array.shape} look like a depth map or a grid of heights, not like points; "
                         f"{GRID_ADVICE}")
@@ -41,4 +41,4 @@ def _rows_of_poses(array: np.ndarray) -> np.ndarray:
     elif array.ndim == 3 and array.shape[1:] == (3, 3):
         array = np.concatenate([array, np.zeros((len(array), 3, 1))], axis=2).reshape(len(array), 12)
     with np.errstate(invalid="ignore"):  # NaN of the kind that signals
-        return array[:_MOST_ROWS].astype(np.float64) if array.ndim == 2 else np.empty((0, 3))
+        return array[:_MAX_SAMPLED_ROWS].astype(np.float64) if array.ndim == 2 else np.empty((0, 3))

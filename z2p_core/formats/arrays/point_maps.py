@@ -6,17 +6,17 @@ import numpy as np
 
 from z2p_core.interfaces import Sensor
 
-_MOST_SAMPLED_ROWS = 64
+_MAX_SAMPLED_LINES = 64
 """Rows and columns of a map that are looked at."""
-_FEWEST_POINTS = 60
+_MIN_POINTS = 60
 """Points that tell a camera, at least."""
-_RAY_TOLERANCE = 0.1
+_MAX_RAY_ERROR_SHARE = 0.1
 """How far the rays of a pinhole camera may be off, of how far they spread."""
-_PIXEL_TOLERANCE = 0.02
+_MAX_PIXEL_ERROR = 0.02
 """The same for a camera anywhere, whose pixels are reckoned from its points."""
-_AHEAD_SHARE = 0.98
+_MIN_AHEAD_SHARE = 0.98
 """Share of the points that lie ahead of their camera, at least."""
-_AXIS_COSINE = 0.995
+_MIN_UPRIGHT_COSINE = 0.995
 """Cosine from which on a camera's picture stands upright in the camera's own axes."""
 
 
@@ -28,34 +28,34 @@ def estimate_map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | N
     pixels tell which way is right and down. In other axes it is where the lines of sight meet. `certain`: it is a map
     in the camera's axes by its name, so that one whose rays are crooked is believed as well, if all lies ahead.
     """
-    rows, columns = (np.linspace(0, side - 1, min(side, _MOST_SAMPLED_ROWS)).astype(int) for side in points.shape[:2])
+    rows, columns = (np.linspace(0, side - 1, min(side, _MAX_SAMPLED_LINES)).astype(int) for side in points.shape[:2])
     across, down = np.meshgrid(columns / points.shape[1] - 0.5, rows / points.shape[0] - 0.5)
     some = points[rows[:, None], columns].astype(np.float64).reshape(-1, 3)
-    seen = np.isfinite(some).all(1) & some.any(1)
-    some, pixels = some[seen], np.column_stack([across.ravel()[seen], down.ravel()[seen]])
-    if len(some) < _FEWEST_POINTS:
+    valid = np.isfinite(some).all(1) & some.any(1)
+    some, pixels = some[valid], np.column_stack([across.ravel()[valid], down.ravel()[valid]])
+    if len(some) < _MIN_POINTS:
         return None
     try:
-        told_by_pixels = _camera_at_origin(some, pixels) or _camera_by_dlt(some, pixels)
-        return told_by_pixels or (_camera_by_name(some) if certain else None)
+        sensor = _camera_at_origin(some, pixels) or _camera_by_dlt(some, pixels)
+        return sensor or (_camera_by_name(some) if certain else None)
     except np.linalg.LinAlgError:  # numbers too large to be reckoned with
         return None
 
 
 def _camera_at_origin(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
     """The camera at the origin that looks along Z, if each pixel (N, 2) has its ray."""
-    sign = _side_of_z(points)
+    sign = _sign_of_z(points)
     if sign == 0:
         return None
     rays = points[:, :2] / np.abs(points[:, 2:])
-    known = np.column_stack([pixels, np.ones(len(pixels))])
-    slopes, *_ = np.linalg.lstsq(known, rays, rcond=None)
-    off = rays - known @ slopes
-    if (off**2).mean(0).max() > (_RAY_TOLERANCE**2) * rays.var(0).min() or not rays.var(0).all():
+    design = np.column_stack([pixels, np.ones(len(pixels))])
+    slopes, *_ = np.linalg.lstsq(design, rays, rcond=None)
+    residuals = rays - design @ slopes
+    if (residuals**2).mean(0).max() > (_MAX_RAY_ERROR_SHARE**2) * rays.var(0).min() or not rays.var(0).all():
         return None
     ahead = np.array([0.0, 0.0, sign])
     downward = np.array([*slopes[1], 0.0])
-    if np.abs(downward).max() > _AXIS_COSINE * np.linalg.norm(downward):  # along an axis, but for noise
+    if np.abs(downward).max() > _MIN_UPRIGHT_COSINE * np.linalg.norm(downward):  # along an axis, but for noise
         downward = np.where(np.abs(downward) == np.abs(downward).max(), downward, 0.0)
     return _sensor_facing(np.zeros(3), np.array([*slopes[0], 0.0]), downward, ahead)
 
@@ -73,14 +73,14 @@ def _camera_by_dlt(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
     if not weights[1] > 10 * max(weights[0], 1e-12 * weights[-1]):  # flat: many cameras would do
         return None
     matrix = vectors[:, 0].reshape(3, 4)
-    seen = near @ matrix.T
-    if abs(np.linalg.det(matrix[:, :3])) < 1e-9 or not (np.abs(seen[:, 2]) > 1e-12).all():
+    valid = near @ matrix.T
+    if abs(np.linalg.det(matrix[:, :3])) < 1e-9 or not (np.abs(valid[:, 2]) > 1e-12).all():
         return None
-    off = seen[:, :2] / seen[:, 2:] - pixels
-    on_one_side = max((seen[:, 2] > 0).mean(), (seen[:, 2] < 0).mean())
-    if np.sqrt((off**2).mean()) > _PIXEL_TOLERANCE or on_one_side < _AHEAD_SHARE:
+    residuals = valid[:, :2] / valid[:, 2:] - pixels
+    on_one_side = max((valid[:, 2] > 0).mean(), (valid[:, 2] < 0).mean())
+    if np.sqrt((residuals**2).mean()) > _MAX_PIXEL_ERROR or on_one_side < _MIN_AHEAD_SHARE:
         return None
-    matrix *= np.sign(np.median(seen[:, 2]))
+    matrix *= np.sign(np.median(valid[:, 2]))
     position = middle - scale * np.linalg.solve(matrix[:, :3], matrix[:, 3])
     ahead = matrix[2, :3] / np.linalg.norm(matrix[2, :3])
     right, downward = (row - (row @ ahead) * ahead for row in matrix[:2, :3])
@@ -89,15 +89,15 @@ def _camera_by_dlt(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
 
 def _camera_by_name(points: np.ndarray) -> Sensor | None:
     """The camera at the origin in OpenCV's or OpenGL's axes, if all lies ahead of it."""
-    sign = _side_of_z(points)
+    sign = _sign_of_z(points)
     return Sensor(np.zeros(3), np.diag([1.0, sign, sign])) if sign else None
 
 
-def _side_of_z(points: np.ndarray) -> float:
+def _sign_of_z(points: np.ndarray) -> float:
     """1.0 where points (N, 3) lie on the side of +Z, -1.0 on that of -Z, and 0.0 on both."""
-    if (points[:, 2] > 0).mean() > _AHEAD_SHARE:
+    if (points[:, 2] > 0).mean() > _MIN_AHEAD_SHARE:
         return 1.0
-    return -1.0 if (points[:, 2] < 0).mean() > _AHEAD_SHARE else 0.0
+    return -1.0 if (points[:, 2] < 0).mean() > _MIN_AHEAD_SHARE else 0.0
 
 
 def _sensor_facing(position: np.ndarray, right: np.ndarray, downward: np.ndarray, ahead: np.ndarray) -> Sensor | None:

@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-_TOLERANCE = 0.01
+_ROTATION_TOLERANCE = 0.01
 """How far lengths and products may be from those of a rotation."""
-_FEWEST_QUATERNIONS = 2
+_MIN_QUATERNION_ROWS = 2
 """Rows at least that a list of positions with quaternions has; one could be anything."""
 _QUATERNION_PREFIXES = ("q", "q_", "quat_", "orientation_", "orientation.", "rot_q", "rotation_")
 """What stands before w, x, y and z in the names of a quaternion's columns."""
@@ -30,12 +30,12 @@ def pose_kind(table: np.ndarray) -> str:
         return "a camera's matrix of intrinsics"
     if table.shape == (3, 3) and _are_poses(np.column_stack([table, np.zeros(3)])[None]):
         return "a camera's rotation, one matrix"
-    if len(table) >= _FEWEST_QUATERNIONS and _are_quaternions(table):
+    if len(table) >= _MIN_QUATERNION_ROWS and _are_quaternions(table):
         return "a list of poses, as TUM's: time, position and quaternion"
     return ""
 
 
-def name_poses(names: Collection[str]) -> bool:
+def are_pose_names(names: Collection[str]) -> bool:
     """Whether columns of such names, lower-case, hold poses: a quaternion beside each place."""
     return any({f"{before}{axis}" for axis in "wxyz"} <= set(names) for before in _QUATERNION_PREFIXES)
 
@@ -44,7 +44,7 @@ def _are_poses(matrices: np.ndarray) -> bool:
     """Whether all matrices (N, 3, 4) are a rotation and a place."""
     turns = matrices[:, :, :3]
     products = turns @ turns.swapaxes(1, 2)
-    return bool((np.abs(products - np.eye(3)) < _TOLERANCE).all() and (np.linalg.det(turns) > 0).all())
+    return bool((np.abs(products - np.eye(3)) < _ROTATION_TOLERANCE).all() and (np.linalg.det(turns) > 0).all())
 
 
 def _ends_as_homogeneous(table: np.ndarray) -> bool:
@@ -62,4 +62,4 @@ def _are_quaternions(table: np.ndarray) -> bool:
     width = table.shape[1]
     starts = [4] if width >= 8 and bool((np.diff(table[:, 0]) > 0).all()) else []
     starts += [3] if width == 7 else []
-    return any(bool((np.abs((table[:, at : at + 4] ** 2).sum(1) - 1) < _TOLERANCE).all()) for at in starts)
+    return any(bool((np.abs((table[:, at : at + 4] ** 2).sum(1) - 1) < _ROTATION_TOLERANCE).all()) for at in starts)

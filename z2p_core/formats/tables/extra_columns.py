@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-_LENGTH_TOLERANCE = 0.02
+_UNIT_LENGTH_TOLERANCE = 0.02
 """How far a normal's length may be from 1."""
-_AGREEING_SHARE = 0.95
+_MIN_UNIT_SHARE = 0.95
 """Share of the rows that must agree; where something was not measured, zeros stand."""
-_COLOUR_NAMES = ({"r", "g", "b"}, {"red", "green", "blue"}, {"rgb"}, {"color"}, {"colour"}, {"rf", "gf", "bf"})
+_COLOR_NAME_SETS = ({"r", "g", "b"}, {"red", "green", "blue"}, {"rgb"}, {"color"}, {"colour"}, {"rf", "gf", "bf"})
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates
@@ -19,7 +19,7 @@ def ignored_columns_note(columns: np.ndarray, first: int = 4) -> str:
     if columns.shape[1] == 0:
         return ""
     parts = []
-    for kind, start, count in _groups(columns):
+    for kind, start, count in _group_columns(columns):
         begin, end = first + start, first + start + count - 1
         place = f"column {begin}" if count == 1 else f"columns {begin} to {end}"
         parts.append(f"{place} ({kind})" if kind else place)
@@ -28,7 +28,7 @@ def ignored_columns_note(columns: np.ndarray, first: int = 4) -> str:
 
 def ignored_colors_note(names: Sequence[str]) -> str:
     """What is left out, in words, of a file whose columns have such names, lower-case, where someone may miss it."""
-    for wanted in _COLOUR_NAMES:
+    for wanted in _COLOR_NAME_SETS:
         if wanted <= set(names):
             return f"its colours are ignored ({', '.join(name for name in names if name in wanted)})"
     return ""
@@ -38,7 +38,7 @@ def ignored_colors_note(names: Sequence[str]) -> str:
 def suggest_extra_names(columns: np.ndarray, first: int) -> list[str]:
     """Names for columns (N, M) as --columns takes them: ``r``, ``g``, ``b``, and ``c9`` for what cannot be told."""
     names: list[str] = []
-    for kind, start, count in _groups(columns):
+    for kind, start, count in _group_columns(columns):
         known = {"colours": ["r", "g", "b"], "normals": ["nx", "ny", "nz"]}.get(kind, [])
         names += known if known and known[0] not in names else [f"c{first + start + index}" for index in range(count)]
     return names
@@ -48,9 +48,9 @@ def suggest_extra_names(columns: np.ndarray, first: int) -> list[str]:
 def are_normals(columns: np.ndarray) -> bool:
     """Whether columns (N, 3) are unit vectors; zeros may stand between."""
     lengths = np.sqrt((columns**2).sum(1))
-    some = lengths > _LENGTH_TOLERANCE
-    are_units = np.abs(lengths[some] - 1) < _LENGTH_TOLERANCE
-    return bool(some.any() and are_units.mean() >= _AGREEING_SHARE and some.mean() > 0.5)
+    some = lengths > _UNIT_LENGTH_TOLERANCE
+    are_units = np.abs(lengths[some] - 1) < _UNIT_LENGTH_TOLERANCE
+    return bool(some.any() and are_units.mean() >= _MIN_UNIT_SHARE and some.mean() > 0.5)
 
 
 def are_colours(columns: np.ndarray) -> bool:
@@ -65,7 +65,7 @@ def are_colours(columns: np.ndarray) -> bool:
     return finite.max() <= 1 if not whole else 1 < finite.max() <= 65535
 
 
-def _groups(columns: np.ndarray) -> list[tuple[str, int, int]]:
+def _group_columns(columns: np.ndarray) -> list[tuple[str, int, int]]:
     """What each run of columns holds, where it begins, and how many they are."""
     groups: list[tuple[str, int, int]] = []
     start = 0

@@ -9,18 +9,18 @@ from z2p_core.formats.tables.axis_names import AxisColumns, axis_columns
 
 COMMENT_SIGNS = ("//", "%", ";")
 """A first line that begins so is a comment, as one with ``#`` is anywhere, unless it names columns or holds numbers."""
-_SEPARATOR = re.compile(r'\s*"?sep=[^\r\n]"?\s*', re.IGNORECASE)
+_EXCEL_SEPARATOR_LINE = re.compile(r'\s*"?sep=[^\r\n]"?\s*', re.IGNORECASE)
 """A first line that tells Excel what parts the cells."""
-_MISSING = {"na", "n/a", "<na>", "none", "null"}
+_MISSING_WORDS = {"na", "n/a", "<na>", "none", "null"}
 """What R, Python and databases write for a number that is not there; ``nan`` is a number already."""
-_UNITS = {"m", "mm", "cm", "km", "um", "µm", "nm", "ft", "in", "us-ft", "feet", "metre", "metres", "meter",
+_UNIT_WORDS = {"m", "mm", "cm", "km", "um", "µm", "nm", "ft", "in", "us-ft", "feet", "metre", "metres", "meter",
           "meters", "-"}  # fmt: skip
-_UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
-_INDEX = re.compile(r"\[([012])\]")
+_BRACKETED_UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
+_BRACKETED_INDEX = re.compile(r"\[([012])\]")
 """Which of three numbers a column holds, as in ``points[0]``."""
-_NUMBERED = re.compile(r"(|v|var|x|c|col|column|f|field|variable|spalte)[_ ]?(\d+)")
+_NUMBERED_COLUMN = re.compile(r"(|v|var|x|c|col|column|f|field|variable|spalte)[_ ]?(\d+)")
 """A column that a program has named by its number alone: pandas, R, MATLAB, GDAL."""
-_EXPONENT = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+))[dD]([+-]?\d+)")
+_FORTRAN_NUMBER = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+))[dD]([+-]?\d+)")
 """A number as Fortran writes it in double precision: ``1.0D+00``."""
 
 
@@ -46,31 +46,31 @@ def column_names(line: str) -> list[tuple[str, ...]]:
     None if the line holds something else. An unnamed column has the name ``""``. There are several ways where blanks or
     an empty first name leave open how many columns are meant: ``;x;y;z`` names three or four.
     """
-    ways = (_axes([cell.strip(" \t\"'").lower() for cell in cells]) for cells in _splits(line))
-    return list(dict.fromkeys(names for names in ways if names))
+    readings = (_with_axis_names([cell.strip(" \t\"'").lower() for cell in cells]) for cells in _split_cells(line))
+    return list(dict.fromkeys(names for names in readings if names))
 
 
 def names_degrees(line: str) -> bool:
     """Whether a line that names columns names longitude and latitude as the places of its points."""
-    return any(columns is not None and columns.degrees for columns in _columns(line))
+    return any(columns is not None and columns.degrees for columns in _axis_columns_by_separator(line))
 
 
 def names_depth(line: str) -> bool:
     """Whether a line that names columns names a depth, and no height, beside the places of its points."""
-    return any(columns is not None and columns.depth for columns in _columns(line))
+    return any(columns is not None and columns.depth for columns in _axis_columns_by_separator(line))
 
 
 def names_heights(line: str) -> bool:
     """Whether a line that names columns says that z points up: it is a height, or x and y are places on a map."""
-    return any(columns is not None and columns.heights for columns in _columns(line))
+    return any(columns is not None and columns.heights for columns in _axis_columns_by_separator(line))
 
 
 def without_comment(line: str) -> str:
     """The line without what ``#`` begins, unless only with it it names columns, as ``Point #,x,y,z``."""
-    told = line.split("#", 1)[0]
-    if told != line and told.strip() and not column_names(told) and column_names(line):
+    content = line.split("#", 1)[0]
+    if content != line and content.strip() and not column_names(content) and column_names(line):
         return line.replace("#", " ")
-    return told
+    return content
 
 
 def is_comment(line: str) -> bool:
@@ -78,14 +78,14 @@ def is_comment(line: str) -> bool:
 
     Excel's ``sep=;`` is a comment too: the rows show what parts them.
     """
-    if _SEPARATOR.fullmatch(line):
+    if _EXCEL_SEPARATOR_LINE.fullmatch(line):
         return True
     return line.lstrip().startswith(COMMENT_SIGNS) and not (line.count(";") > 1 and is_row(line))
 
 
 def is_row(line: str) -> bool:
     """Whether a cell of the line holds numbers: what has none is a line of words."""
-    return any(all(map(is_number, cell.split())) for cell in _splits(line)[0] if cell.strip(" \t\r\n\"'"))
+    return any(all(map(is_number, cell.split())) for cell in _split_cells(line)[0] if cell.strip(" \t\r\n\"'"))
 
 
 def is_count(line: str) -> bool:
@@ -96,8 +96,8 @@ def is_count(line: str) -> bool:
 
 def is_units(line: str) -> bool:
     """Whether a line holds units of length and nothing else: ``[m],[m],[m]`` or ``m m mm``."""
-    words = re.split(r"[;,\s]+", _UNIT.sub("-", line.replace('"', "")).strip(";, \t\r\n"))
-    return all(word.lower() in _UNITS for word in words)
+    words = re.split(r"[;,\s]+", _BRACKETED_UNIT.sub("-", line.replace('"', "")).strip(";, \t\r\n"))
+    return all(word.lower() in _UNIT_WORDS for word in words)
 
 
 def only_numbers_columns(line: str, below: str) -> bool:
@@ -106,9 +106,9 @@ def only_numbers_columns(line: str, below: str) -> bool:
 
     Bare numbers may as well be a row of whole ones: they count columns only above a row that has decimals.
     """
-    cells = [cell.strip(" \t\r\"'").lower() for cell in _splits(line)[0]]
+    cells = [cell.strip(" \t\r\"'").lower() for cell in _split_cells(line)[0]]
     cells = cells[1:] if cells[0] in ("", "unnamed: 0", "row") else cells
-    parts = [_NUMBERED.fullmatch(cell) for cell in cells]
+    parts = [_NUMBERED_COLUMN.fullmatch(cell) for cell in cells]
     words = {part[1] for part in parts if part}
     if len(cells) < 3 or not all(parts) or len(words) > 1:
         return False
@@ -116,12 +116,12 @@ def only_numbers_columns(line: str, below: str) -> bool:
     counted = [int(part[2]) for part in parts if part] == list(range(first, first + len(cells)))
     if not counted or first > 1 or (words == {""} and first != 0):
         return False
-    return is_row(below) and (words != {""} or re.search(r"\d[.,]\d*[1-9]", _splits(below)[0][-1]) is not None)
+    return is_row(below) and (words != {""} or re.search(r"\d[.,]\d*[1-9]", _split_cells(below)[0][-1]) is not None)
 
 
 def is_missing(text: str) -> bool:
     """Whether the text stands for a number that is not there."""
-    return text.strip(" \t\r\n\"'").lower() in _MISSING
+    return text.strip(" \t\r\n\"'").lower() in _MISSING_WORDS
 
 
 def is_number(text: str) -> bool:
@@ -130,37 +130,37 @@ def is_number(text: str) -> bool:
     try:
         float(text.replace(",", "."))
     except ValueError:
-        return is_fortran(text)
+        return is_fortran_number(text)
     return True
 
 
-def is_fortran(text: str) -> bool:
+def is_fortran_number(text: str) -> bool:
     """Whether the text is a number with a ``D`` for its exponent."""
-    return _EXPONENT.fullmatch(text) is not None
+    return _FORTRAN_NUMBER.fullmatch(text) is not None
 
 
 def plain_exponents(line: str) -> str:
     """The line with an ``e`` for each such ``D``."""
-    return _EXPONENT.sub(r"\1e\2", line)
+    return _FORTRAN_NUMBER.sub(r"\1e\2", line)
 
 
-def _splits(line: str) -> list[list[str]]:
+def _split_cells(line: str) -> list[list[str]]:
     """Cells of the line between each separator that it holds; between any of them last."""
-    line = _INDEX.sub(r":\1", line)
-    line = _UNIT.sub("", line.rstrip("\r\n").removeprefix("//").removeprefix("%"))
+    line = _BRACKETED_INDEX.sub(r":\1", line)
+    line = _BRACKETED_UNIT.sub("", line.rstrip("\r\n").removeprefix("//").removeprefix("%"))
     return [*(line.split(sign) for sign in ";,\t" if sign in line), re.split(r"[;,\s]+", line.strip(";, \t"))]
 
 
-def _columns(line: str) -> list[AxisColumns | None]:
-    return [axis_columns([cell.strip(" \t\"'").lower() for cell in cells]) for cells in _splits(line)]
+def _axis_columns_by_separator(line: str) -> list[AxisColumns | None]:
+    return [axis_columns([cell.strip(" \t\"'").lower() for cell in cells]) for cells in _split_cells(line)]
 
 
-def _axes(names: list[str]) -> tuple[str, ...]:
+def _with_axis_names(names: list[str]) -> tuple[str, ...]:
     """The names, with x, y and z for those of the columns that hold them; none where that is open."""
     columns = axis_columns(names)
     if columns is None:
         return ()
     others = ["" if name in ("x", "y", "z") else name for name in names]
-    for axis, place in zip("xyz", columns.places, strict=True):
-        others[place] = axis
+    for axis, index in zip("xyz", columns.indices, strict=True):
+        others[index] = axis
     return tuple(others)
