@@ -242,8 +242,8 @@ class GBuffer(ABC):
 
         Returns:
             (4, H, W) float32: linear radiance of the surface in its own colors over that in the scene's base color
-            (red, green, blue), and its coverage in [0, 1]. z2p multiplies the finished picture by that ratio, so that the
-            network renders light and does not filter texture.
+            (red, green, blue), and its coverage in [0, 1]. z2p multiplies the finished picture by that ratio, so that
+            the network renders light and does not filter texture.
         """
         raise NotImplementedError(f"the G-buffer {self.name!r} draws no textures")
 

@@ -51,7 +51,7 @@ class RenderBackend:
             SettingError: a setting is invalid.
         """
         labels = [f"[{index}]" if len(clouds) > 1 else "" for index in range(len(clouds))]
-        colors: Sequence[np.ndarray | None] = request.point_colors or [None] * len(clouds)
+        colors = [*request.point_colors] if request.point_colors else [None] * len(clouds)
         scans = [usable(*one) for one in zip(clouds, labels, colors, strict=True)]
         sources = [{"name": None, "sha256": hashlib.sha256(cloud.tobytes()).hexdigest(), "cloud": index}
                    for index, cloud in enumerate(clouds)]  # fmt: skip

@@ -105,14 +105,18 @@ def test_weights_without_textures_draw_the_mean_and_say_so(
     assert picture.record["controls"]["color"] == pytest.approx([1, 128 / 255, 0])
 
 
-@pytest.mark.parametrize(("colors", "message"), [
-    (np.full((3000, 3), np.nan), "only nan"),
-    (np.full((3000, 3), 7.5), "from 0 to 1 or integers to 255, got 7.5"),
-    (np.full((3000, 3), -0.5), "got -0.5"),
-    (np.zeros((2999, 3)), "for each of the 3000 points, got 2999"),
-    (np.zeros((3000, 2)), r"\(3000, 2\)"),
-    (["red"] * 3000, "as numbers"),
-])  # fmt: skip
-def test_other_colors_are_refused(ball: np.ndarray, colors: Any, message: str) -> None:
+BAD_COLORS = {
+    "nan": (np.full((3000, 3), np.nan), "only nan"),
+    "large": (np.full((3000, 3), 7.5), "from 0 to 1 or integers to 255, got 7.5"),
+    "negative": (np.full((3000, 3), -0.5), "got -0.5"),
+    "too few": (np.zeros((2999, 3)), "for each of the 3000 points, got 2999"),
+    "two channels": (np.zeros((3000, 2)), r"\(3000, 2\)"),
+    "words": (["red"] * 3000, "as numbers"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD_COLORS)
+def test_other_colors_are_refused(ball: np.ndarray, kind: str) -> None:
+    colors, message = BAD_COLORS[kind]
     with pytest.raises(SettingError, match=message):
         z2p_core.render(ball, colors, size=48)
