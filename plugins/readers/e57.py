@@ -16,7 +16,7 @@ from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _HEADER_BYTES, _CHECKSUM_BYTES, _MAX_DESCRIPTION_BYTES = 48, 4, 1 << 26
-"""Bytes of the header and of a page's checksum, and of the longest description that is looked at."""
+"""Size of the header and of the checksum of a page, and the largest description that is read."""
 _POINT_COUNT = re.compile(rb'<points\b[^>]*\brecordCount="(\d{1,15})"')
 
 
@@ -30,9 +30,9 @@ class E57(Reader):
     suffixes = (".e57",)
 
     def memory(self, path: Path) -> int:
-        """As many points as the scans promise, which may be packed far tighter than in other formats.
+        """Memory for the points that the scans promise, which may be compressed far more than in other formats.
 
-        The library is not asked: it would run in this process.
+        The library is not used for it: it would run in this process.
         """
         counts = _POINT_COUNT.findall(_read_description(path))
         return MEMORY_A_POINT * sum(map(int, counts))
@@ -72,10 +72,11 @@ def _open(path: Path) -> Any:
 
 
 def _read_description(path: Path) -> bytes:
-    """The XML that tells what is in the file, without the checksums at the ends of its pages; empty if it has none."""
+    """The XML description of the file, without the checksums at the ends of its pages; empty if it has none."""
     with path.open("rb") as file:
         magic, start, length, page = struct.unpack("<8s16xQQQ", file.read(_HEADER_BYTES).ljust(_HEADER_BYTES, b"\0"))
-        sane = _CHECKSUM_BYTES < page <= _MAX_DESCRIPTION_BYTES and length <= _MAX_DESCRIPTION_BYTES and start < path.stat().st_size
+        sane = _CHECKSUM_BYTES < page <= _MAX_DESCRIPTION_BYTES and length <= _MAX_DESCRIPTION_BYTES
+        sane = sane and start < path.stat().st_size
         if magic != b"ASTM-E57" or not sane:
             return b""
         file.seek(start - start % page)

@@ -1,4 +1,4 @@
-"""Points of an HDF5 file: the data sets of learning, which keep batches of objects, and arrays under usual names."""
+"""Points of an HDF5 file: batches of objects, as data sets for machine learning keep them, or single clouds."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from z2p_renderer.plugins.readers._helpers.array_clouds import (
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _MAX_OBJECTS, _MAX_GROUP_DEPTH = 1000, 4
-"""Data sets and groups that are looked at, and how deep they may lie."""
+"""How many data sets and groups are visited, and how deep groups may be nested."""
 _MAX_DATASET_BYTES = 8 << 30
-"""Of a data set, unpacked; one with more is refused."""
+"""Larger data sets, unpacked, are refused."""
 
 
 class H5(Reader):
@@ -40,11 +40,11 @@ class H5(Reader):
     suffixes = (".h5", ".hdf5")
 
     def is_fragile(self, path: Path) -> bool:
-        """Every one: the library reckons with the addresses that it finds in the file."""
+        """Every file: the library follows the addresses in it without a check."""
         return True
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
-        """The clouds of the data set that is called as points are, of each group that has one; x, y and z may be apart.
+        """Reads the data set that is named like points, in the file or in each group, or data sets x, y and z.
 
         Raises:
             ScanError: no HDF5 file, a damaged one, one without points under a known name, or h5py is not installed.
@@ -53,7 +53,7 @@ class H5(Reader):
 
 
 def _with_file(path: Path, read: Callable[[Any], Any]) -> Any:
-    """What `read` makes of the opened file."""
+    """Opens the file and returns what `read` makes of it."""
     try:
         library = import_lazily("h5py")
     except ImportError:
@@ -79,7 +79,7 @@ def _read_clouds(file: Any) -> list[RawCloud | np.ndarray]:
 
 
 def _cloud_from_axes(file: Any) -> list[RawCloud | np.ndarray]:
-    """One cloud of data sets x, y and z."""
+    """One cloud from the data sets x, y and z."""
     axes = {name.lower(): dataset for name, dataset in _list_datasets(file) if name.lower() in ("x", "y", "z")}
     if len(axes) < 3:
         _refuse_odd_shapes(file)
@@ -94,7 +94,7 @@ def _cloud_from_axes(file: Any) -> list[RawCloud | np.ndarray]:
 
 
 def _refuse_odd_shapes(file: Any) -> None:
-    """Raises ScanError where a data set is called as points are, and has a shape that no points have."""
+    """Raises ScanError if a data set is named like points but has another shape."""
     for name, dataset in _list_datasets(file):
         if name.rpartition("/")[2].lower() in POINT_KEYS and dataset.shape and dataset.dtype.kind in "fiu":
             try:
@@ -104,7 +104,7 @@ def _refuse_odd_shapes(file: Any) -> None:
 
 
 def _choose_datasets(file: Any) -> list[tuple[Any, str, list[str]]]:
-    """Of the file, or else of each of its groups, the data set that holds the points, its name, and the others'."""
+    """The data set of points in the file, or else in each group: the data set, its name, and the other candidates'."""
     groups: dict[str, dict[str, Any]] = {}
     for name, dataset in _list_datasets(file):
         group, _, key = name.rpartition("/")
@@ -118,29 +118,30 @@ def _choose_datasets(file: Any) -> list[tuple[Any, str, list[str]]]:
 
 
 def _list_datasets(file: Any) -> list[tuple[str, Any]]:
-    """Names and data sets that lie in the file itself, in a fixed order; links that lead elsewhere are not followed."""
+    """Names and data sets in the file itself, in a fixed order; links to other files are not followed."""
     return list(_iter_datasets(file, "", 0, iter(range(_MAX_OBJECTS))))
 
 
 def _iter_datasets(group: Any, prefix: str, depth: int, budget: Iterator[int]) -> Iterator[tuple[str, Any]]:
-    """What lies in a group and below it, as long as objects are `budget` to be looked at: a group may lie in itself."""
+    """The data sets in a group and below it, up to the `budget` of objects: a group may contain itself."""
     library = import_lazily("h5py")
     for name in sorted(group):
         if next(budget, None) is None:
             return
         if not isinstance(group.get(name, getlink=True), library.HardLink):
             continue
-        dataset = group[name]
-        if isinstance(dataset, library.Dataset):
-            yield f"{prefix}{name}", dataset
+        member = group[name]
+        if isinstance(member, library.Dataset):
+            yield f"{prefix}{name}", member
         elif depth < _MAX_GROUP_DEPTH:
-            yield from _iter_datasets(dataset, f"{prefix}{name}/", depth + 1, budget)
+            yield from _iter_datasets(member, f"{prefix}{name}/", depth + 1, budget)
 
 
 def _check_size(dataset: Any) -> None:
-    """Raises ScanError for a data set that lies elsewhere, or packs more than clouds could."""
+    """Raises ScanError for a data set that lies in other files, or is too large or too compressible for a cloud."""
     if dataset.is_virtual or dataset.external:
         raise ScanError(f"{dataset.name} lies in other files, which are not opened; save its points in one file")
     size, packed = int(np.prod(dataset.shape, dtype=object)) * dataset.dtype.itemsize, dataset.id.get_storage_size()
     if exceeds_size_limit(size, packed, _MAX_DATASET_BYTES):
-        raise ScanError(f"{dataset.name} would unpack to {size} bytes from {packed}; save fewer clouds, as .npy for one")
+        raise ScanError(f"{dataset.name} would unpack to {size} bytes from {packed}; save fewer clouds, as .npy for "
+                        "one")

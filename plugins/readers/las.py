@@ -1,4 +1,4 @@
-"""Points of LAS and LAZ files, in real-world coordinates, without those that a survey has marked as noise."""
+"""Points of LAS and LAZ files in real-world coordinates, without those that are marked as noise."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from z2p_renderer.plugins.readers._helpers.las_header import check_records, prom
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _CHUNK_POINTS = 1_000_000
-"""Points unpacked at a time: a header that lies about its count costs one chunk, not the machine's memory."""
+"""Points that are unpacked at a time: a header with a false count costs one chunk, not all memory."""
 _UNPACKED_POINT_BYTES = 200
-"""Bytes that a point of a chunk takes at the most."""
+"""Upper bound of the memory for a point of a chunk."""
 _NOISE_CLASSES = (7, 18)
-"""Classes of low and of high noise, as the standard has them."""
+"""Classification codes of low and high noise in the LAS standard."""
 _INVALID_INTEGERS = (-(2**31), 2**31 - 1)
-"""Whole numbers that writers make of no number or of one too large."""
+"""Integer coordinates that writers store for NaN and for numbers that are too large."""
 _GEOGRAPHIC_GEO_KEY = (1024, 2)
-"""Key and value by which GeoTIFF tells degrees."""
+"""GeoTIFF key and value (GTModelTypeGeoKey, ModelTypeGeographic) of coordinates in degrees."""
 _MIN_UNMEASURED_AT_OFFSET = 20
-"""Points at the very offset from which on they mark what was not measured."""
+"""From this number of points exactly at the offset on, such points stand for missing measurements."""
 
 
 class Las(Reader):
@@ -41,7 +41,7 @@ class Las(Reader):
     suffixes = (".las", ".laz")
 
     def memory(self, path: Path) -> int:
-        """As many points as the header promises, which may be packed far tighter than in other formats."""
+        """Memory for the points that the header promises, which may be compressed far more than in other formats."""
         count = promised_points(path)
         return min(count, MAX_ROWS) * MEMORY_A_POINT + min(count, _CHUNK_POINTS) * _UNPACKED_POINT_BYTES
 
@@ -54,7 +54,7 @@ class Las(Reader):
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
         """The file's points, one cloud (N, 3) float64, scale and offset applied in float64 (UTM keeps its digits).
 
-        Of very many, some that stand for all.
+        Very large files are subsampled.
 
         Raises:
             ScanError: no LAS file, or fewer points than its header promises.
@@ -76,7 +76,7 @@ class Las(Reader):
 
 @dataclass
 class _ChunkTotals:
-    """What comes of the chunks."""
+    """Points and counts that are collected from the chunks of a file."""
 
     parts: list[np.ndarray] = field(default_factory=lambda: [np.empty((0, 3))])
     points_read: int = 0
@@ -85,7 +85,7 @@ class _ChunkTotals:
     unmeasured: int = 0
 
     def note(self, names: Iterator[str]) -> str:
-        """What the file's line says."""
+        """The note for the user; `names` are those of the file's fields."""
         parts = (
             f"{self.noise} points of noise (classes 7 and 18) left out" if self.noise else "",
             f"{self.withheld} withheld points left out" if self.withheld else "",
@@ -130,7 +130,7 @@ def _is_in_degrees(header: Any) -> bool:
 
 
 def _add_chunk(chunk: Any, totals: _ChunkTotals, step: int, rng: np.random.Generator) -> None:
-    """Adds a chunk's points, those that count, and one at random of every `step`."""
+    """Adds the valid points of a chunk, one at random of every `step`."""
     totals.points_read += len(chunk)
     raw = np.column_stack([chunk.X, chunk.Y, chunk.Z])
     kept = np.ones(len(chunk), dtype=bool)
@@ -141,7 +141,7 @@ def _add_chunk(chunk: Any, totals: _ChunkTotals, step: int, rng: np.random.Gener
     at_offset = ~raw.any(1)
     if at_offset.sum() >= _MIN_UNMEASURED_AT_OFFSET:
         unmeasured |= at_offset
-    if not (noise | withheld).all():  # a file of nothing else is looked at for its noise
+    if not (noise | withheld).all():  # a file of noise alone is drawn
         totals.noise += int(noise.sum())
         totals.withheld += int(withheld.sum())
         kept &= ~noise & ~withheld

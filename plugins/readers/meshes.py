@@ -1,4 +1,4 @@
-"""Vertices of STL, GLB and glTF files, each place once."""
+"""Vertices of STL, GLB and glTF files, without duplicates."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.length_check import check_trailing_bytes, trailing_bytes_note
 
 _STL_HEADER_BYTES, _STL_TRIANGLE_BYTES = 84, 50
-"""Bytes of a binary STL file's header and of each triangle."""
+"""Size of the header of a binary STL file, and of each triangle."""
 
 
 class Meshes(Reader):
@@ -68,8 +68,8 @@ def _read_stl(blob: bytes) -> tuple[np.ndarray, str]:
         loaded = import_lazily("trimesh.exchange.stl").load_stl_ascii(io.BytesIO(_check_complete(blob)))
     else:
         if len(blob) < _STL_HEADER_BYTES:
-            raise ScanError(f"a binary STL file begins with {_STL_HEADER_BYTES} bytes of header, got {len(blob)} in all; it is "
-                            "cut short, or another format: export it again")
+            raise ScanError(f"a binary STL file begins with {_STL_HEADER_BYTES} bytes of header, got {len(blob)} in "
+                            "all; it is cut short, or another format: export it again")
         (count,) = struct.unpack_from("<I", blob, _STL_HEADER_BYTES - 4)
         size = _STL_TRIANGLE_BYTES * count
         promise = f"the STL header promises {count} triangles"
@@ -83,16 +83,16 @@ def _read_stl(blob: bytes) -> tuple[np.ndarray, str]:
 
 
 def _is_text(blob: bytes) -> bool:
-    """Whether it is an STL file in text; the header of a binary one may begin alike."""
+    """Whether an STL file is text; the header of a binary one may begin with the same word."""
     head = blob[:4096].lower()
     return head.lstrip().startswith(b"solid") and (b"vertex" in head or b"endsolid" in head)
 
 
 def _check_complete(blob: bytes) -> bytes:
-    """The text of an STL file.
+    """Returns the text of an STL file after a check that it is complete.
 
     Raises:
-        ScanError: its last solid has no end; the library would pass over it.
+        ScanError: its last solid has no end, so the library would ignore it.
     """
     lower = blob.lower()
     if lower.rfind(b"vertex") > lower.rfind(b"endsolid"):

@@ -13,8 +13,8 @@ from z2p_core.formats.arrays.depth_maps import find_depth_and_camera, unproject_
 from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_points
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.array_clouds import (
-    POINT_KEYS,
     MAX_COLUMNS,
+    POINT_KEYS,
     check_fields,
     check_shape,
     clouds_from_array,
@@ -25,14 +25,14 @@ from z2p_renderer.plugins.readers._helpers.array_clouds import (
 )
 
 _MAX_MEMBER_BYTES = 2 << 30
-"""Bytes of an npz member, unpacked; one with more is refused."""
+"""Larger members of an npz, unpacked, are refused."""
 _ATTRIBUTE_WORDS = ("normal", "color", "colour", "rgb", "feat", "conf", "mask", "depth")
-"""Parts of the names of arrays that stand beside points."""
+"""Words in the names of arrays that hold attributes of points, not points."""
 _AXIS_NAMES = {"x", "y", "z"}
 _AMBIGUOUS_COLUMNS = (4, 5)
-"""Columns of arrays that need such a name to be taken: four may be a colour, or a rotation."""
+"""Arrays of this many columns count as points only under a known name: four may be a color or a rotation."""
 _MIN_UNNAMED_ROWS = 5
-"""Of an array that is taken without such a name: what has fewer may be a camera's matrix."""
+"""Arrays with fewer rows count as points only under a known name: they may be a camera matrix."""
 
 
 class NumpyArrays(Reader):
@@ -44,7 +44,7 @@ class NumpyArrays(Reader):
     suffixes = (".npy", ".npz")
 
     def memory(self, path: Path) -> int:
-        """As for packed coordinates, but that of a very large cloud only some points are read."""
+        """That of the arrays; of a very large cloud only a subsample is read."""
         if path.suffix.lower() == ".npy":
             try:
                 with path.open("rb") as file:
@@ -58,10 +58,10 @@ class NumpyArrays(Reader):
         """One cloud (N, 3) float64, or B of them from a batch; of an npz the array `points`, `xyz` ..., or `x`, `y` and
         `z`, or the only one, or `depth` by its camera's matrix `K`.
 
-        What a pinhole camera saw, a point a pixel (H, W, 3), is one cloud, seen from there; so are maps of several
-        cameras (B, H, W, 3).
+        A point map (H, W, 3) of a pinhole camera is one cloud with that camera as its sensor; maps of several cameras
+        (B, H, W, 3) are as many clouds.
 
-        Of a single cloud of very many points in an npy, some that stand for all.
+        A single cloud of very many points in an npy is subsampled.
 
         Raises:
             ScanError: another shape, no numbers, pickled objects, or a size that the file cannot hold.
@@ -113,9 +113,9 @@ def _read_axes(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], si
 
 
 def _choose_member(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:
-    """Name of the array that holds the points, by that name or because no other one could; None if that is open.
+    """Name of the array of points: one with a known name, or the only one that could be points; None if neither exists.
 
-    One that is called so but has another shape is named too: the message then says what is wrong with it.
+    An array with a known name but another shape is returned too: its error message then says what is wrong.
     """
     named = [key for key in POINT_KEYS if key in members]
     for key in named:
@@ -130,7 +130,7 @@ def _choose_member(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo]
 
 
 def _could_be_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bool = False) -> bool:
-    """Whether an array's header promises points; `floats`: such as can be told without a name."""
+    """Whether an array's header fits points; `floats` asks for an array that is recognizable without a known name."""
     with archive.open(info) as file:
         try:
             shape, _, dtype = _read_header(file, info.file_size)
@@ -143,14 +143,14 @@ def _could_be_points(archive: zipfile.ZipFile, info: zipfile.ZipInfo, floats: bo
 
 
 def _check_member_size(name: str, info: zipfile.ZipInfo, size: int) -> None:
-    """Raises ScanError for an array that packs more than a cloud could into a file of `size` bytes."""
+    """Raises ScanError for an array that is too large or too compressible for a file of `size` bytes."""
     if exceeds_size_limit(info.file_size, info.compress_size, _MAX_MEMBER_BYTES) or info.compress_size > size:
         raise ScanError(f"array {name!r} would unpack to {info.file_size} bytes from {info.compress_size}; "
                         "that is no cloud: save it again as .npy if it is one")
 
 
 def _read_array(file: IO[bytes], size: int) -> np.ndarray:
-    """The array in an npy stream of `size` bytes, after its header has been weighed against them."""
+    """Reads the array in an npy stream of `size` bytes, after its header has been checked against them."""
     shape, column_major, dtype = _read_header(file, size)
     content = memoryview(bytearray(size - file.tell()))
     filled = 0
@@ -163,12 +163,12 @@ def _read_array(file: IO[bytes], size: int) -> np.ndarray:
 
 
 def _is_subsampled(shape: tuple[int, ...], column_major: bool, dtype: np.dtype) -> bool:
-    """Whether this is one cloud, row by row, of more points than are drawn."""
+    """Whether this is a single row-major cloud of more points than are read."""
     return len(shape) == 2 and 3 <= shape[1] <= MAX_COLUMNS and shape[0] > MAX_ROWS and not column_major
 
 
 def _read_subsampled(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawCloud:
-    """Points spread over the rows that follow a header, read in blocks."""
+    """Subsamples the rows behind a header, which are read in blocks."""
     check_shape(shape)
     row = shape[1] * dtype.itemsize
 
@@ -179,9 +179,10 @@ def _read_subsampled(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -
 
 
 def _read_header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype]:
-    """Shape, whether columns come first, and type of an npy stream of `size` bytes, which its array must fill.
+    """Shape, column-major flag and dtype of an npy stream of `size` bytes; moves the stream to the array.
 
-    The stream stays where the array begins.
+    Raises:
+        ScanError: the array would not fill the rest of the stream exactly, or holds no numbers.
     """
     file.seek(0)
     version = np.lib.format.read_magic(file)

@@ -22,11 +22,11 @@ from z2p_renderer.plugins.readers._helpers.length_check import (
 
 _MAX_HEADER_BYTES = 1 << 16
 _MAX_LZF_RATIO = 100
-"""LZF writes 264 bytes from 3 at the very best: a larger ratio is a lie."""
+"""LZF expands 3 bytes to at most 264; a larger compression ratio in a header is false."""
 _FIELD_TYPES = frozenset({"F4", "F8", *(kind + size for kind in "IU" for size in "1248")})
-"""What numbers may be, as TYPE and SIZE have it."""
+"""Valid combinations of TYPE and SIZE."""
 _PAGE_BYTES = 4096
-"""Older versions of the Point Cloud Library fill binary files up to whole pages of memory, with zeros."""
+"""Older versions of the Point Cloud Library pad binary files with zeros to whole memory pages of this size."""
 
 
 class Pcd(Reader):
@@ -49,7 +49,7 @@ class Pcd(Reader):
         size = path.stat().st_size
         if header.data == "ascii":
             return MEMORY_A_CHARACTER * size
-        plausible = min(header.points, _MAX_LZF_RATIO * size)  # a lie is found out by read
+        plausible = min(header.points, _MAX_LZF_RATIO * size)  # read refuses a false count
         return 3 * size + plausible * MEMORY_A_POINT
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
@@ -68,7 +68,9 @@ class Pcd(Reader):
             return [np.empty((0, 3))]
         pose = _parse_viewpoint(header)
         note = "; ".join(filter(None, (trailing_bytes_note(_check_size(header, body)), header.color_note)))
-        points = _load_points(header, _normalized_ascii(header, body) if header.data == "ascii" else _normalized_header(header) + body)
+        is_ascii = header.data == "ascii"
+        blob = _normalized_ascii(header, body) if is_ascii else _normalized_header(header) + body
+        points = _load_points(header, blob)
         return [RawCloud(points, None if pose is None else _turn_to_points(pose, points), note=note)]
 
 
@@ -81,11 +83,11 @@ class _Header:
     data: str
     size: int
     color_note: str
-    """What to say of its colours."""
+    """The note for the user on its colors."""
 
 
 def _parse_header(blob: bytes) -> _Header:
-    """Just enough of the header to weigh the file before the library allocates anything.
+    """Parses the header as far as the file's size can be checked before the library allocates memory.
 
     Raises:
         ScanError: a line is missing or makes no sense.
@@ -127,24 +129,24 @@ def _parse_header(blob: bytes) -> _Header:
 
 
 def _normalize_fields(entries: dict[str, list[str]]) -> list[str]:
-    """Renames the header's fields in place, so that each has a name of its own, and gives their names.
+    """Gives each field of the header a unique name, in place, and returns the names.
 
-    Those of COUNT 0, which take no bytes, are left out: PCL's reader does so too. The axes may be written in capitals;
-    padding is called ``_``, several times perhaps.
+    Fields of COUNT 0, which take no bytes, are removed, as PCL's reader does. Axes may be capitals in the file, and
+    several padding fields may share the name ``_``.
     """
-    numbers_per_row = ("FIELDS", "SIZE", "TYPE", "COUNT")
-    if len({len(entries[key]) for key in numbers_per_row}) == 1:
-        rows = [row for row in zip(*(entries[key] for key in numbers_per_row), strict=True) if row[3] != "0"]
-        entries.update({key: [row[place] for row in rows] for place, key in enumerate(numbers_per_row)})
+    keys = ("FIELDS", "SIZE", "TYPE", "COUNT")
+    if len({len(entries[key]) for key in keys}) == 1:
+        rows = [row for row in zip(*(entries[key] for key in keys), strict=True) if row[3] != "0"]
+        entries.update({key: [row[index] for row in rows] for index, key in enumerate(keys)})
     names = entries["FIELDS"]
     if set(names).isdisjoint("xyz"):
         names = [name.lower() if name in ("X", "Y", "Z") else name for name in names]
-    entries["FIELDS"] = [name if name in ("x", "y", "z") else f"field{place}" for place, name in enumerate(names)]
+    entries["FIELDS"] = [name if name in ("x", "y", "z") else f"field{index}" for index, name in enumerate(names)]
     return entries["FIELDS"]
 
 
 def _parse_viewpoint(header: _Header) -> Sensor | None:
-    """The sensor's pose as the header has it; None where it says nothing.
+    """The sensor's pose in the header; None if the header gives none.
 
     Raises:
         ScanError: a VIEWPOINT that is no position and rotation.
@@ -165,9 +167,9 @@ def _parse_viewpoint(header: _Header) -> Sensor | None:
 
 
 def _turn_to_points(sensor: Sensor, points: np.ndarray) -> Sensor:
-    """The sensor turned to its points: PCD leaves open whether it looks along +Z (OpenCV) or -Z (OpenGL).
+    """The sensor, facing its points: PCD does not define whether it looks along +Z (OpenCV) or -Z (OpenGL).
 
-    When all that it saw lies behind it, its axes are OpenGL's, and a half turn about its X axis makes them OpenCV's.
+    If its points lie behind it, its axes are OpenGL's; a half turn about its X axis makes them OpenCV's.
     """
     ahead = (points[np.isfinite(points).all(1)] - sensor.position) @ sensor.rotation[:, 2]
     if len(ahead) and (ahead < 0).mean() > 0.98:
@@ -176,7 +178,7 @@ def _turn_to_points(sensor: Sensor, points: np.ndarray) -> Sensor:
 
 
 def _check_size(header: _Header, body: bytes) -> int:
-    """How many stray bytes follow binary points.
+    """The number of trailing bytes behind binary points.
 
     Raises:
         ScanError: the file's size does not fit what its header promises.
@@ -202,23 +204,24 @@ def _check_size(header: _Header, body: bytes) -> int:
 
 
 def _normalized_ascii(header: _Header, body: bytes) -> bytes:
-    """The same cloud with x, y, z alone and single blanks, which is all that the library's ascii parser takes."""
+    """The cloud as an ascii PCD with x, y, z alone and single blanks: the library's parser reads nothing else."""
     rows = [line.split() for line in body.splitlines() if line.strip()]
     if len(rows) != header.points:
         raise ScanError(f"the PCD header promises {header.points} points, {len(rows)} lines came; export it again")
     counts = [int(word) for word in header.entries["COUNT"]]
     where = [header.entries["FIELDS"].index(axis) for axis in "xyz"]
-    numbers_per_row = [sum(counts[:field]) for field in where]
+    columns = [sum(counts[:field]) for field in where]
     for number, row in enumerate(rows, start=1):
         if len(row) != header.numbers_per_row:
-            raise ScanError(f"PCD point {number}: expected {header.numbers_per_row} numbers, got {len(row)}; export it again")
+            raise ScanError(f"PCD point {number}: expected {header.numbers_per_row} numbers, got {len(row)}; export it "
+                            "again")
     xyz = {"FIELDS": ["x", "y", "z"], "SIZE": ["8"] * 3, "TYPE": ["F"] * 3, "COUNT": ["1"] * 3}
-    lines = (b" ".join(row[column] for column in numbers_per_row) for row in rows)
+    lines = (b" ".join(row[column] for column in columns) for row in rows)
     return _normalized_header(replace(header, entries=xyz)) + b"\n".join(lines)
 
 
 def _normalized_header(header: _Header) -> bytes:
-    """The header as PCD 0.7 words it: the library stumbles over comments inside, older versions and a missing COUNT."""
+    """The header in PCD 0.7: the library cannot read comments, older versions or a missing COUNT."""
     fields = [f"{key} {' '.join(header.entries[key])}" for key in ("FIELDS", "SIZE", "TYPE", "COUNT")]
     count = [f"WIDTH {header.points}", "HEIGHT 1", "VIEWPOINT 0 0 0 1 0 0 0", f"POINTS {header.points}"]
     return "\n".join(["VERSION 0.7", *fields, *count, f"DATA {header.data}", ""]).encode()

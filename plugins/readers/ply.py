@@ -37,7 +37,7 @@ class Ply(Reader):
     suffixes = (".ply",)
 
     def memory(self, path: Path) -> int:
-        """As many points as the header promises, and their rows; text takes far more."""
+        """Memory for the points that the header promises and for their rows; text takes far more."""
         with path.open("rb") as file:
             head = file.read(LONGEST_HEADER)
         try:
@@ -57,7 +57,7 @@ class Ply(Reader):
         return vertex.count * MEMORY_A_POINT + 2 * vertex.least_bytes(ascii=False)
 
     def read(self, path: Path) -> list[RawCloud]:
-        """The file's vertices, one cloud (N, 3) float64; of very many in a binary file, some that stand for all.
+        """The file's vertices, one cloud (N, 3) float64; very large binary files are subsampled.
 
         Raises:
             ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
@@ -94,7 +94,7 @@ def _read_cloud(path: Path) -> RawCloud:
 
 
 def _check_length(header: PlyHeader, size: int) -> int:
-    """How many stray bytes follow what the header promises, as far as it tells.
+    """The number of trailing bytes behind the data that the header promises; 0 if their size is not known.
 
     Raises:
         ScanError: the file is shorter, or so much longer that the header may have lost a property.
@@ -104,8 +104,8 @@ def _check_length(header: PlyHeader, size: int) -> int:
         return 0
     promise = f"the PLY header promises {', '.join(f'{element.count} {element.name}' for element in header.elements)}"
     expected = sum(element.least_bytes(ascii=False) for element in header.elements)
-    most = max([0, *(element.count - 1 for element in header.elements)])  # a lost property is a byte a row at least
-    return check_trailing_bytes(promise, expected, size - header.size, min(most, MAX_TRAILING_BYTES))
+    max_count = max([0, *(element.count - 1 for element in header.elements)])  # a lost property has a byte per row
+    return check_trailing_bytes(promise, expected, size - header.size, min(max_count, MAX_TRAILING_BYTES))
 
 
 def _find_vertex(header: PlyHeader) -> PlyElement:
@@ -126,17 +126,17 @@ def _axis_names(vertex: PlyElement) -> tuple[str, ...]:
 
 
 def _scalar_names(vertex: PlyElement) -> list[str]:
-    """Names of the properties that are no lists."""
+    """Names of the properties that are not lists."""
     return [entry.name for entry in vertex.properties if entry.length is None]
 
 
 def _has_fixed_offsets(header: PlyHeader, vertex: PlyElement) -> bool:
-    """Whether it is known where each vertex stands in a binary file: no list is before or among them."""
+    """Whether vertices are at known offsets in a binary file: there is no list before or among them."""
     return all(element.scalar for element in header.elements[: header.elements.index(vertex) + 1])
 
 
 def _read_subsampled(file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...], note: str) -> RawCloud:
-    """Points spread over the vertex rows, read in blocks; of Gaussians, those that show a surface."""
+    """Subsamples the vertex rows, which are read in blocks; of Gaussians, those that show a surface are kept."""
 
     def read(rows: int) -> np.ndarray:
         return _parse_binary(vertex, file.read(rows * vertex.dtype.itemsize), columns)
@@ -148,7 +148,7 @@ def _read_subsampled(file: io.BufferedReader, vertex: PlyElement, columns: tuple
 
 
 def _seek_vertices(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> None:
-    """Goes on from the header's end to the first vertex row of a binary file."""
+    """Moves a binary file from the end of the header to the first vertex row."""
     before = header.elements[: header.elements.index(vertex)]
     file.seek(sum(element.least_bytes(ascii=False) for element in before), io.SEEK_CUR)
 
@@ -178,6 +178,6 @@ def _parse_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...
 
 
 def _parse_binary(vertex: PlyElement, rows: bytes, columns: tuple[str, ...]) -> np.ndarray:
-    """Numbers (N, len(columns)) of whole binary rows, in a type that holds them all."""
+    """Numbers (N, len(columns)) of whole binary rows, in a common type."""
     table = np.frombuffer(rows, vertex.dtype)
     return np.column_stack([table[column] for column in columns])

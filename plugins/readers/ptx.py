@@ -1,4 +1,4 @@
-"""Points of a PTX file, in which Leica's and others' laser scanners export whole scans, a cell of their grid a line."""
+"""Points of a PTX file, in which laser scanners export whole scans, one line per cell of the scan grid."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
 
 _NUMBERS_PER_HEADER_LINE = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
-"""Numbers on each line before a scan: columns and rows of its grid, the scanner's place and axes, and a matrix."""
+"""Header of a scan: columns and rows of its grid, the scanner's position and axes, and a 4 x 4 matrix."""
 _NUMBERS_PER_COLORED_CELL = 7
-"""Numbers of a cell with intensity and colour."""
+"""A cell holds x, y, z, intensity, and perhaps r, g, b."""
 _BLOCK_LINES = 200_000
-"""Lines that are read at a time, so that the text of a large file is never in memory as a whole."""
+"""Lines that are read at a time, so that a large file is never in memory as a whole."""
 
 
 class Ptx(Reader):
@@ -30,7 +30,7 @@ class Ptx(Reader):
     suffixes = (".ptx",)
 
     def memory(self, path: Path) -> int:
-        """As many points as the first lines let expect; the text itself is read in parts."""
+        """An estimate from the first lines; the text is read in blocks."""
         return memory_of_lines(path)
 
     def read(self, path: Path) -> list[RawCloud]:
@@ -47,7 +47,7 @@ class Ptx(Reader):
 
 
 def _iter_point_blocks(file: TextIO) -> Iterator[np.ndarray]:
-    """Points (N, 3) of the parts of each scan, where its matrix puts them."""
+    """Blocks of points (N, 3) of all scans, transformed by each scan's matrix."""
     line = 0
     while header := _read_header(file, line):
         line += len(_NUMBERS_PER_HEADER_LINE)
@@ -62,35 +62,36 @@ def _iter_point_blocks(file: TextIO) -> Iterator[np.ndarray]:
                 raise ScanError(f"a scan of {header[0][0]:g} x {header[1][0]:g} cells ends in line {line}, after "
                                 f"{start + len(points)}; the file is cut short: export it again")
             measured = points[points.any(1)]
-            yield measured @ matrix[:3, :3] + matrix[3, :3]  # points are rows: what moves them is the last row
+            yield measured @ matrix[:3, :3] + matrix[3, :3]  # points are row vectors: the last row is the translation
 
 
 def _read_header(file: TextIO, first_line: int) -> list[list[float]]:
-    """The numbers of a scan's first lines; none at the end of the file.
+    """The numbers on the header lines of the next scan; empty at the end of the file.
 
     Raises:
-        ScanError: they are others.
+        ScanError: the lines are no such header.
     """
     lines = list(islice(file, len(_NUMBERS_PER_HEADER_LINE)))
     if not any(map(str.strip, lines)):
         return []
     try:
         numbers = [[float(word) for word in line.split()] for line in lines]
-        valid = tuple(map(len, numbers)) == _NUMBERS_PER_HEADER_LINE and all(row[0].is_integer() and row[0] >= 0 for row in numbers[:2])
+        valid = tuple(map(len, numbers)) == _NUMBERS_PER_HEADER_LINE
+        valid = valid and all(row[0].is_integer() and row[0] >= 0 for row in numbers[:2])
     except ValueError:
         valid = False
     if not valid:
-        raise ScanError(f"line {first_line + 1}: expected the header of a scan in ten lines (columns, rows, place, three "
-                        f"axes, four rows of a matrix), got {lines[0].strip()[:40]!r}; export the file again, or "
+        raise ScanError(f"line {first_line + 1}: expected the header of a scan in ten lines (columns, rows, place, "
+                        f"three axes, four rows of a matrix), got {lines[0].strip()[:40]!r}; export the file again, or "
                         "rename it to .txt if it holds rows of x y z")
     return numbers
 
 
 def _parse_points(rows: list[str], first_line: int) -> np.ndarray:
-    """x, y and z (N, 3) of the rows that follow so many lines of the file.
+    """Parses x, y and z (N, 3) float64 of the rows behind the first `first_line` lines of the file.
 
     Raises:
-        ScanError: one of them has other columns.
+        ScanError: a row has other columns.
     """
     try:
         if not any(map(str.strip, rows)):

@@ -19,7 +19,7 @@ from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.plugins.readers._cameras.colmap import is_points3d, read_points3d
 
 _OPENCV_TO_LIDAR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Axes of a car's lidar: +X ahead, +Y to the left, +Z up; from those of OpenCV."""
+"""Rotation from OpenCV camera axes to those of a car's lidar: +X ahead, +Y to the left, +Z up."""
 _UP_REASON = "a car's lidar has it so"
 
 
@@ -36,12 +36,11 @@ class Sweeps(Reader):
     def read(self, path: Path) -> list[RawCloud]:
         """One cloud (N, 3) float64, seen from the lidar at the origin, unless the user names the columns.
 
-        Nothing in such a file says what it is: where nobody names the columns, the numbers have to. What no lidar could
-        have measured is refused, for other programs call other things .bin too, and so is what may be cut into rows in
-        several ways.
+        Such a file has no header. Without named columns the layout is inferred from the numbers; files that no lidar
+        could have measured are refused, since .bin has many other uses, and so are files that fit several layouts.
 
         Raises:
-            ScanError: no whole rows, or numbers that are no sweep, or may be several.
+            ScanError: the file has no whole rows, or its numbers fit no layout or several.
         """
         if is_points3d(path):
             return [read_points3d(path)]
@@ -62,10 +61,10 @@ class Sweeps(Reader):
 
 
 def _infer_columns(path: Path, size: int) -> tuple[str, ...]:
-    """Columns of a sweep that nobody names: told by the name, or by the numbers.
+    """Infers the columns of a sweep from the file name or the numbers.
 
     Raises:
-        ScanError: they tell none, or several, or such as no sweep has.
+        ScanError: no layout fits, several do, or only one that no data set of sweeps has.
     """
     if path.name.lower().endswith(".pcd.bin"):
         return NUSCENES_COLUMNS
@@ -80,10 +79,10 @@ def _infer_columns(path: Path, size: int) -> tuple[str, ...]:
 
 
 def _refuse_float64(path: Path) -> None:
-    """None where numbers may be float32; those of a float64 array, cut in two, would be points all over the place.
+    """Refuses float64 numbers, whose halves read as float32 would be points at random positions.
 
     Raises:
-        ScanError: they are float64.
+        ScanError: the numbers are float64.
     """
     if path.stat().st_size % 8 == 0 and are_float64_halves(np.fromfile(path, "<f4", count=SAMPLE_NUMBERS)):
         raise ScanError("its numbers are float64, and z2p takes those only from files that say so; convert it: "

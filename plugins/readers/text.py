@@ -17,9 +17,9 @@ from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._text.column_doubts import (
     check_first_columns,
+    example_column_names,
     is_row_index,
     refuse_other_tables,
-    example_column_names,
 )
 from z2p_renderer.plugins.readers._text.esri_grid import is_esri_grid, read_esri_grid
 from z2p_renderer.plugins.readers._text.header import Head, as_colmap, parse_head
@@ -29,9 +29,9 @@ from z2p_renderer.plugins.readers._text.row_format import SAMPLE_ROWS, BadLineEr
 from z2p_renderer.plugins.readers._text.unsupported_notations import missing_height_hint, notation_message
 
 _MAX_LONG_LINE_MEMORY_BYTES = 1 << 28
-"""Bytes that a text at most takes whose rows are too long to be points."""
+"""Upper bound of the memory for a text whose lines are too long to be points: it is refused early."""
 _MAX_SAMPLE_CELLS, _MIN_SAMPLE_ROWS = 60_000, 20
-"""Cells of the first rows that are looked at, and rows at least."""
+"""Largest number of cells, and least number of rows, of the sample from which columns are judged."""
 
 
 class Text(Reader):
@@ -42,21 +42,23 @@ class Text(Reader):
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv")
 
     def memory(self, path: Path) -> int:
-        """As many points as the first lines let expect; the text is read in parts, and endless lines are refused."""
-        return min(memory_of_lines(path), _MAX_LONG_LINE_MEMORY_BYTES) if has_long_lines(path) else memory_of_lines(path)
+        """An estimate from the first lines; the text is read in blocks, and lines of any length are refused early."""
+        needed = memory_of_lines(path)
+        return min(needed, _MAX_LONG_LINE_MEMORY_BYTES) if has_long_lines(path) else needed
 
     def read(self, path: Path) -> list[RawCloud | np.ndarray]:
-        """The first three columns, or those called x, y, z, one cloud (N, 3) float64; an empty cell is NaN.
+        """Reads the columns named x, y, z, or else the first three, as one cloud (N, 3) float64; an empty cell is NaN.
 
-        Where nobody names the columns and the first of four or more counts the rows, it is no x: the next three are.
+        If the columns have no names and the first of four or more counts the rows, the next three are x, y and z.
 
-        A line before the rows may hold their count, as in every .pts, where several scans may follow one another. There
-        may be a line of names, among them x, y and z; the columns beside those three may then hold words. An ESRI grid
-        gives the middles of its cells.
+        A line before the rows may hold their number, as in every .pts file, where several scans may follow one another.
+        If a line names the columns, the columns beside x, y and z may hold words. An ESRI grid becomes the centers of
+        its cells.
 
         Raises:
-            ScanError: fewer than three columns, others than the user named, first ones that look like anything but x,
-                y and z, a list of poses, a picture, something not a number, or a wrong count.
+            ScanError: the file has fewer than three columns, other columns than the user named, first columns that do
+                not look like x, y and z, a cell that is no number, or a wrong number of rows; or it holds poses or an
+                image.
         """
         blocks = content_blocks(path)
         first: list[str] = next(blocks, [])
@@ -70,31 +72,29 @@ class Text(Reader):
             return [np.empty((0, 3))]
         if _is_bare_colmap(path, head, rows) and not self.columns:
             head = as_colmap(head)
-        row_format = self._row_format(path, head, rows)
+        row_format = self._detect_row_format(path, head, rows)
         if row_format.named:
-            if not self.columns and are_pose_names(row_format.names):
-                raise ScanError(f"the columns {','.join(row_format.names)[:160]} are a list of poses, no points; to draw its "
-                                "places, name each column with --columns")
-            scans = _read_table(path, row_format, head, chain([rows], blocks))
-            _check_counts(path, head, scans)
-            return [_named_cloud(scans, row_format, Head() if self.columns else head, path)]
-        sample = row_format.table(rows[: max(min(SAMPLE_ROWS, _MAX_SAMPLE_CELLS // row_format.width), _MIN_SAMPLE_ROWS)])
-        refuse_other_tables(sample, path.stat().st_size // (len(rows[0]) + 1))
-        scans = _read_table(path, row_format, head, chain([rows], blocks))
-        _check_counts(path, head, scans)
-        if row_format.width > 3 and is_row_index(scans.points[:, 0]):
-            scans = _read_table(path, replace(row_format, xyz_columns=(1, 2, 3)), head, _reread_rows(path, head))
-            check_first_columns(scans.points, sample[:, 1:], 2)
-            note = ignored_columns_note(sample[:, 4:], 5)
-            return [RawCloud(scans.points, note=_join_notes(_row_index_note(row_format.width), note, scans.note))]
-        check_first_columns(scans.points, sample)
-        return [RawCloud(scans.points, note=_join_notes(ignored_columns_note(sample[:, 3:]), scans.note))]
+            return [self._read_named(path, row_format, head, chain([rows], blocks))]
+        return [_read_unnamed(path, row_format, head, rows, chain([rows], blocks))]
 
-    def _row_format(self, path: Path, head: Head, rows: list[str]) -> RowFormat:
-        """How the rows, of which these are the first, are written.
+    def _read_named(self, path: Path, row_format: RowFormat, head: Head, blocks: Iterable[list[str]]) -> RawCloud:
+        """Reads a table whose columns are named by the user or the file.
 
         Raises:
-            ScanError: as `read` says.
+            ScanError: see `read`.
+        """
+        if not self.columns and are_pose_names(row_format.names):
+            raise ScanError(f"the columns {','.join(row_format.names)[:160]} are a list of poses, no points; to draw "
+                            "its places, name each column with --columns")
+        scans = _read_table(path, row_format, head, blocks)
+        _check_counts(path, head, scans)
+        return _named_cloud(scans, row_format, Head() if self.columns else head, path)
+
+    def _detect_row_format(self, path: Path, head: Head, rows: list[str]) -> RowFormat:
+        """Detects the format of the rows from the first ones.
+
+        Raises:
+            ScanError: see `read`.
         """
         try:
             return detect_row_format(rows, head, self.columns)
@@ -105,71 +105,97 @@ class Text(Reader):
 
 @dataclass
 class _TableScans:
-    """Points of one scan after the other."""
+    """The points of all scans in a table, one after the other."""
 
     points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
     counts: list[int] = field(default_factory=lambda: [0])
-    """How many points each scan has."""
+    """The number of points of each scan."""
     promised: list[tuple[str, int]] = field(default_factory=list)
-    """The counts before the second scan and all later ones, and the index of the line that holds it."""
+    """For each scan but the first, the number of its points as written in the file, and the index of that line."""
 
     @property
     def note(self) -> str:
-        """What to say of several scans."""
+        """The note for the user if there are several scans."""
         return f"{len(self.counts)} scans in one file" if len(self.counts) > 1 else ""
 
 
+def _read_unnamed(
+    path: Path, row_format: RowFormat, head: Head, rows: list[str], blocks: Iterable[list[str]]
+) -> RawCloud:
+    """Reads a table without column names; `rows` are the first of its `blocks`.
+
+    Raises:
+        ScanError: see `Text.read`.
+    """
+    sample_rows = max(min(SAMPLE_ROWS, _MAX_SAMPLE_CELLS // row_format.width), _MIN_SAMPLE_ROWS)
+    sample = row_format.table(rows[:sample_rows])
+    refuse_other_tables(sample, path.stat().st_size // (len(rows[0]) + 1))
+    scans = _read_table(path, row_format, head, blocks)
+    _check_counts(path, head, scans)
+    if row_format.width > 3 and is_row_index(scans.points[:, 0]):
+        scans = _read_table(path, replace(row_format, xyz_columns=(1, 2, 3)), head, _reread_rows(path, head))
+        check_first_columns(scans.points, sample[:, 1:], 2)
+        note = ignored_columns_note(sample[:, 4:], 5)
+        return RawCloud(scans.points, note=_join_notes(_row_index_note(row_format.width), note, scans.note))
+    check_first_columns(scans.points, sample)
+    return RawCloud(scans.points, note=_join_notes(ignored_columns_note(sample[:, 3:]), scans.note))
+
+
 def _named_cloud(scans: _TableScans, row_format: RowFormat, head: Head, path: Path) -> RawCloud:
-    """The points of a table whose columns have names, which say what the numbers are; those of no title, nothing."""
-    points, note = scans.points, [ignored_colors_note(row_format.names), scans.note]
+    """The cloud of a table with named columns; names in the file may declare depths, degrees, heights or COLMAP."""
+    points, notes = scans.points, [ignored_colors_note(row_format.names), scans.note]
     if head.depth:
         positive = bool(np.nanmedian(points[:, 2]) > 0) if np.isfinite(points[:, 2]).any() else False
         points = points * [1, 1, -1] if positive else points
-        note.append("depths count down, so z = -depth" if positive else "depths below 0 are taken as heights")
+        notes.append("depths count down, so z = -depth" if positive else "depths below 0 are taken as heights")
     if head.degrees:
         points, degrees_note = project_degrees(points)
-        note.append(degrees_note)
+        notes.append(degrees_note)
     if head.colmap:
         colmap = import_lazily("z2p_renderer.plugins.readers._cameras.colmap")
-        cloud: RawCloud = colmap.with_colmap_cameras(points, path, _join_notes(*note))
+        cloud: RawCloud = colmap.with_colmap_cameras(points, path, _join_notes(*notes))
         return cloud
     if head.heights:
-        return RawCloud(points, note=_join_notes(*note), up="+Z", up_reason="z is a height by its columns' names")
-    return RawCloud(points, note=_join_notes(*note))
+        return RawCloud(points, note=_join_notes(*notes), up="+Z", up_reason="z is a height by its columns' names")
+    return RawCloud(points, note=_join_notes(*notes))
 
 
 def _is_bare_colmap(path: Path, head: Head, rows: list[str]) -> bool:
-    """Whether this is COLMAP's list of points by its name, though no comment says what the columns hold."""
-    return path.stem.lower() == "points3d" and not head.names and min(len(row.split()) for row in rows[:SAMPLE_ROWS]) >= 8
+    """Whether this is COLMAP's list of points by its file name, although no comment names its columns."""
+    if path.stem.lower() != "points3d" or head.names:
+        return False
+    return min(len(row.split()) for row in rows[:SAMPLE_ROWS]) >= 8
 
 
-def _join_notes(*note: str) -> str:
-    return "; ".join(filter(None, note))
+def _join_notes(*notes: str) -> str:
+    return "; ".join(filter(None, notes))
 
 
 def _row_index_note(width: int) -> str:
-    return f"column 1 counts the rows, so x y z are columns 2 to 4; --columns {example_column_names(width)} takes it as x"
+    names = example_column_names(width)
+    return f"column 1 counts the rows, so x y z are columns 2 to 4; --columns {names} takes it as x"
 
 
 def _check_counts(path: Path, head: Head, scans: _TableScans) -> None:
-    """Raises ScanError where a scan has not as many points as the line before it says; the first may count all."""
+    """Raises ScanError if a scan has another number of points than its line says; the first may give the total."""
     if head.promised is None or (scans.promised and head.promised == str(len(scans.points))):
         return
-    for (promised, line_index), count in zip([(head.promised, head.promised_at), *scans.promised], scans.counts, strict=True):
+    promises = [(head.promised, head.promised_at), *scans.promised]
+    for (promised, line_index), count in zip(promises, scans.counts, strict=True):
         if promised.strip() != str(count):
-            raise ScanError(f"line {line_number(path, line_index)} promises {promised.strip()[:40]!r} points, {count} came; "
-                            "mend the number, take the line out, or export the file again")
+            raise ScanError(f"line {line_number(path, line_index)} promises {promised.strip()[:40]!r} points, {count} "
+                            "came; mend the number, take the line out, or export the file again")
 
 
 def _reread_rows(path: Path, head: Head) -> Iterable[list[str]]:
-    """The blocks of rows of a file that has been read before."""
+    """Reads the blocks of rows of a file once more."""
     blocks = content_blocks(path)
     first: list[str] = next(blocks, [])
     return chain([first[head.lines :] or next(blocks, [])], blocks)
 
 
 def _read_table(path: Path, row_format: RowFormat, head: Head, blocks: Iterable[list[str]]) -> _TableScans:
-    """Points of blocks of rows, among which may stand the counts of more scans."""
+    """Parses blocks of rows, between which lines may hold the number of points of the next scan."""
     parts, scans, before = [np.empty((0, 3))], _TableScans(), head.lines
     several = head.promised is not None and (not row_format.named or path.suffix.lower() == ".pts")
     for rows in blocks:
@@ -186,8 +212,10 @@ def _read_table(path: Path, row_format: RowFormat, head: Head, blocks: Iterable[
     return scans
 
 
-def _split_scans(path: Path, row_format: RowFormat, rows: list[str], before: int, scans: _TableScans) -> list[np.ndarray]:
-    """Points of the rows between lines that count those of the next scan."""
+def _split_scans(
+    path: Path, row_format: RowFormat, rows: list[str], before: int, scans: _TableScans
+) -> list[np.ndarray]:
+    """Parses rows between lines that hold the number of points of the next scan; updates `scans`."""
     marks = [index for index, row in enumerate(rows) if is_count(row)]
     parts = []
     for start, end in zip([0, *(mark + 1 for mark in marks)], [*marks, len(rows)], strict=True):
@@ -204,7 +232,7 @@ def _split_scans(path: Path, row_format: RowFormat, rows: list[str], before: int
 
 
 def _bad_line_error(error: BadLineError, row_format: RowFormat, lines: list[str], path: Path, before: int) -> ScanError:
-    """What is wrong with a line of those that have `before` others with content before them in the file."""
+    """The error for a bad line among `lines`, which follow `before` content lines of the file."""
     index = before + error.index
     if note := notation_message(lines[error.index : error.index + 2]):
         return ScanError(f"line {line_number(path, index)}: {note}")

@@ -1,4 +1,4 @@
-"""Vertices of OBJ and OFF files, those that no face uses included."""
+"""Vertices of OBJ and OFF files, also those that no face uses."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 _OFF_HEADER = re.compile(
     rb"(?P<texture>ST)?(?P<colours>C)?(?P<normals>N)?(?P<homogeneous>4)?(?P<dimensions>n)?OFF(?![A-Za-z])(?P<counts>.*)"
 )
-"""How the first line begins; some writers put the counts on it too."""
+"""The first line of an OFF file; some writers put the counts on it too."""
 _COLORED_VERTEX_WORDS = (7, 8)
-"""Words of an OBJ line ``v x y z r g b``, perhaps with an opacity."""
+"""Number of words on an OBJ line ``v x y z r g b``, and with an opacity."""
 
 
 class Vertices(Reader):
@@ -41,7 +41,7 @@ class Vertices(Reader):
 
 
 def _read_obj(blob: bytes) -> RawCloud:
-    """Points of the ``v`` lines; trimesh would drop vertices without a face and double those on texture seams."""
+    """Points of the ``v`` lines; trimesh would drop vertices without a face and duplicate those on texture seams."""
     whole = blob.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")  # a line goes on after a backslash
     lines = [line.split() for line in whole.splitlines() if line.lstrip()[:2] in (b"v ", b"v\t")]
     rows = [words[1:4] for words in lines]
@@ -57,7 +57,7 @@ def _read_obj(blob: bytes) -> RawCloud:
 
 
 def _read_off(blob: bytes) -> RawCloud:
-    """Points of an OFF file; behind each may stand normals, colours or places in a texture, as its first word tells."""
+    """Points of an OFF file; normals, colors or texture coordinates may follow each point, as the first word says."""
     lines = [line for line in (line.split(b"#", 1)[0].strip() for line in blob.splitlines()) if line]
     header = _OFF_HEADER.match(lines[0]) if lines else None
     if header is None:

@@ -18,7 +18,7 @@ _NUMPY_TYPES = {
 _POINTS_LINE = re.compile(rb"^[ \t]*POINTS[ \t]+(\d{1,15})[ \t]+(\w+)[ \t]*\r?\n", re.MULTILINE | re.IGNORECASE)
 _DATASET_LINE = re.compile(rb"^[ \t]*DATASET[ \t]+(\w+)", re.MULTILINE | re.IGNORECASE)
 _MAX_HEADER_BYTES = 4096
-"""Bytes before the kind of data set is told: two lines and a word."""
+"""The kind of data set is named within this many bytes: after two lines and a word."""
 
 
 class Vtk(Reader):
@@ -30,11 +30,11 @@ class Vtk(Reader):
     suffixes = (".vtk", ".vtp", ".vtu")
 
     def memory(self, path: Path) -> int:
-        """Text may be all of it, and is read as a whole."""
+        """The file may be text, which is read as a whole."""
         return MEMORY_A_CHARACTER * path.stat().st_size
 
     def read(self, path: Path) -> list[RawCloud]:
-        """The file's points, one cloud (N, 3) float64, those that no cell uses included.
+        """The file's points, one cloud (N, 3) float64, also those that no cell uses.
 
         Raises:
             ScanError: no VTK file, one of a grid without points, or one that is cut short.

@@ -68,7 +68,8 @@ def _collect_claims(wanted: str | None = None) -> tuple[dict[str, list[str]], li
     claims: dict[str, list[str]] = {}
     faults = []
     for name in registry.names("readers"):
-        if wanted is not None and wanted not in BUILTIN_SUFFIXES.get(name, (wanted,)) and registry.is_builtin("readers", name):
+        is_other_suffix = wanted is not None and wanted not in BUILTIN_SUFFIXES.get(name, (wanted,))
+        if is_other_suffix and registry.is_builtin("readers", name):
             continue
         try:
             plugin = registry.load("readers", name)

@@ -17,8 +17,10 @@ _ARCHIVE_ADVICE = "unpack it first, and give z2p what is in it"
 _PACKETS_ADVICE = "open it in VeloView or the maker's viewer, and save the frames as PCD, LAS or CSV"
 
 UNREAD_CLOUDS: dict[str, tuple[str, str]] = {
-    ".splat": ("holds packed Gaussian splats", _SPLATS_ADVICE), ".ksplat": ("holds packed Gaussian splats", _SPLATS_ADVICE),
-    ".spz": ("holds packed Gaussian splats (SPZ)", _SPLATS_ADVICE), ".sog": ("holds packed Gaussian splats", _SPLATS_ADVICE),
+    ".splat": ("holds packed Gaussian splats", _SPLATS_ADVICE),
+    ".ksplat": ("holds packed Gaussian splats", _SPLATS_ADVICE),
+    ".spz": ("holds packed Gaussian splats (SPZ)", _SPLATS_ADVICE),
+    ".sog": ("holds packed Gaussian splats", _SPLATS_ADVICE),
     ".drc": ("holds points or a mesh packed by Draco", "unpack it with: draco_decoder -i {name} -o {stem}.ply"),
     ".bag": ("is a ROS bag", "write its clouds as PCD files with: rosrun pcl_ros bag_to_pcd {name} /the/topic folder"),
     ".mcap": ("is a ROS 2 recording", "play it, and write its clouds as PCD files with: ros2 run pcl_ros "
@@ -39,7 +41,8 @@ UNREAD_CLOUDS: dict[str, tuple[str, str]] = {
     ".clr": ("is a Topcon scan", _SCANNER_ADVICE.format(program="Magnet Collage")),
     ".tzf": ("is a Trimble scan", _SCANNER_ADVICE.format(program="Trimble RealWorks")),
     ".pod": ("is a Pointools cloud", _SCANNER_ADVICE.format(program="Bentley Pointools")),
-    ".pcap": ("is a lidar's recorded packets", _PACKETS_ADVICE), ".pcapng": ("is a lidar's recorded packets", _PACKETS_ADVICE),
+    ".pcap": ("is a lidar's recorded packets", _PACKETS_ADVICE),
+    ".pcapng": ("is a lidar's recorded packets", _PACKETS_ADVICE),
     ".lvx": ("is a Livox recording", "open it in Livox Viewer, and save the frames as CSV or LAS"),
     ".lvx2": ("is a Livox recording", "open it in Livox Viewer 2, and save the frames as CSV or LAS"),
 }  # fmt: skip
@@ -49,13 +52,16 @@ UNREAD_OTHERS: dict[str, tuple[str, str]] = {
     ".blend": ("is a Blender file", _MESH_ADVICE.format(program="Blender")),
     ".max": ("is a 3ds Max scene", _MESH_ADVICE.format(program="3ds Max")),
     ".c4d": ("is a Cinema 4D scene", _MESH_ADVICE.format(program="Cinema 4D")),
-    ".ma": ("is a Maya scene", _MESH_ADVICE.format(program="Maya")), ".mb": ("is a Maya scene", _MESH_ADVICE.format(program="Maya")),
-    **{suffix: ("is a USD scene", _MESH_ADVICE.format(program="Blender")) for suffix in (".usd", ".usda", ".usdc", ".usdz")},
+    ".ma": ("is a Maya scene", _MESH_ADVICE.format(program="Maya")),
+    ".mb": ("is a Maya scene", _MESH_ADVICE.format(program="Maya")),
+    **{suffix: ("is a USD scene", _MESH_ADVICE.format(program="Blender"))
+       for suffix in (".usd", ".usda", ".usdc", ".usdz")},
     **{suffix: (f"is a mesh in the format {suffix[1:].upper()}", _MESH_ADVICE.format(program="Blender"))
        for suffix in (".fbx", ".dae", ".abc", ".3ds", ".x3d", ".wrl", ".3mf", ".lwo")},
     **{suffix: (f"is a solid in the format {suffix[1:].upper()}", _MESH_ADVICE.format(program="FreeCAD"))
        for suffix in (".step", ".stp", ".iges", ".igs", ".brep", ".fcstd", ".dwg", ".dxf", ".ifc", ".3dm")},
-    **{suffix: ("is an archive", _ARCHIVE_ADVICE) for suffix in (".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz", ".zst")},
+    **{suffix: ("is an archive", _ARCHIVE_ADVICE)
+       for suffix in (".zip", ".7z", ".rar", ".tar", ".tgz", ".bz2", ".xz", ".zst")},
     **{suffix: ("holds heights in a grid, or a picture", "turn heights into points first, as in: gdal_translate "
                 "-of XYZ {name} {stem}.xyz") for suffix in (".tif", ".tiff", ".dem", ".hgt", ".vrt")},
     **{suffix: ("is a spreadsheet", "save the sheet with the points as CSV") for suffix in (".xls", ".xlsx", ".ods")},
@@ -106,7 +112,8 @@ def advice_by_suffix(path: Path) -> str:
     inner = without_gz(path)
     if inner.suffix.lower() == ".tar":
         return f"is an archive, which z2p does not read; {_ARCHIVE_ADVICE}"
-    return _format_advice(*kind_and_advice, inner) if (kind_and_advice := _kind_and_advice(inner.suffix.lower())) else ""
+    kind_and_advice = _kind_and_advice(inner.suffix.lower())
+    return _format_advice(*kind_and_advice, inner) if kind_and_advice else ""
 
 
 def advice_of(path: Path) -> str:

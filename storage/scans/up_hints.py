@@ -97,7 +97,8 @@ def _xml_comments(text: str) -> Iterable[str]:
 
 
 _COMMENT_PARSERS = {
-    ".ply": _ply_comments, ".pcd": _pcd_comments, ".obj": _mesh_comments, ".off": _mesh_comments, ".stl": _stl_comments, ".vtk": _vtk_comments,
+    ".ply": _ply_comments, ".pcd": _pcd_comments, ".obj": _mesh_comments, ".off": _mesh_comments,
+    ".stl": _stl_comments, ".vtk": _vtk_comments,
     ".vtp": _xml_comments, ".vtu": _xml_comments,
 }  # fmt: skip
 """Suffix -> what finds the comments in a head of such a file; all texts have the same."""

@@ -1,4 +1,4 @@
-"""What the cameras that a cloud was made from tell of it: which way is up, and from where people looked at it."""
+"""Up axis and viewpoint of a cloud from the poses of the cameras that it was made from."""
 
 from __future__ import annotations
 
@@ -11,37 +11,39 @@ import numpy as np
 from z2p_core.interfaces import RawCloud
 
 _MAX_AXIS_TILT_DEGREES, _MIN_MEAN_UP_LENGTH = 20.0, 0.5
-"""Degrees between the cameras' up and an axis that it may be; and the least length of the mean of their unit vectors,
-for cameras that were held in all ways say nothing."""
+"""Largest angle between the cameras' up direction and a coordinate axis that stands for it; and the least length of the
+mean of the cameras' unit up vectors: a shorter mean says that the cameras were held in all orientations.
+The second is also the least cosine between that mean and the up direction from the right vectors."""
 _MIN_RIGHT_SPREAD = 0.2
-"""How far cameras must be turned to one another to tell what was level to all of them."""
+"""Least second singular value, divided by sqrt(M), of M right vectors of cameras that span a horizontal plane."""
 MAX_JSON_BYTES, _MAX_SEARCHED_FOLDERS = 1 << 26, 3
-"""Bytes of a list of cameras at the most, and folders in which it is looked for, from that of the points upwards."""
+"""Larger camera files are not read; they are searched in this many folders, from that of the points upwards."""
 
 
-def with_camera_hints(cloud: RawCloud, rotations: np.ndarray, places: np.ndarray) -> RawCloud:
-    """The cloud with up and view as its cameras had them; as it is where there are none.
+def with_camera_hints(cloud: RawCloud, rotations: np.ndarray, positions: np.ndarray) -> RawCloud:
+    """Returns the cloud with the up axis and viewpoint of its cameras; with M = 0, the cloud as it is.
 
-    `rotations` (M, 3, 3) go from the cloud's axes to each camera's, those of OpenCV; `places` (M, 3) are the cameras'.
+    `rotations` (M, 3, 3) go from the cloud's axes to the OpenCV axes of each camera; `positions` (M, 3) are the camera
+    positions in the cloud's axes.
     """
-    if not len(places):
+    if not len(positions):
         return cloud
-    seen_from = places[((places - places.mean(0)) ** 2).sum(1).argmin()]
+    seen_from = positions[((positions - positions.mean(0)) ** 2).sum(1).argmin()]
     upward = _estimate_up(rotations)
     if upward is None:
         return replace(cloud, seen_from=seen_from)
     longest = int(np.abs(upward).argmax())
     axis = ("+" if upward[longest] > 0 else "-") + "XYZ"[longest]
     tilted = abs(float(upward[longest])) < np.cos(np.radians(_MAX_AXIS_TILT_DEGREES))
-    return replace(cloud, up=axis, up_certain=True, up_reason=f"its {len(places)} cameras stood so",
+    return replace(cloud, up=axis, up_certain=True, up_reason=f"its {len(positions)} cameras stood so",
                    upward=upward if tilted else None, seen_from=seen_from)  # fmt: skip
 
 
 def _estimate_up(rotations: np.ndarray) -> np.ndarray | None:
-    """The unit vector (3,) that was up to cameras of rotations (M, 3, 3); None where they were held in all ways.
+    """The unit up vector (3,) of cameras with rotations (M, 3, 3); None if they were held in all orientations.
 
-    Their own up leans back where they look down, and is no more than the direction; what is at right angles to what was
-    right to all of them is up, unless they all look the same way.
+    The mean of the cameras' own up vectors leans back when they look down. The direction perpendicular to all right
+    vectors does not, so it is preferred, unless the cameras all look the same way and do not determine it.
     """
     mean = -rotations[:, 1].mean(0)
     length = float(np.linalg.norm(mean))
@@ -49,30 +51,31 @@ def _estimate_up(rotations: np.ndarray) -> np.ndarray | None:
         return None
     spread, axes = np.linalg.svd(rotations[:, 0], full_matrices=True)[1:]
     level = axes[2]
-    min_spread, off = _MIN_RIGHT_SPREAD * len(rotations) ** 0.5, abs(level @ mean) < _MIN_MEAN_UP_LENGTH * length
-    if len(rotations) < 3 or spread[1] < min_spread or off:
+    min_spread = _MIN_RIGHT_SPREAD * len(rotations) ** 0.5
+    is_misaligned = abs(level @ mean) < _MIN_MEAN_UP_LENGTH * length
+    if len(rotations) < 3 or spread[1] < min_spread or is_misaligned:
         return np.asarray(mean / length)
     return np.asarray(level if level @ mean > 0 else -level)
 
 
 def read_3dgs_cameras(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (M, 3, 3) and places (M, 3) of the cameras in the cameras.json that 3DGS writes for its model.
+    """Rotations (M, 3, 3) and positions (M, 3) of the cameras in the cameras.json that 3DGS writes for its model.
 
-    None where there is no such file in the folder of the splats or above it, or where it is damaged.
+    M = 0 if there is no such file in the folder of the splats or above it, or if it is damaged.
     """
     for folder in list(path.absolute().parents)[:_MAX_SEARCHED_FOLDERS]:
         beside = folder / "cameras.json"
         try:
             if not beside.is_file() or beside.stat().st_size > MAX_JSON_BYTES:
                 continue
-            listed = json.loads(beside.read_bytes())
-            rotations = np.array([camera["rotation"] for camera in listed], np.float64).reshape(-1, 3, 3)
-            places = np.array([camera["position"] for camera in listed], np.float64).reshape(-1, 3)
+            entries = json.loads(beside.read_bytes())
+            rotations = np.array([camera["rotation"] for camera in entries], np.float64).reshape(-1, 3, 3)
+            positions = np.array([camera["position"] for camera in entries], np.float64).reshape(-1, 3)
         except (OSError, ValueError, TypeError, KeyError, RecursionError):  # the points are drawn all the same
             break
-        turned = rotations.transpose(0, 2, 1)  # from the camera's axes to the model's is how they stand in the file
-        square = np.abs(turned @ rotations - np.eye(3)).max(initial=0) < 1e-3
-        if len(turned) == len(places) and square and np.isfinite(places).all():
-            return turned, places
+        world_to_camera = rotations.transpose(0, 2, 1)  # the file has rotations from camera axes to model axes
+        are_rotations = np.abs(world_to_camera @ rotations - np.eye(3)).max(initial=0) < 1e-3
+        if len(world_to_camera) == len(positions) and are_rotations and np.isfinite(positions).all():
+            return world_to_camera, positions
         break
     return np.empty((0, 3, 3)), np.empty((0, 3))

@@ -1,4 +1,4 @@
-"""Which way is up in a cloud beside which the cameras lie that it was made from: of COLMAP, of nerfstudio, of 3DGS."""
+"""Up axis and viewpoint of a cloud from the camera files beside it: those of COLMAP, nerfstudio and 3DGS."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ from z2p_renderer.plugins.readers._cameras.camera_hints import MAX_JSON_BYTES, r
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 
 _MAX_IMAGES_FILE_BYTES = 1 << 28
-"""Bytes of a list of pictures at the most."""
+"""Larger lists of images are not read."""
 _IMAGES_NAMES = ("images.bin", "images.txt")
 _DENSE_NAMES = ("fused.ply", "meshed-poisson.ply", "meshed-delaunay.ply")
-"""Names of what COLMAP makes of a model that it keeps in a folder beside them."""
+"""Names of COLMAP's dense results; the model that they were made from lies in the folder ``sparse`` beside them."""
 _INPUT_NAME = "input.ply"
-"""What 3DGS calls its copy of the points that it began with."""
+"""Name of the copy that 3DGS keeps of its initial points."""
 _OPENGL_TO_OPENCV = np.diag([1.0, -1.0, -1.0])
-"""From a camera's axes as nerfstudio has them to those of OpenCV."""
+"""Rotation from the camera axes of nerfstudio to those of OpenCV."""
 _ORTHOGONAL_TOLERANCE = 1e-2
+"""Largest deviation of R^T R from the identity, for a matrix R that counts as a rotation."""
 
 
 def with_model_cameras(cloud: RawCloud, path: Path) -> RawCloud:
-    """The cloud of a file with up, and where they are surely its own the view, of the cameras that lie beside it.
+    """Returns the cloud of a file with the up axis and the viewpoint of the cameras beside it.
 
-    As it is where there are none. Files that are damaged count for nothing.
+    Cameras that may belong to another cloud only suggest an axis. Without cameras the cloud is returned as it is;
+    damaged camera files are ignored.
     """
     name = path.name.lower()
     if name == _INPUT_NAME:
@@ -37,9 +39,9 @@ def with_model_cameras(cloud: RawCloud, path: Path) -> RawCloud:
     folder = path.parent / "sparse" if name in _DENSE_NAMES else path.parent
     if any(_is_file_within(folder / images, _MAX_IMAGES_FILE_BYTES) for images in _IMAGES_NAMES):
         colmap = import_lazily("z2p_renderer.plugins.readers._cameras.colmap")
-        rotations, places = colmap.read_colmap_cameras(folder)
-        if len(places):
-            return with_camera_hints(_with_usual_up(cloud, "-Y", colmap.AXES_REASON), rotations, places)
+        rotations, positions = colmap.read_colmap_cameras(folder)
+        if len(positions):
+            return with_camera_hints(_with_usual_up(cloud, "-Y", colmap.AXES_REASON), rotations, positions)
     if name in _DENSE_NAMES:
         return _with_usual_up(cloud, "-Y", "the usual axes of COLMAP, as whose result it is named")
     if _is_file_within(path.parent / "transforms.json", MAX_JSON_BYTES):
@@ -59,10 +61,10 @@ def _is_file_within(path: Path, max_bytes: int) -> bool:
 
 
 def _with_nerfstudio_cameras(cloud: RawCloud, path: Path) -> RawCloud:
-    """The cloud as the cameras in a transforms.json tell.
+    """The cloud with the up axis and viewpoint of the cameras in the transforms.json beside it.
 
-    They are surely the cloud's own where the file names it. Any other cloud may have been turned since, so that they
-    make an axis no more than usual for it.
+    They are certain if the file names this cloud. Any other cloud may have been rotated since, so for it the cameras
+    only suggest an axis.
     """
     try:
         transforms = json.loads((path.parent / "transforms.json").read_bytes())
@@ -70,9 +72,10 @@ def _with_nerfstudio_cameras(cloud: RawCloud, path: Path) -> RawCloud:
         return cloud
     if not isinstance(transforms, dict) or not isinstance(transforms.get("frames"), list):
         return cloud
-    rotations, places = _parse_frames(transforms["frames"])
-    cloud = _with_usual_up(cloud, _world_up_axis(transforms), "the usual axes of nerfstudio, whose transforms.json lies beside it")
-    hinted = with_camera_hints(cloud, rotations, places)
+    rotations, positions = _parse_frames(transforms["frames"])
+    usual_reason = "the usual axes of nerfstudio, whose transforms.json lies beside it"
+    cloud = _with_usual_up(cloud, _world_up_axis(transforms), usual_reason)
+    hinted = with_camera_hints(cloud, rotations, positions)
     ply_name = transforms.get("ply_file_path")
     if isinstance(ply_name, str) and PurePath(ply_name).name == path.name:
         return hinted
@@ -81,9 +84,9 @@ def _with_nerfstudio_cameras(cloud: RawCloud, path: Path) -> RawCloud:
 
 
 def _parse_frames(frames: list[Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (M, 3, 3) from the world's axes to each camera's, those of OpenCV, and places (M, 3).
+    """Rotations (M, 3, 3) from world axes to the OpenCV axes of each camera, and camera positions (M, 3).
 
-    None where the matrices are none of cameras.
+    M = 0 if a frame has no valid pose matrix.
     """
     none = np.empty((0, 3, 3)), np.empty((0, 3))
     try:
@@ -99,9 +102,9 @@ def _parse_frames(frames: list[Any]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _world_up_axis(transforms: dict[str, Any]) -> str:
-    """The axis that is up in nerfstudio's world: +Z, or what became of COLMAP's -Y where the file tells the turn."""
+    """The up axis of nerfstudio's world: +Z, or the image of COLMAP's -Y if the file has the applied transform."""
     try:
-        turned = np.array(transforms["applied_transform"], np.float64)[:3, :3] @ [0.0, -1.0, 0.0]
-        return axis_of_vector([round(number, 6) for number in turned.tolist()]) or "+Z"
+        up = np.array(transforms["applied_transform"], np.float64)[:3, :3] @ [0.0, -1.0, 0.0]
+        return axis_of_vector([round(number, 6) for number in up.tolist()]) or "+Z"
     except (KeyError, ValueError, TypeError, IndexError):
         return "+Z"

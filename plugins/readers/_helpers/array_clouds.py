@@ -1,4 +1,4 @@
-"""Clouds of arrays whose shape and name say what they hold: points, batches of them, point maps, or anything else."""
+"""Clouds from arrays, by their shape and name: single clouds, batches, point maps; other arrays are refused."""
 
 from __future__ import annotations
 
@@ -16,29 +16,33 @@ from z2p_renderer.plugins.readers._text.column_doubts import find_leading_column
 
 MAX_COLUMNS = 128
 _MIN_SUSPICIOUS_BYTES, _MAX_COMPRESSION_RATIO = 100 << 20, 200
-"""An array above so many bytes that was packed to a smaller share of them than one in so many is no cloud."""
+"""An array of more bytes than the first that was compressed by more than the second, a ratio, is no cloud."""
 MAP_KEYS = ("pts3d", "world_points", "point_map", "pointmap", "point_maps", "points3d", "points_3d", "xyz_map",
             "world_points_from_depth", "pts3d_in_other_view", "xyz_image")  # fmt: skip
-"""Names of point maps, as learnt depth writes them."""
+"""Names of point maps, as networks that predict depth write them."""
 OBJECT_KEYS = ("data", "complete_pcds", "incomplete_pcds", "gt", "complete", "partial", "pcds")
 """Names under which data sets made of ShapeNet or ModelNet keep their objects."""
-POINT_KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord", "point_cloud", "pointcloud", "pointclouds",
-        "point_clouds", "pcd", "pc", "pts", "cloud", *MAP_KEYS, *OBJECT_KEYS)  # fmt: skip
+POINT_KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord", "point_cloud", "pointcloud",
+              "pointclouds", "point_clouds", "pcd", "pc", "pts", "cloud", *MAP_KEYS,
+              *OBJECT_KEYS)  # fmt: skip
 """Names under which programs keep points; the first that holds some counts."""
 _CAMERA_AXES_KEYS = {"pts3d", "point_map", "pointmap", "point_maps", "xyz_map", "xyz_image"}
-"""Those of maps in their own camera's axes."""
+"""Names of point maps in the axes of their own camera."""
 _OBJECT_UP = {"up": "+Y", "up_reason": "the usual axes of ModelNet and ShapeNet", "up_certain": False}
 _MAX_SAMPLED_ROWS = 1000
+"""Rows at the beginning of a cloud that are examined for what its columns hold."""
 _MIN_MAP_SIDE, _MAX_MAP_CHANNELS = 8, 8
-"""Rows and columns of a map of points at least, and numbers of each of its pixels at most."""
+"""Least number of rows and of columns of a point map, and largest number of values per pixel."""
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def clouds_from_array(array: np.ndarray, key: str = "") -> list[RawCloud]:
-    """Clouds (N, 3) float64 of an array whose shape, and the name that it has, say which axis is which.
+    """Splits an array (N, C), (B, N, C), (H, W, C) or (B, H, W, C) into clouds (N, 3) float64.
+
+    Its shape, and its name `key` in the file, decide what its axes mean.
 
     Raises:
-        ScanError: it holds no points by its shape or its numbers.
+        ScanError: the shape or the numbers are not those of points.
     """
     array = move_coordinates_last(array)
     as_maps = array.ndim == 4 or (array.ndim == 3 and key in MAP_KEYS)
@@ -60,20 +64,23 @@ def clouds_from_array(array: np.ndarray, key: str = "") -> list[RawCloud]:
 
 def _check_first_columns(array: np.ndarray) -> None:
     """Raises ScanError where something else than x, y and z comes first in the rows of a cloud (N, 3 or more)."""
-    before, description = find_leading_columns(_first_three_columns(array), array[:_MAX_SAMPLED_ROWS].astype(np.float64))
+    sample = array[:_MAX_SAMPLED_ROWS].astype(np.float64)
+    before, description = find_leading_columns(_first_three_columns(array), sample)
     if before:
-        raise ScanError(f"column{'s' if before > 1 else ''} 1{f' to {before}' if before > 1 else ''} may be {description} "
+        columns = f"columns 1 to {before}" if before > 1 else "column 1"
+        raise ScanError(f"{columns} may be {description} "
                         f"rather than coordinates: save x, y and z alone, as array[:, {before}:{before + 3}] if they "
                         "come next, or array[:, :3]")
 
 
 def exceeds_size_limit(unpacked: int, packed: int, max_bytes: int) -> bool:
-    """Whether an array of `unpacked` bytes, kept in `packed` ones, has more than `max_bytes`, or more than clouds pack."""
-    return unpacked > max_bytes or (unpacked > _MIN_SUSPICIOUS_BYTES and unpacked > _MAX_COMPRESSION_RATIO * max(packed, 1))
+    """Whether an array of `unpacked` bytes, stored in `packed`, is larger than `max_bytes` or too compressible."""
+    too_compressed = unpacked > _MIN_SUSPICIOUS_BYTES and unpacked > _MAX_COMPRESSION_RATIO * max(packed, 1)
+    return unpacked > max_bytes or too_compressed
 
 
 def move_coordinates_last(array: np.ndarray) -> np.ndarray:
-    """The array with x, y, z along its last axis, where a point map has them before its rows and columns."""
+    """The array with x, y, z along its last axis: a point map (3, H, W) or (B, 3, H, W) is transposed."""
     if array.ndim not in (3, 4) or array.shape[-3] != 3 or array.shape[-1] == 3 or array.shape[-2] < _MIN_MAP_SIDE:
         return array
     moved = np.moveaxis(array, -3, -1)
@@ -107,13 +114,17 @@ def check_fields(dtype: np.dtype) -> None:
 
 
 def plain_numbers(array: np.ndarray) -> np.ndarray:
-    """The numbers (..., 3 or more) of an array, or of its records by the names of their fields."""
+    """The numbers (..., 3 or more) of an array; of records, the fields that hold x, y and z."""
     name = _points_field(array.dtype)
     return records_to_points(array) if name is None else array[name]
 
 
 def stack_axes(columns: dict[str, np.ndarray]) -> np.ndarray:
-    """Points (N, 3) of arrays x, y and z, of any shape but the same."""
+    """Points (N, 3) from arrays x, y and z of one shape.
+
+    Raises:
+        ScanError: their shapes differ.
+    """
     shapes = [columns[axis].shape for axis in "xyz"]
     if len(set(shapes)) > 1:
         raise ScanError(f"expected arrays x, y and z of one shape, got {', '.join(map(str, shapes))}; save the points "
@@ -136,14 +147,14 @@ def is_points(shape: tuple[int, ...], dtype: np.dtype, key: str = "") -> bool:
 
 
 def _points_field(dtype: np.dtype) -> str | None:
-    """The field of records that holds all of x, y and z, if one is called so."""
+    """The name of the field of records that holds x, y and z as one vector; None if there is none."""
     fields = {name.lower(): name for name in dtype.names or ()}
     names: Iterable[str] = (fields[key] for key in POINT_KEYS if key in fields)
     return next((name for name in names if dtype[name].shape == (3,) and dtype[name].base.kind in "fiu"), None)
 
 
 def _cloud_from_map(points: np.ndarray, certain: bool = False) -> RawCloud:
-    """The cloud of a point map (H, W, 3 or more), as its camera sees it."""
+    """The cloud of a point map (H, W, 3 or more), with the pose of its camera as the sensor."""
     rows, columns = points.shape[:2]
     sensor: Sensor | None = estimate_map_sensor(points[..., :3], certain)
     note = f"a point map of {rows} x {columns} pixels"

@@ -1,4 +1,4 @@
-"""What the file's line says of colours, which are not drawn."""
+"""The note for the user on colors, which are not drawn."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ IGNORED_NOTE = "its colours are ignored"
 
 
 def colours_note(names: Iterable[str]) -> str:
-    """What to say of a file whose points have these fields beside their places; nothing if none is a colour."""
+    """The note on a file whose points have fields with these names; empty if none of them is a color."""
     return IGNORED_NOTE if names_include_color(names) else ""

@@ -1,4 +1,4 @@
-"""Gaussian splats in PLY files, as 3DGS writes them and as SuperSplat packs them: which of them show a surface."""
+"""Points from Gaussian splats in PLY files, as 3DGS writes them and as SuperSplat packs them."""
 
 from __future__ import annotations
 
@@ -11,33 +11,34 @@ from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 
 USUAL_UP, UP_REASON = "-Y", "usual for Gaussian splats"
 MIN_VISIBLE_OPACITY = 0.05
-"""Opacity below which a Gaussian hardly shows: training leaves many such floating about."""
+"""Gaussians of lower opacity are left out: training leaves many of them in empty space."""
 MIN_HUGE_DIAGONALS = 0.25
-"""Length of a Gaussian's longest axis, in diagonals of the box about most others, from which on it is no surface but
-haze or sky, and its centre no point of anything."""
+"""Gaussians whose longest axis exceeds this many diagonals of the bounding box of the others are left out: they are
+haze or sky, and their center lies on no surface."""
 _BOX_QUANTILES = (0.02, 0.98)
+"""Quantiles of the coordinates that bound this box."""
 _SPLATS_PER_CHUNK = 256
-"""Packed Gaussians that share the bounds in one row of the element ``chunk``."""
+"""How many packed Gaussians share the bounds in one row of the element ``chunk``."""
 _PACKED_PROPERTIES = ("packed_position", "packed_scale", "packed_color")
 _BOUNDS = ("min_x", "min_y", "min_z", "max_x", "max_y", "max_z")
 _SCALE_BOUNDS = ("min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z")
 
 
 def is_splats(vertex: PlyElement) -> bool:
-    """Whether the vertices are Gaussians: they have an opacity, a size and a turn."""
+    """Whether the vertices are Gaussians: they have an opacity, a scale and a rotation."""
     return {"opacity", "scale_0", "rot_0"} <= {entry.name for entry in vertex.properties}
 
 
 def splat_columns(vertex: PlyElement) -> tuple[str, ...]:
-    """Names of the opacity and the sizes; surfels have but two of these."""
+    """Names of the opacity and the scales; surfels have two scales, Gaussians three."""
     scales = sorted(entry.name for entry in vertex.properties if entry.name in ("scale_0", "scale_1", "scale_2"))
     return ("opacity", *scales)
 
 
 def cloud_from_splats(table: np.ndarray, total: int, note: str = "") -> RawCloud:
-    """The cloud of Gaussians (N, 4 or more): x, y, z, the opacity before its sigmoid, and sizes' logarithms.
+    """The cloud of Gaussians from a table (N, 4 or more): x, y, z, opacity before the sigmoid, logarithmic scales.
 
-    `total` is how many the file has, if those stand for all.
+    `total` is the number of Gaussians in the file, of which the table may be a subsample.
     """
     opacity = table[:, 3]
     seen = opacity[np.isfinite(opacity)]
@@ -73,19 +74,21 @@ def cloud_from_packed_splats(body: bytes, header: PlyHeader, note: str = "") -> 
         return RawCloud(np.empty((0, 3)))
     names = set(chunk.dtype.names or ()) if chunk is not None else set()
     if chunk is None or not set(_BOUNDS) <= names or len(chunk) != -(-len(vertex) // _SPLATS_PER_CHUNK):
-        raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each {_SPLATS_PER_CHUNK} "
-                        f"of them, got {0 if chunk is None else len(chunk)}; export the file again")
+        raise ScanError(f"{len(vertex)} packed Gaussian splats need a row of bounds (chunk) for each "
+                        f"{_SPLATS_PER_CHUNK} of them, got {0 if chunk is None else len(chunk)}; export the file again")
     rows = np.arange(0, len(vertex), -(-len(vertex) // MAX_ROWS))
     group, vertex = rows // _SPLATS_PER_CHUNK, vertex[rows]
     points = _dequantize(vertex["packed_position"], chunk[group], _BOUNDS)
     has_scales = "packed_scale" in (vertex.dtype.names or ()) and set(_SCALE_BOUNDS) <= names
-    scales = _dequantize(vertex["packed_scale"], chunk[group], _SCALE_BOUNDS) if has_scales else np.empty((len(rows), 0))
+    scales = np.empty((len(rows), 0))
+    if has_scales:
+        scales = _dequantize(vertex["packed_scale"], chunk[group], _SCALE_BOUNDS)
     alpha = (vertex["packed_color"] & 255) / 255.0
     return _visible_cloud(points, alpha, scales, IGNORED_NOTE, int(header.element("vertex").count), note)  # type: ignore[union-attr]
 
 
 def _dequantize(packed: np.ndarray, chunk: np.ndarray, bounds: tuple[str, ...]) -> np.ndarray:
-    """Three numbers (N, 3) float64 that were packed into 11, 10 and 11 bits, between bounds (N) of theirs."""
+    """Unpacks integers (N,) of 11, 10 and 11 bits to (N, 3) float64 between the bounds in the rows of `chunk`."""
     packed = packed.astype(np.uint32)
     shares = np.column_stack([(packed >> 21) / 2047.0, (packed >> 11 & 1023) / 1023.0, (packed & 2047) / 2047.0])
     low, high = (np.column_stack([chunk[name] for name in bounds[at : at + 3]]).astype(np.float64) for at in (0, 3))
@@ -100,7 +103,7 @@ def _sigmoid(numbers: np.ndarray) -> np.ndarray:
 def _visible_cloud(
     points: np.ndarray, alpha: np.ndarray, scales: np.ndarray, colours: str, total: int, note: str
 ) -> RawCloud:
-    """The cloud of those Gaussians that show a surface; all of them if hardly any does."""
+    """The cloud of the Gaussians that are neither faint nor huge; of all, if fewer than three remain."""
     solid = alpha >= MIN_VISIBLE_OPACITY
     large = np.zeros(len(points), dtype=bool)
     placed = points[solid & np.isfinite(points).all(1)]

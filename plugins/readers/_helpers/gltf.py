@@ -1,5 +1,8 @@
-"""What trimesh does not know of today's binary glTF: packed meshes are refused, normalized positions converted, lines
-and fans taken for points, and a file without a scene, which the format allows, gets one."""
+"""Rewrites binary glTF into the subset that trimesh reads.
+
+Compressed meshes are refused, normalized integer positions become floats, lines and fans become points, and a file
+without a scene, which the format allows, gets one.
+"""
 
 from __future__ import annotations
 
@@ -16,23 +19,24 @@ _COMPRESSION_NAMES = {
     "EXT_meshopt_compression": "meshopt",
     "KHR_meshopt_compression": "meshopt",
 }
-"""Extensions without whose unpacking there are no positions -> how people call them."""
+"""Extension that compresses positions -> its usual name."""
 _INTEGER_COMPONENTS = {5120: ("i1", 127), 5121: ("u1", 255), 5122: ("<i2", 32767), 5123: ("<u2", 65535)}
-"""Component type -> its numpy type, and the whole number that stands for 1 where an accessor is normalized."""
+"""glTF component type -> its numpy type, and the integer that stands for 1.0 in a normalized accessor."""
 _FLOAT_COMPONENT = 5126
+"""glTF component type of float32."""
 _JSON_CHUNK, _BINARY_CHUNK = b"JSON", b"BIN\0"
 _POINTS_MODE, _READABLE_MODES = 0, (0, 4, 5)
-"""The mode of points, and those that trimesh reads: points, triangles and strips of them."""
+"""glTF primitive mode of points, and the modes that trimesh reads: points, triangles and triangle strips."""
 
 
 def readable_glb(blob: bytes) -> bytes:
-    """The same GLB as trimesh can read it, with normalized positions as floats: trimesh would take 32767 for 32767.
+    """Rewrites a GLB so that trimesh reads its vertices; returns the same bytes if nothing has to change.
 
-    Without a scene trimesh would find nothing, so one of all nodes is added.
+    trimesh ignores normalization (it would read 32767 instead of 1.0), and reads no mesh outside a scene.
 
     Raises:
-        ScanError: the meshes are packed, or not in the file.
-        Exception: the file is damaged; whatever the parsing stumbles over.
+        ScanError: the meshes are compressed, use sparse accessors or lie in another file.
+        Exception: the file is damaged; parsing raises errors of several types.
     """
     (length,) = struct.unpack_from("<I", blob, 12)
     tree = json.loads(blob[20 : 20 + length])
@@ -71,7 +75,7 @@ def _compression_error(extension: str) -> ScanError:
 
 
 def _add_scene(tree: dict[str, Any]) -> None:
-    """Puts all nodes into a scene, and before that each mesh into a node where there is none."""
+    """Adds a scene of all root nodes; a file without nodes gets one node per mesh."""
     nodes = tree.get("nodes") or [{"mesh": index} for index in range(len(tree.get("meshes", ())))]
     below = {child for node in nodes for child in node.get("children", ())}
     roots = [index for index in range(len(nodes)) if index not in below]
@@ -79,11 +83,12 @@ def _add_scene(tree: dict[str, Any]) -> None:
 
 
 def _is_normalized_integer(accessor: dict[str, Any]) -> bool:
-    return bool(accessor.get("normalized")) and accessor["componentType"] in _INTEGER_COMPONENTS and "bufferView" in accessor
+    is_integer = accessor.get("normalized") and accessor["componentType"] in _INTEGER_COMPONENTS
+    return bool(is_integer) and "bufferView" in accessor
 
 
 def _make_float(tree: dict[str, Any], accessor: dict[str, Any], binary: bytearray) -> None:
-    """Appends the accessor's positions to the binary chunk as floats, and lets it point to them."""
+    """Appends the accessor's positions to the binary chunk as float32, and redirects the accessor to them."""
     view = tree["bufferViews"][accessor["bufferView"]]
     if view["buffer"] != 0:
         raise ScanError("the positions lie in another buffer than the file's own; export it again as one .glb file")
@@ -101,10 +106,11 @@ def _make_float(tree: dict[str, Any], accessor: dict[str, Any], binary: bytearra
 
 
 def encode_glb(tree: dict[str, Any], binary: bytes) -> bytes:
-    """A GLB of the two chunks."""
+    """Encodes a GLB file from the JSON tree and the binary chunk."""
     binary += bytes(-len(binary) % 4)
     tree["buffers"][0]["byteLength"] = len(binary)
     text = json.dumps(tree).encode()
     text += b" " * (-len(text) % 4)
-    chunks = b"".join(struct.pack("<I4s", len(part), kind) + part for part, kind in ((text, _JSON_CHUNK), (binary, _BINARY_CHUNK)))
+    parts = ((text, _JSON_CHUNK), (binary, _BINARY_CHUNK))
+    chunks = b"".join(struct.pack("<I4s", len(part), kind) + part for part, kind in parts)
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks

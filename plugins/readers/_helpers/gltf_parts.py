@@ -1,4 +1,4 @@
-"""A glTF file that keeps its parts beside it or in its text, as the one binary file that a GLB is."""
+"""Joins a .gltf file and its buffers, which lie beside it or in its text, into one GLB."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from z2p_core.interfaces import ScanError
 from z2p_renderer.plugins.readers._helpers.gltf import encode_glb
 
 _UNUSED_PARTS = ("images", "textures", "samplers", "materials", "animations", "skins", "cameras")
-"""Parts of a glTF file without which its vertices are where they are."""
+"""Parts of a glTF file that do not affect the vertices."""
 
 
 def as_glb(path: Path) -> bytes:
-    """The GLB that a .gltf file and its buffers make, without pictures and materials.
+    """The GLB of a .gltf file and its buffers, without images and materials.
 
     Raises:
-        ScanError: it is none, or a buffer is missing, too short, or elsewhere than beside it.
-        Exception: the file is damaged; whatever the parsing stumbles over.
+        ScanError: it is no glTF file, or a buffer is missing, too short or outside its folder.
+        Exception: the file is damaged; parsing raises errors of several types.
     """
     blob = path.read_bytes()
     if not blob.lstrip().startswith(b"{"):

@@ -1,4 +1,4 @@
-"""What a LAS file's header promises, weighed before a library believes it."""
+"""Checks the counts in a LAS header against the size of the file, before a library relies on them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from z2p_core.interfaces import ScanError
 
 
 def promised_points(path: Path) -> int:
-    """How many points the header promises; 0 where it is none, or the file is too short for them."""
+    """The number of points in the header; 0 if it is no LAS header, or the file is far too short for them."""
     with path.open("rb") as file:
         head = file.read(375).ljust(375, b"\0")
     (legacy,), (count,) = struct.unpack_from("<I", head, 107), struct.unpack_from("<Q", head, 247)
@@ -41,7 +41,7 @@ def check_records(path: Path) -> None:
 
 
 def _chunk_count(file: BinaryIO, size: int, points_at: int) -> int:
-    """How many chunks a compressed file's table promises; 0 when the table is where only lazrs can tell."""
+    """The number of chunks in the table of a compressed file; 0 if the table's position is not in the file."""
     file.seek(points_at)
     (table_at,) = struct.unpack("<q", file.read(8).ljust(8, b"\0"))
     if table_at == -1 and size >= 8:  # written as a stream: the place of the table stands at the very end

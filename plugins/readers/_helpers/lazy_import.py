@@ -1,4 +1,4 @@
-"""Slow libraries, imported when a file needs them: by one thread at a time."""
+"""Imports slow libraries when a file needs them, in one thread at a time."""
 
 from __future__ import annotations
 

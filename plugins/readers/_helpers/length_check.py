@@ -5,11 +5,11 @@ from __future__ import annotations
 from z2p_core.interfaces import ScanError
 
 MAX_TRAILING_BYTES = 16
-"""Bytes that may follow the data: a newline, or what fills a file up to whole words."""
+"""Bytes that may follow the data: a newline, or padding to whole words."""
 
 
 def check_trailing_bytes(promise: str, expected: int, got: int, max_trailing: int = MAX_TRAILING_BYTES) -> int:
-    """How many of `got` bytes follow the `expected` ones; no more than `max_trailing` may.
+    """The number of trailing bytes in `got` bytes of which `expected` are data; at most `max_trailing`.
 
     Raises:
         ScanError: fewer bytes than promised, or far more; `promise` begins the message.
@@ -25,5 +25,5 @@ def check_trailing_bytes(promise: str, expected: int, got: int, max_trailing: in
 
 
 def trailing_bytes_note(trailing: int) -> str:
-    """What the file's line says of stray bytes; nothing if there are none."""
+    """The note for the user on trailing bytes; empty if there are none."""
     return f"stray bytes at the file's end ignored: {trailing}" if trailing else ""

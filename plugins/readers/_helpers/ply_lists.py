@@ -1,4 +1,4 @@
-"""PLY vertices that lists stand before or among, so that their rows have to be walked."""
+"""PLY vertices with lists before or among their properties, so that rows differ in length."""
 
 from __future__ import annotations
 

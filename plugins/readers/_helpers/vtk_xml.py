@@ -1,4 +1,4 @@
-"""Points of VTK's XML files, however their arrays are kept: as text, in base64, or behind the text; packed or not."""
+"""Points of VTK's XML files, whose arrays are text, base64 or appended bytes, compressed or not."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ import numpy as np
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import ScanError
 
-_NUMPY_TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4",
-          "UInt32": "u4", "Int64": "i8", "UInt64": "u8"}  # fmt: skip
+_NUMPY_TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2",
+                "Int32": "i4", "UInt32": "u4", "Int64": "i8", "UInt64": "u8"}  # fmt: skip
 _DATASET_TYPES = ("PolyData", "UnstructuredGrid")
 _APPENDED_DATA = re.compile(rb"<AppendedData\b[^>]*>\s*_")
 
 
 @dataclass(frozen=True)
 class _File:
-    """What all arrays of a file share."""
+    """Encoding shared by all arrays of a file: byte order, type of length headers, decompressor, appended bytes."""
 
     order: str
     header: np.dtype
     unpack: Callable[[bytes, int], bytes] | None
     appended: bytes
     in_base64: bool
-    """Whether the appended bytes are written so."""
+    """Whether the appended bytes are base64."""
 
 
 def points_of_xml(blob: bytes) -> tuple[np.ndarray, list[str]]:
@@ -54,7 +54,7 @@ def points_of_xml(blob: bytes) -> tuple[np.ndarray, list[str]]:
 
 
 def _parse_xml(blob: bytes) -> tuple[ElementTree.Element, _File]:
-    """The text of a file, and what its arrays share."""
+    """The XML tree of a file, and the encoding of its arrays."""
     split = _APPENDED_DATA.search(blob)
     text, appended = (blob, b"") if split is None else (blob[: split.start()] + b"</VTKFile>", blob[split.end() :])
     if b"<!DOCTYPE" in text or b"<!ENTITY" in text:
@@ -72,7 +72,7 @@ def _parse_xml(blob: bytes) -> tuple[ElementTree.Element, _File]:
 
 
 def _decompressor(name: str) -> Callable[[bytes, int], bytes] | None:
-    """What unpacks a block into as many bytes at the most; None where nothing is packed."""
+    """The function that decompresses a block to at most a given number of bytes; None without compression."""
     match name:
         case "":
             return None
@@ -100,25 +100,28 @@ def _read_points(piece: ElementTree.Element, file: _File) -> np.ndarray:
             stream, in_base64 = file.appended[int(array.get("offset", "0")) :], file.in_base64
         else:
             stream, in_base64 = (array.text or "").strip().encode(), True
-        numbers = np.frombuffer(_read_array(stream, in_base64, file, 3 * count * kind.itemsize), kind).astype(np.float64)
+        content = _read_array(stream, in_base64, file, 3 * count * kind.itemsize)
+        numbers = np.frombuffer(content, kind).astype(np.float64)
     if len(numbers) != 3 * count:
         raise ScanError(f"the VTK file promises {count} points, and {len(numbers)} numbers came; export it again")
     return numbers.reshape(-1, 3)
 
 
 def _read_array(stream: bytes, in_base64: bool, file: _File, expected: int) -> bytes:
-    """So many bytes of an array that a stream begins with: its length, or those of its packed blocks, stand before."""
+    """The `expected` bytes of the array at the beginning of a stream, behind the lengths of it or its blocks."""
     word = file.header.itemsize
     if file.unpack is None:
         taken = _take_bytes(stream, in_base64, word)
         announced = int(np.frombuffer(taken, file.header, 1)[0])
         if announced != expected:
             raise ValueError(f"{expected} bytes of points expected, {announced} came")
-        separate_length = in_base64 and b"=" in stream[: _base64_length(word)]  # some writers encode the length by itself
+        # some writers encode the length by itself
+        separate_length = in_base64 and b"=" in stream[: _base64_length(word)]
         if separate_length:
             return _take_bytes(stream[_base64_length(word) :], True, expected)
         return _take_bytes(stream, in_base64, word + expected)[word:]
-    blocks, size, last = (int(number) for number in np.frombuffer(_take_bytes(stream, in_base64, 3 * word), file.header, 3))
+    lengths = np.frombuffer(_take_bytes(stream, in_base64, 3 * word), file.header, 3)
+    blocks, size, last = (int(number) for number in lengths)
     if blocks == 0 or (blocks - 1) * size + (last or size) != expected or blocks * word > len(stream):
         raise ValueError(f"{expected} bytes of points expected, and {blocks} blocks of {size} came")
     head = (3 + blocks) * word
@@ -129,15 +132,15 @@ def _read_array(stream: bytes, in_base64: bool, file: _File, expected: int) -> b
 
 
 def _base64_length(size: int) -> int:
-    """Letters of base64 for so many bytes."""
+    """Characters of base64 that encode `size` bytes."""
     return 4 * -(-size // 3)
 
 
 def _take_bytes(stream: bytes, in_base64: bool, size: int) -> bytes:
-    """The first bytes of a stream, so many.
+    """The first `size` bytes of a stream.
 
     Raises:
-        ValueError: it has fewer.
+        ValueError: the stream is shorter.
     """
     taken = stream[:size]
     if in_base64:

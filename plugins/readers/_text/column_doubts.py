@@ -1,4 +1,4 @@
-"""What speaks against the first three columns of a table being x, y and z, and which columns may hold them instead."""
+"""Detects tables whose first three columns are not x, y and z: poses, images, and rows that begin otherwise."""
 
 from __future__ import annotations
 
@@ -12,36 +12,36 @@ from z2p_core.formats.tables.extra_columns import are_colours, are_normals, sugg
 from z2p_core.interfaces import ScanError
 
 MIN_ROWS = 10
-"""Rows from which a column of 0, 1, 2 ... is no chance."""
+"""With fewer rows, nothing is concluded from the numbers of a column."""
 _MIN_DECIMAL_SHARE = 0.1
-"""Share of numbers with decimals from which on a column is none of whole numbers."""
+"""A column with a larger share of non-integers is not a column of integers."""
 _CLOCK_STEP_TOLERANCE, _MIN_STEADY_ROWS = 0.01, 50
-"""How far the steps of a clock may differ from their median, and the rows that tell it."""
+"""Relative deviation of a clock's steps from their median, and the least number of rows for this test."""
 _EPOCH_TIME_RANGES = ((1e9, 4e9), (1e12, 4e12), (1e15, 4e15), (1e18, 4e18))
-"""Seconds since 1970, and thousandths, millionths and billionths of them: no scanner's coordinates are as large."""
+"""Plausible times since 1970 in seconds, milliseconds, microseconds and nanoseconds: coordinates are smaller."""
 _MIN_CLOCK_OFFSET_SPANS = 1000.0
-"""How far from 0 a clock's reading is at least, in what passes while a cloud is measured."""
+"""Least value of a clock, in multiples of the time that a scan takes."""
 
 
 @dataclass(frozen=True)
 class Doubt:
-    """Columns that stand before x, y and z: their names, and what they look like."""
+    """Columns before x, y and z: names for them, and a description for the message."""
 
     names: tuple[str, ...]
     description: str
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def is_row_index(column: np.ndarray) -> bool:
-    """Whether a column (N,) numbers its rows, from 0 or 1 on."""
+    """Whether a column (N,) counts the rows from 0 or 1."""
     return len(column) >= MIN_ROWS and column[0] in (0, 1) and bool((np.diff(column) == 1).all())
 
 
 def refuse_other_tables(sample: np.ndarray, rows: int) -> None:
-    """None where the first rows (N, M), of so many `rows` about, of a table that nobody names may be points.
+    """Refuses tables without column names that are no points, by the first rows (N, M) of about `rows`.
 
     Raises:
-        ScanError: they are a list of poses, a camera's matrix, or a picture.
+        ScanError: they are a list of poses, a camera matrix or an image.
     """
     if poses := pose_kind(sample):
         raise ScanError(f"these rows are no points but {poses}; where they are, name each column, as in --columns "
@@ -51,11 +51,16 @@ def refuse_other_tables(sample: np.ndarray, rows: int) -> None:
                         f"points with x y z first; {GRID_ADVICE}")
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def find_leading_columns(points: np.ndarray, sample: np.ndarray) -> tuple[int, str]:
-    """How many columns seem to stand before x, y and z, and what they look like, in an array that nobody names.
+    """The number of columns before x, y and z in an array without names, and a description of them.
 
-    points (N, 3): its first columns; `sample` (n, M): all columns of its first rows.
+    Args:
+        points: the first three columns (N, 3) of all rows.
+        sample: all columns (n, M) of the first rows.
+
+    Returns:
+        0 and "" if the first columns may well be x, y and z.
     """
     if sample.shape[1] < 4:
         return 0, ""
@@ -65,14 +70,18 @@ def find_leading_columns(points: np.ndarray, sample: np.ndarray) -> tuple[int, s
     return (len(doubt.names), doubt.description) if doubt else (0, "")
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def check_first_columns(points: np.ndarray, sample: np.ndarray, first: int = 1) -> None:
-    """None where the first three of more columns may well be x, y and z: points (N, 3) of the whole file.
+    """Refuses a table whose first columns look like anything but x, y and z.
 
-    `sample` (n, M): all columns of its first rows; `first`: the number of the first of them.
+    Args:
+        points: the first three columns (N, 3) of all rows.
+        sample: all columns (n, M) of the first rows.
+        first: the number of the first column, counted from 1.
 
     Raises:
-        ScanError: they look like a scanner's row and column, like a label or like a time; it says how to name them.
+        ScanError: the first columns look like grid cells, labels, times, normals or colors; the message says how to
+            name them.
     """
     doubt = _find_doubt(points[np.isfinite(points).all(1)], sample) if sample.shape[1] > 3 else None
     if doubt is None:
@@ -88,12 +97,12 @@ def check_first_columns(points: np.ndarray, sample: np.ndarray, first: int = 1) 
 
 
 def example_column_names(columns: int) -> str:
-    """Names for so many columns, of which x, y and z come first, as --columns takes them."""
+    """A value for --columns that names as many columns, x, y and z first."""
     return ",".join(["x", "y", "z", *(f"c{column}" for column in range(4, columns + 1))])
 
 
 def _find_doubt(points: np.ndarray, sample: np.ndarray) -> Doubt | None:
-    """What the columns before x, y and z seem to be; None if there are none."""
+    """What the columns before x, y and z seem to hold; None if x, y and z seem to come first."""
     if len(points) < MIN_ROWS or _has_attributes_behind(sample):
         return None
     width = sample.shape[1]
@@ -115,7 +124,7 @@ def _find_doubt(points: np.ndarray, sample: np.ndarray) -> Doubt | None:
 
 
 def _has_attributes_behind(sample: np.ndarray) -> bool:
-    """Whether columns 4 to 6 are normals or shares of colours, so that the three before them are x, y and z."""
+    """Whether columns 4 to 6 are normals or colors in [0, 1], so that the three before them are x, y and z."""
     if sample.shape[1] < 6:
         return False
     three = sample[:, 3:6]
@@ -124,7 +133,7 @@ def _has_attributes_behind(sample: np.ndarray) -> bool:
 
 
 def _leading_attribute_names(points: np.ndarray, sample: np.ndarray) -> tuple[str, ...]:
-    """Names of what the first three columns hold, where it is normals or colours before coordinates; else none."""
+    """Names of the first three columns if they are normals or colors before coordinates; otherwise empty."""
     if not all(map(_has_decimals, sample[:, 3:6].T)):
         return ()
     if are_normals(points):
@@ -134,7 +143,7 @@ def _leading_attribute_names(points: np.ndarray, sample: np.ndarray) -> tuple[st
 
 
 def _are_grid_cells(points: np.ndarray, sample: np.ndarray) -> bool:
-    """Whether the first two columns are the row and column of a cell, each but once, with coordinates behind them."""
+    """Whether the first two columns are the row and column of grid cells, each cell once, before coordinates."""
     cells = points[:, :2]
     if not _are_integers(cells.ravel()) or cells.min() < 0 or not np.ptp(cells, axis=0).all():
         return False
@@ -150,7 +159,7 @@ def _are_grid_cells(points: np.ndarray, sample: np.ndarray) -> bool:
 
 
 def _is_clock(first: np.ndarray, others: np.ndarray) -> bool:
-    """Whether a column (N,) grows as time does, which others (N, 2) do not."""
+    """Whether a column (N,) increases like time, unlike the other columns (N, 2)."""
     steps = np.diff(first)
     if (steps < 0).any() or first[-1] == first[0]:
         return False
@@ -165,7 +174,7 @@ def _is_clock(first: np.ndarray, others: np.ndarray) -> bool:
 
 
 def _is_class(first: np.ndarray, later: list[np.ndarray]) -> bool:
-    """Whether a column (N,) holds few whole numbers from 0 on before coordinates that are whole as well."""
+    """Whether a column (N,) holds few different integers from 0 on, before coordinates that are integers as well."""
     if not _are_integers(first) or first.min() < 0 or len(first) < 10 * MIN_ROWS:
         return False
     classes = len(np.unique(first))
@@ -183,6 +192,6 @@ def _increases(column: np.ndarray) -> bool:
 
 
 def _has_decimals(column: np.ndarray) -> bool:
-    """Whether a column's numbers have decimals."""
+    """Whether more than a few of a column's finite numbers are no integers."""
     finite = column[np.isfinite(column)]
     return len(finite) > 0 and bool((finite != np.floor(finite)).mean() > _MIN_DECIMAL_SHARE)

@@ -1,4 +1,4 @@
-"""Points of an ESRI ASCII grid: heights row by row, from the north down, behind lines that say where they lie."""
+"""Points of an ESRI ASCII grid: header lines with its position, then heights row by row from north to south."""
 
 from __future__ import annotations
 
@@ -9,21 +9,22 @@ import numpy as np
 
 from z2p_core.interfaces import ScanError
 
-_HEADER_KEYS = {"ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "nodata_value", "dx", "dy",
-         "xdim", "ydim"}  # fmt: skip
+_HEADER_KEYS = {"ncols", "nrows", "xllcorner", "yllcorner", "xllcenter", "yllcenter", "cellsize", "nodata_value",
+                "dx", "dy", "xdim", "ydim"}  # fmt: skip
 _MAX_HEADER_LINES = 12
+"""No grid has more lines before its heights."""
 
 
 def is_esri_grid(lines: list[str]) -> bool:
-    """Whether the first lines are those of such a grid."""
+    """Whether the first lines of a file are those of an ESRI ASCII grid."""
     return bool(lines) and lines[0].split()[0].lower() in ("ncols", "nrows")
 
 
 def read_esri_grid(first: list[str], blocks: Iterable[list[str]]) -> np.ndarray:
-    """Points (N, 3) float64 at the middles of the cells that have a height, of the first lines and all others.
+    """Points (N, 3) float64 at the centers of the cells that have a height, from all lines of a file.
 
     Raises:
-        ScanError: the lines before the heights do not say where they lie, or other many heights come.
+        ScanError: the header is incomplete, or the number of heights differs from its columns times rows.
     """
     keys, used = _parse_header(first)
     columns, rows, left, bottom, cell_width, cell_height = _cell_layout(keys)
@@ -41,7 +42,7 @@ def read_esri_grid(first: list[str], blocks: Iterable[list[str]]) -> np.ndarray:
 
 
 def _parse_header(lines: list[str]) -> tuple[dict[str, float], int]:
-    """What the lines before the heights say, and how many they are."""
+    """The values of the header lines by key, and the number of these lines."""
     keys: dict[str, float] = {}
     for index, line in enumerate(lines[:_MAX_HEADER_LINES]):
         words = line.replace(",", ".").lower().split()
@@ -56,11 +57,12 @@ def _parse_header(lines: list[str]) -> tuple[dict[str, float], int]:
 
 
 def _cell_layout(keys: dict[str, float]) -> tuple[int, int, float, float, float, float]:
-    """Columns, rows, the middle of the lower left cell, and a cell's width and height."""
+    """Columns, rows, x and y of the center of the lower left cell, and the width and height of a cell."""
     cell_width = keys.get("cellsize", keys.get("dx", keys.get("xdim", 1.0)))
     cell_height = keys.get("cellsize", keys.get("dy", keys.get("ydim", cell_width)))
     columns, rows = keys.get("ncols", 0.0), keys.get("nrows", 0.0)
-    if not (1 <= columns < 1e9 and 1 <= rows < 1e9 and columns % 1 == rows % 1 == 0) or not (cell_width > 0 and cell_height > 0):
+    valid_counts = 1 <= columns < 1e9 and 1 <= rows < 1e9 and columns % 1 == rows % 1 == 0
+    if not valid_counts or not (cell_width > 0 and cell_height > 0):
         raise ScanError("expected an ESRI grid's ncols, nrows and cellsize as numbers above 0, got "
                         f"{', '.join(f'{key} {value:g}' for key, value in keys.items())}; export the grid again")
     left = keys.get("xllcenter", keys.get("xllcorner", 0.0) + cell_width / 2)

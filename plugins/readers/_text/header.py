@@ -1,4 +1,4 @@
-"""What stands before the rows of a text file: comments, a count of the rows, names of columns, units."""
+"""Parses the head of a text file: comments, the number of rows, column names and units."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ from z2p_core.formats.tables.header_lines import (
 )
 
 _ATOM_NAME = re.compile(r"[A-Z][A-Za-z]{0,2}\d*")
-"""An atom's name in a chemist's .xyz."""
+"""Name of an atom in an .xyz file of chemistry."""
 _LIST_COLUMN = re.compile(r"\w\[\]")
-"""A column that holds several numbers, as COLMAP names it: ``TRACK[]``."""
+"""Name of a column that holds a list of numbers, as in COLMAP's ``TRACK[]``."""
 _COLMAP_COLUMNS, _COLMAP_ID_COLUMN = ("point3d_id", "x", "y", "z", "r", "g", "b", "error"), "point3d_id"
 
 
 @dataclass
 class Head:
-    """What stands before the rows: `names` are the ways to read a line of names."""
+    """The lines before the rows; `names` are the possible readings of the line of names."""
 
     lines: int = 0
     promised: str | None = None
-    """How many points the file says that it holds, on a line of its own."""
+    """The number of points on a line of its own, as written in the file; None if there is no such line."""
     promised_at: int = 0
     """Index of that line."""
     names: Sequence[tuple[str, ...]] = ()
     title: str = ""
     """The line of names, known or not."""
     optional: bool = False
-    """Whether the names come from a comment, which may as well mean something else."""
+    """Whether the names come from a comment, which may mean something else."""
     ragged: bool = False
-    """Whether rows hold as many numbers more as they like behind the columns of these names."""
+    """Whether rows may hold a list of any length behind the named columns."""
     colmap: bool = False
-    """Whether this is a list of points as COLMAP writes it."""
+    """Whether this is COLMAP's list of points."""
 
     @property
     def degrees(self) -> bool:
@@ -62,7 +62,7 @@ class Head:
 
 
 def parse_head(lines: list[str], suffix: str, named: bool) -> Head:
-    """What the first lines say before the rows begin; `named`: the user names the columns."""
+    """Parses the lines before the rows; `named` says that the user names the columns."""
     head = Head()
     while head.lines < len(lines) and is_comment(lines[head.lines]):
         if names := column_names(lines[head.lines]):
@@ -87,13 +87,13 @@ def parse_head(lines: list[str], suffix: str, named: bool) -> Head:
 
 
 def as_colmap(head: Head) -> Head:
-    """The head of a list of COLMAP's points that has lost its comments."""
+    """The head of COLMAP's list of points whose comments were removed."""
     return replace(head, names=[_COLMAP_COLUMNS], title=",".join(_COLMAP_COLUMNS), optional=True, ragged=True,
                    colmap=True)
 
 
 def _parse_count(lines: list[str], suffix: str, head: Head) -> None:
-    """Adds to the head a next line that holds a count alone, or, in a .pts, any one word."""
+    """Adds the next line to the head if it holds a number of points alone, or, in a .pts, any single word."""
     for line in lines[head.lines : head.lines + 1]:
         alone = len(re.split(r"[;,\s]+", line.strip())) == 1
         if head.promised is None and (is_count(line) or (suffix == ".pts" and alone)):
@@ -102,7 +102,7 @@ def _parse_count(lines: list[str], suffix: str, head: Head) -> None:
 
 
 def _parse_molecule(lines: list[str], head: Head) -> None:
-    """Adds to the head what a chemist's .xyz has behind the count: a line of remarks, and an element in each row."""
+    """Recognizes an .xyz of chemistry: a comment follows the count, and each row begins with an element."""
     for index, line in enumerate(lines[head.lines : head.lines + 2]):
         words = line.split()
         if len(words) > 3 and _ATOM_NAME.fullmatch(words[0]) and all(map(is_number, words[1:4])):

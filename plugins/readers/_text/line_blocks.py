@@ -1,4 +1,4 @@
-"""The lines of a text file, many at a time, and where an editor shows one of them."""
+"""Reads the lines of a text file in blocks, and finds the line numbers for messages."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from z2p_core.formats.tables.header_lines import column_names, text_encoding, wi
 from z2p_core.interfaces import ScanError
 
 _FIRST_BLOCK_CHARACTERS = 1 << 18
-"""Characters from which the form of the rows is told."""
+"""Size of the first block, from which the row format is detected."""
 _BLOCK_CHARACTERS = 1 << 22
-"""Characters that are read at a time, so that the text of a large file is never in memory as a whole."""
+"""Size of later blocks, so that a large file is never in memory as a whole."""
 _ENCODING_SAMPLE_BYTES = 1 << 10
-"""Bytes that tell how a text is encoded: titles have letters beyond ASCII, rows have none."""
+"""Bytes from which the encoding is detected: titles have letters beyond ASCII, rows have none."""
 _LONG_LINE_BYTES = 1 << 16
-"""Bytes of a line that is no point's by all means."""
+"""A first line of this many bytes is no row of a point."""
 _MAX_LINE_CHARACTERS = 1 << 22
-"""Characters of a line at the most; the longest real ones are rows of rasters and tracks of COLMAP."""
+"""Longer lines are refused; the longest ones in practice are rows of rasters and tracks of COLMAP."""
 
 
 def content_blocks(path: Path) -> Iterator[list[str]]:
-    """Lines that hold something, without what ``#`` begins; some first ones, then many at a time.
+    """The nonempty lines without ``#`` comments, in blocks: a small one first, then larger ones.
 
     Raises:
         ScanError: a line is longer than any row of numbers.
@@ -38,36 +38,36 @@ def content_blocks(path: Path) -> Iterator[list[str]]:
 
 
 def has_long_lines(path: Path) -> bool:
-    """Whether the first line goes on and on, as that of a text without line breaks does."""
+    """Whether the first line is very long, as that of a text without line breaks is."""
     with path.open("rb") as file:
         head = file.read(_LONG_LINE_BYTES)
     return len(head) == _LONG_LINE_BYTES and b"\n" not in head and b"\r" not in head
 
 
 def line_number(path: Path, index: int) -> int:
-    """Where an editor shows the line that has `index` others with content before it: the first line is 1.
+    """The line number, counted from 1, of the content line with that index, counted from 0.
 
-    The file is read again for it, which costs only those that are refused; to remember it would cost all.
+    The file is read again for it, so that only files that are refused pay for it.
     """
     return _find_line(path, index)[0]
 
 
 def truncation_hint(path: Path, index: int) -> str:
-    """What to say of a line that goes on behind ``#``, as a colour would."""
+    """Advice on a content line of which a part was read as a ``#`` comment, such as a color; empty for other lines."""
     if "#" not in _find_line(path, index)[1]:
         return ""
     return "; on that line '#' begins a comment, so the rest of it was not read: take the sign out where it is none"
 
 
 def _find_line(path: Path, index: int) -> tuple[int, str]:
-    """Number and text of the line that has `index` others with content before it."""
+    """Line number and text of the content line with that index."""
     lines = (line for batch in _iter_batches(path) for line in batch)
     content_lines = ((number, line) for number, line in enumerate(lines, start=1) if line.split("#", 1)[0].strip())
     return next(islice(content_lines, index, None))
 
 
 def _iter_batches(path: Path) -> Iterator[list[str]]:
-    """All lines without their ends, some first ones, in which names behind ``#`` are kept, then many at a time."""
+    """All lines without line ends, in blocks; in the first block, column names behind ``#`` are kept."""
     named = False
     with _open_decoded(path) as file:
         for lines in _iter_line_batches(file):
@@ -76,7 +76,7 @@ def _iter_batches(path: Path) -> Iterator[list[str]]:
 
 
 def _iter_line_batches(file: TextIO) -> Iterator[list[str]]:
-    """Lines without their ends; what a line would be whose end never comes is not waited for."""
+    """Blocks of lines without line ends; a line that is too long is refused before it is in memory as a whole."""
     rest, number, wanted = "", 0, _FIRST_BLOCK_CHARACTERS
     while True:
         text = file.read(wanted)
@@ -84,8 +84,9 @@ def _iter_line_batches(file: TextIO) -> Iterator[list[str]]:
         last = len(text) < wanted
         if max(map(len, lines)) > _MAX_LINE_CHARACTERS:
             index = next(index for index, line in enumerate(lines) if len(line) > _MAX_LINE_CHARACTERS)
-            raise ScanError(f"line {number + index + 1} is longer than {_MAX_LINE_CHARACTERS >> 20} million characters, so "
-                            "this is no table with a point a line; export the file again, with line breaks")
+            millions = _MAX_LINE_CHARACTERS >> 20
+            raise ScanError(f"line {number + index + 1} is longer than {millions} million characters, so this is "
+                            "no table with a point a line; export the file again, with line breaks")
         rest = "" if last else lines.pop()
         if lines:
             yield lines
@@ -96,9 +97,9 @@ def _iter_line_batches(file: TextIO) -> Iterator[list[str]]:
 
 
 def _with_names(first: list[str]) -> list[str]:
-    """The first lines of a file, in which one that names columns behind ``#``, as numpy writes it, begins with ``//``.
+    """Replaces the ``#`` before column names, as numpy writes them, by ``//`` in the first lines of a file.
 
-    So it is kept for the head of the file, which takes it for a comment that may mean something else.
+    So the names are not removed as a comment; `parse_head` then treats them as optional.
     """
     for index, line in enumerate(first):
         if line.startswith("#"):

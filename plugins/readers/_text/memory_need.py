@@ -1,4 +1,4 @@
-"""How much memory a text of points needs, told by its first lines."""
+"""Estimates how much memory a text of points needs, from its first lines."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from pathlib import Path
 from z2p_core.interfaces import MEMORY_A_BYTE, MEMORY_A_POINT
 
 _SAMPLE_BYTES = 1 << 16
-"""Bytes from which the length of a line is told."""
+"""Bytes from which the length of a line is estimated."""
 
 
 def memory_of_lines(path: Path) -> int:
-    """Bytes that a text with a point a line takes at the most, of which only some lines are in memory at once."""
+    """Upper bound, in bytes, of the memory for a text with one point per line, which is read in blocks."""
     with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
     if head.lstrip()[:5].lower() in (b"ncols", b"nrows"):  # a raster, each number of which is a point

@@ -1,4 +1,4 @@
-"""How the rows of a text file are written, told from its first lines, and the points of such rows."""
+"""Detects the row format of a text file from its first lines, and parses rows of that format."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from z2p_core.interfaces import ScanError
 from z2p_renderer.plugins.readers._text.header import Head
 
 SAMPLE_ROWS = 1000
-"""Rows from which the form is told."""
+"""Rows from which the format is detected."""
 _COMMA_DECIMAL = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _POINT_DECIMAL = re.compile(r"[+-]?\d*\.\d*([eE][+-]?\d+)?")
 
 
 class BadLineError(ValueError):
-    """A line that is no row of the table; `index` counts the given lines from 0."""
+    """A line that is no row of the table; `index` is its index among the given lines."""
 
     def __init__(self, index: int, reason: str) -> None:
         super().__init__(reason)
@@ -30,32 +30,32 @@ class BadLineError(ValueError):
 
 @dataclass(frozen=True)
 class RowFormat:
-    """How a row is written: `width` cells, of which those at `xyz_columns` are x, y and z."""
+    """Format of a row: `width` cells, of which those at `xyz_columns` are x, y and z."""
 
     delimiter: str | None
-    """None: blanks."""
+    """None stands for runs of blanks."""
     decimal_commas: bool
-    """Commas stand for decimal points."""
+    """Whether commas are decimal points."""
     blank_sign: str = ""
-    """A sign that parts numbers just as blanks do, so that no cell can be told to be empty."""
+    """A further separator that is equivalent to blanks, so that no cell can be empty; "" if there is none."""
     trailing_delimiter: bool = False
-    """The delimiter ends every row too."""
+    """Whether every row ends with the delimiter."""
     width: int = 0
     xyz_columns: tuple[int, ...] = (0, 1, 2)
     named: bool = False
-    """Whether it is said which columns are x, y and z: then the others may hold words."""
+    """Whether names say which columns are x, y and z: then the other columns may hold words."""
     names: tuple[str, ...] = ()
-    """Those of the columns, where somebody names them."""
+    """The names of the columns, if the user or the file gives them."""
     ragged: bool = False
-    """Whether rows may hold more cells than `width`, of a list that no place is in."""
+    """Whether rows may hold more cells than `width`: a list behind the columns that count."""
     fortran: bool = False
-    """Whether numbers may have a ``D`` for their exponent."""
+    """Whether exponents may be written with ``D``."""
 
     def points(self, lines: list[str]) -> np.ndarray:
-        """x, y and z (N, 3) float64 of the rows; an empty cell is NaN.
+        """Parses rows to points (N, 3) float64; an empty cell is NaN.
 
         Raises:
-            BadLineError: a row with other columns than the first one, or with something not a number.
+            BadLineError: a row has another number of columns than the first one, or a cell holds no number.
         """
         only: dict[str, Any] = {"usecols": self.xyz_columns} if self.ragged else {}
         try:  # by far the fastest, but it takes nothing else than numbers
@@ -70,7 +70,7 @@ class RowFormat:
         return table[:, :3].copy() if self.xyz_columns == (0, 1, 2) else table[:, list(self.xyz_columns)]
 
     def table(self, lines: list[str]) -> np.ndarray:
-        """All numbers (N, width) float64 of some rows; NaN for what is none."""
+        """All cells (N, width) float64 of some rows; NaN where a cell holds no number."""
         table = np.full((len(lines), self.width), np.nan)
         for index, line in enumerate(lines):
             for column, cell in enumerate(self.cells(line)[: self.width]):
@@ -78,7 +78,7 @@ class RowFormat:
         return table
 
     def cells(self, line: str) -> list[str]:
-        """The row's cells; a quoted one may hold the delimiter."""
+        """The cells of a row; a quoted one may hold the delimiter."""
         if self.blank_sign:
             line = line.replace(self.blank_sign, " ")
         if '"' not in line:
@@ -87,7 +87,7 @@ class RowFormat:
         return next(csv.reader([line], delimiter=self.delimiter or " ", skipinitialspace=True))
 
     def _normalized(self, lines: list[str]) -> list[str]:
-        """The lines as numpy takes them."""
+        """The lines in the notation that numpy parses."""
         if self.trailing_delimiter and self.delimiter:
             lines = [line.rstrip().removesuffix(self.delimiter) for line in lines]
         if self.decimal_commas:
@@ -115,9 +115,9 @@ class RowFormat:
         return points
 
     def _number(self, cell: str) -> float:
-        """The cell's number; NaN if it is empty or says that it has none.
+        """The number in a cell; NaN if the cell is empty or holds a word for a missing number.
 
-        A comma can only be a decimal one where it parts no cells.
+        A comma counts as a decimal point only if commas do not separate cells.
         """
         if self.fortran:
             cell = plain_exponents(cell)
@@ -139,10 +139,10 @@ class RowFormat:
 
 
 def detect_row_format(rows: list[str], head: Head, columns: Sequence[str] | None) -> RowFormat:
-    """The form of a file whose first rows these are, one at least; `columns` are those that the user names.
+    """Detects the format from the first rows of a file, at least one; `columns` are the names that the user gives.
 
     Raises:
-        ScanError: fewer columns than three, or as many as the names do not stand for.
+        ScanError: there are fewer than three columns, or another number of columns than names.
     """
     sample = rows[:SAMPLE_ROWS]
     delimiter = _delimiter(sample, head.title)
@@ -152,7 +152,8 @@ def detect_row_format(rows: list[str], head: Head, columns: Sequence[str] | None
     if delimiter in (",", ";") and any(_holds_several_numbers(cell) for cells in table for cell in cells):
         row_format = replace(row_format, delimiter=None, blank_sign=delimiter)
         table = [row_format.cells(line) for line in sample]
-    row_format = replace(row_format, fortran=any(is_fortran_number(cell.strip(" \"'")) for cells in table for cell in cells))
+    fortran = any(is_fortran_number(cell.strip(" \"'")) for cells in table for cell in cells)
+    row_format = replace(row_format, fortran=fortran)
     width = len(table[0])
     trailing_delimiter = width > 0 and not any(len(cells) >= width and cells[width - 1].strip() for cells in table)
     ragged = _ragged_names(head, table, columns)
@@ -166,13 +167,14 @@ def detect_row_format(rows: list[str], head: Head, columns: Sequence[str] | None
         _check_column_count(width - trailing_delimiter)
         return replace(row_format, width=width - trailing_delimiter, trailing_delimiter=trailing_delimiter)
     xyz_columns = tuple(names.index(axis) for axis in "xyz")
-    return replace(row_format, width=len(names), trailing_delimiter=len(names) < width, xyz_columns=xyz_columns, named=True, names=tuple(names))
+    return replace(row_format, width=len(names), trailing_delimiter=len(names) < width, xyz_columns=xyz_columns,
+                   named=True, names=tuple(names))  # fmt: skip
 
 
 def _ragged_names(head: Head, table: list[list[str]], columns: Sequence[str] | None) -> tuple[str, ...] | None:
-    """Names of the columns before a list that ends each row, where rows differ in length; None where they do not.
+    """Names of the columns before a list of varying length at the end of each row; None if rows have one length.
 
-    The user's names and those of a comment hold for them; other names have to fit each row.
+    Only names from the user or from a comment allow such a list; other names must fit every row.
     """
     shortest, longest = min(map(len, table)), max(map(len, table))
     if columns:
@@ -187,7 +189,7 @@ def _ragged_names(head: Head, table: list[list[str]], columns: Sequence[str] | N
 
 
 def _delimiter(sample: list[str], title: str) -> str | None:
-    """What parts the cells of the rows; None: blanks."""
+    """The delimiter between cells; None for blanks."""
     if ";" in sample[0]:
         return ";"
     if "," not in title and _has_cells_between_tabs(sample, title):
@@ -198,14 +200,14 @@ def _delimiter(sample: list[str], title: str) -> str | None:
 
 
 def _has_cells_between_tabs(sample: list[str], title: str) -> bool:
-    """Whether tabs part cells, as many as names, that hold blanks or nothing, so that blanks part them wrongly."""
+    """Whether tabs separate as many cells as names, some empty or with blanks inside, so that blanks cannot."""
     tabs, words = title.count("\t"), len(title.split())
     return (tabs > 1 and all(line.count("\t") == tabs for line in sample)
             and any(len(line.split()) != words for line in sample))  # fmt: skip
 
 
 def _uses_decimal_commas(line: str) -> bool:
-    """Whether blanks part the line into numbers whose commas, if any, can only stand for points: ``0,5 1,25 0``."""
+    """Whether blanks separate numbers in which every comma can only be a decimal point: ``0,5 1,25 0``."""
     fields = line.split()
     return len(fields) > 2 and all(
         _COMMA_DECIMAL.fullmatch(field) if "," in field else not _POINT_DECIMAL.fullmatch(field) for field in fields
@@ -218,15 +220,21 @@ def _holds_several_numbers(cell: str) -> bool:
 
 
 def _have_row_names(sample: list[str], table: list[list[str]]) -> bool:
-    """Whether each row begins with a name of its own, over which R writes none: a word, or a count, perhaps quoted."""
+    """Whether each row begins with a row name, as R writes it without a title: a word or an index, perhaps quoted."""
     firsts = [cells[0].strip() for cells in table if cells]
     if all(line.lstrip().startswith('"') for line in sample) or not any(map(is_number, firsts)):
         return True
     return len(firsts) > 1 and firsts == [str(number) for number in range(1, len(firsts) + 1)]
 
 
-def _matching_names(head: Head, width: int, trailing_delimiter: bool, columns: Sequence[str] | None) -> Sequence[str] | None:
-    """Names of the columns: the user's, or the file's if they are as many; None if nobody names them."""
+def _matching_names(
+    head: Head, width: int, trailing_delimiter: bool, columns: Sequence[str] | None
+) -> Sequence[str] | None:
+    """Names of the columns from the user or the file, if their number fits; None if there are no names.
+
+    Raises:
+        ScanError: names that must hold do not fit the number of columns.
+    """
     candidates = [tuple(columns)] if columns else head.names
     for names in candidates:
         for shorter in (False, True):  # a delimiter may end every row, or the line of names alone
@@ -235,13 +243,9 @@ def _matching_names(head: Head, width: int, trailing_delimiter: bool, columns: S
                 return cut
     if not candidates or (head.optional and not columns):
         return None
-    raise ScanError(f"--columns or the file's first line names {len(candidates[0])} columns ({','.join(candidates[0])}), the file "
-                    f"has {width - trailing_delimiter}; name each of them, in their order, as in --columns x,y,z,i")
-
-
-def example_column_names(columns: int) -> str:
-    """Names for so many columns, of which x, y and z come first, as --columns takes them."""
-    return ",".join(["x", "y", "z", *(f"c{column}" for column in range(4, columns + 1))])
+    raise ScanError(f"--columns or the file's first line names {len(candidates[0])} columns "
+                    f"({','.join(candidates[0])}), the file has {width - trailing_delimiter}; name each of them, in "
+                    "their order, as in --columns x,y,z,i")
 
 
 def _check_column_count(columns: int) -> None:

@@ -95,7 +95,7 @@ def test_nothing_outside_the_file_is_read(tmp_path: Path) -> None:
 
 
 def test_a_bomb_is_refused_before_it_unpacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("z2p_renderer.plugins.readers._helpers.array_clouds._SUSPICIOUS_BYTES", 1 << 16)
+    monkeypatch.setattr("z2p_renderer.plugins.readers._helpers.array_clouds._MIN_SUSPICIOUS_BYTES", 1 << 16)
     assert "would unpack to" in refusal(tmp_path / "a.h5", points=np.zeros((100_000, 3), "f4"))
 
 

@@ -75,7 +75,7 @@ def test_of_a_large_file_some_points_stand_for_all(tmp_path: Path, monkeypatch: 
     path = survey(tmp_path / "a.las", 0)
     assert Las().memory(path) > 300 * 170
     monkeypatch.setattr(las, "MAX_ROWS", 100)
-    monkeypatch.setattr(las, "_CHUNK", 90)
+    monkeypatch.setattr(las, "_CHUNK_POINTS", 90)
     cloud = read(path)
     assert cloud.total == 300 and len(cloud.points) == 100
     rows = [int(np.abs(POINTS - point).sum(1).argmin()) for point in cloud.points]

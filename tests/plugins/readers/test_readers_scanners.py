@@ -21,7 +21,7 @@ TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [1000, 2000, 300
 def test_ptx_joins_its_scans_where_their_matrices_put_them(
     tmp_path: Path, lines: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("z2p_renderer.plugins.readers.ptx._LINES", lines)
+    monkeypatch.setattr("z2p_renderer.plugins.readers.ptx._BLOCK_LINES", lines)
     first, second = cloud(30), cloud(21)
     path = tmp_path / "a.ptx"
     path.write_text(ptx(first) + ptx(second, matrix=TURNED) + "\n")

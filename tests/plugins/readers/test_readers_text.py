@@ -83,7 +83,7 @@ def given(path: Path, text: str, columns: str = "") -> np.ndarray:
 
 
 def in_small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("_FIRST_CHARACTERS", "_CHARACTERS"):
+    for name in ("_FIRST_BLOCK_CHARACTERS", "_BLOCK_CHARACTERS"):
         monkeypatch.setattr(f"z2p_renderer.plugins.readers._text.line_blocks.{name}", 120)
 
 

@@ -162,9 +162,9 @@ def test_an_esri_grid_gives_the_middles_of_its_cells(tmp_path: Path) -> None:
 def test_an_endless_line_is_refused_before_it_is_in_memory(
     tmp_path: Path, before: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("z2p_renderer.plugins.readers._text.line_blocks._LONGEST_LINE", 10_000)
-    monkeypatch.setattr("z2p_renderer.plugins.readers._text.line_blocks._FIRST_CHARACTERS", 4000)
-    monkeypatch.setattr("z2p_renderer.plugins.readers._text.line_blocks._CHARACTERS", 4000)
+    monkeypatch.setattr("z2p_renderer.plugins.readers._text.line_blocks._MAX_LINE_CHARACTERS", 10_000)
+    monkeypatch.setattr("z2p_renderer.plugins.readers._text.line_blocks._FIRST_BLOCK_CHARACTERS", 4000)
+    monkeypatch.setattr("z2p_renderer.plugins.readers._text.line_blocks._BLOCK_CHARACTERS", 4000)
     path = tmp_path / "a.xyz"
     for endless in ("1 " * 30_000, "\0" * 60_000, "," * 60_000):
         assert f"line {1 + before.count(chr(10))} is longer than" in refusal(path, before + endless)

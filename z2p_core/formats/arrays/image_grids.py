@@ -33,7 +33,8 @@ def is_grid(table: np.ndarray, total: int | None = None) -> bool:
         return True
     if width >= _WIDE_GRID_COLUMNS and max(rows, total or 0) <= _MAX_ROWS_PER_COLUMN * width:
         return True
-    return rows >= MIN_GRID_COLUMNS and _are_neighbors_correlated(table[:: -(-rows // _MAX_SAMPLED_ROWS)].astype(np.float64))
+    sample = table[:: max(-(-rows // _MAX_SAMPLED_ROWS), 1)].astype(np.float64)
+    return rows >= MIN_GRID_COLUMNS and _are_neighbors_correlated(sample)
 
 
 @np.errstate(all="ignore")  # of numbers that are no coordinates

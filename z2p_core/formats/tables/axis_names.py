@@ -1,87 +1,124 @@
-"""What columns of points are called: names that stand for an axis, and those that hold degrees or depths instead."""
+"""Recognizes the columns that hold x, y and z by their names, also names of degrees, heights and depths."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 
-_OF_POINTS = re.compile(
+_XYZ = "xyz"
+_POINT_AXIS = re.compile(
     r"(?:(?:points?|coord(?:inate)?s?|pos(?:ition)?s?|p|world|utm|map|local|field|xyz|co|loc(?:ation)?"
     r"|vert(?:ex|ices)?|pt|node|translation)[:_. -]?)"
     r"(?:(?:m|mm|cm)_?xyz[:_. ]?)?([xyz012])(?:[_ ](?:m|mm|cm|ft))?"
     r"|([xyz])(?:[_. /-]?(?:m|mm|cm|ft|metres?|meters?|coord(?:inate)?s?|pos(?:ition)?|world|utm|local|axis|value)"
     r"|/(?:longitude|latitude|altitude|easting|northing|height|elevation))"
 )
-"""Names of one axis of something, as ParaView (``Points:0``), VeloView (``Points_m_XYZ:0``), ArcGIS (``POINT_X``),
+"""Names of one axis of a vector, as ParaView (``Points:0``), VeloView (``Points_m_XYZ:0``), ArcGIS (``POINT_X``),
 Metashape (``X/Longitude``) and others write them."""
-_SURVEYED = {
+_MAP_NAMES = {
     "x": ("easting", "east", "e", "ost", "rechtswert", "rechts", "utm_e", "utm_easting", "easting_m", "estasjon",
           "ostwert", "eastings"),
     "y": ("northing", "north", "n", "nord", "hochwert", "hoch", "utm_n", "utm_northing", "northing_m", "nordwert",
           "northings"),
     "z": ("u", "up"),
 }  # fmt: skip
-_HEIGHTS = ("height", "elevation", "elev", "alt", "altitude", "h", "hoehe", "höhe", "hohe", "z_elev",
+_HEIGHT_NAMES = ("height", "elevation", "elev", "alt", "altitude", "h", "hoehe", "höhe", "hohe", "z_elev",
             "height_m", "elevation_m", "altitude_m", "alt_m", "elev_m", "ellipsoidal_height", "ellipsoid_height",
             "orthometric_height")  # fmt: skip
-_LONGITUDES = ("lon", "long", "lng", "longitude", "lon_deg", "longitude_deg", "lon_dd", "x_lon", "gps_lon",
+_LONGITUDE_NAMES = ("lon", "long", "lng", "longitude", "lon_deg", "longitude_deg", "lon_dd", "x_lon", "gps_lon",
                "gps_longitude")  # fmt: skip
-_LATITUDES = ("lat", "latitude", "lat_deg", "latitude_deg", "lat_dd", "y_lat", "gps_lat", "gps_latitude")
-_DEPTHS = ("depth", "sounding", "soundings", "sounding_depth", "water_depth", "waterdepth", "depth_m", "z_depth", "dpt",
+_LATITUDE_NAMES = ("lat", "latitude", "lat_deg", "latitude_deg", "lat_dd", "y_lat", "gps_lat", "gps_latitude")
+_DEPTH_NAMES = ("depth", "sounding", "soundings", "sounding_depth", "water_depth", "waterdepth", "depth_m",
+                "z_depth", "dpt",
            "tiefe", "wassertiefe", "profondeur", "profundidad", "sounding_m", "water_depth_m", "depths")  # fmt: skip
-_FAMILIES = (
-    lambda name: name if name in ("x", "y", "z") else None,
-    lambda name: _axis_of_points(name),
-    lambda name: next((axis for axis, names in _SURVEYED.items() if name in names), None),
-    lambda name: "x" if name in _LONGITUDES else "y" if name in _LATITUDES else None,
-    lambda name: "z" if name in _HEIGHTS else None,
-    lambda name: "z" if name in _DEPTHS else None,
-)
-"""Ways to call an axis, the plainest first: of two columns for an axis, the one with the plainer name is it."""
-_MAP, _DEGREES, _HEIGHT, _DEPTH = 2, 3, 4, 5
+
+
+class NameFamily(IntEnum):
+    """Families of names for an axis, the plainest first: of two columns for an axis, the plainer name wins."""
+
+    PLAIN = 0
+    """``x``, ``y``, ``z``."""
+    POINT_VECTOR = 1
+    """One axis of a vector: ``Points:0``, ``POINT_X``."""
+    MAP = 2
+    """Map coordinates: easting, northing, up."""
+    DEGREES = 3
+    """Longitude and latitude; no name of z."""
+    HEIGHT = 4
+    """Heights; names of z alone."""
+    DEPTH = 5
+    """Depths below the water's surface; names of z alone."""
+
+
+_HORIZONTAL_FAMILIES = (NameFamily.PLAIN, NameFamily.POINT_VECTOR, NameFamily.MAP, NameFamily.DEGREES)
+_VERTICAL_FAMILIES = (NameFamily.PLAIN, NameFamily.POINT_VECTOR, NameFamily.MAP, NameFamily.HEIGHT, NameFamily.DEPTH)
 
 
 @dataclass(frozen=True)
 class AxisColumns:
-    """Which columns hold x, y and z, and what their names say of the numbers."""
+    """The columns that hold x, y and z, and what their names say of the numbers."""
 
-    places: tuple[int, int, int]
+    indices: tuple[int, int, int]
+    """Index of the column of x, of y and of z, from 0."""
     degrees: bool = False
-    """x and y are longitude and latitude."""
+    """Whether x and y are longitude and latitude."""
     depth: bool = False
-    """z counts from the water's surface down."""
+    """Whether z is a depth below the water's surface."""
     heights: bool = False
-    """z is a height, by its own name or because x and y are a map's."""
+    """Whether z is vertical, by its own name or because x and y are map coordinates."""
 
 
 def axis_columns(names: Sequence[str]) -> AxisColumns | None:
-    """The columns of such names, lower-case and without units, that hold x, y and z; None where that is open.
+    """Finds the columns of x, y and z by their names, which are lower-case and without units.
 
-    An axis has one column: where two have names that are as plain, nobody can tell. x and y are called in one way, so
-    that no longitude stands beside a northing.
+    The names of x and y must come from one family, so that no longitude is paired with a northing.
+
+    Returns:
+        None if an axis has no column, or several whose names are equally plain.
     """
-    found = [[_places(names, family, axis) for family in range(len(_FAMILIES))] for axis in range(3)]
-    across = next((family for family in range(4) if found[0][family] and found[1][family]), None)
-    upward = next((family for family in (0, 1, 2, 4, 5) if found[2][family] and (family != 2 or across == 2)),
-                  None)
+    x_columns, y_columns, z_columns = (
+        {family: _columns_of_axis(names, family, axis) for family in NameFamily} for axis in _XYZ
+    )
+    across = next((family for family in _HORIZONTAL_FAMILIES if x_columns[family] and y_columns[family]), None)
+    upward = next((family for family in _VERTICAL_FAMILIES
+                   if z_columns[family] and (family != NameFamily.MAP or across == NameFamily.MAP)), None)  # fmt: skip
     if across is None or upward is None:
         return None
-    columns = (found[0][across], found[1][across], found[2][upward])
-    if any(len(places) != 1 for places in columns):
+    candidates = (x_columns[across], y_columns[across], z_columns[upward])
+    if any(len(columns) != 1 for columns in candidates):
         return None
-    x, y, z = (places[0] for places in columns)
-    heights = across in (_MAP, _DEGREES) or upward in (_HEIGHT, _DEPTH)
-    return AxisColumns((x, y, z), across == _DEGREES, upward == _DEPTH, heights)
+    x, y, z = (columns[0] for columns in candidates)
+    heights = across in (NameFamily.MAP, NameFamily.DEGREES) or upward in (NameFamily.HEIGHT, NameFamily.DEPTH)
+    return AxisColumns((x, y, z), across == NameFamily.DEGREES, upward == NameFamily.DEPTH, heights)
 
 
-def _places(names: Sequence[str], family: int, axis: int) -> list[int]:
-    return [place for place, name in enumerate(names) if _FAMILIES[family](name) == "xyz"[axis]]
+def _columns_of_axis(names: Sequence[str], family: NameFamily, axis: str) -> list[int]:
+    """Indices of the columns whose name stands for that axis in that family."""
+    return [index for index, name in enumerate(names) if _axis_of_name(name, family) == axis]
 
 
-def _axis_of_points(name: str) -> str | None:
-    parts = _OF_POINTS.fullmatch(name)
+def _axis_of_name(name: str, family: NameFamily) -> str | None:
+    """``x``, ``y`` or ``z`` if the name stands for that axis in that family; otherwise None."""
+    match family:
+        case NameFamily.PLAIN:
+            return name if name in ("x", "y", "z") else None
+        case NameFamily.POINT_VECTOR:
+            return _axis_of_vector_component(name)
+        case NameFamily.MAP:
+            return next((axis for axis, axis_names in _MAP_NAMES.items() if name in axis_names), None)
+        case NameFamily.DEGREES:
+            return "x" if name in _LONGITUDE_NAMES else "y" if name in _LATITUDE_NAMES else None
+        case NameFamily.HEIGHT:
+            return "z" if name in _HEIGHT_NAMES else None
+        case NameFamily.DEPTH:
+            return "z" if name in _DEPTH_NAMES else None
+
+
+def _axis_of_vector_component(name: str) -> str | None:
+    parts = _POINT_AXIS.fullmatch(name)
     if parts is None:
         return None
     axis = parts[1] or parts[2]
-    return axis if axis in "xyz" else "xyz"[int(axis)]
+    return axis if axis in _XYZ else _XYZ[int(axis)]
