@@ -1,1 +1,1 @@
-"""Built-in point-cloud readers, found by suffix."""
+"""Built-in point-cloud readers, selected by suffix."""

@@ -38,7 +38,7 @@ class E57(Reader):
         return MEMORY_A_POINT * sum(map(int, counts))
 
     def is_fragile(self, path: Path) -> bool:
-        """Its library is written in C++, and believes much of what a file says."""
+        """Every file: the library is written in C++ and hardly checks a file's contents."""
         return True
 
     def read(self, path: Path) -> list[RawCloud]:
@@ -51,7 +51,7 @@ class E57(Reader):
         try:
             coloured = any("colorRed" in file.get_header(index).point_fields for index in range(file.scan_count))
             parts = [file.read_scan(index, ignore_missing_fields=True) for index in range(file.scan_count)]
-        except Exception as error:  # the library raises whatever its parsing stumbles over
+        except Exception as error:  # the library raises errors of any type on damaged files
             raise _unreadable_error(error) from error
         finally:
             file.close()

@@ -63,7 +63,7 @@ def _with_file(path: Path, read: Callable[[Any], Any]) -> Any:
             return read(file)
     except ScanError:
         raise
-    except Exception as error:  # the library raises whatever its parsing stumbles over
+    except Exception as error:  # the library raises errors of any type on damaged files
         raise ScanError(f"the HDF5 file cannot be read ({error_reason(error)}); save it again") from error
 
 

@@ -66,10 +66,10 @@ class Las(Reader):
             return [_read_points(path)]
         except (ScanError, ImportError):
             raise
-        except Exception as error:  # laspy and lazrs raise whatever their parsing stumbles over
+        except Exception as error:  # laspy and lazrs raise errors of any type
             raise _unreadable_error(error) from error
         except BaseException as error:
-            if type(error).__name__ != "PanicException":  # lazrs' way to fail on a damaged file, no Exception
+            if type(error).__name__ != "PanicException":  # raised by lazrs on damaged files; no Exception
                 raise
             raise _unreadable_error(error) from error
 

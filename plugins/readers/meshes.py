@@ -55,7 +55,7 @@ class Meshes(Reader):
                     points, note = _read_glb(path.read_bytes())
         except (ScanError, ImportError):  # no fault of the file
             raise
-        except Exception as error:  # the library raises whatever its parsing stumbles over
+        except Exception as error:  # the library raises errors of any type on damaged files
             raise ScanError(f"the vertices cannot be read ({error_reason(error)}); export the file again") from error
         first = np.unique(points, axis=0, return_index=True)[1]
         return [RawCloud(points[np.sort(first)], note=note)]

@@ -50,7 +50,7 @@ class NumpyArrays(Reader):
                 with path.open("rb") as file:
                     if _is_subsampled(*_read_header(file, path.stat().st_size)):
                         return MAX_ROWS * MEMORY_A_POINT + 2 * BLOCK_BYTES
-            except Exception:  # numpy raises whatever its parsing stumbles over, and read says what is wrong
+            except Exception:  # numpy raises errors of any type; read reports them
                 return 0
         return super().memory(path)
 
@@ -78,7 +78,7 @@ class NumpyArrays(Reader):
                     array = _read_array(file, path.stat().st_size)
         except ScanError:
             raise
-        except Exception as error:  # zipfile, zlib and numpy raise whatever their parsing stumbles over
+        except Exception as error:  # zipfile, zlib and numpy raise errors of any type
             raise ScanError(f"expected a numpy file ({error_reason(error)}); "
                             "save it again with numpy.save or numpy.savez") from error
         return list(clouds_from_array(array, key))

@@ -45,7 +45,7 @@ class Pcd(Reader):
         try:
             header = _parse_header(head)
         except ScanError:
-            return 0  # read says what is wrong
+            return 0  # read reports the error
         size = path.stat().st_size
         if header.data == "ascii":
             return MEMORY_A_CHARACTER * size
@@ -92,19 +92,7 @@ def _parse_header(blob: bytes) -> _Header:
     Raises:
         ScanError: a line is missing or makes no sense.
     """
-    entries: dict[str, list[str]] = {}
-    size = 0
-    for line in blob[:_MAX_HEADER_BYTES].splitlines(keepends=True):
-        size += len(line)
-        words = line.decode("utf-8", errors="replace").split()
-        if words and not words[0].startswith("#"):
-            entries[words[0].upper()] = words[1:]
-        if "DATA" in entries:
-            break
-    missing = [key for key in ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA") if not entries.get(key)]
-    if missing:
-        raise ScanError(f"expected a PCD header, its lines {', '.join(missing)} are missing; export the file again")
-    entries.setdefault("COUNT", ["1"] * len(entries["FIELDS"]))
+    entries, size = _read_entries(blob)
     given = entries["FIELDS"]
     names = _normalize_fields(entries)
     try:
@@ -119,13 +107,40 @@ def _parse_header(blob: bytes) -> _Header:
         raise ScanError("the PCD header's FIELDS, SIZE, TYPE and COUNT do not go together; export the file again")
     if any(names.count(axis) != 1 or counts[names.index(axis)] != 1 for axis in "xyz"):
         raise ScanError(f"the PCD file needs the fields x, y and z once each, got {' '.join(given)}; export it again")
+    _check_field_types(names, entries)
+    if width * height != points:
+        raise ScanError(f"the PCD header says WIDTH {width} x HEIGHT {height} but POINTS {points}; mend the header")
+    return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size, colours_note(given))
+
+
+def _read_entries(blob: bytes) -> tuple[dict[str, list[str]], int]:
+    """The words of each header line by its keyword, COUNT included, and the size of the header in bytes.
+
+    Raises:
+        ScanError: a line is missing.
+    """
+    entries: dict[str, list[str]] = {}
+    size = 0
+    for line in blob[:_MAX_HEADER_BYTES].splitlines(keepends=True):
+        size += len(line)
+        words = line.decode("utf-8", errors="replace").split()
+        if words and not words[0].startswith("#"):
+            entries[words[0].upper()] = words[1:]
+        if "DATA" in entries:
+            break
+    missing = [key for key in ("FIELDS", "SIZE", "TYPE", "WIDTH", "HEIGHT", "POINTS", "DATA") if not entries.get(key)]
+    if missing:
+        raise ScanError(f"expected a PCD header, its lines {', '.join(missing)} are missing; export the file again")
+    entries.setdefault("COUNT", ["1"] * len(entries["FIELDS"]))
+    return entries, size
+
+
+def _check_field_types(names: list[str], entries: dict[str, list[str]]) -> None:
+    """Raises ScanError if a field has a combination of TYPE and SIZE that PCD does not define."""
     for name, kind, each in zip(names, entries["TYPE"], entries["SIZE"], strict=True):
         if kind + each not in _FIELD_TYPES:
             raise ScanError(f"the PCD field {name} has TYPE {kind} and SIZE {each}, expected F of 4 or 8 bytes, or I "
                             "or U of 1, 2, 4 or 8; export the file again")
-    if width * height != points:
-        raise ScanError(f"the PCD header says WIDTH {width} x HEIGHT {height} but POINTS {points}; mend the header")
-    return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size, colours_note(given))
 
 
 def _normalize_fields(entries: dict[str, list[str]]) -> list[str]:
@@ -233,7 +248,7 @@ def _load_points(header: _Header, blob: bytes) -> np.ndarray:
     try:
         rows = np.atleast_1d(library.PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(blob))).pc_data)
         points = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
-    except Exception as error:  # the library raises whatever its parsing stumbles over
+    except Exception as error:  # the library raises errors of any type on damaged files
         raise ScanError(f"the PCD points cannot be read ({error_reason(error)}); export the file again") from error
     if points.shape != (header.points, 3):
         raise ScanError(f"expected {header.points} PCD points, got an array {points.shape}; export the file again")

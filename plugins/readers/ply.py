@@ -47,7 +47,7 @@ class Ply(Reader):
                 return 2 * path.stat().st_size + MAX_ROWS * MEMORY_A_POINT
             vertex = _find_vertex(header)
         except ScanError:
-            return 0  # read says what is wrong
+            return 0  # read reports the error
         if header.ascii:
             return MEMORY_A_CHARACTER * path.stat().st_size
         if not _has_fixed_offsets(header, vertex):

@@ -1,1 +1,1 @@
-"""Files in general: written whole or not at all, with clear errors and printable names."""
+"""File utilities: atomic writes, disk errors, bounded JSON and printable names."""

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all: under a hidden name first, which a rename makes theirs at the end."""
+"""Atomic file writes: content goes to a hidden temporary file, which is then renamed."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from z2p_renderer.storage.files.printable_names import printable
 
 @contextmanager
 def atomic_path(path: Path, *, durable: bool = False) -> Iterator[Path]:
-    """Where to write what `path` is to hold: it gets that name when the block ends, and goes when the block fails.
+    """Yields a temporary path that is renamed to `path` at the end of the block, or removed if the block fails.
 
-    Folders on the way are made. Until the end whatever was there before stays, and a process that is killed leaves a
-    hidden file ``.z2p-*.part`` at most. `durable` brings the content to the disk before it gets its name, so that a
-    machine that goes down tears no file either; it costs some milliseconds a file.
+    Missing folders are created. Until the rename the old content stays; a killed process leaves at most a hidden file
+    ``.z2p-*.part``. `durable` flushes the content to the disk before the rename, so that a crash of the machine leaves
+    no partial file either; it costs some milliseconds per file.
 
     Raises:
-        NoFileError: something other than a file lies there.
-        OSError: a folder cannot be made or written to.
+        NotAFileError: `path` is something other than a regular file.
+        OSError: a folder cannot be created or written to.
     """
     check_file_target(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".z2p-{uuid.uuid4().hex[:16]}.part")  # short: the name itself may be as long as can be
+    temporary = path.with_name(f".z2p-{uuid.uuid4().hex[:16]}.part")  # short: `path` may have the longest valid name
     try:
         yield temporary
         if durable:
@@ -34,7 +34,7 @@ def atomic_path(path: Path, *, durable: bool = False) -> Iterator[Path]:
                 os.fsync(file.fileno())
         temporary.replace(path)
     except OSError as error:
-        if error.errno is not None and error.filename is None:  # an error of writing, unlike one of opening, names none
+        if error.errno is not None and error.filename is None:  # errors of writing have no file name
             error.filename = str(path)
         raise
     finally:
@@ -42,14 +42,14 @@ def atomic_path(path: Path, *, durable: bool = False) -> Iterator[Path]:
 
 
 class NotAFileError(UserError, OSError):
-    """A folder, device or pipe where a file is to be written, which a rename would fail on or, worse, replace."""
+    """The target of a write is a folder, device or pipe, which a rename would fail on or, worse, replace."""
 
 
 def check_file_target(path: Path) -> None:
-    """Nothing, where a file can be written: where there is none, or one that may be replaced.
+    """Checks that a file can be written at `path`: nothing is there, or a regular file.
 
     Raises:
-        NoFileError: a folder, device, pipe or socket, or a link to one.
+        NotAFileError: a folder, device, pipe or socket is there, or a link to one.
     """
     if path.exists() and not path.is_file():
         raise NotAFileError(f"{printable(path)}: expected the name of a file to write, got {file_kind(path)}; choose "
@@ -57,12 +57,10 @@ def check_file_target(path: Path) -> None:
 
 
 def atomic_write(content: bytes, path: Path, *, durable: bool = False) -> Path:
-    """The path, once a file of that content is there.
-
-    `durable` is that of `atomic_path`.
+    """Writes the content atomically, and returns the path. `durable` is that of `atomic_path`.
 
     Raises:
-        OSError: the file cannot be written; what was there before is left as it was.
+        OSError: the file cannot be written; the old content is unchanged.
     """
     with atomic_path(path, durable=durable) as temporary:
         temporary.write_bytes(content)
@@ -70,7 +68,7 @@ def atomic_write(content: bytes, path: Path, *, durable: bool = False) -> Path:
 
 
 def file_kind(path: Path) -> str:
-    """What lies at a path, in words, where it is no plain file."""
+    """Words for the kind of file at a path, such as "a folder"."""
     if path.is_dir():
         return "a folder"
     kinds = (("a pipe", path.is_fifo), ("a device", path.is_char_device), ("a disk's device", path.is_block_device),

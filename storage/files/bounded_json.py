@@ -1,6 +1,6 @@
-"""JSON of strangers: read within bounds, so that nothing in it is too deep, too long or too large for who comes next.
+"""Parses JSON from untrusted files with limits on size, nesting depth and numbers.
 
-Python's own reader takes NaN and infinity, numbers of thousands of digits, and nesting until its stack ends.
+Python's own parser accepts NaN, infinity, numbers of thousands of digits, and nesting up to the recursion limit.
 """
 
 from __future__ import annotations
@@ -11,19 +11,21 @@ from typing import Any
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32
-"""Objects and lists within each other; a picture's record has seven."""
+"""Nested objects and lists; the record in an image has seven levels."""
 MAX_DIGITS = 40
+"""Digits of an integer."""
 
 
 class JsonError(ValueError):
-    """A text that is no JSON, or none that anybody would write; the message says what it is."""
+    """The text is no JSON, or exceeds a limit; the message says which."""
 
 
 def read_json(text: str | bytes, max_bytes: int = MAX_BYTES) -> Any:
-    """What a JSON text holds: objects, lists, texts, booleans, none, and finite numbers.
+    """Parses a JSON text of at most `max_bytes` bytes to Python objects; all numbers are finite.
 
     Raises:
-        JsonError: no JSON, not UTF-8, longer than `max_bytes`, nested too deep, or with numbers that are none.
+        JsonError: the text is no JSON, not UTF-8, too long, nested too deep, or has numbers that are too long or not
+            finite.
     """
     if len(text) > max_bytes:
         raise JsonError(f"expected JSON of at most {max_bytes:,} bytes, got {len(text):,}")
@@ -40,6 +42,7 @@ def read_json(text: str | bytes, max_bytes: int = MAX_BYTES) -> Any:
 
 
 def _check_depth(value: Any) -> None:
+    """Raises JsonError if objects and lists are nested deeper than `MAX_DEPTH`."""
     level = [value]
     for _ in range(MAX_DEPTH + 1):
         children = [one.values() if isinstance(one, dict) else one for one in level if isinstance(one, dict | list)]

@@ -1,7 +1,7 @@
-"""What a disk refuses: errors of one that is full, read-only, over its quota or out of inodes, told as such.
+"""Recognizes disk errors (full, read-only, over quota, out of inodes) and words them for the user.
 
-Such an error is nobody's mistake in a call, and passes when there is room again: commands end with the status
-`TEMPORARY_FAILURE` on it, on which a service may start them again.
+Such an error is temporary and no mistake of the caller: commands then exit with the status `TEMPORARY_FAILURE`, on
+which a service may start them again.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ _ERROR_TEXTS = {
     errno.EMFILE: ("too many open files for one process, one", f"raise the limit (ulimit -n), {_RERUN_ADVICE}"),
     errno.ENFILE: ("too many open files for this machine, one", f"end other programs, {_RERUN_ADVICE}"),
 }
-"""Number of the error -> what it means, followed by the place, and what to do."""
+"""Error number -> its description, which precedes the path, and the advice."""
 _NO_INODES = "no inodes left (too many files) on the disk"
 _PERMISSION_ERRORS = (errno.EACCES, errno.EPERM)
-"""Counted only below a folder that the caller writes to: elsewhere they tell of a file that a user named."""
+"""These count as disk errors only below the output folder: elsewhere they concern a file that the user named."""
 _LIBRARY_WORDS = {"No space left on device": errno.ENOSPC, "Disk quota exceeded": errno.EDQUOT,
           "Read-only file system": errno.EROFS}  # fmt: skip
-"""How errors that libraries make of these tell it."""
+"""Words in the errors that libraries raise in place of these -> error number."""
 MIN_FREE_BYTES = 1 << 16
 """A disk with fewer bytes left counts as full."""
 
 
 class DiskError(OSError):
-    """A disk's refusal, put into words while it lasted: room may be there again when it is told."""
+    """A disk error whose message was made when it occurred: later the disk may have space again."""
 
 
 def disk_error_message(error: BaseException | str, folder: Path | None = None) -> str | None:
-    """What a disk refused, in words, as an error or a program's last lines tell; None where it was something else.
+    """The message for a disk error, from an exception or the last lines of a program; None for any other error.
 
-    `folder` is where the one who asks writes.
+    `folder` is the folder that the caller writes to.
     """
     texts = [error] if isinstance(error, str) else []
     for one in _iter_causes(error) if isinstance(error, BaseException) else ():
@@ -61,7 +61,7 @@ def disk_error_message(error: BaseException | str, folder: Path | None = None) -
 
 
 def full_disk_message(folder: Path) -> str | None:
-    """Words for a disk that has no room left, be it of bytes or of inodes; None where there is some."""
+    """The message if the disk of a folder has no bytes or no inodes left; otherwise None."""
     try:
         disk = os.statvfs(folder)
     except OSError:
@@ -90,7 +90,7 @@ def _lies_in(path: Path, folder: Path) -> bool:
 
 
 def _iter_causes(error: BaseException | None) -> Iterator[BaseException]:
-    """The error, and those that it came of."""
+    """The error and its chain of causes."""
     seen: set[int] = set()
     while error is not None and id(error) not in seen:
         seen.add(id(error))

@@ -1,4 +1,4 @@
-"""Names of files, as they are told to people."""
+"""File names for messages, and checks for existence that accept any name."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ def without_gz(path: Path) -> Path:
 
 
 def is_file(path: str | Path) -> bool:
-    """Whether a file lies there; unlike `Path.is_file` before Python 3.14 this refuses no name, however long."""
+    """Whether a file exists; unlike `Path.is_file` before Python 3.14 this raises no error for overlong names."""
     return os.path.isfile(path)  # noqa: PTH113
 
 
 def is_folder(path: str | Path) -> bool:
-    """The same for folders."""
+    """Whether a folder exists; see `is_file`."""
     return os.path.isdir(path)  # noqa: PTH112
 
 
 def path_exists(path: str | Path) -> bool:
-    """The same for anything."""
+    """Whether anything exists at the path; see `is_file`."""
     return os.path.exists(path)  # noqa: PTH110

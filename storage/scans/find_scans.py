@@ -11,8 +11,8 @@ from pathlib import Path
 from z2p_core.formats.colmap_files import is_colmap_part, is_colmap_points
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.files.printable_names import printable
+from z2p_renderer.storage.scans.content_detection import is_prose, is_unrelated_bin
 from z2p_renderer.storage.scans.reader_choice import format_suffix, readable_suffixes
-from z2p_renderer.storage.scans.unpack import is_prose, is_unrelated_bin
 from z2p_renderer.storage.scans.unsupported_formats import advice_by_suffix, is_unread_cloud
 
 
@@ -23,7 +23,7 @@ def find_scans(
 
     A file names itself. A folder names the readable files in it, sorted; with `recursive`, also those below it.
     Anything else is a glob pattern. Folders and globs skip hidden files and links to folders: such a link leads to
-    files that are either found anyway or outside. They also skip prose (a .txt or .csv that begins with neither
+    files that are either listed anyway or outside. They also skip prose (a .txt or .csv that begins with neither
     numbers nor column names, unless the user `named` the columns) and clouds in unsupported formats; `passed_over` is
     called with each of these.
 

@@ -1,4 +1,4 @@
-"""Which reader plugin takes a file: told by its suffix."""
+"""Chooses the reader plugin for a file by its suffix."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ BUILTIN_SUFFIXES = {
     "vertices": (".obj", ".off"),
     "vtk": (".vtk", ".vtp", ".vtu"),
 }
-"""Readers of z2p itself and their suffixes, so that one file needs one of them; a reader that is missing here is
+"""Suffixes of the built-in readers, so that only the reader of a file is imported; a reader that is missing here is
 imported for every file."""
 
 
 def readable_suffixes() -> dict[str, str]:
-    """Suffix, lower-case with its dot -> name of the reader that takes it; readers that fail to load are left out."""
+    """Suffix, lower-case with its dot -> name of its reader; readers that fail to load are left out."""
     return {suffix: names[0] for suffix, names in sorted(_collect_claims()[0].items())}
 
 
 def format_suffix(path: Path) -> str:
-    """Suffix that tells a file's format, lower-case with its dot: that before .gz, if it is gzip'd."""
+    """Suffix of a file's format, lower-case with its dot: that before .gz, if it is gzip'd."""
     return without_gz(path).suffix.lower()
 
 
 def reader_for(path: Path) -> Reader:
-    """The reader that takes a file of that name.
+    """A new instance of the reader for a file of that name.
 
     Raises:
-        ScanError: none does, or two do.
+        ScanError: no reader claims its suffix, or several do.
     """
     suffix = format_suffix(path)
     claims, faults = _collect_claims(suffix)
@@ -60,10 +60,10 @@ def reader_for(path: Path) -> Reader:
 
 
 def _collect_claims(wanted: str | None = None) -> tuple[dict[str, list[str]], list[str]]:
-    """Suffix -> names of the readers that claim it, and what is wrong with the readers that fail to load.
+    """Suffix -> names of the readers that claim it, and the errors of readers that fail to load.
 
-    Where one suffix is `wanted` for, readers of ours that are known to have others are not imported: that takes longer
-    than a picture's network.
+    If only one suffix is `wanted`, built-in readers that are known to have others are not imported: importing them all
+    takes longer than running the network.
     """
     claims: dict[str, list[str]] = {}
     faults = []

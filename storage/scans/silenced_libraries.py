@@ -1,4 +1,4 @@
-"""What libraries say while they read a file, to nobody's use: kept from the user, in all threads that read."""
+"""Suppresses the warnings and log lines of libraries while they read files, in all reading threads."""
 
 from __future__ import annotations
 
@@ -11,13 +11,14 @@ from contextlib import contextmanager
 import numpy as np
 
 _LIBRARY_MODULES = r"(z2p_renderer\.plugins\.readers|numpy|PIL|laspy|trimesh|pypcd4|pye57|meshio|h5py)(\.|$)"
-"""Modules whose warnings are no word to the user. z2p's own RenderWarning comes from the caller's."""
+"""Modules whose warnings are suppressed. z2p's own RenderWarning is attributed to the caller's module."""
 _lock, _reading = threading.Lock(), threading.local()
 _active_readers = 0
+"""Number of threads inside `quiet`; the first installs the filters, the last removes them."""
 
 
 class _Silence(logging.Filter):
-    """Lets nothing pass that a thread logs while it reads; where the user has set up logging, it is not asked."""
+    """Drops records of threads that are reading; it is attached only to the handler of last resort."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         return not getattr(_reading, "now", False)
@@ -28,7 +29,7 @@ _silence = _Silence()
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Within it no warning of a library reaches the user, nor a line that it logs and nobody has asked for."""
+    """Context in which no library's warning reaches the user, and no log line unless logging is configured."""
     _start_silence()
     before, _reading.now = getattr(_reading, "now", False), True
     try:

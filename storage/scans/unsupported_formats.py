@@ -1,4 +1,4 @@
-"""Files that no reader takes: what they are, told by suffix or first bytes, and how their points can be had."""
+"""Recognizes files that no reader takes, by suffix or first bytes, with advice on how to convert them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from z2p_renderer.storage.files.printable_names import is_file, without_gz
 
 _HEAD_BYTES = 4096
-"""Bytes from which a file's content is told."""
+"""Bytes at the beginning of a file that are examined."""
 _SPLATS_ADVICE = "convert them to PLY with SuperSplat, or with: splat-transform {name} {stem}.ply"
 _SCANNER_ADVICE = "export the scans as E57 or LAS with {program}"
 _MESH_ADVICE = "open it in {program}, and export it as PLY, OBJ or GLB"
@@ -46,7 +46,7 @@ UNREAD_CLOUDS: dict[str, tuple[str, str]] = {
     ".lvx": ("is a Livox recording", "open it in Livox Viewer, and save the frames as CSV or LAS"),
     ".lvx2": ("is a Livox recording", "open it in Livox Viewer 2, and save the frames as CSV or LAS"),
 }  # fmt: skip
-"""Suffix -> what a file with points is that stays unread, and what turns it into one that is read."""
+"""Suffix of an unsupported format of points -> its description, and advice on conversion."""
 UNREAD_OTHERS: dict[str, tuple[str, str]] = {
     ".skp": ("is a SketchUp model", _MESH_ADVICE.format(program="SketchUp")),
     ".blend": ("is a Blender file", _MESH_ADVICE.format(program="Blender")),
@@ -72,7 +72,7 @@ UNREAD_OTHERS: dict[str, tuple[str, str]] = {
     **{suffix: ("is an index of other VTK files, or a grid", "open it in ParaView, and save its points as VTP or CSV")
        for suffix in (".pvtu", ".pvtp", ".pvd", ".vtm", ".vti", ".vts", ".vtr", ".vtkhdf")},
 }  # fmt: skip
-"""The same for what a folder of scans may hold beside them, so that only one who names it is told."""
+"""The same for formats that folders may hold beside scans: the advice is given only if such a file is named."""
 
 _GIT_LFS_HEAD = b"version https://git-lfs.github.com/spec"
 _ARCHIVE_HEADS = (
@@ -92,23 +92,23 @@ _READ_HEADS: tuple[tuple[bytes, str, tuple[str, ...]], ...] = (
     (rb"(<\?xml[^>]*>\s*)?<VTKFile[^>]*UnstructuredGrid", "a VTU file", (".vtu",)),
     (rb"(ST)?C?N?4?OFF[ \t]*\r?\n", "an OFF file", (".off",)),
 )  # fmt: skip
-"""First bytes, as a pattern -> a format that is read, and its suffixes, of which the first is the usual one."""
+"""Pattern of the first bytes -> description and suffixes of a supported format, the usual suffix first."""
 _UNREAD_HEADS: tuple[tuple[bytes, str], ...] = (
     (rb"#ROSBAG V", ".bag"), (rb"\x89MCAP0\r\n", ".mcap"), (rb"SQLite format 3\0", ".db3"), (rb"DRACO", ".drc"),
     (rb"BLENDER", ".blend"), (rb"PXR-USDC|#usda ", ".usd"), (rb"NGSP", ".spz"), (rb"\xd0\xcf\x11\xe0", ".xls"),
     (rb"Kaydara FBX|; FBX ", ".fbx"), (rb"ISO-10303-21", ".step"), (rb"(II\*\0|MM\0\*)", ".tif"),
 )  # fmt: skip
-"""First bytes, as a pattern -> the suffix under which `UNREAD_CLOUDS` or `UNREAD_OTHERS` has it."""
+"""Pattern of the first bytes -> suffix of an unsupported format."""
 _CLOUDCOMPARE_HEAD = re.compile(rb"CCB[0-9\0]")
 
 
 def is_unread_cloud(path: Path) -> bool:
-    """Whether a file holds points, by its suffix, in a format that stays unread."""
+    """Whether a file's suffix is that of an unsupported format of points."""
     return path.suffix.lower() in UNREAD_CLOUDS
 
 
 def advice_by_suffix(path: Path) -> str:
-    """What a file is, by its suffix, and how its points can be had; empty where the suffix is not known."""
+    """Description of a file by its suffix, with advice on conversion; empty if the suffix is not known."""
     inner = without_gz(path)
     if inner.suffix.lower() == ".tar":
         return f"is an archive, which z2p does not read; {_ARCHIVE_ADVICE}"
@@ -117,22 +117,22 @@ def advice_by_suffix(path: Path) -> str:
 
 
 def advice_of(path: Path) -> str:
-    """What a file is that is no scan to z2p, by its suffix or else its content; empty where neither tells."""
+    """The same by its suffix, or else by its content; empty if neither is known."""
     return advice_by_suffix(path) or advice_by_content(path, path.suffix.lower())
 
 
 def advice_by_content(path: Path, suffix: str) -> str:
-    """What is wrong with a file's suffix, by the file's first bytes, and what to do; empty where nothing is.
+    """Advice on a file whose first bytes contradict its suffix, or that no reader takes; empty for other files.
 
     `suffix` is lower-case, with its dot, and the file is not gzip'd, or was unpacked.
     """
-    if not is_file(path):  # opening a pipe would wait for ever, and what reads it says what it is
+    if not is_file(path):  # opening a pipe would block; the reader reports it
         return ""
     try:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
     except OSError:
-        return ""  # what reads it says why
+        return ""  # the reader reports the error
     return _advice_by_head(head, path, suffix)
 
 
@@ -152,7 +152,7 @@ def _advice_by_head(head: bytes, path: Path, suffix: str) -> str:
 
 
 def _advice_by_other_head(head: bytes, path: Path, suffix: str) -> str:
-    """What is said of packed files and of what downloads leave in place of a file."""
+    """Advice on archives, images, and files that failed downloads leave in place of a scan."""
     start = head.removeprefix(b"\xef\xbb\xbf").lstrip().lower()
     if head.startswith(_GIT_LFS_HEAD):
         return "is a Git LFS pointer, which stands for a file that was not fetched; fetch it with: git lfs pull"

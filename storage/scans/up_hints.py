@@ -1,4 +1,4 @@
-"""Which way is up by what people and programs wrote about a scan: in its header's comments, and in files beside it."""
+"""Finds statements about a scan's up axis: in comments of its header, and in files beside it."""
 
 from __future__ import annotations
 
@@ -18,20 +18,22 @@ from z2p_renderer.storage.files.printable_names import is_file, printable, witho
 from z2p_renderer.storage.scans.reader_choice import BUILTIN_SUFFIXES
 
 _HEAD_BYTES = 1 << 13
-"""Bytes at the head of a file in which its comments are."""
+"""Bytes at the beginning of a file that are searched for comments."""
 _MAX_COMMENTS = 200
+"""Further comments are ignored."""
 _TEXT_SUFFIXES = BUILTIN_SUFFIXES["text"]
 _SCENE_SUFFIXES = (".glb", ".gltf")
 _UP_AXIS_KEYS = frozenset({"upaxis", "axisup", "upvector", "updirection", "upvec", "worldup", "verticalaxis"})
-"""What tells up in JSON, in lower case and without what parts words; ``up`` does so at the top alone."""
+"""JSON keys of an up axis, lower-case, without word separators; the key ``up`` counts only at the top level."""
 _MAX_AXIS_CHARACTERS = 40
+"""Longer JSON strings name no axis."""
 _XML_COMMENT = re.compile(r"<!--(.*?)-->", re.DOTALL)
 
 
 def with_up_hints(clouds: Sequence[RawCloud], plain: Path, path: Path) -> list[RawCloud]:
-    """The clouds of a file with the up that its header or a file beside it tells, where the reader is not certain.
+    """The clouds of a file, with the up axis from its header or a file beside it unless the reader is certain of one.
 
-    `plain` is the file unpacked, and `path` the one that the user named.
+    `plain` is the unpacked file, `path` the file that the user named.
     """
     if all(cloud.up and cloud.up_certain for cloud in clouds):
         return list(clouds)
@@ -42,7 +44,7 @@ def with_up_hints(clouds: Sequence[RawCloud], plain: Path, path: Path) -> list[R
 
 
 def _with_hint(cloud: RawCloud, header: UpHint | None, beside: UpHint | None) -> RawCloud:
-    """The cloud with the surest hint; of two that are as sure, the one that is nearest to the points."""
+    """The cloud with the more certain hint; of two equally certain hints, that of its own header."""
     if cloud.up and cloud.up_certain:
         return cloud
     certain = [hint for hint in (header, beside) if hint is not None and hint.certain]
@@ -53,7 +55,7 @@ def _with_hint(cloud: RawCloud, header: UpHint | None, beside: UpHint | None) ->
 
 
 def _read_comments(path: Path, suffix: str) -> list[str]:
-    """The comments at the head of a file with that suffix; none where its format has no such, or it cannot be read."""
+    """The comments in the header of a file; empty if its format has none, or the file cannot be read."""
     if suffix not in _COMMENT_PARSERS and suffix not in _TEXT_SUFFIXES:
         return []
     try:
@@ -101,11 +103,11 @@ _COMMENT_PARSERS = {
     ".stl": _stl_comments, ".vtk": _vtk_comments,
     ".vtp": _xml_comments, ".vtu": _xml_comments,
 }  # fmt: skip
-"""Suffix -> what finds the comments in a head of such a file; all texts have the same."""
+"""Suffix -> function that extracts the comments from the first bytes; text files share `_text_comments`."""
 
 
 def _hint_from_sibling_files(path: Path) -> UpHint | None:
-    """What small files beside a scan say of up: a description in JSON, or the same thing as a glTF scene."""
+    """The up axis by files beside a scan: a description in JSON, or a glTF scene of the same name."""
     stem = without_gz(path).stem
     for name in (f"{stem}.json", "metadata.json"):
         if axis := _axis_in_json(path.with_name(name)):
@@ -116,7 +118,7 @@ def _hint_from_sibling_files(path: Path) -> UpHint | None:
 
 
 def _axis_in_json(path: Path) -> str:
-    """The axis that a description in JSON names, at its top or in an object there; empty where it names none."""
+    """The axis that a JSON file names at its top level or one level below; empty if it names none or several."""
     try:
         if not is_file(path) or path.stat().st_size > MAX_BYTES:
             return ""
@@ -132,7 +134,7 @@ def _axis_in_json(path: Path) -> str:
 
 
 def _parse_axis(value: Any) -> str:
-    """The axis that a value in JSON stands for: ``"Y"``, ``"Z_UP"`` or [0, 0, 1]; empty for any other."""
+    """The axis of a JSON value such as ``"Y"``, ``"Z_UP"`` or [0, 0, 1]; empty for any other value."""
     if isinstance(value, str) and len(value) <= _MAX_AXIS_CHARACTERS:
         axis = parse_up_axis(value) or ""
         return "" if axis == "auto" else axis

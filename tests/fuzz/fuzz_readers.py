@@ -15,7 +15,7 @@ from made_scans import MADE, Files, glb, gltf, gltf_tree, made, npz
 
 from z2p_core.interfaces import ScanError
 from z2p_renderer.storage.scans.clouds import Scan, read_each, readable_suffixes
-from z2p_renderer.storage.scans.unpack import is_prose, is_unrelated_bin
+from z2p_renderer.storage.scans.content_detection import is_prose, is_unrelated_bin
 
 CASE = "case.json"
 COLUMNS = (

@@ -1,4 +1,4 @@
-"""Clouds from whatever holds points in Python: arrays, tensors, and the clouds of other libraries, by their shape."""
+"""Clouds from Python objects: arrays, tensors and cloud objects of other libraries, single or in batches."""
 
 from __future__ import annotations
 
@@ -16,15 +16,16 @@ from z2p_core.interfaces import ScanError
 
 MAX_COLUMNS = 128
 MIN_MAP_SIDE = 16
-"""Rows and columns of a point map at least."""
+"""Least number of rows and of columns of a point map."""
 MAX_TESTED_LINES = 512
-"""Rows and columns of an array that are looked at to tell whether it is a point map."""
+"""Rows and columns of an array that are examined to recognize a point map."""
 MAX_SPREAD_SHARE = 0.05
-"""How far x/z may vary within the columns of a point map, and y/z within its rows, of what they do across."""
+"""Standard deviation of x/z within the columns of a point map, and of y/z within its rows, as a share of that between
+them."""
 MIN_POINTS_PER_LINE = 8
-"""Points that a column or row which has any must have on average, or chance might line them up."""
+"""Average number of points in the nonempty columns or rows that are needed for this test."""
 MAX_LINE_BULGE_SHARE = 0.1
-"""How far a point map's rows and columns may be from flat, of what the whole is."""
+"""RMS distance of a row or column of a point map from its plane, as a share of that of the whole map."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class PointArrays:
     clouds: list[np.ndarray]
     batched: bool
     unused_columns: int
-    """Columns behind x, y, z that were left out."""
+    """Number of columns behind x, y, z that were left out."""
     coloured: bool = False
     """Whether colours were left out that an object has beside its points."""
 
@@ -68,18 +69,18 @@ def point_arrays(points: Any) -> PointArrays:
 
 
 def as_batch(array: np.ndarray) -> np.ndarray:
-    """Clouds (B, N, C) of an array (N, C), a batch, which is given back itself, or a depth camera's point map."""
+    """Clouds (B, N, C) of a cloud (N, C), a batch (returned as it is), or a point map (H, W, C), which is one cloud."""
     if array.ndim == 3 and not _is_point_map(array):
         return array
     return array.reshape(1, -1, array.shape[-1])
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def _is_point_map(array: np.ndarray) -> bool:
-    """Whether numbers (H, W, 3 or more) are what a pinhole camera saw in its pixels, row by row, rather than H clouds.
+    """Whether numbers (H, W, 3 or more) are the point map of a pinhole camera rather than H clouds.
 
-    Then the column tells x/z and the row y/z, as it does in no batch: its clouds' points would have to share them. In
-    other axes than the camera's, each row and each column lies in a plane, while the whole does not.
+    In camera axes x/z depends on the column alone and y/z on the row alone, unlike in a batch. In other axes each row
+    and each column lies in a plane, while the whole map does not.
     """
     if min(array.shape[:2]) < MIN_MAP_SIDE:
         return False
@@ -88,44 +89,44 @@ def _is_point_map(array: np.ndarray) -> bool:
     x, y, z = np.moveaxis(points, -1, 0)
     with np.errstate(all="ignore"):  # missing points are 0 0 0 or no numbers
         across, down = x / z, y / z
-    seen = np.isfinite(across) & np.isfinite(down)
-    if _varies_across_columns(across, seen) and _varies_across_columns(down.T, seen.T):
+    valid = np.isfinite(across) & np.isfinite(down)
+    if _varies_across_columns(across, valid) and _varies_across_columns(down.T, valid.T):
         return True
-    whole = _plane_residuals(points.reshape(1, -1, 3), seen.reshape(1, -1))
+    whole = _plane_residuals(points.reshape(1, -1, 3), valid.reshape(1, -1))
     return all(np.median(_plane_residuals(*lines)) < MAX_LINE_BULGE_SHARE * whole.max(initial=0)
-               for lines in ((points, seen), (points.swapaxes(0, 1), seen.T)))  # fmt: skip
+               for lines in ((points, valid), (points.swapaxes(0, 1), valid.T)))  # fmt: skip
 
 
-def _plane_residuals(points: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """How far points (L, M, 3), those `seen`, stand out of each line's best plane: (K,), of lines with many."""
-    counts = seen.sum(1)
+def _plane_residuals(points: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """RMS distances (K,) of the `valid` points of each line (L, M, 3) from its best plane; short lines are skipped."""
+    counts = valid.sum(1)
     used = counts >= MIN_POINTS_PER_LINE
     if not used.any():
         return np.array([np.inf])
-    counts, weights = counts[used, None], seen[used, :, None]
+    counts, weights = counts[used, None], valid[used, :, None]
     points = np.where(weights, points[used], 0.0)
     points -= points.sum(1, keepdims=True) / counts[:, None] * weights
     spread = np.einsum("lma,lmb->lab", points, points) / counts[:, None]
-    if not np.isfinite(spread).all():  # numbers too large to be reckoned with
+    if not np.isfinite(spread).all():  # the numbers are too large
         return np.array([np.inf])
     return np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, 0], 0))
 
 
-def _varies_across_columns(values: np.ndarray, seen: np.ndarray) -> bool:
-    """Whether values (H, W), those that are `seen`, vary far less within the columns than from one to the other."""
-    counts = seen.sum(0)
+def _varies_across_columns(values: np.ndarray, valid: np.ndarray) -> bool:
+    """Whether the valid values (`valid`) of (H, W) vary far less within columns than between them."""
+    counts = valid.sum(0)
     used = counts > 0
     if used.sum() < 2 or counts[used].mean() < MIN_POINTS_PER_LINE:
         return False
-    values = np.where(seen, values, 0.0)[:, used]
+    values = np.where(valid, values, 0.0)[:, used]
     means = values.sum(0) / counts[used]
-    within = np.where(seen[:, used], (values - means) ** 2, 0.0).sum()
+    within = np.where(valid[:, used], (values - means) ** 2, 0.0).sum()
     between = (counts[used] * (means - (counts[used] * means).sum() / counts.sum()) ** 2).sum()
     return bool(within < MAX_SPREAD_SHARE**2 * between)
 
 
 def _parse_member(part: Any, index: int) -> PointArrays:
-    """The one cloud that is a member of a list; an error names which it was."""
+    """The cloud at `index` of a list; errors name the index."""
     try:
         return point_arrays(part)
     except ScanError as error:
@@ -133,7 +134,7 @@ def _parse_member(part: Any, index: int) -> PointArrays:
 
 
 def _extract_array(points: Any) -> np.ndarray:
-    """Array of a tensor on any device, of a cloud object, or of what numpy can read.
+    """Array of a tensor on any device, of a cloud object, or of anything that numpy converts.
 
     Raises:
         ScanError: it is something else.
@@ -143,7 +144,7 @@ def _extract_array(points: Any) -> np.ndarray:
         array = extract_array(points)
     except ScanError:
         raise
-    except Exception as error:  # ragged lists, and whatever a stranger's object raises on its way to an array
+    except Exception as error:  # ragged lists; objects of other libraries may raise anything
         raise ScanError(f"{expected} ({error_reason(error)})") from error
     if not isinstance(points, np.ndarray) and (array.ndim == 0 or array.dtype.kind in "OUS"):
         raise ScanError(expected)
@@ -151,13 +152,13 @@ def _extract_array(points: Any) -> np.ndarray:
 
 
 def _type_name(points: Any) -> str:
-    """The type of something in words, of a list also that of its first member."""
+    """The name of an object's type; for a list also that of its first member."""
     name = type(points).__name__
     return f"{name} of {type(points[0]).__name__}" if isinstance(points, list | tuple) and points else name
 
 
 def _axis_count(part: Any) -> int:
-    """Axes of one member of a list: 2 for a cloud, so that the list is a batch."""
+    """Number of axes of a list member: 2 for a cloud, so that the list is a batch."""
     if hasattr(part, "shape"):
         return len(part.shape)
     return 2 if is_cloud_object(part) else 0

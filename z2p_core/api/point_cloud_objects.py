@@ -1,4 +1,4 @@
-"""Objects of other libraries that hold points, told by their attributes alone, so that none is imported."""
+"""Extracts points from objects of other libraries by their attributes alone, so that none is imported."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ import numpy as np
 from z2p_core.interfaces import ScanError
 
 ATTRIBUTES = ("xyz", "points", "vertices", "pos", "positions")
-"""Where other libraries keep their clouds: laspy (whose `points` are records), open3d and pyvista, trimesh, torch's."""
+"""Attributes that hold clouds: of laspy (whose `points` are records), open3d and pyvista, trimesh, torch_geometric."""
 KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord")
-"""Names under which a dict has them; the first counts that it has."""
+"""Keys under which a dict holds points; the first one that exists counts."""
 COLOR_NAMES = frozenset({"red", "r", "rgb", "rgba", "diffuse_red", "color", "colors", "colour", "colours", "color_0",
                      "packed_color"})  # fmt: skip
-"""Names of colours, or of the first of them."""
+"""Names of a color, or of its first channel."""
 NUMERIC_KINDS = "fiu"
+"""Kinds of numpy dtypes that hold real numbers."""
 
 
 def names_include_color(names: Iterable[object]) -> bool:
-    """Whether one of the names is a colour's."""
+    """Whether one of the names is that of a color."""
     return any(str(name).strip().lower() in COLOR_NAMES for name in names)
 
 
 def is_cloud_object(source: Any) -> bool:
-    """Whether something holds one cloud, and is no array."""
+    """Whether an object other than an array holds one cloud."""
     if hasattr(source, "shape"):
         return False
     return isinstance(source, Mapping) or is_scene(source) or any(
@@ -33,7 +34,7 @@ def is_cloud_object(source: Any) -> bool:
 
 
 def has_colors(source: Any) -> bool:
-    """Whether it has a colour for each point beside its place."""
+    """Whether an object has a color for each point."""
     if isinstance(source, Mapping):
         return names_include_color(source)
     if callable(getattr(source, "has_colors", None)):  # open3d
@@ -56,7 +57,7 @@ def has_colors(source: Any) -> bool:
 
 
 def _keys_include_color(holder: Any) -> bool:
-    """Whether a mapping's keys, of whatever kind it is, name colours."""
+    """Whether the keys of a mapping-like object include that of a color."""
     try:
         return any(name in holder for name in ("colors", "RGB", "RGBA", "rgb", "rgba", "color", "Colors"))
     except TypeError:
@@ -64,7 +65,11 @@ def _keys_include_color(holder: Any) -> bool:
 
 
 def extract_array(source: Any) -> np.ndarray:
-    """Array of what holds points, or of what numpy can read; it may be none of points."""
+    """The array of an object that holds points, or of anything that numpy converts; its shape is not checked.
+
+    Raises:
+        ScanError: the object holds no points, or no numbers.
+    """
     if isinstance(source, Mapping):
         return _array_from_mapping(source)
     if hasattr(source, "detach"):  # torch; through float64, as numpy knows no bfloat16
@@ -88,10 +93,10 @@ def extract_array(source: Any) -> np.ndarray:
 
 
 def _array_from_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
-    """Points under a name of points, or beside each other under x, y and z.
+    """Points under a usual key, or from the keys x, y and z.
 
     Raises:
-        ScanError: neither is there.
+        ScanError: there are neither, or x, y and z differ in shape.
     """
     names = {str(name).strip().lower(): name for name in mapping}
     for key in KEYS:
@@ -102,7 +107,7 @@ def _array_from_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
         if len({column.shape for column in columns}) > 1:
             shapes = ", ".join(str(column.shape) for column in columns)
             raise ScanError(f"expected x, y and z of one shape, got {shapes}")
-        return np.stack([_check_numeric(column).reshape(-1).astype(np.float64) for column in columns], axis=-1)
+        return _stack_axes(column.reshape(-1) for column in columns)
     known = ", ".join(str(name)[:40] for name in list(mapping)[:8]) or "nothing"
     raise ScanError(f"expected a {type(mapping).__name__} with points, xyz, positions ... or x, y and z, got {known}")
 
@@ -115,31 +120,39 @@ def _array_from_tensor(tensor: Any) -> np.ndarray:
 
 
 def _array_from_table(table: Any) -> np.ndarray:
-    """Columns x, y and z of a data frame, or all of them where it has no such."""
+    """Columns x, y and z of a data frame, or all columns if these do not exist."""
     names = {str(name).strip().lower(): name for name in table.columns}
     if names.keys() >= set("xyz"):
-        columns = [_check_numeric(np.asarray(table[names[axis]])) for axis in "xyz"]
-        return np.stack([column.astype(np.float64) for column in columns], axis=-1)
+        return _stack_axes(np.asarray(table[names[axis]]) for axis in "xyz")
     return np.asarray(table.to_numpy())
 
 
 def records_to_points(array: np.ndarray) -> np.ndarray:
-    """Numbers (..., 3) float64 of records that have fields x, y and z; any other array as it is.
+    """Numbers (..., 3) float64 of records with fields x, y and z; any other array as it is.
 
     Raises:
-        ScanError: those fields hold no numbers.
+        ScanError: these fields hold no numbers.
     """
     fields = {name.lower(): name for name in array.dtype.names or ()}
     if not fields.keys() >= set("xyz"):
         return array
-    return np.stack([_check_numeric(array[fields[axis]]).astype(np.float64) for axis in "xyz"], axis=-1)
+    return _stack_axes(array[fields[axis]] for axis in "xyz")
+
+
+def _stack_axes(columns: Iterable[np.ndarray]) -> np.ndarray:
+    """Points (..., 3) float64 from arrays x, y and z (...) of one shape.
+
+    Raises:
+        ScanError: one of them holds no numbers.
+    """
+    return np.stack([_check_numeric(column).astype(np.float64) for column in columns], axis=-1)
 
 
 def _check_numeric(column: np.ndarray) -> np.ndarray:
-    """The column itself.
+    """Returns the column after a check that it holds numbers.
 
     Raises:
-        ScanError: it holds no numbers.
+        ScanError: it does not.
     """
     if column.dtype.kind not in NUMERIC_KINDS:
         raise ScanError(f"expected x, y and z as numbers, got dtype {column.dtype}")
@@ -147,12 +160,12 @@ def _check_numeric(column: np.ndarray) -> np.ndarray:
 
 
 def is_scene(source: Any) -> bool:
-    """Whether it is a scene of trimesh, whose geometry stands where its graph says."""
+    """Whether an object is a scene of trimesh, whose graph places its geometry."""
     return hasattr(source, "geometry") and hasattr(getattr(source, "graph", None), "nodes_geometry")
 
 
 def _scene_vertices(scene: Any) -> np.ndarray:
-    """All vertices (N, 3) of a scene, in the world's coordinates."""
+    """All vertices (N, 3) of a scene in world coordinates."""
     parts = []
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]

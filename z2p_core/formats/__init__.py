@@ -1,1 +1,1 @@
-"""What file formats look like inside: headers, columns and arrays of numbers. No file is opened here."""
+"""Knowledge of file formats: headers, columns and arrays of numbers. No file is opened here."""

@@ -1,4 +1,4 @@
-"""What a PLY file's header promises, and whether a file of its size can keep it; no file is opened here."""
+"""Parses PLY headers, and checks their counts against the size of a file; no file is opened here."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class PlyElement:
 
     @property
     def scalar(self) -> bool:
-        """Whether every row has the same size, no list being among its properties."""
+        """Whether all rows have the same size, because no property is a list."""
         return all(entry.length is None for entry in self.properties)
 
     @property
@@ -48,7 +48,7 @@ class PlyElement:
         return np.dtype([(entry.name, entry.type) for entry in self.properties])
 
     def least_bytes(self, ascii: bool) -> int:
-        """Bytes that its rows take at the very least: every list empty, every ascii number one digit and a blank."""
+        """Least size of its rows in bytes: every list is empty, every ascii number is one digit and a blank."""
         each = [2 if ascii else (entry.length or entry.type).itemsize for entry in self.properties]
         return self.count * sum(each)
 
@@ -71,10 +71,10 @@ class PlyHeader:
         return next((element for element in self.elements if element.name == name), None)
 
     def check_size(self, file_size: int) -> None:
-        """Nothing, when a file of `file_size` bytes can hold what the header promises.
+        """Checks that a file of `file_size` bytes can hold the elements of the header.
 
         Raises:
-            ScanError: it cannot, or it is binary, of fixed rows, and not of exactly their size.
+            ScanError: it is too small, or it is binary with rows of fixed size and has another size.
         """
         body = file_size - self.size
         least = sum(element.least_bytes(self.ascii) for element in self.elements)

@@ -1,1 +1,1 @@
-"""Cameras that lie beside a cloud, which tell its up axis and where it was seen from."""
+"""Camera files beside a cloud, which give its up axis and viewpoint; no plugins."""

@@ -1,1 +1,1 @@
-"""What several readers share; no plugins."""
+"""Helpers of the readers; no plugins."""

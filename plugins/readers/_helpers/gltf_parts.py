@@ -51,7 +51,7 @@ def as_glb(path: Path) -> bytes:
 
 
 def bytes_beside(path: Path) -> int:
-    """Bytes of the files in which a .gltf keeps its buffers; 0 where it cannot be told, and `as_glb` says why."""
+    """Total size of the buffer files of a .gltf; 0 if it cannot be determined (`as_glb` reports the reason)."""
     try:
         uris = [buffer.get("uri", "") for buffer in json.loads(path.read_bytes()).get("buffers", ())]
         return sum((path.parent / unquote(uri)).stat().st_size for uri in uris if not uri.startswith("data:"))
@@ -60,10 +60,10 @@ def bytes_beside(path: Path) -> int:
 
 
 def _read_buffer(buffer: dict[str, Any], folder: Path, number: int) -> bytes:
-    """The bytes of a buffer: in its own text, or in a file in the folder or below it.
+    """The bytes of a buffer, from a data URI or from a file in the folder or below it.
 
     Raises:
-        ScanError: it is neither.
+        ScanError: the buffer is elsewhere, or its file is missing.
     """
     uri = buffer.get("uri", "")
     if uri.startswith("data:"):

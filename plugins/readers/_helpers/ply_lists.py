@@ -48,6 +48,6 @@ def parse_ascii_lists(lines: list[bytes], vertex: PlyElement, axes: tuple[str, .
 
 
 def _property_indices(vertex: PlyElement, axes: tuple[str, ...]) -> list[int]:
-    """Indices of the properties of those names."""
+    """Indices of the properties with these names."""
     names = [None if entry.length is not None else entry.name for entry in vertex.properties]
     return [names.index(axis) for axis in axes]

@@ -1,1 +1,1 @@
-"""How the text reader finds its way in a file; no plugins."""
+"""Parts of the text reader; no plugins."""

@@ -65,7 +65,7 @@ def test_ply_lines_of_uneven_length_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
-def test_ply_header_that_lies_is_refused_before_loading(tmp_path: Path, encoding: str, monkeypatch) -> None:
+def test_a_false_ply_header_is_refused_before_loading(tmp_path: Path, encoding: str, monkeypatch) -> None:
     monkeypatch.setattr("trimesh.exchange.ply.load_ply", lambda *_: pytest.fail("the size was not checked first"))
     refused(tmp_path / "a.ply", ply(cloud(), encoding, count=10**15), "promises 1000000000000000 vertex")
     faces = "element face 1000000000\nproperty list uchar int vertex_indices\n"
@@ -116,7 +116,7 @@ def pcd(body: bytes, *, fields: str = "x y z", points: int = 4, width: int = 2, 
     ).encode() + body
 
 
-def test_pcd_ascii_takes_any_blanks_and_organised_clouds(tmp_path: Path) -> None:
+def test_pcd_ascii_accepts_any_blanks_and_organised_clouds(tmp_path: Path) -> None:
     path = tmp_path / "scan.pcd"
     path.write_bytes(pcd(b"9 1  2\t3 \nnan nan nan nan\n\n8 4 5 6\r\n7 -1e-3 0.5 2", fields="rgb x y z"))
     assert np.array_equal(read(path)[0], [[1, 2, 3], [np.nan] * 3, [4, 5, 6], [-1e-3, 0.5, 2]], equal_nan=True)
@@ -130,7 +130,7 @@ def test_pcd_of_one_point_and_without_count_line(tmp_path: Path) -> None:
         assert np.array_equal(read(path)[0], [[1, 2, 3]])
 
 
-def test_pcd_header_that_lies_is_refused_before_loading(tmp_path: Path, monkeypatch) -> None:
+def test_a_false_pcd_header_is_refused_before_loading(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setattr(PointCloud, "from_fileobj", lambda *_: pytest.fail("the size was not checked first"))
     path, huge = tmp_path / "a.pcd", {"points": 2 * 10**12, "width": 10**12}
     refused(path, pcd(b"1 2 3\n" * 4, **huge), "promises 2000000000000 points")
@@ -192,7 +192,7 @@ def test_pcd_viewpoint_is_the_sensors_pose(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stray", [b"", b"\n", b"\r\n", bytes(3)])
-def test_a_few_bytes_behind_binary_points_are_told_and_ignored(tmp_path: Path, stray: bytes) -> None:
+def test_a_few_trailing_bytes_are_ignored_with_a_note(tmp_path: Path, stray: bytes) -> None:
     points = cloud(4, "<f4")
     for name, blob in {"a.ply": ply(points, "binary_little_endian", "float"),
                        "a.pcd": pcd(points.tobytes(), data="binary")}.items():  # fmt: skip
@@ -204,7 +204,7 @@ def test_a_few_bytes_behind_binary_points_are_told_and_ignored(tmp_path: Path, s
         assert raw.note == ("" if padding else f"stray bytes at the file's end ignored: {len(stray)}")
 
 
-def test_a_pcd_file_may_be_filled_up_to_whole_pages_with_zeros(tmp_path: Path) -> None:
+def test_a_pcd_file_may_be_padded_to_pages_with_zeros(tmp_path: Path) -> None:
     points, path = cloud(4, "<f4"), tmp_path / "a.pcd"
     blob = pcd(points.tobytes(), data="binary")
     for zeros in (17, 4095):
@@ -313,7 +313,7 @@ def test_pcd_odd_fields_are_read_as_pcl_reads_them(tmp_path: Path, data: str) ->
     assert np.array_equal(read(path)[0], points.astype("f8"))
 
 
-def test_pcd_of_odd_types_is_refused_and_colours_are_told(tmp_path: Path) -> None:
+def test_pcd_types_are_checked_and_colors_get_a_note(tmp_path: Path) -> None:
     path, whole = tmp_path / "a.pcd", pcd(bytes(64), fields="x y z rgb", data="binary")
     for line, told in ((b"TYPE F F F Q", "field rgb has TYPE Q and SIZE 4"), (b"SIZE 4 4 4 3", "TYPE F and SIZE 3")):
         kind = line.split()[0]
@@ -324,7 +324,7 @@ def test_pcd_of_odd_types_is_refused_and_colours_are_told(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("height", [1, 2])
-def test_few_points_before_a_sensor_are_all_kept(tmp_path: Path, height: int) -> None:
+def test_few_points_in_front_of_a_sensor_are_kept(tmp_path: Path, height: int) -> None:
     rows = np.array([[0, 0, 1], [0.1, 0.2, 1.1], [0.3, 0.1, 3], [0.2, 0.5, 6], [0.4, 0.3, 1.5], [1, 1, 2]], "f4")
     head = pcd(b"", points=6, width=6 // height, data="binary").replace(b"HEIGHT 2", b"HEIGHT %d" % height)
     (tmp_path / "a.pcd").write_bytes(head.replace(b"VIEWPOINT 0 0 0 1", b"VIEWPOINT 0 0 -1 1") + rows.tobytes())

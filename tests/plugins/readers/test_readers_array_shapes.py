@@ -46,7 +46,7 @@ AXES = {"OpenCV": [1.0, 1.0, 1.0], "OpenGL": [1.0, -1.0, -1.0], "PyTorch3D": [-1
 @pytest.mark.parametrize("axes", AXES)
 @pytest.mark.parametrize("dtype", ["f4", "f8", "f2"])
 @pytest.mark.parametrize("holes", [None, np.nan, 0.0])
-def test_a_point_map_is_seen_from_its_camera(tmp_path: Path, axes: str, dtype: str, holes: float | None) -> None:
+def test_a_point_map_gets_the_sensor_of_its_camera(tmp_path: Path, axes: str, dtype: str, holes: float | None) -> None:
     seen = (SEEN * AXES[axes]).astype(dtype)
     if holes is not None:
         seen[5:20, 9:30] = holes
@@ -57,18 +57,18 @@ def test_a_point_map_is_seen_from_its_camera(tmp_path: Path, axes: str, dtype: s
     assert "48 x 64" in cloud.note
 
 
-def test_a_noisy_map_stands_upright_all_the_same(tmp_path: Path) -> None:
+def test_a_noisy_point_map_is_upright(tmp_path: Path) -> None:
     seen = SEEN * (1 + RNG.normal(size=(48, 64, 1)) / 99) + RNG.normal(size=SEEN.shape) / 200
     _, rotation = looks(clouds(tmp_path / "a.npz", array=seen)[0])
     assert np.allclose(rotation, np.eye(3), atol=1e-6)
 
 
-def test_a_map_of_a_camera_that_was_turned_by_a_quarter(tmp_path: Path) -> None:
+def test_a_point_map_of_a_camera_rotated_by_90_degrees(tmp_path: Path) -> None:
     position, rotation = looks(clouds(tmp_path / "a.npz", array=SEEN.swapaxes(0, 1)[:, ::-1])[0])
     assert not position.any() and np.allclose(rotation[:, 2], [0, 0, 1]) and np.allclose(rotation[:, 1], [1, 0, 0])
 
 
-def test_a_map_in_the_worlds_axes_tells_where_its_camera_stood(tmp_path: Path) -> None:
+def test_a_point_map_in_world_axes_gives_its_camera_pose(tmp_path: Path) -> None:
     world = SEEN @ TURN.T + [5, -6, 70]
     for name, arrays in {"a": {"array": world}, "b": {"world_points": world, "world_points_conf": DEPTH}}.items():
         position, rotation = looks(clouds(tmp_path / f"{name}.npz", **arrays)[0])
@@ -77,7 +77,7 @@ def test_a_map_in_the_worlds_axes_tells_where_its_camera_stood(tmp_path: Path) -
 
 @pytest.mark.parametrize("key", ["pts3d", "world_points", "points", "xyz", "point_map", "array"])
 @pytest.mark.parametrize("first", ["last", "first"])
-def test_maps_of_several_cameras_are_a_cloud_each(tmp_path: Path, key: str, first: str) -> None:
+def test_point_maps_of_several_cameras_are_separate_clouds(tmp_path: Path, key: str, first: str) -> None:
     views = np.stack([SEEN, SEEN @ TURN.T + [1, 2, 3]])
     array = views if first == "last" else np.moveaxis(views, -1, 1)
     beside = {} if key == "array" else {"conf": np.ones((2, 48, 64)), "imgs": np.zeros((2, 48, 64, 3), "u1")}
@@ -113,7 +113,7 @@ def test_a_depth_map_beside_its_cameras_matrix_is_a_point_map(tmp_path: Path, de
      (np.stack([XYZ, XYZ], -1), "expected"), (XYZ > 0, "dtype bool"), (np.zeros((9, 3), "M8[s]"), "dtype datetime64")],
     ids=lambda value: str(getattr(value, "shape", "")) + str(getattr(value, "dtype", "")),
 )  # fmt: skip
-def test_what_is_no_list_of_points_is_told_for_what_it_is(tmp_path: Path, array: np.ndarray, match: str) -> None:
+def test_arrays_that_are_no_points_are_described(tmp_path: Path, array: np.ndarray, match: str) -> None:
     for name, arrays in {"a": {"array": array}, "b": {"points": array}}.items():
         with pytest.raises(ScanError, match=match) as caught:
             clouds(tmp_path / f"{name}.npz", **arrays)
@@ -154,7 +154,7 @@ def test_records_are_read_by_the_names_of_their_fields(tmp_path: Path) -> None:
             clouds(tmp_path / "b.npz", array=np.zeros(60, fields))
 
 
-def test_arrays_that_python_2_wrote_are_read_without_a_word(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+def test_arrays_from_python_2_are_read_without_warning(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
     np.save(tmp_path / "a.npy", XYZ)
     blob = (tmp_path / "a.npy").read_bytes()
     (tmp_path / "a.npy").write_bytes(blob.replace(b"(60, 3), }", b"(60L, 3),}"))
@@ -173,7 +173,7 @@ def test_an_array_cut_short_inside_an_archive_is_refused(tmp_path: Path) -> None
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("width", [3, 12])
-def test_nan_of_the_kind_that_signals_is_nan_and_no_warning(tmp_path: Path, width: int) -> None:
+def test_signaling_nan_gives_no_warning(tmp_path: Path, width: int) -> None:
     rows = np.random.default_rng(0).normal(size=(40, width)).astype("<f4")
     rows.view("<u4")[3] = 0x7FA00000
     np.save(tmp_path / "a.npy", rows)

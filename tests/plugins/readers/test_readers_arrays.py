@@ -48,7 +48,7 @@ def test_records_with_x_y_and_z_are_points(tmp_path: Path) -> None:
     refused(tmp_path / "b.npy", (tmp_path / "b.npy").read_bytes(), "got dtype")
 
 
-def test_npz_arrays_under_the_names_that_programs_give_them(tmp_path: Path) -> None:
+def test_npz_arrays_under_usual_names_are_read(tmp_path: Path) -> None:
     points, other, path = cloud(20, "<f4"), np.ones((20, 3)), tmp_path / "a.npz"
     for arrays in (
         *({key: points, "a": other, "b": other} for key in ("positions", "pos", "vertices", "coord", "coords")),
@@ -97,7 +97,7 @@ def test_numpy_shapes_that_are_no_cloud(tmp_path: Path, shape: tuple[int, ...], 
         read(tmp_path / "a.npy")
 
 
-def test_an_npz_of_coordinates_apart(tmp_path: Path) -> None:
+def test_an_npz_of_separate_coordinates_is_read(tmp_path: Path) -> None:
     path, table = tmp_path / "a.npz", np.random.default_rng(4).normal(size=(20, 4))
     np.savez(path, x=table[:, 0], y=table[:, 1].astype(np.float32), z=table[:, 2], intensity=table[:, 3])
     np.testing.assert_allclose(read(path)[0], table[:, :3], rtol=1e-6)
@@ -252,7 +252,7 @@ def test_stl_and_glb_vertices_are_unique_and_transformed(tmp_path: Path) -> None
     assert points[:, 0].max() == pytest.approx(6, abs=1e-5) and points[:, 2].max() == 9
 
 
-def test_e57_joins_its_scans_and_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_e57_joins_its_scans_and_names_the_missing_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first, second = cloud(30), cloud(30) + 9
     e57(tmp_path / "a.e57", first, second)
     np.testing.assert_allclose(read(tmp_path / "a.e57")[0], np.vstack([first, second]), atol=1e-5)
@@ -264,7 +264,7 @@ def test_e57_joins_its_scans_and_says_what_is_missing(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_memory_is_at_least_that_of_the_points_and_not_absurd(tmp_path: Path, suffix: str) -> None:
+def test_memory_is_at_least_that_of_the_points(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     path.write_bytes(samples(tmp_path)[suffix])
     (reader,) = (plugin for plugin in map(partial(registry.load, "readers"), registry.names("readers"))
@@ -274,7 +274,7 @@ def test_memory_is_at_least_that_of_the_points_and_not_absurd(tmp_path: Path, su
 
 
 @pytest.mark.parametrize("suffix", [".npy", ".ply"])
-def test_of_very_many_points_some_stand_for_all(
+def test_very_large_clouds_are_subsampled(
     suffix: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plugin = registry.load("readers", {".npy": "numpy", ".ply": "ply"}[suffix])

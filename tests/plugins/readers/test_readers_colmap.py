@@ -85,20 +85,20 @@ def test_colmap_folder_yields_points_and_skips_other_files(tmp_path: Path) -> No
     assert np.array_equal(scan.points, POINTS)
 
 
-def test_points_of_another_name_are_told_by_what_they_count(tmp_path: Path) -> None:
+def test_colmap_points_of_another_name_are_recognized(tmp_path: Path) -> None:
     (tmp_path / "model.bin").write_bytes(points3d())
     assert np.array_equal(Sweeps().read(tmp_path / "model.bin")[0].points, POINTS)
     assert len(find_scans([str(tmp_path)], False)) == 1
 
 
-def test_without_cameras_up_is_minus_y_though_not_for_sure(tmp_path: Path) -> None:
+def test_without_cameras_up_is_uncertain_minus_y(tmp_path: Path) -> None:
     cloud = read(model(tmp_path))
     assert (cloud.up, cloud.up_certain, cloud.seen_from) == ("-Y", False, None)
 
 
 @pytest.mark.parametrize("kind", [images_bin, images_txt])
 @pytest.mark.parametrize(("up", "axis"), [((0, -1, 0), "-Y"), ((0, 0, 1), "+Z"), ((0.2, 0.97, 0.1), "+Y")])
-def test_cameras_tell_up_and_a_place_to_look_from(tmp_path: Path, kind, up: tuple[float, ...], axis: str) -> None:
+def test_cameras_give_up_and_viewpoint(tmp_path: Path, kind, up: tuple[float, ...], axis: str) -> None:
     upward = np.array(up) / np.linalg.norm(up)
     cloud = read(model(tmp_path, kind(poses(upward))))
     assert (cloud.up, cloud.up_certain, cloud.upward) == (axis, True, None)
@@ -106,20 +106,20 @@ def test_cameras_tell_up_and_a_place_to_look_from(tmp_path: Path, kind, up: tupl
     assert cloud.seen_from is not None and abs(np.linalg.norm(cloud.seen_from) - 17**0.5) < 1e-6  # one of the cameras
 
 
-def test_cameras_of_tilted_axes_tell_the_direction_itself(tmp_path: Path) -> None:
+def test_cameras_of_a_tilted_model_give_the_up_direction(tmp_path: Path) -> None:
     cloud = read(model(tmp_path, images_bin(poses(TILTED, height=2.0))))
     assert cloud.up == "+Z" and cloud.up_certain
     assert cloud.upward is not None and np.allclose(cloud.upward, TILTED, atol=1e-6)  # though all look down
 
 
-def test_cameras_held_in_all_ways_tell_nothing_of_up(tmp_path: Path) -> None:
+def test_cameras_in_all_orientations_give_no_up(tmp_path: Path) -> None:
     every = [pose for axis in np.eye(3) for sign in (1, -1) for pose in poses(sign * axis, count=3)]
     cloud = read(model(tmp_path, images_bin(every)))
     assert (cloud.up, cloud.up_certain, cloud.upward) == ("-Y", False, None)
 
 
 @pytest.mark.parametrize("images", [b"", b"\xff" * 50, images_bin(poses(TILTED))[:-30], "1 2\n", "1 a b c d e f g h"])
-def test_damaged_cameras_do_no_harm_to_the_points(tmp_path: Path, images: str | bytes) -> None:
+def test_damaged_cameras_do_not_affect_the_points(tmp_path: Path, images: str | bytes) -> None:
     assert np.array_equal(read(model(tmp_path, images)).points, POINTS)
 
 
@@ -133,7 +133,7 @@ def test_damaged_points_are_refused(tmp_path: Path, blob: bytes) -> None:
         assert len(Sweeps().read(tmp_path / "points3D.bin")[0].points) == 0
 
 
-def test_a_model_in_text_tells_as_much(tmp_path: Path) -> None:
+def test_a_colmap_model_in_text_gives_the_same(tmp_path: Path) -> None:
     rows = [f"{index} {x!r} {y!r} {z!r} 10 20 30 0.5 1 2 3 4\n" for index, (x, y, z) in enumerate(POINTS.tolist())]
     (tmp_path / "points3D.txt").write_text("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n"
                                            + "".join(rows))  # fmt: skip

@@ -33,7 +33,7 @@ def refusal(path: Path, **arrays: Any) -> str:
 
 @pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
 @pytest.mark.parametrize("key", ["data", "complete_pcds", "incomplete_pcds", "pcds", "gt"])
-def test_data_sets_give_a_cloud_an_object_usually_y_up(tmp_path: Path, key: str, suffix: str) -> None:
+def test_data_sets_give_one_y_up_cloud_per_object(tmp_path: Path, key: str, suffix: str) -> None:
     found = given(tmp_path / f"a{suffix}", **{key: BATCH, "label": np.arange(5), "mask": np.zeros((5, 40))})
     assert np.array_equal([cloud.points for cloud in found], BATCH)
     assert {(cloud.up, cloud.up_certain) for cloud in found} == {("+Y", False)}
@@ -47,14 +47,14 @@ def test_one_cloud_under_a_usual_name(tmp_path: Path, key: str) -> None:
     assert np.array_equal(cloud.points, BATCH[0]) and "columns 4 to 6" in cloud.note
 
 
-def test_each_group_has_its_clouds_and_what_is_left_out_is_told(tmp_path: Path) -> None:
+def test_each_group_gives_clouds_and_a_note_on_ignored_data(tmp_path: Path) -> None:
     found = given(tmp_path / "a.h5", one__points=BATCH[0], two__points=BATCH[1], two__labels=np.zeros(40))
     assert np.array_equal([cloud.points for cloud in found], BATCH[:2])
     (first, *_) = given(tmp_path / "b.h5", incomplete_pcds=BATCH + 1, complete_pcds=BATCH, labels=np.zeros(5))
     assert np.array_equal(first.points, BATCH[0]) and first.note == "of complete_pcds, not of incomplete_pcds"
 
 
-def test_coordinates_apart_and_records(tmp_path: Path) -> None:
+def test_separate_coordinates_and_records_are_read(tmp_path: Path) -> None:
     (cloud,) = given(tmp_path / "a.h5", X=BATCH[0, :, 0], Y=BATCH[0, :, 1], Z=BATCH[0, :, 2], i=np.zeros(40))
     assert np.array_equal(cloud.points, BATCH[0])
     records = np.zeros(40, [("i", "i4"), ("x", "f4"), ("y", "f4"), ("z", "f4")])
@@ -62,7 +62,7 @@ def test_coordinates_apart_and_records(tmp_path: Path) -> None:
     assert np.array_equal(given(tmp_path / "b.h5", points=records)[0].points, BATCH[0])
 
 
-def test_other_files_are_refused_by_what_they_hold(tmp_path: Path) -> None:
+def test_files_without_points_are_refused_by_content(tmp_path: Path) -> None:
     path = tmp_path / "a.h5"
     assert "got image, label; save the points as points" in refusal(path, image=np.zeros((9, 9)), label=np.zeros(9))
     assert "got no data sets" in refusal(path)
@@ -75,7 +75,7 @@ def test_other_files_are_refused_by_what_they_hold(tmp_path: Path) -> None:
         H5().read(path)
 
 
-def test_nothing_outside_the_file_is_read(tmp_path: Path) -> None:
+def test_links_to_other_files_are_not_followed(tmp_path: Path) -> None:
     given(tmp_path / "other.h5", points=BATCH[0])
     path, layout = tmp_path / "a.h5", h5py.VirtualLayout((40, 3), "f4")
     layout[:] = h5py.VirtualSource(tmp_path / "other.h5", "points", (40, 3))
@@ -99,7 +99,7 @@ def test_a_bomb_is_refused_before_it_unpacks(tmp_path: Path, monkeypatch: pytest
     assert "would unpack to" in refusal(tmp_path / "a.h5", points=np.zeros((100_000, 3), "f4"))
 
 
-def test_without_the_library_the_line_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_library_the_error_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given(tmp_path / "a.h5", points=BATCH[0])
     monkeypatch.setitem(sys.modules, "h5py", None)
     with pytest.raises(ScanError, match=r"needs an extra.*\[h5\]"):
@@ -118,7 +118,7 @@ def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", ["data", "points", "pts"])
-def test_a_known_name_with_another_shape_is_told_by_its_shape(tmp_path: Path, key: str) -> None:
+def test_a_known_name_with_another_shape_is_refused(tmp_path: Path, key: str) -> None:
     told = refusal(tmp_path / "a.h5", **{key: BATCH.swapaxes(-1, -2), "label": np.zeros(len(BATCH))})
     assert f"{key}: " in told and "transpose it" in told
     assert "normal, other" in refusal(tmp_path / "b.h5", normal=BATCH, other=BATCH)

@@ -36,7 +36,7 @@ def read(path: Path) -> RawCloud:
 
 @pytest.mark.parametrize("suffix", [".las", ".laz"])
 @pytest.mark.parametrize("form", range(11))
-def test_every_point_format_is_read_and_noise_left_out(tmp_path: Path, form: int, suffix: str) -> None:
+def test_every_point_format_is_read_without_noise(tmp_path: Path, form: int, suffix: str) -> None:
     if form in (4, 5, 9, 10) and suffix == ".laz":
         pytest.skip("wave packets are not packed here")
     classes = np.full(300, 2)
@@ -47,7 +47,7 @@ def test_every_point_format_is_read_and_noise_left_out(tmp_path: Path, form: int
     assert ("colours are ignored" in cloud.note) == (form in (2, 3, 5, 7, 8, 10))
 
 
-def test_withheld_points_are_left_out_and_synthetic_ones_are_not(tmp_path: Path) -> None:
+def test_withheld_points_are_dropped_and_synthetic_ones_kept(tmp_path: Path) -> None:
     withheld, synthetic = np.arange(300) % 30 == 0, np.arange(300) % 7 == 0
     cloud = read(survey(tmp_path / "a.las", 6, withheld=withheld, synthetic=synthetic))
     np.testing.assert_allclose(cloud.points, POINTS[~withheld], atol=1e-9)
@@ -59,7 +59,7 @@ def test_a_file_of_noise_alone_is_drawn(tmp_path: Path) -> None:
     assert len(cloud.points) == 300 and not cloud.note
 
 
-def test_points_that_were_never_measured_are_left_out(tmp_path: Path) -> None:
+def test_unmeasured_points_are_left_out(tmp_path: Path) -> None:
     survey(tmp_path / "a.las", 6, offset=1000.0)
     content = laspy.read(tmp_path / "a.las")
     content.X[:5], content.Z[5:8] = -(2**31), 2**31 - 1  # what a cast makes of NaN and of too large a number
@@ -71,7 +71,7 @@ def test_points_that_were_never_measured_are_left_out(tmp_path: Path) -> None:
     assert cloud.note == "33 points that stand for no measurement left out"
 
 
-def test_of_a_large_file_some_points_stand_for_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_files_are_subsampled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = survey(tmp_path / "a.las", 0)
     assert Las().memory(path) > 300 * 170
     monkeypatch.setattr(las, "MAX_ROWS", 100)
@@ -87,7 +87,7 @@ def test_of_a_large_file_some_points_stand_for_all(tmp_path: Path, monkeypatch: 
     ('PROJCS["UTM 32",GEOGCS["WGS 84"]]', False), ((1, 1, 0, 1, 1024, 0, 1, 2), True),
     ((1, 1, 0, 1, 1024, 0, 1, 1), False),
 ])  # fmt: skip
-def test_degrees_that_the_header_tells_are_laid_out_in_metres(
+def test_degrees_in_the_header_are_converted_to_metres(
     tmp_path: Path, words: str | tuple[int, ...], degrees: bool
 ) -> None:
     content = laspy.read(survey(tmp_path / "a.las", 6, POINTS / 500 + (7, 50, 0)))
@@ -102,7 +102,7 @@ def test_degrees_that_the_header_tells_are_laid_out_in_metres(
     assert bool(north > 5000) is degrees and ("longitude and latitude are laid out" in cloud.note) is degrees
 
 
-def test_only_packed_points_are_fragile(tmp_path: Path) -> None:
+def test_only_compressed_points_are_fragile(tmp_path: Path) -> None:
     assert not Las().is_fragile(survey(tmp_path / "a.las", 6))
     assert Las().is_fragile(survey(tmp_path / "a.laz", 6))
 

@@ -13,7 +13,7 @@ from reader_files import cloud, gltf, read, refused
 
 from z2p_renderer.plugins.readers.meshes import Meshes
 from z2p_renderer.plugins.readers.vertices import Vertices
-from z2p_renderer.storage.scans.unpack import suffix_of
+from z2p_renderer.storage.scans.content_detection import suffix_of
 
 
 def glb(tree: dict[str, Any], binary: bytes = b"") -> bytes:
@@ -33,7 +33,7 @@ def points_of(accessor: int) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("extension", "name"), [("KHR_draco_mesh_compression", "Draco"),
                                                  ("EXT_meshopt_compression", "meshopt")])  # fmt: skip
-def test_packed_glb_is_refused_by_the_packings_name(
+def test_compressed_glb_is_refused_naming_the_compression(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], extension: str, name: str
 ) -> None:
     tree = {"extensionsRequired": [extension], "meshes": [points_of(0)],
@@ -139,7 +139,7 @@ def test_gltf_buffers_may_be_embedded_or_separate(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".gltf"])
-def test_colours_of_a_gltf_are_told(tmp_path: Path, suffix: str) -> None:
+def test_colors_of_a_gltf_get_a_note(tmp_path: Path, suffix: str) -> None:
     rows = cloud(30, "f4")
     tree = json.loads(gltf(rows))
     tree["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 1
@@ -153,7 +153,7 @@ def test_colours_of_a_gltf_are_told(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("head", ["OFF", "4OFF", "COFF", "NOFF", "STOFF", "CN4OFF", "OFF # made by hand\n"])
-def test_off_vertices_come_first_whatever_stands_behind_them(tmp_path: Path, head: str) -> None:
+def test_off_vertices_may_be_followed_by_attributes(tmp_path: Path, head: str) -> None:
     points, weights = cloud(20), np.linspace(0.5, 2, 20)
     table = np.column_stack([points * weights[:, None], weights]) if "4" in head else points
     rest = " 0.25 0.5 0.75" if head[0] in "CNS" else ""
@@ -170,7 +170,7 @@ def test_off_of_other_kinds_is_refused(tmp_path: Path) -> None:
     refused(tmp_path / "a.off", "nOFF\n4\n1 0 0\n1 2 3 4\n", "other than three dimensions")
 
 
-def test_obj_colours_and_weights_stand_behind_the_vertex(tmp_path: Path) -> None:
+def test_obj_colors_and_weights_follow_the_vertex(tmp_path: Path) -> None:
     points, path = cloud(20), tmp_path / "a.obj"
     for rest, note in ((" 1.0", ""), (" 0.5 0.25 1", "its colours are ignored"), ("", "")):
         path.write_text("".join("v " + " ".join(map(repr, row)) + rest + "\n" for row in points.tolist()))

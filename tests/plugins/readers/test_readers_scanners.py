@@ -18,7 +18,7 @@ TURNED = np.array([[0.0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 1, 0], [1000, 2000, 300
 
 
 @pytest.mark.parametrize("lines", [7, 200_000])
-def test_ptx_joins_its_scans_where_their_matrices_put_them(
+def test_ptx_joins_its_scans_by_their_matrices(
     tmp_path: Path, lines: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("z2p_renderer.plugins.readers.ptx._BLOCK_LINES", lines)
@@ -54,14 +54,14 @@ def test_ptx_needs_the_memory_of_its_points_not_of_its_text(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(("name", "width"), [("000.bin", 4), ("a.pcd.bin", 5), ("a.PCD.BIN", 5), ("short.bin", 5)])
-def test_sweeps_are_told_by_name_and_size(tmp_path: Path, name: str, width: int) -> None:
+def test_sweeps_are_recognized_by_name_and_size(tmp_path: Path, name: str, width: int) -> None:
     points = 80 * cloud(61 if "short" in name else 80, "f4")
     table = np.column_stack([points, np.full((len(points), width - 3), 17.0)])
     (tmp_path / name).write_bytes(table.astype("<f4").tobytes())
     assert np.array_equal(read(tmp_path / name)[0], points)
 
 
-def test_columns_of_a_sweep_that_are_named_count(tmp_path: Path) -> None:
+def test_named_columns_override_those_of_a_sweep(tmp_path: Path) -> None:
     path, table = tmp_path / "a.bin", 1e5 * cloud(40).astype("<f4")
     path.write_bytes(np.column_stack([table, table]).tobytes())
     reader = Sweeps()
@@ -88,7 +88,7 @@ def test_float64_without_header_is_reported(tmp_path: Path, columns: int, kind: 
     assert len(reader.read(path)[0].points) == 60
 
 
-def test_what_no_lidar_measures_is_no_sweep(tmp_path: Path) -> None:
+def test_implausible_numbers_are_no_sweep(tmp_path: Path) -> None:
     path, table = tmp_path / "a.bin", np.column_stack([cloud(40), np.full(40, 0.5)]).astype("<f4")
     for row, column, value in ((3, 0, np.nan), (4, 2, 1e9), (5, 3, -1), (6, 1, 1e-42)):
         bad = table.copy()
@@ -106,7 +106,7 @@ def six_columns(count: int, last: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["whole", "unit", "normals"])
 @pytest.mark.parametrize("count", [2000, 2001, 2005])
-def test_rows_of_six_are_never_cut_wrongly_but_asked_about(tmp_path: Path, kind: str, count: int) -> None:
+def test_rows_of_six_floats_need_the_columns_option(tmp_path: Path, kind: str, count: int) -> None:
     rng = np.random.default_rng(4)
     last = {"whole": rng.integers(0, 256, (count, 3)), "unit": rng.uniform(0, 1, (count, 3)) ** 3,
             "normals": np.linalg.qr(rng.normal(size=(count, 3, 3)))[0][:, 0]}[kind]  # fmt: skip
@@ -133,7 +133,7 @@ def sweep(rows: int = 4000) -> np.ndarray:
 
 @pytest.mark.parametrize("rows", [3960, 3961, 3962])
 @pytest.mark.parametrize("width", [4, 5])
-def test_lidar_sweeps_get_up_and_view_of_their_sensor(
+def test_lidar_sweeps_get_up_and_view_from_their_sensor(
     tmp_path: Path, width: int, rows: int
 ) -> None:
     table = np.ascontiguousarray(sweep(rows)[:, :width])
@@ -147,7 +147,7 @@ def test_lidar_sweeps_get_up_and_view_of_their_sensor(
     assert np.array_equal(cloud.sensor.rotation @ [0, 1, 0], [0, 0, -1])
 
 
-def test_a_folder_passes_over_a_bin_that_is_no_sweep(tmp_path: Path) -> None:
+def test_folders_skip_bin_files_that_are_no_sweeps(tmp_path: Path) -> None:
     sweep = np.column_stack([cloud(40), np.full(40, 0.5)]).astype("<f4")
     (tmp_path / "000.bin").write_bytes(sweep.tobytes())
     (tmp_path / "weights.bin").write_bytes(np.random.default_rng(0).bytes(640))

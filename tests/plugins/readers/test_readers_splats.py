@@ -73,7 +73,7 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("encoding", ["binary_little_endian", "ascii"])
-def test_faint_and_huge_gaussians_are_left_out_and_counted(tmp_path: Path, scene, encoding: str) -> None:
+def test_faint_and_huge_gaussians_are_dropped_and_counted(tmp_path: Path, scene, encoding: str) -> None:
     points, opacity, scale = scene
     plain(tmp_path / "a.ply", points, opacity, scale, encoding)
     cloud = read(tmp_path / "a.ply")
@@ -83,7 +83,7 @@ def test_faint_and_huge_gaussians_are_left_out_and_counted(tmp_path: Path, scene
     assert (cloud.up, cloud.up_certain) == ("-Y", False)
 
 
-def test_packed_gaussians_are_where_plain_ones_are(tmp_path: Path, scene) -> None:
+def test_packed_gaussians_match_plain_ones(tmp_path: Path, scene) -> None:
     points, opacity, scale = scene
     packed(tmp_path / "a.compressed.ply", points, opacity, scale)
     cloud = read(tmp_path / "a.compressed.ply")
@@ -101,7 +101,7 @@ def test_packed_gaussians_without_their_bounds_are_refused(tmp_path: Path, scene
         read(tmp_path / "a.ply")
 
 
-def test_packed_gaussians_in_other_numbers_are_refused(tmp_path: Path, scene) -> None:
+def test_packed_gaussians_of_other_types_are_refused(tmp_path: Path, scene) -> None:
     path = tmp_path / "a.ply"
     packed(path, *scene)
     whole = path.read_bytes()
@@ -112,7 +112,7 @@ def test_packed_gaussians_in_other_numbers_are_refused(tmp_path: Path, scene) ->
             read(path)
 
 
-def test_a_scene_of_faint_gaussians_alone_is_drawn_all_the_same(tmp_path: Path) -> None:
+def test_a_scene_of_faint_gaussians_alone_keeps_them(tmp_path: Path) -> None:
     points = np.random.default_rng(3).normal(size=(40, 3))
     plain(tmp_path / "a.ply", points, np.full(40, 0.01))
     cloud = read(tmp_path / "a.ply")
@@ -129,7 +129,7 @@ def test_a_mesh_with_an_opacity_is_no_splats(tmp_path: Path) -> None:
     assert np.array_equal(cloud.points, points) and not cloud.up
 
 
-def test_the_cameras_of_a_trained_model_tell_up_and_a_view(tmp_path: Path, scene) -> None:
+def test_cameras_of_a_trained_model_give_up_and_viewpoint(tmp_path: Path, scene) -> None:
     folder = tmp_path / "model" / "point_cloud" / "iteration_7000"
     folder.mkdir(parents=True)
     plain(folder / "point_cloud.ply", *scene)

@@ -11,7 +11,7 @@ from reader_files import read, refused
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_renderer.plugins.readers.text import Text
 from z2p_renderer.storage.scans.clouds import read_clouds
-from z2p_renderer.storage.scans.unpack import is_prose
+from z2p_renderer.storage.scans.content_detection import is_prose
 
 TEXT_FORMS = [(".xyz", 3), (".xyzn", 6), (".xyzrgb", 6), (".pts", 3), (".pts", 4), (".pts", 6), (".pts", 7),
               (".txt", 3), (".txt", 5), (".txt", 9)]  # fmt: skip
@@ -28,7 +28,7 @@ def test_text_round_trip_is_exact(tmp_path: Path, suffix: str, columns: int) -> 
         assert np.array_equal(read(path)[0], table[:, :3])
 
 
-def test_non_finite_rows_stay_and_a_byte_order_mark_goes(tmp_path: Path) -> None:
+def test_non_finite_rows_stay_and_byte_order_marks_go(tmp_path: Path) -> None:
     path = tmp_path / "scan.xyz"
     path.write_bytes(b"\xef\xbb\xbf1 2 3\r\nnan inf 0\r\n")
     assert np.array_equal(read(path)[0], [[1, 2, 3], [np.nan, np.inf, 0]], equal_nan=True)
@@ -55,7 +55,7 @@ def test_tables_with_a_line_of_names(tmp_path: Path, head: str) -> None:
     "head", ["z nx ny x y nz\n", "# z nx ny x y nz\n", "# by hand\n\n## Z nx ny x y nz\n2\n# x y z a b c\n",
              "//Z nx ny X Y nz\n2\n", "2\nz a b x y word\n"]
 )  # fmt: skip
-def test_names_of_columns_count_whatever_the_suffix_stands_for(tmp_path: Path, suffix: str, head: str) -> None:
+def test_column_names_take_precedence_over_the_suffix(tmp_path: Path, suffix: str, head: str) -> None:
     last = ("oak", "old") if "word" in head else ("6", "9")
     assert np.array_equal(given(tmp_path / f"a{suffix}", f"{head}3 4 5 1 2 {last[0]}\n6 7 8 4 5 {last[1]}\n"),
                           [[1, 2, 3], [4, 5, 6]])  # fmt: skip
@@ -106,7 +106,7 @@ def test_decimal_commas_are_read_with_other_separators(
 
 @pytest.mark.parametrize("text", ["1, 2, 3\n4, 5, 6", "1 ,2 ,3\n4 ,5 ,6", "1,2,3\n4,5,6", "1 , 2 , 3\n4,5, 6",
                                   "1 2 3\n4,5,6", "1,2 3\n4 5,6", "1;2 3\n4; 5;6", "1\t2,3\n4 5 6"])  # fmt: skip
-def test_commas_separate_unless_every_field_is_a_decimal(tmp_path: Path, text: str) -> None:
+def test_commas_separate_unless_all_fields_are_decimals(tmp_path: Path, text: str) -> None:
     assert np.array_equal(given(tmp_path / "a.txt", text), [[1, 2, 3], [4, 5, 6]])
 
 
@@ -121,7 +121,7 @@ def test_ambiguous_commas_follow_all_sampled_lines(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("separator", [",", ";", ", ", " ; "])
-def test_an_empty_cell_is_nan_and_columns_keep_their_places(tmp_path: Path, separator: str) -> None:
+def test_an_empty_cell_is_nan_and_keeps_columns_aligned(tmp_path: Path, separator: str) -> None:
     rng = np.random.default_rng(5)
     table = rng.normal(size=(60, 5))
     holes = rng.random(table.shape) < 0.2
@@ -147,7 +147,7 @@ def test_rows_with_an_empty_coordinate_are_dropped_and_counted(tmp_path: Path) -
              "x,y,z,\n1,2,3\n4,5,6\n", "1,2,3\n4,5,6,\n", "1;2;3;\n4;5;6;\n", "x,y,z,i\n1,2,3,\n4,5,6,9\n",
              "1,2,3,#ff0000\n4,5,6,#00ff00"]
 )  # fmt: skip
-def test_a_comma_at_the_end_of_lines_breaks_nothing(tmp_path: Path, text: str) -> None:
+def test_trailing_commas_are_accepted(tmp_path: Path, text: str) -> None:
     assert np.array_equal(given(tmp_path / "a.csv", text), [[1, 2, 3], [4, 5, 6]])
 
 
@@ -158,7 +158,7 @@ def test_a_comma_at_the_end_of_lines_breaks_nothing(tmp_path: Path, text: str) -
              "id X [m] Y [m] Z (m)", "id\tX [m]\tY [m]\tZ", "//id,x,y,z", "% id x y z", "# by hand\n// too\n,x,y,alt",
              "height,x,y,z", "% by hand\n; of the x, y and z of Ox\n\nid,x,y,z"]
 )  # fmt: skip
-def test_names_that_are_recognised(tmp_path: Path, head: str) -> None:
+def test_usual_axis_names_are_recognized(tmp_path: Path, head: str) -> None:
     sign = ";" if ";" in head.splitlines()[-1] else "\t" if "\t" in head else ","
     width = 5 if ",E," in head else 4
     table = np.arange(4.0 * width).reshape(4, width)
@@ -183,7 +183,7 @@ def test_unknown_column_names_need_the_columns_option(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("sign", ["//", "%", ";", "// ", "; 12 of 40; by hand, "])
 @pytest.mark.parametrize("suffix", [".xyz", ".csv", ".pts"])
-def test_first_lines_that_begin_as_comments_are_left_out(tmp_path: Path, sign: str, suffix: str) -> None:
+def test_leading_comment_lines_are_skipped(tmp_path: Path, sign: str, suffix: str) -> None:
     count = "2\n" if suffix == ".pts" else ""
     text = f"{sign}a scan\n\n{sign}made by x, y and z\n{count}1;2;3\n4;5;6\n"
     assert np.array_equal(given(tmp_path / f"a{suffix}", text), [[1, 2, 3], [4, 5, 6]])
@@ -210,7 +210,7 @@ def test_named_columns_allow_words_in_other_columns(tmp_path: Path, text: str, c
      ("x,y,z,label\n1,2,3,old, oak\n", "names 4 columns .x,y,z,label., the file has 5"),
      ("x,y,z,a\n1,2,3,b\n1,2,3,b,c\n", "line 3 .* from 4 to 5")]
 )  # fmt: skip
-def test_refusals_tell_the_line_as_an_editor_counts_it(tmp_path: Path, text: str, match: str) -> None:
+def test_errors_name_the_line_number_of_the_file(tmp_path: Path, text: str, match: str) -> None:
     refused(tmp_path / "a.csv", text, match)
 
 
@@ -236,7 +236,7 @@ def test_a_column_that_counts_the_rows_is_no_x(
         assert ",x,y,z,c5 or --columns x,y,z,c4,c5" in refusal(path, "\n".join(others))
 
 
-def test_a_line_is_counted_through_all_parts_of_a_large_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_line_numbers_count_through_all_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     in_small_parts(monkeypatch)
     rows = [f"{i},{i + 1},{i + 2}" + ("\n# between" if i % 5 == 0 else "") for i in range(60)]
     text = "\n".join(["// made", "x,y,z", *rows, ""])
@@ -247,7 +247,7 @@ def test_a_line_is_counted_through_all_parts_of_a_large_file(tmp_path: Path, mon
     assert "line 8 " in wide and "from 3 to 4" in wide
 
 
-def test_what_begins_as_a_note_is_still_prose(tmp_path: Path) -> None:
+def test_prose_that_begins_like_a_comment_is_prose(tmp_path: Path) -> None:
     for name, text in {"a.txt": "// of a fox\nmade in May\n", "b.csv": "lon,lat,name\n1,2,3\n", "c.txt": "% 1 2 3\n",
                        "d.csv": "name,owner\na,b\n"}.items():  # fmt: skip
         (tmp_path / name).write_text(text)

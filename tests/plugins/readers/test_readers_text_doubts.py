@@ -49,7 +49,7 @@ BEFORE = {
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @pytest.mark.parametrize("names", BEFORE)
-def test_what_stands_before_the_coordinates_is_asked_about(tmp_path: Path, suffix: str, names: str) -> None:
+def test_leading_columns_need_the_columns_option(tmp_path: Path, suffix: str, names: str) -> None:
     rows = table(*BEFORE[names])
     with pytest.raises(ScanError) as caught:
         read(tmp_path / f"a{suffix}", rows)
@@ -93,7 +93,7 @@ def voxels() -> np.ndarray:
      (XYZ, NORMALS, COLOURS), (XYZ, np.full(240, 0.3), COLOURS), (XYZ, RNG.normal(size=(240, 12)))],
     ids=lambda columns: "",
 )  # fmt: skip
-def test_coordinates_come_first_whatever_stands_beside_them(
+def test_coordinates_come_first_beside_any_other_columns(
     tmp_path: Path, suffix: str, columns: tuple[np.ndarray, ...]
 ) -> None:
     rows = table(*columns)
@@ -101,7 +101,7 @@ def test_coordinates_come_first_whatever_stands_beside_them(
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_the_other_columns_are_told_for_what_they_look_like(tmp_path: Path, suffix: str) -> None:
+def test_the_note_describes_the_ignored_columns(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     assert read(path, XYZ).note == ""
     assert read(path, table(XYZ, COLOURS)).note == "ignored: columns 4 to 6 (colours)"

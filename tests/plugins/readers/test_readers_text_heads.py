@@ -22,7 +22,7 @@ def given(path: Path, content: str | bytes) -> np.ndarray:
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32"])
 @pytest.mark.parametrize("suffix", [".csv", ".txt", ".xyz"])
-def test_text_is_decoded_as_its_first_bytes_say(tmp_path: Path, encoding: str, suffix: str) -> None:
+def test_the_first_bytes_determine_the_encoding(tmp_path: Path, encoding: str, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     assert np.array_equal(given(path, ROWS.replace("\n", "\r\n").encode(encoding)), POINTS)
     assert find_scans([str(tmp_path)], False, lambda path: pytest.fail(f"{path} was passed over")) == [path]
@@ -37,7 +37,7 @@ def test_utf_16_of_the_other_byte_order(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".xyz", ".txt", ".asc", ".csv", ".pts"])
 @pytest.mark.parametrize("head", ["3\n", "# made\n\n3\n", "// made\n 3 \n"])
-def test_a_count_before_the_rows_is_no_row(tmp_path: Path, suffix: str, head: str) -> None:
+def test_a_number_of_rows_is_no_row(tmp_path: Path, suffix: str, head: str) -> None:
     path = tmp_path / f"a{suffix}"
     assert np.array_equal(given(path, head + ROWS), POINTS)
     assert find_scans([str(tmp_path)], False) == [path]
@@ -45,7 +45,7 @@ def test_a_count_before_the_rows_is_no_row(tmp_path: Path, suffix: str, head: st
 
 
 @pytest.mark.parametrize("head", ["//X Y Z R G B\n3\n", "X,Y,Z,R,G,B\n3\n", "3\nX,Y,Z,R,G,B\n"])
-def test_a_count_beside_names(tmp_path: Path, head: str) -> None:
+def test_a_number_of_rows_beside_names(tmp_path: Path, head: str) -> None:
     rows = "".join(f"{row},7,8,9\n" for row in ROWS.split())
     assert np.array_equal(given(tmp_path / "a.asc", head + rows), POINTS)
     assert np.array_equal(given(tmp_path / "a.csv", head + rows), POINTS)
@@ -62,7 +62,7 @@ def test_atoms_of_a_molecule_are_points(tmp_path: Path) -> None:
     refused(path, f"3\nc\n{atoms}3\nc\n{atoms}", "line 6 the number of columns changed from 4 to 1")
 
 
-def test_what_tells_excel_the_separator_is_no_row(tmp_path: Path) -> None:
+def test_the_separator_line_of_excel_is_no_row(tmp_path: Path) -> None:
     rows = "1,0;2;3\n4;5;6\n7;8;10\n"
     for head in ("sep=;\n", '"sep=;"\n', "SEP=;\nx;y;z\n", "# made\nsep=;\nx;y;z\n"):
         assert np.array_equal(given(tmp_path / "a.csv", head + rows), POINTS)
@@ -70,7 +70,7 @@ def test_what_tells_excel_the_separator_is_no_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("units", ["[m],[m],[m]", "m,m,m", "(m) (m) (mm)", '"[m]","[m]","[m]"', "[m];[us-ft];[m]"])
-def test_a_row_of_units_below_the_names_is_no_row(tmp_path: Path, units: str) -> None:
+def test_a_line_of_units_below_the_names_is_no_row(tmp_path: Path, units: str) -> None:
     path = tmp_path / "a.csv"
     assert np.array_equal(given(path, f"x,y,z\n{units}\n{ROWS}"), POINTS)
     refused(path, f"x,y,z\n{units}\n{units}\n{ROWS}", "line 3")  # one such row
@@ -89,13 +89,13 @@ def test_words_for_missing_numbers_are_counted_as_not_finite(tmp_path: Path, wor
     refused(path, f"{ROWS}no,no,no\n", "line 4 column 1 holds 'no'")
 
 
-def test_other_columns_are_told_with_their_line(tmp_path: Path) -> None:
+def test_errors_on_other_columns_name_their_line(tmp_path: Path) -> None:
     refused(tmp_path / "a.xyz", "# made\n\n1 2\n", "^line 3: expected x y z .* got 2 columns")
     refused(tmp_path / "a.txt", "Project: fox; in 2024\n1;2;3\n", "^line 1: expected x y z .*put '#' before lines")
     assert len(given(tmp_path / "a.txt", "\n".join(" ".join(map(str, row)) for row in cloud(9).tolist()))) == 9
 
 
-def test_a_sign_within_a_line_that_is_no_comment(tmp_path: Path) -> None:
+def test_hash_signs_within_a_line(tmp_path: Path) -> None:
     path, numbered = tmp_path / "a.csv", "".join(f"{n},{row}\n" for n, row in enumerate(ROWS.split()))
     assert np.array_equal(given(path, f"Point #,x,y,z\n{numbered}"), POINTS)
     assert find_scans([str(tmp_path)], False) == [path]

@@ -10,7 +10,7 @@ import pytest
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_renderer.plugins.readers.text import Text
 from z2p_renderer.storage.scans.clouds import find_scans, read_clouds
-from z2p_renderer.storage.scans.unpack import is_prose
+from z2p_renderer.storage.scans.content_detection import is_prose
 
 RNG = np.random.default_rng(5)
 XYZ = RNG.normal(size=(60, 3)).round(5)
@@ -54,7 +54,7 @@ def test_colmaps_points_are_read_by_their_names(tmp_path: Path, name: str, head:
     assert not is_prose(tmp_path / name)
 
 
-def test_names_in_a_comment_hold_for_rows_of_differing_length(tmp_path: Path) -> None:
+def test_names_in_a_comment_fit_rows_of_varying_length(tmp_path: Path) -> None:
     rows = "".join(f"oak {x} {y} {z}{' 1' * (row % 3)}\n" for row, (x, y, z) in enumerate(XYZ.tolist()))
     assert np.array_equal(given(tmp_path / "a.txt", f"# kind x y z neighbours\n{rows}").points, XYZ)
     assert "from 4 to 5" in refusal(tmp_path / "a.txt", f"kind x y z\n{rows}")  # names of all columns have to fit
@@ -87,14 +87,14 @@ AXES = {
 
 @pytest.mark.parametrize("viewer", AXES)
 @pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_viewers_names_of_the_axes(tmp_path: Path, viewer: str, separator: str) -> None:
+def test_axis_names_of_viewers_are_recognized(tmp_path: Path, viewer: str, separator: str) -> None:
     head, rows = AXES[viewer].replace(",", separator), lines(np.column_stack([XYZ, np.arange(60)]), separator)
     for text in (rows, *([rows.replace(".", ",")] if separator != "," else [])):  # decimal commas
         assert np.array_equal(given(tmp_path / "a.csv", f"{head}\n{text}").points, XYZ)
     assert not is_prose(tmp_path / "a.csv")
 
 
-def test_axis_columns_are_found_among_others_by_name(tmp_path: Path) -> None:
+def test_axis_columns_are_recognized_among_others(tmp_path: Path) -> None:
     path, beside = tmp_path / "a.csv", np.arange(60)[:, None]
     livox = "Version,Slot ID,LiDAR Index,Rsvd,Error Code,Timestamp,X,Y,Z,Reflectivity,Tag,Ori_x,Ori_y,Ori_z"
     table = np.column_stack([np.repeat(beside, 6, 1), XYZ, np.repeat(beside, 5, 1)])
@@ -123,7 +123,7 @@ def test_degrees_by_name_are_laid_out_in_metres(tmp_path: Path, head: str) -> No
 
 
 @pytest.mark.parametrize("head", ["x,y,depth", "Easting,Northing,Depth (m)", "x [m];y [m];Sounding", "lon,lat,depth_m"])
-def test_soundings_count_down(tmp_path: Path, head: str) -> None:
+def test_depths_become_negative_heights(tmp_path: Path, head: str) -> None:
     rows = np.column_stack([XYZ[:, :2], np.abs(XYZ[:, 2]) + 1])
     separator = ";" if ";" in head else ","
     cloud = given(tmp_path / "a.csv", f"{head}\n{lines(rows, separator)}")
@@ -146,7 +146,7 @@ def test_exponents_of_fortran_are_numbers(tmp_path: Path) -> None:
     assert find_scans([str(tmp_path)], False) == sorted(tmp_path.iterdir())
 
 
-def test_an_esri_grid_gives_the_middles_of_its_cells(tmp_path: Path) -> None:
+def test_an_esri_grid_gives_the_centers_of_its_cells(tmp_path: Path) -> None:
     heights = "1 2 3 4\n5 -9999 7 8\n"
     for corner, cell, left in (("xllcorner 100\nyllcorner 50", 2, 101), ("XLLCENTER 100\nYLLCENTER 50", 2, 100)):
         cloud = given(tmp_path / "a.asc", f"NCOLS 4\nnrows 2\n{corner}\ncellsize {cell}\nNODATA_value -9999\n{heights}")
@@ -170,7 +170,7 @@ def test_an_endless_line_is_refused_before_it_is_in_memory(
         assert f"line {1 + before.count(chr(10))} is longer than" in refusal(path, before + endless)
 
 
-def test_degrees_beside_metres_are_told_in_the_files_line(tmp_path: Path) -> None:
+def test_degrees_beside_metres_get_a_note(tmp_path: Path) -> None:
     path = tmp_path / "a.xyz"
     path.write_text(lines(ground(), " "))
     (scan,) = read_clouds(path)

@@ -18,25 +18,25 @@ def given(path: Path, lines: list[str], encoding: str = "utf-8") -> np.ndarray:
 
 
 @pytest.mark.parametrize("title", ["0,1,2", '"V1","V2","V3"', "Var1,Var2,Var3", "X1,X2,X3", "col_0,col_1,col_2"])
-def test_a_line_that_only_numbers_the_columns_is_no_point(tmp_path: Path, title: str) -> None:
+def test_a_line_of_column_numbers_is_no_point(tmp_path: Path, title: str) -> None:
     assert np.array_equal(given(tmp_path / "a.csv", [title, *ROWS]), POINTS)
 
 
 @pytest.mark.parametrize("title", [",0,1,2", '"","V1","V2","V3"', "Unnamed: 0,0,1,2", "Row,Var1,Var2,Var3"])
-def test_such_a_line_above_numbered_rows(tmp_path: Path, title: str) -> None:
+def test_a_line_of_column_numbers_above_numbered_rows(tmp_path: Path, title: str) -> None:
     rows = [f"{index},{row}" for index, row in enumerate(ROWS)]
     assert np.array_equal(given(tmp_path / "a.csv", [title, *rows]), POINTS)
 
 
 @pytest.mark.parametrize("first", ["0,1,2", "1,2,3"])
-def test_a_first_row_of_integers_is_a_point_among_integers(tmp_path: Path, first: str) -> None:
+def test_a_first_row_of_integers_is_a_point(tmp_path: Path, first: str) -> None:
     points = given(tmp_path / "a.csv", [first, "5,7,9", "3,1,4", "8,8,1"])
     assert points[0].tolist() == [float(cell) for cell in first.split(",")] and len(points) == 4
 
 
 @pytest.mark.parametrize("title", ['"x" "y" "z"', "x y z", '"V1" "V2" "V3"'])
 @pytest.mark.parametrize("names", ['"{}"', "{}", '"point {}"'])
-def test_names_of_rows_have_no_title_in_r(tmp_path: Path, title: str, names: str) -> None:
+def test_row_names_of_r_have_no_title(tmp_path: Path, title: str, names: str) -> None:
     if "V1" in title and "point" in names:
         return refused(tmp_path / "b.txt", f"{title}\n\"point 1\" 1.5 2.5 3.5\n", "holds 'point 1', which is no number")
     rows = [f"{names.format(index)} {row.replace(',', ' ')}" for index, row in enumerate(ROWS, start=1)]
@@ -50,11 +50,11 @@ def test_header_with_too_few_names_needs_the_columns_option(tmp_path: Path) -> N
 
 @pytest.mark.parametrize("title", ["#Label,X/Longitude,Y/Latitude,Z/Altitude", "vertex_index,co_x,co_y,co_z",
                                    "name,location_x,location_y,location_z"])  # fmt: skip
-def test_more_names_of_axes(tmp_path: Path, title: str) -> None:
+def test_axis_names_with_prefixes_are_recognized(tmp_path: Path, title: str) -> None:
     assert np.array_equal(given(tmp_path / "a.csv", [title, *(f"p1,{row}" for row in ROWS)]), POINTS)
 
 
-def test_titles_in_the_letters_of_older_windows(tmp_path: Path) -> None:
+def test_titles_in_cp1252_are_read(tmp_path: Path) -> None:
     rows = [row.replace(",", ";").replace(".", ",") for row in ROWS]
     assert np.array_equal(given(tmp_path / "a.csv", ["Rechtswert;Hochwert;Höhe", *rows], "cp1252"), POINTS)
 
@@ -69,5 +69,5 @@ def test_titles_in_the_letters_of_older_windows(tmp_path: Path) -> None:
      ("lon;lat;h\n7°06'3.1\";50°12'4.2\";30\n", "degrees, minutes and seconds"),
      ('WKT,fid\n"POINT Z (1 2 3)",1\n', "written as geometry .* AS_XYZ"), ("POINT(1 2 3)\n", "written as geometry")],
 )  # fmt: skip
-def test_odd_writing_is_told_with_what_to_do(tmp_path: Path, text: str, told: str) -> None:
+def test_unsupported_notations_get_advice(tmp_path: Path, text: str, told: str) -> None:
     refused(tmp_path / "a.csv", text, f"line [12]: .*{told}")

@@ -26,7 +26,7 @@ with ThreadPoolExecutor(len(paths)) as pool:
 """
 
 
-def test_meshes_can_be_read_in_parallel_from_the_start(tmp_path: Path) -> None:
+def test_meshes_can_be_read_in_parallel_at_first_import(tmp_path: Path) -> None:
     import trimesh
 
     for name in ("a.glb", "b.glb", "c.stl"):
@@ -36,7 +36,7 @@ def test_meshes_can_be_read_in_parallel_from_the_start(tmp_path: Path) -> None:
         assert done.stdout == "[8, 8, 8]\n", done.stderr
 
 
-def test_a_library_that_is_not_there_is_no_fault_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_library_is_not_blamed_on_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from z2p_renderer.plugins.readers.meshes import Meshes
 
     stl = tmp_path / "a.stl"

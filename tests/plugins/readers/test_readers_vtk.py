@@ -37,7 +37,7 @@ def test_xml_files(
     assert np.array_equal(read_clouds(path)[0].points, POINTS)
 
 
-def test_files_that_lie_or_hold_no_points_are_refused(tmp_path: Path) -> None:
+def test_false_headers_and_files_without_points_are_refused(tmp_path: Path) -> None:
     path, text = tmp_path / "a.vtk", legacy(POINTS, binary=False)
     refused(path, b"hello", "begins with '# vtk DataFile'")
     for binary in (True, False):

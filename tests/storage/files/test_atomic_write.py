@@ -18,14 +18,14 @@ def names(folder: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("durable", [False, True])
-def test_the_content_is_there_and_nothing_beside_it(tmp_path: Path, durable: bool) -> None:
+def test_a_write_leaves_the_content_and_no_other_file(tmp_path: Path, durable: bool) -> None:
     path = tmp_path / "new" / "folders" / "one.bin"
     for content in (b"first", b""):
         assert atomic_write(content, path, durable=durable) == path
         assert path.read_bytes() == content and names(path.parent) == ["one.bin"]
 
 
-def test_a_failure_at_any_point_leaves_what_was_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_failure_at_any_point_keeps_the_old_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "one.bin"
     atomic_write(b"before", path)
     with pytest.raises(KeyError), atomic_path(path) as temporary:
@@ -46,18 +46,18 @@ def test_a_failure_at_any_point_leaves_what_was_there(tmp_path: Path, monkeypatc
         assert path.read_bytes() == b"before" and names(tmp_path) == ["one.bin"]
 
 
-def test_the_longest_name_that_a_folder_holds_can_be_written(tmp_path: Path) -> None:
+def test_the_longest_valid_file_name_can_be_written(tmp_path: Path) -> None:
     atomic_write(b"x", tmp_path / ("n" * 255))
 
 
-def test_many_writers_of_one_file_leave_one_of_their_contents(tmp_path: Path) -> None:
+def test_concurrent_writers_leave_one_whole_content(tmp_path: Path) -> None:
     path, contents = tmp_path / "one.bin", [bytes([number]) * 50_000 for number in range(8)]
     with ThreadPoolExecutor(4) as pool:
         list(pool.map(lambda content: atomic_write(content, path), contents * 4))
     assert path.read_bytes() in contents and names(tmp_path) == ["one.bin"]
 
 
-def test_nothing_but_a_file_is_ever_replaced(tmp_path):
+def test_only_regular_files_are_replaced(tmp_path):
     os.mkfifo(tmp_path / "pipe.png")
     (tmp_path / "folder.png").mkdir()
     (tmp_path / "null.png").symlink_to("/dev/null")

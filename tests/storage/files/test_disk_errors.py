@@ -13,14 +13,14 @@ from z2p_renderer.storage.files.disk_errors import disk_error_message, full_disk
     (errno.ENOSPC, "no space left"), (errno.EDQUOT, "quota"), (errno.EROFS, "read-only"), (errno.EIO, "failed"),
     (errno.ESTALE, "network disk"), (errno.EMFILE, "ulimit -n"), (errno.ENFILE, "open files"),
 ])  # fmt: skip
-def test_errors_of_the_disk_are_told_with_their_place(number, words, tmp_path):
+def test_disk_errors_are_reported_with_their_path(number, words, tmp_path):
     told = disk_error_message(OSError(number, os.strerror(number), str(tmp_path / "shard.h5")))
     assert words in told and "shard.h5" in told
     unnamed = OSError(number, os.strerror(number))
     assert str(tmp_path) in disk_error_message(unnamed, tmp_path), "where the error names no file"
 
 
-def test_errors_that_libraries_make_of_it_are_found_too(tmp_path):
+def test_disk_errors_in_library_messages_are_recognized(tmp_path):
     try:
         try:
             raise OSError(errno.ENOSPC, "No space left on device")
@@ -32,20 +32,20 @@ def test_errors_that_libraries_make_of_it_are_found_too(tmp_path):
     assert "no space left" in disk_error_message("Error: cannot write\nNo space left on device", tmp_path)
 
 
-def test_other_errors_are_none_of_the_disk(tmp_path):
+def test_other_errors_are_no_disk_errors(tmp_path):
     for error in (KeyError("coverage.X"), ValueError("no"), FileNotFoundError(errno.ENOENT, "gone", "a"),
                   OSError("200 requested and 100 written")):  # fmt: skip
         assert disk_error_message(error, tmp_path) is None
 
 
-def test_a_denied_permission_counts_only_where_one_writes(tmp_path):
+def test_denied_permissions_count_only_in_the_output_folder(tmp_path):
     denied = PermissionError(errno.EACCES, "Permission denied", str(tmp_path / "runs" / ".tmp"))
     assert "no permission" in disk_error_message(denied, tmp_path / "runs")
     assert disk_error_message(denied, tmp_path / "meshes") is None and disk_error_message(denied) is None
 
 
 @pytest.mark.parametrize("options, words", [("size=64k", "no space left"), ("size=1m,nr_inodes=4", "no inodes left")])
-def test_a_disk_without_room_is_seen_to_be_full(options, words, tmp_path):
+def test_a_full_disk_is_reported(options, words, tmp_path):
     assert full_disk_message(tmp_path) is None
     disk = tmp_path / "disk"
     disk.mkdir()
@@ -63,5 +63,5 @@ def test_a_disk_without_room_is_seen_to_be_full(options, words, tmp_path):
         subprocess.run(["umount", "--lazy", str(disk)], check=True)
 
 
-def test_a_disk_that_nobody_knows_is_not_called_full(tmp_path):
+def test_an_unknown_disk_is_not_reported_full(tmp_path):
     assert full_disk_message(tmp_path / "none") is None

@@ -25,7 +25,7 @@ TAKERS = {
 
 @pytest.mark.parametrize("name", IMPOSSIBLE, ids=["long", "long folder", "zero byte", "half a pair"])
 @pytest.mark.parametrize("taker", TAKERS)
-def test_an_impossible_name_is_one_of_nothing(taker, name):
+def test_an_impossible_name_counts_as_missing(taker, name):
     take, error = TAKERS[taker]
     for suffix in ("", ".ply", ".laz", ".png", ".ply.gz"):
         with pytest.raises(error):
@@ -33,12 +33,12 @@ def test_an_impossible_name_is_one_of_nothing(taker, name):
 
 
 @pytest.mark.parametrize("name", IMPOSSIBLE)
-def test_nothing_is_there(name):
+def test_missing_names_are_reported_as_missing(name):
     path = Path(name)
     assert not is_file(path) and not is_folder(path) and not path_exists(path) and load_checkpoint(path) is None
 
 
-def test_what_is_there_is_told(tmp_path):
+def test_existing_files_and_folders_are_detected(tmp_path):
     (tmp_path / "a").touch()
     assert is_file(tmp_path / "a") and not is_folder(tmp_path / "a") and path_exists(tmp_path / "a")
     assert is_folder(tmp_path) and not is_file(tmp_path) and path_exists(tmp_path) and not path_exists(tmp_path / "b")

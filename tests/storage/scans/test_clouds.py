@@ -71,7 +71,7 @@ def test_batches_give_labelled_scans_in_any_suffix_case(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("suffix", [".ply", ".npy", ".xyz"])
-def test_clouds_that_show_nothing_are_refused(tmp_path: Path, array: np.ndarray, match: str, suffix: str) -> None:
+def test_clouds_without_extent_are_refused(tmp_path: Path, array: np.ndarray, match: str, suffix: str) -> None:
     path = tmp_path / f"a{suffix}"
     {".ply": write_cloud, ".npy": np.save, ".xyz": np.savetxt}[suffix](path, array)
     with pytest.raises(ScanError, match=match) as caught:
@@ -117,7 +117,7 @@ def test_unknown_suffix_lists_the_readable_ones(tmp_path: Path) -> None:
         read_clouds(tmp_path / "a.docx")
 
 
-def test_message_stays_on_one_line_whatever_the_name(tmp_path: Path) -> None:
+def test_messages_stay_on_one_line_for_any_file_name(tmp_path: Path) -> None:
     for name in ("with space.ply", "línea.ply", "new\nline.ply"):
         (tmp_path / name).write_bytes(b"garbage")
         with pytest.raises(ScanError, match="another format") as caught:
@@ -153,7 +153,7 @@ def with_reader(monkeypatch: pytest.MonkeyPatch, plugin: type[Reader] | Exceptio
     monkeypatch.setattr(registry, "load", found)
 
 
-def test_a_strangers_reader_fails_as_its_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_error_in_a_plugin_reader_fails_its_file_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with_reader(monkeypatch, Strange)
     (tmp_path / "a.odd").write_bytes(b"?")
     (tmp_path / "shape.odd").write_bytes(b"?")
@@ -259,7 +259,7 @@ def test_inputs_that_match_nothing_are_refused(tree: Path, text: str, match: str
         find_scans([str(tree / "b.ply"), text.format(root=tree)], recursive=False)
 
 
-def test_a_path_that_leads_nowhere_is_guessed_where_that_is_sure(tmp_path: Path) -> None:
+def test_a_missing_path_suggests_a_similar_name_if_unique(tmp_path: Path) -> None:
     for name in ("bunny.ply", "scan_002.ply"):
         (tmp_path / name).touch()
     for wrong, told in (("buny.ply", r"did you mean .*bunny\.ply\?"), ("scan_001.ply", "check the path"),
@@ -274,7 +274,7 @@ def test_an_image_given_as_scan_is_refused_by_name(tmp_path: Path) -> None:
         find_scans([str(tmp_path / "bunny.ply"), str(tmp_path / "bunny.png")], False)
 
 
-def test_columns_that_a_format_does_not_take_are_told(tmp_path):
+def test_ignored_columns_option_gets_a_note(tmp_path):
     rows = np.random.default_rng(0).normal(size=(50, 4))
     np.save(tmp_path / "a.npy", rows[:, :3])
     np.savetxt(tmp_path / "a.txt", rows)

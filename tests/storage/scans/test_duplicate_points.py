@@ -43,7 +43,7 @@ def test_near_copies_of_a_cloud_are_dropped(times: int, off: float) -> None:
     assert gaps.min() > off
 
 
-def test_dense_parts_scan_lines_and_grids_are_no_copies() -> None:
+def test_dense_regions_and_grids_are_no_duplicates() -> None:
     rng = np.random.default_rng(6)
     sheet = np.column_stack([rng.random((4000, 2)), np.zeros(4000)])
     dense = np.vstack([sheet, sheet * 0.05])  # 400 times as dense in a corner

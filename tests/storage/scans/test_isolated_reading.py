@@ -66,7 +66,7 @@ def read(path: Path, memory: int = 1 << 20) -> list[RawCloud]:
     ("fails", ScanError, "the reader 'Fragile' failed .KeyError: 'no such thing'."),
     ("shape", ScanError, r"gave an array .3, 4., expected .N, 3."),
 ])  # fmt: skip
-def test_what_goes_wrong_ends_the_file_and_not_the_process(
+def test_errors_in_the_subprocess_become_errors_of_the_file(
     tmp_path: Path, stem: str, error: type[ScanError], told: str
 ) -> None:
     with pytest.raises(error, match=told):
@@ -90,7 +90,7 @@ def test_child_reader_output_is_returned_not_printed(
     assert capfd.readouterr() == ("", "")
 
 
-def test_columns_go_along_and_threads_do_not_mix(tmp_path: Path) -> None:
+def test_columns_reach_the_subprocess_and_threads_stay_apart(tmp_path: Path) -> None:
     (tmp_path / "columns.fragile").touch()
     counts: dict[int, int] = {}
 
@@ -114,7 +114,7 @@ def laz(path: Path) -> Path:
     return path
 
 
-def test_packed_scans_are_read_apart_and_plain_ones_are_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_compressed_scans_are_read_in_a_subprocess(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     [plain] = read_clouds(laz(tmp_path / "a.las"))
     [packed] = read_clouds(laz(tmp_path / "a.laz"))
     assert np.array_equal(plain.points, packed.points)

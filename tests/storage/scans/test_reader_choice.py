@@ -13,7 +13,7 @@ from z2p_core.interfaces import Reader, ScanError
 from z2p_renderer.storage.scans.reader_choice import BUILTIN_SUFFIXES, reader_for
 
 
-def test_the_suffixes_of_our_readers_are_known_without_them() -> None:
+def test_builtin_suffixes_match_those_of_the_readers() -> None:
     ours = [name for name in registry.names("readers") if registry.is_builtin("readers", name)]
     assert {name: set(registry.load("readers", name).suffixes) for name in ours} == {
         name: set(suffixes) for name, suffixes in BUILTIN_SUFFIXES.items()
@@ -29,7 +29,7 @@ def test_one_file_needs_one_reader() -> None:
     assert "vertices" in loaded and not {"ply", "las", "text", "pcd"} & loaded
 
 
-def test_a_strangers_claim_on_a_suffix_of_ours_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plugin_claiming_a_builtin_suffix_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     class Theirs(Reader):
         suffixes = (".off", ".theirs")
 

@@ -19,7 +19,7 @@ def warn(module: str) -> None:
     warnings.warn_explicit("of no use", UserWarning, "somewhere.py", 1, module=module)
 
 
-def test_only_libraries_warnings_are_kept_back_and_only_within() -> None:
+def test_only_library_warnings_inside_quiet_are_suppressed() -> None:
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         before = list(warnings.filters)

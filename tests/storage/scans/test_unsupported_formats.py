@@ -45,12 +45,12 @@ def test_unsupported_formats_get_advice_on_conversion(tmp_path: Path, suffix: st
     ("a.ply", b"DRACO\x02\x02", "draco_decoder -i a.ply"),
     ("a.pcd", b"\x89PNG\r\n\x1a\n" + bytes(99), "is a picture"),
 ])  # fmt: skip
-def test_content_that_belies_the_suffix_is_told(tmp_path: Path, name: str, blob: bytes, told: str) -> None:
+def test_content_that_contradicts_the_suffix_is_reported(tmp_path: Path, name: str, blob: bytes, told: str) -> None:
     refused(tmp_path / name, blob, told)
 
 
 @pytest.mark.parametrize("name", ["a.ply", "b.PLY", "c.ply.gz"])
-def test_files_that_are_what_they_say_are_read(tmp_path: Path, name: str) -> None:
+def test_files_whose_suffix_fits_are_read(tmp_path: Path, name: str) -> None:
     write_cloud(tmp_path / "plain", POINTS)
     blob = (tmp_path / "plain").read_bytes()
     (tmp_path / name).write_bytes(gzip.compress(blob) if name.endswith(".gz") else blob)
@@ -68,21 +68,21 @@ def test_folders_skip_and_report_only_unsupported_clouds(tmp_path: Path) -> None
     assert told == ["b.splat", "c.bag", "project.bin"]
 
 
-def test_a_folder_of_nothing_else_says_what_it_holds(tmp_path: Path) -> None:
+def test_a_folder_of_unsupported_clouds_names_one(tmp_path: Path) -> None:
     (tmp_path / "b.splat").write_bytes(b"?")
     with pytest.raises(ScanError, match=r"holds no point cloud; .*; b.splat holds packed Gaussian splats.*SuperSplat"):
         find_scans([str(tmp_path)], False)
 
 
 @pytest.mark.parametrize("name", ["pipe", "pipe.ply", "a\0b", "nowhere"])
-def test_a_pipe_and_a_name_that_no_file_has_are_refused_at_once(tmp_path: Path, name: str) -> None:
+def test_pipes_and_missing_files_are_refused_at_once(tmp_path: Path, name: str) -> None:
     if name.startswith("pipe"):
         os.mkfifo(tmp_path / name)
     with pytest.raises(ScanError):
         read_clouds(tmp_path / name)
 
 
-def test_a_pipe_of_an_unknown_kind_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_of_unknown_format_is_refused_without_blocking(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.unknown")
     with pytest.raises(ScanError, match=r"no reader for '\.unknown'"):
         read_clouds(tmp_path / "pipe.unknown")

@@ -48,7 +48,7 @@ def read(path: Path) -> Scan:
 
 
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".obj", ".off", ".xyz", ".txt", ".asc", ".csv", ".vtk", ".vtp"])
-def test_a_comment_in_the_header_tells_up(tmp_path: Path, suffix: str) -> None:
+def test_a_comment_in_the_header_gives_up(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"scan{suffix}"
     for comment, told in [("right-handed, -Y up", ("-Y", True)), ("Record3D", ("+Y", False)), ("set up", ("", True))]:
         path.write_text(text_of(suffix, comment))
@@ -57,19 +57,19 @@ def test_a_comment_in_the_header_tells_up(tmp_path: Path, suffix: str) -> None:
 
 
 @pytest.mark.parametrize("line", ["obj_info up axis: X", "comment up axis: X"])
-def test_both_kinds_of_remarks_in_ply_count_and_rows_do_not(tmp_path: Path, line: str) -> None:
+def test_ply_comments_and_obj_info_give_up_but_rows_do_not(tmp_path: Path, line: str) -> None:
     path = tmp_path / "scan.ply"
     path.write_text(f"ply\nformat ascii 1.0\n{line}\n{PLY}{ROWS}comment up axis: Z\n")
     assert read(path).up == "+X"
 
 
-def test_slashes_begin_remarks_in_texts(tmp_path: Path) -> None:
+def test_slashes_begin_comments_in_text_files(tmp_path: Path) -> None:
     path = tmp_path / "scan.xyz"
     path.write_text(f"// y-up\n{ROWS}")
     assert read(path).up == "+Y"
 
 
-def test_a_packed_file_has_its_header_and_what_lies_beside_it(tmp_path: Path) -> None:
+def test_up_hints_work_for_compressed_files(tmp_path: Path) -> None:
     for name, comment in (("one.ply.gz", "Z-up"), ("two.ply.gz", "none")):
         (tmp_path / name).write_bytes(gzip.compress(text_of(".ply", comment).encode()))
     (tmp_path / "two.json").write_text('{"up_axis": "X"}')
@@ -82,7 +82,7 @@ def test_a_packed_file_has_its_header_and_what_lies_beside_it(tmp_path: Path) ->
      (1, ""), ([0, 0, 0], ""), (["Y"], ""), ([0, 1], ""), (None, ""), ({"y": 1}, ""), ([True, False, False], "")],
 )  # fmt: skip
 @pytest.mark.parametrize("key", ["up_axis", "upAxis", "UpAxis"])
-def test_a_description_beside_the_scan_tells_up(tmp_path: Path, key: str, value: object, up: str) -> None:
+def test_a_json_description_beside_the_scan_gives_up(tmp_path: Path, key: str, value: object, up: str) -> None:
     path = tmp_path / "scan.xyz"
     path.write_text(ROWS)
     for name, told in (("metadata.json", {key: value}), ("scan.json", {"frame": {key: value}, "size": 3})):
@@ -92,7 +92,7 @@ def test_a_description_beside_the_scan_tells_up(tmp_path: Path, key: str, value:
         (tmp_path / name).unlink()
 
 
-def test_up_alone_counts_at_the_top_and_deeper_it_is_a_cameras(tmp_path: Path) -> None:
+def test_the_json_key_up_counts_only_at_the_top_level(tmp_path: Path) -> None:
     path = tmp_path / "scan.xyz"
     path.write_text(ROWS)
     for told, up in (({"up": "Y"}, "+Y"), ({"camera": {"up": [0, 0, 1]}}, "")):
@@ -104,21 +104,21 @@ def test_up_alone_counts_at_the_top_and_deeper_it_is_a_cameras(tmp_path: Path) -
     "text", ["", "{", "[]", "3", '{"up_axis": NaN}', "[" * 100_000, '{"up_axis": "Y", "upAxis": "Z"}', "\x00",
              '{"up_axis": "Y"}' + " " * (1 << 20)]
 )  # fmt: skip
-def test_a_damaged_or_doubtful_description_counts_for_nothing(tmp_path: Path, text: str) -> None:
+def test_a_damaged_or_ambiguous_description_is_ignored(tmp_path: Path, text: str) -> None:
     path = tmp_path / "scan.xyz"
     path.write_text(ROWS)
     (tmp_path / "metadata.json").write_text(text)
     assert read(path).up == ""
 
 
-def test_a_folder_or_pipe_as_description_is_ignored(tmp_path: Path) -> None:
+def test_a_folder_or_pipe_as_json_description_is_ignored(tmp_path: Path) -> None:
     (tmp_path / "scan.xyz").write_text(ROWS)
     (tmp_path / "metadata.json").mkdir()
     os.mkfifo(tmp_path / "scan.json")
     assert read(tmp_path / "scan.xyz").up == ""
 
 
-def test_a_scene_of_the_same_name_makes_its_axis_usual(tmp_path: Path) -> None:
+def test_a_gltf_scene_of_the_same_name_suggests_its_axis(tmp_path: Path) -> None:
     for name in ("scan.xyz", "other.xyz", "told.ply"):
         (tmp_path / name).write_text(ROWS if name.endswith("z") else text_of(".ply", "Z up"))
     (tmp_path / "scan.glb").touch()
@@ -136,7 +136,7 @@ def test_certain_up_of_a_reader_wins_over_hints(tmp_path: Path) -> None:
     assert [cloud.up for cloud in up_hints.with_up_hints(given, path, path)] == ["-X", "-X"]
 
 
-def test_geographic_heights_win_over_a_phones_usual_axis(tmp_path: Path) -> None:
+def test_geographic_heights_override_a_usual_axis(tmp_path: Path) -> None:
     path = tmp_path / "walk.csv"
     rows = "".join(f"{8 + x / 1000:.7f},{47 + y / 1000:.7f},{400 + z:.3f}\n" for x, y, z in POINTS)
     path.write_text(f"# iPhone\nlongitude,latitude,altitude\n{rows}")
@@ -144,7 +144,7 @@ def test_geographic_heights_win_over_a_phones_usual_axis(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("title, up", [("Exported from Blender-4.1.1", "+Z"), ("part, Y-up", "+Y"), ("part", "")])
-def test_the_title_of_an_stl_file_counts(tmp_path: Path, title: str, up: str) -> None:
+def test_the_title_of_an_stl_file_gives_up(tmp_path: Path, title: str, up: str) -> None:
     rows = np.zeros(13, [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
     rows["corners"] = POINTS[:39].reshape(13, 3, 3)
     path = tmp_path / "part.stl"

@@ -36,7 +36,7 @@ HOLDERS = {
 
 
 @pytest.mark.parametrize("name", HOLDERS)
-def test_every_holder_gives_its_points(name: str) -> None:
+def test_every_kind_of_cloud_object_gives_its_points(name: str) -> None:
     given = point_arrays(HOLDERS[name])
     assert not given.batched
     [cloud] = given.clouds
@@ -76,13 +76,13 @@ def coloured_cloud(kind: str, coloured: bool) -> object:
 
 @pytest.mark.parametrize("coloured", [True, False])
 @pytest.mark.parametrize("kind", ["dict", "trimesh", "trimesh mesh", "pypcd4", "pyvista-like", "laspy", "records"])
-def test_colours_of_an_object_are_told(kind: str, coloured: bool) -> None:
+def test_colors_of_an_object_are_detected(kind: str, coloured: bool) -> None:
     thing = coloured_cloud(kind, coloured)
     assert point_arrays(thing).coloured is coloured
     assert point_arrays([thing, thing]).coloured is coloured or kind == "records"
 
 
-def test_open3d_clouds_go_in_as_they_are() -> None:
+def test_open3d_clouds_are_accepted() -> None:
     open3d = pytest.importorskip("open3d")
     legacy = open3d.geometry.PointCloud(open3d.utility.Vector3dVector(CLOUD.astype(np.float64)))
     tensor = open3d.t.geometry.PointCloud(CLOUD)
@@ -94,7 +94,7 @@ def test_open3d_clouds_go_in_as_they_are() -> None:
     assert point_arrays(legacy).coloured and point_arrays(tensor).coloured
 
 
-def test_a_scene_is_the_vertices_of_its_geometry_where_it_stands() -> None:
+def test_a_scene_gives_its_transformed_vertices() -> None:
     scene, moved = trimesh.Scene(), np.diag([2.0, 2.0, 2.0, 1.0])
     moved[:3, 3] = (5, 6, 7)
     scene.add_geometry(trimesh.PointCloud(CLOUD), geom_name="cloud", node_name="here")
@@ -119,7 +119,7 @@ def test_batches(batch: object) -> None:
     np.testing.assert_allclose(given.clouds[3], CLOUD)
 
 
-def test_the_callers_array_is_left_alone() -> None:
+def test_the_callers_array_is_unchanged() -> None:
     mine = CLOUD.astype(np.float64)
     point_arrays(mine).clouds[0][:] = 0
     np.testing.assert_array_equal(mine, CLOUD)
@@ -231,7 +231,7 @@ class Table:
         return np.column_stack(list(self._columns.values()))
 
 
-def test_a_data_frames_columns_go_by_their_names() -> None:
+def test_columns_of_a_data_frame_are_selected_by_name() -> None:
     x, y, z = CLOUD.T
     noise = np.zeros(len(CLOUD))
     for table in ({"z": z, "y": y, "x": x}, {"r": noise, "g": noise, "b": noise, " X": x, "Y": y, "Z": z},

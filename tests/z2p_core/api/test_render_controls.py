@@ -44,7 +44,7 @@ def test_the_control_checks_its_value(coated: Path) -> None:
         z2p_core.render(CLOUD, coat="thick", weights=coated, size=32)
 
 
-def test_previews_batches_and_rerender_take_it(coated: Path, tmp_path: Path) -> None:
+def test_previews_batches_and_rerender_accept_the_control(coated: Path, tmp_path: Path) -> None:
     preview = z2p_core.Previewer(size=32, coat=0.5, weights=coated)
     preview(CLOUD)
     assert preview.error is None

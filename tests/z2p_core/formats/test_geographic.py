@@ -40,10 +40,10 @@ def pole(radius: float, high: float, at: tuple[float, float]) -> np.ndarray:
      np.add(RNG.random((2000, 3)), (7.1, 50.2, 0)), ground(0.9, 60, (-0.4, 0.3)), pole(0.1, 8, (7.1, 50.2)).round(0)],
     ids=str,
 )  # fmt: skip
-def test_what_is_no_ground_in_degrees_stays_as_it_is(points: np.ndarray) -> None:
+def test_points_other_than_ground_in_degrees_stay(points: np.ndarray) -> None:
     same, told = metres_from_degrees(points)
     assert same is points and (not told or told.startswith("if x and y"))
 
 
-def test_in_doubt_it_is_told() -> None:
+def test_uncertain_degrees_get_a_note() -> None:
     assert metres_from_degrees(pole(0.1, 8, (7.1, 50.2)))[1].startswith("if x and y (7..7.2, 50.1..50.3) are degrees")

@@ -12,7 +12,7 @@ from z2p_core.formats.row_subsampling import subsample_blocks, subsample_points
 
 
 @given(st.integers(1, 5000), st.integers(1, 400), st.integers(1, 200), st.integers(0, 9))
-def test_one_of_every_so_many_in_turn(count: int, most: int, row_bytes: int, seed: int) -> None:
+def test_one_row_of_each_stride_is_kept(count: int, most: int, row_bytes: int, seed: int) -> None:
     blocks = list(subsample_blocks(count, row_bytes, np.random.default_rng(seed), most))
     assert sum(rows for rows, _ in blocks) == count
     ends = np.cumsum([0, *(rows for rows, _ in blocks)])
@@ -22,7 +22,7 @@ def test_one_of_every_so_many_in_turn(count: int, most: int, row_bytes: int, see
     assert np.array_equal(rows // step, np.arange(len(rows)))
 
 
-def test_blocks_are_small_and_together_the_whole_file(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_blocks_are_small_and_cover_the_whole_file(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(row_subsampling, "BLOCK_BYTES", 1200)
     table = np.random.default_rng(0).normal(size=(5003, 3)).astype(np.float32)
     asked: list[int] = []
@@ -38,7 +38,7 @@ def test_blocks_are_small_and_together_the_whole_file(monkeypatch: pytest.Monkey
     assert all(row.astype(np.float32).tobytes() in known for row in points)
 
 
-def test_a_scanners_lines_do_not_fall_in_step() -> None:
+def test_subsampling_does_not_alias_with_scan_lines() -> None:
     """Every tenth of lines of 100 points would see ten columns alone."""
     columns = np.concatenate([kept for _, kept in subsample_blocks(100_000, 1, np.random.default_rng(0), 10_000)]) % 100
     assert np.bincount(columns, minlength=100).min() > 50

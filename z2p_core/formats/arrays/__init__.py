@@ -1,1 +1,1 @@
-"""Arrays that readers meet: depth maps, point maps, and what is no cloud at all."""
+"""Arrays in files: depth maps, point maps, and arrays that are no clouds."""

@@ -1,4 +1,4 @@
-"""Depth maps beside the intrinsics of their camera: the points that it saw."""
+"""Unprojects depth maps to points with the intrinsics of their camera."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from z2p_core.interfaces import ScanError
 
 DEPTH_KEYS = ("depth", "depths", "depth_map", "depthmap")
 CAMERA_KEYS = ("k", "intrinsics", "intrinsic", "camera_matrix", "cam_k", "camera_intrinsics")
-"""Names, lower-case, under which programs keep a depth map and its camera's matrix."""
+"""Usual names, lower-case, of a depth map and of its camera matrix."""
 
 
 def find_depth_and_camera(names: Collection[str]) -> tuple[str, str] | None:
-    """Those of some names that are a depth map's and its camera's; None unless there are both."""
+    """The names of the depth map and of the camera matrix among `names`; None unless there are both."""
     by_lower = {name.lower(): name for name in names}
     depth, camera = (next((by_lower[key] for key in keys if key in by_lower), None)
                      for keys in (DEPTH_KEYS, CAMERA_KEYS))  # fmt: skip
@@ -22,12 +22,14 @@ def find_depth_and_camera(names: Collection[str]) -> tuple[str, str] | None:
 
 
 def unproject_depth(depth: np.ndarray, camera: np.ndarray) -> np.ndarray:
-    """Points (B, H, W, 3) in the camera's OpenCV axes of depths (H, W) or (B, H, W), by its matrix (3, 3) or matrices.
+    """Points (B, H, W, 3) in the camera's OpenCV axes.
 
-    Depths are in the direction of view, and 0 where nothing was measured.
+    Args:
+        depth: depths (H, W) or (B, H, W) along the viewing direction, 0 where nothing was measured.
+        camera: intrinsics (3, 3) or (4, 4) in pixels, or B such matrices.
 
     Raises:
-        ScanError: other shapes, or a matrix without focal lengths.
+        ScanError: the shapes differ from these, or a matrix has no focal lengths.
     """
     depths = depth[..., 0] if depth.ndim > 2 and depth.shape[-1] == 1 else depth
     depths = depths[None] if depths.ndim == 2 else depths

@@ -1,30 +1,31 @@
-"""Arrays of numbers that are pictures (depth maps, height grids) rather than points with a row each."""
+"""Recognizes arrays that are images (depth maps, height grids, color images) rather than rows of points."""
 
 from __future__ import annotations
 
 import numpy as np
 
 MIN_GRID_COLUMNS = 7
-"""Columns from which an array of two axes may be a picture: points have up to six by all means."""
+"""Arrays (N, C) with fewer columns are never images: points have up to six columns."""
 _WIDE_GRID_COLUMNS, _MAX_ROWS_PER_COLUMN = 17, 4
-"""From so many columns on, points are expected to be more by such a factor than their columns."""
+"""An array with at least the first number of columns is an image unless it has more rows per column than the second."""
 _MIN_CORRELATION, _MIN_CORRELATED_SHARE = 0.8, 0.7
-"""How alike neighbouring columns of a picture are (correlation), and the share of them that must be."""
+"""Correlation of neighboring columns in an image, and the share of the columns that must reach it."""
 _MAX_SAMPLED_ROWS = 2000
-"""Rows of an array that are looked at."""
+"""Rows of an array that are examined."""
 _MAX_SAMPLED_SIDE, _GRAY_STEP_TOLERANCE, _MIN_SHADES = 64, 0.02, 16
-"""Rows and columns of a colour picture that are looked at, how exact their steps are, and how many it has at least."""
+"""Rows and columns of a color image that are examined, in pixels; how far values may be from multiples of 1/255, in
+these; and how many different values an image has at least."""
 GRID_ADVICE = ("a depth map becomes points by its camera: save it as depth, and the camera's matrix as K, in one npz, "
                "or save x = (column - cx) * depth / fx, y = (row - cy) * depth / fy and z = depth; a grid of heights "
                "becomes points by the places of its columns and rows")
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def is_grid(table: np.ndarray, total: int | None = None) -> bool:
-    """Whether numbers (H, W) are those of a picture: pixels are like their neighbours, as columns of points never are.
+    """Whether numbers (H, W) are an image: neighboring columns are correlated, unlike those of points.
 
-    An array of many columns and few rows counts as one, too; so do small whole numbers, which pictures are kept in.
-    `total` is how many rows there are, where these are only the first.
+    Arrays with many columns and few rows count as images, too, and so do unsigned integers of 8 or 16 bits. `total` is
+    the number of rows if `table` has only the first of them.
     """
     rows, width = table.shape
     if width < MIN_GRID_COLUMNS:
@@ -37,9 +38,9 @@ def is_grid(table: np.ndarray, total: int | None = None) -> bool:
     return rows >= MIN_GRID_COLUMNS and _are_neighbors_correlated(sample)
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def is_picture(array: np.ndarray) -> bool:
-    """Whether numbers (H, W, C) are a colour picture: bytes, or shares of 1 in steps of 1/255."""
+    """Whether numbers (H, W, C) are a color image: bytes, or multiples of 1/255 in [0, 1]."""
     if array.dtype == np.uint8:
         return True
     if min(array.shape) == 0 or array.dtype.kind != "f":
@@ -51,6 +52,7 @@ def is_picture(array: np.ndarray) -> bool:
 
 
 def _are_neighbors_correlated(table: np.ndarray) -> bool:
+    """Whether most neighboring columns of a table (H, W) float64 are strongly correlated."""
     with np.errstate(all="ignore"):
         table = np.where(np.isfinite(table), table, np.nan)
         table = np.where(np.isnan(table), np.nanmean(table) if not np.isnan(table).all() else 0.0, table)

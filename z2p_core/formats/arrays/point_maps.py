@@ -1,4 +1,4 @@
-"""Where the camera stood that saw a point map, a point for each of its pixels: told by the points alone."""
+"""Estimates the camera pose of a point map, which has one point per pixel, from its points alone."""
 
 from __future__ import annotations
 
@@ -7,26 +7,31 @@ import numpy as np
 from z2p_core.interfaces import Sensor
 
 _MAX_SAMPLED_LINES = 64
-"""Rows and columns of a map that are looked at."""
+"""Rows and columns of a map that are examined."""
 _MIN_POINTS = 60
-"""Points that tell a camera, at least."""
+"""Least number of valid points for an estimate."""
 _MAX_RAY_ERROR_SHARE = 0.1
-"""How far the rays of a pinhole camera may be off, of how far they spread."""
+"""RMS error of the rays of a pinhole camera at the origin, as a share of their standard deviation."""
 _MAX_PIXEL_ERROR = 0.02
-"""The same for a camera anywhere, whose pixels are reckoned from its points."""
+"""RMS reprojection error of a camera at any position, in units of the image side."""
 _MIN_AHEAD_SHARE = 0.98
-"""Share of the points that lie ahead of their camera, at least."""
+"""Least share of the points that lie in front of their camera."""
 _MIN_UPRIGHT_COSINE = 0.995
-"""Cosine from which on a camera's picture stands upright in the camera's own axes."""
+"""From this cosine between the image's down direction and an axis on, the image is taken as aligned with that axis."""
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def estimate_map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | None:
-    """The camera that saw points (H, W, 3), row by row from the top of its picture; None where they do not tell.
+    """Estimates the pose of the camera of a point map (H, W, 3), whose rows run from the top of the image.
 
-    In the camera's own axes, OpenCV's (+Z ahead), OpenGL's (-Z ahead) or turned ones, it stands at the origin, and the
-    pixels tell which way is right and down. In other axes it is where the lines of sight meet. `certain`: it is a map
-    in the camera's axes by its name, so that one whose rays are crooked is believed as well, if all lies ahead.
+    In camera axes (OpenCV's, +Z ahead, OpenGL's, -Z ahead, or rotated ones) the camera is at the origin, and the pixels
+    determine right and down. In other axes its pose follows from a direct linear transformation.
+
+    Args:
+        certain: the map is in camera axes by its name; then points in front of the origin suffice.
+
+    Returns:
+        None if the points do not determine a camera.
     """
     rows, columns = (np.linspace(0, side - 1, min(side, _MAX_SAMPLED_LINES)).astype(int) for side in points.shape[:2])
     across, down = np.meshgrid(columns / points.shape[1] - 0.5, rows / points.shape[0] - 0.5)
@@ -38,12 +43,12 @@ def estimate_map_sensor(points: np.ndarray, certain: bool = False) -> Sensor | N
     try:
         sensor = _camera_at_origin(some, pixels) or _camera_by_dlt(some, pixels)
         return sensor or (_camera_by_name(some) if certain else None)
-    except np.linalg.LinAlgError:  # numbers too large to be reckoned with
+    except np.linalg.LinAlgError:  # the numbers are too large
         return None
 
 
 def _camera_at_origin(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
-    """The camera at the origin that looks along Z, if each pixel (N, 2) has its ray."""
+    """The camera at the origin that looks along Z, if the rays are an affine function of the pixels (N, 2)."""
     sign = _sign_of_z(points)
     if sign == 0:
         return None
@@ -61,7 +66,7 @@ def _camera_at_origin(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
 
 
 def _camera_by_dlt(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
-    """The camera anywhere whose picture has points (N, 3) at their pixels (N, 2), by direct linear transformation."""
+    """The camera at any position that projects points (N, 3) to pixels (N, 2), by direct linear transformation."""
     middle = np.median(points, axis=0)
     scale = float(np.abs(points - middle).mean())
     if not 0 < scale < np.inf:
@@ -88,20 +93,20 @@ def _camera_by_dlt(points: np.ndarray, pixels: np.ndarray) -> Sensor | None:
 
 
 def _camera_by_name(points: np.ndarray) -> Sensor | None:
-    """The camera at the origin in OpenCV's or OpenGL's axes, if all lies ahead of it."""
+    """The camera at the origin in OpenCV's or OpenGL's axes, if the points lie in front of it."""
     sign = _sign_of_z(points)
     return Sensor(np.zeros(3), np.diag([1.0, sign, sign])) if sign else None
 
 
 def _sign_of_z(points: np.ndarray) -> float:
-    """1.0 where points (N, 3) lie on the side of +Z, -1.0 on that of -Z, and 0.0 on both."""
+    """1.0 if points (N, 3) have positive z, -1.0 if they have negative z, 0.0 if they have both."""
     if (points[:, 2] > 0).mean() > _MIN_AHEAD_SHARE:
         return 1.0
     return -1.0 if (points[:, 2] < 0).mean() > _MIN_AHEAD_SHARE else 0.0
 
 
 def _sensor_facing(position: np.ndarray, right: np.ndarray, downward: np.ndarray, ahead: np.ndarray) -> Sensor | None:
-    """The sensor there that looks so, upright as its picture is; in a mirrored file, left and right are exchanged."""
+    """The sensor at `position` that looks along `ahead`, with the image's down direction; right-handed in any case."""
     downward = downward - (downward @ ahead) * ahead
     length = float(np.linalg.norm(downward))
     if not length > 0 or not np.linalg.norm(right) > 0:

@@ -1,1 +1,1 @@
-"""Tables of text: their header lines, what their columns hold, and values that stand for no measurement."""
+"""Tables of text: header lines, contents of columns, and no-data values."""

@@ -25,14 +25,14 @@ _MAP_NAMES = {
     "z": ("u", "up"),
 }  # fmt: skip
 _HEIGHT_NAMES = ("height", "elevation", "elev", "alt", "altitude", "h", "hoehe", "höhe", "hohe", "z_elev",
-            "height_m", "elevation_m", "altitude_m", "alt_m", "elev_m", "ellipsoidal_height", "ellipsoid_height",
-            "orthometric_height")  # fmt: skip
+                 "height_m", "elevation_m", "altitude_m", "alt_m", "elev_m", "ellipsoidal_height", "ellipsoid_height",
+                 "orthometric_height")  # fmt: skip
 _LONGITUDE_NAMES = ("lon", "long", "lng", "longitude", "lon_deg", "longitude_deg", "lon_dd", "x_lon", "gps_lon",
-               "gps_longitude")  # fmt: skip
+                    "gps_longitude")  # fmt: skip
 _LATITUDE_NAMES = ("lat", "latitude", "lat_deg", "latitude_deg", "lat_dd", "y_lat", "gps_lat", "gps_latitude")
-_DEPTH_NAMES = ("depth", "sounding", "soundings", "sounding_depth", "water_depth", "waterdepth", "depth_m",
-                "z_depth", "dpt",
-           "tiefe", "wassertiefe", "profondeur", "profundidad", "sounding_m", "water_depth_m", "depths")  # fmt: skip
+_DEPTH_NAMES = ("depth", "sounding", "soundings", "sounding_depth", "water_depth", "waterdepth", "depth_m", "z_depth",
+                "dpt", "tiefe", "wassertiefe", "profondeur", "profundidad", "sounding_m", "water_depth_m",
+                "depths")  # fmt: skip
 
 
 class NameFamily(IntEnum):

@@ -1,4 +1,4 @@
-"""Rows of numbers that are a camera's way or its matrices, as data sets keep them beside their clouds."""
+"""Recognizes camera trajectories and camera matrices, which data sets keep beside their clouds."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from collections.abc import Collection
 import numpy as np
 
 _ROTATION_TOLERANCE = 0.01
-"""How far lengths and products may be from those of a rotation."""
+"""Largest deviation of R R^T from the identity, and of a quaternion's squared length from 1."""
 _MIN_QUATERNION_ROWS = 2
-"""Rows at least that a list of positions with quaternions has; one could be anything."""
+"""Least number of rows in a list of positions with quaternions; a single row could be anything."""
 _QUATERNION_PREFIXES = ("q", "q_", "quat_", "orientation_", "orientation.", "rot_q", "rotation_")
-"""What stands before w, x, y and z in the names of a quaternion's columns."""
+"""Prefixes of w, x, y and z in the names of a quaternion's columns."""
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def pose_kind(table: np.ndarray) -> str:
-    """What a table (N, M) of numbers is, if not points: a list of poses or a camera's matrix; empty if it is none."""
+    """Description of a table (N, M) that is a list of poses or a camera matrix; empty for any other table."""
     if table.ndim != 2 or not len(table) or not np.isfinite(table).all():
         return ""
     width = table.shape[1]
@@ -36,12 +36,12 @@ def pose_kind(table: np.ndarray) -> str:
 
 
 def are_pose_names(names: Collection[str]) -> bool:
-    """Whether columns of such names, lower-case, hold poses: a quaternion beside each place."""
+    """Whether columns with these names, lower-case, hold poses: a quaternion for each position."""
     return any({f"{before}{axis}" for axis in "wxyz"} <= set(names) for before in _QUATERNION_PREFIXES)
 
 
 def _are_poses(matrices: np.ndarray) -> bool:
-    """Whether all matrices (N, 3, 4) are a rotation and a place."""
+    """Whether all matrices (N, 3, 4) are a rotation and a translation."""
     turns = matrices[:, :, :3]
     products = turns @ turns.swapaxes(1, 2)
     return bool((np.abs(products - np.eye(3)) < _ROTATION_TOLERANCE).all() and (np.linalg.det(turns) > 0).all())
@@ -52,13 +52,13 @@ def _ends_as_homogeneous(table: np.ndarray) -> bool:
 
 
 def _is_intrinsics(table: np.ndarray) -> bool:
-    """Whether a matrix (3, 3) or (4, 4) holds focal lengths and a centre, in pixels."""
+    """Whether a matrix (3, 3) or (4, 4) holds focal lengths and a principal point in pixels."""
     below = np.array_equal(np.tril(table, -1), np.zeros_like(table))
     return bool(below and table[2, 2] == 1 and table[-1, -1] == 1 and table[0, 0] > 1 and table[1, 1] > 1)
 
 
 def _are_quaternions(table: np.ndarray) -> bool:
-    """Whether four columns behind a position are unit quaternions, with a growing time before, or as the last ones."""
+    """Whether columns hold positions and unit quaternions: columns 2 to 8 behind an increasing time, or 1 to 7."""
     width = table.shape[1]
     starts = [4] if width >= 8 and bool((np.diff(table[:, 0]) > 0).all()) else []
     starts += [3] if width == 7 else []

@@ -1,4 +1,4 @@
-"""What the columns behind x, y and z seem to hold, told by their numbers: colours, normals or other values."""
+"""Recognizes colors and normals in the columns behind x, y and z by their numbers."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 _UNIT_LENGTH_TOLERANCE = 0.02
-"""How far a normal's length may be from 1."""
+"""Deviation from unit length that a normal may have."""
 _MIN_UNIT_SHARE = 0.95
-"""Share of the rows that must agree; where something was not measured, zeros stand."""
+"""Least share of unit vectors among the nonzero rows; rows without a normal hold zeros."""
 _COLOR_NAME_SETS = ({"r", "g", "b"}, {"red", "green", "blue"}, {"rgb"}, {"color"}, {"colour"}, {"rf", "gf", "bf"})
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def ignored_columns_note(columns: np.ndarray, first: int = 4) -> str:
-    """What is left out, in words, of a file whose columns (N, M) from the `first` on, counted from 1, are not drawn."""
+    """The note on columns (N, M) that are not drawn; `first` is the number of the first one, counted from 1."""
     if columns.shape[1] == 0:
         return ""
     parts = []
@@ -27,16 +27,16 @@ def ignored_columns_note(columns: np.ndarray, first: int = 4) -> str:
 
 
 def ignored_colors_note(names: Sequence[str]) -> str:
-    """What is left out, in words, of a file whose columns have such names, lower-case, where someone may miss it."""
+    """The note on columns with these names, lower-case, if some are colors; otherwise empty."""
     for wanted in _COLOR_NAME_SETS:
         if wanted <= set(names):
             return f"its colours are ignored ({', '.join(name for name in names if name in wanted)})"
     return ""
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def suggest_extra_names(columns: np.ndarray, first: int) -> list[str]:
-    """Names for columns (N, M) as --columns takes them: ``r``, ``g``, ``b``, and ``c9`` for what cannot be told."""
+    """Names for columns (N, M) in --columns: ``r``, ``g``, ``b``, ``nx`` ..., and ``c9`` for unknown contents."""
     names: list[str] = []
     for kind, start, count in _group_columns(columns):
         known = {"colours": ["r", "g", "b"], "normals": ["nx", "ny", "nz"]}.get(kind, [])
@@ -44,9 +44,9 @@ def suggest_extra_names(columns: np.ndarray, first: int) -> list[str]:
     return names
 
 
-@np.errstate(all="ignore")  # of numbers that are no coordinates
+@np.errstate(all="ignore")  # the numbers may be no coordinates
 def are_normals(columns: np.ndarray) -> bool:
-    """Whether columns (N, 3) are unit vectors; zeros may stand between."""
+    """Whether rows (N, 3) are unit vectors; some may be zero."""
     lengths = np.sqrt((columns**2).sum(1))
     some = lengths > _UNIT_LENGTH_TOLERANCE
     are_units = np.abs(lengths[some] - 1) < _UNIT_LENGTH_TOLERANCE
@@ -54,9 +54,9 @@ def are_normals(columns: np.ndarray) -> bool:
 
 
 def are_colours(columns: np.ndarray) -> bool:
-    """Whether columns (N, 3) are whole numbers from 0 to 255 or 65535, or shares of 1, that could be red, green, blue.
+    """Whether rows (N, 3) could be red, green and blue: integers up to 255 or 65535, or numbers in [0, 1].
 
-    Numbers that are all the same show nothing.
+    Integers that are all 0 or 1 are no colors.
     """
     finite = columns[np.isfinite(columns).all(1)]
     if len(finite) == 0 or finite.min() < 0:
@@ -66,7 +66,7 @@ def are_colours(columns: np.ndarray) -> bool:
 
 
 def _group_columns(columns: np.ndarray) -> list[tuple[str, int, int]]:
-    """What each run of columns holds, where it begins, and how many they are."""
+    """Runs of columns of one kind: the kind (or ""), the index of the first column, and their number."""
     groups: list[tuple[str, int, int]] = []
     start = 0
     while start < columns.shape[1]:

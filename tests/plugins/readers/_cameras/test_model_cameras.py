@@ -72,25 +72,25 @@ def transforms(folder: Path, up: np.ndarray, **more: Any) -> None:
 
 @pytest.mark.parametrize("name, model", [("sparse/0/points3D.ply", "sparse/0"), ("dense/fused.ply", "dense/sparse"),
                                          ("dense/meshed-poisson.ply", "dense/sparse")])  # fmt: skip
-def test_a_models_cameras_tell_of_the_clouds_that_colmap_makes(tmp_path: Path, name: str, model: str) -> None:
+def test_colmap_cameras_give_up_to_its_dense_clouds(tmp_path: Path, name: str, model: str) -> None:
     images(tmp_path / model, TILTED)
     cloud = cloud_of(tmp_path / name)
     assert (cloud.up, cloud.up_certain) == ("+Z", True) and "6 cameras" in cloud.up_reason
     assert cloud.upward is not None and np.allclose(cloud.upward, TILTED) and cloud.seen_from is not None
 
 
-def test_fused_cloud_alone_gets_colmaps_axes_as_uncertain(tmp_path: Path) -> None:
+def test_a_fused_cloud_alone_gets_uncertain_colmap_axes(tmp_path: Path) -> None:
     fused, other = cloud_of(tmp_path / "fused.ply"), cloud_of(tmp_path / "refused.ply")
     assert (fused.up, fused.up_certain, other.up) == ("-Y", False, "")
 
 
-def test_damaged_cameras_of_a_model_count_for_nothing(tmp_path: Path) -> None:
+def test_damaged_colmap_cameras_are_ignored(tmp_path: Path) -> None:
     for blob in (b"", b"\xff" * 99, b"\0" * 8):
         (tmp_path / "images.bin").write_bytes(blob)
         assert cloud_of(tmp_path / "a.ply").up == ""
 
 
-def test_transforms_json_gives_up_to_the_cloud_it_names(tmp_path: Path) -> None:
+def test_transforms_json_gives_up_to_its_named_cloud(tmp_path: Path) -> None:
     transforms(tmp_path, TILTED, ply_file_path="./points/sparse_pc.ply")
     cloud = cloud_of(tmp_path / "sparse_pc.ply")
     assert (cloud.up, cloud.up_certain) == ("+Z", True)
@@ -109,7 +109,7 @@ def test_cameras_only_suggest_up_for_other_clouds_nearby(tmp_path: Path, up: Any
     [(None, "+Z"), ([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0]], "+Z"),
      ([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]], "-X"), (np.eye(4).tolist(), "-Y"), ("none", "+Z"), ([[1]], "+Z")],
 )  # fmt: skip
-def test_without_cameras_the_world_counts_as_it_was_turned(tmp_path: Path, turn: Any, axis: str) -> None:
+def test_without_cameras_the_applied_transform_gives_up(tmp_path: Path, turn: Any, axis: str) -> None:
     more = {} if turn is None else {"applied_transform": turn}
     transforms(tmp_path, TILTED, **more)
     every = json.loads((tmp_path / "transforms.json").read_text())
@@ -124,7 +124,7 @@ def test_without_cameras_the_world_counts_as_it_was_turned(tmp_path: Path, turn:
 
 @pytest.mark.parametrize("matrix", [3, [[1, 2], [3]], [[float("nan"), 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], None,
                                     [[0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]], [["a"] * 4] * 4])  # fmt: skip
-def test_invalid_cameras_leave_nerfstudios_usual_axes(tmp_path: Path, matrix: Any) -> None:
+def test_invalid_cameras_leave_nerfstudios_default_axes(tmp_path: Path, matrix: Any) -> None:
     for frames in ([{"transform_matrix": matrix}], [], [{}], [matrix]):
         (tmp_path / "transforms.json").write_text(json.dumps({"frames": frames, "ply_file_path": "a.ply"}))
         cloud = cloud_of(tmp_path / "a.ply")
@@ -132,7 +132,7 @@ def test_invalid_cameras_leave_nerfstudios_usual_axes(tmp_path: Path, matrix: An
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "3", "{}", '{"frames": 3}', "[" * 100_000, "\x00"])
-def test_a_damaged_transforms_file_counts_for_nothing(tmp_path: Path, text: str) -> None:
+def test_a_damaged_transforms_file_is_ignored(tmp_path: Path, text: str) -> None:
     (tmp_path / "transforms.json").write_text(text)
     assert cloud_of(tmp_path / "a.ply").up == ""
 
