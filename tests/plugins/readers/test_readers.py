@@ -315,10 +315,10 @@ def test_pcd_odd_fields_are_read_as_pcl_reads_them(tmp_path: Path, data: str) ->
 
 def test_pcd_types_are_checked_and_colors_get_a_note(tmp_path: Path) -> None:
     path, whole = tmp_path / "a.pcd", pcd(bytes(64), fields="x y z rgb", data="binary")
-    for line, told in ((b"TYPE F F F Q", "field rgb has TYPE Q and SIZE 4"), (b"SIZE 4 4 4 3", "TYPE F and SIZE 3")):
+    for line, message in ((b"TYPE F F F Q", "field rgb has TYPE Q and SIZE 4"), (b"SIZE 4 4 4 3", "TYPE F and SIZE 3")):
         kind = line.split()[0]
         changed = [line if row.startswith(kind) else row for row in whole.split(b"\n")[:-1]]
-        refused(path, b"\n".join([*changed, bytes(64)]), told.replace("field rgb", "field .*"))
+        refused(path, b"\n".join([*changed, bytes(64)]), message.replace("field rgb", "field .*"))
     path.write_bytes(whole)
     assert Pcd().read(path)[0].note == "its colours are ignored"
 
@@ -328,8 +328,8 @@ def test_few_points_in_front_of_a_sensor_are_kept(tmp_path: Path, height: int) -
     rows = np.array([[0, 0, 1], [0.1, 0.2, 1.1], [0.3, 0.1, 3], [0.2, 0.5, 6], [0.4, 0.3, 1.5], [1, 1, 2]], "f4")
     head = pcd(b"", points=6, width=6 // height, data="binary").replace(b"HEIGHT 2", b"HEIGHT %d" % height)
     (tmp_path / "a.pcd").write_bytes(head.replace(b"VIEWPOINT 0 0 0 1", b"VIEWPOINT 0 0 -1 1") + rows.tobytes())
-    [told] = Pcd().read(tmp_path / "a.pcd")
-    assert told.sensor is not None and foreground_mask(told.points, told.sensor).all()
+    [scan] = Pcd().read(tmp_path / "a.pcd")
+    assert scan.sensor is not None and foreground_mask(scan.points, scan.sensor).all()
 
 
 @pytest.mark.parametrize("encoding", ["binary_little_endian", "binary_big_endian", "ascii"])

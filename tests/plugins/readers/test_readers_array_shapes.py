@@ -1,4 +1,4 @@
-"""Arrays that are no lists of points are told from those that are; point maps are seen from their camera."""
+"""Arrays other than points are recognized; point maps are seen from their camera."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def clouds(path: Path, **arrays: np.ndarray) -> list[RawCloud]:
         path = path.with_suffix(".npy")
     else:
         np.savez(path, **arrays)
-    found = NumpyArrays().read(path)
-    assert all(isinstance(cloud, RawCloud) for cloud in found)
-    return found  # type: ignore[return-value]
+    raw_clouds = NumpyArrays().read(path)
+    assert all(isinstance(cloud, RawCloud) for cloud in raw_clouds)
+    return raw_clouds  # type: ignore[return-value]
 
 
 def looks(cloud: RawCloud) -> tuple[np.ndarray, np.ndarray]:
@@ -132,14 +132,14 @@ def test_rows_of_points_with_features_stay_points(tmp_path: Path, width: int) ->
 def test_a_batch_stays_a_batch(tmp_path: Path) -> None:
     batch = RNG.normal(size=(40, 50, 3))
     for array in (batch, batch - batch.min() + 0.01, (batch - batch.min()) / np.ptp(batch)):
-        found = clouds(tmp_path / "a.npz", array=array)
-        assert np.array_equal([cloud.points for cloud in found], array)
+        raw_clouds = clouds(tmp_path / "a.npz", array=array)
+        assert np.array_equal([cloud.points for cloud in raw_clouds], array)
 
 
 @pytest.mark.parametrize("key", ["data", "complete_pcds", "incomplete_pcds", "gt", "pcds"])
 def test_objects_of_data_sets_are_usually_y_up(tmp_path: Path, key: str) -> None:
-    found = clouds(tmp_path / "a.npz", **{key: RNG.normal(size=(4, 50, 3)), "labels": np.arange(4)})
-    assert [(cloud.up, cloud.up_certain) for cloud in found] == [("+Y", False)] * 4
+    raw_clouds = clouds(tmp_path / "a.npz", **{key: RNG.normal(size=(4, 50, 3)), "labels": np.arange(4)})
+    assert [(cloud.up, cloud.up_certain) for cloud in raw_clouds] == [("+Y", False)] * 4
     assert clouds(tmp_path / "b.npz", points=XYZ, labels=np.arange(60))[0].up == ""
 
 
@@ -182,15 +182,15 @@ def test_signaling_nan_gives_no_warning(tmp_path: Path, width: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("before", "told"),
+    ("before", "message"),
     [(np.arange(60)[:, None], r"column 1 may be numbers .* array\[:, 1:4\]"),
      (np.column_stack([np.arange(60) // 8, np.arange(60) % 8]), r"row and column numbers .* array\[:, 2:5\]"),
      (XYZ / np.linalg.norm(XYZ, axis=1)[:, None], r"columns 1 to 3 may be normals .* array\[:, 3:6\]"),
      (1.6e9 + np.arange(60)[:, None] / 10, r"column 1 may be times")],
 )  # fmt: skip
 def test_array_with_other_leading_columns_is_refused(
-    tmp_path: Path, before: np.ndarray, told: str
+    tmp_path: Path, before: np.ndarray, message: str
 ) -> None:
-    with pytest.raises(ScanError, match=told):
+    with pytest.raises(ScanError, match=message):
         clouds(tmp_path / "a", array=np.column_stack([before, XYZ]))
     assert np.array_equal(clouds(tmp_path / "b", array=np.column_stack([XYZ, before]))[0].points, XYZ)

@@ -37,27 +37,27 @@ def poses(up: np.ndarray, arc: float = 120.0, height: float = 1.0, count: int = 
     ahead = np.cross(up, [0.3, 0.5, -0.2])
     ahead /= np.linalg.norm(ahead)
     aside = np.cross(up, ahead)
-    found = []
+    pose_rows = []
     for angle in np.radians(np.linspace(-arc / 2, arc / 2, count)):
         place = 4 * (np.cos(angle) * ahead + np.sin(angle) * aside) + height * up
         forward = -place / np.linalg.norm(place)
         right = np.cross(forward, up)
         right /= np.linalg.norm(right)
         rotation = np.stack([right, np.cross(forward, right), forward])
-        found.append([*quaternion(rotation), *(-rotation @ place).tolist()])
-    return found
+        pose_rows.append([*quaternion(rotation), *(-rotation @ place).tolist()])
+    return pose_rows
 
 
-def images_bin(found: list[list[float]]) -> bytes:
+def images_bin(pose_rows: list[list[float]]) -> bytes:
     rows = [struct.pack("<I7dI", number, *pose, 1) + f"{number}.jpg\0".encode() + struct.pack("<Q", number) +
-            bytes(24 * number) for number, pose in enumerate(found)]  # fmt: skip
+            bytes(24 * number) for number, pose in enumerate(pose_rows)]  # fmt: skip
     return struct.pack("<Q", len(rows)) + b"".join(rows)
 
 
-def images_txt(found: list[list[float]]) -> str:
+def images_txt(pose_rows: list[list[float]]) -> str:
     marks = ("1.5 2.5 -1 3.5 4.5 7\n", "\n")
     rows = [f"{number} {' '.join(map(repr, pose))} 1 {number}.jpg\n{marks[number % 2]}"
-            for number, pose in enumerate(found)]  # fmt: skip
+            for number, pose in enumerate(pose_rows)]  # fmt: skip
     return "# Image list with two lines of data per image:\n" + "".join(rows)
 
 
@@ -78,10 +78,10 @@ def read(folder: Path) -> RawCloud:
 
 def test_colmap_folder_yields_points_and_skips_other_files(tmp_path: Path) -> None:
     folder = model(tmp_path / "sparse" / "0", images_bin(poses(np.array([0.0, -1, 0]))))
-    told: list[Path] = []
-    found = find_scans([str(folder)], False, told.append)
-    assert [path.name for path in found] == ["points3D.bin"] and not told
-    [scan] = read_clouds(found[0])
+    skipped: list[Path] = []
+    scan_paths = find_scans([str(folder)], False, skipped.append)
+    assert [path.name for path in scan_paths] == ["points3D.bin"] and not skipped
+    [scan] = read_clouds(scan_paths[0])
     assert np.array_equal(scan.points, POINTS)
 
 

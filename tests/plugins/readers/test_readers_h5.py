@@ -34,9 +34,9 @@ def refusal(path: Path, **arrays: Any) -> str:
 @pytest.mark.parametrize("suffix", [".h5", ".hdf5"])
 @pytest.mark.parametrize("key", ["data", "complete_pcds", "incomplete_pcds", "pcds", "gt"])
 def test_data_sets_give_one_y_up_cloud_per_object(tmp_path: Path, key: str, suffix: str) -> None:
-    found = given(tmp_path / f"a{suffix}", **{key: BATCH, "label": np.arange(5), "mask": np.zeros((5, 40))})
-    assert np.array_equal([cloud.points for cloud in found], BATCH)
-    assert {(cloud.up, cloud.up_certain) for cloud in found} == {("+Y", False)}
+    raw_clouds = given(tmp_path / f"a{suffix}", **{key: BATCH, "label": np.arange(5), "mask": np.zeros((5, 40))})
+    assert np.array_equal([cloud.points for cloud in raw_clouds], BATCH)
+    assert {(cloud.up, cloud.up_certain) for cloud in raw_clouds} == {("+Y", False)}
 
 
 @pytest.mark.parametrize("key", ["points", "pcd", "xyz", "pos", "Points", "scene__scan__points"])
@@ -48,8 +48,8 @@ def test_one_cloud_under_a_usual_name(tmp_path: Path, key: str) -> None:
 
 
 def test_each_group_gives_clouds_and_a_note_on_ignored_data(tmp_path: Path) -> None:
-    found = given(tmp_path / "a.h5", one__points=BATCH[0], two__points=BATCH[1], two__labels=np.zeros(40))
-    assert np.array_equal([cloud.points for cloud in found], BATCH[:2])
+    raw_clouds = given(tmp_path / "a.h5", one__points=BATCH[0], two__points=BATCH[1], two__labels=np.zeros(40))
+    assert np.array_equal([cloud.points for cloud in raw_clouds], BATCH[:2])
     (first, *_) = given(tmp_path / "b.h5", incomplete_pcds=BATCH + 1, complete_pcds=BATCH, labels=np.zeros(5))
     assert np.array_equal(first.points, BATCH[0]) and first.note == "of complete_pcds, not of incomplete_pcds"
 
@@ -119,6 +119,6 @@ def test_damaged_files_raise_nothing_but_scan_errors(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("key", ["data", "points", "pts"])
 def test_a_known_name_with_another_shape_is_refused(tmp_path: Path, key: str) -> None:
-    told = refusal(tmp_path / "a.h5", **{key: BATCH.swapaxes(-1, -2), "label": np.zeros(len(BATCH))})
-    assert f"{key}: " in told and "transpose it" in told
+    message = refusal(tmp_path / "a.h5", **{key: BATCH.swapaxes(-1, -2), "label": np.zeros(len(BATCH))})
+    assert f"{key}: " in message and "transpose it" in message
     assert "normal, other" in refusal(tmp_path / "b.h5", normal=BATCH, other=BATCH)

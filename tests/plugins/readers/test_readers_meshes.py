@@ -174,5 +174,5 @@ def test_obj_colors_and_weights_follow_the_vertex(tmp_path: Path) -> None:
     points, path = cloud(20), tmp_path / "a.obj"
     for rest, note in ((" 1.0", ""), (" 0.5 0.25 1", "its colours are ignored"), ("", "")):
         path.write_text("".join("v " + " ".join(map(repr, row)) + rest + "\n" for row in points.tolist()))
-        [told] = Vertices().read(path)
-        assert np.array_equal(told.points, points) and told.note == note
+        [raw_cloud] = Vertices().read(path)
+        assert np.array_equal(raw_cloud.points, points) and raw_cloud.note == note

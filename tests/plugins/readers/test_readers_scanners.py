@@ -118,7 +118,7 @@ def test_rows_of_six_floats_need_the_columns_option(tmp_path: Path, kind: str, c
     reader = Sweeps()
     reader.columns = names.split(",")
     assert np.array_equal(reader.read(path)[0].points, table[:, :3])
-    assert [found.name for found in find_scans([str(tmp_path)], False)] == ["room.bin"]  # it is not passed over
+    assert [path.name for path in find_scans([str(tmp_path)], False)] == ["room.bin"]  # it is not passed over
 
 
 def sweep(rows: int = 4000) -> np.ndarray:
@@ -153,8 +153,8 @@ def test_folders_skip_bin_files_that_are_no_sweeps(tmp_path: Path) -> None:
     (tmp_path / "weights.bin").write_bytes(np.random.default_rng(0).bytes(640))
     (tmp_path / "odd.bin").write_bytes(b"abc")
     (tmp_path / "empty.bin").write_bytes(b"")
-    told: list[str] = []
-    found = find_scans([str(tmp_path)], False, lambda path: told.append(path.name))
-    assert [path.name for path in found] == ["000.bin"] and sorted(told) == ["empty.bin", "odd.bin", "weights.bin"]
+    skipped: list[str] = []
+    paths = find_scans([str(tmp_path)], False, lambda path: skipped.append(path.name))
+    assert [path.name for path in paths] == ["000.bin"] and sorted(skipped) == ["empty.bin", "odd.bin", "weights.bin"]
     assert len(find_scans([str(tmp_path)], False, named=True)) == 4
     assert len(find_scans([str(tmp_path / "odd.bin")], False)) == 1

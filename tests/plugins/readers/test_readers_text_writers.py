@@ -60,7 +60,7 @@ def test_titles_in_cp1252_are_read(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "advice"),
     [("x;y;z\n446.032,868;5.411.000,1;3,5\n", "'446.032,868' has marks between its thousands"),
      ('x,y,z\n"446,032.868","5,411,000.1",3.5\n', "'446,032.868' has marks between its thousands"),
      ("x;y;z\n446'032.868;1;2\n", "has marks between its thousands"),
@@ -69,5 +69,5 @@ def test_titles_in_cp1252_are_read(tmp_path: Path) -> None:
      ("lon;lat;h\n7°06'3.1\";50°12'4.2\";30\n", "degrees, minutes and seconds"),
      ('WKT,fid\n"POINT Z (1 2 3)",1\n', "written as geometry .* AS_XYZ"), ("POINT(1 2 3)\n", "written as geometry")],
 )  # fmt: skip
-def test_unsupported_notations_get_advice(tmp_path: Path, text: str, told: str) -> None:
-    refused(tmp_path / "a.csv", text, f"line [12]: .*{told}")
+def test_unsupported_notations_get_advice(tmp_path: Path, text: str, advice: str) -> None:
+    refused(tmp_path / "a.csv", text, f"line [12]: .*{advice}")

@@ -1,4 +1,4 @@
-"""Scans on disk: what is found, what is read, what is refused; good and bad readers."""
+"""Scans on disk: search, reading and refusals; good and bad readers."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def test_messages_stay_on_one_line_for_any_file_name(tmp_path: Path) -> None:
 
 
 class Strange(Reader):
-    """A stranger's reader with mistakes."""
+    """A third-party reader with mistakes."""
 
     name = "strange"
     version = "1"
@@ -142,7 +142,7 @@ def with_reader(monkeypatch: pytest.MonkeyPatch, plugin: type[Reader] | Exceptio
     """One more reader named `strange`, as though it had been installed."""
     names, load = registry.names, registry.load
 
-    def found(group: str, name: str) -> type:
+    def load_strange(group: str, name: str) -> type:
         if name != "strange":
             return load(group, name)
         if isinstance(plugin, Exception):
@@ -150,7 +150,7 @@ def with_reader(monkeypatch: pytest.MonkeyPatch, plugin: type[Reader] | Exceptio
         return plugin
 
     monkeypatch.setattr(registry, "names", lambda group: [*names(group), "strange"])
-    monkeypatch.setattr(registry, "load", found)
+    monkeypatch.setattr(registry, "load", load_strange)
 
 
 def test_an_error_in_a_plugin_reader_fails_its_file_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -190,8 +190,8 @@ def test_a_broken_reader_does_not_break_the_rest(tmp_path: Path, monkeypatch: py
         read_clouds(tmp_path / "a.odd")
 
 
-def names(found: list[Path], root: Path) -> list[str]:
-    return [str(path.relative_to(root)) for path in found]
+def names(paths: list[Path], root: Path) -> list[str]:
+    return [str(path.relative_to(root)) for path in paths]
 
 
 @pytest.fixture
@@ -262,9 +262,9 @@ def test_inputs_that_match_nothing_are_refused(tree: Path, text: str, match: str
 def test_a_missing_path_suggests_a_similar_name_if_unique(tmp_path: Path) -> None:
     for name in ("bunny.ply", "scan_002.ply"):
         (tmp_path / name).touch()
-    for wrong, told in (("buny.ply", r"did you mean .*bunny\.ply\?"), ("scan_001.ply", "check the path"),
+    for wrong, message in (("buny.ply", r"did you mean .*bunny\.ply\?"), ("scan_001.ply", "check the path"),
                         ("horse.ply", "check the path"), ("none/bunny.ply", "check the path")):  # fmt: skip
-        with pytest.raises(ScanError, match=told):
+        with pytest.raises(ScanError, match=message):
             find_scans([str(tmp_path / wrong)], False)
 
 

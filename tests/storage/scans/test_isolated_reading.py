@@ -58,7 +58,7 @@ def read(path: Path, memory: int = 1 << 20) -> list[RawCloud]:
     return read_in_subprocess(Fragile(), path, memory)
 
 
-@pytest.mark.parametrize(("stem", "error", "told"), [
+@pytest.mark.parametrize(("stem", "error", "message"), [
     ("exit", ReaderEndedError, "the reader's process ended .exit status 3.: the file is damaged"),
     ("abort", ReaderEndedError, "the reader's process ended .SIGABRT."),
     ("greedy", ScanError, "MemoryError|process ended"),
@@ -67,9 +67,9 @@ def read(path: Path, memory: int = 1 << 20) -> list[RawCloud]:
     ("shape", ScanError, r"gave an array .3, 4., expected .N, 3."),
 ])  # fmt: skip
 def test_errors_in_the_subprocess_become_errors_of_the_file(
-    tmp_path: Path, stem: str, error: type[ScanError], told: str
+    tmp_path: Path, stem: str, error: type[ScanError], message: str
 ) -> None:
-    with pytest.raises(error, match=told):
+    with pytest.raises(error, match=message):
         read(tmp_path / f"{stem}.fragile")
 
 

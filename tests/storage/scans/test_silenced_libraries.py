@@ -20,7 +20,7 @@ def warn(module: str) -> None:
 
 
 def test_only_library_warnings_inside_quiet_are_suppressed() -> None:
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as shown:
         warnings.simplefilter("always")
         before = list(warnings.filters)
         with quiet():
@@ -30,15 +30,15 @@ def test_only_library_warnings_inside_quiet_are_suppressed() -> None:
             with quiet():
                 warn("laspy.header")
             warn("laspy.header")
-            assert not told
+            assert not shown
             warn("a_users_script")
             warn("trimeshes")
-            assert len(told) == 2
+            assert len(shown) == 2
             with np.errstate(all="raise"), pytest.raises(FloatingPointError):
                 np.float64(1) / np.float64(0)  # the caller's own wish
             np.float64(1) / np.float64(0)
         warn("laspy.header")
-        assert len(told) == 3 and list(warnings.filters) == before
+        assert len(shown) == 3 and list(warnings.filters) == before
 
 
 def test_parallel_reading_restores_warning_filters() -> None:
@@ -64,7 +64,7 @@ def test_library_logs_are_silent_unless_configured() -> None:
             "if len(sys.argv) > 1: logging.basicConfig(format='%(message)s')\n"
             "with quiet(): logging.getLogger('laspy.lasreader').error('within')\n"
             "logging.getLogger('laspy.lasreader').error('after')\n")  # fmt: skip
-    for more, told in ([], ["after"]), (["asked"], ["within", "after"]):
+    for more, shown in ([], ["after"]), (["asked"], ["within", "after"]):
         done = subprocess.run([sys.executable, "-c", code, *more], capture_output=True, text=True, check=True)
-        assert done.stderr.split() == told
+        assert done.stderr.split() == shown
     assert logging.lastResort is not None and not logging.lastResort.filters

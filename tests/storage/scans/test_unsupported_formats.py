@@ -1,4 +1,4 @@
-"""What no reader takes, or what another one would, is told for what it is, with what to do."""
+"""Files that no reader takes, or that have a wrong suffix, are described with advice."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from z2p_renderer.storage.scans.unsupported_formats import UNREAD_CLOUDS, UNREAD
 POINTS = np.random.default_rng(1).normal(size=(20, 3))
 
 
-def refused(path: Path, blob: bytes, told: str) -> None:
+def refused(path: Path, blob: bytes, message: str) -> None:
     path.write_bytes(blob)
-    with pytest.raises(ScanError, match=told) as caught:
+    with pytest.raises(ScanError, match=message) as caught:
         read_clouds(path)
     assert "\n" not in str(caught.value) and "--columns" not in str(caught.value)
 
@@ -28,7 +28,7 @@ def test_unsupported_formats_get_advice_on_conversion(tmp_path: Path, suffix: st
     refused(tmp_path / f"a{suffix}", b"\x01\x02\x03" * 9, rf"a\{suffix}: (is|holds) .*, which z2p does not read; \w")
 
 
-@pytest.mark.parametrize(("name", "blob", "told"), [
+@pytest.mark.parametrize(("name", "blob", "message"), [
     ("a.bin", b"CCB2" + bytes(99), "is a CloudCompare project .*save it as PLY or LAS"),
     ("a.bin", b"CCB0" + bytes(99), "is a CloudCompare project"),
     ("a.ply", b"\n <!DOCTYPE html>\n<html lang=en>", "is a web page .*download it again"),
@@ -45,8 +45,8 @@ def test_unsupported_formats_get_advice_on_conversion(tmp_path: Path, suffix: st
     ("a.ply", b"DRACO\x02\x02", "draco_decoder -i a.ply"),
     ("a.pcd", b"\x89PNG\r\n\x1a\n" + bytes(99), "is a picture"),
 ])  # fmt: skip
-def test_content_that_contradicts_the_suffix_is_reported(tmp_path: Path, name: str, blob: bytes, told: str) -> None:
-    refused(tmp_path / name, blob, told)
+def test_content_that_contradicts_the_suffix_is_reported(tmp_path: Path, name: str, blob: bytes, message: str) -> None:
+    refused(tmp_path / name, blob, message)
 
 
 @pytest.mark.parametrize("name", ["a.ply", "b.PLY", "c.ply.gz"])
@@ -62,10 +62,10 @@ def test_folders_skip_and_report_only_unsupported_clouds(tmp_path: Path) -> None
     for name in ("b.splat", "c.bag", "d.blend", "e.jpg", "f.zip"):
         (tmp_path / name).write_bytes(b"?")
     (tmp_path / "project.bin").write_bytes(b"CCB2" + bytes(99))
-    told: list[str] = []
-    found = find_scans([str(tmp_path)], False, lambda path: told.append(path.name))
-    assert [path.name for path in found] == ["a.ply"]
-    assert told == ["b.splat", "c.bag", "project.bin"]
+    skipped: list[str] = []
+    scan_paths = find_scans([str(tmp_path)], False, lambda path: skipped.append(path.name))
+    assert [path.name for path in scan_paths] == ["a.ply"]
+    assert skipped == ["b.splat", "c.bag", "project.bin"]
 
 
 def test_a_folder_of_unsupported_clouds_names_one(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Up by what headers and files beside a scan say of it."""
+"""The up axis from headers and from files beside a scan."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def read(path: Path) -> Scan:
 @pytest.mark.parametrize("suffix", [".ply", ".pcd", ".obj", ".off", ".xyz", ".txt", ".asc", ".csv", ".vtk", ".vtp"])
 def test_a_comment_in_the_header_gives_up(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"scan{suffix}"
-    for comment, told in [("right-handed, -Y up", ("-Y", True)), ("Record3D", ("+Y", False)), ("set up", ("", True))]:
+    for comment, up in [("right-handed, -Y up", ("-Y", True)), ("Record3D", ("+Y", False)), ("set up", ("", True))]:
         path.write_text(text_of(suffix, comment))
-        assert (read(path).up, read(path).up_certain) == told
-        assert told[1] is False or not told[0] or comment in read(path).up_reason
+        assert (read(path).up, read(path).up_certain) == up
+        assert up[1] is False or not up[0] or comment in read(path).up_reason
 
 
 @pytest.mark.parametrize("line", ["obj_info up axis: X", "comment up axis: X"])
@@ -85,8 +85,8 @@ def test_up_hints_work_for_compressed_files(tmp_path: Path) -> None:
 def test_a_json_description_beside_the_scan_gives_up(tmp_path: Path, key: str, value: object, up: str) -> None:
     path = tmp_path / "scan.xyz"
     path.write_text(ROWS)
-    for name, told in (("metadata.json", {key: value}), ("scan.json", {"frame": {key: value}, "size": 3})):
-        (tmp_path / name).write_text(json.dumps(told))
+    for name, content in (("metadata.json", {key: value}), ("scan.json", {"frame": {key: value}, "size": 3})):
+        (tmp_path / name).write_text(json.dumps(content))
         scan = read(path)
         assert scan.up == up and scan.up_certain and (not up or name in scan.up_reason)
         (tmp_path / name).unlink()
@@ -95,8 +95,8 @@ def test_a_json_description_beside_the_scan_gives_up(tmp_path: Path, key: str, v
 def test_the_json_key_up_counts_only_at_the_top_level(tmp_path: Path) -> None:
     path = tmp_path / "scan.xyz"
     path.write_text(ROWS)
-    for told, up in (({"up": "Y"}, "+Y"), ({"camera": {"up": [0, 0, 1]}}, "")):
-        (tmp_path / "scan.json").write_text(json.dumps(told))
+    for content, up in (({"up": "Y"}, "+Y"), ({"camera": {"up": [0, 0, 1]}}, "")):
+        (tmp_path / "scan.json").write_text(json.dumps(content))
         assert read(path).up == up
 
 

@@ -77,9 +77,9 @@ def coloured_cloud(kind: str, coloured: bool) -> object:
 @pytest.mark.parametrize("coloured", [True, False])
 @pytest.mark.parametrize("kind", ["dict", "trimesh", "trimesh mesh", "pypcd4", "pyvista-like", "laspy", "records"])
 def test_colors_of_an_object_are_detected(kind: str, coloured: bool) -> None:
-    thing = coloured_cloud(kind, coloured)
-    assert point_arrays(thing).coloured is coloured
-    assert point_arrays([thing, thing]).coloured is coloured or kind == "records"
+    cloud_object = coloured_cloud(kind, coloured)
+    assert point_arrays(cloud_object).coloured is coloured
+    assert point_arrays([cloud_object, cloud_object]).coloured is coloured or kind == "records"
 
 
 def test_open3d_clouds_are_accepted() -> None:
@@ -126,7 +126,7 @@ def test_the_callers_array_is_unchanged() -> None:
 
 
 @pytest.mark.parametrize(
-    ("thing", "told"),
+    ("cloud_object", "message"),
     [
         (np.zeros((3, 100)), "transpose"), (np.zeros(9), "expected points"), (np.zeros((9, 2)), "expected points"),
         (np.zeros((9, 129)), "expected points"), (np.zeros((2, 2, 9, 3)), "expected points"), (None, "expected points"),
@@ -146,9 +146,9 @@ def test_the_callers_array_is_unchanged() -> None:
         (trimesh.Scene(), "a Scene without geometry"), (torch.eye(3).to_sparse(), "got Tensor .*Sparse"),
     ],
 )  # fmt: skip
-def test_refusals(thing: object, told: str) -> None:
-    with pytest.raises(ScanError, match=told):
-        point_arrays(thing)
+def test_refusals(cloud_object: object, message: str) -> None:
+    with pytest.raises(ScanError, match=message):
+        point_arrays(cloud_object)
 
 
 def point_map(height: int = 60, width: int = 80, scale: float = 1.0) -> np.ndarray:
@@ -182,9 +182,9 @@ def elsewhere(points: np.ndarray, noise: float = 0.0) -> np.ndarray:
     ids=lambda given: f"{tuple(given.shape)} {given.dtype}",
 )  # fmt: skip
 def test_a_depth_cameras_point_map_is_one_cloud(given: np.ndarray) -> None:
-    found = point_arrays(given)
-    assert not found.batched and len(found.clouds) == 1
-    assert np.array_equal(found.clouds[0], np.asarray(given)[..., :3].reshape(-1, 3), equal_nan=True)
+    arrays = point_arrays(given)
+    assert not arrays.batched and len(arrays.clouds) == 1
+    assert np.array_equal(arrays.clouds[0], np.asarray(given)[..., :3].reshape(-1, 3), equal_nan=True)
 
 
 def frames() -> np.ndarray:
@@ -214,8 +214,8 @@ RNG = np.random.default_rng(3)
     ids=lambda batch: str(batch.shape),
 )  # fmt: skip
 def test_a_batch_is_never_taken_for_a_point_map(batch: np.ndarray) -> None:
-    found = point_arrays(batch)
-    assert found.batched and len(found.clouds) == len(batch)
+    arrays = point_arrays(batch)
+    assert arrays.batched and len(arrays.clouds) == len(batch)
 
 
 class Table:

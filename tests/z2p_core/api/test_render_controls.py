@@ -23,9 +23,9 @@ CLOUD = np.random.default_rng(0).normal(size=(300, 3))
 def coated(monkeypatch: pytest.MonkeyPatch, make_weights: Callable[..., Path]) -> Path:
     """Weights that carry the example plugin's control, which is installed for this test only."""
     monkeypatch.syspath_prepend(COAT)
-    found = registry._entries
-    mine = {**found("controls"), "coat": (EntryPoint("coat", "z2p_coat:Coat", "z2p.controls"),)}
-    monkeypatch.setattr(registry, "_entries", lambda group: mine if group == "controls" else found(group))
+    installed_entries = registry._entries
+    mine = {**installed_entries("controls"), "coat": (EntryPoint("coat", "z2p_coat:Coat", "z2p.controls"),)}
+    monkeypatch.setattr(registry, "_entries", lambda group: mine if group == "controls" else installed_entries(group))
     return make_weights(("color", "coat"), gbuffer="none")
 
 

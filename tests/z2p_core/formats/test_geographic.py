@@ -1,4 +1,4 @@
-"""Degrees beside metres are told from objects that are tall and thin, or that lie where degrees could be."""
+"""Degrees beside metres are distinguished from tall, thin objects and from metres in the range of degrees."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def ground(wide: float, high: float, at: tuple[float, float]) -> np.ndarray:
 @pytest.mark.parametrize("at", [(7.1, 50.2), (-122.4, 37.7), (151.2, -33.9), (50.2, 7.1), (-0.1, 51.5)])
 def test_ground_in_degrees_is_laid_out_in_metres(wide: float, at: tuple[float, float]) -> None:
     points = ground(wide, 60, at)
-    metres, told = metres_from_degrees(points)
-    assert "look like degrees" in told and "pyproj" in told
+    metres, note = metres_from_degrees(points)
+    assert "look like degrees" in note and "pyproj" in note
     east, north = np.ptp(metres, axis=0)[:2]
     assert north == pytest.approx(wide * 111_320, rel=0.02)
     assert east / north == pytest.approx(np.cos(np.radians(at[1])), rel=0.02)
@@ -41,8 +41,8 @@ def pole(radius: float, high: float, at: tuple[float, float]) -> np.ndarray:
     ids=str,
 )  # fmt: skip
 def test_points_other_than_ground_in_degrees_stay(points: np.ndarray) -> None:
-    same, told = metres_from_degrees(points)
-    assert same is points and (not told or told.startswith("if x and y"))
+    same, note = metres_from_degrees(points)
+    assert same is points and (not note or note.startswith("if x and y"))
 
 
 def test_uncertain_degrees_get_a_note() -> None:

@@ -140,5 +140,5 @@ def test_a_damaged_transforms_file_is_ignored(tmp_path: Path, text: str) -> None
 def test_initial_points_of_a_splat_model_use_its_cameras_up(tmp_path: Path) -> None:
     cameras = [{"position": place.tolist(), "rotation": axes.tolist()} for axes, place in around(TILTED)]
     (tmp_path / "cameras.json").write_text(json.dumps(cameras))
-    told, other = cloud_of(tmp_path / "input.ply"), cloud_of(tmp_path / "a.ply")
-    assert (told.up, told.up_certain, other.up) == ("+Z", True, "")
+    initial_cloud, other = cloud_of(tmp_path / "input.ply"), cloud_of(tmp_path / "a.ply")
+    assert (initial_cloud.up, initial_cloud.up_certain, other.up) == ("+Z", True, "")

@@ -1,4 +1,4 @@
-"""Numbers that stand for no measurement are found, and none that may be a coordinate."""
+"""No-data values are detected, and plausible coordinates are not."""
 
 from __future__ import annotations
 
