@@ -18,6 +18,9 @@ _POINT_FIELDS = [(np.dtype(kind), None) for kind in ("<u8", "<f8", "<f8", "<f8",
 _TRACK_FIELD = (np.dtype("<u8"), np.dtype("<u8"))
 """A point's id, position, color and error; then its track, pairs of four-byte image and feature indices."""
 _MAX_NAME_BYTES = 4096
+"""Longest name of an image that is read from an images.bin."""
+_MIN_IMAGE_BYTES, _FEATURE_BYTES = 73, 24
+"""Size of an image in an images.bin with an empty name and no features, and size of each feature."""
 
 
 def is_points3d(path: Path) -> bool:
@@ -82,11 +85,11 @@ def _read_images_bin(path: Path) -> list[list[float]]:
     blob = path.read_bytes()
     (count,) = struct.unpack_from("<Q", blob)
     poses, at = [], 8
-    for _ in range(min(count, len(blob) // 73)):
+    for _ in range(min(count, len(blob) // _MIN_IMAGE_BYTES)):
         poses.append(list(struct.unpack_from("<7d", blob, at + 4)))
         at = blob.index(b"\0", at + 64, at + 64 + _MAX_NAME_BYTES) + 1
         (features,) = struct.unpack_from("<Q", blob, at)
-        at += 8 + 24 * features
+        at += 8 + _FEATURE_BYTES * features
     return poses
 
 
