@@ -83,9 +83,8 @@ def is_smooth_surface(vertices: np.ndarray, faces: np.ndarray) -> bool:
     They do unless the typical angle between neighbouring faces (median over shared edges, weighted by their length) is
     `MIN_FACET_ANGLE_DEGREES` or more and there are fewer than `MAX_FACETED_FACES`: a dense scan with large angles is
     noisy, not faceted. A curved surface cut into that few triangles shows its facets however it is shaded. Flat sides
-    with
-    sharp edges between them (most CAD) count as smooth: their triangles meet at 0 degrees, and the renderer parts the
-    normals at sharp edges anyway.
+    with sharp edges between them (most CAD) count as smooth: their triangles meet at 0 degrees, and the renderer parts
+    the normals at sharp edges anyway.
     """
     if len(faces) >= MAX_FACETED_FACES:
         return True
