@@ -15,23 +15,23 @@ from z2p_renderer.storage.models.engine_cache import MAX_FILES, BlobCache, user_
 
 
 def test_what_was_put_comes_back_and_only_under_its_key(tmp_path: Path) -> None:
-    shelf = BlobCache(tmp_path / "new" / "folder")
-    assert shelf.get("a") is None
-    shelf.put("a", b"first")
-    shelf.put("a", b"second" * 1000)
-    assert shelf.get("a") == BlobCache(tmp_path / "new" / "folder").get("a") == b"second" * 1000
-    assert shelf.get("b") is None
+    cache = BlobCache(tmp_path / "new" / "folder")
+    assert cache.get("a") is None
+    cache.put("a", b"first")
+    cache.put("a", b"second" * 1000)
+    assert cache.get("a") == BlobCache(tmp_path / "new" / "folder").get("a") == b"second" * 1000
+    assert cache.get("b") is None
 
 
 @pytest.mark.parametrize("damage", [lambda old: old[:-1], lambda old: old[:40] + b"?" + old[41:], lambda old: b""])
 def test_a_damaged_file_is_as_though_it_had_never_been_kept(tmp_path: Path, damage) -> None:
-    shelf = BlobCache(tmp_path)
-    shelf.put("a", b"content" * 100)
+    cache = BlobCache(tmp_path)
+    cache.put("a", b"content" * 100)
     (file,) = tmp_path.iterdir()
     file.write_bytes(damage(file.read_bytes()))
-    assert shelf.get("a") is None
-    shelf.put("a", b"again")
-    assert shelf.get("a") == b"again"
+    assert cache.get("a") is None
+    cache.put("a", b"again")
+    assert cache.get("a") == b"again"
 
 
 def test_what_may_only_be_read_is_used_all_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,33 +44,34 @@ def test_what_may_only_be_read_is_used_all_the_same(tmp_path: Path, monkeypatch:
     assert BlobCache(tmp_path).get("a") == b"content"
 
 
-def test_those_that_nobody_asked_for_the_longest_are_dropped(tmp_path: Path) -> None:
-    shelf = BlobCache(tmp_path)
+def test_the_least_recently_used_files_are_dropped(tmp_path: Path) -> None:
+    cache = BlobCache(tmp_path)
     for number in range(MAX_FILES):
-        shelf.put(str(number), b"x")
+        cache.put(str(number), b"x")
     for age, number in enumerate(reversed(range(MAX_FILES))):
-        os.utime(shelf._path(str(number)), (1000 - age, 1000 - age))
-    assert shelf.get("0") == b"x"  # the oldest, asked for
-    shelf.put("new", b"y")
-    assert [shelf.get(key) for key in ("0", "1", "2", "new")] == [b"x", None, b"x", b"y"]
+        os.utime(cache._path(str(number)), (1000 - age, 1000 - age))
+    assert cache.get("0") == b"x"  # the oldest, asked for
+    cache.put("new", b"y")
+    assert [cache.get(key) for key in ("0", "1", "2", "new")] == [b"x", None, b"x", b"y"]
     assert len(list(tmp_path.iterdir())) == MAX_FILES
 
 
-def test_a_disk_that_takes_nothing_stops_nobody(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
-    shelf = BlobCache(tmp_path / "file" / "below")
-    shelf.put("a", b"x")
-    assert shelf.get("a") is None
+    cache = BlobCache(tmp_path / "file" / "below")
+    cache.put("a", b"x")
+    assert cache.get("a") is None
 
 
-def test_a_writer_that_is_killed_leaves_nothing_half(tmp_path: Path) -> None:
+def test_a_killed_writer_leaves_no_partial_file(tmp_path: Path) -> None:
     """It writes two contents in turn; whenever it is killed, one of them is there, whole."""
-    code = ("from z2p_renderer.storage.models.engine_cache import Shelf; import sys, pathlib\n"
-            "shelf = Shelf(pathlib.Path(sys.argv[1]))\n"
-            "while True: shelf.put('a', b'0' * 3_000_000); shelf.put('a', b'1' * 3_000_000)")  # fmt: skip
+    code = ("from z2p_renderer.storage.models.engine_cache import BlobCache; import sys, pathlib\n"
+            "cache = BlobCache(pathlib.Path(sys.argv[1]))\n"
+            "while True: cache.put('a', b'0' * 3_000_000); cache.put('a', b'1' * 3_000_000)")  # fmt: skip
     for pause in (0.05, 0.11, 0.17):
         with subprocess.Popen([sys.executable, "-c", code, str(tmp_path)]) as writer:
             while not list(tmp_path.glob("*.kept")):
+                assert writer.poll() is None, "the writer died by itself"
                 time.sleep(0.01)
             time.sleep(pause)
             writer.send_signal(signal.SIGKILL)
