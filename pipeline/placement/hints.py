@@ -1,4 +1,4 @@
-"""What the user may want to know or to try of a scan as it stands in its picture."""
+"""Hints for the user about a placed scan: what may be wrong with it, and which option to try."""
 
 from __future__ import annotations
 
@@ -16,116 +16,133 @@ from z2p_core.up_axis.choose import UpChoice
 
 ROOM_HINT = "it looks like a room: --cut-top 40 --elevation 55 shows its inside"
 MILLIMETRES_HINT = "if it is a depth camera's in millimetres, --view sensor looks from there"
-MIN_POINTS_FOR_STEPS, MAX_STEPS, MIN_STEPPED_WIDTH = 1000, 60, 0.1
-"""Of a cloud an axis of which was rounded: its points, the steps at most of that axis along its widest side, and the
-width of that axis as a share of that side."""
-GRID_SHARE = 0.25
-"""Values of an axis for each point, at most, in a grid; and least share of a raster's places that are taken."""
-MIN_POINTS_FOR_SHAPE, FEW_HINT = 100, "so few points tell no surface: some hundreds are needed for a shape to show"
-SMALL_HINT = "most of its points lie in a small part of the frame: the others may be strays, to be removed first"
-MAIN_PART_SHARE, SMALL_PART_RADIUS = 0.85, 0.2
-"""Share of the points that is most, and the radius about their middle, in the frame's, that is small."""
+FEW_POINTS_HINT = "so few points tell no surface: some hundreds are needed for a shape to show"
+SMALL_PART_HINT = "most of its points lie in a small part of the frame: the others may be strays, to be removed first"
 TINY_HINT = "it is tiny in this camera's frame, which may be of data in other units"
+HIGH_FLOOR_HINT = "the camera's floor lies above its lowest points: leave floor out for each cloud to stand on its own"
+LOW_FLOOR_HINT = "the camera's floor lies far below it: leave floor out for each cloud to stand on its own"
+
+MIN_POINTS_FOR_SHAPE = 100
+"""Smallest cloud whose shape is examined."""
+MIN_POINTS_FOR_STEPS = 1000
+"""Smallest cloud whose axes are tested for rounding, and the number of points that are tested."""
+MAX_STEPS = 60
+"""Largest number of steps of a rounded axis, for the length of the cloud's widest side."""
+MIN_STEPPED_WIDTH = 0.1
+"""Smallest width of a rounded axis, as a share of the widest side."""
+MAX_GRID_VALUES_PER_POINT = 0.25
+"""In a grid, each axis has at most this many distinct values per point."""
+MIN_RASTER_OCCUPANCY = 0.25
+"""Points cover at least this share of a raster's positions."""
+MAIN_PART_SHARE = 0.85
+"""Share of the points that lies within `SMALL_PART_RADIUS` if the rest makes the object small."""
+SMALL_PART_RADIUS = 0.2
+"""Distance from the median point, in the frame's radius."""
 TINY_RADIUS = 0.1
-"""Radius of a whole cloud, in the frame's, that hardly shows."""
-FLOOR_ABOVE = "the camera's floor lies above its lowest points: leave floor out for each cloud to stand on its own"
-FLOOR_BELOW = "the camera's floor lies far below it: leave floor out for each cloud to stand on its own"
-MAX_SUNK_SHARE, MAX_HOVER_RADII = 0.1, 4.0
-"""How far a cloud may sink into a settled floor, in its height, and hover above one, in the frame's radii."""
+"""Radius of a cloud, in the frame's, below which it is hardly visible."""
+MAX_SUNK_HEIGHT_SHARE = 0.1
+"""Largest depth of a cloud below a given camera's floor, as a share of the cloud's height."""
+MAX_HOVER_RADII = 4.0
+"""Largest height of a cloud above such a floor, in the frame's radius."""
 MIN_STEPS_ACROSS = 1000
-"""Steps that a cloud spans at least where its numbers are fine enough: fewer show in a picture."""
+"""Smallest number of float32 steps across a cloud at which rounding is invisible in a picture."""
 
 
 def scan_hint(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) -> str:
-    """What the user may want to try or to know of points (N, 3) that stand so, or nothing.
+    """Hints about points (N, 3) with this up axis, joined by semicolons; empty without any.
 
-    `by_itself`: z2p chose up and view; `whole`: nothing was cut off.
+    Args:
+        points: in the file's coordinates.
+        up: how they are set upright.
+        by_itself: True if z2p chose up axis and view.
+        whole: True if the top was not cut off.
     """
     if len(points) < MIN_POINTS_FOR_SHAPE:
-        return FEW_HINT
-    return "; ".join(filter(None, (_other_up(up), _shape_hint(points, up, by_itself, whole))))
+        return FEW_POINTS_HINT
+    return "; ".join(filter(None, (_other_axis_hint(up), _shape_hint(points, up, by_itself, whole))))
 
 
 def few_points_hint(count: int) -> str:
-    """What to say of so few points that each is drawn as a ball."""
-    return f"its {count} points are drawn as balls, for {FEW_HINT}"
+    """The hint about `count` points, so few that each is drawn as a ball."""
+    return f"its {count} points are drawn as balls, for {FEW_POINTS_HINT}"
 
 
-def _other_up(up: UpChoice) -> str:
-    """What to try where another axis may be up."""
+def _other_axis_hint(up: UpChoice) -> str:
+    """The hint to try another up axis, if one is likely too; else empty."""
     return f"up may be {up.other}: --up {up.other} turns it so" if up.other else ""
 
 
 def _shape_hint(points: np.ndarray, up: UpChoice, by_itself: bool, whole: bool) -> str:
-    """What the shape of points (N, 3) suggests to try, or nothing."""
+    """The hint to which the shape of points (N, 3) leads, or an empty one."""
     upright_points = rotate_points(points, up.rotation)
     if whole and (is_room(upright_points) or is_room(upright_points / MILLIMETRES)):
         return ROOM_HINT
     if by_itself and up.sensor is None and implied_sensor(points, (MILLIMETRES,)):
         return MILLIMETRES_HINT
-    return _stepped(points) if up.sensor is None else ""
+    return _rounding_hint(points) if up.sensor is None else ""
 
 
 def small_part_hint(cloud: np.ndarray) -> str:
-    """What to say where few of the placed points (N, 3) float32 make the frame wide, and the others hardly fill it."""
+    """The hint if few of the placed points (N, 3) float32 make the frame so wide that the rest is small; else empty."""
     sample = outlier_sample(cloud)
-    away = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
-    return SMALL_HINT if np.quantile(away, MAIN_PART_SHARE) < SMALL_PART_RADIUS else ""
+    distance = np.sqrt(((sample - np.median(sample, axis=0)) ** 2).sum(1))
+    return SMALL_PART_HINT if np.quantile(distance, MAIN_PART_SHARE) < SMALL_PART_RADIUS else ""
 
 
 def fixed_camera_hint(cloud: np.ndarray, viewpoint: Viewpoint) -> str:
-    """What to say where a given camera shows next to nothing of placed points (N, 3), or no floor."""
+    """The hint if placed points (N, 3) are tiny in a given camera's frame, or far from its floor; else empty."""
     low, high = bounding_box(cloud)
     tiny = (high - low).max() < 2 * TINY_RADIUS
     floor = low[2] if viewpoint.floor is None else viewpoint.floor
-    above = floor > low[2] + MAX_SUNK_SHARE * (high - low)[2]
-    away = FLOOR_ABOVE if above else FLOOR_BELOW if floor < low[2] - MAX_HOVER_RADII else ""
-    return "; ".join(filter(None, (TINY_HINT if tiny else "", away)))
+    above = floor > low[2] + MAX_SUNK_HEIGHT_SHARE * (high - low)[2]
+    floor_hint = HIGH_FLOOR_HINT if above else LOW_FLOOR_HINT if floor < low[2] - MAX_HOVER_RADII else ""
+    return "; ".join(filter(None, (TINY_HINT if tiny else "", floor_hint)))
 
 
 def options_as_keywords(hint: str) -> str:
-    """A hint with its options as keywords: ``--cut-top 40`` becomes ``cut_top=40``."""
+    """A hint with its options as Python keywords: ``--cut-top 40`` becomes ``cut_top=40``."""
     option = re.compile(r"--([a-z-]+) ([+-]?\w+)")
     return option.sub(lambda match: f"{match[1].replace('-', '_')}={_literal(match[2])}", hint)
 
 
 def float32_step(points: np.ndarray) -> float:
-    """Step between the float32 numbers at points (N, 3) that hold nothing finer, if the cloud spans few of them.
+    """Spacing of float32 numbers, in the data's units, if points (N, 3) were visibly rounded to it; 0 otherwise.
 
-    A grid whose own steps are wider has lost nothing, nor has a raster, each place of which comes once.
+    A grid with wider steps of its own has lost nothing, nor has a raster, each of whose positions comes once.
     """
-    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: nothing to say
+    with np.errstate(over="ignore", invalid="ignore"):  # beyond float32: not rounded to it
         low, high = bounding_box(points)
         step = float(np.spacing(np.float32(max(high.max(), -low.min()))))
         if (high - low).max() >= MIN_STEPS_ACROSS * step or not np.array_equal(points, points.astype(np.float32)):
             return 0.0
         rounded = np.spacing(np.maximum(np.abs(low), np.abs(high)).astype(np.float32)) == step
     steps = np.rint((points[:, rounded] - low[rounded]) / step).astype(np.int64)
-    wider = bool((np.gcd.reduce(steps) > 1).all())
-    return 0.0 if wider or _is_raster(points) else step
+    is_grid = bool((np.gcd.reduce(steps) > 1).all())
+    return 0.0 if is_grid or _is_raster(points) else step
 
 
 def _is_raster(points: np.ndarray) -> bool:
-    """Whether points (N, 3) are heights over a grid of places, each of which comes once, and many do."""
+    """Whether points (N, 3) are heights over a grid of (x, y) positions, many of which come, and none twice."""
     (first, row), (second, column) = (np.unique(points[:, axis], return_inverse=True) for axis in (0, 1))
     once = len(np.unique(row * len(second) + column)) == len(points)
-    return bool(once and len(points) >= GRID_SHARE * len(first) * len(second) and min(len(first), len(second)) > 1)
+    is_occupied = len(points) >= MIN_RASTER_OCCUPANCY * len(first) * len(second)
+    return bool(once and is_occupied and min(len(first), len(second)) > 1)
 
 
 def _literal(word: str) -> str:
     return word if word.isdigit() else repr(word)
 
 
-def _stepped(points: np.ndarray) -> str:
-    """What to say of points (N, 3) of which an axis, but not all, takes few values; or nothing."""
+def _rounding_hint(points: np.ndarray) -> str:
+    """The hint if some axes of points (N, 3), but not all, have few distinct values; else empty."""
     if len(points) < MIN_POINTS_FOR_STEPS:
         return ""
     some = subsample_uniform(points, MIN_POINTS_FOR_STEPS)
-    different = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
+    value_counts = np.array([len(np.unique(some[:, axis])) for axis in range(3)])
     low, high = bounding_box(points)
     width = high - low
-    stepped = (width > MIN_STEPPED_WIDTH * width.max()) & (width * MAX_STEPS > different * width.max())
-    if not stepped.any() or different.max() < 5 * MAX_STEPS:  # a grid of voxels has steps along all axes
+    stepped = (width > MIN_STEPPED_WIDTH * width.max()) & (width * MAX_STEPS > value_counts * width.max())
+    if not stepped.any() or value_counts.max() < 5 * MAX_STEPS:  # a grid of voxels has steps along all axes
         return ""
     if _is_grid(points, stepped):
         return ""
@@ -134,18 +151,18 @@ def _stepped(points: np.ndarray) -> str:
 
 
 def _is_grid(points: np.ndarray, stepped: np.ndarray) -> bool:
-    """Whether points (N, 3), some axes of which (3,) take few values, lie on a grid, as rasters and slices do.
+    """Whether points (N, 3) lie on a grid, as rasters and slices do; `stepped` (3,) are the axes with few values.
 
-    On a raster of heights each place comes once, and many do; in a grid of all three axes every value comes often.
-    Where digits were lost, places repeat, and the other axes have as many values as points.
+    On a raster of heights each position comes once, and many do; in a grid of all three axes every value comes often.
+    Where digits were lost, positions repeat, and the other axes have as many values as there are points.
     """
     values = [np.unique(points[:, axis], return_inverse=True) for axis in range(3)]
     counts = np.array([len(value) for value, _ in values])
-    if (counts <= GRID_SHARE * len(points)).all():
+    if (counts <= MAX_GRID_VALUES_PER_POINT * len(points)).all():
         return True
     first, *second = np.flatnonzero(stepped)
     if len(second) != 1:
         return False
     place = values[first][1] * counts[second[0]] + values[second[0]][1]
     once = len(np.unique(place)) == len(points)
-    return bool(once and len(points) >= GRID_SHARE * counts[first] * counts[second[0]])
+    return bool(once and len(points) >= MIN_RASTER_OCCUPANCY * counts[first] * counts[second[0]])

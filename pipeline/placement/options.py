@@ -1,4 +1,4 @@
-"""What the user may ask of a scan's placement."""
+"""The user's options for the placement of a scan."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from z2p_core.placement.viewpoint import Viewpoint
 
 @dataclass(frozen=True)
 class PlacementOptions:
-    """What the user asks of a scan's placement."""
+    """The user's options for the placement of a scan."""
 
     up: str = "auto"
     """``auto``, or the data's axis that points up: ``+Z``, ``-Y``, ..."""

@@ -16,12 +16,16 @@ from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.storage.scans.clouds import Scan
 
 ANY_UNIT = (METRES, MILLIMETRES)
+"""Units per metre in which a cloud may look like a depth camera's, if the user names the sensor's view."""
 ELEVATION_TOLERANCE_DEGREES = 0.5
-"""An elevation counts as within the range up to this far beyond it."""
+"""An elevation at most this far beyond the range is clamped without a note."""
 
 
 def choose_upright(points: np.ndarray, scan: Scan, suffix: str, options: PlacementOptions) -> UpChoice:
-    """How points (N, 3) of the scan are set upright, with the depth camera that they may be seen from."""
+    """The up axis of points (N, 3) of the scan, and the depth camera that took it, if any.
+
+    By the user's option; else by the file, if it is certain; else by `choose_up`. `suffix` is the file's, with its dot.
+    """
     sensor = scan.sensor
     if options.up == "auto" and scan.up and scan.up_certain:
         rotation = np.array(UP_ROTATIONS[scan.up], dtype=np.float64)
@@ -31,31 +35,33 @@ def choose_upright(points: np.ndarray, scan: Scan, suffix: str, options: Placeme
     units = ANY_UNIT if options.view == "sensor" else (METRES,)
     if options.up == "auto":
         return choose_up(points, sensor, suffix, units, (scan.up, scan.up_reason))
-    wanted = None
+    camera = None
     if options.view == "sensor":
         if sensor is None:
-            wanted = implied_sensor(points, ANY_UNIT)
+            camera = implied_sensor(points, ANY_UNIT)
         elif is_depth_camera(points, sensor):
-            wanted = sensor
-    return UpChoice(np.array(UP_ROTATIONS[options.up], dtype=np.float64), options.up, "as asked", wanted)
+            camera = sensor
+    return UpChoice(np.array(UP_ROTATIONS[options.up], dtype=np.float64), options.up, "as asked", camera)
 
 
 def choose_side(
     points: np.ndarray, up: UpChoice, scan: Scan, options: PlacementOptions, elevation: float
 ) -> tuple[float, float | None, str]:
-    """Azimuth from the file's front, the elevation that goes with it or None, and why.
+    """Azimuth in degrees from the file's front, the elevation of a sensor in degrees or None, and the reason.
+
+    By the user's option; else by the sensor; else the side that shows most of points (N, 3) from `elevation` degrees.
 
     Raises:
-        ScanError: a sensor's view is asked for and there is none.
+        ScanError: the user wants the sensor's view, but the scan has no sensor.
     """
     if options.view == "front":
         return 0.0, None, "the front"
     if isinstance(options.view, float):
         return options.view, None, "as asked"
-    place = scan.seen_from if up.sensor is None else up.sensor.position
-    if place is not None:
+    position = scan.seen_from if up.sensor is None else up.sensor.position
+    if position is not None:
         centre = np.array(bounding_sphere(points).centre)
-        azimuth, height = view_from_sensor(up.rotation @ (place - centre))
+        azimuth, height = view_from_sensor(up.rotation @ (position - centre))
         return azimuth, height, "from the sensor" if up.sensor is not None else "from where one of its cameras stood"
     if scan.sensor is not None and (options.view == "sensor" or (scan.up and scan.up_certain)):
         view = view_from_scanner(points, up.rotation, scan.sensor)
@@ -69,9 +75,9 @@ def choose_side(
 
 
 def clamp_elevation(wanted: float | None, elevation_range: tuple[float, float] | None) -> tuple[float | None, str]:
-    """The elevation in degrees that a view gets, and a note if it wanted one beyond the range.
+    """The elevation `wanted` by a view, clamped to the range, in degrees; and a note if it lies beyond the range.
 
-    None if the view wants none, or if the elevation is given elsewhere (no `elevation_range`).
+    None if the view wants none, or if weights or user fix the elevation (then `elevation_range` is None).
     """
     if wanted is None or elevation_range is None:
         return None, ""

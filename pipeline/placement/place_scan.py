@@ -43,11 +43,11 @@ from z2p_renderer.pipeline.placement.placement_record import FIXED_CAMERA, Place
 from z2p_renderer.storage.scans.clouds import MIN_POINTS, Scan
 
 MIN_OUTSIDE_RADII = 1.2
-"""Distance from the frame's center, in its radii, beyond which a point may lie outside a square picture."""
+"""Distance from the frame's center, in its radius, beyond which a point counts as outside the frame."""
 MIN_CAMERA_DEPTH = 0.7
-"""Depth before a fixed camera, in the frame's radii, below which a point is too near for a picture."""
+"""Depth before a fixed camera, in the frame's radius, below which a point is too near for a picture."""
 MAX_NEAR_SHARE = 0.02
-"""Share of the points that may be too near."""
+"""Largest share of the points that may be too near."""
 
 
 @dataclass(frozen=True)
@@ -58,24 +58,26 @@ class PlacedCloud:
     """Points (N, 3) float32 in world units."""
     placement: Placement
     viewpoint: Viewpoint
-    """What placed it, with the camera's elevation."""
+    """The transform that placed it, with the camera's elevation."""
 
 
 @dataclass(frozen=True)
 class SelectedPoints:
-    """The points that are drawn, in the file's coordinates, and how many were left out."""
+    """The points that are drawn, in the file's coordinates, and how many were left out or added."""
 
     points: np.ndarray
     """(N, 3) float64 in the file's axes."""
     up: UpChoice
     outlier_count: int
+    """Number of outliers left out, those of `far_count` included."""
     background_count: int
+    """Number of points left out because they lie far behind a depth camera's subject."""
     filled_count: int
-    """How many of the points, the last ones, fill gaps in a depth camera's measurements."""
+    """Number of points, the last ones, that fill gaps in a depth camera's measurements."""
     far_count: int = 0
-    """Outliers in clusters so far from the largest one that nothing would show."""
+    """Number of outliers in clusters so far from the largest one that nothing would be visible."""
     ball_count: int = 0
-    """Points that were so few that each became a ball of points; 0 otherwise."""
+    """Number of points if they are so few that each became a ball of points; else 0."""
 
 
 def place_scan(
@@ -90,8 +92,8 @@ def place_scan(
     `elevation` is the camera's in degrees. The view from a sensor replaces it within `elevation_range`; None keeps it.
 
     Raises:
-        ScanError: no point or no extent is left, a sensor's view is asked of a scan without a sensor, or the scan lies
-            outside a fixed camera's frame or reaches that camera.
+        ScanError: no point or no extent is left; the user wants the sensor's view of a scan without a sensor; or the
+            scan lies outside a fixed camera's frame or reaches that camera.
     """
     selected = select_points(scan, suffix, options)
     if options.viewpoint is not None:
@@ -163,7 +165,7 @@ def _level_support_plane(points: np.ndarray, up: UpChoice) -> UpChoice:
 
 
 def _cut_top(points: np.ndarray, filled_count: int, up: np.ndarray, percent: float) -> tuple[np.ndarray, int]:
-    """Points (M, 3) below the top `percent` of the height along `up` (3,), and how many of the filled ones are left.
+    """Points (M, 3) below the top `percent` of the height along `up` (3,), and how many of them fill gaps.
 
     Raises:
         ScanError: too few are left.
@@ -185,7 +187,7 @@ def _patch_radius(cloud: np.ndarray, selected: SelectedPoints, options: Placemen
 
 
 def _hint(cloud: np.ndarray, selected: SelectedPoints, options: PlacementOptions) -> str:
-    """What the user may want to know or to try of a cloud (N, 3) that z2p framed itself, or nothing."""
+    """Hints about a cloud (N, 3) that z2p framed itself, joined by semicolons; empty without any."""
     if selected.ball_count:
         return few_points_hint(selected.ball_count)
     automatic = (options.up, options.view) == ("auto", "auto")
