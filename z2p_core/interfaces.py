@@ -34,7 +34,7 @@ from __future__ import annotations
 import importlib.util
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -462,7 +462,20 @@ class RawCloud:
     seen_from: np.ndarray | None = None
     """A place (3,) from which the object was looked at, where the file, or one beside it, has camera poses."""
     fields: Mapping[str, np.ndarray] = field(default_factory=dict)
-    """What else is known of each point, by name. ``rgb`` (N, 3): its sRGB color in [0, 1], NaN where unknown."""
+    """What else the file has of each point: rows as those of `points`, by the file's own names, of any numeric type.
+
+    (N,) are scalars or, if they are integers, maybe labels. Two names have a meaning, whatever the file calls them:
+    ``rgb`` (N, 3), floats: sRGB color in [0, 1], NaN where unknown (`z2p_core.formats.color_values` converts);
+    ``normal`` (N, 3), floats: of any length, on either side. A reader gives what `Reader.wants`, and may give more.
+    """
+    field_names: Sequence[str] = ()
+    """All names that `fields` could have, in the file's order, read or not; empty: those that it has."""
+    class_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    """Of a field of labels, what some of its values stand for: ``{"classification": {2: "ground"}}``."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Of a field, the unit of its values, where the file or its format says: ``{"gps_time": "s"}``."""
+    color_kind: str = ""
+    """What numbers the file has for ``rgb``, in a few words: ``16-bit``, ``spherical harmonics of degree 0``."""
 
 
 MEMORY_A_POINT = 170
@@ -486,6 +499,8 @@ class Reader(ABC):
     """What the user says a text file's columns are: ``("x", "y", "z", "r", "g", "b")``. z2p sets it before `read`."""
     takes_columns: ClassVar[bool] = True
     """Whether it uses `columns`; if not, the file's line says that they were ignored."""
+    wanted: Collection[str] | None = ("rgb",)
+    """Names of the fields that z2p needs, None for all of the file's. z2p sets it before `read`."""
 
     def memory(self, path: Path) -> int:
         """Rough peak memory, in bytes, of reading and placing the file. Called first: z2p refuses what does not fit.
@@ -493,6 +508,10 @@ class Reader(ABC):
         The default suits packed float32 coordinates; formats that are packed tighter should count their points.
         """
         return MEMORY_A_BYTE * path.stat().st_size
+
+    def wants(self, name: str) -> bool:
+        """Whether z2p needs the field of that name, in capitals or not."""
+        return self.wanted is None or name.casefold() in {wanted.casefold() for wanted in self.wanted}
 
     def is_fragile(self, path: Path) -> bool:
         """Whether its library may crash the process on a damaged file of this kind.

@@ -51,8 +51,9 @@ class RenderBackend:
             SettingError: a setting is invalid.
         """
         labels = [f"[{index}]" if len(clouds) > 1 else "" for index in range(len(clouds))]
-        colors = [*request.point_colors] if request.point_colors else [None] * len(clouds)
-        scans = [usable(*one) for one in zip(clouds, labels, colors, strict=True)]
+        fields: list[dict[str, np.ndarray]] = [{"rgb": colors} for colors in request.point_colors]
+        fields = fields or [{} for _ in clouds]
+        scans = [usable(*one) for one in zip(clouds, labels, fields, strict=True)]
         sources = [{"name": None, "sha256": hashlib.sha256(cloud.tobytes()).hexdigest(), "cloud": index}
                    for index, cloud in enumerate(clouds)]  # fmt: skip
         return _render_all(scans, sources, "", request)

@@ -78,14 +78,16 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
 
 def _uses_point_colors(scan: Scan, renderer: Renderer, look: Look) -> bool:
     """Whether the points' own colors are drawn: there are some, the weights can, and the user names no other color."""
-    return scan.colors is not None and renderer.draws_colors and "color" not in look.values
+    has_colors = scan.fields is not None and "rgb" in scan.fields.values
+    return has_colors and renderer.draws_colors and "color" not in look.values
 
 
 def _place_colors(scan: Scan, viewpoint: Viewpoint) -> PointColors:
     """The colors of a scan before the camera; of very many every k-th one."""
-    assert scan.colors is not None
-    step = -(-len(scan.colors.points) // MAX_COLOR_SAMPLES)
-    points, srgb = scan.colors.points[::step], scan.colors.srgb[::step]
+    assert scan.fields is not None
+    known = np.flatnonzero(np.isfinite(scan.fields.values["rgb"]).all(axis=1))
+    rows = known[:: -(-len(known) // MAX_COLOR_SAMPLES) or 1]
+    points, srgb = scan.fields.points[rows], scan.fields.values["rgb"][rows]
     return PointColors(viewpoint.place(points), linear_from_srgb(srgb).astype(np.float32))
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import stat
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ from z2p_renderer.storage.scans.unpack import unpacked_file
 from z2p_renderer.storage.scans.unsupported_formats import advice_by_content
 from z2p_renderer.storage.scans.up_hints import with_up_hints
 
-__all__ = ["Mesh", "Scan", "find_scans", "format_suffix", "read_clouds", "read_each",
+__all__ = ["Mesh", "PointFields", "Scan", "find_scans", "format_suffix", "read_clouds", "read_each",
            "read_mesh", "readable_suffixes", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 MIN_POINTS = 3
@@ -33,13 +34,18 @@ MAX_COORDINATE = float(np.finfo(np.float32).max)
 
 
 @dataclass(frozen=True)
-class ScanColors:
-    """Colors of a scan's points, duplicates included."""
+class PointFields:
+    """What else a file has of each point; duplicates of points are included. See the same names of `RawCloud`."""
 
     points: np.ndarray
     """(K, 3) float64, finite, in the units and axes of `Scan.points`."""
-    srgb: np.ndarray
-    """(K, 3) float32, sRGB in [0, 1]."""
+    values: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """(K,) or (K, 3) by name, of any numeric type, in the order of `points`."""
+    names: tuple[str, ...] = ()
+    """All names that the file has, read or not."""
+    class_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
+    color_kind: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,13 +71,17 @@ class Scan:
     up_certain: bool = True
     upward: np.ndarray | None = None
     seen_from: np.ndarray | None = None
-    colors: ScanColors | None = None
+    fields: PointFields | None = None
+    """What else is known of the points; None where only they were given."""
 
 
-def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan]:
+def read_clouds(
+    path: Path, columns: tuple[str, ...] | None = None, wanted: Collection[str] | None = ("rgb",)
+) -> list[Scan]:
     """Reads all clouds of a file: one, or those of a batch. The suffix, in any case, selects the reader.
 
-    A .gz file is unpacked on the way. `columns` names the columns of a text file.
+    A .gz file is unpacked on the way. `columns` names the columns of a text file, `wanted` the fields that are needed
+    beside x, y and z (None for all).
 
     Raises:
         ScanError: there is no such file or no reader for its suffix, the file is damaged or too large for the free
@@ -79,14 +89,16 @@ def read_clouds(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan
             names the file.
     """
     scans = []
-    for scan in read_each(path, columns):
+    for scan in read_each(path, columns, wanted):
         if isinstance(scan, ScanError):
             raise scan
         scans.append(scan)
     return scans
 
 
-def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan | ScanError]:
+def read_each(
+    path: Path, columns: tuple[str, ...] | None = None, wanted: Collection[str] | None = ("rgb",)
+) -> list[Scan | ScanError]:
     """Reads all clouds of a file like `read_clouds`, but returns the error of an unusable cloud in its place.
 
     Raises:
@@ -96,7 +108,7 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
         if stat.S_ISDIR(_mode(path)):
             raise ScanError("expected a file, got a folder; name one in it, or give the folder to z2p run-inference")
         reader = reader_for(path)
-        reader.columns = columns
+        reader.columns, reader.wanted = columns, wanted
         check_openable(path)
         free = free_memory()
         with unpacked_file(path, None if free is None else free // MEMORY_A_BYTE) as plain:
@@ -113,16 +125,15 @@ def read_each(path: Path, columns: tuple[str, ...] | None = None) -> list[Scan |
         raise ScanError(f"{printable(path)}: {error}") from error
 
 
-def usable(points: np.ndarray, label: str = "", colors: np.ndarray | None = None) -> Scan:
+def usable(points: np.ndarray, label: str = "", fields: Mapping[str, np.ndarray] | None = None) -> Scan:
     """Makes a scan from points (N, 3) as `read_clouds` does from a file's; `label` names it within its batch.
 
-    `colors` (N, 3) are the points' sRGB in [0, 1], NaN where unknown.
+    `fields` are what else is known of each point, as in `RawCloud.fields`.
 
     Raises:
         ScanError: there are fewer than three finite points, or all are at one place.
     """
-    fields = {} if colors is None else {"rgb": colors}
-    return _scan_from_raw(RawCloud(np.asarray(points, dtype=np.float64), fields=fields), label)
+    return _scan_from_raw(RawCloud(np.asarray(points, dtype=np.float64), fields=fields or {}), label)
 
 
 def reader_of(path: Path) -> type[Reader]:
@@ -160,9 +171,20 @@ def _run_reader(reader: Reader, path: Path, free: int | None) -> list[RawCloud]:
     if any(cloud.points.ndim != 2 or cloud.points.shape[1] != 3 for cloud in clouds):
         shapes = ", ".join(str(cloud.points.shape) for cloud in clouds[:3])
         raise ScanError(f"the reader {reader.name!r} gave arrays {shapes}, expected (N, 3); its plugin is broken")
+    for cloud in clouds:
+        _check_field_lengths(cloud, reader)
     if not clouds:
         raise ScanError("the file holds no cloud")
     return clouds
+
+
+def _check_field_lengths(cloud: RawCloud, reader: Reader) -> None:
+    """Raises ScanError if a field of a reader's cloud has not one row for each point."""
+    for name, values in cloud.fields.items():
+        expected = (len(cloud.points), 3) if name in ("rgb", "normal") else (len(cloud.points),)
+        if values.shape != expected:
+            raise ScanError(f"the reader {reader.name!r} gave the field {name!r} as {values.shape}, expected "
+                            f"{expected}; its plugin is broken")
 
 
 def _mode(path: Path) -> int:
@@ -188,14 +210,15 @@ def _scan_from_raw(raw: RawCloud, label: str) -> Scan:
         raise ScanError(f"{where}the cloud is empty; expected at least {MIN_POINTS} points")
     finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
     dropped = int(len(cloud) - finite.sum())
-    points, rgb = (cloud[finite] if dropped else cloud), raw.fields.get("rgb")
-    rgb = rgb[finite] if dropped and rgb is not None else rgb
+    points, fields = cloud, dict(raw.fields)
+    if dropped:
+        points, fields = cloud[finite], _select_rows(fields, finite)
     if len(points) == 0:
         raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
                         f"{MAX_COORDINATE:.1e}; the scan holds no measurement")
     if len(points) < MIN_POINTS:
         raise ScanError(f"{where}expected at least {MIN_POINTS} finite points, got {len(points)} of {len(cloud)}")
-    points, rgb, missing_note = _drop_missing(points, rgb)
+    points, fields, missing_note = _drop_missing(points, fields)
     if not (points != points[0]).any():
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     metres, degrees_note = metres_from_degrees(points) if raw.sensor is None else (points, "")
@@ -206,24 +229,28 @@ def _scan_from_raw(raw: RawCloud, label: str) -> Scan:
     unique = drop_duplicates(points)
     note = "; ".join(filter(None, (raw.note, missing_note, degrees_note)))
     return Scan(unique, dropped, label, raw.sensor, raw.total, len(points) - len(unique), note, raw.up, raw.up_reason,
-                raw.up_certain, raw.upward, raw.seen_from, _known_colors(points, rgb))
+                raw.up_certain, raw.upward, raw.seen_from, _point_fields(raw, points, fields))
 
 
-def _known_colors(points: np.ndarray, rgb: np.ndarray | None) -> ScanColors | None:
-    """The points (N, 3) with known colors (N, 3); None if there is none."""
-    if rgb is None:
+def _point_fields(raw: RawCloud, points: np.ndarray, fields: dict[str, np.ndarray]) -> PointFields | None:
+    """The fields of the points (N, 3) that are left of a cloud; None if its file has none."""
+    names = tuple(raw.field_names) or tuple(fields)
+    if not names:
         return None
-    known = ~np.isnan(rgb).any(axis=1)
-    if not known.any():
-        return None
-    return ScanColors(points, rgb) if known.all() else ScanColors(points[known], rgb[known])
+    return PointFields(points, fields, names, raw.class_names, raw.units, raw.color_kind)
 
 
-def _drop_missing(points: np.ndarray, rgb: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None, str]:
-    """Removes the points that a no-data value marks as missing, with their colors; and the note for the user."""
+def _select_rows(fields: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:
+    return {name: values[kept] for name, values in fields.items()}
+
+
+def _drop_missing(
+    points: np.ndarray, fields: dict[str, np.ndarray]
+) -> tuple[np.ndarray, dict[str, np.ndarray], str]:
+    """Removes the points that a no-data value marks as missing, with their fields; and the note for the user."""
     kept = measured_mask(points)
     if kept is None or kept.sum() < MIN_POINTS:
-        return points, rgb, ""
+        return points, fields, ""
     left_out = len(points) - int(kept.sum())
     note = f"{left_out} points left out that say -9999 or the like for no measurement"
-    return points[kept], None if rgb is None else rgb[kept], note
+    return points[kept], _select_rows(fields, kept), note

@@ -47,6 +47,7 @@ def read_in_subprocess(reader: Reader, path: Path, memory: int) -> list[RawCloud
         kind = type(reader)
         request = {"module": kind.__module__, "reader": kind.__qualname__, "path": str(path.absolute()),
                    "memory": memory, "columns": reader.columns and list(reader.columns),
+                   "wanted": None if reader.wanted is None else list(reader.wanted),
                    "result": result.fileno()}  # fmt: skip
         command = [sys.executable, "-c", _START_CODE, json.dumps(request), json.dumps(sys.path)]
         try:
@@ -89,14 +90,23 @@ def _parse_result(result: IO[bytes], status: int) -> list[RawCloud]:
                                "wants more memory than there is; export it again")
     clouds = []
     for cloud in header["clouds"]:
-        rows = cloud.pop("rows")
-        points = np.empty((rows, 3))
-        if result.readinto(points) != points.nbytes:  # type: ignore[attr-defined]
-            raise ReaderEndedError("the reader's process broke off its answer; try again")
+        points = _read_array(result, np.dtype(np.float64), (cloud.pop("rows"), 3))
+        cloud["fields"] = {name: _read_array(result, np.dtype(kind), shape)
+                           for name, (kind, shape) in cloud["fields"].items()}  # fmt: skip
+        cloud["class_names"] = {name: {int(value): word for value, word in words.items()}
+                                for name, words in cloud["class_names"].items()}  # fmt: skip
         arrays = {name: np.array(cloud[name]) for name in ("upward", "seen_from") if cloud[name] is not None}
         sensor = cloud["sensor"] and Sensor(*(np.array(cloud["sensor"][name]) for name in ("position", "rotation")))
         clouds.append(RawCloud(**{**cloud, **arrays, "points": points, "sensor": sensor}))
     return clouds
+
+
+def _read_array(result: IO[bytes], dtype: np.dtype, shape: Sequence[int]) -> np.ndarray:
+    """The next array of the result file."""
+    array = np.empty(tuple(shape), dtype)
+    if result.readinto(array.reshape(-1).view(np.uint8)) != array.nbytes:  # type: ignore[attr-defined]
+        raise ReaderEndedError("the reader's process broke off its answer; try again")
+    return array
 
 
 def _describe_status(status: int) -> str:
@@ -120,6 +130,7 @@ def serve() -> None:
             kind = getattr(kind, name)
         reader = kind()
         reader.columns = request["columns"] and tuple(request["columns"])
+        reader.wanted = request["wanted"]
         clouds = reader.read(Path(request["path"]))
         _write(request["result"], [cloud if isinstance(cloud, RawCloud) else RawCloud(cloud) for cloud in clouds])
     except Exception as error:
@@ -155,13 +166,17 @@ def _write(descriptor: int, clouds: Sequence[RawCloud] = (), error: str = "") ->
             return
         entries = [{**_to_json(cloud), "rows": len(array)} for cloud, array in zip(clouds, arrays, strict=True)]
         file.write(json.dumps({"clouds": entries}).encode() + b"\n")
-        for array in arrays:
+        for array, cloud in zip(arrays, clouds, strict=True):
             file.write(array.data)
+            for values in cloud.fields.values():
+                file.write(np.ascontiguousarray(values).data)
 
 
 def _to_json(cloud: RawCloud) -> dict[str, Any]:
-    """All fields but the points, as JSON values."""
+    """What a cloud holds beside its points, as JSON values; of its fields only the types and shapes."""
     values = {field.name: getattr(cloud, field.name) for field in fields(cloud) if field.name != "points"}
+    values["fields"] = {name: (array.dtype.str, array.shape) for name, array in cloud.fields.items()}
+    values["field_names"] = list(cloud.field_names)
     if cloud.sensor is not None:
         values["sensor"] = {name: value.tolist() for name, value in asdict(cloud.sensor).items()}
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in values.items()}

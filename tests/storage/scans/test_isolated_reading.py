@@ -19,7 +19,10 @@ from z2p_renderer.storage.scans.isolated_reading import SPARE_BYTES, ReaderEnded
 
 POINTS = np.random.default_rng(1).normal(size=(50, 3))
 WHOLE = RawCloud(POINTS, Sensor(np.arange(3.0), np.eye(3)), total=99, note="nach Maß", up="-Y", up_reason="so",
-                 up_certain=False, upward=np.array([0.0, 0.6, 0.8]), seen_from=np.ones(3))  # fmt: skip
+                 up_certain=False, upward=np.array([0.0, 0.6, 0.8]), seen_from=np.ones(3),
+                 fields={"rgb": np.full((50, 3), 0.5, np.float32), "class": np.arange(50, dtype=np.uint16)},
+                 field_names=["rgb", "class", "time"], class_names={"class": {2: "ground"}}, units={"time": "s"},
+                 color_kind="16-bit")  # fmt: skip
 
 
 class Fragile(Reader):
@@ -85,6 +88,9 @@ def test_child_reader_output_is_returned_not_printed(
             assert np.array_equal(given.rotation, expected.rotation)
         elif isinstance(expected, np.ndarray):
             assert np.array_equal(given, expected)
+        elif field.name == "fields":
+            assert {name: (values.dtype, values.tolist()) for name, values in given.items()} == {
+                name: (values.dtype, values.tolist()) for name, values in expected.items()}  # fmt: skip
         else:
             assert given == expected
     assert capfd.readouterr() == ("", "")

@@ -1,0 +1,60 @@
+"""Colors of points as files and libraries store them, converted to sRGB in [0, 1]; each kind of number is named."""
+
+from __future__ import annotations
+
+import numpy as np
+
+SH_DEGREE_0 = 0.28209479177387814
+"""The constant spherical harmonic of degree 0, by which Gaussian splats multiply the stored ``f_dc`` (3DGS)."""
+
+
+def srgb_from_numbers(values: np.ndarray) -> tuple[np.ndarray, str]:
+    """sRGB colors (N, 3) float32 in [0, 1] of colors (N, 3 or more) of any numeric type, and what kind these are.
+
+    Numbers to 1 are shares of full intensity, larger ones to 255 are 8-bit, and those above 16-bit, whatever their
+    type: many writers put 8 bits into 16. Rows with a number that is not finite are NaN: their color is unknown. Channels
+    behind the third are left out.
+
+    Returns:
+        The colors, and the kind in a few words; empty if the numbers can be no colors: negative, above 65535, or none.
+    """
+    values = np.asarray(values)[:, :3]
+    known = np.isfinite(values).all(axis=1)
+    if not known.any():
+        return np.full(values.shape, np.nan, dtype=np.float32), ""
+    largest, smallest = float(values[known].max()), float(values[known].min())
+    if smallest < 0 or largest > 65535:
+        return np.full(values.shape, np.nan, dtype=np.float32), ""
+    scale, kind = _scale_of(values.dtype, largest)
+    srgb = np.asarray(values, dtype=np.float32) / np.float32(scale)
+    srgb[~known] = np.nan
+    return srgb, kind
+
+
+def srgb_from_packed(values: np.ndarray) -> np.ndarray:
+    """sRGB colors (N, 3) float32 of ``0xAARRGGBB`` in 4 bytes, as the Point Cloud Library packs them.
+
+    `values` (N,) are float32 or 4-byte integers whose bits are the color; other numeric types are rounded to integers.
+    """
+    values = np.ascontiguousarray(values)
+    if values.dtype.itemsize == 4:
+        bits = values.view(np.uint32) if values.dtype.isnative else values.byteswap().view(np.uint32)
+    else:
+        bits = np.nan_to_num(values).astype(np.int64).astype(np.uint32)
+    channels = np.column_stack([bits >> shift & 255 for shift in (16, 8, 0)])
+    return channels.astype(np.float32) / np.float32(255)
+
+
+def srgb_from_sh(dc: np.ndarray) -> np.ndarray:
+    """sRGB colors (N, 3) float32 in [0, 1] of the coefficients ``f_dc`` (N, 3) of Gaussian splats (3DGS, degree 0)."""
+    return np.clip(0.5 + SH_DEGREE_0 * np.asarray(dc, dtype=np.float32), 0, 1)
+
+
+def _scale_of(dtype: np.dtype, largest: float) -> tuple[float, str]:
+    """What full intensity is for numbers of a type up to `largest`, and their kind in words."""
+    if largest > 255:
+        return 65535.0, "16-bit"
+    if largest > 1:
+        is_wider = dtype.kind in "iu" and dtype.itemsize == 2
+        return 255.0, "8-bit, in 16-bit integers" if is_wider else "8-bit"
+    return 1.0, "shares of 1"
