@@ -12,8 +12,8 @@ def srgb_from_numbers(values: np.ndarray) -> tuple[np.ndarray, str]:
     """sRGB colors (N, 3) float32 in [0, 1] of colors (N, 3 or more) of any numeric type, and what kind these are.
 
     Numbers to 1 are shares of full intensity, larger ones to 255 are 8-bit, and those above 16-bit, whatever their
-    type: many writers put 8 bits into 16. Rows with a number that is not finite are NaN: their color is unknown. Channels
-    behind the third are left out.
+    type: many writers put 8 bits into 16. Rows with a number that is not finite are NaN: their color is unknown.
+    Channels behind the third are left out.
 
     Returns:
         The colors, and the kind in a few words; empty if the numbers can be no colors: negative, above 65535, or none.
