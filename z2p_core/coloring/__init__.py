@@ -1,0 +1,1 @@
+"""Colors of fields: scalars through a colormap between two limits, labels through a palette."""
