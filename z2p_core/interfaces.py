@@ -43,6 +43,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 
 from z2p_core.errors.messages import UserError
+from z2p_core.formats.field_names import field_key
 from z2p_core.scene import SceneDescription
 
 if TYPE_CHECKING:
@@ -195,6 +196,9 @@ class PointColors:
     """(K, 3) float32, world units."""
     albedo: np.ndarray
     """(K, 3) float32, linear base color in [0, 1]."""
+    relight: float = 1.0
+    """How much of the scene's light falls on them, 0 to 1. Colors of photographs have light of their own; with 0 they
+    are shown as they are, with the shadow on the floor."""
 
 
 class GBuffer(ABC):
@@ -510,8 +514,8 @@ class Reader(ABC):
         return MEMORY_A_BYTE * path.stat().st_size
 
     def wants(self, name: str) -> bool:
-        """Whether z2p needs the field of that name, in capitals or not."""
-        return self.wanted is None or name.casefold() in {wanted.casefold() for wanted in self.wanted}
+        """Whether z2p needs the field of that name; capitals, spaces and the like make no difference."""
+        return self.wanted is None or field_key(name) in {field_key(wanted) for wanted in self.wanted}
 
     def is_fragile(self, path: Path) -> bool:
         """Whether its library may crash the process on a damaged file of this kind.

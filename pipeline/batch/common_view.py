@@ -9,12 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from z2p_core.coloring.options import NONE, ColorOptions
 from z2p_core.interfaces import ScanError
 from z2p_core.linalg import bounding_box, dot_axis
 from z2p_core.placement.bounding_sphere import bounding_sphere
 from z2p_core.placement.viewpoint import Viewpoint, frame_points
 from z2p_core.rotations import random_rotation
 from z2p_core.surface.subsampling import subsample_uniform
+from z2p_renderer.pipeline.coloring.fields import read_scans
 from z2p_renderer.pipeline.inference.look import Crop, Look
 from z2p_renderer.pipeline.inference.render_scan import render_scan
 from z2p_renderer.pipeline.inference.trim import MIN_VISIBLE_ALPHA, content_box
@@ -22,7 +24,7 @@ from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.pipeline.placement.place_scan import PlacedCloud, place_scan, select_points
 from z2p_renderer.storage.files.printable_names import printable
-from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_each
+from z2p_renderer.storage.scans.clouds import Scan, format_suffix
 
 EXTENT_DIRECTIONS = 3 * 170
 """Directions along which a cloud's farthest points are kept: they stand for its extent, whatever its size."""
@@ -65,12 +67,13 @@ class CommonView:
 
 def common_viewpoint(
     scans: Iterable[Path], options: PlacementOptions, elevation: float, elevation_range: tuple[float, float] | None,
-    columns: tuple[str, ...] | None = None,
+    columns: tuple[str, ...] | None = None, color_options: ColorOptions | None = None,
 ) -> CommonView:  # fmt: skip
     """The viewpoint that fits the clouds of all files; up axis, view and weights are those that suit the first cloud.
 
     Beside the first cloud only one file at a time is in memory. Files that cannot be read are left out here: they fail
-    again when they are rendered, and are reported then. `elevation` and `elevation_range` are as for `place_scan`.
+    again when they are rendered, and are reported then. `elevation` and `elevation_range` are as for `place_scan`;
+    `color_options` say which classes of points are kept.
 
     Raises:
         ScanError: no file can be read, or the first cloud has no sensor though its view is asked for.
@@ -81,7 +84,7 @@ def common_viewpoint(
     for path in scans:
         suffix = format_suffix(path)
         try:
-            readable = _readable_clouds(path, columns)
+            readable = _readable_clouds(path, columns, color_options or ColorOptions(NONE))
             first = first or place_scan(readable[0], suffix, options, elevation, elevation_range)
             as_rendered = replace(options, viewpoint=first.viewpoint)  # its up axis decides what is a low outlier
             selected = [select_points(scan, suffix, as_rendered) for scan in readable]
@@ -108,11 +111,12 @@ def common_crop(
     """
     share = min(1.0, DRAFT_SIDE / min(look.width, look.height))
     width, height = (max(32, round(side * share)) for side in (look.width, look.height))
-    draft = replace(look.untrimmed, width=width, height=height, supersample=1)
+    color_options = replace(look.color_options, by=NONE)
+    draft = replace(look.untrimmed, width=width, height=height, supersample=1, color_options=color_options)
     alpha = np.zeros((height, width), dtype=np.uint8)
     for path in scans:
         with suppress(Exception):  # whatever a reader raises, the other files count
-            for scan in _readable_clouds(path, columns):
+            for scan in _readable_clouds(path, columns, look.color_options):
                 with suppress(Exception):
                     picture = render_scan(renderer, scan, format_suffix(path), draft).picture
                     np.maximum(alpha, picture[..., 3], out=alpha)
@@ -122,13 +126,13 @@ def common_crop(
     return left / width, top / height, right / width, bottom / height
 
 
-def _readable_clouds(path: Path, columns: tuple[str, ...] | None) -> list[Scan]:
+def _readable_clouds(path: Path, columns: tuple[str, ...] | None, options: ColorOptions) -> list[Scan]:
     """The clouds of a file that can be rendered; the others are reported when they are rendered.
 
     Raises:
         ScanError: there is none, or the file cannot be read.
     """
-    clouds = read_each(path, columns)
+    clouds = read_scans(path, columns, options)
     readable = [cloud for cloud in clouds if isinstance(cloud, Scan)]
     if not readable:
         raise next(cloud for cloud in clouds if isinstance(cloud, ScanError))

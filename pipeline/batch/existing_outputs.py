@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from z2p_core.coloring.options import AUTO, NONE, RGB
+from z2p_core.formats.field_names import field_key
 from z2p_core.placement.margin import with_margin
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import RECORDED_OPTIONS
@@ -83,6 +85,7 @@ def _changed_settings(
         "margin": look.margin,
     }
     changes += [name for name, value in settings.items() if record.get(name) != value]
+    changes += _changed_colors(record, look)
     if _has_other_weights(record, renderer):
         changes.append("choice of weights")
     if look.crop is not None and record.get("window") != list(look.crop):
@@ -98,6 +101,25 @@ def _changed_controls(record: Mapping[str, Any], look: Look, renderer: AnyRender
     if "elevation" not in look.values and record.get("stance", {}).get("elevation") is not None:
         settings.pop("elevation", None)  # the automatic view chose the recorded one
     return [name for name, value in settings.items() if name in recorded and recorded[name] != list(value)]
+
+
+def _changed_colors(record: Mapping[str, Any], look: Look) -> list[str]:
+    """Names of the options on the points' colors that differ from the record's."""
+    options, recorded = look.color_options, record.get("color_by", NONE)
+    if options.field is None:
+        expected = {AUTO: (NONE, RGB), RGB: (RGB,), NONE: (NONE,)}[options.by]
+        changes = [] if recorded in expected else ["color-by"]
+    else:
+        changes = [] if field_key(options.field) == field_key(recorded) else ["color-by"]
+        asked = {"colormap": options.colormap, "clim": options.limits and list(options.limits)}
+        changes += [name for name, value in asked.items() if value is not None and record.get(name) != value]
+        if bool(record.get("color_bar")) != options.color_bar:
+            changes.append("color-bar")
+    if options.relight is not None and recorded != NONE and record.get("relight", options.relight) != options.relight:
+        changes.append("relight")
+    if tuple(record.get("classes", ())) != options.classes:
+        changes.append("classes")
+    return changes
 
 
 def _has_other_camera(record: Mapping[str, Any], look: Look) -> bool:

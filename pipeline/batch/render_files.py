@@ -18,14 +18,15 @@ from z2p_core.parallel import core_count, without_second_core
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.batch.existing_outputs import kept_output_note
 from z2p_renderer.pipeline.batch.tasks import Task, numbered_outputs
+from z2p_renderer.pipeline.coloring.fields import read_scans
 from z2p_renderer.pipeline.inference.look import Look
-from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
+from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan, with_common_scale
 from z2p_renderer.pipeline.inference.scan_source import describe_source
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.images.image_files import PictureError, write_picture
-from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_each
+from z2p_renderer.storage.scans.clouds import Scan, format_suffix
 from z2p_renderer.storage.scans.unpack import content_size
 
 SWITCH_INTERVAL_SECONDS = 0.0003
@@ -62,6 +63,8 @@ class Outcome:
     """Names of the weights, for each rendered picture."""
     choices: list[str] = field(default_factory=list)
     """Why these weights were selected instead of the default ones, in words; one for each rendered picture."""
+    colors: list[str] = field(default_factory=list)
+    """What colors the points, in words, for each rendered picture; empty where all have one color."""
     seconds: float = 0.0
     error: str | None = None
 
@@ -150,10 +153,14 @@ class _FileJob:
 
     def _render_clouds(self, planned: frozenset[Path]) -> None:
         """Renders each cloud of the file; if one fails, the others are still rendered."""
-        scans, outcome = read_each(self.task.scan, self.columns), self.outcome
+        scans, outcome = read_scans(self.task.scan, self.columns, self.look.color_options), self.outcome
         _count_points(scans, outcome)
         if len(scans) > 1:
             outcome.outputs = numbered_outputs(self.task, len(scans), planned)
+            if self.look.color_options.needs_common_scale:
+                suffix = format_suffix(self.task.scan)
+                clouds = [(scan, suffix) for scan in scans if isinstance(scan, Scan)]
+                self.look, _ = with_common_scale(self.renderer, clouds, self.look)
         faults = []
         for cloud, (scan, output) in enumerate(zip(scans, outcome.outputs, strict=True)):
             try:
@@ -193,6 +200,7 @@ class _FileJob:
         outcome.viewpoints.append(rendered.viewpoint)
         outcome.weights.append(rendered.renderer.weights["name"])
         outcome.choices.append(rendered.weights_reason)
+        outcome.colors.append("" if rendered.coloring is None else rendered.coloring.description)
         self.on_picture(output)
 
     def _look_of(self, cloud: int) -> Look:

@@ -74,8 +74,8 @@ def _outcome_line(outcome: Outcome) -> str:
     read = describe_points(outcome.points, outcome.total, outcome.dropped, outcome.repeated)
     note = f"; {outcome.note}" if outcome.note else ""
     reasons = list(dict.fromkeys(
-        "; ".join(filter(None, (placement.description, choice)))
-        for placement, choice in zip(outcome.placements, outcome.choices, strict=True)
+        "; ".join(filter(None, (colors, placement.description, choice)))
+        for colors, placement, choice in zip(outcome.colors, outcome.placements, outcome.choices, strict=True)
     ))  # fmt: skip
     others = "; its other clouds otherwise" if len(reasons) > 1 else ""
     return f"rendered: {name} -> {pictures} ({read}, {outcome.seconds:.2f} s{note}; {reasons[0]}{others})"

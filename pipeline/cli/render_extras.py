@@ -13,7 +13,10 @@ from z2p_renderer.pipeline.cli.options.pictures import check_writable
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
     from z2p_renderer.pipeline.batch.render_files import Outcome
     from z2p_renderer.pipeline.batch.tasks import Task
+    from z2p_renderer.pipeline.coloring.color_points import Scale
     from z2p_renderer.pipeline.inference.look import Look
+
+LEGEND_SUFFIXES = (".svg", ".pdf", ".png")
 
 
 def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: dict[str, Any]) -> None:
@@ -33,12 +36,23 @@ def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: d
         from z2p_renderer.pipeline.outputs.gallery import check_gallery_place
 
         check_gallery_place(folder / "gallery.html")
+    if options["legend"] is not None:
+        _check_legend(ctx, tasks, options["legend"])
     if options["save_camera"] is not None:
         from z2p_renderer.storage.cameras import check_camera_place
 
         used_paths = [path for task in tasks for path in (task.scan, task.output)]
         check_camera_place(options["save_camera"], [*used_paths, folder / "gallery.html"])
         check_writable(options["save_camera"].parent, "--save-camera")
+
+
+def _check_legend(ctx: click.Context, tasks: list[Task], legend: Path) -> None:
+    if legend.suffix.lower() not in LEGEND_SUFFIXES:
+        raise click.UsageError(f"--legend {legend}: expected a file named {', '.join(LEGEND_SUFFIXES)}", ctx)
+    used_paths = {path.absolute() for task in tasks for path in (task.scan, task.output)}
+    if legend.absolute() in used_paths:
+        raise click.UsageError(f"--legend {legend} is a scan or a picture of this run too; choose another name", ctx)
+    check_writable(legend.parent, "--legend")
 
 
 def _check_sheets(ctx: click.Context, tasks: list[Task], folder: Path, grid: tuple[int, int]) -> None:
@@ -54,8 +68,13 @@ def _check_sheets(ctx: click.Context, tasks: list[Task], folder: Path, grid: tup
     check_sheet_places(folder, sheet_count)
 
 
-def write_extras(done: list[Outcome], output: Path, look: Look, options: dict[str, Any]) -> int:
-    """Writes the camera, contact sheets and gallery that the options ask for; returns how many of them failed."""
+def write_extras(
+    done: list[Outcome], output: Path, look: Look, scale: Scale | None, options: dict[str, Any]
+) -> int:  # fmt: skip
+    """Writes the camera, legend, contact sheets and gallery that the options ask for; returns how many failed.
+
+    `scale` is what the legend shows.
+    """
     from z2p_renderer.storage.images.image_files import is_readable_picture
 
     pictures = [path for outcome in done for path in outcome.outputs
@@ -64,6 +83,8 @@ def write_extras(done: list[Outcome], output: Path, look: Look, options: dict[st
     extras: dict[str, Callable[[], list[Path]]] = {}
     if options["save_camera"] is not None:
         extras["the camera"] = lambda: _save_camera(done, look, options)
+    if options["legend"] is not None and scale is not None:
+        extras["the legend"] = lambda: _write_legend(scale, options["legend"])
     if options["sheet"] is not None and pictures:
         extras["the contact sheets"] = lambda: _write_sheets(pictures, folder, options["sheet"])
     if options["gallery"] and pictures:
@@ -85,6 +106,13 @@ def _write_sheets(pictures: list[Path], folder: Path, grid: tuple[int, int]) -> 
     from z2p_renderer.pipeline.outputs.contact_sheet import write_contact_sheets
 
     return write_contact_sheets(pictures, folder, *grid)
+
+
+def _write_legend(scale: Scale, path: Path) -> list[Path]:
+    from z2p_renderer.pipeline.outputs.legends import write_legend
+
+    write_legend(scale, path)
+    return [path]
 
 
 def _write_gallery(pictures: list[Path], folder: Path) -> list[Path]:

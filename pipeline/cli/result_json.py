@@ -29,6 +29,7 @@ def settings_to_json(renderer: AnyRenderer, look: Look, options: dict[str, Any])
         "supersample": look.supersample,
         "fit": options["fit"],
         "margin": options["margin"],
+        "color_by": look.color_options.by,
         "load_camera": None if options["load_camera"] is None else str(options["load_camera"]),
     }
 
@@ -58,5 +59,6 @@ def outcome_to_json(outcome: Outcome, settings: dict[str, Any]) -> dict[str, Any
         "note": outcome.note,
         "stances": stances,
         "weights": outcome.weights,
+        "colors": outcome.colors,
         "settings": settings,
     }

@@ -19,20 +19,23 @@ import numpy as np
 from z2p_core.api.backend import RenderedImage, RenderRequest
 from z2p_core.api.picture import opaque_over
 from z2p_core.api.point_colors import mean_color, name_colors
-from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.coloring.options import AUTO as AUTO_COLORS
+from z2p_core.coloring.options import NONE as NO_COLORS
+from z2p_core.interfaces import ScanError, SettingError, Value
 from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_core.up_axis.axis_names import UP_ROTATIONS, parse_up_axis
+from z2p_renderer.pipeline.coloring.fields import has_own_colors, keep_classes, read_scans
 from z2p_renderer.pipeline.inference.look import Look, build_look
 from z2p_renderer.pipeline.inference.parse_settings import parse_background
-from z2p_renderer.pipeline.inference.render_scan import RenderedScan, build_record, render_scan
+from z2p_renderer.pipeline.inference.render_scan import RenderedScan, build_record, render_scan, with_common_scale
 from z2p_renderer.pipeline.inference.scan_source import describe_source, path_relative_to
 from z2p_renderer.pipeline.inference.weight_selection import AUTO, AnyRenderer, load_renderer
 from z2p_renderer.pipeline.placement.hints import options_as_keywords
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, encode_picture, write_picture
 from z2p_renderer.storage.models.checkpoints import find_weights
-from z2p_renderer.storage.scans.clouds import Scan, format_suffix, read_clouds, usable
+from z2p_renderer.storage.scans.clouds import Scan, format_suffix, usable
 
 NAMED_VIEWS = ("auto", "front", "sensor")
 MESSAGE_COLOR = (228, 228, 228, 255)
@@ -51,9 +54,8 @@ class RenderBackend:
             SettingError: a setting is invalid.
         """
         labels = [f"[{index}]" if len(clouds) > 1 else "" for index in range(len(clouds))]
-        fields: list[dict[str, np.ndarray]] = [{"rgb": colors} for colors in request.point_colors]
-        fields = fields or [{} for _ in clouds]
-        scans = [usable(*one) for one in zip(clouds, labels, fields, strict=True)]
+        fields = request.fields or [{} for _ in clouds]
+        scans = [_scan_from(*one, request) for one in zip(clouds, labels, fields, strict=True)]
         sources = [{"name": None, "sha256": hashlib.sha256(cloud.tobytes()).hexdigest(), "cloud": index}
                    for index, cloud in enumerate(clouds)]  # fmt: skip
         return _render_all(scans, sources, "", request)
@@ -65,7 +67,11 @@ class RenderBackend:
             ScanError: the file cannot be read, or one of its clouds has no extent.
             SettingError: a setting is invalid.
         """
-        scans = read_clouds(path)
+        scans = []
+        for scan in read_scans(path, None, request.color_options):
+            if isinstance(scan, ScanError):
+                raise scan
+            scans.append(scan)
         source = describe_source(path, Path("picture"))
         if source["path"] is not None:  # absolute for now: `_record_for` makes it relative to the saved file
             source["path"] = path.absolute().as_posix()
@@ -104,25 +110,51 @@ class RenderBackend:
         return np.asarray(image)
 
 
+def _scan_from(points: np.ndarray, label: str, fields: Mapping[str, np.ndarray], request: RenderRequest) -> Scan:
+    """The scan of points (N, 3) with their fields, of the classes that the request keeps.
+
+    Raises:
+        ScanError: the points are no cloud, or no class is there.
+    """
+    scan = usable(points, label, fields, request.class_names)
+    return keep_classes(scan, request.color_options) if request.color_options.classes else scan
+
+
 def _render_all(
     scans: list[Scan], sources: list[dict[str, Any]], suffix: str, request: RenderRequest
 ) -> list[RenderedImage]:
     """An image of each scan; `sources` describe them for their records, `suffix` is their file's."""
     images = []
     with _default_device_cpu():
-        renderer, note = _renderer_for(request), ""
-        if request.point_colors and not renderer.draws_colors:
-            means = tuple(mean_color(colors) for colors in request.point_colors)
-            request = replace(request, colors=means, point_colors=())
-            note = (f"these weights draw no per-point colours: the whole object has their mean, {name_colors(means)}; "
-                    "choose another with color=")  # fmt: skip
-        for scan, source, own_request in zip(scans, sources, _request_per_cloud(request, len(scans)), strict=True):
-            look = _look_for(renderer, own_request)
-            rendered = _render_labeled(renderer, scan, suffix, look)
+        renderer = _renderer_for(request, any(has_own_colors(scan) for scan in scans))
+        request, note = _without_undrawn_colors(request, renderer)
+        look = _look_for(renderer, request)
+        if len(scans) > 1 and look.color_options.needs_common_scale:
+            look, _ = with_common_scale(renderer, [(scan, suffix) for scan in scans], look)
+        for scan, source, color in zip(scans, sources, _color_per_cloud(request, len(scans)), strict=True):
+            own_look = look if color is None else replace(look, values={**look.values, "color": color})
+            rendered = _render_labeled(renderer, scan, suffix, own_look)
             array = rendered.picture if look.background is None else opaque_over(rendered.picture, look.background)
-            record = build_record(rendered, look, source)
+            record = build_record(rendered, own_look, source)
             images.append(RenderedImage(array, record, (*_notes(scan, rendered, look), *filter(None, [note]))))
     return images
+
+
+def _without_undrawn_colors(request: RenderRequest, renderer: AnyRenderer) -> tuple[RenderRequest, str]:
+    """The request with mean colors of clouds in place of their points' where the weights draw only these; and a note.
+
+    Nothing changes where one color is chosen, or a field.
+    """
+    is_auto, fields = request.color_options.by == AUTO_COLORS, request.fields
+    has_one_color = request.controls.get("color") is not None
+    if renderer.draws_colors or not is_auto or has_one_color or not any("rgb" in one for one in fields):
+        return request, ""
+    if not all("rgb" in one for one in fields):
+        return request, "these weights draw no per-point colours: they are left out; choose one with color="
+    means = tuple(mean_color(one["rgb"]) for one in fields)
+    note = (f"these weights draw no per-point colours: the whole object has their mean, {name_colors(means)}; choose "
+            "another with color=")
+    return replace(request, colors=means), note
 
 
 @contextmanager
@@ -136,12 +168,16 @@ def _default_device_cpu() -> Iterator[None]:
         yield
 
 
-def _renderer_for(request: RenderRequest) -> AnyRenderer:
-    """The renderer with the weights that are asked for, from the cache if they have not changed."""
+def _renderer_for(request: RenderRequest, has_colors: bool) -> AnyRenderer:
+    """The renderer with the weights that are asked for, from the cache if they have not changed.
+
+    `has_colors` says whether points have colors of their own.
+    """
     if str(request.weights) != AUTO:
         return _cached_renderer(request.weights, frozenset(), find_weights(request.weights).stat().st_mtime_ns)
     controls = {name for name, value in request.controls.items() if value is not None}
-    if request.colors or request.point_colors:
+    by = request.color_options.by
+    if request.colors or request.color_options.field is not None or (has_colors and by != NO_COLORS):
         controls.add("color")
     return _cached_renderer(request.weights, frozenset(controls), 0)
 
@@ -156,12 +192,10 @@ def _cached_renderer(weights: str | Path, controls: frozenset[str], modified_ns:
 os.register_at_fork(after_in_child=_cached_renderer.cache_clear)
 
 
-def _request_per_cloud(request: RenderRequest, clouds: int) -> list[RenderRequest]:
-    """The request for each of so many clouds, with its own color if there are several."""
-    if not request.colors:
-        return [request] * clouds
-    colors = list(request.colors) * (clouds if len(request.colors) == 1 else 1)
-    return [replace(request, controls={**request.controls, "color": color}) for color in colors]
+def _color_per_cloud(request: RenderRequest, clouds: int) -> list[Value | None]:
+    """The color of each of so many clouds where each has its own; else None."""
+    colors = [tuple(color) for color in request.colors]
+    return [*(colors * clouds if len(colors) == 1 else colors)] or [None] * clouds
 
 
 def _look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
@@ -185,7 +219,7 @@ def _look_for(renderer: AnyRenderer, request: RenderRequest) -> Look:
             renderer, request.controls, up=up, view=view, azimuth=_angle("azimuth", request.azimuth), camera=camera,
             keep_outliers=request.keep_outliers, cut_top=request.cut_top, smooth=request.smooth, size=request.size,
             background=request.background, supersample=request.supersample, tight=request.tight,
-            margin=parse_margin(request.margin),
+            margin=parse_margin(request.margin), color_options=request.color_options,
         )  # fmt: skip
     except SettingError as error:  # it names the command line's option; Python's keyword has no dashes
         raise SettingError(str(error).removeprefix("--")) from None

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from z2p_core.coloring.options import ColorOptions
 from z2p_core.interfaces import SettingError, Value
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_renderer.pipeline.inference.parse_settings import parse_background, parse_controls, parse_smoothing
@@ -40,6 +41,8 @@ class Look:
     """Whether the picture is trimmed to its visible part, the shadow included."""
     crop: Crop | None = None
     """The part of the frame that a trimmed picture shows, the same for a whole series; None: its own visible part."""
+    color_options: ColorOptions = field(default_factory=ColorOptions)
+    """What the points are colored by."""
     margin: float | None = None
     """Free border as a share of the shorter side: around the object's bounding sphere or, in a trimmed picture, around
     the visible part. None: the default of either."""
@@ -89,6 +92,7 @@ def build_look(
     tight: bool,
     margin: float | None,
     crop: Crop | None = None,
+    color_options: ColorOptions | None = None,
 ) -> Look:
     """The `Look` that a command's options, a call of `z2p_core.render` or a picture's record stand for.
 
@@ -117,4 +121,5 @@ def build_look(
     return Look(
         values=parse_controls(renderer, controls), placement_options=options, width=width, height=height,
         background=parse_background(background), supersample=supersample, tight=tight, crop=crop, margin=margin,
+        color_options=color_options or ColorOptions(),
     )  # fmt: skip

@@ -2,30 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from z2p_core import __version__
-from z2p_core.images import bytes_from_unit, linear_from_srgb, shrink, unit_from_bytes
-from z2p_core.interfaces import PointColors, Value
+from z2p_core.coloring.options import AUTO, NONE
+from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
+from z2p_core.interfaces import PointColors, SettingError, Value
 from z2p_core.placement.margin import radius_with_margin, with_margin
 from z2p_core.placement.viewpoint import Viewpoint
 from z2p_core.shading.shadow_fade import fade_shadow
+from z2p_renderer.pipeline.coloring.color_points import Coloring, Scale, color_points
+from z2p_renderer.pipeline.coloring.common_scale import share_scale
 from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.trim import crop_frame, trim_to_content
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
+from z2p_renderer.pipeline.outputs.legends import draw_onto
 from z2p_renderer.pipeline.placement.place_scan import place_scan
 from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.scans.clouds import Scan
 
 RECORD_FORMAT = 1
 """Version of the record's format, raised when the meaning of a key changes."""
-MAX_COLOR_SAMPLES = 200_000
-"""Colors of a cloud that are used: several for each of its surface points."""
 RECORDED_OPTIONS = ("up", "view", "azimuth", "keep_outliers", "cut_top", "smooth")
 """Fields of `PlacementOptions` that the record keeps; the camera stands for the others."""
 
@@ -47,8 +50,8 @@ class RenderedScan:
     """Why other weights than the default ones were selected, in words; empty where they were not."""
     has_automatic_weights: bool = False
     """Whether the weights were selected by the cloud, rather than named by the user."""
-    has_point_colors: bool = False
-    """Whether each point has its own color, in place of the control ``color``."""
+    coloring: Coloring | None = None
+    """The colors of the points, in place of the control ``color``; None if the whole object has one color."""
 
 
 def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> RenderedScan:
@@ -68,27 +71,31 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     if look.frame_margin is not None:
         cloud = cloud * np.float32(radius_with_margin(look.frame_margin))
 
-    colors = _place_colors(scan, viewpoint) if _uses_point_colors(scan, selected, look) else None
+    coloring = _choose_colors(scan, viewpoint, selected, look)
+    colors = None if coloring is None else coloring.place(viewpoint)
     picture = _render_frame(selected, cloud, values, look, viewpoint.floor, colors)
     if look.tight:
         picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
+    if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
+        picture = draw_onto(picture, coloring.scale, look.background)
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
-                        isinstance(renderer, AutoRenderer), colors is not None)  # fmt: skip
+                        isinstance(renderer, AutoRenderer), coloring)  # fmt: skip
 
 
-def _uses_point_colors(scan: Scan, renderer: Renderer, look: Look) -> bool:
-    """Whether the points' own colors are drawn: there are some, the weights can, and the user names no other color."""
-    has_colors = scan.fields is not None and "rgb" in scan.fields.values
-    return has_colors and renderer.draws_colors and "color" not in look.values
+def _choose_colors(scan: Scan, viewpoint: Viewpoint, renderer: Renderer, look: Look) -> Coloring | None:
+    """The colors of the scan's points; None if the whole object has one.
 
-
-def _place_colors(scan: Scan, viewpoint: Viewpoint) -> PointColors:
-    """The colors of a scan before the camera; of very many every k-th one."""
-    assert scan.fields is not None
-    known = np.flatnonzero(np.isfinite(scan.fields.values["rgb"]).all(axis=1))
-    rows = known[:: -(-len(known) // MAX_COLOR_SAMPLES) or 1]
-    points, srgb = scan.fields.points[rows], scan.fields.values["rgb"][rows]
-    return PointColors(viewpoint.place(points), linear_from_srgb(srgb).astype(np.float32))
+    Raises:
+        ScanError: the scan has not the field that the look names.
+        SettingError: the weights draw no colors of points, and the look insists on them.
+    """
+    options = look.color_options
+    if options.by == NONE or (options.by == AUTO and ("color" in look.values or not renderer.draws_colors)):
+        return None
+    if not renderer.draws_colors:
+        raise SettingError(f"the weights {renderer.weights['name']!r} draw no colours of points; choose others with "
+                           "--weights, or --color-by none")
+    return color_points(scan, viewpoint, options)
 
 
 def camera_elevation(renderer: AnyRenderer, values: dict[str, Value]) -> tuple[float, tuple[float, float] | None]:
@@ -102,6 +109,27 @@ def camera_elevation(renderer: AnyRenderer, values: dict[str, Value]) -> tuple[f
     if "elevation" in values:
         return values["elevation"][0], None
     return slider.default[0], (slider.low[0], slider.high[0])
+
+
+def viewpoint_of(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> Viewpoint:
+    """The viewpoint that `render_scan` would place the scan at, before the margin.
+
+    Raises:
+        ScanError: see `render_scan`.
+    """
+    elevation, elevation_range = camera_elevation(renderer, look.values)
+    return place_scan(scan, suffix, look.placement_options, elevation, elevation_range).viewpoint
+
+
+def with_common_scale(
+    renderer: AnyRenderer, scans: Iterable[tuple[Scan, str]], look: Look
+) -> tuple[Look, Scale | None]:
+    """The look with one scale of colors for all scans (each with its file's suffix), and that scale.
+
+    None where points are not colored by a field, or no scan has it.
+    """
+    options, scale = share_scale(scans, look.color_options, partial(viewpoint_of, renderer, look=look))
+    return replace(look, color_options=options), scale
 
 
 def _render_frame(
@@ -128,7 +156,7 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         "camera": rendered.viewpoint.to_json(),
         "controls": {name: list(value) for name, value in rendered.values.items()},
         "weights": dict(rendered.renderer.weights),
-        **({"color_by": "rgb"} if rendered.has_point_colors else {}),
+        **_colors_record(rendered.coloring, look),
         "weights_chosen": rendered.has_automatic_weights,
         "engine": rendered.renderer.engine,
         "resolution": [look.width, look.height],
@@ -140,3 +168,12 @@ def build_record(rendered: RenderedScan, look: Look, source: Mapping[str, Any]) 
         "stance": rendered.placement.to_json(),
         **window,
     }
+
+
+def _colors_record(coloring: Coloring | None, look: Look) -> dict[str, Any]:
+    """What a record says of the points' colors: nothing where there are none, and no classes were chosen."""
+    options = look.color_options
+    kept = {"classes": list(options.classes)} if options.classes else {}
+    if coloring is None:
+        return {**({"color_by": NONE} if options.by == NONE else {}), **kept}
+    return {**coloring.to_json(), **({"color_bar": True} if options.color_bar else {}), **kept}

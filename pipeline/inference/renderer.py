@@ -17,7 +17,7 @@ from z2p_core.network.exit_guard import inside_engine
 from z2p_core.parallel import parallel_rows
 from z2p_core.scene import SceneDescription
 from z2p_core.settings import apply_controls, settings_vector
-from z2p_core.shading.demodulation import apply_relative_radiance
+from z2p_core.shading.demodulation import apply_relative_radiance, reduce_light
 from z2p_core.shading.textured_light import neutral_albedo
 from z2p_renderer.pipeline.inference.adaptive_resolution import render_size, upsampled
 from z2p_renderer.pipeline.inference.engine_selection import start_engine
@@ -110,14 +110,17 @@ class Renderer:
         `draw_colors`.
         """
         if colors is not None:
-            neutral = srgb_from_linear(neutral_albedo(colors.albedo))
-            values = {**(values or {}), "color": tuple(round(channel, 5) for channel in neutral.tolist())}
+            neutral = neutral_albedo(colors.albedo)
+            color = tuple(round(channel, 5) for channel in srgb_from_linear(neutral).tolist())
+            values = {**(values or {}), "color": color}
         inputs, relative = self._inputs(cloud, values, *render_size(cloud, width, height), floor, colors)
         buffers, encoding, settings = inputs
         features = buffers[0, self._loaded.zbuffer.channels :]
         image = self._run_network(buffers, features, encoding, settings, len(cloud))
         self._loaded.gbuffer.reconcile(image, features, len(cloud))
-        if relative is not None:
+        if colors is not None and relative is not None:
+            if colors.relight < 1:
+                reduce_light(image, neutral, relative[3], colors.relight)
             apply_relative_radiance(image, relative[:3], relative[3])
         return to_straight_rgba8(upsampled(image, width, height))
 

@@ -23,6 +23,7 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_scan
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
+from z2p_renderer.pipeline.outputs.legends import draw_onto
 from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.pipeline.placement.place_scan import select_points
 from z2p_renderer.storage.scans.clouds import Scan
@@ -70,13 +71,14 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
         points = base.unplace(smooth_cloud(base.place(points), opening.placement.smoothing_radius))
     scan = replace(scan, points=points)
     look = replace(look, placement_options=PlacementOptions("+Z", "front", keep_outliers=True, smooth=0.0))
+    scale = opening.coloring.scale if opening.coloring is not None and look.color_options.color_bar else None
+    look = replace(look, color_options=replace(look.color_options, color_bar=False))  # drawn after the crop
     frames = (_render_frame(renderer, scan, suffix, look, motion, opening, number) for number in range(motion.frames))
-    if not look.tight:
-        yield from frames
-        return
-    drawn = list(frames)
-    box = content_box(np.max([frame[..., 3] for frame in drawn], axis=0), look.margin)
-    yield from (crop_box(frame, box) for frame in drawn)
+    if look.tight:
+        drawn = list(frames)
+        box = content_box(np.max([frame[..., 3] for frame in drawn], axis=0), look.margin)
+        frames = (crop_box(frame, box) for frame in drawn)
+    yield from frames if scale is None else (draw_onto(frame, scale, look.background) for frame in frames)
 
 
 def _render_frame(

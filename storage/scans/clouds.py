@@ -125,15 +125,19 @@ def read_each(
         raise ScanError(f"{printable(path)}: {error}") from error
 
 
-def usable(points: np.ndarray, label: str = "", fields: Mapping[str, np.ndarray] | None = None) -> Scan:
+def usable(
+    points: np.ndarray, label: str = "", fields: Mapping[str, np.ndarray] | None = None,
+    class_names: Mapping[str, Mapping[int, str]] | None = None,
+) -> Scan:  # fmt: skip
     """Makes a scan from points (N, 3) as `read_clouds` does from a file's; `label` names it within its batch.
 
-    `fields` are what else is known of each point, as in `RawCloud.fields`.
+    `fields` and `class_names` are what else is known of each point, as in `RawCloud`.
 
     Raises:
         ScanError: there are fewer than three finite points, or all are at one place.
     """
-    return _scan_from_raw(RawCloud(np.asarray(points, dtype=np.float64), fields=fields or {}), label)
+    raw = RawCloud(np.asarray(points, dtype=np.float64), fields=fields or {}, class_names=class_names or {})
+    return _scan_from_raw(raw, label)
 
 
 def reader_of(path: Path) -> type[Reader]:

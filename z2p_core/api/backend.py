@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from z2p_core.coloring.options import ColorOptions
 from z2p_core.errors.install_advice import install_advice
 
 if TYPE_CHECKING:
@@ -42,8 +43,12 @@ class RenderRequest:
     weights: str | Path = "auto"
     colors: Sequence[Sequence[float]] = ()
     """sRGB in [0, 1] of each cloud, or one for all of them, instead of the color control; empty for none."""
-    point_colors: Sequence[np.ndarray] = ()
-    """sRGB (N, 3) in [0, 1] of the points of each cloud, NaN where unknown; empty for none."""
+    fields: Sequence[Mapping[str, np.ndarray]] = ()
+    """What else is known of the points of each cloud, as in `RawCloud.fields`; empty for nothing."""
+    class_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    """What values of a field of labels stand for, as in `RawCloud.class_names`."""
+    color_options: ColorOptions = field(default_factory=ColorOptions)
+    """What the points are colored by."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Colors of points, as callers of `render` give them: sRGB arrays for each cloud, checked."""
+"""Colors of points, as callers of `render` give them: sRGB, scalars or labels for each point of each cloud, checked."""
 
 from __future__ import annotations
 
@@ -12,6 +12,44 @@ from z2p_core.interfaces import SettingError
 
 MAX_NAMED_COLORS = 4
 """How many colors a message lists."""
+GIVEN_FIELD = "values"
+"""Name of the field that scalars or labels become that a caller gives as an array."""
+
+
+def are_scalars(colors: Any, clouds: Sequence[np.ndarray]) -> bool:
+    """Whether what a caller gives as colors is one number for each point of the clouds (N, 3), not three."""
+    if isinstance(colors, Sequence) and len(colors) and not isinstance(colors[0], int | float | np.number):
+        shapes = [np.shape(_to_array(part)) for part in colors]
+        if any(len(shape) == 1 and (shape[0] not in (3, 4) or shape[0] == len(clouds[0])) for shape in shapes):
+            return True
+    shape = np.shape(_to_array(colors)) if not isinstance(colors, Sequence) or _is_regular(colors) else ()
+    points = sum(map(len, clouds))
+    if len(shape) == 1 or (len(shape) > 1 and shape[-1] == 1):
+        return True
+    return len(shape) == 2 and (shape[-1] not in (3, 4) or int(np.prod(shape)) == points)
+
+
+def split_scalars(colors: Any, clouds: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
+    """Scalars or labels (N,) of each cloud (N, 3), of an array or tensor (N,), (B, N) or a list of (N,).
+
+    Raises:
+        SettingError: they are no real numbers, or not one for each point of all clouds or of every cloud.
+    """
+    try:
+        is_list = isinstance(colors, Sequence) and not _is_regular(colors)
+        flat = np.concatenate([_to_array(part).reshape(-1) for part in colors]) if is_list else _to_array(colors)
+    except Exception as error:  # whatever another library's object raises on its way to an array
+        raise SettingError(f"expected a number for each point, got {type(colors).__name__} ({error_reason(error)})"
+                           ) from error  # fmt: skip
+    flat = flat.reshape(-1)
+    if flat.dtype.kind not in "fiub" or not len(flat):
+        raise SettingError(f"expected a number for each point, got {flat.shape} {flat.dtype}")
+    return split_by_cloud(flat, clouds)
+
+
+def _is_regular(colors: Sequence[Any]) -> bool:
+    """Whether the members of a list have one shape, so that they are one array."""
+    return len({np.shape(_to_array(part)) for part in colors}) == 1
 
 
 def parse_colors(colors: Any) -> np.ndarray:
@@ -43,7 +81,7 @@ def parse_colors(colors: Any) -> np.ndarray:
 
 
 def split_by_cloud(table: np.ndarray, clouds: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
-    """The colors (N, 3) of each cloud (N, 3), from those of all their points, or of one cloud that all share.
+    """The colors (N, 3) or values (N,) of each cloud (N, 3), from those of all points, or of one that all share.
 
     Raises:
         SettingError: there is a color neither for each point of all clouds nor for each one of every cloud.
@@ -52,8 +90,8 @@ def split_by_cloud(table: np.ndarray, clouds: Sequence[np.ndarray]) -> tuple[np.
     if len(table) == points:
         return tuple(np.split(table, np.cumsum([len(cloud) for cloud in clouds])[:-1]))
     if any(len(cloud) != len(table) for cloud in clouds):
-        raise SettingError(f"expected a color for each of the {points} points, got {len(table)}; leave colors out, or "
-                           "give one color=")
+        raise SettingError(f"expected a color or value for each of the {points} points, got {len(table)}; leave colors "
+                           "out, or give one color=")
     return (table,) * len(clouds)
 
 

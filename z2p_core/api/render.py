@@ -17,7 +17,16 @@ from z2p_core import registry
 from z2p_core.api.backend import RenderedImage, RenderRequest, load_backend
 from z2p_core.api.picture import Picture, tile_images
 from z2p_core.api.point_arrays import point_arrays
-from z2p_core.api.point_colors import mean_color, name_colors, parse_colors, split_by_cloud
+from z2p_core.api.point_colors import (
+    GIVEN_FIELD,
+    are_scalars,
+    mean_color,
+    name_colors,
+    parse_colors,
+    split_by_cloud,
+    split_scalars,
+)
+from z2p_core.coloring.options import AUTO, NONE, RGB, ColorOptions, parse_classes, parse_limits, parse_relight
 from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.viewpoint import Viewpoint
@@ -57,6 +66,11 @@ def render(
     cut_top: float = 0.0,
     smooth: str | float = "auto",
     weights: str | Path = "auto",
+    cmap: str | None = None,
+    clim: Sequence[float] | None = None,
+    color_bar: bool = False,
+    classes: int | Sequence[int] | None = None,
+    relight: float | None = None,
     **controls: ControlValue,
 ) -> Picture:
     """Picture of a point cloud, or of each cloud of a batch, as though its surface had been rendered in a studio.
@@ -64,9 +78,16 @@ def render(
     Args:
         points: array or tensor (N, 3 or more), of which x, y, z count, or a batch (B, N, 3 or more); a cloud of
             open3d, trimesh, pyvista or laspy; a list of these; or the path of a file. Any unit, any offset.
-        colors: sRGB colors of the points (N, 3), for a batch (B, N, 3) or a list of (N, 3): floats in [0, 1], or
-            integers to 255 (to 1 if none is larger); NaN where unknown. They are the surface's albedo under the
-            studio's light. `color` replaces them. Weights that draw no textures get their mean, with a warning.
+        colors: what colors the points. None: the colors that an object or a file has, else one color for all. Or
+
+            - sRGB (N, 3), for a batch (B, N, 3) or a list of (N, 3): floats in [0, 1], or integers to 255 (to 1 if
+              none is larger); NaN where unknown. They are the surface's albedo under the studio's light;
+            - scalars (N,), (B, N) or a list of (N,): floats, shown through `cmap`; points with NaN are grey;
+            - labels, the same of whole numbers or bools: few different ones get a color each;
+            - the name of a field of the object or file, such as ``"intensity"``; ``"x"``, ``"y"``, ``"z"``,
+              ``"height"``; ``"rgb"`` for its own colors, ``"none"`` for one color.
+
+            A `color` replaces them. Weights that draw no textures get the mean of sRGB colors, with a warning.
         up: the data's axis that points up, ``+Z`` (or ``Z``), ``-Y``, ...; ``auto`` looks for a depth camera's own,
             then weighs the shape against what is usual for the format. None: ``auto`` for a file, as in `z2p
             render`, else ``+Z``.
@@ -88,6 +109,12 @@ def render(
             camera's noisy clouds, whose small gaps are then closed as well; 0: neither.
         weights: a shipped name or a .safetensors file; ``auto`` takes shipped ones that carry the controls asked for,
             and for noisy clouds those trained on noise.
+        cmap: name of a colormap for scalars: ``viridis``, ``turbo``, ``batlow_r`` and hundreds more.
+        clim: values (low, high) at both ends of the colormap. None: the 2nd and 98th percentile, of all clouds.
+        color_bar: draw the colormap's bar, or the classes' legend, beside the picture.
+        classes: keep only the points with these labels, of `colors`, or of a field such as ``classification``.
+        relight: how much of the studio's light falls on the points' colors: 1 (all) to 0 (they stay as they are, with
+            the shadow on the floor). None: 1.
         **controls: the value of a control, by its name: text as on the command line, a number, or numbers. Every
             installed control has a keyword, those of other packages too; None stands for its default. Built in are
 
@@ -111,6 +138,10 @@ def render(
     request = RenderRequest(
         up, view, azimuth, camera, controls, chosen_size(size, resolution), background, _factor(supersample),
         _tight(fit), _switch("keep_outliers", keep_outliers), _percent(cut_top), smooth, margin, _weights(weights),
+        color_options=ColorOptions(
+            _field_name(colors), cmap, parse_limits(clim), parse_classes(classes), parse_relight(relight),
+            _switch("color_bar", color_bar),
+        ),
     )  # fmt: skip
     images, notes, is_batch = _render_images(points, colors, request)
     for note in dict.fromkeys([*notes, *(note for image in images for note in image.notes)]):
@@ -140,23 +171,44 @@ def _render_images(
     points: Any, colors: Any, request: RenderRequest
 ) -> tuple[list[RenderedImage], list[str], bool]:
     """An image of each cloud, what to warn of beside their own notes, and whether `points` is a batch."""
-    table = None if colors is None else parse_colors(colors)
+    given_colors = None if isinstance(colors, str) else colors
     if isinstance(points, str | Path):
-        request, notes = (request, []) if table is None else _with_mean_color(request, table)
+        request, notes = (request, []) if given_colors is None else _with_mean_color(request, given_colors)
         return load_backend().render_file(Path(points), request), notes, False
     given, notes = point_arrays(points), []
-    if table is not None:
-        parts = split_by_cloud(table, given.clouds)
+    request = replace(request, fields=given.fields, class_names=given.class_names)
+    notes += given.notes
+    if given_colors is not None:
         if request.controls.get("color") is None:
-            request = replace(request, point_colors=parts)
+            request = _with_colors(request, given_colors, given.clouds)
         else:
             notes.append("colors= are left out: the whole object has the colour given")
-    if given.unused_columns:
+    elif given.unused_columns and colors is None and not any("rgb" in fields for fields in given.fields):
         notes.append(f"columns behind x, y, z were left out ({given.unused_columns}): colours of points are drawn if "
                      "they are given as colors=, normals are not needed")  # fmt: skip
-    elif given.coloured and table is None:
-        notes.append("the cloud's colours were left out: give them as colors=, or one color= for all points")
     return load_backend().render_arrays(given.clouds, request), notes, given.batched
+
+
+def _with_colors(request: RenderRequest, colors: Any, clouds: Sequence[np.ndarray]) -> RenderRequest:
+    """The request with what a caller gives as colors: sRGB, scalars or labels.
+
+    Raises:
+        SettingError: these are none, or not one for each point.
+    """
+    is_scalar = are_scalars(colors, clouds)
+    name, by = (GIVEN_FIELD, GIVEN_FIELD) if is_scalar else ("rgb", request.color_options.by)
+    parts = split_scalars(colors, clouds) if is_scalar else split_by_cloud(parse_colors(colors), clouds)
+    others = request.fields or [{} for _ in clouds]
+    fields = tuple({**other, name: part} for other, part in zip(others, parts, strict=True))
+    return replace(request, fields=fields, color_options=replace(request.color_options, by=by))
+
+
+def _field_name(colors: Any) -> str:
+    """What points are colored by, if it is named: a field, or one of auto, rgb and none."""
+    if not isinstance(colors, str):
+        return AUTO
+    by = colors.strip()
+    return by.lower() if by.lower() in (AUTO, RGB, NONE) else by
 
 
 def _check_names(controls: Collection[str]) -> None:
@@ -174,16 +226,22 @@ def _check_names(controls: Collection[str]) -> None:
                               "installed control")
 
 
-def _with_mean_color(request: RenderRequest, table: np.ndarray) -> tuple[RenderRequest, list[str]]:
+def _with_mean_color(request: RenderRequest, colors: Any) -> tuple[RenderRequest, list[str]]:
     """The request for a file with the mean of its points' colors (M, 3), and a warning about it.
 
     Its rows cannot be told to belong to these colors, as readers leave some out.
+
+    Raises:
+        SettingError: they are no colors.
     """
+    if np.ndim(colors) == 1:
+        raise SettingError("expected the name of one of the file's fields, such as colors='intensity', got an array: "
+                           "its numbers cannot be matched to the file's points; read the points first")
     if request.controls.get("color") is not None:
         return request, ["colors= are left out: the whole object has the colour given"]
-    mean = mean_color(table)
+    mean = mean_color(parse_colors(colors))
     note = f"colors= of a file cannot be matched to its points: the whole object has their mean, {name_colors([mean])}"
-    return replace(request, colors=(mean,)), [f"{note}; read the points first, or choose one color="]
+    return replace(request, colors=(mean,)), [f"{note}; leave colors out for the file's own, or read the points first"]
 
 
 def chosen_size(size: Any, resolution: Any, usual: int = DEFAULT_SIDE) -> tuple[int, int]:

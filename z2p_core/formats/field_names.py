@@ -35,6 +35,11 @@ class FieldColumns:
     """All others."""
 
 
+def field_key(name: str) -> str:
+    """What is compared of a field's name: letters and digits in lower case, without CloudCompare's ``scalar_``."""
+    return "".join(letter for letter in name.casefold().removeprefix("scalar_") if letter.isalnum()) or name
+
+
 def find_field_columns(names: Sequence[str], points: Sequence[int] = ()) -> FieldColumns:
     """Sorts the columns of a table by their names; `points` are the columns of x, y and z."""
     plain = [name.strip().lower() for name in names]

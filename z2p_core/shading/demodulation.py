@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from z2p_core import native
+from z2p_core.images import linear_from_srgb, srgb_from_linear
 
 FULL_COVERAGE = 0.25
 """Coverage of a pixel from which on its own relative radiance counts in full; below, that of its surroundings does."""
@@ -32,6 +33,24 @@ def apply_relative_radiance(image: np.ndarray, relative: np.ndarray, coverage: n
     window = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     factor[:, *window] = extend_by_pyramid(relative[:, *window], np.clip(coverage[window] / FULL_COVERAGE, 0, 1))
     native.multiply_linear(image, factor)
+
+
+def reduce_light(image: np.ndarray, color: np.ndarray, coverage: np.ndarray, share: float) -> None:
+    """Blend the surface in an image (4, H, W), premultiplied sRGB and alpha, with one color in linear light, in place.
+
+    Args:
+        image: float32.
+        color: (3,) linear.
+        coverage: (H, W) float32 in [0, 1], the surface's share of each pixel; the floor's shadow stays.
+        share: how much of the light stays, 0 to 1.
+    """
+    rows, columns = np.nonzero((coverage > 0) & (image[3] > 0))
+    pixels = image[:, rows, columns]
+    alpha = pixels[3]
+    weight = (1 - share) * np.minimum(coverage[rows, columns] / alpha, 1)
+    lit = linear_from_srgb(np.clip(pixels[:3] / alpha, 0, 1))
+    mixed = lit + weight * (color[:, None] - lit)
+    image[:3, rows, columns] = srgb_from_linear(mixed) * alpha
 
 
 def extend_by_pyramid(values: np.ndarray, weights: np.ndarray, levels: int = MAX_PYRAMID_LEVELS) -> np.ndarray:

@@ -14,6 +14,7 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import ExitStatus, is_debugging
+from z2p_renderer.pipeline.cli.options.coloring import color_options, color_options_from
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
 from z2p_renderer.pipeline.cli.options.param_types import FileFormat, FiniteRange, OutputPath, is_output_folder
@@ -31,6 +32,7 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
     from z2p_renderer.pipeline.outputs.animation import Motion
+    from z2p_renderer.storage.scans.clouds import Scan
 
 
 @click.command(cls=InferenceCommand, context_settings={"show_default": True})
@@ -47,6 +49,7 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
 @click.option("--steady", default=1, type=click.IntRange(1, 9), metavar="N",
               help="Number of pictures averaged into each frame: a little smoother, N times slower.")
 @picture_options
+@color_options
 @click.option("--overwrite", is_flag=True,
               help="Make existing loops again. Otherwise they are skipped, except a single named loop whose settings "
               "have changed.")
@@ -75,13 +78,18 @@ def _run(
     """Makes all loops; returns True if one failed."""
     columns = parse_columns(options)
     check_view_options(ctx, controls, options)
+    colors = color_options_from(ctx, controls, options)
     scans = find_input_scans(ctx, inputs, options, columns is not None)
     from z2p_renderer.pipeline.batch.render_files import describe_failure
+    from z2p_renderer.pipeline.coloring.common_scale import scans_of
+    from z2p_renderer.pipeline.inference.render_scan import with_common_scale
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.pipeline.outputs.animation import Motion
 
     renderer = load_renderer(options["weights"], controls, engine=options["engine"])
-    look = look_from_options(renderer, controls, options)
+    look = look_from_options(renderer, controls, options, colors)
+    if len(scans) > 1 and colors.needs_common_scale:
+        look, _ = with_common_scale(renderer, scans_of(scans, columns, colors), look)
     motion = Motion(options["motion"], options["frames"], options["steady"])
     has_failed = False
     for task in _plan(ctx, scans, inputs, output, options):
@@ -164,9 +172,9 @@ class _Loop:
         from z2p_renderer.pipeline.inference.render_scan import build_record
         from z2p_renderer.pipeline.outputs.animation import draw_opening, render_frames
         from z2p_renderer.storage.images.animations import write_animation
-        from z2p_renderer.storage.scans.clouds import format_suffix, read_clouds
+        from z2p_renderer.storage.scans.clouds import format_suffix
 
-        clouds, suffix = read_clouds(self.task.scan, self.columns), format_suffix(self.task.scan)
+        clouds, suffix = self._read(), format_suffix(self.task.scan)
         if len(clouds) > 1:
             raise ScanError(f"holds {len(clouds)} clouds, a loop shows one; save it alone")
         [cloud] = clouds
@@ -179,7 +187,25 @@ class _Loop:
         record = {**build_record(opening, self.look, self._source), "motion": self._motion_record}
         write_animation(list(frames), self.task.output, self.fps, self.look.background, record)
         points = describe_points(len(cloud.points), cloud.total or 0, cloud.dropped, cloud.repeated)
-        return "; ".join(filter(None, (points, cloud.note, opening.placement.description, opening.weights_reason)))
+        colors = "" if opening.coloring is None else opening.coloring.description
+        placement = opening.placement.description
+        return "; ".join(filter(None, (points, cloud.note, colors, placement, opening.weights_reason)))
+
+    def _read(self) -> list[Scan]:
+        """The clouds of the file.
+
+        Raises:
+            ScanError: one of them cannot be drawn.
+        """
+        from z2p_core.interfaces import ScanError
+        from z2p_renderer.pipeline.coloring.fields import read_scans
+
+        clouds = []
+        for cloud in read_scans(self.task.scan, self.columns, self.look.color_options):
+            if isinstance(cloud, ScanError):
+                raise cloud
+            clouds.append(cloud)
+        return clouds
 
     @cached_property
     def _source(self) -> dict[str, Any]:

@@ -13,6 +13,7 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import ExitStatus, is_debugging
+from z2p_renderer.pipeline.cli.options.coloring import color_options, color_options_from, describe_scale
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, InferenceCommand
 from z2p_renderer.pipeline.cli.options.inputs import find_input_scans
 from z2p_renderer.pipeline.cli.options.palettes import PALETTES, palette_colors
@@ -31,6 +32,7 @@ from z2p_renderer.pipeline.cli.result_json import outcome_to_json, settings_to_j
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
     from z2p_renderer.pipeline.batch.render_files import Outcome
     from z2p_renderer.pipeline.batch.tasks import Task
+    from z2p_renderer.pipeline.coloring.color_points import Scale
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
@@ -47,6 +49,9 @@ FORMAT_ALIASES = {"jpg": "jpeg", "tif": "tiff"}
 @click.option("--format", "format_", default="png", type=FileFormat(list(SUFFIX_OF_FORMAT), FORMAT_ALIASES),
               help="Format of the pictures in a folder.")
 @picture_options
+@color_options
+@click.option("--legend", type=OutputPath(file=True), metavar="FILE",
+              help="Write the colour bar, or the classes' legend, to a file of its own: .svg, .pdf or .png.")
 @click.option("--same-frame", is_flag=True,
               help="One camera for all clouds, which keep their sizes and positions in it; with --fit tight also one "
               "crop.")
@@ -92,6 +97,7 @@ def _run(
     if options["palette_name"] and "color" in controls:
         raise click.UsageError("--palette and --color both choose the colour; leave one out", ctx)
     check_view_options(ctx, controls, options)
+    colors = color_options_from(ctx, controls, options)
     scans = find_input_scans(ctx, inputs, options, columns is not None)
     from z2p_core.parallel import core_count
     from z2p_renderer.pipeline.batch.render_files import render_files
@@ -100,17 +106,18 @@ def _run(
     jobs = min(options["jobs"] or core_count(), len(scans))
     threads = None if jobs == 1 else max(1, core_count() // jobs)
     renderer = load_renderer(options["weights"], controls, threads, options["engine"])
-    look = look_from_options(renderer, controls, options)
+    look = look_from_options(renderer, controls, options, colors)
     tasks = _plan(ctx, scans, inputs, output, options)
     check_extras(ctx, tasks, output, options)
     if options["same_frame"]:
         renderer, look = _share_frame(scans, renderer, look, columns, options["quiet"])
     elif options["save_camera"] is not None and len(scans) > 1:
         raise click.UsageError(f"--save-camera: {len(scans)} scans have a camera each; add --same-frame", ctx)
+    look, scale = _share_scale(scans, renderer, look, columns, options)
     bar = open_progress(len(tasks), options["quiet"])
     outcomes = render_files(tasks, renderer, look, options["overwrite"], jobs, columns, bar.count_picture)
     counts, done = _report(outcomes, bar, renderer, look, options)
-    failed_extras = write_extras(done, output, look, options)
+    failed_extras = write_extras(done, output, look, scale, options)
     if not options["quiet"]:
         click.echo(f"{counts['ok']} rendered, {counts['skipped']} skipped, {counts['failed']} failed", err=True)
     return counts["failed"] + failed_extras
@@ -159,7 +166,8 @@ def _share_frame(
     from z2p_renderer.pipeline.inference.weight_selection import select_renderer
 
     if look.placement_options.viewpoint is None:  # a loaded camera is common to all already
-        common = common_viewpoint(scans, look.placement_options, *camera_elevation(renderer, look.values), columns)
+        common = common_viewpoint(scans, look.placement_options, *camera_elevation(renderer, look.values), columns,
+                                  look.color_options)
         renderer, choice = select_renderer(renderer, common.first)
         if not quiet:
             reasons = "; ".join(filter(None, (common.description, choice)))
@@ -170,6 +178,24 @@ def _share_frame(
     if look.tight:
         look = replace(look, crop=common_crop(scans, renderer, look, columns))
     return renderer, look
+
+
+def _share_scale(
+    scans: list[Path], renderer: AnyRenderer, look: Look, columns: tuple[str, ...] | None, options: dict[str, Any]
+) -> tuple[Look, Scale | None]:
+    """The look with one scale of colors for all clouds; and that scale, which a legend shows.
+
+    A single file is not read for it beforehand, unless a legend is asked for.
+    """
+    from z2p_renderer.pipeline.coloring.common_scale import scans_of
+    from z2p_renderer.pipeline.inference.render_scan import with_common_scale
+
+    if options["legend"] is None and (len(scans) == 1 or not look.color_options.needs_common_scale):
+        return look, None
+    look, scale = with_common_scale(renderer, scans_of(scans, columns, look.color_options), look)
+    if scale is not None and len(scans) > 1 and not options["quiet"]:
+        click.echo(f"one scale of colours for all clouds: {describe_scale(scale)}", err=True)
+    return look, scale
 
 
 def _report(

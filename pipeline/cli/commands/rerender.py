@@ -12,6 +12,7 @@ import click
 
 from z2p_core.interfaces import Value
 from z2p_renderer.pipeline.cli.errors import CommandError, is_debugging
+from z2p_renderer.pipeline.cli.options.coloring import changed_color_options, color_options_of_record
 from z2p_renderer.pipeline.cli.options.controls import CONTROL_SETTINGS_KEY, RerenderCommand
 from z2p_renderer.pipeline.cli.options.param_types import (
     BackgroundColor,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
 @click.option("--fit", type=click.Choice(["frame", "tight"]), help="tight trims the picture to what is visible.")
 @click.option("--margin", type=MarginShare(), metavar="SHARE",
               help="Free space around the object, as a share of the shorter side or in percent: 0.1 or 10%.")
+@changed_color_options
 @click.option("--output", "-o", type=OutputPath(file=True), metavar="OUT", show_default=False,
               help="The new picture.  [default: FIGURE with _2 before its suffix]")
 @click.option("--engine", metavar="NAME", help="Another engine for the network; see z2p plugins.")
@@ -132,11 +134,12 @@ def _draw_again(
 ) -> tuple[np.ndarray, Look, dict[str, Any]]:
     """The new picture (H, W, 4) uint8, the look that it has, and its record."""
     from z2p_core.interfaces import ScanError
+    from z2p_renderer.pipeline.coloring.fields import read_scans
     from z2p_renderer.pipeline.inference.render_scan import build_record, render_scan
     from z2p_renderer.pipeline.inference.scan_source import describe_source
     from z2p_renderer.pipeline.inference.weight_selection import load_renderer
     from z2p_renderer.storage.models.checkpoints import shipped_weights
-    from z2p_renderer.storage.scans.clouds import format_suffix, read_each
+    from z2p_renderer.storage.scans.clouds import format_suffix
 
     weights = options["weights"] or record["weights"]["name"]
     if options["weights"] is None and weights not in shipped_weights():
@@ -146,7 +149,7 @@ def _draw_again(
     look = _build_changed_look(record, renderer, weights, controls, options).written_as(output.suffix.lower())
     source = record["input"]
     columns = tuple(source["columns"]) if "columns" in source else None
-    clouds = read_each(scan, columns)
+    clouds = read_scans(scan, columns, look.color_options)
     if source["cloud"] >= len(clouds):
         raise CommandError(f"{scan} holds {len(clouds)} clouds; the picture shows number {source['cloud'] + 1}")
     cloud = clouds[source["cloud"]]
@@ -211,6 +214,7 @@ def _build_changed_look(
         size=changed["resolution"], background=changed["background"], supersample=changed["supersample"],
         tight=changed["fit"] == "tight", margin=_changed_margin(record, options),
         crop=_kept_crop(record, controls, options),
+        color_options=color_options_of_record(record, options, "color" in controls),
     )  # fmt: skip
 
 

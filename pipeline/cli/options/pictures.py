@@ -21,6 +21,7 @@ from z2p_renderer.pipeline.cli.options.param_types import (
 )
 
 if TYPE_CHECKING:  # slow to import: imported at run time only when the options have been read
+    from z2p_core.coloring.options import ColorOptions
     from z2p_renderer.pipeline.inference.look import Look
     from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
 
@@ -29,7 +30,7 @@ Command = Callable[..., Any]
 PICTURE_OPTIONS = (
     click.option("--recursive", "-r", is_flag=True, help="Read sub folders as well, and mirror them in OUT."),
     click.option("--columns", metavar="NAMES",
-                 help="Names of the columns of text files and .bin, as in x,y,z,r,g,b; x, y and z are read."),
+                 help="Names of the columns of text files and .bin, as in x,y,z,r,g,b,intensity."),
     click.option("--weights", default="auto", metavar="W",
                  help="Shipped name or a .safetensors file; auto: the shipped ones that have the given controls, and "
                  "those made for noise if a cloud is noisy."),
@@ -95,8 +96,10 @@ def check_view_options(ctx: click.Context, controls: dict[str, Value], options: 
         raise click.UsageError("--load-camera and --margin both choose how large the object is; leave one out", ctx)
 
 
-def look_from_options(renderer: AnyRenderer, controls: dict[str, Value], options: dict[str, Any]) -> Look:
-    """The look that a command's options and its control settings stand for.
+def look_from_options(
+    renderer: AnyRenderer, controls: dict[str, Value], options: dict[str, Any], color_options: ColorOptions
+) -> Look:
+    """The look that a command's options, its control settings and its color options stand for.
 
     Raises:
         SettingError: a control that the weights do not carry, or a camera that cannot be loaded.
@@ -110,7 +113,7 @@ def look_from_options(renderer: AnyRenderer, controls: dict[str, Value], options
         camera=None if file is None else read_camera(file), keep_outliers=options["keep_outliers"],
         cut_top=options["cut_top"], smooth=options["smooth"], size=options["resolution"],
         background=options["background"], supersample=options["supersample"], tight=options["fit"] == "tight",
-        margin=options["margin"],
+        margin=options["margin"], color_options=color_options,
     )  # fmt: skip
 
 

@@ -1,0 +1,1 @@
+"""Colors of a scan's points: by their own colors, by a scalar field or by labels."""
