@@ -76,8 +76,7 @@ def label_palette() -> tuple[Color, ...]:
     """Colors of the labels 0, 1, 2 and so on: Tableau's ten but for the grey, then Glasbey's that fit with them."""
     from cmap import Colormap  # late: its import and its catalogue take some 90 ms
 
-    candidates = np.concatenate([np.asarray(Colormap(name).color_stops.color_array)[:, :3]
-                                 for name in ("tableau:tab10", "glasbey:glasbey")])  # fmt: skip
+    candidates = np.concatenate([Colormap(name).lut()[:, :3] for name in ("tab10", "glasbey")])
     lab = _cielab(candidates)
     chroma = np.hypot(lab[:, 1], lab[:, 2])
     fits = (lab[:, 0] > _MIN_LIGHTNESS) & (lab[:, 0] < _MAX_LIGHTNESS) & (chroma > _MIN_CHROMA)
