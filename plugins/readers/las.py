@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,10 @@ from z2p_core.errors.messages import error_reason
 from z2p_core.formats.geographic import project_degrees
 from z2p_core.formats.row_subsampling import MAX_ROWS
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers._helpers.color_note import colours_note
+from z2p_renderer.plugins.readers._helpers.las_dimensions import class_names, dimension_units, dimension_values
 from z2p_renderer.plugins.readers._helpers.las_header import check_records, promised_points
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
+from z2p_renderer.plugins.readers._helpers.point_fields import FieldPlan, Wants, plan_fields
 
 _CHUNK_POINTS = 1_000_000
 """Points that are unpacked at a time: a header with a false count costs one chunk, not all memory."""
@@ -35,7 +35,7 @@ class Las(Reader):
     """Airborne and terrestrial laser scans, COPC too (laspy, lazrs); noise and withheld points are left out."""
 
     name = "las"
-    version = "2"
+    version = "3"
     takes_columns = False
     packages = ("laspy", "lazrs")
     suffixes = (".las", ".laz")
@@ -63,7 +63,7 @@ class Las(Reader):
             return [np.empty((0, 3))]
         check_records(path)
         try:
-            return [_read_points(path)]
+            return [_read_points(path, self.wants)]
         except (ScanError, ImportError):
             raise
         except Exception as error:  # laspy and lazrs raise errors of any type
@@ -83,19 +83,21 @@ class _ChunkTotals:
     noise: int = 0
     withheld: int = 0
     unmeasured: int = 0
+    columns: dict[int, list[np.ndarray]] = field(default_factory=dict)
+    """The parts of each column that is needed, by its index among the file's dimensions."""
 
-    def note(self, names: Iterator[str]) -> str:
-        """The note for the user; `names` are those of the file's fields."""
+    @property
+    def note(self) -> str:
+        """The note for the user."""
         parts = (
             f"{self.noise} points of noise (classes 7 and 18) left out" if self.noise else "",
             f"{self.withheld} withheld points left out" if self.withheld else "",
             f"{self.unmeasured} points that stand for no measurement left out" if self.unmeasured else "",
-            colours_note(names),
         )
         return "; ".join(filter(None, parts))
 
 
-def _read_points(path: Path) -> RawCloud:
+def _read_points(path: Path, wants: Wants) -> RawCloud:
     laspy = import_lazily("laspy")
     single = laspy.LazBackend.Lazrs  # the parallel one believes the chunk sizes of a damaged file, and aborts on them
     with laspy.open(path, laz_backend=single) as reader:
@@ -105,17 +107,33 @@ def _read_points(path: Path) -> RawCloud:
         if body < 0 or (not header.are_points_compressed and count * row > body):
             raise ScanError(f"the LAS header promises {count} points of {row} bytes, {max(body, 0)} bytes follow it; "
                             "the file is cut short or its header is wrong: export it again")
-        totals, step = _ChunkTotals(), -(-count // MAX_ROWS) if count else 1
+        names = list(header.point_format.dimension_names)
+        plan = plan_fields(names, wants, [names.index(axis) for axis in "XYZ"])
+        step = -(-count // MAX_ROWS) if count else 1
+        totals = _ChunkTotals(columns={column: [] for column in plan.columns})
         rng = np.random.default_rng(0)
         for chunk in reader.chunk_iterator(_CHUNK_POINTS):
-            _add_chunk(chunk, totals, step, rng)
-        names, degrees = list(header.point_format.dimension_names), _is_in_degrees(header)
+            rows = _add_chunk(chunk, totals, step, rng)
+            for column, parts in totals.columns.items():
+                parts.append(dimension_values(chunk, names[column])[rows])
+        degrees = _is_in_degrees(header)
     points = np.concatenate(totals.parts)
     if totals.points_read != count:
         raise ScanError(f"the LAS header promises {count} points, {totals.points_read} came; export the file again")
     points, degrees_note = project_degrees(points) if degrees else (points, "")
-    note = "; ".join(filter(None, (totals.note(iter(names)), degrees_note)))
-    return RawCloud(points, total=count if step > 1 else None, note=note)
+    note = "; ".join(filter(None, (totals.note, degrees_note)))
+    cloud = RawCloud(points, total=count if step > 1 else None, note=note, units=dimension_units(names),
+                     class_names=class_names(legacy=header.point_format.id < 6))
+    return _with_fields(cloud, plan, totals)
+
+
+def _with_fields(cloud: RawCloud, plan: FieldPlan, totals: _ChunkTotals) -> RawCloud:
+    """The cloud with the fields that are needed, of the columns that were collected."""
+    columns = {column: np.concatenate(parts) if parts else np.empty(0) for column, parts in totals.columns.items()}
+    color = plan.columns_of.get("rgb", ())
+    if "rgb" in plan.needed and not any(columns[column].any() for column in color):
+        plan = plan.without("rgb")  # most writers have a form with colors, and leave these 0
+    return plan.fill(cloud, columns)
 
 
 def _is_in_degrees(header: Any) -> bool:
@@ -129,8 +147,8 @@ def _is_in_degrees(header: Any) -> bool:
     return False
 
 
-def _add_chunk(chunk: Any, totals: _ChunkTotals, step: int, rng: np.random.Generator) -> None:
-    """Adds the valid points of a chunk, one at random of every `step`."""
+def _add_chunk(chunk: Any, totals: _ChunkTotals, step: int, rng: np.random.Generator) -> np.ndarray:
+    """Adds the valid points of a chunk, one at random of every `step`, and returns their indices in it."""
     totals.points_read += len(chunk)
     raw = np.column_stack([chunk.X, chunk.Y, chunk.Z])
     kept = np.ones(len(chunk), dtype=bool)
@@ -152,6 +170,7 @@ def _add_chunk(chunk: Any, totals: _ChunkTotals, step: int, rng: np.random.Gener
         start = np.arange(0, len(rows), step)
         rows = rows[start + (rng.random(len(start)) * np.minimum(step, len(rows) - start)).astype(np.int64)]
     totals.parts.append(np.column_stack([chunk.x, chunk.y, chunk.z])[rows])
+    return rows
 
 
 def _unreadable_error(error: BaseException) -> ScanError:

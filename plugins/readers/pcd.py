@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import struct
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,13 +13,13 @@ import numpy as np
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError, Sensor
 from z2p_core.rotations import quaternion_rotations
-from z2p_renderer.plugins.readers._helpers.color_note import colours_note
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.length_check import (
     MAX_TRAILING_BYTES,
     check_trailing_bytes,
     trailing_bytes_note,
 )
+from z2p_renderer.plugins.readers._helpers.point_fields import ArrayFields, plan_arrays
 
 _MAX_HEADER_BYTES = 1 << 16
 _MAX_LZF_RATIO = 100
@@ -30,10 +31,10 @@ _PAGE_BYTES = 4096
 
 
 class Pcd(Reader):
-    """Point Cloud Library files (pypcd4); fields other than x, y, z are left out."""
+    """Point Cloud Library files (pypcd4)."""
 
     name = "pcd"
-    version = "5"
+    version = "6"
     takes_columns = False
     packages = ("pypcd4",)
     suffixes = (".pcd",)
@@ -67,11 +68,13 @@ class Pcd(Reader):
         if header.points == 0:
             return [np.empty((0, 3))]
         pose = _parse_viewpoint(header)
-        note = "; ".join(filter(None, (trailing_bytes_note(_check_size(header, body)), header.color_note)))
+        note = trailing_bytes_note(_check_size(header, body))
+        plan = plan_arrays(header.widths, self.wants)
         is_ascii = header.data == "ascii"
-        blob = _normalized_ascii(header, body) if is_ascii else _normalized_header(header) + body
-        points = _load_points(header, blob)
-        return [RawCloud(points, None if pose is None else _turn_to_points(pose, points), note=note)]
+        blob = _normalized_ascii(header, body, plan.arrays) if is_ascii else _normalized_header(header) + body
+        points, columns = _load_points(header, blob, plan)
+        sensor = None if pose is None else _turn_to_points(pose, points)
+        return [plan.fill(RawCloud(points, sensor, note=note), columns)]
 
 
 @dataclass(frozen=True)
@@ -82,8 +85,13 @@ class _Header:
     row_bytes: int
     data: str
     size: int
-    color_note: str
-    """The note for the user on its colors."""
+    given: dict[str, str]
+    """Of each field but x, y, z and padding, its name in the file and that by which it is read."""
+
+    @property
+    def widths(self) -> dict[str, int]:
+        """Numbers of each of these fields, by its name in the file."""
+        return {name: int(self.entries["COUNT"][self.entries["FIELDS"].index(key)]) for name, key in self.given.items()}
 
 
 def _parse_header(blob: bytes) -> _Header:
@@ -93,8 +101,8 @@ def _parse_header(blob: bytes) -> _Header:
         ScanError: a line is missing or makes no sense.
     """
     entries, size = _read_entries(blob)
-    given = entries["FIELDS"]
-    names = _normalize_fields(entries)
+    shown = entries["FIELDS"]
+    names, given = _normalize_fields(entries)
     try:
         sizes, counts = ([int(word) for word in entries[key]] for key in ("SIZE", "COUNT"))
         width, height, points = (int(entries[key][0]) for key in ("WIDTH", "HEIGHT", "POINTS"))
@@ -106,11 +114,11 @@ def _parse_header(blob: bytes) -> _Header:
     if not len(names) == len(sizes) == len(entries["TYPE"]) == len(counts) or min(width, height, points) < 0:
         raise ScanError("the PCD header's FIELDS, SIZE, TYPE and COUNT do not go together; export the file again")
     if any(names.count(axis) != 1 or counts[names.index(axis)] != 1 for axis in "xyz"):
-        raise ScanError(f"the PCD file needs the fields x, y and z once each, got {' '.join(given)}; export it again")
+        raise ScanError(f"the PCD file needs the fields x, y and z once each, got {' '.join(shown)}; export it again")
     _check_field_types(names, entries)
     if width * height != points:
         raise ScanError(f"the PCD header says WIDTH {width} x HEIGHT {height} but POINTS {points}; mend the header")
-    return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size, colours_note(given))
+    return _Header(entries, points, sum(counts), row_bytes, entries["DATA"][0].lower(), size, given)
 
 
 def _read_entries(blob: bytes) -> tuple[dict[str, list[str]], int]:
@@ -143,8 +151,8 @@ def _check_field_types(names: list[str], entries: dict[str, list[str]]) -> None:
                             "or U of 1, 2, 4 or 8; export the file again")
 
 
-def _normalize_fields(entries: dict[str, list[str]]) -> list[str]:
-    """Gives each field of the header a unique name, in place, and returns the names.
+def _normalize_fields(entries: dict[str, list[str]]) -> tuple[list[str], dict[str, str]]:
+    """Gives each field of the header a unique name, in place; returns these, and by their given names all but x, y, z.
 
     Fields of COUNT 0, which take no bytes, are removed, as PCL's reader does. Axes may be capitals in the file, and
     several padding fields may share the name ``_``.
@@ -153,11 +161,13 @@ def _normalize_fields(entries: dict[str, list[str]]) -> list[str]:
     if len({len(entries[key]) for key in keys}) == 1:
         rows = [row for row in zip(*(entries[key] for key in keys), strict=True) if row[3] != "0"]
         entries.update({key: [row[index] for row in rows] for index, key in enumerate(keys)})
-    names = entries["FIELDS"]
+    given = names = entries["FIELDS"]
     if set(names).isdisjoint("xyz"):
         names = [name.lower() if name in ("X", "Y", "Z") else name for name in names]
-    entries["FIELDS"] = [name if name in ("x", "y", "z") else f"field{index}" for index, name in enumerate(names)]
-    return entries["FIELDS"]
+    unique = [name if name in ("x", "y", "z") else f"field{index}" for index, name in enumerate(names)]
+    entries["FIELDS"] = unique
+    shown = {name: key for name, key in zip(given, unique, strict=True) if key not in ("x", "y", "z") and name != "_"}
+    return unique, shown
 
 
 def _parse_viewpoint(header: _Header) -> Sensor | None:
@@ -218,21 +228,26 @@ def _check_size(header: _Header, body: bytes) -> int:
     return 0
 
 
-def _normalized_ascii(header: _Header, body: bytes) -> bytes:
-    """The cloud as an ascii PCD with x, y, z alone and single blanks: the library's parser reads nothing else."""
+def _normalized_ascii(header: _Header, body: bytes, fields: tuple[str, ...]) -> bytes:
+    """The cloud as an ascii PCD with x, y, z and `fields`, and single blanks: the library's parser reads nothing else.
+
+    All are written as float64, which holds integers of 4 bytes as they are.
+    """
     rows = [line.split() for line in body.splitlines() if line.strip()]
     if len(rows) != header.points:
         raise ScanError(f"the PCD header promises {header.points} points, {len(rows)} lines came; export it again")
     counts = [int(word) for word in header.entries["COUNT"]]
-    where = [header.entries["FIELDS"].index(axis) for axis in "xyz"]
-    columns = [sum(counts[:field]) for field in where]
+    names = ["x", "y", "z", *(header.given[name] for name in fields)]
+    where = [header.entries["FIELDS"].index(name) for name in names]
+    columns = [sum(counts[:field]) + part for field in where for part in range(counts[field])]
     for number, row in enumerate(rows, start=1):
         if len(row) != header.numbers_per_row:
             raise ScanError(f"PCD point {number}: expected {header.numbers_per_row} numbers, got {len(row)}; export it "
                             "again")
-    xyz = {"FIELDS": ["x", "y", "z"], "SIZE": ["8"] * 3, "TYPE": ["F"] * 3, "COUNT": ["1"] * 3}
+    entries = {"FIELDS": names, "SIZE": ["8"] * len(names), "TYPE": ["F"] * len(names),
+               "COUNT": [str(counts[field]) for field in where]}  # fmt: skip
     lines = (b" ".join(row[column] for column in columns) for row in rows)
-    return _normalized_header(replace(header, entries=xyz)) + b"\n".join(lines)
+    return _normalized_header(replace(header, entries=entries)) + b"\n".join(lines)
 
 
 def _normalized_header(header: _Header) -> bytes:
@@ -242,14 +257,29 @@ def _normalized_header(header: _Header) -> bytes:
     return "\n".join(["VERSION 0.7", *fields, *count, f"DATA {header.data}", ""]).encode()
 
 
-def _load_points(header: _Header, blob: bytes) -> np.ndarray:
-    """Points (N, 3) float64 of a file whose size has been checked."""
+def _load_points(header: _Header, blob: bytes, plan: ArrayFields) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Points (N, 3) float64, and the planned fields, of a file whose size has been checked."""
     library = import_lazily("pypcd4")
     try:
         rows = np.atleast_1d(library.PointCloud.from_fileobj(io.BufferedReader(io.BytesIO(blob))).pc_data)
         points = np.column_stack([rows[axis] for axis in "xyz"]).astype(np.float64)
+        fields = {name: _field_values(rows, header, name) for name in plan.arrays}
     except Exception as error:  # the library raises errors of any type on damaged files
         raise ScanError(f"the PCD points cannot be read ({error_reason(error)}); export the file again") from error
     if points.shape != (header.points, 3):
         raise ScanError(f"expected {header.points} PCD points, got an array {points.shape}; export the file again")
-    return points
+    return points, fields
+
+
+def _field_values(rows: np.ndarray, header: _Header, name: str) -> np.ndarray:
+    """The values (N,) or (N, COUNT) of a field; integers of ascii files are made such again."""
+    key = header.given[name]
+    names = rows.dtype.names or ()
+    parts = [rows[part] for part in names if part == key or re.fullmatch(rf"{key}_+\d+", part)]
+    values = parts[0] if len(parts) == 1 else np.column_stack(parts)
+    place = header.entries["FIELDS"].index(key)
+    kind = np.dtype({"F": "f", "I": "i", "U": "u"}[header.entries["TYPE"][place]] + header.entries["SIZE"][place])
+    if header.data == "ascii" and kind.kind in "iu" and np.isfinite(values).all():
+        limits = np.iinfo(kind)
+        values = np.clip(values, float(limits.min), float(limits.max)).astype(kind)
+    return values

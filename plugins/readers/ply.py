@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.formats.ply_header import LONGEST_HEADER, PlyElement, PlyHeader, parse_header
-from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_points
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_blocks
 from z2p_core.interfaces import MEMORY_A_CHARACTER, MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._cameras.camera_hints import read_3dgs_cameras, with_camera_hints
 from z2p_renderer.plugins.readers._cameras.model_cameras import with_model_cameras
-from z2p_renderer.plugins.readers._helpers.color_note import colours_note
 from z2p_renderer.plugins.readers._helpers.gaussian_splats import (
     cloud_from_packed_splats,
     cloud_from_splats,
     is_packed,
     is_splats,
+    plan_splats,
     splat_columns,
 )
 from z2p_renderer.plugins.readers._helpers.length_check import (
@@ -26,13 +26,17 @@ from z2p_renderer.plugins.readers._helpers.length_check import (
     trailing_bytes_note,
 )
 from z2p_renderer.plugins.readers._helpers.ply_lists import parse_ascii_lists, parse_binary_lists
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants, plan_fields
+
+_MAX_WHOLE_ROW_BYTES = 64
+"""Longer rows, such as those of Gaussian splats, are read in blocks."""
 
 
 class Ply(Reader):
-    """Polygon files, and Gaussian splats in them; faces, edges and further properties are left out."""
+    """Polygon files, and Gaussian splats in them; faces, edges and lists of the vertices are left out."""
 
     name = "ply"
-    version = "3"
+    version = "4"
     takes_columns = False
     suffixes = (".ply",)
 
@@ -62,35 +66,65 @@ class Ply(Reader):
         Raises:
             ScanError: no PLY file, no x, y, z, or a header that promises another size than the file has.
         """
-        cloud = _read_cloud(path)
+        cloud = _read_cloud(path, self.wants)
         if cloud.up:  # only Gaussians have one
             return [with_camera_hints(cloud, *read_3dgs_cameras(path))]
         return [with_model_cameras(cloud, path)]
 
 
-def _read_cloud(path: Path) -> RawCloud:
+def _read_cloud(path: Path, wants: Wants) -> RawCloud:
     with path.open("rb") as file:
         header = parse_header(file.read(LONGEST_HEADER))
         note = trailing_bytes_note(_check_length(header, path.stat().st_size))
         file.seek(header.size)
         if is_packed(header):
-            return cloud_from_packed_splats(file.read(), header, note)
+            return cloud_from_packed_splats(file.read(), header, wants, note)
         vertex = _find_vertex(header)
         if vertex.count == 0:
             return RawCloud(np.empty((0, 3)))
         splats = vertex.scalar and is_splats(vertex)
-        columns = (*_axis_names(vertex), *(splat_columns(vertex) if splats else ()))
-        note = note if splats else "; ".join(filter(None, [note, colours_note(_scalar_names(vertex))]))
-        if header.ascii:
-            table = _parse_ascii(vertex, _read_ascii_rows(file, header, vertex), columns)
-            return cloud_from_splats(table, vertex.count, note) if splats else RawCloud(table, note=note)
-        if not _has_fixed_offsets(header, vertex):
-            return RawCloud(parse_binary_lists(file.read(), header, vertex, _axis_names(vertex)), note=note)
-        _seek_vertices(file, header, vertex)
-        if splats or vertex.count > MAX_ROWS:
-            return _read_subsampled(file, vertex, columns, note)
-        points = _parse_binary(vertex, file.read(vertex.least_bytes(ascii=False)), columns).astype(np.float64)
-    return RawCloud(points, note=note)
+        names, axes = _scalar_names(vertex), _axis_names(vertex)
+        plan = (plan_splats if splats else plan_fields)(names, wants, [names.index(axis) for axis in axes])
+        needed = [names[column] for column in plan.columns]
+        columns = tuple(dict.fromkeys((*axes, *(splat_columns(vertex) if splats else ()), *needed)))
+        table = _read_columns(file, header, vertex, columns)
+    points = np.column_stack([table[axis] for axis in axes]).astype(np.float64)
+    total = vertex.count if len(points) < vertex.count else None
+    cloud = plan.fill(RawCloud(points, total=total, note=note), {names.index(name): table[name] for name in needed})
+    if splats:
+        opacity, *scales = (table[name] for name in splat_columns(vertex))
+        return cloud_from_splats(cloud, opacity, scales, vertex.count)
+    return cloud
+
+
+def _read_columns(
+    file: io.BufferedReader, header: PlyHeader, vertex: PlyElement, columns: tuple[str, ...]
+) -> dict[str, np.ndarray]:
+    """The columns (N,) of these names, in the types that the header tells; of very large binary files a subsample."""
+    if header.ascii:
+        return _typed(_parse_ascii(vertex, _read_ascii_rows(file, header, vertex), columns), vertex, columns)
+    if not _has_fixed_offsets(header, vertex):
+        return _typed(parse_binary_lists(file.read(), header, vertex, columns), vertex, columns)
+    _seek_vertices(file, header, vertex)
+    if vertex.count > MAX_ROWS or vertex.dtype.itemsize > _MAX_WHOLE_ROW_BYTES:
+        return _read_subsampled(file, vertex, columns)
+    table = np.frombuffer(file.read(vertex.least_bytes(ascii=False)), vertex.dtype)
+    return {name: table[name] for name in columns}
+
+
+def _typed(table: np.ndarray, vertex: PlyElement, columns: tuple[str, ...]) -> dict[str, np.ndarray]:
+    """The columns of numbers (N, len(columns)) float64: integers that the header tells are made such again."""
+    kinds = {entry.name: entry.type.newbyteorder("=") for entry in vertex.properties if entry.length is None}
+    typed = {}
+    for column, name in enumerate(columns):
+        values, kind = table[:, column], kinds[name]
+        if kind.kind in "iu":
+            limits = np.iinfo(kind)
+            fits = len(values) == 0 or (limits.min <= values.min() and values.max() <= limits.max)
+            typed[name] = values.astype(kind) if fits and not (values % 1).any() else values
+        else:
+            typed[name] = values
+    return typed
 
 
 def _check_length(header: PlyHeader, size: int) -> int:
@@ -135,16 +169,17 @@ def _has_fixed_offsets(header: PlyHeader, vertex: PlyElement) -> bool:
     return all(element.scalar for element in header.elements[: header.elements.index(vertex) + 1])
 
 
-def _read_subsampled(file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...], note: str) -> RawCloud:
-    """Subsamples the vertex rows, which are read in blocks; of Gaussians, those that show a surface are kept."""
-
-    def read(rows: int) -> np.ndarray:
-        return _parse_binary(vertex, file.read(rows * vertex.dtype.itemsize), columns)
-
-    table = subsample_points(read, vertex.count, vertex.dtype.itemsize, np.random.default_rng(0), MAX_ROWS)
-    if len(columns) > 3:
-        return cloud_from_splats(table, vertex.count, note)
-    return RawCloud(table, total=vertex.count, note=note)
+def _read_subsampled(
+    file: io.BufferedReader, vertex: PlyElement, columns: tuple[str, ...]
+) -> dict[str, np.ndarray]:
+    """Reads the vertex rows in blocks, a subsample of very many."""
+    size = vertex.dtype.itemsize
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in columns}
+    for rows, kept in subsample_blocks(vertex.count, size, np.random.default_rng(0), MAX_ROWS):
+        block = np.frombuffer(file.read(rows * size), vertex.dtype)
+        for name, part in parts.items():
+            part.append(block[name][kept])
+    return {name: np.concatenate(part) for name, part in parts.items()}
 
 
 def _seek_vertices(file: io.BufferedReader, header: PlyHeader, vertex: PlyElement) -> None:
@@ -167,7 +202,7 @@ def _parse_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...
     """Numbers (N, len(columns)) float64 of the vertex rows."""
     try:
         if not vertex.scalar:
-            return parse_ascii_lists(lines, vertex, _axis_names(vertex))
+            return parse_ascii_lists(lines, vertex, columns)
         rows = np.loadtxt(io.BytesIO(b"\n".join(lines)), comments=None, ndmin=2)
         names = [entry.name for entry in vertex.properties]
         if rows.shape[1] != len(names):
@@ -175,9 +210,3 @@ def _parse_ascii(vertex: PlyElement, lines: list[bytes], columns: tuple[str, ...
         return rows[:, [names.index(column) for column in columns]]
     except ValueError as error:
         raise ScanError(f"the PLY vertices cannot be read ({error}); export the file again") from error
-
-
-def _parse_binary(vertex: PlyElement, rows: bytes, columns: tuple[str, ...]) -> np.ndarray:
-    """Numbers (N, len(columns)) of whole binary rows, in a common type."""
-    table = np.frombuffer(rows, vertex.dtype)
-    return np.column_stack([table[column] for column in columns])

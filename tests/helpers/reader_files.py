@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from z2p_core import registry
-from z2p_core.interfaces import ScanError
+from z2p_core.interfaces import RawCloud, ScanError
 
 SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv", ".obj", ".off",
             ".npy", ".npz", ".las", ".laz", ".stl", ".glb", ".e57", ".ptx", ".bin",
@@ -25,6 +25,23 @@ def read(path: Path) -> list[np.ndarray]:
     (plugin,) = [plugin for plugin in plugins if path.suffix.lower() in plugin.suffixes]
     clouds = [getattr(cloud, "points", cloud) for cloud in plugin().read(path)]
     assert all(cloud.dtype == np.float64 and cloud.ndim == 2 and cloud.shape[1] == 3 for cloud in clouds)
+    return clouds
+
+
+def read_fields(
+    path: Path, wanted: tuple[str, ...] | None = None, columns: tuple[str, ...] | None = None
+) -> list[RawCloud]:
+    """The clouds of a file with the fields that are wanted, None for all of them."""
+    plugins = [registry.load("readers", name) for name in registry.names("readers")]
+    (plugin,) = [plugin for plugin in plugins if path.suffix.lower() in plugin.suffixes]
+    reader = plugin()
+    reader.wanted, reader.columns = wanted, columns
+    clouds = [cloud if isinstance(cloud, RawCloud) else RawCloud(cloud) for cloud in reader.read(path)]
+    for cloud in clouds:
+        for name, values in cloud.fields.items():
+            assert values.shape == ((len(cloud.points), 3) if name in ("rgb", "normal") else (len(cloud.points),))
+            assert values.dtype.isnative and values.dtype.kind in "fiu"
+        assert set(cloud.fields) <= set(cloud.field_names)
     return clouds
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from z2p_core.formats.ply_header import PlyElement, PlyHeader
 from z2p_core.formats.row_subsampling import MAX_ROWS
 from z2p_core.interfaces import RawCloud, ScanError
-from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
+from z2p_renderer.plugins.readers._helpers.point_fields import PACKED_KIND, FieldPlan, Wants, plan_fields
 
 USUAL_UP, UP_REASON = "-Y", "usual for Gaussian splats"
 MIN_VISIBLE_OPACITY = 0.05
@@ -20,7 +23,9 @@ _BOX_QUANTILES = (0.02, 0.98)
 _SPLATS_PER_CHUNK = 256
 """How many packed Gaussians share the bounds in one row of the element ``chunk``."""
 _PACKED_PROPERTIES = ("packed_position", "packed_scale", "packed_color")
+_SH_COLUMNS = ("f_dc_0", "f_dc_1", "f_dc_2")
 _BOUNDS = ("min_x", "min_y", "min_z", "max_x", "max_y", "max_z")
+_COLOR_BOUNDS = ("min_r", "min_g", "min_b", "max_r", "max_g", "max_b")
 _SCALE_BOUNDS = ("min_scale_x", "min_scale_y", "min_scale_z", "max_scale_x", "max_scale_y", "max_scale_z")
 
 
@@ -35,15 +40,29 @@ def splat_columns(vertex: PlyElement) -> tuple[str, ...]:
     return ("opacity", *scales)
 
 
-def cloud_from_splats(table: np.ndarray, total: int, note: str = "") -> RawCloud:
-    """The cloud of Gaussians from a table (N, 4 or more): x, y, z, opacity before the sigmoid, logarithmic scales.
+def plan_splats(names: Sequence[str], wants: Wants, points: Sequence[int]) -> FieldPlan:
+    """The fields of Gaussians with properties of these names: their color is the constant part of its harmonics."""
+    plan = plan_fields(names, wants, points)
+    plan = plan.without(*(name for name in names if name.startswith("f_rest_")))
+    if "rgb" in plan.columns_of or not set(_SH_COLUMNS) <= set(names):
+        return plan
+    columns_of = {"rgb": tuple(names.index(name) for name in _SH_COLUMNS), **plan.without(*_SH_COLUMNS).columns_of}
+    return FieldPlan(columns_of, tuple(name for name in columns_of if wants(name)), harmonics=True)
 
-    `total` is the number of Gaussians in the file, of which the table may be a subsample.
+
+def cloud_from_splats(
+    cloud: RawCloud, opacity: np.ndarray, scales: Sequence[np.ndarray], total: int
+) -> RawCloud:
+    """The cloud of those Gaussians that show a surface, with its fields.
+
+    `opacity` (N,) is that before the sigmoid, `scales` are logarithmic; `total` is the number of Gaussians in the file,
+    of which the cloud may be a subsample. The field ``opacity`` becomes that in [0, 1].
     """
-    opacity = table[:, 3]
     seen = opacity[np.isfinite(opacity)]
     alpha = opacity if len(seen) and seen.min() >= 0 and seen.max() <= 1 else _sigmoid(opacity)
-    return _visible_cloud(table[:, :3], alpha, table[:, 4:], "colours (f_dc) ignored", total, note)
+    if "opacity" in cloud.fields:
+        cloud = replace(cloud, fields={**cloud.fields, "opacity": alpha.astype(np.float32)})
+    return _visible_cloud(cloud, alpha, np.column_stack([np.empty((len(opacity), 0)), *scales]), total)
 
 
 def is_packed(header: PlyHeader) -> bool:
@@ -53,7 +72,7 @@ def is_packed(header: PlyHeader) -> bool:
     return {"packed_position", "packed_color"} <= names and header.element("chunk") is not None
 
 
-def cloud_from_packed_splats(body: bytes, header: PlyHeader, note: str = "") -> RawCloud:
+def cloud_from_packed_splats(body: bytes, header: PlyHeader, wants: Wants, note: str = "") -> RawCloud:
     """The cloud of packed Gaussians, from all bytes behind the header.
 
     Raises:
@@ -84,7 +103,22 @@ def cloud_from_packed_splats(body: bytes, header: PlyHeader, note: str = "") -> 
     if has_scales:
         scales = _dequantize(vertex["packed_scale"], chunk[group], _SCALE_BOUNDS)
     alpha = (vertex["packed_color"] & 255) / 255.0
-    return _visible_cloud(points, alpha, scales, IGNORED_NOTE, int(header.element("vertex").count), note)  # type: ignore[union-attr]
+    cloud = _with_packed_color(RawCloud(points, note=note), vertex["packed_color"], chunk[group], wants)
+    if wants("opacity"):
+        cloud = replace(cloud, fields={**cloud.fields, "opacity": alpha.astype(np.float32)})
+    return _visible_cloud(cloud, alpha, scales, int(header.element("vertex").count))  # type: ignore[union-attr]
+
+
+def _with_packed_color(cloud: RawCloud, packed: np.ndarray, chunk: np.ndarray, wants: Wants) -> RawCloud:
+    """The cloud with the colors of ``0xRRGGBBAA`` (N,), between the bounds in the rows of `chunk` if it has some."""
+    cloud = replace(cloud, field_names=("rgb", "opacity"))
+    if not wants("rgb"):
+        return cloud
+    shares = np.column_stack([(packed.astype(np.uint32) >> shift & 255) for shift in (24, 16, 8)]) / 255.0
+    if set(_COLOR_BOUNDS) <= set(chunk.dtype.names or ()):
+        low, high = (np.column_stack([chunk[name] for name in _COLOR_BOUNDS[at : at + 3]]) for at in (0, 3))
+        shares = low + shares * (high - low)
+    return replace(cloud, fields={"rgb": np.clip(shares, 0, 1).astype(np.float32)}, color_kind=PACKED_KIND)
 
 
 def _dequantize(packed: np.ndarray, chunk: np.ndarray, bounds: tuple[str, ...]) -> np.ndarray:
@@ -100,10 +134,9 @@ def _sigmoid(numbers: np.ndarray) -> np.ndarray:
         return np.asarray(1 / (1 + np.exp(-numbers.astype(np.float64))))
 
 
-def _visible_cloud(
-    points: np.ndarray, alpha: np.ndarray, scales: np.ndarray, colours: str, total: int, note: str
-) -> RawCloud:
+def _visible_cloud(cloud: RawCloud, alpha: np.ndarray, scales: np.ndarray, total: int) -> RawCloud:
     """The cloud of the Gaussians that are neither faint nor huge; of all, if fewer than three remain."""
+    points, notes = cloud.points, [cloud.note]
     solid = alpha >= MIN_VISIBLE_OPACITY
     large = np.zeros(len(points), dtype=bool)
     placed = points[solid & np.isfinite(points).all(1)]
@@ -113,15 +146,15 @@ def _visible_cloud(
             length = np.exp(scales.astype(np.float64)).max(1)
             large = solid & (length > MIN_HUGE_DIAGONALS * float(np.linalg.norm(high - low)))
     kept = solid & ~large
-    parts = [note]
     if kept.sum() < 3:
         kept[:] = True
-        parts.append("all its Gaussians are nearly transparent or huge, and none was left out")
+        notes.append("all its Gaussians are nearly transparent or huge, and none was left out")
     elif not kept.all():
         huge = f" and {int(large.sum())} huge ones" if large.any() else ""
         faint = f"{int((~solid).sum())} nearly transparent Gaussians (opacity below {MIN_VISIBLE_OPACITY:.0%})"
-        parts.append(f"{faint}{huge} left out")
-    parts.append(colours)
-    joined_note = "; ".join(filter(None, parts))
-    return RawCloud(points[kept].astype(np.float64), total=total if total > len(points) else None, note=joined_note,
-                    up=USUAL_UP, up_reason=UP_REASON, up_certain=False)  # fmt: skip
+        notes.append(f"{faint}{huge} left out")
+    joined_note = "; ".join(filter(None, notes))
+    fields = {name: values[kept] for name, values in cloud.fields.items()}
+    cloud = replace(cloud, points=points[kept].astype(np.float64), fields=fields, note=joined_note)
+    total_or_none = total if total > len(points) else None
+    return replace(cloud, total=total_or_none, up=USUAL_UP, up_reason=UP_REASON, up_certain=False)

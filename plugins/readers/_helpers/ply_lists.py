@@ -9,15 +9,15 @@ from z2p_core.interfaces import ScanError
 from z2p_core.native import read_list_rows
 
 
-def parse_binary_lists(body: bytes, header: PlyHeader, vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
-    """x, y and z (N, 3) float64 of the vertices, from all bytes behind the header.
+def parse_binary_lists(body: bytes, header: PlyHeader, vertex: PlyElement, columns: tuple[str, ...]) -> np.ndarray:
+    """Numbers (N, len(columns)) float64 of the vertices, from all bytes behind the header.
 
     Raises:
         ScanError: a list reaches past the file's end.
     """
     offset = 0
     for element in header.elements[: header.elements.index(vertex) + 1]:
-        indices = _property_indices(vertex, axes) if element is vertex else []
+        indices = _property_indices(vertex, columns) if element is vertex else []
         properties = [(entry.type, entry.length) for entry in element.properties]
         try:
             values, offset = read_list_rows(body, offset, element.count, properties, indices)
@@ -27,13 +27,13 @@ def parse_binary_lists(body: bytes, header: PlyHeader, vertex: PlyElement, axes:
     return values
 
 
-def parse_ascii_lists(lines: list[bytes], vertex: PlyElement, axes: tuple[str, ...]) -> np.ndarray:
-    """x, y and z (N, 3) float64 of the vertices, a line each.
+def parse_ascii_lists(lines: list[bytes], vertex: PlyElement, columns: tuple[str, ...]) -> np.ndarray:
+    """Numbers (N, len(columns)) float64 of the vertices, a line each.
 
     Raises:
         ValueError: a line with more or fewer numbers than it should have, or with something else.
     """
-    indices = _property_indices(vertex, axes)
+    indices = _property_indices(vertex, columns)
     values = np.empty((len(lines), len(indices)))
     for row, line in enumerate(lines):
         words = line.split()
@@ -47,7 +47,7 @@ def parse_ascii_lists(lines: list[bytes], vertex: PlyElement, axes: tuple[str, .
     return values
 
 
-def _property_indices(vertex: PlyElement, axes: tuple[str, ...]) -> list[int]:
+def _property_indices(vertex: PlyElement, wanted: tuple[str, ...]) -> list[int]:
     """Indices of the properties with these names."""
     names = [None if entry.length is not None else entry.name for entry in vertex.properties]
-    return [names.index(axis) for axis in axes]
+    return [names.index(name) for name in wanted]

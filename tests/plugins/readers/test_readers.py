@@ -313,14 +313,14 @@ def test_pcd_odd_fields_are_read_as_pcl_reads_them(tmp_path: Path, data: str) ->
     assert np.array_equal(read(path)[0], points.astype("f8"))
 
 
-def test_pcd_types_are_checked_and_colors_get_a_note(tmp_path: Path) -> None:
+def test_pcd_types_are_checked(tmp_path: Path) -> None:
     path, whole = tmp_path / "a.pcd", pcd(bytes(64), fields="x y z rgb", data="binary")
     for line, message in ((b"TYPE F F F Q", "field rgb has TYPE Q and SIZE 4"), (b"SIZE 4 4 4 3", "TYPE F and SIZE 3")):
         kind = line.split()[0]
         changed = [line if row.startswith(kind) else row for row in whole.split(b"\n")[:-1]]
         refused(path, b"\n".join([*changed, bytes(64)]), message.replace("field rgb", "field .*"))
     path.write_bytes(whole)
-    assert Pcd().read(path)[0].note == "its colours are ignored"
+    assert Pcd().read(path)[0].note == "all its colours are 0, and taken as none"
 
 
 @pytest.mark.parametrize("height", [1, 2])

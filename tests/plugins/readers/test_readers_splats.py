@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from reader_files import read_fields
 
 from z2p_core.interfaces import RawCloud, ScanError
 from z2p_renderer.plugins.readers.ply import Ply
@@ -79,7 +80,7 @@ def test_faint_and_huge_gaussians_are_dropped_and_counted(tmp_path: Path, scene,
     cloud = read(tmp_path / "a.ply")
     assert np.array_equal(cloud.points.astype(np.float32), points[(opacity > 0.05) & (scale < 1)])
     assert "200 nearly transparent Gaussians (opacity below 5%) and 10 huge ones left out" in cloud.note
-    assert "colours (f_dc) ignored" in cloud.note
+    assert "f_dc" not in cloud.note
     assert (cloud.up, cloud.up_certain) == ("-Y", False)
 
 
@@ -148,3 +149,44 @@ def test_cameras_of_a_trained_model_give_up_and_viewpoint(tmp_path: Path, scene)
     for damaged in ("[]", "{", '[{"position": [1, 2], "rotation": [[1]]}]', "[1]", '[{"position": 1}]'):
         (tmp_path / "model" / "cameras.json").write_text(damaged)
         assert (read(folder / "point_cloud.ply").up, read(folder / "point_cloud.ply").up_certain) == ("-Y", False)
+
+
+def test_colors_of_gaussians_follow_those_that_are_kept(tmp_path: Path, scene) -> None:
+    points, opacity, scale = scene
+    plain(tmp_path / "a.ply", points, opacity, scale)
+    blob = (tmp_path / "a.ply").read_bytes()
+    start = len(blob) - 4 * len(PLAIN) * len(points)
+    table = np.frombuffer(blob[start:], "<f4").reshape(len(points), -1).copy()
+    color = np.random.default_rng(5).random((len(points), 3))
+    table[:, PLAIN.index("f_dc_0") : PLAIN.index("opacity")] = (color - 0.5) / 0.28209479177387814
+    (tmp_path / "a.ply").write_bytes(blob[:start] + table.tobytes())
+    [cloud] = read_fields(tmp_path / "a.ply")
+    kept = (opacity > 0.05) & (scale < 1)
+    np.testing.assert_allclose(cloud.fields["rgb"], color[kept], atol=1e-6)
+    np.testing.assert_allclose(cloud.fields["opacity"], opacity[kept], atol=1e-6)
+    assert cloud.color_kind == "spherical harmonics of degree 0" and "normal" not in cloud.fields
+    assert list(read(tmp_path / "a.ply").fields) == ["rgb"]
+
+
+@pytest.mark.parametrize("bounded", [False, True])
+def test_colors_of_packed_gaussians_are_unpacked(tmp_path: Path, scene, bounded: bool) -> None:
+    points, opacity, scale = scene
+    packed(tmp_path / "a.ply", points, opacity, scale)
+    blob = (tmp_path / "a.ply").read_bytes()
+    rows = np.frombuffer(blob[-16 * len(points) :], "<u4").reshape(-1, 4).copy()
+    color = np.random.default_rng(5).integers(0, 256, (len(points), 3)).astype(np.uint32)
+    rows[:, 3] = color[:, 0] << 24 | color[:, 1] << 16 | color[:, 2] << 8 | rows[:, 3] & 255
+    head, bounds = blob[: -16 * len(points)].split(b"end_header\n")
+    low, high = np.zeros(3), np.ones(3)
+    if bounded:
+        low, high = np.array([0.1, 0.2, 0.3]), np.array([0.5, 0.7, 0.9])
+        names = "".join(f"property float {end}_{name}\n" for end in ("min", "max") for name in "rgb").encode()
+        head = head.replace(b"element vertex", names + b"element vertex")
+        table = np.frombuffer(bounds, "<f4").reshape(-1, 12)
+        bounds = np.column_stack([table, np.tile([*low, *high], (len(table), 1))]).astype("<f4").tobytes()
+    (tmp_path / "a.ply").write_bytes(head + b"end_header\n" + bounds + rows.tobytes())
+    [cloud] = read_fields(tmp_path / "a.ply")
+    kept = (opacity > 0.05) & (scale < 1)
+    np.testing.assert_allclose(cloud.fields["rgb"], (low + color / 255 * (high - low))[kept], atol=1e-6)
+    np.testing.assert_allclose(cloud.fields["opacity"], opacity[kept], atol=0.003)
+    assert list(read(tmp_path / "a.ply").fields) == ["rgb"]
