@@ -56,10 +56,9 @@ class Coloring:
 
     def to_json(self) -> dict[str, Any]:
         """What a picture's record says of the colors."""
+        scale: dict[str, Any] = {}
         if isinstance(self.scale, ColorScale):
-            scale: dict[str, Any] = {"colormap": self.scale.colormap, "clim": [self.scale.low, self.scale.high]}
-        else:
-            scale = {"colormap": None, "clim": None}
+            scale = {"colormap": self.scale.colormap, "clim": [self.scale.low, self.scale.high]}
         return {"color_by": self.field, **scale, "relight": self.relight}
 
 

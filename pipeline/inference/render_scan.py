@@ -22,7 +22,6 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.inference.trim import crop_frame, trim_to_content
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer, AutoRenderer, select_renderer
-from z2p_renderer.pipeline.outputs.legends import draw_onto
 from z2p_renderer.pipeline.placement.place_scan import place_scan
 from z2p_renderer.pipeline.placement.placement_record import Placement
 from z2p_renderer.storage.scans.clouds import Scan
@@ -77,6 +76,8 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     if look.tight:
         picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
     if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
+        from z2p_renderer.pipeline.outputs.legends import draw_onto  # late: slow to import
+
         picture = draw_onto(picture, coloring.scale, look.background)
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,
                         isinstance(renderer, AutoRenderer), coloring)  # fmt: skip

@@ -23,7 +23,6 @@ from z2p_renderer.pipeline.inference.look import Look
 from z2p_renderer.pipeline.inference.render_scan import RenderedScan, render_scan
 from z2p_renderer.pipeline.inference.trim import content_box, crop_box
 from z2p_renderer.pipeline.inference.weight_selection import AnyRenderer
-from z2p_renderer.pipeline.outputs.legends import draw_onto
 from z2p_renderer.pipeline.placement.options import PlacementOptions
 from z2p_renderer.pipeline.placement.place_scan import select_points
 from z2p_renderer.storage.scans.clouds import Scan
@@ -78,7 +77,12 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
         drawn = list(frames)
         box = content_box(np.max([frame[..., 3] for frame in drawn], axis=0), look.margin)
         frames = (crop_box(frame, box) for frame in drawn)
-    yield from frames if scale is None else (draw_onto(frame, scale, look.background) for frame in frames)
+    if scale is None:
+        yield from frames
+        return
+    from z2p_renderer.pipeline.outputs.legends import draw_onto  # late: slow to import
+
+    yield from (draw_onto(frame, scale, look.background) for frame in frames)
 
 
 def _render_frame(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,9 @@ class PointArrays:
     """Number of columns behind x, y, z that were left out."""
     coloured: bool = False
     """Whether colours were left out that an object has beside its points."""
+    fields: tuple[Mapping[str, np.ndarray], ...] = ()
+    class_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def point_arrays(points: Any) -> PointArrays:

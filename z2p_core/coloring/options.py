@@ -94,6 +94,6 @@ def parse_relight(relight: Any) -> float | None:
     """
     if relight is None:
         return None
-    if isinstance(relight, bool) or not isinstance(relight, Real) or not 0 <= relight <= 1:
+    if isinstance(relight, bool) or not isinstance(relight, Real) or not 0 <= float(relight) <= 1:
         raise SettingError(f"expected relight from 0 to 1, got {relight!r}")
     return float(relight)

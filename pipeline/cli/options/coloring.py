@@ -78,7 +78,8 @@ COLOR_OPTIONS = (
     click.option("--relight", type=FiniteRange(0, 1), metavar="SHARE",
                  help="How much of the studio's light falls on the points' colours: 1 all of it; 0 shows them as they "
                  "are, with the shadow.  [default: 1]"),
-    click.option("--color-bar", is_flag=True, help="Draw the colormap's bar, or the classes' legend, into the picture."),
+    click.option("--color-bar", is_flag=True,
+                 help="Draw the colormap's bar, or the classes' legend, beside the picture."),
 )  # fmt: skip
 """In the order of the help."""
 
@@ -93,7 +94,8 @@ def color_options(command: Command) -> Command:
 def changed_color_options(command: Command) -> Command:
     """Decorator that adds `COLOR_OPTIONS` to a command whose defaults are those of a record: None where not given."""
     command = color_options(command)
-    for param in command.__click_params__:
+    params: list[click.Option] = command.__dict__["__click_params__"]
+    for param in params:
         if param.name in ("color_by", "color_bar"):
             param.default, param.show_default = None, False
     return command
@@ -136,6 +138,8 @@ def color_options_of_record(record: Mapping[str, Any], options: dict[str, Any], 
     has_same_field = by == record.get("color_by")
     recorded = record if has_same_field else {}
     limits = options["clim"] or recorded.get("clim")
+    if limits and limits[0] == limits[1]:  # one value at every point
+        limits = None
     return ColorOptions(
         by, options["colormap"] or recorded.get("colormap"), parse_limits(limits),
         options["classes"] or tuple(record.get("classes", ())),

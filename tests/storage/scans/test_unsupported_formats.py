@@ -34,7 +34,7 @@ def test_unsupported_formats_get_advice_on_conversion(tmp_path: Path, suffix: st
     ("a.ply", b"\n <!DOCTYPE html>\n<html lang=en>", "is a web page .*download it again"),
     ("a.las", b"<?xml version='1.0'?>\n<Error><Code>NoSuchKey", "server's error message"),
     ("a.pcd", b"version https://git-lfs.github.com/spec/v1\noid sha256:0", "Git LFS pointer.* git lfs pull"),
-    ("a.ply", gzip.compress(b"ply\n"), r"is packed by gzip; rename it to a\.ply\.gz"),
+    ("a.ply", gzip.compress(b"ply\n", mtime=0), r"is packed by gzip; rename it to a\.ply\.gz"),
     ("a.xyz", b"PK\x03\x04" + bytes(60), "is a ZIP archive; unpack it"),
     ("a.csv", b"PK\x03\x04" + bytes(60), "is a spreadsheet.*as CSV"),
     ("a.bin", b"LASF" + bytes(400), r"holds a LAS file under a name that ends in \.bin; rename it to a\.las"),
