@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from z2p_core.api.point_cloud_objects import find_point_attribute, find_point_keys
+from z2p_core.images import srgb_from_linear
 
 MAX_UINT8 = 255.0
-DEFAULT_TRIMESH_COLOR = (102, 102, 102)
-"""What trimesh paints that has no color, in bytes."""
+DEFAULT_MATERIAL_COLOR, DEFAULT_TEXTURE_COLOR = (102, 102, 102), (100, 100, 100)
+"""What trimesh paints that has no color, and that has coordinates of a texture but no texture, in bytes."""
 USUAL_ATTRIBUTES = ("colors", "rgb", "normals", "normal", "intensity", "labels")
 """Attributes that are asked for where an object does not list its own."""
 
@@ -191,32 +192,57 @@ def _attribute_columns(source: Any) -> list[Column]:
 
 
 def _trimesh_columns(mesh: Any) -> list[Column]:
-    """Colors, normals, attributes of the vertices, and metadata with a row for each of them."""
+    """Colors, normals, attributes of the vertices, metadata with a row for each of them, and a loaded PLY file's rest.
+
+    trimesh drops the scalars of PLY files, and all but the low byte of their 16-bit colors (seen in 5.2).
+    """
     count = len(mesh.vertices)
-    named = {**getattr(mesh.visual, "vertex_attributes", {}), **getattr(mesh, "vertex_attributes", {})}
+    file = _ply_properties(mesh)
+    channels = [file.pop(name, None) for name in ("red", "green", "blue")]
+    colors = _trimesh_colors(mesh, count)
+    if colors is not None and all(channel is not None and channel.dtype.kind in "iu" for channel in channels):
+        stored = np.column_stack(channels)  # type: ignore[arg-type]
+        colors = stored if stored.max() > MAX_UINT8 and np.array_equal(stored & 255, colors[:, :3]) else colors
+    columns = [] if colors is None else [_color_column(colors)]
+    attributes = {**getattr(mesh.visual, "vertex_attributes", {}), **getattr(mesh, "vertex_attributes", {})}
+    attributes.pop("uv", None)
     metadata = {name: value for name, value in mesh.metadata.items() if np.shape(value)[:1] == (count,)}
-    columns = [*_trimesh_colors(mesh, count), *_columns({**metadata, **named}.items())]
-    has_faces = len(getattr(mesh, "faces", ())) > 0
-    if has_faces and not any(column.name == "normal" for column in columns):
+    columns += _columns({**file, **metadata, **attributes}.items())
+    if len(getattr(mesh, "faces", ())) and not {"nx", "normal", "normals"} & {column.name for column in columns}:
         columns.append(Column("normal", (count, 3), lambda: np.asarray(mesh.vertex_normals), "f"))
     return columns
 
 
-def _trimesh_colors(mesh: Any, count: int) -> Iterator[Column]:
-    """Colors of trimesh's vertices, unless they are only the library's default."""
+def _color_column(colors: np.ndarray) -> Column:
+    """Colors of trimesh's in bytes, of any type, or 16-bit ones."""
+    scale = 65535.0 if colors.dtype.itemsize > 1 and colors.dtype.kind in "iu" else MAX_UINT8
+    return Column("rgb", colors.shape, lambda: colors, "f", scale)
+
+
+def _ply_properties(mesh: Any) -> dict[str, np.ndarray]:
+    """The properties (N,) of the vertices in the PLY file that trimesh loaded, if these are still the mesh's."""
+    data = mesh.metadata.get("_ply_raw", {}).get("vertex", {}).get("data", {})
+    names = getattr(getattr(data, "dtype", None), "names", None) or (data if isinstance(data, Mapping) else ())
+    found = {str(name): np.asarray(data[name]) for name in names}
+    found = {name: values.reshape(-1) for name, values in found.items() if values.size == len(mesh.vertices)}
+    if not found.keys() >= set("xyz"):
+        return {}
+    places = np.column_stack([found.pop(axis) for axis in "xyz"])
+    return found if np.array_equal(places, mesh.vertices) else {}
+
+
+def _trimesh_colors(mesh: Any, count: int) -> np.ndarray | None:
+    """Colors (count, 3 or 4) of trimesh's vertices in bytes; None if they are only the library's default."""
     visual = mesh.visual
+    kind = getattr(visual, "kind", None)
     if not hasattr(mesh, "faces"):
-        values = mesh.colors
-    elif getattr(visual, "kind", None) == "vertex":
-        values = visual.vertex_colors
-    elif getattr(visual, "kind", None) == "face":
-        values = _mean_face_colors(np.asarray(mesh.faces), np.asarray(visual.face_colors), count)
-    elif getattr(visual, "kind", None) == "texture":
-        values = _texture_colors(visual, count)
-    else:
-        return
-    if np.size(values):
-        yield Column("rgb", values.shape, lambda: np.asarray(values), "f", MAX_UINT8)
+        colors = np.asarray(getattr(mesh, "colors", ()))
+        return colors if colors.size else None
+    if kind == "vertex":
+        return np.asarray(visual.vertex_colors)
+    if kind == "face":
+        return _mean_face_colors(np.asarray(mesh.faces), np.asarray(visual.face_colors), count)
+    return _texture_colors(visual, count) if kind == "texture" else None
 
 
 def _mean_face_colors(faces: np.ndarray, colors: np.ndarray, count: int) -> np.ndarray:
@@ -231,12 +257,16 @@ def _mean_face_colors(faces: np.ndarray, colors: np.ndarray, count: int) -> np.n
         return np.column_stack(sums) / degree[:, None]
 
 
-def _texture_colors(visual: Any, count: int) -> np.ndarray:
-    """Colors of vertices of a texture, or of a material that is not trimesh's default; empty for none."""
+def _texture_colors(visual: Any, count: int) -> np.ndarray | None:
+    """Colors (count, 3 or 4) of a texture at the vertices, or of a material; None for trimesh's default ones."""
     material = visual.material
+    factor = getattr(material, "baseColorFactor", None)  # linear, as in glTF
     image = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
     if image is not None and visual.uv is not None and len(visual.uv) == count:
-        return np.asarray(visual.to_color().vertex_colors)
-    main = np.asarray(getattr(material, "main_color", DEFAULT_TRIMESH_COLOR))[:3]
-    is_default = tuple(main.tolist()) == DEFAULT_TRIMESH_COLOR
-    return np.empty((0, 3)) if is_default else np.tile(main, (count, 1))
+        colors = np.asarray(visual.to_color().vertex_colors)
+        is_default = max(image.size) <= 2 and (colors[:, :3] == DEFAULT_TEXTURE_COLOR).all()
+        return None if is_default else colors
+    if factor is not None:
+        return np.tile(MAX_UINT8 * srgb_from_linear(np.asarray(factor)[:3] / MAX_UINT8), (count, 1))
+    main = np.asarray(getattr(material, "main_color", DEFAULT_MATERIAL_COLOR))[:3]
+    return None if (main == DEFAULT_MATERIAL_COLOR).all() else np.tile(main, (count, 1))

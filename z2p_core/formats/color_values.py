@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import EllipsisType
+
 import numpy as np
 
 SH_DEGREE_0 = 0.28209479177387814
@@ -23,28 +25,28 @@ def srgb_from_numbers(values: np.ndarray) -> tuple[np.ndarray, str]:
         The colors, and the kind in a few words; empty if the numbers can be no colors: negative, above 65535, or none.
     """
     values = np.asarray(values)[:, :3]
-    known = np.isfinite(values).all(axis=1)
-    if not known.any():
+    known = _finite_rows(values)
+    if known is None:
         return np.full(values.shape, np.nan, dtype=np.float32), ""
-    largest, smallest = float(values[known].max()), float(values[known].min())
+    finite = values if known is ... else values[known]
+    largest, smallest = float(finite.max()), float(finite.min())
     if smallest < (-ROUNDING_SHARE if values.dtype.kind == "f" else 0) or largest > 65535:
         return np.full(values.shape, np.nan, dtype=np.float32), ""
     scale, kind = _scale_of(values.dtype, largest)
     srgb = np.asarray(values, dtype=np.float32) / np.float32(scale)
-    srgb[~known] = np.nan
-    if values.dtype.kind == "f":
-        np.clip(srgb, 0, 1, out=srgb)
-    return srgb, kind
+    if known is not ...:
+        srgb[~known] = np.nan
+    return np.clip(srgb, 0, 1, out=srgb) if smallest < 0 or largest > scale else srgb, kind
 
 
 def srgb_from_packed(values: np.ndarray) -> np.ndarray:
     """sRGB colors (N, 3) float32 of ``0xAARRGGBB`` in 4 bytes, as the Point Cloud Library packs them.
 
-    `values` (N,) are float32 or 4-byte integers whose bits are the color; other numeric types are rounded to integers,
-    but for float64 below 1, which were float32. A plain NaN is an unknown color.
+    `values` (N,) are float32 or 4-byte integers whose bits are the color, float64 that were such float32, or whole
+    numbers of another type. A plain NaN is an unknown color.
     """
     values = np.ascontiguousarray(values)
-    if values.dtype.kind == "f" and values.dtype.itemsize == 8 and not (values >= 1).any():
+    if values.dtype.kind == "f" and values.dtype.itemsize == 8 and not _are_4_byte_integers(values):
         values = values.astype(np.float32)
     if values.dtype.itemsize == 4:
         bits = values.view(np.uint32) if values.dtype.isnative else values.byteswap().view(np.uint32)
@@ -60,6 +62,20 @@ def srgb_from_packed(values: np.ndarray) -> np.ndarray:
 def srgb_from_sh(dc: np.ndarray) -> np.ndarray:
     """sRGB colors (N, 3) float32 in [0, 1] of the coefficients ``f_dc`` (N, 3) of Gaussian splats (3DGS, degree 0)."""
     return np.clip(0.5 + SH_DEGREE_0 * np.asarray(dc, dtype=np.float32), 0, 1)
+
+
+def _are_4_byte_integers(values: np.ndarray) -> bool:
+    """Whether all finite floats (N,) are whole numbers of 4 bytes, with a sign or without."""
+    finite = values[np.isfinite(values)]
+    return bool(((finite == np.floor(finite)) & (finite >= -(2**31)) & (finite < 2**32)).all())
+
+
+def _finite_rows(values: np.ndarray) -> np.ndarray | EllipsisType | None:
+    """Which rows of numbers (N, C) are finite, (N,): ``...`` for all, None for none."""
+    if values.size and np.isfinite(values.min()) and np.isfinite(values.max()):
+        return ...
+    known = np.isfinite(values).all(axis=1)
+    return known if known.any() else None
 
 
 def _scale_of(dtype: np.dtype, largest: float) -> tuple[float, str]:

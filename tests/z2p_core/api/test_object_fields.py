@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from types import SimpleNamespace
 from typing import Any
 
@@ -119,23 +120,65 @@ def test_fields_of_a_trimesh_mesh() -> None:
     np.testing.assert_allclose(fields["normal"], mesh.vertex_normals, atol=1e-6)
 
 
+def colors_of(source: Any) -> np.ndarray:
+    return point_arrays(source).fields[0]["rgb"]
+
+
 def test_colors_of_faces_are_averaged_at_vertices() -> None:
     mesh = trimesh.Trimesh(CLOUD[:5], [[0, 1, 2], [2, 1, 3]], process=False)
     mesh.visual.face_colors = [[255, 0, 0, 255], [0, 0, 255, 255]]
     red, blue, both = (1, 0, 0), (0, 0, 1), (0.5, 0, 0.5)
-    np.testing.assert_allclose(fields_of(mesh)["rgb"], [red, both, both, blue, [np.nan] * 3], atol=1e-6)
+    np.testing.assert_allclose(colors_of(mesh), [red, both, both, blue, [np.nan] * 3], atol=1e-6)
 
 
-def test_colors_of_a_texture() -> None:
-    image = pytest.importorskip("PIL.Image")
-    columns = np.zeros((2, 4, 3), dtype=np.uint8)
-    columns[:, :2, 0], columns[:, 2:, 2] = 255, 255
-    uv = np.array([[0.0, 0.5], [0.1, 0.5], [1.0, 0.5], [0.9, 0.5]])
+def textured_mesh(**looks: Any) -> trimesh.Trimesh:
+    """Four vertices, two at the left and two at the right edge of a texture."""
     mesh = trimesh.Trimesh(CLOUD[:4], [[0, 1, 2], [0, 2, 3]], process=False)
-    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, image=image.fromarray(columns))
-    np.testing.assert_array_equal(fields_of(mesh)["rgb"], [[1, 0, 0], [1, 0, 0], [0, 0, 1], [0, 0, 1]])
-    mesh.visual = trimesh.visual.TextureVisuals(uv=uv)
-    assert "rgb" not in fields_of(mesh)
+    uv = np.array([[0.0, 0.5], [0.1, 0.5], [1.0, 0.5], [0.9, 0.5]])
+    mesh.visual = trimesh.visual.TextureVisuals(uv=uv, **looks)
+    return mesh
+
+
+def test_colors_of_a_texture_at_the_vertices() -> None:
+    image = pytest.importorskip("PIL.Image")
+    pixels = np.zeros((2, 4, 3), dtype=np.uint8)
+    pixels[:, :2, 0], pixels[:, 2:, 2] = 255, 255
+    mesh = textured_mesh(image=image.fromarray(pixels))
+    np.testing.assert_array_equal(colors_of(mesh), [[1, 0, 0], [1, 0, 0], [0, 0, 1], [0, 0, 1]])
+
+
+def test_colors_of_a_material() -> None:
+    materials = trimesh.visual.material
+    simple = materials.SimpleMaterial(diffuse=[10, 20, 30, 255])
+    np.testing.assert_allclose(colors_of(textured_mesh(material=simple))[3], np.divide([10, 20, 30], 255), atol=1e-6)
+    linear = materials.PBRMaterial(baseColorFactor=[255, 55, 0, 255])  # as glTF stores it
+    np.testing.assert_allclose(colors_of(textured_mesh(material=linear))[3], [1, 0.5, 0], atol=0.005)
+    for default in ({}, {"material": materials.SimpleMaterial()}, {"material": materials.PBRMaterial()}):
+        assert "rgb" not in point_arrays(textured_mesh(**default)).fields[0]
+
+
+@pytest.mark.parametrize("with_face", [False, True])
+@pytest.mark.parametrize("encoding", ["ascii", "binary_little_endian"])
+def test_trimesh_keeps_what_a_ply_file_has(encoding: str, with_face: bool) -> None:
+    names = [*"xyz", "red", "green", "blue", "intensity"]
+    types = ["float"] * 3 + ["ushort"] * 3 + ["float"]
+    kinds = {"float": "<f4", "ushort": "<u2"}
+    rows = np.zeros(COUNT, [(name, kinds[kind]) for name, kind in zip(names, types, strict=True)])
+    colors = RNG.integers(0, 65536, (COUNT, 3))
+    for name, column in zip(names, [*CLOUD.T, *colors.T, SCALARS], strict=True):
+        rows[name] = column
+    properties = "".join(f"property {kind} {name}\n" for name, kind in zip(names, types, strict=True))
+    face = "element face 1\nproperty list uchar int vertex_indices\n" if with_face else ""
+    text = encoding == "ascii"
+    body = "".join(" ".join(map(str, row.tolist())) + "\n" for row in rows).encode() if text else rows.tobytes()
+    triangle = b"3 0 1 2\n" if text else b"\3" + np.arange(3, dtype="<i4").tobytes()
+    header = f"ply\nformat {encoding} 1.0\nelement vertex {COUNT}\n{properties}{face}end_header\n".encode()
+    loaded = trimesh.load(io.BytesIO(header + body + triangle * with_face), file_type="ply", process=False)
+    fields = point_arrays(loaded).fields[0]
+    assert_colors(dict(fields), colors / 65535)
+    np.testing.assert_allclose(fields["intensity"], SCALARS, rtol=1e-6)
+    loaded.vertices = loaded.vertices[::-1]
+    assert "intensity" not in point_arrays(loaded).fields[0]
 
 
 def test_fields_of_a_scene_follow_its_vertices() -> None:
