@@ -21,7 +21,8 @@ from z2p_core.api.picture import opaque_over
 from z2p_core.api.point_colors import mean_color, name_colors
 from z2p_core.coloring.options import AUTO as AUTO_COLORS
 from z2p_core.coloring.options import NONE as NO_COLORS
-from z2p_core.interfaces import ScanError, SettingError, Value
+from z2p_core.formats.field_names import field_key
+from z2p_core.interfaces import RawCloud, ScanError, SettingError, Value
 from z2p_core.placement.margin import parse_margin
 from z2p_core.placement.viewpoint import Viewpoint, viewpoint_from_json
 from z2p_core.up_axis.axis_names import UP_ROTATIONS, parse_up_axis
@@ -35,7 +36,7 @@ from z2p_renderer.pipeline.placement.hints import options_as_keywords
 from z2p_renderer.storage.cameras import read_camera
 from z2p_renderer.storage.images.image_files import OPAQUE_SUFFIXES, WHITE, encode_picture, write_picture
 from z2p_renderer.storage.models.checkpoints import find_weights
-from z2p_renderer.storage.scans.clouds import Scan, format_suffix, usable
+from z2p_renderer.storage.scans.clouds import Scan, format_suffix, scan_from_raw
 
 NAMED_VIEWS = ("auto", "front", "sensor")
 MESSAGE_COLOR = (228, 228, 228, 255)
@@ -54,8 +55,7 @@ class RenderBackend:
             SettingError: a setting is invalid.
         """
         labels = [f"[{index}]" if len(clouds) > 1 else "" for index in range(len(clouds))]
-        fields = request.fields or [{} for _ in clouds]
-        scans = [_scan_from(*one, request) for one in zip(clouds, labels, fields, strict=True)]
+        scans = [_scan_from(cloud, index, labels[index], request) for index, cloud in enumerate(clouds)]
         sources = [{"name": None, "sha256": hashlib.sha256(cloud.tobytes()).hexdigest(), "cloud": index}
                    for index, cloud in enumerate(clouds)]  # fmt: skip
         return _render_all(scans, sources, "", request)
@@ -110,13 +110,20 @@ class RenderBackend:
         return np.asarray(image)
 
 
-def _scan_from(points: np.ndarray, label: str, fields: Mapping[str, np.ndarray], request: RenderRequest) -> Scan:
-    """The scan of points (N, 3) with their fields, of the classes that the request keeps.
+def _scan_from(points: np.ndarray, index: int, label: str, request: RenderRequest) -> Scan:
+    """The scan of the points (N, 3) of a request's cloud with the fields that are needed, of the classes to keep.
 
     Raises:
         ScanError: the points are no cloud, or no class is there.
     """
-    scan = usable(points, label, fields, request.class_names)
+    fields = request.fields[index] if request.fields else {}
+    needed = {field_key(name) for name in request.color_options.wanted_fields}
+    raw = RawCloud(
+        points, fields={name: fields[name] for name in fields if field_key(name) in needed}, field_names=list(fields),
+        class_names=request.class_names[index] if request.class_names else {},
+        color_kind=request.color_kinds[index] if request.color_kinds else "",
+    )  # fmt: skip
+    scan = scan_from_raw(raw, label)
     return keep_classes(scan, request.color_options) if request.color_options.classes else scan
 
 

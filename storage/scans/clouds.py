@@ -25,7 +25,7 @@ from z2p_renderer.storage.scans.unsupported_formats import advice_by_content
 from z2p_renderer.storage.scans.up_hints import with_up_hints
 
 __all__ = ["Mesh", "PointFields", "Scan", "find_scans", "format_suffix", "read_clouds", "read_each",
-           "read_mesh", "readable_suffixes", "usable", "write_cloud", "write_mesh"]  # fmt: skip
+           "read_mesh", "readable_suffixes", "scan_from_raw", "usable", "write_cloud", "write_mesh"]  # fmt: skip
 
 MIN_POINTS = 3
 """A scan needs at least this many finite points."""
@@ -125,19 +125,49 @@ def read_each(
         raise ScanError(f"{printable(path)}: {error}") from error
 
 
-def usable(
-    points: np.ndarray, label: str = "", fields: Mapping[str, np.ndarray] | None = None,
-    class_names: Mapping[str, Mapping[int, str]] | None = None,
-) -> Scan:  # fmt: skip
+def usable(points: np.ndarray, label: str = "") -> Scan:
     """Makes a scan from points (N, 3) as `read_clouds` does from a file's; `label` names it within its batch.
-
-    `fields` and `class_names` are what else is known of each point, as in `RawCloud`.
 
     Raises:
         ScanError: there are fewer than three finite points, or all are at one place.
     """
-    raw = RawCloud(np.asarray(points, dtype=np.float64), fields=fields or {}, class_names=class_names or {})
-    return _scan_from_raw(raw, label)
+    return scan_from_raw(RawCloud(np.asarray(points, dtype=np.float64)), label)
+
+
+def scan_from_raw(raw: RawCloud, label: str) -> Scan:
+    """The scan of a cloud: without invalid, duplicate and fill rows, in metres if it was in degrees.
+
+    `label` names it within its batch.
+
+    Raises:
+        ScanError: there are fewer than three finite points, or all are at one place.
+    """
+    cloud = raw.points
+    where = f"cloud {label}: " if label else ""
+    if len(cloud) == 0:
+        raise ScanError(f"{where}the cloud is empty; expected at least {MIN_POINTS} points")
+    finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
+    dropped = int(len(cloud) - finite.sum())
+    points, fields = cloud, dict(raw.fields)
+    if dropped:
+        points, fields = cloud[finite], _select_rows(fields, finite)
+    if len(points) == 0:
+        raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
+                        f"{MAX_COORDINATE:.1e}; the scan holds no measurement")
+    if len(points) < MIN_POINTS:
+        raise ScanError(f"{where}expected at least {MIN_POINTS} finite points, got {len(points)} of {len(cloud)}")
+    points, fields, missing_note = _drop_missing(points, fields)
+    if not (points != points[0]).any():
+        raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
+    metres, degrees_note = metres_from_degrees(points) if raw.sensor is None else (points, "")
+    if metres is not points and not (raw.up and raw.up_certain):
+        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe",
+                      up_certain=True)
+    points = metres
+    unique = drop_duplicates(points)
+    note = "; ".join(filter(None, (raw.note, missing_note, degrees_note)))
+    return Scan(unique, dropped, label, raw.sensor, raw.total, len(points) - len(unique), note, raw.up, raw.up_reason,
+                raw.up_certain, raw.upward, raw.seen_from, _point_fields(raw, points, fields))
 
 
 def reader_of(path: Path) -> type[Reader]:
@@ -201,39 +231,9 @@ def _mode(path: Path) -> int:
 
 def _scan_or_error(raw: RawCloud, label: str, path: Path) -> Scan | ScanError:
     try:
-        return _scan_from_raw(raw, label)
+        return scan_from_raw(raw, label)
     except ScanError as error:
         return ScanError(f"{printable(path)}: {error}")
-
-
-def _scan_from_raw(raw: RawCloud, label: str) -> Scan:
-    """Removes invalid, duplicate and fill rows of a cloud, converts degrees to metres, and checks what is left."""
-    cloud = raw.points
-    where = f"cloud {label}: " if label else ""
-    if len(cloud) == 0:
-        raise ScanError(f"{where}the cloud is empty; expected at least {MIN_POINTS} points")
-    finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
-    dropped = int(len(cloud) - finite.sum())
-    points, fields = cloud, dict(raw.fields)
-    if dropped:
-        points, fields = cloud[finite], _select_rows(fields, finite)
-    if len(points) == 0:
-        raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
-                        f"{MAX_COORDINATE:.1e}; the scan holds no measurement")
-    if len(points) < MIN_POINTS:
-        raise ScanError(f"{where}expected at least {MIN_POINTS} finite points, got {len(points)} of {len(cloud)}")
-    points, fields, missing_note = _drop_missing(points, fields)
-    if not (points != points[0]).any():
-        raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
-    metres, degrees_note = metres_from_degrees(points) if raw.sensor is None else (points, "")
-    if metres is not points and not (raw.up and raw.up_certain):
-        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe",
-                      up_certain=True)
-    points = metres
-    unique = drop_duplicates(points)
-    note = "; ".join(filter(None, (raw.note, missing_note, degrees_note)))
-    return Scan(unique, dropped, label, raw.sensor, raw.total, len(points) - len(unique), note, raw.up, raw.up_reason,
-                raw.up_certain, raw.upward, raw.seen_from, _point_fields(raw, points, fields))
 
 
 def _point_fields(raw: RawCloud, points: np.ndarray, fields: dict[str, np.ndarray]) -> PointFields | None:

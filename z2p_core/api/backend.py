@@ -45,8 +45,10 @@ class RenderRequest:
     """sRGB in [0, 1] of each cloud, or one for all of them, instead of the color control; empty for none."""
     fields: Sequence[Mapping[str, np.ndarray]] = ()
     """What else is known of the points of each cloud, as in `RawCloud.fields`; empty for nothing."""
-    class_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
-    """What values of a field of labels stand for, as in `RawCloud.class_names`."""
+    class_names: Sequence[Mapping[str, Mapping[int, str]]] = ()
+    """Of each cloud, what values of a field of labels stand for, as in `RawCloud.class_names`; empty for nothing."""
+    color_kinds: Sequence[str] = ()
+    """Of each cloud, what numbers its own colors were; empty where it is not known."""
     color_options: ColorOptions = field(default_factory=ColorOptions)
     """What the points are colored by."""
 

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api.point_cloud_objects import NUMERIC_KINDS, extract_array, has_colors, is_cloud_object
+from z2p_core.api.object_columns import batch_members, has_named_columns
+from z2p_core.api.object_fields import object_fields, split_fields
+from z2p_core.api.point_cloud_objects import NUMERIC_KINDS, extract_array, is_cloud_object
 from z2p_core.api.point_cloud_objects import records_to_points as records_to_points
 from z2p_core.errors.messages import error_reason
 from z2p_core.formats.arrays.non_point_arrays import refuse_other_arrays
@@ -35,12 +37,24 @@ class PointArrays:
     clouds: list[np.ndarray]
     batched: bool
     unused_columns: int
-    """Number of columns behind x, y, z that were left out."""
-    coloured: bool = False
-    """Whether colours were left out that an object has beside its points."""
+    """Number of nameless columns behind x, y, z that were left out."""
     fields: tuple[Mapping[str, np.ndarray], ...] = ()
-    class_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
+    """What else is known of each cloud's points, as in `z2p_core.interfaces.RawCloud.fields`: ``rgb`` (N, 3) float32,
+    ``normal`` (N, 3) float32, scalars and labels (N,) by their own names. Values but colors are made when they are
+    first asked for, which raises ScanError if the other library fails."""
+    class_names: tuple[Mapping[str, Mapping[int, str]], ...] = ()
+    """Of each cloud's fields of labels, what some of their values stand for."""
+    color_kinds: tuple[str, ...] = ()
+    """Of each cloud, what numbers its colors were made of, in a few words; empty without colors."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Of each name that an object has and that is no field of its points, why."""
     notes: tuple[str, ...] = ()
+    """What to tell the user: which colors were left out, and why."""
+
+    @property
+    def coloured(self) -> bool:
+        """Whether an object has colors beside its points."""
+        return any("rgb" in fields for fields in self.fields)
 
 
 def point_arrays(points: Any) -> PointArrays:
@@ -51,10 +65,10 @@ def point_arrays(points: Any) -> PointArrays:
     Raises:
         ScanError: no numbers, or another shape.
     """
+    members = batch_members(points)
+    points = points if members is None else members
     if isinstance(points, Sequence) and not isinstance(points, str) and points and _axis_count(points[0]) == 2:
-        parts = [_parse_member(part, index) for index, part in enumerate(points)]
-        return PointArrays([part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts),
-                           any(part.coloured for part in parts))  # fmt: skip
+        return _join_members([_parse_member(part, index) for index, part in enumerate(points)])
     array = records_to_points(_extract_array(points))
     shape = array.shape
     if array.dtype.names:
@@ -68,7 +82,27 @@ def point_arrays(points: Any) -> PointArrays:
     refuse_other_arrays(array)
     batch = as_batch(array)
     clouds = [np.array(cloud[:, :3], dtype=np.float64) for cloud in batch]
-    return PointArrays(clouds, array.ndim == 3 and batch is array, shape[-1] - 3, has_colors(points))
+    found = object_fields(points, shape[:-1])
+    unused = 0 if has_named_columns(points) else shape[-1] - 3
+    return PointArrays(clouds, array.ndim == 3 and batch is array, unused,
+                       tuple(split_fields(found, [len(cloud) for cloud in clouds])), (found.class_names,) * len(clouds),
+                       (found.color_kind,) * len(clouds), found.left_out, found.notes)  # fmt: skip
+
+
+def _join_members(parts: Sequence[PointArrays]) -> PointArrays:
+    """The batch of a list's clouds; a note that not all have says which has it."""
+    notes: dict[str, list[int]] = {}
+    for index, part in enumerate(parts):
+        for note in part.notes:
+            notes.setdefault(note, []).append(index)
+    told = [note if len(indices) == len(parts) else f"cloud [{', '.join(map(str, indices))}]: {note}"
+            for note, indices in notes.items()]  # fmt: skip
+    left_out = {name: reason for part in reversed(parts) for name, reason in part.left_out.items()}
+    return PointArrays(
+        [part.clouds[0] for part in parts], True, max(part.unused_columns for part in parts),
+        tuple(part.fields[0] for part in parts), tuple(part.class_names[0] for part in parts),
+        tuple(part.color_kinds[0] for part in parts), left_out, tuple(told),
+    )  # fmt: skip
 
 
 def as_batch(array: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -30,38 +30,7 @@ def is_cloud_object(source: Any) -> bool:
     if hasattr(source, "shape"):
         return False
     return isinstance(source, Mapping) or is_scene(source) or any(
-        hasattr(source, attribute) for attribute in (*ATTRIBUTES, "point", "pc_data"))  # fmt: skip
-
-
-def has_colors(source: Any) -> bool:
-    """Whether an object has a color for each point."""
-    if isinstance(source, Mapping):
-        return names_include_color(source)
-    if callable(getattr(source, "has_colors", None)):  # open3d
-        return bool(source.has_colors())
-    for holder in ("point", "point_data"):  # open3d's tensor clouds, pyvista
-        if hasattr(source, holder):
-            return _keys_include_color(getattr(source, holder))
-    if hasattr(source, "pc_data"):  # pypcd4
-        return names_include_color(source.pc_data.dtype.names or ())
-    if is_scene(source):
-        return any(has_colors(part) for part in source.geometry.values())
-    visual = getattr(source, "visual", None)  # trimesh
-    if visual is not None and not hasattr(source, "faces"):
-        return np.size(getattr(source, "colors", ())) > 0
-    if visual is not None:
-        return bool(getattr(visual, "defined", False)) and getattr(visual, "kind", None) is not None
-    if hasattr(source, "columns") and hasattr(source, "to_numpy"):
-        return names_include_color(source.columns)
-    return names_include_color(getattr(getattr(source, "dtype", None), "names", None) or ()) or hasattr(source, "red")
-
-
-def _keys_include_color(holder: Any) -> bool:
-    """Whether the keys of a mapping-like object include that of a color."""
-    try:
-        return any(name in holder for name in ("colors", "RGB", "RGBA", "rgb", "rgba", "color", "Colors"))
-    except TypeError:
-        return False
+        hasattr(source, attribute) for attribute in (*ATTRIBUTES, "point", "vertex", "pc_data"))  # fmt: skip
 
 
 def extract_array(source: Any) -> np.ndarray:
@@ -74,8 +43,9 @@ def extract_array(source: Any) -> np.ndarray:
         return _array_from_mapping(source)
     if hasattr(source, "detach"):  # torch; through float64, as numpy knows no bfloat16
         return _array_from_tensor(source)
-    if hasattr(source, "point") and hasattr(source.point, "positions"):  # open3d's tensor clouds
-        return np.asarray(source.point.positions.cpu().numpy())
+    for holder in ("point", "vertex"):  # open3d's tensor clouds and meshes
+        if hasattr(getattr(source, holder, None), "positions"):
+            return np.asarray(getattr(source, holder).positions.cpu().numpy())
     if hasattr(source, "pc_data"):  # pypcd4, whose `points` is a number
         return np.asarray(source.pc_data)
     if is_scene(source):
@@ -85,11 +55,29 @@ def extract_array(source: Any) -> np.ndarray:
     if isinstance(source, np.ma.MaskedArray) and source.dtype.kind in NUMERIC_KINDS:
         return np.asarray(np.ma.filled(source.astype(np.float64), np.nan))
     if not isinstance(source, np.ndarray):
-        for attribute in ATTRIBUTES:
-            value = getattr(source, attribute, None)
-            if value is not None and not callable(value):
-                return _array_from_tensor(value) if hasattr(value, "detach") else np.asarray(value)
+        attribute = find_point_attribute(source)
+        if attribute is not None:
+            value = getattr(source, attribute)
+            return _array_from_tensor(value) if hasattr(value, "detach") else np.asarray(value)
     return np.asarray(source)
+
+
+def find_point_attribute(source: Any) -> str | None:
+    """The attribute that holds an object's points, if one of the usual ones does."""
+    for attribute in ATTRIBUTES:
+        value = getattr(source, attribute, None)
+        if value is not None and not callable(value):
+            return attribute
+    return None
+
+
+def find_point_keys(mapping: Mapping[Any, Any]) -> tuple[Any, ...]:
+    """The key under which a mapping holds points, or its keys x, y and z; empty if it has neither."""
+    names = {str(name).strip().lower(): name for name in mapping}
+    for key in KEYS:
+        if key in names:
+            return (names[key],)
+    return tuple(names[axis] for axis in "xyz") if names.keys() >= set("xyz") else ()
 
 
 def _array_from_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
@@ -98,12 +86,11 @@ def _array_from_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
     Raises:
         ScanError: there are neither, or x, y and z differ in shape.
     """
-    names = {str(name).strip().lower(): name for name in mapping}
-    for key in KEYS:
-        if key in names:
-            return extract_array(mapping[names[key]])
-    if names.keys() >= set("xyz"):
-        columns = [np.asarray(extract_array(mapping[names[axis]])) for axis in "xyz"]
+    keys = find_point_keys(mapping)
+    if len(keys) == 1:
+        return extract_array(mapping[keys[0]])
+    if keys:
+        columns = [np.asarray(extract_array(mapping[key])) for key in keys]
         if len({column.shape for column in columns}) > 1:
             shapes = ", ".join(str(column.shape) for column in columns)
             raise ScanError(f"expected x, y and z of one shape, got {shapes}")
@@ -164,12 +151,16 @@ def is_scene(source: Any) -> bool:
     return hasattr(source, "geometry") and hasattr(getattr(source, "graph", None), "nodes_geometry")
 
 
-def _scene_vertices(scene: Any) -> np.ndarray:
-    """All vertices (N, 3) of a scene in world coordinates."""
-    parts = []
+def scene_nodes(scene: Any) -> Iterator[tuple[Any, np.ndarray]]:
+    """Each placed geometry of a scene with its transform (4, 4) to the world."""
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
-        parts.append(np.asarray(scene.geometry[name].vertices) @ matrix[:3, :3].T + matrix[:3, 3])
+        yield scene.geometry[name], np.asarray(matrix)
+
+
+def _scene_vertices(scene: Any) -> np.ndarray:
+    """All vertices (N, 3) of a scene in world coordinates."""
+    parts = [np.asarray(part.vertices) @ matrix[:3, :3].T + matrix[:3, 3] for part, matrix in scene_nodes(scene)]
     if not parts:
         raise ScanError(f"expected points, got a {type(scene).__name__} without geometry")
     return np.vstack(parts)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import reprlib
 import warnings
+from collections import ChainMap
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from numbers import Real
@@ -176,8 +177,10 @@ def _render_images(
         request, notes = (request, []) if given_colors is None else _with_mean_color(request, given_colors)
         return load_backend().render_file(Path(points), request), notes, False
     given, notes = point_arrays(points), []
-    request = replace(request, fields=given.fields, class_names=given.class_names)
-    notes += given.notes
+    request = replace(
+        request, fields=given.fields, class_names=given.class_names, color_kinds=given.color_kinds
+    )  # fmt: skip
+    notes += given.notes if colors is None else ()
     if given_colors is not None:
         if request.controls.get("color") is None:
             request = _with_colors(request, given_colors, given.clouds)
@@ -199,8 +202,8 @@ def _with_colors(request: RenderRequest, colors: Any, clouds: Sequence[np.ndarra
     name, by = (GIVEN_FIELD, GIVEN_FIELD) if is_scalar else ("rgb", request.color_options.by)
     parts = split_scalars(colors, clouds) if is_scalar else split_by_cloud(parse_colors(colors), clouds)
     others = request.fields or [{} for _ in clouds]
-    fields = tuple({**other, name: part} for other, part in zip(others, parts, strict=True))
-    return replace(request, fields=fields, color_options=replace(request.color_options, by=by))
+    fields = tuple(ChainMap({name: part}, other) for other, part in zip(others, parts, strict=True))
+    return replace(request, fields=fields, color_kinds=(), color_options=replace(request.color_options, by=by))
 
 
 def _field_name(colors: Any) -> str:

@@ -29,5 +29,5 @@ LAS_CLASS_NAMES: dict[int, str] = {
 }
 """ASPRS's standard classes of LAS 1.4 (R15); 8 and 12 are reserved there and have their meaning of LAS 1.1 to 1.3.
 
-From 64 on numbers are the producer's own, as they are from 32 on in point formats 0 to 5.
+Point formats 0 to 5 have no class above 31; from 64 on the numbers of formats 6 to 10 are the producer's own.
 """

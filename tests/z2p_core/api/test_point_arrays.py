@@ -68,9 +68,12 @@ def coloured_cloud(kind: str, coloured: bool) -> object:
             header = laspy.LasHeader(point_format=2 if coloured else 0)
             content = laspy.LasData(header)
             content.x, content.y, content.z = CLOUD.T.astype(np.float64)
+            if coloured:
+                content.red = np.arange(20, dtype=np.uint16)
             return content
         case "records":
-            return np.zeros(20, [(name, "f4") for name in ("x", "y", "z", "red" if coloured else "label")])
+            colours = ("red", "green", "blue") if coloured else ("label",)
+            return np.zeros(20, [(name, "f4") for name in ("x", "y", "z", *colours)])
     raise ValueError(kind)
 
 

@@ -32,6 +32,20 @@ def test_numbers_that_are_no_colors_have_no_kind(values: list[list[float]]) -> N
     assert kind == "" and np.isnan(srgb).all()
 
 
+def test_floats_that_round_beyond_their_range_are_clipped() -> None:
+    srgb, kind = srgb_from_numbers(np.array([[1 + 1e-7, -1e-9, 0.5], [np.nan, 0, 0]]))
+    assert kind == "shares of 1" and srgb[0].tolist() == [1, 0, 0.5] and np.isnan(srgb[1]).all()
+
+
+def test_packed_floats_survive_double_precision() -> None:
+    bits = np.array([0x00FF8000, 0xFF102030, 0x50102030, 0x7FC00000], dtype=np.uint32)
+    wide = bits.view(np.float32).astype(np.float64)
+    bytes_of_colors = 255 * srgb_from_packed(wide)
+    assert bytes_of_colors[0].tolist() == [255, 128, 0]
+    assert np.allclose(bytes_of_colors[1:3], [16, 32, 48])
+    assert np.isnan(bytes_of_colors[3]).all()
+
+
 @pytest.mark.parametrize("dtype", ["<f4", ">f4", "<u4", ">u4", "<i4", "f8", "i8"])
 def test_packed_colors_of_any_type(dtype: str) -> None:
     bits = np.array([0x00FF8000, 0x00102030], dtype=np.uint32)
