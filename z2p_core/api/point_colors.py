@@ -23,10 +23,9 @@ def are_scalars(colors: Any, clouds: Sequence[np.ndarray]) -> bool:
         if any(len(shape) == 1 and (shape[0] not in (3, 4) or shape[0] == len(clouds[0])) for shape in shapes):
             return True
     shape = np.shape(_to_array(colors)) if not isinstance(colors, Sequence) or _is_regular(colors) else ()
-    points = sum(map(len, clouds))
     if len(shape) == 1 or (len(shape) > 1 and shape[-1] == 1):
         return True
-    return len(shape) == 2 and (shape[-1] not in (3, 4) or int(np.prod(shape)) == points)
+    return len(shape) == 2 and shape == (len(clouds), len(clouds[0]))
 
 
 def split_scalars(colors: Any, clouds: Sequence[np.ndarray]) -> tuple[np.ndarray, ...]:
@@ -39,11 +38,11 @@ def split_scalars(colors: Any, clouds: Sequence[np.ndarray]) -> tuple[np.ndarray
         is_list = isinstance(colors, Sequence) and not _is_regular(colors)
         flat = np.concatenate([_to_array(part).reshape(-1) for part in colors]) if is_list else _to_array(colors)
     except Exception as error:  # whatever another library's object raises on its way to an array
-        raise SettingError(f"expected a number for each point, got {type(colors).__name__} ({error_reason(error)})"
-                           ) from error  # fmt: skip
+        message = f"expected colors as numbers, got {type(colors).__name__} ({error_reason(error)})"
+        raise SettingError(message) from error
     flat = flat.reshape(-1)
     if flat.dtype.kind not in "fiub" or not len(flat):
-        raise SettingError(f"expected a number for each point, got {flat.shape} {flat.dtype}")
+        raise SettingError(f"expected colors as numbers, one or three for each point, got {flat.shape} {flat.dtype}")
     return split_by_cloud(flat, clouds)
 
 

@@ -202,7 +202,8 @@ def _with_colors(request: RenderRequest, colors: Any, clouds: Sequence[np.ndarra
     name, by = (GIVEN_FIELD, GIVEN_FIELD) if is_scalar else ("rgb", request.color_options.by)
     parts = split_scalars(colors, clouds) if is_scalar else split_by_cloud(parse_colors(colors), clouds)
     others = request.fields or [{} for _ in clouds]
-    fields = tuple(ChainMap({name: part}, other) for other, part in zip(others, parts, strict=True))
+    fields = tuple(ChainMap({name: part}, other)  # type: ignore[arg-type]  # it is only read
+                   for other, part in zip(others, parts, strict=True))  # fmt: skip
     return replace(request, fields=fields, color_kinds=(), color_options=replace(request.color_options, by=by))
 
 

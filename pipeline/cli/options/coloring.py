@@ -132,9 +132,12 @@ def color_options_of_record(record: Mapping[str, Any], options: dict[str, Any], 
 
     Args:
         options: those of `COLOR_OPTIONS`; None where the record's stays.
-        is_recolored: whether one color for the whole object is chosen now, in place of the recorded ones.
+        is_recolored: whether one color for the whole object is chosen now, in place of the recorded ones. It takes the
+            place of points' own colors where these are not insisted on.
     """
-    by = options["color_by"] or (NONE if is_recolored else record.get("color_by", NONE))
+    by = options["color_by"] or record.get("color_by", AUTO)
+    if is_recolored and options["color_by"] is None:
+        by = AUTO
     has_same_field = by == record.get("color_by")
     recorded = record if has_same_field else {}
     limits = options["clim"] or recorded.get("clim")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from z2p_core.coloring.options import ColorOptions
 from z2p_renderer.pipeline.batch.render_files import render_files
 from z2p_renderer.pipeline.batch.tasks import Task, plan_outputs
 from z2p_renderer.pipeline.inference.look import Look
@@ -111,19 +112,19 @@ def test_only_one_large_file_at_a_time_is_in_memory(
 
     at_work, together = set[str](), set[frozenset[str]]()
     both_light = threading.Barrier(2, timeout=20)
-    original = batch.read_each
+    original = batch.read_scans
 
-    def watched(path: Path, columns: None) -> list[batch.Scan]:
+    def watched(path: Path, columns: None, options: ColorOptions) -> list[batch.Scan]:
         at_work.add(path.stem)
         together.add(frozenset(at_work))
         if path.stem.startswith("light"):
             both_light.wait()  # for ever, if they came one after the other
         try:
-            return original(path)
+            return original(path, columns, options)
         finally:
             at_work.remove(path.stem)
 
-    monkeypatch.setattr(batch, "read_each", watched)
+    monkeypatch.setattr(batch, "read_scans", watched)
     monkeypatch.setattr(batch, "LARGE_FILE_BYTES", 5_000)
     for name, count in {"light1": 50, "light2": 60, "heavy1": 900, "heavy2": 901, "heavy3": 902}.items():
         np.save(tmp_path / f"{name}.npy", np.random.default_rng(count).normal(size=(count, 3)))
@@ -141,19 +142,19 @@ def test_jobs_bound_the_clouds_in_memory(tmp_path: Path, renderer: Renderer, mon
     from z2p_renderer.pipeline.batch import render_files as batch
 
     alive, most, lock = [0], [0], threading.Lock()
-    original = batch.read_each
+    original = batch.read_scans
 
-    def counted(path: Path, columns: None) -> list[batch.Scan]:
+    def counted(path: Path, columns: None, options: ColorOptions) -> list[batch.Scan]:
         with lock:
             alive[0] += 1
             most[0] = max(most[0], alive[0])
-        return original(path)
+        return original(path, columns, options)
 
     def drawn(*arguments: object) -> None:
         with lock:
             alive[0] -= 1
 
-    monkeypatch.setattr(batch, "read_each", counted)
+    monkeypatch.setattr(batch, "read_scans", counted)
     monkeypatch.setattr(batch, "write_picture", drawn)
     for index in range(12):
         np.save(tmp_path / f"{index}.npy", np.random.default_rng(index).normal(size=(50, 3)))

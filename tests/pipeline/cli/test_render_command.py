@@ -18,6 +18,7 @@ from click.testing import Result
 from PIL import Image
 
 from z2p_core import registry
+from z2p_core.coloring.options import ColorOptions
 
 
 def pictures(folder: Path) -> list[str]:
@@ -83,7 +84,7 @@ def test_json_lines_have_all_fields(
     assert line == {
         "input": str(scans / "one.npy"), "output": picture, "outputs": [picture], "status": "ok",
         "points": 396, "dropped": 4, "repeated": 0, "total": 400, "error": None, "note": "",
-        "weights": ["tiny"],
+        "weights": ["tiny"], "colors": [""],
     }  # fmt: skip
     assert settings["controls"]["color"] == [1, 0, 0]
     assert (settings["up"], settings["azimuth"], settings["elevation"]) == ("-Y", -30, 20)
@@ -283,14 +284,14 @@ def test_ctrl_c_has_an_exit_status_of_its_own(
 ) -> None:
     from z2p_renderer.pipeline.batch import render_files as batch
 
-    original = batch.read_each
+    original = batch.read_scans
 
-    def read(path: Path, columns: None) -> list[batch.Scan]:
+    def read(path: Path, columns: None, options: ColorOptions) -> list[batch.Scan]:
         if path.name == "two.xyz":
             raise KeyboardInterrupt
-        return original(path)
+        return original(path, columns, options)
 
-    monkeypatch.setattr(batch, "read_each", read)
+    monkeypatch.setattr(batch, "read_scans", read)
     result = render(scans)
     assert result.exit_code == 130
     assert result.stderr.endswith("Interrupted.\n")
