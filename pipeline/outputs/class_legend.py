@@ -21,9 +21,9 @@ _TITLE_WIDTH = 18.0
 """Width to which the title is shortened over a single narrow column."""
 
 
-def rows_of_page(height: float, font: float) -> int:
-    """The rows of classes below a title that a height holds; lengths in points."""
-    return max(1, int(height / (_ROW_PITCH * font)) - 1)
+def class_legend_height(rows: int, font: float) -> float:
+    """The height of a title and rows of classes below it; lengths in points."""
+    return (rows + 1) * _ROW_PITCH * font
 
 
 def draw_class_legend(
@@ -42,12 +42,12 @@ def draw_class_legend(
     Returns:
         Where the drawing ends on the right, points.
     """
-    most_rows = rows_of_page(page.height - 2 * margin, font)
+    most_rows = max(1, int((page.height - 2 * margin) / (_ROW_PITCH * font) + 1e-6) - 1)
     entries, left_out = _entries_that_fit(colors.entries, most_rows, most_columns)
     lines = len(entries) + bool(left_out)
     columns = max(1, -(-lines // most_rows))
     rows = -(-lines // columns) if lines else 0
-    top = (page.height - (rows + 1) * _ROW_PITCH * font) / 2
+    top = (page.height - class_legend_height(rows, font)) / 2
     x, right = left, left
     for first in range(0, lines, max(rows, 1)):
         column = entries[first : first + rows]

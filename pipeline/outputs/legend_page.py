@@ -19,11 +19,16 @@ if TYPE_CHECKING:
 POINTS_PER_INCH = 72
 _DESIGN_DPI = 300
 """Resolution of PNG files, and at which the texts of vector files are measured."""
-_FONTS = ("DejaVu Sans", "Noto Sans CJK SC", "Noto Sans CJK JP", "Source Han Sans SC", "WenQuanYi Micro Hei",
-          "Microsoft YaHei", "Yu Gothic", "Malgun Gothic", "PingFang SC", "Hiragino Sans", "Arial Unicode MS")  # fmt: skip
+_FONTS = (
+    "DejaVu Sans", "Noto Sans CJK SC", "Noto Sans CJK JP", "Source Han Sans SC", "WenQuanYi Micro Hei",
+    "Microsoft YaHei", "Yu Gothic", "Malgun Gothic", "PingFang SC", "Hiragino Sans", "Arial Unicode MS",
+)  # fmt: skip
 """The first comes with matplotlib; of the others, those that are installed have the characters that it lacks."""
-_SETTINGS = {"svg.fonttype": "none", "svg.hashsalt": "z2p", "pdf.fonttype": 42, "pdf.compression": 6,
-             "text.usetex": False, "text.hinting": "default", "text.antialiased": True, "path.simplify": False}  # fmt: skip
+_SETTINGS = {
+    "svg.fonttype": "none", "svg.hashsalt": "z2p", "svg.image_inline": True, "pdf.fonttype": 42, "pdf.compression": 6,
+    "pdf.use14corefonts": False, "pdf.inheritcolor": False, "text.usetex": False, "text.hinting": "force_autohint",
+    "text.antialiased": True, "savefig.bbox": None, "path.effects": [], "path.sketch": None,
+}  # fmt: skip
 """Settings of matplotlib that hold while a legend is drawn, whatever the user's are."""
 _NO_METADATA: dict[str, dict[str, None]] = {
     "png": {"Software": None},
@@ -64,6 +69,7 @@ class LegendPage:
         FigureCanvasAgg(self.figure)
         self._families = _installed_fonts()
         self._artists: list[Any] = []
+        self._widths: dict[tuple[str, float], float] = {}
 
     def snap(self, length: float) -> float:
         """The length, points, rounded to whole pixels."""
@@ -72,10 +78,14 @@ class LegendPage:
 
     def text_width(self, text: str, size: float) -> float:
         """The width of a line of text in a font of a size, both in points."""
-        drawn = self._text(0, 0, text, size)
-        width = drawn.get_window_extent(self.figure.canvas.get_renderer()).width  # type: ignore[attr-defined]
-        drawn.remove()
-        return float(width) * POINTS_PER_INCH / self.dpi
+        from matplotlib.font_manager import FontProperties
+
+        if (text, size) not in self._widths:
+            font = FontProperties(family=self._families, size=size)
+            renderer = self.figure.canvas.get_renderer()  # type: ignore[attr-defined]
+            pixels = renderer.get_text_width_height_descent(text, font, ismath=False)[0]
+            self._widths[text, size] = float(pixels) * POINTS_PER_INCH / self.dpi
+        return self._widths[text, size]
 
     def shorten(self, text: str, size: float, most: float) -> str:
         """The text on one line, with an ellipsis in the place of what goes beyond a width of `most` points."""
@@ -93,7 +103,8 @@ class LegendPage:
 
     def text(self, x: float, y: float, text: str, size: float, **alignment: Any) -> None:
         """A line of text at a point; `alignment` holds matplotlib's ``ha``, ``va`` and ``rotation``."""
-        self._artists.append(self._text(x, y, text, size, **alignment))
+        self._artists.append(self.figure.text(x, -y, text, fontsize=size, color=self.ink, family=self._families,
+                                              parse_math=False, **alignment))  # fmt: skip
 
     def rectangle(self, box: tuple[float, float, float, float], color: Color | None, outline: float = 0) -> None:
         """A filled rectangle (left, top, width, height); with an `outline` of a width in points it has the ink's."""
@@ -135,10 +146,6 @@ class LegendPage:
         self.figure.savefig(stream, format=kind, dpi=self.dpi, facecolor=background or "none",
                             metadata=_NO_METADATA[kind])  # fmt: skip
         return stream.getvalue()
-
-    def _text(self, x: float, y: float, text: str, size: float, **alignment: Any) -> Any:
-        return self.figure.text(x, -y, text, fontsize=size, color=self.ink, family=self._families, parse_math=False,
-                                **alignment)  # fmt: skip
 
 
 def _installed_fonts() -> list[str]:

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.coloring.scales import ClassColors, Color, ColorScale
-from z2p_core.images import linear_from_srgb
+from z2p_core.images import bytes_from_unit, composite, linear_from_srgb, unit_from_bytes
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.outputs.class_legend import draw_class_legend, rows_of_page
+from z2p_renderer.pipeline.outputs.class_legend import class_legend_height, draw_class_legend
 from z2p_renderer.pipeline.outputs.color_bar import draw_color_bar
 from z2p_renderer.pipeline.outputs.legend_page import POINTS_PER_INCH, LegendPage, drawing_settings
 from z2p_renderer.storage.files.atomic_write import atomic_write
@@ -31,8 +31,16 @@ _FILE_BAR_POINTS = 160.0
 """Height of a color bar in a file."""
 _FILE_MOST_ROWS = 24
 """Rows of classes in a file, before there are more columns."""
-_STRIP_MARGIN_SHARE = 0.12
+_FILE_MOST_COLUMNS = 40
+"""Columns of classes in a file; classes beyond are counted, not shown."""
+_FILE_MARGIN_POINTS = 6.0
+"""Empty space around the legend in a file."""
+_STRIP_BAR_MARGIN = 0.12
 """Empty space above and below a color bar in a picture, of its height."""
+_STRIP_CLASSES_MARGIN = 0.02
+"""Least empty space above and below a legend of classes in a picture, of its height."""
+_STRIP_MOST_COLUMNS = 12
+"""Columns of classes in a picture; classes beyond are counted, not shown."""
 _MAX_STRIP_SHARE = 1.2
 """Width of the strip of a legend of classes, of the picture's height, beyond which its texts shrink."""
 _DARK_INK: Color = (0.13, 0.13, 0.13)
@@ -71,10 +79,9 @@ def write_legend(scale: ColorScale | ClassColors, path: Path, background: Color 
         SettingError: the file's suffix is none of `LEGEND_SUFFIXES`, or no colormap has the scale's name.
     """
     check_legend_path(path)
-    margin = 0.5 * _FONT_POINTS
     with drawing_settings():
-        page = LegendPage(_file_height(scale, margin), ink_on(background))
-        page.finish(_draw(page, scale, _FONT_POINTS, margin, margin, None) + margin)
+        page, width = _lay_out_file(scale, ink_on(background))
+        page.finish(width)
         content = page.encode(path.suffix.lower()[1:], background)
     return atomic_write(content, path)
 
@@ -109,46 +116,44 @@ def _luminance(color: Sequence[float]) -> float:
 def _cached_strip(scale: ColorScale | ClassColors, height: int, ink: Color) -> np.ndarray:
     """The legend on a transparent strip (height, width, 4) uint8; kept, as all pictures of a series have the same."""
     font_pixels = max(_MIN_FONT_PIXELS, _FONT_SHARE * height)
-    strip = _draw_strip(scale, height, ink, font_pixels)
-    while strip.shape[1] > _MAX_STRIP_SHARE * height and font_pixels > _SMALLEST_FONT_PIXELS:
-        if isinstance(scale, ColorScale):
-            break
-        font_pixels = max(_SMALLEST_FONT_PIXELS, 0.8 * font_pixels)
-        strip = _draw_strip(scale, height, ink, font_pixels)
+    with drawing_settings():
+        page, width = _lay_out_strip(scale, height, ink, font_pixels)
+        while (isinstance(scale, ClassColors) and font_pixels > _SMALLEST_FONT_PIXELS
+               and width > _MAX_STRIP_SHARE * page.height):  # fmt: skip
+            font_pixels = max(_SMALLEST_FONT_PIXELS, 0.8 * font_pixels)
+            page, width = _lay_out_strip(scale, height, ink, font_pixels)
+        page.finish(width)
+        strip = page.pixels()
     strip.setflags(write=False)
     return strip
 
 
-def _draw_strip(scale: ColorScale | ClassColors, height: int, ink: Color, font_pixels: float) -> np.ndarray:
-    """The legend on a strip (height, width, 4) uint8, with texts of a size in pixels."""
+def _lay_out_strip(
+    scale: ColorScale | ClassColors, height: int, ink: Color, font_pixels: float
+) -> tuple[LegendPage, float]:
+    """The legend on a page as high as a picture of a height in pixels, and the width of it, points."""
     dpi = font_pixels * POINTS_PER_INCH / _FONT_POINTS
-    font = _FONT_POINTS
-    with drawing_settings():
-        page = LegendPage(height * POINTS_PER_INCH / dpi, ink, dpi)
-        margin = (_STRIP_MARGIN_SHARE if isinstance(scale, ColorScale) else 0.02) * page.height
-        right = _draw(page, scale, font, font, margin, 12 if isinstance(scale, ClassColors) else None)
-        page.finish(right + 0.8 * font)
-        return page.pixels()
-
-
-def _draw(page: LegendPage, scale: ColorScale | ClassColors, font: float, left: float, margin: float,
-          most_columns: int | None) -> float:  # fmt: skip
+    page = LegendPage(height * POINTS_PER_INCH / dpi, ink, dpi)
     if isinstance(scale, ColorScale):
-        return draw_color_bar(page, scale, font, left, margin)
-    return draw_class_legend(page, scale, font, left, margin, most_columns)
+        right = draw_color_bar(page, scale, _FONT_POINTS, _FONT_POINTS, _STRIP_BAR_MARGIN * page.height)
+    else:
+        margin = _STRIP_CLASSES_MARGIN * page.height
+        right = draw_class_legend(page, scale, _FONT_POINTS, _FONT_POINTS, margin, _STRIP_MOST_COLUMNS)
+    return page, right + 0.8 * _FONT_POINTS
 
 
-def _file_height(scale: ColorScale | ClassColors, margin: float) -> float:
-    """Height of the page of a file, points."""
+def _lay_out_file(scale: ColorScale | ClassColors, ink: Color) -> tuple[LegendPage, float]:
+    """The legend on a page of its own, and the width of it, points."""
+    margin = _FILE_MARGIN_POINTS
     if isinstance(scale, ColorScale):
-        return _FILE_BAR_POINTS + 2 * margin
+        page = LegendPage(_FILE_BAR_POINTS + 2 * margin, ink)
+        return page, draw_color_bar(page, scale, _FONT_POINTS, margin, margin) + margin
     rows = min(len(scale.entries), _FILE_MOST_ROWS)
-    return (rows + 1) * 1.65 * _FONT_POINTS + 2 * margin
+    page = LegendPage(class_legend_height(rows, _FONT_POINTS) + 2 * margin, ink)
+    return page, draw_class_legend(page, scale, _FONT_POINTS, margin, margin, _FILE_MOST_COLUMNS) + margin
 
 
 def _opaque(strip: np.ndarray, background: Color) -> np.ndarray:
     """The strip over a background."""
-    from z2p_core.images import bytes_from_unit, composite, unit_from_bytes
-
     colors = bytes_from_unit(composite(unit_from_bytes(strip), background))
     return np.concatenate([colors, np.full_like(strip[..., :1], 255)], axis=2)
