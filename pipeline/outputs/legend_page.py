@@ -25,9 +25,10 @@ _FONTS = (
 )  # fmt: skip
 """The first comes with matplotlib; of the others, those that are installed have the characters that it lacks."""
 _SETTINGS = {
-    "svg.fonttype": "none", "svg.hashsalt": "z2p", "svg.image_inline": True, "pdf.fonttype": 42, "pdf.compression": 6,
-    "pdf.use14corefonts": False, "pdf.inheritcolor": False, "text.usetex": False, "text.hinting": "force_autohint",
-    "text.antialiased": True, "savefig.bbox": None, "path.effects": [], "path.sketch": None,
+    "svg.fonttype": "none", "svg.hashsalt": "z2p", "pdf.fonttype": 42, "pdf.compression": 6,
+    "pdf.use14corefonts": False, "text.usetex": False, "text.hinting": "force_autohint", "text.antialiased": True,
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"], "savefig.bbox": None, "path.effects": [],
+    "path.sketch": None,
 }  # fmt: skip
 """Settings of matplotlib that hold while a legend is drawn, whatever the user's are."""
 _NO_METADATA: dict[str, dict[str, None]] = {
@@ -149,8 +150,8 @@ class LegendPage:
 
 
 def _installed_fonts() -> list[str]:
-    """Those of `_FONTS` that there are; the first always is."""
+    """Those of `_FONTS` that there are, the first always is; and the generic family, for viewers of SVG."""
     from matplotlib.font_manager import fontManager
 
     installed = {font.name for font in fontManager.ttflist}
-    return [name for name in _FONTS if name in installed]
+    return [*(name for name in _FONTS if name in installed), "sans-serif"]
