@@ -1,0 +1,157 @@
+"""The page that a legend is drawn on: sizes in points, text that is measured and shortened, and the files of it."""
+
+from __future__ import annotations
+
+import io
+import threading
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from z2p_core.coloring.scales import Color
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+POINTS_PER_INCH = 72
+_DESIGN_DPI = 300
+"""Resolution of PNG files, and at which the texts of vector files are measured."""
+_FONTS = (
+    "DejaVu Sans", "Noto Sans CJK SC", "Noto Sans CJK JP", "Source Han Sans SC", "WenQuanYi Micro Hei",
+    "Microsoft YaHei", "Yu Gothic", "Malgun Gothic", "PingFang SC", "Hiragino Sans", "Arial Unicode MS",
+)  # fmt: skip
+"""The first comes with matplotlib; of the others, those that are installed have the characters that it lacks."""
+_SETTINGS = {
+    "svg.fonttype": "none", "svg.hashsalt": "z2p", "pdf.fonttype": 42, "pdf.compression": 6,
+    "pdf.use14corefonts": False, "text.usetex": False, "text.hinting": "force_autohint", "text.antialiased": True,
+    "font.sans-serif": ["DejaVu Sans", "Verdana", "Arial", "Helvetica"], "savefig.bbox": None, "path.effects": [],
+    "path.sketch": None,
+}  # fmt: skip
+"""Settings of matplotlib that hold while a legend is drawn, whatever the user's are."""
+_NO_METADATA: dict[str, dict[str, None]] = {
+    "png": {"Software": None},
+    "svg": dict.fromkeys(("Date", "Creator", "Format", "Type")),
+    "pdf": dict.fromkeys(("CreationDate", "Creator", "Producer")),
+}
+"""Nothing in a file tells when or by which version it was made: the same legend is the same file."""
+_LOCK = threading.RLock()
+"""Settings of matplotlib and filters of warnings hold for a whole process."""
+
+
+@contextmanager
+def drawing_settings() -> Iterator[None]:
+    """Inside, matplotlib draws by z2p's settings and says nothing of characters that no installed font has."""
+    import matplotlib  # late: slow to import
+
+    with _LOCK, matplotlib.rc_context(_SETTINGS), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message=r".*[Gg]lyph")
+        warnings.filterwarnings("ignore", message=r".*Matplotlib currently does not support")
+        yield
+
+
+class LegendPage:
+    """A transparent page whose origin is at its upper left; lengths are points, of 1/72 inch."""
+
+    figure: Figure
+
+    def __init__(self, height: float, ink: Color, dpi: float = _DESIGN_DPI) -> None:
+        """A page of a height, points; `ink` is the color of texts and lines, `dpi` the pixels of an inch of it.
+
+        Its width is open until `finish`.
+        """
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        self.height, self.ink, self.dpi = height, ink, dpi
+        self.figure = Figure(figsize=(1, height / POINTS_PER_INCH), dpi=dpi, facecolor="none", edgecolor="none")
+        FigureCanvasAgg(self.figure)
+        self._families = _installed_fonts()
+        self._artists: list[Any] = []
+        self._widths: dict[tuple[str, float], float] = {}
+
+    def snap(self, length: float) -> float:
+        """The length, points, rounded to whole pixels."""
+        pixel = POINTS_PER_INCH / self.dpi
+        return round(length / pixel) * pixel
+
+    def text_width(self, text: str, size: float) -> float:
+        """The width of a line of text in a font of a size, both in points."""
+        from matplotlib.font_manager import FontProperties
+
+        if (text, size) not in self._widths:
+            font = FontProperties(family=self._families, size=size)
+            renderer = self.figure.canvas.get_renderer()  # type: ignore[attr-defined]
+            pixels = renderer.get_text_width_height_descent(text, font, ismath=False)[0]
+            self._widths[text, size] = float(pixels) * POINTS_PER_INCH / self.dpi
+        return self._widths[text, size]
+
+    def shorten(self, text: str, size: float, most: float) -> str:
+        """The text on one line, with an ellipsis in the place of what goes beyond a width of `most` points."""
+        text = " ".join("".join(character if character.isprintable() else " " for character in text[:400]).split())
+        if self.text_width(text, size) <= most:
+            return text
+        shortest, longest = 0, len(text)
+        while shortest < longest:  # the longest beginning that fits
+            middle = (shortest + longest + 1) // 2
+            if self.text_width(f"{text[:middle].rstrip()}…", size) <= most:
+                shortest = middle
+            else:
+                longest = middle - 1
+        return f"{text[:shortest].rstrip()}…"
+
+    def text(self, x: float, y: float, text: str, size: float, **alignment: Any) -> None:
+        """A line of text at a point; `alignment` holds matplotlib's ``ha``, ``va`` and ``rotation``."""
+        self._artists.append(self.figure.text(x, -y, text, fontsize=size, color=self.ink, family=self._families,
+                                              parse_math=False, **alignment))  # fmt: skip
+
+    def rectangle(self, box: tuple[float, float, float, float], color: Color | None, outline: float = 0) -> None:
+        """A filled rectangle (left, top, width, height); with an `outline` of a width in points it has the ink's."""
+        from matplotlib.patches import Rectangle
+
+        left, top, width, height = box
+        edge = self.ink if outline else "none"
+        shape = Rectangle((left, -top - height), width, height, facecolor=color or "none", edgecolor=edge,
+                          linewidth=outline, joinstyle="miter")  # fmt: skip
+        self._artists.append(self.figure.add_artist(shape))
+
+    def line(self, start: tuple[float, float], end: tuple[float, float], width: float) -> None:
+        """A straight line in the ink's color, of a width in points."""
+        from matplotlib.lines import Line2D
+
+        xs, ys = (start[0], end[0]), (-start[1], -end[1])
+        shape = Line2D(xs, ys, color=self.ink, linewidth=width, solid_capstyle="butt")
+        self._artists.append(self.figure.add_artist(shape))
+
+    def finish(self, width: float) -> None:
+        """Gives the page its width, points, rounded up to whole pixels; nothing is drawn after this."""
+        from matplotlib.transforms import Affine2D
+
+        pixels = [int(np.ceil(width * self.dpi / POINTS_PER_INCH - 1e-6)),
+                  round(self.height * self.dpi / POINTS_PER_INCH)]  # fmt: skip
+        self.figure.set_size_inches(*((pixel + 1e-3) / self.dpi for pixel in pixels))
+        to_inches = Affine2D().scale(1 / POINTS_PER_INCH).translate(0, self.height / POINTS_PER_INCH)
+        for artist in self._artists:
+            artist.set_transform(to_inches + self.figure.dpi_scale_trans)
+
+    def pixels(self) -> np.ndarray:
+        """The page as a picture (H, W, 4) uint8, straight sRGB and alpha."""
+        self.figure.canvas.draw()
+        return np.array(self.figure.canvas.buffer_rgba())  # type: ignore[attr-defined]
+
+    def encode(self, kind: str, background: Color | None) -> bytes:
+        """The page as a file of a kind, ``png``, ``svg`` or ``pdf``; transparent without a background."""
+        stream = io.BytesIO()
+        self.figure.savefig(stream, format=kind, dpi=self.dpi, facecolor=background or "none",
+                            metadata=_NO_METADATA[kind])  # fmt: skip
+        return stream.getvalue()
+
+
+def _installed_fonts() -> list[str]:
+    """Those of `_FONTS` that there are, the first always is; and the generic family, for viewers of SVG."""
+    from matplotlib.font_manager import fontManager
+
+    installed = {font.name for font in fontManager.ttflist}
+    return [*(name for name in _FONTS if name in installed), "sans-serif"]
