@@ -109,7 +109,7 @@ def _write_sheets(pictures: list[Path], folder: Path, grid: tuple[int, int]) -> 
 
 
 def _write_legend(scale: Scale, path: Path) -> list[Path]:
-    from z2p_renderer.pipeline.coloring.legends import write_legend
+    from z2p_renderer.pipeline.legends.draw_legend import write_legend
 
     write_legend(scale, path)
     return [path]

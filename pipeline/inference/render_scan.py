@@ -76,7 +76,7 @@ def render_scan(renderer: AnyRenderer, scan: Scan, suffix: str, look: Look) -> R
     if look.tight:
         picture = trim_to_content(picture, look.margin) if look.crop is None else crop_frame(picture, look.crop)
     if coloring is not None and coloring.scale is not None and look.color_options.color_bar:
-        from z2p_renderer.pipeline.coloring.legends import draw_onto  # late: slow to import
+        from z2p_renderer.pipeline.legends.draw_legend import draw_onto  # late: slow to import
 
         picture = draw_onto(picture, coloring.scale, look.background)
     return RenderedScan(picture, placed.placement, viewpoint, selected.settings(values), selected, reason,

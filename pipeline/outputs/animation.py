@@ -80,7 +80,7 @@ def render_frames(opening: RenderedScan, scan: Scan, suffix: str, look: Look, mo
     if scale is None:
         yield from frames
         return
-    from z2p_renderer.pipeline.coloring.legends import draw_onto  # late: slow to import
+    from z2p_renderer.pipeline.legends.draw_legend import draw_onto  # late: slow to import
 
     yield from (draw_onto(frame, scale, look.background) for frame in frames)
 

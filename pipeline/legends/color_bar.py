@@ -8,8 +8,8 @@ import numpy as np
 
 from z2p_core.coloring.colormaps import colormap_lut
 from z2p_core.coloring.scales import ColorScale
-from z2p_renderer.pipeline.outputs.legend_page import LegendPage
-from z2p_renderer.pipeline.outputs.tick_labels import choose_ticks
+from z2p_renderer.pipeline.legends.legend_page import LegendPage
+from z2p_renderer.pipeline.legends.tick_labels import choose_ticks
 
 _BAR_WIDTH = 1.3
 """Width of the bar; this and the following lengths are in heights of the font."""

@@ -11,9 +11,9 @@ import numpy as np
 from z2p_core.coloring.scales import ClassColors, Color, ColorScale
 from z2p_core.images import bytes_from_unit, composite, linear_from_srgb, unit_from_bytes
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.outputs.class_legend import class_legend_height, draw_class_legend
-from z2p_renderer.pipeline.outputs.color_bar import draw_color_bar
-from z2p_renderer.pipeline.outputs.legend_page import POINTS_PER_INCH, LegendPage, drawing_settings
+from z2p_renderer.pipeline.legends.class_legend import class_legend_height, draw_class_legend
+from z2p_renderer.pipeline.legends.color_bar import draw_color_bar
+from z2p_renderer.pipeline.legends.legend_page import POINTS_PER_INCH, LegendPage, drawing_settings
 from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.files.printable_names import printable
 

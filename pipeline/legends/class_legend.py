@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from z2p_core.coloring.scales import ClassColors, ClassEntry
-from z2p_renderer.pipeline.outputs.legend_page import LegendPage
+from z2p_renderer.pipeline.legends.legend_page import LegendPage
 
 _ROW_PITCH = 1.65
 """Distance of two rows; this and the following lengths are in heights of the font."""
