@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -116,6 +116,15 @@ class LegendPage:
         shape = Rectangle((left, -top - height), width, height, facecolor=color or "none", edgecolor=edge,
                           linewidth=outline, joinstyle="miter")  # fmt: skip
         self._artists.append(self.figure.add_artist(shape))
+
+    def rectangles(self, boxes: Sequence[tuple[float, float, float, float]], colors: np.ndarray) -> None:
+        """Filled rectangles (left, top, width, height) of colors (N, 3), the later ones over the earlier."""
+        from matplotlib.collections import PolyCollection
+
+        corners = [[(left, -top), (left + width, -top), (left + width, -top - height), (left, -top - height)]
+                   for left, top, width, height in boxes]  # fmt: skip
+        shapes = PolyCollection(corners, facecolors=colors, edgecolors="none", linewidths=0)
+        self._artists.append(self.figure.add_artist(shapes))
 
     def line(self, start: tuple[float, float], end: tuple[float, float], width: float) -> None:
         """A straight line in the ink's color, of a width in points."""
