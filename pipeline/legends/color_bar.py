@@ -62,9 +62,7 @@ def _draw_colors(page: LegendPage, scale: ColorScale, box: tuple[float, float, f
     left, top, width, height = box
     lut = colormap_lut(scale.colormap)
     starts = [next(group) for _, group in groupby(range(len(lut)), key=lambda level: tuple(lut[level]))]
-    for start in starts:
-        red, green, blue = (float(channel) for channel in lut[start])
-        page.rectangle((left, top, width, height * (1 - start / len(lut))), (red, green, blue))
+    page.rectangles([(left, top, width, height * (1 - start / len(lut))) for start in starts], lut[starts])
 
 
 def _height_of(value: float, scale: ColorScale, top: float, bottom: float) -> float:

@@ -31,7 +31,7 @@ _FILE_BAR_POINTS = 160.0
 """Height of a color bar in a file."""
 _FILE_MOST_ROWS = 24
 """Rows of classes in a file, before there are more columns."""
-_FILE_MOST_COLUMNS = 40
+_FILE_MOST_COLUMNS = 16
 """Columns of classes in a file; classes beyond are counted, not shown."""
 _FILE_MARGIN_POINTS = 6.0
 """Empty space around the legend in a file."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +37,8 @@ _NO_METADATA: dict[str, dict[str, None]] = {
     "pdf": dict.fromkeys(("CreationDate", "Creator", "Producer")),
 }
 """Nothing in a file tells when or by which version it was made: the same legend is the same file."""
+_SLACK = 1e-3
+"""Part of a pixel by which pages are larger, as matplotlib cuts off what is left of a pixel."""
 _LOCK = threading.RLock()
 """Settings of matplotlib and filters of warnings hold for a whole process."""
 
@@ -70,12 +72,12 @@ class LegendPage:
         FigureCanvasAgg(self.figure)
         self._families = _installed_fonts()
         self._artists: list[Any] = []
+        self._pixel = POINTS_PER_INCH / dpi
         self._widths: dict[tuple[str, float], float] = {}
 
     def snap(self, length: float) -> float:
         """The length, points, rounded to whole pixels."""
-        pixel = POINTS_PER_INCH / self.dpi
-        return round(length / pixel) * pixel
+        return round(length / self._pixel) * self._pixel
 
     def text_width(self, text: str, size: float) -> float:
         """The width of a line of text in a font of a size, both in points."""
@@ -85,7 +87,7 @@ class LegendPage:
             font = FontProperties(family=self._families, size=size)
             renderer = self.figure.canvas.get_renderer()  # type: ignore[attr-defined]
             pixels = renderer.get_text_width_height_descent(text, font, ismath=False)[0]
-            self._widths[text, size] = float(pixels) * POINTS_PER_INCH / self.dpi
+            self._widths[text, size] = float(pixels) * self._pixel
         return self._widths[text, size]
 
     def shorten(self, text: str, size: float, most: float) -> str:
@@ -117,6 +119,15 @@ class LegendPage:
                           linewidth=outline, joinstyle="miter")  # fmt: skip
         self._artists.append(self.figure.add_artist(shape))
 
+    def rectangles(self, boxes: Sequence[tuple[float, float, float, float]], colors: np.ndarray) -> None:
+        """Filled rectangles (left, top, width, height) of colors (N, 3), the later ones over the earlier."""
+        from matplotlib.collections import PolyCollection
+
+        corners = [[(left, -top), (left + width, -top), (left + width, -top - height), (left, -top - height)]
+                   for left, top, width, height in boxes]  # fmt: skip
+        shapes = PolyCollection(corners, facecolors=colors, edgecolors="none", linewidths=0)
+        self._artists.append(self.figure.add_artist(shapes))
+
     def line(self, start: tuple[float, float], end: tuple[float, float], width: float) -> None:
         """A straight line in the ink's color, of a width in points."""
         from matplotlib.lines import Line2D
@@ -129,9 +140,8 @@ class LegendPage:
         """Gives the page its width, points, rounded up to whole pixels; nothing is drawn after this."""
         from matplotlib.transforms import Affine2D
 
-        pixels = [int(np.ceil(width * self.dpi / POINTS_PER_INCH - 1e-6)),
-                  round(self.height * self.dpi / POINTS_PER_INCH)]  # fmt: skip
-        self.figure.set_size_inches(*((pixel + 1e-3) / self.dpi for pixel in pixels))
+        columns, rows = np.ceil(width / self._pixel - 1e-6), round(self.height / self._pixel)
+        self.figure.set_size_inches((columns + _SLACK) / self.dpi, (rows + _SLACK) / self.dpi)
         to_inches = Affine2D().scale(1 / POINTS_PER_INCH).translate(0, self.height / POINTS_PER_INCH)
         for artist in self._artists:
             artist.set_transform(to_inches + self.figure.dpi_scale_trans)

@@ -11,7 +11,7 @@ from z2p_core.errors.did_you_mean import closest_name
 from z2p_core.interfaces import SettingError
 
 if TYPE_CHECKING:
-    from cmap import Catalog
+    from cmap._catalog import Catalog
 
 LUT_LEVELS = 256
 """Colors in a colormap's table."""

@@ -53,10 +53,11 @@ class ColorScale:
 
     def _levels(self, values: np.ndarray) -> np.ndarray:
         """Indices (N,) of finite values into the colormap's table."""
-        if self.low == self.high:
+        half_span = self.high / 2 - self.low / 2  # halves, as the difference of two large numbers may be infinite
+        if half_span == 0:
             shares = 0.5 + 0.5 * np.sign(values - self.low)
-        else:  # halves, as the difference of two large numbers may be infinite
-            shares = (np.clip(values, self.low, self.high) / 2 - self.low / 2) / (self.high / 2 - self.low / 2)
+        else:
+            shares = (np.clip(values, self.low, self.high) / 2 - self.low / 2) / half_span
         return np.minimum((shares * LUT_LEVELS).astype(np.intp), LUT_LEVELS - 1)
 
 
