@@ -185,12 +185,13 @@ def _attribute_columns(source: Any) -> list[Column]:
     """Public attributes of any other object, as of torch_geometric's graphs; colors of trimesh's paths are of lines."""
     if hasattr(source, "entities"):
         return []
-    to_dict = getattr(source, "to_dict", None)
-    attributes = dict(to_dict() if callable(to_dict) else getattr(source, "__dict__", {}))
+    points = find_point_attribute(source)
+    attributes = dict(getattr(source, "__dict__", {}))
+    if points not in attributes and callable(getattr(source, "to_dict", None)):  # torch_geometric
+        attributes = dict(source.to_dict())
     for name in USUAL_ATTRIBUTES:
         if name not in attributes and not callable(getattr(source, name, None)):
             attributes[name] = getattr(source, name, None)
-    points = find_point_attribute(source)
     return _columns((name, value) for name, value in attributes.items()
                     if name != points and not str(name).startswith("_"))  # fmt: skip
 
