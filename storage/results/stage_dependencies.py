@@ -138,6 +138,7 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
     "scans": (
         "workflows.report.stages:Scans", "pipeline.outputs.point_preview", f"{_PAPER}.real_scans", f"{_PAPER}.measure",
         "z2p_core.quality.metrics", "z2p_core.api.point_arrays", "z2p_core.api.point_cloud_objects",
+        "z2p_core.api.object_fields", "z2p_core.api.object_columns", "z2p_core.images",
         "z2p_core.rotations", "storage.files.bounded_json", "storage.files.printable_names",
         *modules_in("pipeline.placement"), *modules_in("z2p_core.placement"), *modules_in("z2p_core.up_axis"),
         *modules_in("z2p_core.formats"), *modules_in("z2p_core.formats.arrays"), *modules_in("z2p_core.formats.tables"),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from z2p_core.api.point_cloud_objects import find_point_attribute, find_point_keys
+from z2p_core.api.point_cloud_objects import find_point_attribute, find_point_keys, is_las, is_tensor
 from z2p_core.images import srgb_from_linear
 
 MAX_UINT8 = 255.0
@@ -36,7 +36,7 @@ def object_columns(source: Any) -> list[Column]:
     """The columns of a cloud object; none for an array of plain numbers, or a tensor."""
     if isinstance(source, Mapping):
         return _mapping_columns(source)
-    if hasattr(source, "detach"):  # torch
+    if is_tensor(source):
         return []
     for holder, points in (("point", "positions"), ("vertex", "positions")):  # open3d's tensor clouds and meshes
         if hasattr(getattr(source, holder, None), points):
@@ -47,7 +47,7 @@ def object_columns(source: Any) -> list[Column]:
         return _table_columns(source)
     if isinstance(source, np.ndarray):
         return _record_columns(source)
-    if hasattr(source, "point_format"):  # laspy
+    if is_las(source):
         return _las_columns(source)
     if hasattr(source, "visual"):  # trimesh
         return _trimesh_columns(source)
@@ -64,8 +64,10 @@ def has_named_columns(source: Any) -> bool:
     return is_table and all(isinstance(name, str) for name in source.columns)
 
 
-def batch_members(source: Any) -> list[dict[str, Any]] | None:
-    """The clouds of a batch object of pytorch3d, as dicts; None for any other object."""
+def batch_members(source: Any) -> list[Any] | None:
+    """The clouds of a batch object of torch_geometric, or as dicts of pytorch3d; None for any other object."""
+    if callable(getattr(source, "to_data_list", None)):
+        return list(source.to_data_list())
     if not callable(getattr(source, "points_list", None)):
         return None
     clouds = source.points_list()
@@ -93,11 +95,11 @@ def make_column(name: object, value: Any, color_scale: float | None = None) -> C
 
 def to_numpy(value: Any) -> np.ndarray:
     """The array of a tensor on any device, a series of a data frame, a masked array, or what numpy converts."""
-    if hasattr(value, "detach"):  # torch; numpy knows no bfloat16
+    if is_tensor(value):  # numpy knows no bfloat16
         value = value.detach().cpu()
         return np.asarray((value.float() if "bfloat16" in str(value.dtype) else value).numpy())
     if isinstance(value, np.ma.MaskedArray) and value.dtype.kind in "fiub":
-        return np.asarray(value.astype(np.float64).filled(np.nan) if np.ma.is_masked(value) else value.data)
+        return np.asarray(np.ma.filled(value.astype(np.float64), np.nan) if np.ma.is_masked(value) else value.data)
     if not isinstance(value, np.ndarray) and hasattr(value, "cpu"):  # open3d
         value = value.cpu().numpy()
     return np.asarray(value)
@@ -175,18 +177,21 @@ def _open3d_columns(cloud: Any) -> list[Column]:
     if hasattr(cloud, "lines"):
         return []
     prefix = "vertex_" if hasattr(cloud, "vertices") else ""
-    has = {name: getattr(cloud, f"has_{prefix}{name}", bool)() for name in ("colors", "normals")}
-    return _columns((name, np.asarray(getattr(cloud, prefix + name))) for name in has if has[name])
+    arrays = {name: np.asarray(getattr(cloud, prefix + name, ())) for name in ("colors", "normals")}
+    return _columns((name, values) for name, values in arrays.items() if values.size)
 
 
 def _attribute_columns(source: Any) -> list[Column]:
-    """Public attributes of any other object, as of torch_geometric's graphs."""
-    to_dict = getattr(source, "to_dict", None)
-    attributes = dict(to_dict() if callable(to_dict) else getattr(source, "__dict__", {}))
+    """Public attributes of any other object, as of torch_geometric's graphs; colors of trimesh's paths are of lines."""
+    if hasattr(source, "entities"):
+        return []
+    points = find_point_attribute(source)
+    attributes = dict(getattr(source, "__dict__", {}))
+    if points not in attributes and callable(getattr(source, "to_dict", None)):  # torch_geometric
+        attributes = dict(source.to_dict())
     for name in USUAL_ATTRIBUTES:
         if name not in attributes and not callable(getattr(source, name, None)):
             attributes[name] = getattr(source, name, None)
-    points = find_point_attribute(source)
     return _columns((name, value) for name, value in attributes.items()
                     if name != points and not str(name).startswith("_"))  # fmt: skip
 
@@ -206,11 +211,24 @@ def _trimesh_columns(mesh: Any) -> list[Column]:
     columns = [] if colors is None else [_color_column(colors)]
     attributes = {**getattr(mesh.visual, "vertex_attributes", {}), **getattr(mesh, "vertex_attributes", {})}
     attributes.pop("uv", None)
-    metadata = {name: value for name, value in mesh.metadata.items() if np.shape(value)[:1] == (count,)}
-    columns += _columns({**file, **metadata, **attributes}.items())
+    metadata = [column for column in _columns(mesh.metadata.items()) if column.shape[:1] == (count,)]
+    columns += [*_columns({**attributes, **file}.items()), *metadata]
     if len(getattr(mesh, "faces", ())) and not {"nx", "normal", "normals"} & {column.name for column in columns}:
-        columns.append(Column("normal", (count, 3), lambda: np.asarray(mesh.vertex_normals), "f"))
+        columns.append(Column("normal", (count, 3), lambda: _mesh_normals(mesh), "f"))
     return columns
+
+
+def _mesh_normals(mesh: Any) -> np.ndarray:
+    """Normals (N, 3) of trimesh's vertices: the mesh's own, or the area-weighted sums of its faces' (not of length 1).
+
+    trimesh complains aloud where it computes them without scipy.
+    """
+    if "vertex_normals" in getattr(mesh, "_cache", ()):
+        return np.asarray(mesh.vertex_normals)
+    faces = np.asarray(mesh.faces)
+    corners = np.asarray(mesh.vertices)[faces]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.column_stack([np.bincount(faces.reshape(-1), np.repeat(axis, 3), len(mesh.vertices)) for axis in areas.T])
 
 
 def _color_column(colors: np.ndarray) -> Column:

@@ -67,20 +67,20 @@ class ObjectFields:
     class_names: Mapping[str, Mapping[int, str]] = field(default_factory=dict)
     color_kind: str = ""
     left_out: Mapping[str, str] = field(default_factory=dict)
-    """Of each name that is no field of the points, why: ``{"faces": "its shape is (12, 3), for 8 points"}``."""
+    """Of each name that is no field of the points, why: ``{"faces": "has shape (12, 3), for 8 points"}``."""
     notes: tuple[str, ...] = ()
     """What to tell the user: colors that were left out, and why."""
 
 
-def object_fields(source: Any, leading: tuple[int, ...]) -> ObjectFields:
-    """The fields of an object whose points have shape (*leading, 3).
+def object_fields(source: Any, leading: tuple[int, ...], is_batch: bool = False) -> ObjectFields:
+    """The fields of an object whose points have shape (*leading, 3), (B, N, 3) for a batch.
 
-    Colors are converted at once, all else when it is asked for.
+    Colors are converted at once, all else when it is asked for. The clouds of a batch may share a field (N,).
     """
     try:
         if is_scene(source):
             return _scene_fields(source)
-        return _fields_of_columns(object_columns(source), leading)
+        return _fields_of_columns(object_columns(source), leading, is_batch)
     except Exception as error:  # objects of other libraries may raise anything
         note = f"the points' colours and other fields were left out: they cannot be read ({error_reason(error)})"
         return ObjectFields(notes=(note,))
@@ -99,10 +99,10 @@ def _load_rows(values: Mapping[str, np.ndarray], name: str, start: int, end: int
     return values[name][start:end]
 
 
-def _fields_of_columns(columns: Sequence[Column], leading: tuple[int, ...]) -> ObjectFields:
+def _fields_of_columns(columns: Sequence[Column], leading: tuple[int, ...], is_batch: bool = False) -> ObjectFields:
     """Sorts an object's columns into color, normal, and all others."""
     left_out: dict[str, str] = {}
-    flat = [_flatten(column, leading, left_out) for column in _without_duplicates(columns)]
+    flat = [_flatten(column, leading, is_batch, left_out) for column in _without_duplicates(columns)]
     fitting = [column for column in flat if column is not None]
     is_las = any(column.name.lower().replace("_", "") in LAS_NAMES for column in fitting)
     srgb, kind, color_names, failures = _find_color(fitting, is_las)
@@ -119,7 +119,7 @@ def _fields_of_columns(columns: Sequence[Column], leading: tuple[int, ...]) -> O
         if is_las and column.name.lower() == "classification":
             class_names[column.name] = lambda: LAS_CLASS_NAMES
     if srgb is None:
-        failures += [f"{name}: {reason}" for name, reason in left_out.items() if is_color_vector(name)]
+        failures += [f"{name} {reason}" for name, reason in left_out.items() if is_color_vector(name)]
     notes = tuple(f"the points' colours were left out: {failure}" for failure in failures if srgb is None)
     return ObjectFields(LazyMapping(makers), LazyMapping(class_names), kind, left_out, notes)
 
@@ -129,20 +129,17 @@ def _without_duplicates(columns: Sequence[Column]) -> list[Column]:
     return list({column.name: column for column in reversed(columns)}.values())[::-1]
 
 
-def _flatten(column: Column, leading: tuple[int, ...], left_out: dict[str, str]) -> Column | None:
-    """The column with one row for each point of all clouds, without axes of length 1; None if it does not fit.
-
-    In a batch it may have the rows of one cloud, which all share.
-    """
+def _flatten(
+    column: Column, leading: tuple[int, ...], is_batch: bool, left_out: dict[str, str]
+) -> Column | None:  # fmt: skip
+    """The column with one row for each point of all clouds, without axes of length 1; None if it does not fit."""
     count, shape = int(np.prod(leading)), column.shape
-    shared = shape[:1] == leading[1:] and shape[: len(leading)] != leading
-    used = next((axes for axes in (leading, (count,), leading[1:] if shared else None)
-                 if axes and shape[: len(axes)] == axes), None)  # fmt: skip
+    layouts = [leading, (count,), *([leading[1:]] if is_batch else [])]
+    used = next((axes for axes in layouts if shape[: len(axes)] == axes), None)
     if used is None or not column.kind:
-        if shape and used is None:
-            left_out[column.name] = f"its shape is {shape}, for {' x '.join(map(str, leading))} points"
-        elif shape:
-            left_out[column.name] = "it holds no numbers"
+        if shape:
+            points = " x ".join(map(str, leading))
+            left_out[column.name] = f"has shape {shape}, for {points} points" if used is None else "holds no numbers"
         return None
     rest = tuple(side for side in shape[len(used) :] if side != 1)
 
@@ -227,7 +224,7 @@ def _add_scalars(
     """Adds the scalars of one column: itself, the codes of its words, or each channel as ``NAME_0``, ``NAME_1``, ..."""
     rest = column.shape[1:]
     if column.name in RESERVED_NAMES or len(rest) > 1 or (rest and (rest[0] > MAX_CHANNELS or column.kind == "O")):
-        left_out[column.name] = f"its shape is {column.shape}"
+        left_out[column.name] = f"has shape {column.shape}"
     elif rest:
         for channel in range(rest[0]):
             makers.setdefault(f"{column.name}_{channel}", partial(_load_channel, column, channel))

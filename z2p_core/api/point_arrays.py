@@ -82,9 +82,10 @@ def point_arrays(points: Any) -> PointArrays:
     refuse_other_arrays(array)
     batch = as_batch(array)
     clouds = [np.array(cloud[:, :3], dtype=np.float64) for cloud in batch]
-    found = object_fields(points, shape[:-1])
+    is_batch = array.ndim == 3 and batch is array
+    found = object_fields(points, shape[:-1], is_batch)
     unused = 0 if has_named_columns(points) else shape[-1] - 3
-    return PointArrays(clouds, array.ndim == 3 and batch is array, unused,
+    return PointArrays(clouds, is_batch, unused,
                        tuple(split_fields(found, [len(cloud) for cloud in clouds])), (found.class_names,) * len(clouds),
                        (found.color_kind,) * len(clouds), found.left_out, found.notes)  # fmt: skip
 

@@ -29,7 +29,7 @@ def is_cloud_object(source: Any) -> bool:
     """Whether an object other than an array holds one cloud."""
     if hasattr(source, "shape"):
         return False
-    return isinstance(source, Mapping) or is_scene(source) or any(
+    return isinstance(source, Mapping) or is_scene(source) or is_las(source) or any(
         hasattr(source, attribute) for attribute in (*ATTRIBUTES, "point", "vertex", "pc_data"))  # fmt: skip
 
 
@@ -41,7 +41,7 @@ def extract_array(source: Any) -> np.ndarray:
     """
     if isinstance(source, Mapping):
         return _array_from_mapping(source)
-    if hasattr(source, "detach"):  # torch; through float64, as numpy knows no bfloat16
+    if is_tensor(source):
         return _array_from_tensor(source)
     for holder in ("point", "vertex"):  # open3d's tensor clouds and meshes
         if hasattr(getattr(source, holder, None), "positions"):
@@ -50,6 +50,8 @@ def extract_array(source: Any) -> np.ndarray:
         return np.asarray(source.pc_data)
     if is_scene(source):
         return _scene_vertices(source)
+    if is_las(source):
+        return _stack_axes(np.asarray(getattr(source, axis)) for axis in "xyz")
     if hasattr(source, "columns") and hasattr(source, "to_numpy"):  # pandas and polars
         return _array_from_table(source)
     if isinstance(source, np.ma.MaskedArray) and source.dtype.kind in NUMERIC_KINDS:
@@ -58,7 +60,7 @@ def extract_array(source: Any) -> np.ndarray:
         attribute = find_point_attribute(source)
         if attribute is not None:
             value = getattr(source, attribute)
-            return _array_from_tensor(value) if hasattr(value, "detach") else np.asarray(value)
+            return _array_from_tensor(value) if is_tensor(value) else np.asarray(value)
     return np.asarray(source)
 
 
@@ -100,6 +102,7 @@ def _array_from_mapping(mapping: Mapping[Any, Any]) -> np.ndarray:
 
 
 def _array_from_tensor(tensor: Any) -> np.ndarray:
+    """Through float64, as numpy knows no bfloat16."""
     kind = str(tensor.dtype)
     if "complex" in kind or "bool" in kind:
         raise ScanError(f"expected points as numbers, got dtype {kind}")
@@ -149,6 +152,16 @@ def _check_numeric(column: np.ndarray) -> np.ndarray:
 def is_scene(source: Any) -> bool:
     """Whether an object is a scene of trimesh, whose graph places its geometry."""
     return hasattr(source, "geometry") and hasattr(getattr(source, "graph", None), "nodes_geometry")
+
+
+def is_tensor(source: Any) -> bool:
+    """Whether an object is a tensor of torch; torch_geometric's graphs can be detached, too."""
+    return hasattr(source, "detach") and hasattr(source, "dtype")
+
+
+def is_las(source: Any) -> bool:
+    """Whether an object is laspy's cloud, or a record of points, of which it consists."""
+    return hasattr(source, "point_format") and all(hasattr(source, axis) for axis in "xyz")
 
 
 def scene_nodes(scene: Any) -> Iterator[tuple[Any, np.ndarray]]:

@@ -67,7 +67,7 @@ def srgb_from_sh(dc: np.ndarray) -> np.ndarray:
 def _are_4_byte_integers(values: np.ndarray) -> bool:
     """Whether all finite floats (N,) are whole numbers of 4 bytes, with a sign or without."""
     finite = values[np.isfinite(values)]
-    return bool(((finite == np.floor(finite)) & (finite >= -(2**31)) & (finite < 2**32)).all())
+    return finite.size > 0 and bool(((finite == np.floor(finite)) & (finite >= -(2**31)) & (finite < 2**32)).all())
 
 
 def _finite_rows(values: np.ndarray) -> np.ndarray | EllipsisType | None:

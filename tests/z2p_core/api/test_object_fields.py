@@ -65,6 +65,9 @@ def test_fields_of_an_open3d_cloud() -> None:
     fields = fields_of(cloud)
     assert_colors(fields)
     np.testing.assert_array_equal(fields["normal"], NORMALS)
+    cloud.colors = open3d.utility.Vector3dVector(COLORS[:9])
+    given = point_arrays(cloud)
+    assert not given.coloured and "(9, 3), for 50 points" in given.notes[0]
 
 
 def test_fields_of_an_open3d_tensor_cloud() -> None:
@@ -100,7 +103,8 @@ def test_colors_of_an_open3d_line_set_are_of_lines() -> None:
 
 
 def test_fields_of_a_trimesh_cloud() -> None:
-    cloud = trimesh.PointCloud(CLOUD, metadata={"intensity": SCALARS, "name": "x", "other": [1, 2]})
+    metadata = {"intensity": SCALARS, "name": "x", "other": [1, 2], "ragged": [[1, 2], [3]]}
+    cloud = trimesh.PointCloud(CLOUD, metadata=metadata)
     fields = fields_of(cloud)
     assert list(fields) == ["intensity"]
     np.testing.assert_array_equal(fields["intensity"], SCALARS)
@@ -117,7 +121,9 @@ def test_fields_of_a_trimesh_mesh() -> None:
     fields = fields_of(mesh)
     assert_colors(fields)
     np.testing.assert_array_equal(fields["quality"], SCALARS)
-    np.testing.assert_allclose(fields["normal"], mesh.vertex_normals, atol=1e-6)
+    assert (mesh.face_normals[0] @ fields["normal"][0]) > 0.999 * np.linalg.norm(fields["normal"][0]) > 0
+    mesh.vertex_normals = NORMALS / np.linalg.norm(NORMALS, axis=1, keepdims=True)
+    np.testing.assert_allclose(fields_of(mesh)["normal"], mesh.vertex_normals, atol=1e-6)
 
 
 def colors_of(source: Any) -> np.ndarray:
@@ -191,7 +197,8 @@ def test_fields_of_a_scene_follow_its_vertices() -> None:
     fields = only_fields(given)
     vertices = given.clouds[0]
     assert_colors(fields, np.concatenate([COLORS, np.full((len(mesh.vertices), 3), np.nan)]))
-    np.testing.assert_allclose(fields["normal"][COUNT:], vertices[COUNT:], atol=0.05)
+    normals = fields["normal"][COUNT:] / np.linalg.norm(fields["normal"][COUNT:], axis=1, keepdims=True)
+    np.testing.assert_allclose(normals, vertices[COUNT:], atol=0.05)
 
 
 @pytest.mark.parametrize("version", [3, 7])
@@ -208,6 +215,15 @@ def test_fields_of_a_laspy_cloud(version: int, factor: int) -> None:
     assert {"return_number", "gps_time", "user_data"} <= fields.keys()
     assert not {"X", "x", "red", "green"} & fields.keys()
     assert given.class_names[0]["classification"][2] == "ground"
+
+
+def test_fields_of_laspys_records() -> None:
+    las = las_cloud(BYTES.astype(np.uint16))
+    for source, count in ((las[:20], 20), (las.points, COUNT), (las.points[:20], 20)):
+        given = point_arrays(source)
+        np.testing.assert_allclose(given.clouds[0], CLOUD[:count], atol=1e-4)
+        assert_colors(only_fields(given), COLORS[:count])
+    assert point_arrays([las.points, las]).batched
 
 
 def test_a_laspy_cloud_of_zeros_has_no_colors() -> None:
@@ -326,6 +342,17 @@ def test_fields_of_a_dict_of_a_batch() -> None:
     assert "category" in given.left_out
 
 
+def test_fields_of_a_point_map() -> None:
+    row, column = np.mgrid[:30, :40] / 40.0
+    depth = 2 + 0.3 * np.sin(9 * row)
+    colors = RNG.random((30, 40, 3))
+    given = point_arrays({"points": np.stack([(column - 0.5) * depth, (row - 0.5) * depth, depth], -1), "rgb": colors,
+                          "confidence": colors[..., 0], "columns": np.arange(40)})  # fmt: skip
+    assert not given.batched and "columns" in given.left_out
+    assert_colors(only_fields(given), colors.reshape(-1, 3))
+    np.testing.assert_array_equal(given.fields[0]["confidence"], colors[..., 0].reshape(-1))
+
+
 def test_fields_of_graphs() -> None:
     graph = SimpleNamespace(pos=torch.from_numpy(CLOUD), x=torch.from_numpy(NORMALS[:, :2]), y=torch.from_numpy(LABELS),
                             color=torch.from_numpy(BYTES), edge_index=torch.zeros((2, 99)), name="x")  # fmt: skip
@@ -334,6 +361,17 @@ def test_fields_of_graphs() -> None:
     np.testing.assert_array_equal(fields["y"], LABELS)
     np.testing.assert_array_equal(fields["x_1"], NORMALS[:, 1])
     assert fields.keys() == {"rgb", "x_0", "x_1", "y"}
+
+
+def test_graphs_of_torch_geometric_and_their_batches() -> None:
+    data = pytest.importorskip("torch_geometric.data")
+    graphs = [data.Data(pos=torch.from_numpy(CLOUD), color=torch.from_numpy(BYTES), y=torch.from_numpy(LABELS) + add,
+                        edge_index=torch.zeros((2, 9), dtype=torch.long)) for add in (0, 1)]  # fmt: skip
+    assert_colors(fields_of(graphs[0]))
+    for batch in (graphs, data.Batch.from_data_list(graphs)):
+        given = point_arrays(batch)
+        assert given.batched and given.fields[1].keys() == {"rgb", "y"}
+        np.testing.assert_array_equal(given.fields[1]["y"], LABELS + 1)
 
 
 def test_a_batch_of_pytorch3d_is_read() -> None:
@@ -355,12 +393,12 @@ def test_a_batch_of_pytorch3d_is_read() -> None:
 def test_some_clouds_of_a_list_have_colors() -> None:
     given = point_arrays([CLOUD, trimesh.PointCloud(CLOUD, colors=BYTES), {"points": CLOUD, "colors": COLORS[:9]}])
     assert [list(fields) for fields in given.fields] == [[], ["rgb"], []]
-    assert given.notes == ("cloud [2]: the points' colours were left out: colors: its shape is (9, 3), for 50 points",)
+    assert given.notes == ("cloud [2]: the points' colours were left out: colors has shape (9, 3), for 50 points",)
 
 
 @pytest.mark.parametrize(
     ("colors", "message"),
-    [(COLORS[:9], r"colors: its shape is \(9, 3\), for 50 points"), (COLORS - 0.5, "0 to 1, 255 or 65535, got -0"),
+    [(COLORS[:9], r"colors has shape \(9, 3\), for 50 points"), (COLORS - 0.5, "0 to 1, 255 or 65535, got -0"),
      (np.full((COUNT, 3), np.nan), "no row is finite"), (COLORS * 1e6, "255 or 65535, got")],
 )  # fmt: skip
 def test_colors_that_are_none_are_told(colors: np.ndarray, message: str) -> None:
