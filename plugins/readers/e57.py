@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import struct
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,8 @@ import numpy as np
 from z2p_core.errors.install_advice import install_advice
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
+from z2p_renderer.plugins.readers._helpers.point_fields import BLACK_NOTE, UNUSABLE_NOTE, FieldPlan, plan_fields
 
 _HEADER_BYTES, _CHECKSUM_BYTES, _MAX_DESCRIPTION_BYTES = 48, 4, 1 << 26
 """Size of the header and of the checksum of a page, and the largest description that is read."""
@@ -21,10 +22,10 @@ _POINT_COUNT = re.compile(rb'<points\b[^>]*\brecordCount="(\d{1,15})"')
 
 
 class E57(Reader):
-    """ASTM E2807 (pye57, an extra); colours and intensities are left out."""
+    """ASTM E2807 (pye57, an extra)."""
 
     name = "e57"
-    version = "2"
+    version = "3"
     takes_columns = False
     packages = ("pye57",)
     suffixes = (".e57",)
@@ -48,16 +49,58 @@ class E57(Reader):
             ScanError: no E57 file, a damaged one, one without points, or pye57 is not installed.
         """
         file = _open(path)
+        scans = import_lazily("z2p_renderer.plugins.readers._helpers.e57_scans")
         try:
-            coloured = any("colorRed" in file.get_header(index).point_fields for index in range(file.scan_count))
-            parts = [file.read_scan(index, ignore_missing_fields=True) for index in range(file.scan_count)]
+            names = scans.attribute_names(file)
+            plan = plan_fields([name.removeprefix("nor:") for name in names], self.wants)
+            wanted = [names[column] for column in plan.columns]
+            parts = [_Part(*scans.read_scan(file, index, wanted)) for index in range(file.scan_count)]
+            if "rgb" in plan.needed:
+                for index, part in enumerate(parts):
+                    if set(scans.COLORS) <= part.values.keys():
+                        part.colors, part.color_kind = scans.scan_colors(file, index, part.values)
         except Exception as error:  # the library raises errors of any type on damaged files
             raise _unreadable_error(error) from error
         finally:
             file.close()
-        axes = ("cartesianX", "cartesianY", "cartesianZ")
-        clouds = [np.column_stack([part[axis] for axis in axes]).astype(np.float64) for part in parts]
-        return [RawCloud(np.concatenate([np.empty((0, 3)), *clouds]), note=IGNORED_NOTE if coloured else "")]
+        cloud = _joined(parts, plan, names)
+        return [replace(cloud, units={name: unit for name, unit in scans.UNITS.items() if name in cloud.field_names})]
+
+
+@dataclass
+class _Part:
+    """The points of one scan, and what it has of each."""
+
+    points: np.ndarray
+    values: dict[str, np.ndarray]
+    colors: np.ndarray | None = None
+    color_kind: str = ""
+
+
+def _joined(parts: list[_Part], plan: FieldPlan, names: list[str]) -> RawCloud:
+    """One cloud of all scans; NaN where a scan does not have what another has."""
+    cloud = RawCloud(np.concatenate([np.empty((0, 3)), *(part.points for part in parts)]))
+    others = {names[column] for name in plan.needed if name != "rgb" for column in plan.columns_of[name]}
+    columns = {names.index(name): np.concatenate([np.empty(0), *(_column(part, name) for part in parts)])
+               if len(parts) != 1 else _column(parts[0], name) for name in others}  # fmt: skip
+    scalars = replace(plan, needed=tuple(name for name in plan.needed if name != "rgb"))
+    cloud = scalars.fill(cloud, columns)
+    if "rgb" not in plan.needed:
+        return cloud
+    colors = np.concatenate([np.empty((0, 3), np.float32), *(_colors(part) for part in parts)])
+    if len(colors) and np.nan_to_num(colors).any():
+        kinds = dict.fromkeys(part.color_kind for part in parts if part.color_kind)
+        return replace(cloud, fields={"rgb": colors, **cloud.fields}, color_kind=", ".join(kinds))
+    note = "" if not len(colors) else BLACK_NOTE if np.isfinite(colors).any() else UNUSABLE_NOTE
+    return replace(cloud, field_names=tuple(name for name in cloud.field_names if name != "rgb"), note=note)
+
+
+def _column(part: _Part, name: str) -> np.ndarray:
+    return part.values[name] if name in part.values else np.full(len(part.points), np.nan)
+
+
+def _colors(part: _Part) -> np.ndarray:
+    return np.full(part.points.shape, np.nan, np.float32) if part.colors is None else part.colors
 
 
 def _open(path: Path) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from z2p_core.errors.install_advice import install_advice
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.array_clouds import (
+    NO_FIELD_KEYS,
     POINT_KEYS,
     check_fields,
     check_shape,
@@ -20,9 +21,12 @@ from z2p_renderer.plugins.readers._helpers.array_clouds import (
     exceeds_size_limit,
     is_points,
     plain_numbers,
+    record_fields,
     stack_axes,
 )
+from z2p_renderer.plugins.readers._helpers.array_fields import SideArrays, joined, with_array_fields
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants
 
 _MAX_OBJECTS, _MAX_GROUP_DEPTH = 1000, 4
 """How many data sets and groups are visited, and how deep groups may be nested."""
@@ -34,7 +38,7 @@ class H5(Reader):
     """HDF5 (h5py, an extra): ModelNet40, ScanObjectNN, ShapeNet, PCN, MVP and the like, a batch or a cloud."""
 
     name = "h5"
-    version = "2"
+    version = "3"
     takes_columns = False
     packages = ("h5py",)
     suffixes = (".h5", ".hdf5")
@@ -49,7 +53,7 @@ class H5(Reader):
         Raises:
             ScanError: no HDF5 file, a damaged one, one without points under a known name, or h5py is not installed.
         """
-        return _with_file(path, _read_clouds)
+        return _with_file(path, lambda file: _read_clouds(file, self.wants))
 
 
 def _with_file(path: Path, read: Callable[[Any], Any]) -> Any:
@@ -67,18 +71,39 @@ def _with_file(path: Path, read: Callable[[Any], Any]) -> Any:
         raise ScanError(f"the HDF5 file cannot be read ({error_reason(error)}); save it again") from error
 
 
-def _read_clouds(file: Any) -> list[RawCloud | np.ndarray]:
+def _read_clouds(file: Any, wants: Wants) -> list[RawCloud | np.ndarray]:
     clouds: list[RawCloud | np.ndarray] = []
     for dataset, key, others in _choose_datasets(file):
         _check_size(dataset)
         check_fields(dataset.dtype)
         name_note = f"of {dataset.name.lstrip('/')}, not of {', '.join(others)}" if others else ""
+        array = dataset[()]
+        side = joined(record_fields(array), _side_arrays(file, dataset.name.strip("/").rpartition("/")[0], {key}))
         clouds += [replace(cloud, note="; ".join(filter(None, (name_note, cloud.note))))
-                   for cloud in clouds_from_array(plain_numbers(dataset[()]), key)]  # fmt: skip
-    return clouds or _cloud_from_axes(file)
+                   for cloud in clouds_from_array(plain_numbers(array), key, wants, side)]  # fmt: skip
+    return clouds or _cloud_from_axes(file, wants)
 
 
-def _cloud_from_axes(file: Any) -> list[RawCloud | np.ndarray]:
+def _side_arrays(file: Any, group: str, others: Collection[str]) -> SideArrays:
+    """The data sets of numbers in a group, but those of the names `others`, lower-case."""
+    datasets: dict[str, Any] = {}
+    for name, dataset in _list_datasets(file):
+        place, _, key = name.rpartition("/")
+        is_usable = place == group and key.lower() not in {*others, *NO_FIELD_KEYS} and dataset.dtype.kind in "fiub"
+        if is_usable and dataset.shape and _is_loadable(dataset):
+            datasets[key] = dataset
+    return SideArrays({key: dataset.shape for key, dataset in datasets.items()}, lambda key: datasets[key][()])
+
+
+def _is_loadable(dataset: Any) -> bool:
+    try:
+        _check_size(dataset)
+    except ScanError:
+        return False
+    return True
+
+
+def _cloud_from_axes(file: Any, wants: Wants) -> list[RawCloud | np.ndarray]:
     """One cloud from the data sets x, y and z."""
     axes = {name.lower(): dataset for name, dataset in _list_datasets(file) if name.lower() in ("x", "y", "z")}
     if len(axes) < 3:
@@ -90,7 +115,10 @@ def _cloud_from_axes(file: Any) -> list[RawCloud | np.ndarray]:
     for dataset in axes.values():
         _check_size(dataset)
         check_fields(dataset.dtype)
-    return [stack_axes({axis: dataset[()] for axis, dataset in axes.items()})]
+    points = stack_axes({axis: plain_numbers(dataset[()]) for axis, dataset in axes.items()})
+    group = axes["x"].name.strip("/").rpartition("/")[0]
+    side = _side_arrays(file, group, set("xyz"))
+    return list(with_array_fields([RawCloud(points.astype(np.float64))], points, side, wants))
 
 
 def _refuse_odd_shapes(file: Any) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import zipfile
+from collections.abc import Collection
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
@@ -10,10 +12,11 @@ import numpy as np
 
 from z2p_core.errors.messages import error_reason
 from z2p_core.formats.arrays.depth_maps import find_depth_and_camera, unproject_depth
-from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_points
+from z2p_core.formats.row_subsampling import BLOCK_BYTES, MAX_ROWS, subsample_blocks
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.array_clouds import (
     MAX_COLUMNS,
+    NO_FIELD_KEYS,
     POINT_KEYS,
     check_fields,
     check_shape,
@@ -21,8 +24,11 @@ from z2p_renderer.plugins.readers._helpers.array_clouds import (
     exceeds_size_limit,
     is_points,
     plain_numbers,
+    record_fields,
     stack_axes,
 )
+from z2p_renderer.plugins.readers._helpers.array_fields import SideArrays, joined, with_array_fields
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants
 
 _MAX_MEMBER_BYTES = 2 << 30
 """Larger members of an npz, unpacked, are refused."""
@@ -34,12 +40,15 @@ _AMBIGUOUS_COLUMNS = (4, 5)
 _MIN_UNNAMED_ROWS = 5
 """Arrays with fewer rows count as points only under a known name: they may be a camera matrix."""
 
+_MAX_SUBSAMPLED_COLUMNS = 35
+"""Columns that are kept of a cloud of very many points."""
+
 
 class NumpyArrays(Reader):
     """Numpy arrays (N, 3 or more: the first three count), batches of these, and depth cameras' point maps."""
 
     name = "numpy"
-    version = "5"
+    version = "6"
     takes_columns = False
     suffixes = (".npy", ".npz")
 
@@ -67,37 +76,68 @@ class NumpyArrays(Reader):
             ScanError: another shape, no numbers, pickled objects, or a size that the file cannot hold.
         """
         try:
-            key = ""
             if path.suffix.lower() == ".npz":
-                array, key = _read_npz(path)
-            else:
-                with path.open("rb") as file:
-                    shape, column_major, dtype = _read_header(file, path.stat().st_size)
-                    if _is_subsampled(shape, column_major, dtype):
-                        return [_read_subsampled(file, shape, dtype)]
-                    array = _read_array(file, path.stat().st_size)
+                return list(_read_npz(path, self.wants))
+            with path.open("rb") as file:
+                shape, column_major, dtype = _read_header(file, path.stat().st_size)
+                if _is_subsampled(shape, column_major, dtype):
+                    return [_read_subsampled(file, shape, dtype, self.wants)]
+                array = _read_array(file, path.stat().st_size)
+            return list(clouds_from_array(plain_numbers(array), "", self.wants, record_fields(array)))
         except ScanError:
             raise
         except Exception as error:  # zipfile, zlib and numpy raise errors of any type
             raise ScanError(f"expected a numpy file ({error_reason(error)}); "
                             "save it again with numpy.save or numpy.savez") from error
-        return list(clouds_from_array(array, key))
 
 
-def _read_npz(path: Path) -> tuple[np.ndarray, str]:
-    """The array that holds the points, and its name."""
+def _read_npz(path: Path, wants: Wants) -> list[RawCloud]:
+    """The clouds of the array that holds the points, with fields of those beside it."""
+    size = path.stat().st_size
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
         if members.keys() >= _AXIS_NAMES and not members.keys() & set(POINT_KEYS):
-            return _read_axes(archive, members, path.stat().st_size), ""
-        chosen = _choose_member(archive, members, path.stat().st_size)
+            points, side = _read_axes(archive, members, size), _side_arrays(archive, members, _AXIS_NAMES, size)
+            return clouds_from_array(points, "", wants, side)
+        chosen = _choose_member(archive, members, size)
         if chosen is None and (names := find_depth_and_camera(members)):
-            depth, camera = (_read_member(archive, name, members[name], path.stat().st_size) for name in names)
-            return unproject_depth(depth, camera), "point_map"
+            depth, camera = (plain_numbers(_read_member(archive, name, members[name], size)) for name in names)
+            side = _side_arrays(archive, members, set(names[1:]), size)
+            return clouds_from_array(unproject_depth(depth, camera), "point_map", wants, side)
         if chosen is None:
             raise ScanError(f"expected an array named 'points' or 'xyz', or one array of floats (N, 3) alone, got "
                             f"{', '.join(members) or 'none'}; save the points as points=...")
-        return _read_member(archive, chosen, members[chosen], path.stat().st_size), chosen
+        array = _read_member(archive, chosen, members[chosen], size)
+        side = joined(record_fields(array), _side_arrays(archive, members, {chosen}, size))
+        return clouds_from_array(plain_numbers(array), chosen, wants, side)
+
+
+def _side_arrays(
+    archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], others: Collection[str], size: int
+) -> SideArrays:
+    """The arrays of numbers in an archive but `others`."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    for name, info in members.items():
+        if name not in others and name.lower() not in NO_FIELD_KEYS:
+            with archive.open(info) as file, suppress(ValueError):  # no array of numbers
+                shapes[name] = _read_side_header(file)
+    return SideArrays(shapes, lambda name: _read_member(archive, name, members[name], size))
+
+
+def _read_side_header(file: IO[bytes]) -> tuple[int, ...]:
+    """The shape of an array of numbers or truth values.
+
+    Raises:
+        ValueError: it holds something else.
+    """
+    version = np.lib.format.read_magic(file)
+    parse = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}.get(version)
+    if parse is None:
+        raise ValueError(version)
+    shape, _, dtype = parse(file)
+    if dtype.kind not in "fiub":
+        raise ValueError(dtype)
+    return tuple(shape)
 
 
 def _read_member(archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo, size: int) -> np.ndarray:
@@ -109,7 +149,7 @@ def _read_member(archive: zipfile.ZipFile, name: str, info: zipfile.ZipInfo, siz
 
 def _read_axes(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> np.ndarray:
     """Points (N, 3) of arrays x, y and z, of any shape but the same."""
-    return stack_axes({axis: _read_member(archive, axis, members[axis], size) for axis in "xyz"})
+    return stack_axes({axis: plain_numbers(_read_member(archive, axis, members[axis], size)) for axis in "xyz"})
 
 
 def _choose_member(archive: zipfile.ZipFile, members: dict[str, zipfile.ZipInfo], size: int) -> str | None:
@@ -159,7 +199,7 @@ def _read_array(file: IO[bytes], size: int) -> np.ndarray:
     if filled < len(content):
         raise ScanError(f"{len(content) - filled} bytes of the array are missing; the file is cut short: save it again")
     array = np.frombuffer(content, dtype)
-    return plain_numbers(array.reshape(shape[::-1]).T if column_major else array.reshape(shape))
+    return array.reshape(shape[::-1]).T if column_major else array.reshape(shape)
 
 
 def _is_subsampled(shape: tuple[int, ...], column_major: bool, dtype: np.dtype) -> bool:
@@ -167,15 +207,16 @@ def _is_subsampled(shape: tuple[int, ...], column_major: bool, dtype: np.dtype) 
     return len(shape) == 2 and 3 <= shape[1] <= MAX_COLUMNS and shape[0] > MAX_ROWS and not column_major
 
 
-def _read_subsampled(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype) -> RawCloud:
+def _read_subsampled(file: IO[bytes], shape: tuple[int, ...], dtype: np.dtype, wants: Wants) -> RawCloud:
     """Subsamples the rows behind a header, which are read in blocks."""
     check_shape(shape)
-    row = shape[1] * dtype.itemsize
-
-    def read(rows: int) -> np.ndarray:
-        return np.frombuffer(file.read(rows * row), dtype).reshape(rows, shape[1])[:, :3]
-
-    return RawCloud(subsample_points(read, shape[0], row, np.random.default_rng(0), MAX_ROWS), total=shape[0])
+    row, width = shape[1] * dtype.itemsize, min(shape[1], _MAX_SUBSAMPLED_COLUMNS)
+    parts = []
+    for rows, kept in subsample_blocks(shape[0], row, np.random.default_rng(0), MAX_ROWS):
+        parts.append(np.frombuffer(file.read(rows * row), dtype).reshape(rows, shape[1])[kept, :width])
+    table = np.concatenate(parts)
+    cloud = RawCloud(np.ascontiguousarray(table[:, :3], dtype=np.float64), total=shape[0])
+    return with_array_fields([cloud], table, SideArrays(), wants)[0]
 
 
 def _read_header(file: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype]:

@@ -11,7 +11,6 @@ import numpy as np
 
 from z2p_core.formats.geographic import project_degrees
 from z2p_core.formats.tables.camera_poses import are_pose_names
-from z2p_core.formats.tables.extra_columns import ignored_colors_note, ignored_columns_note
 from z2p_core.formats.tables.header_lines import is_count, is_row
 from z2p_core.interfaces import RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
@@ -26,6 +25,7 @@ from z2p_renderer.plugins.readers._text.header import Head, as_colmap, parse_hea
 from z2p_renderer.plugins.readers._text.line_blocks import content_blocks, has_long_lines, line_number, truncation_hint
 from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
 from z2p_renderer.plugins.readers._text.row_format import SAMPLE_ROWS, BadLineError, RowFormat, detect_row_format
+from z2p_renderer.plugins.readers._text.text_fields import TextFields, named_fields, unnamed_fields
 from z2p_renderer.plugins.readers._text.unsupported_notations import missing_height_hint, notation_message
 
 _MAX_LONG_LINE_MEMORY_BYTES = 1 << 28
@@ -38,7 +38,7 @@ class Text(Reader):
     """Plain text, a point a line, numbers parted by blanks, commas or semicolons; ``#`` begins a comment."""
 
     name = "text"
-    version = "8"
+    version = "9"
     suffixes = (".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv")
 
     def memory(self, path: Path) -> int:
@@ -74,11 +74,13 @@ class Text(Reader):
             head = as_colmap(head)
         row_format = self._detect_row_format(path, head, rows)
         if row_format.named:
-            return [self._read_named(path, row_format, head, chain([rows], blocks))]
-        return [_read_unnamed(path, row_format, head, rows, chain([rows], blocks))]
+            return [self._read_named(path, row_format, head, rows, chain([rows], blocks))]
+        return [self._read_unnamed(path, row_format, head, rows, chain([rows], blocks))]
 
-    def _read_named(self, path: Path, row_format: RowFormat, head: Head, blocks: Iterable[list[str]]) -> RawCloud:
-        """Reads a table whose columns are named by the user or the file.
+    def _read_named(
+        self, path: Path, row_format: RowFormat, head: Head, rows: list[str], blocks: Iterable[list[str]]
+    ) -> RawCloud:
+        """Reads a table whose columns are named by the user or the file; `rows` are the first of its `blocks`.
 
         Raises:
             ScanError: see `read`.
@@ -86,9 +88,39 @@ class Text(Reader):
         if not self.columns and are_pose_names(row_format.names):
             raise ScanError(f"the columns {','.join(row_format.names)[:160]} are a list of poses, no points; to draw "
                             "its places, name each column with --columns")
-        scans = _read_table(path, row_format, head, blocks)
+        head_of_names = Head() if self.columns else head
+        fields = named_fields(row_format, head_of_names, row_format.table(rows[:_MIN_SAMPLE_ROWS]), self.wants)
+        scans = _read_table(path, fields.apply_to(row_format), head, blocks)
         _check_counts(path, head, scans)
-        return _named_cloud(scans, row_format, Head() if self.columns else head, path)
+        return fields.fill(_named_cloud(scans, head_of_names, path), scans.values)
+
+    def _read_unnamed(
+        self, path: Path, row_format: RowFormat, head: Head, rows: list[str], blocks: Iterable[list[str]]
+    ) -> RawCloud:
+        """Reads a table without column names; `rows` are the first of its `blocks`.
+
+        Raises:
+            ScanError: see `read`.
+        """
+        sample_rows = max(min(SAMPLE_ROWS, _MAX_SAMPLE_CELLS // row_format.width), _MIN_SAMPLE_ROWS)
+        sample = row_format.table(rows[:sample_rows])
+        refuse_other_tables(sample, path.stat().st_size // (len(rows[0]) + 1))
+        fields = self._unnamed_fields(row_format, sample, path)
+        scans = _read_table(path, fields.apply_to(row_format), head, blocks)
+        _check_counts(path, head, scans)
+        note = scans.note
+        if row_format.width > 3 and is_row_index(scans.points[:, 0]):
+            row_format = replace(row_format, xyz_columns=(1, 2, 3))
+            fields = self._unnamed_fields(row_format, sample, path)
+            scans = _read_table(path, fields.apply_to(row_format), head, _reread_rows(path, head))
+            check_first_columns(scans.points, sample[:, 1:], 2)
+            note = _join_notes(_row_index_note(row_format.width), scans.note)
+        else:
+            check_first_columns(scans.points, sample)
+        return fields.fill(RawCloud(scans.points, note=note), scans.values)
+
+    def _unnamed_fields(self, row_format: RowFormat, sample: np.ndarray, path: Path) -> TextFields:
+        return unnamed_fields(row_format, sample, path.suffix.lower(), self.wants)
 
     def _detect_row_format(self, path: Path, head: Head, rows: list[str]) -> RowFormat:
         """Detects the format of the rows from the first ones.
@@ -105,9 +137,11 @@ class Text(Reader):
 
 @dataclass
 class _TableScans:
-    """The points of all scans in a table, one after the other."""
+    """The rows of all scans in a table, one after the other."""
 
     points: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))
+    values: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    """The further columns (N, M) that are read."""
     counts: list[int] = field(default_factory=lambda: [0])
     """The number of points of each scan."""
     promised: list[tuple[str, int]] = field(default_factory=list)
@@ -119,31 +153,9 @@ class _TableScans:
         return f"{len(self.counts)} scans in one file" if len(self.counts) > 1 else ""
 
 
-def _read_unnamed(
-    path: Path, row_format: RowFormat, head: Head, rows: list[str], blocks: Iterable[list[str]]
-) -> RawCloud:
-    """Reads a table without column names; `rows` are the first of its `blocks`.
-
-    Raises:
-        ScanError: see `Text.read`.
-    """
-    sample_rows = max(min(SAMPLE_ROWS, _MAX_SAMPLE_CELLS // row_format.width), _MIN_SAMPLE_ROWS)
-    sample = row_format.table(rows[:sample_rows])
-    refuse_other_tables(sample, path.stat().st_size // (len(rows[0]) + 1))
-    scans = _read_table(path, row_format, head, blocks)
-    _check_counts(path, head, scans)
-    if row_format.width > 3 and is_row_index(scans.points[:, 0]):
-        scans = _read_table(path, replace(row_format, xyz_columns=(1, 2, 3)), head, _reread_rows(path, head))
-        check_first_columns(scans.points, sample[:, 1:], 2)
-        note = ignored_columns_note(sample[:, 4:], 5)
-        return RawCloud(scans.points, note=_join_notes(_row_index_note(row_format.width), note, scans.note))
-    check_first_columns(scans.points, sample)
-    return RawCloud(scans.points, note=_join_notes(ignored_columns_note(sample[:, 3:]), scans.note))
-
-
-def _named_cloud(scans: _TableScans, row_format: RowFormat, head: Head, path: Path) -> RawCloud:
+def _named_cloud(scans: _TableScans, head: Head, path: Path) -> RawCloud:
     """The cloud of a table with named columns; names in the file may declare depths, degrees, heights or COLMAP."""
-    points, notes = scans.points, [ignored_colors_note(row_format.names), scans.note]
+    points, notes = scans.points, [scans.note]
     if head.depth:
         positive = bool(np.nanmedian(points[:, 2]) > 0) if np.isfinite(points[:, 2]).any() else False
         points = points * [1, 1, -1] if positive else points
@@ -196,11 +208,12 @@ def _reread_rows(path: Path, head: Head) -> Iterable[list[str]]:
 
 def _read_table(path: Path, row_format: RowFormat, head: Head, blocks: Iterable[list[str]]) -> _TableScans:
     """Parses blocks of rows, between which lines may hold the number of points of the next scan."""
-    parts, scans, before = [np.empty((0, 3))], _TableScans(), head.lines
+    scans, before = _TableScans(), head.lines
+    parts = [np.empty((0, 3 + len(row_format.field_columns) + row_format.list_lengths))]
     several = head.promised is not None and (not row_format.named or path.suffix.lower() == ".pts")
     for rows in blocks:
         try:
-            points = [row_format.points(rows)]
+            points = [row_format.numbers(rows)]
             scans.counts[-1] += len(rows)
         except BadLineError as error:
             if not several or not any(map(is_count, rows)):
@@ -208,7 +221,8 @@ def _read_table(path: Path, row_format: RowFormat, head: Head, blocks: Iterable[
             points = _split_scans(path, row_format, rows, before, scans)
         parts += points
         before += len(rows)
-    scans.points = np.concatenate(parts)
+    table = np.concatenate(parts)
+    scans.points, scans.values = (table, table[:, 3:]) if table.shape[1] == 3 else (table[:, :3].copy(), table[:, 3:])
     return scans
 
 
@@ -224,7 +238,7 @@ def _split_scans(
             scans.counts.append(0)
         if start < end:
             try:
-                parts.append(row_format.points(rows[start:end]))
+                parts.append(row_format.numbers(rows[start:end]))
             except BadLineError as error:
                 raise _bad_line_error(error, row_format, rows[start:end], path, before + start) from error
             scans.counts[-1] += end - start

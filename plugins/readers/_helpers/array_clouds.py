@@ -10,8 +10,9 @@ from z2p_core.api.point_arrays import as_batch, records_to_points
 from z2p_core.formats.arrays.image_grids import GRID_ADVICE
 from z2p_core.formats.arrays.non_point_arrays import refuse_other_arrays
 from z2p_core.formats.arrays.point_maps import estimate_map_sensor
-from z2p_core.formats.tables.extra_columns import ignored_columns_note
 from z2p_core.interfaces import RawCloud, ScanError, Sensor
+from z2p_renderer.plugins.readers._helpers.array_fields import SideArrays, side_arrays, with_array_fields
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants
 from z2p_renderer.plugins.readers._text.column_doubts import find_leading_columns
 
 MAX_COLUMNS = 128
@@ -26,6 +27,8 @@ POINT_KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord"
               "pointclouds", "point_clouds", "pcd", "pc", "pts", "cloud", *MAP_KEYS,
               *OBJECT_KEYS)  # fmt: skip
 """Names under which programs keep points; the first that holds some counts."""
+NO_FIELD_KEYS = {*POINT_KEYS, "faces", "triangles", "edges", "cells"}
+"""Names of arrays that are no fields of the points beside them, even if they have as many rows."""
 _CAMERA_AXES_KEYS = {"pts3d", "point_map", "pointmap", "point_maps", "xyz_map", "xyz_image"}
 """Names of point maps in the axes of their own camera."""
 _OBJECT_UP = {"up": "+Y", "up_reason": "the usual axes of ModelNet and ShapeNet", "up_certain": False}
@@ -36,10 +39,13 @@ _MIN_MAP_SIDE, _MAX_MAP_CHANNELS = 8, 8
 
 
 @np.errstate(all="ignore")  # the numbers may be no coordinates
-def clouds_from_array(array: np.ndarray, key: str = "") -> list[RawCloud]:
+def clouds_from_array(
+    array: np.ndarray, key: str = "", wants: Wants = lambda name: False, side: SideArrays | None = None
+) -> list[RawCloud]:
     """Splits an array (N, C), (B, N, C), (H, W, C) or (B, H, W, C) into clouds (N, 3) float64.
 
-    Its shape, and its name `key` in the file, decide what its axes mean.
+    Its shape, and its name `key` in the file, decide what its axes mean. The clouds get those fields that are wanted of
+    further columns, and of the arrays beside it.
 
     Raises:
         ScanError: the shape or the numbers are not those of points.
@@ -48,18 +54,19 @@ def clouds_from_array(array: np.ndarray, key: str = "") -> list[RawCloud]:
     as_maps = array.ndim == 4 or (array.ndim == 3 and key in MAP_KEYS)
     if as_maps and min(array.shape[-3:-1]) >= _MIN_MAP_SIDE and 3 <= array.shape[-1] <= _MAX_MAP_CHANNELS:
         maps = array if array.ndim == 4 else array[None]
-        return [_cloud_from_map(points, certain=key in _CAMERA_AXES_KEYS or not key) for points in maps]
+        clouds = [_cloud_from_map(points, certain=key in _CAMERA_AXES_KEYS or not key) for points in maps]
+        return with_array_fields(clouds, array, side or SideArrays(), wants, is_map=True)
     if not _is_transposed(array.shape) or array.shape[-1] == 4:
         refuse_other_arrays(array)
     check_shape(array.shape)
     batch = as_batch(array)
     if array.ndim == 3 and batch is not array:
-        return [_cloud_from_map(array)]
+        return with_array_fields([_cloud_from_map(array)], array, side or SideArrays(), wants, is_map=True)
     if array.ndim == 2:
         _check_first_columns(array)
     up = _OBJECT_UP if key in OBJECT_KEYS else {}
-    note = ignored_columns_note(batch[0][:_MAX_SAMPLED_ROWS, 3:].astype(np.float64)) if len(batch) else ""
-    return [RawCloud(_first_three_columns(cloud), note=note, **up) for cloud in batch]  # type: ignore[arg-type]
+    clouds = [RawCloud(_first_three_columns(cloud), **up) for cloud in batch]  # type: ignore[arg-type]
+    return with_array_fields(clouds, array, side or SideArrays(), wants)
 
 
 def _check_first_columns(array: np.ndarray) -> None:
@@ -117,6 +124,11 @@ def plain_numbers(array: np.ndarray) -> np.ndarray:
     """The numbers (..., 3 or more) of an array; of records, the fields that hold x, y and z."""
     name = _points_field(array.dtype)
     return records_to_points(array) if name is None else array[name]
+
+
+def record_fields(array: np.ndarray) -> SideArrays:
+    """The fields of records beside their points."""
+    return side_arrays(array, _points_field(array.dtype))
 
 
 def stack_axes(columns: dict[str, np.ndarray]) -> np.ndarray:

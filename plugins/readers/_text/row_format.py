@@ -42,6 +42,8 @@ class RowFormat:
     """Whether every row ends with the delimiter."""
     width: int = 0
     xyz_columns: tuple[int, ...] = (0, 1, 2)
+    field_columns: tuple[int, ...] = ()
+    """Further columns that are read."""
     named: bool = False
     """Whether names say which columns are x, y and z: then the other columns may hold words."""
     names: tuple[str, ...] = ()
@@ -50,14 +52,22 @@ class RowFormat:
     """Whether rows may hold more cells than `width`: a list behind the columns that count."""
     fortran: bool = False
     """Whether exponents may be written with ``D``."""
+    list_lengths: bool = False
+    """Whether a last column is wanted that tells how many cells a `ragged` row has behind the others."""
 
-    def points(self, lines: list[str]) -> np.ndarray:
-        """Parses rows to points (N, 3) float64; an empty cell is NaN.
+    def numbers(self, lines: list[str]) -> np.ndarray:
+        """Parses rows to x, y, z and the further columns (N, 3 or more) float64; an empty cell is NaN.
+
+        A word in a further column is NaN, too, if the columns are named.
 
         Raises:
             BadLineError: a row has another number of columns than the first one, or a cell holds no number.
         """
-        only: dict[str, Any] = {"usecols": self.xyz_columns} if self.ragged else {}
+        columns = (*self.xyz_columns, *self.field_columns)
+        if self.list_lengths:
+            plain = replace(self, list_lengths=False)
+            return np.column_stack([plain.numbers(lines), [len(self.cells(line)) - self.width for line in lines]])
+        only: dict[str, Any] = {"usecols": columns} if self.ragged else {}
         try:  # by far the fastest, but it takes nothing else than numbers
             table = np.loadtxt(self._normalized(lines), np.float64, comments=None, delimiter=self.delimiter, ndmin=2,
                                **only)
@@ -67,7 +77,7 @@ class RowFormat:
             return table
         if table.shape[1] != self.width:
             return self._row_by_row(lines)
-        return table[:, :3].copy() if self.xyz_columns == (0, 1, 2) else table[:, list(self.xyz_columns)]
+        return table[:, :3].copy() if columns == (0, 1, 2) else table[:, list(columns)]
 
     def table(self, lines: list[str]) -> np.ndarray:
         """All cells (N, width) float64 of some rows; NaN where a cell holds no number."""
@@ -97,7 +107,7 @@ class RowFormat:
         return [line.replace(self.blank_sign, " ") for line in lines] if self.blank_sign else lines
 
     def _row_by_row(self, lines: list[str]) -> np.ndarray:
-        points = np.empty((len(lines), 3))
+        rows = np.empty((len(lines), 3 + len(self.field_columns)))
         xyz_columns = self.xyz_columns if self.named else range(self.width)
         for index, line in enumerate(lines):
             cells = self.cells(line)
@@ -107,12 +117,14 @@ class RowFormat:
                 raise BadLineError(index, f"the number of columns changed from {self.width} to {len(cells)}")
             try:
                 numbers = {column: self._number(cells[column]) for column in xyz_columns}
-                points[index] = [numbers[column] for column in self.xyz_columns]
+                rows[index, :3] = [numbers[column] for column in self.xyz_columns]
+                rows[index, 3:] = [self._number(cells[column]) if self._is_readable(cells[column]) else np.nan
+                                   for column in self.field_columns]  # fmt: skip
             except ValueError as error:
                 column = next(column for column in xyz_columns if not self._is_readable(cells[column]))
                 reason = f"column {column + 1} holds {cells[column].strip()[:40]!r}, which is no number"
                 raise BadLineError(index, reason) from error
-        return points
+        return rows
 
     def _number(self, cell: str) -> float:
         """The number in a cell; NaN if the cell is empty or holds a word for a missing number.

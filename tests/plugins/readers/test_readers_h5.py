@@ -44,7 +44,8 @@ def test_one_cloud_under_a_usual_name(tmp_path: Path, key: str) -> None:
     (cloud,) = given(tmp_path / "a.h5", **{key: BATCH[0], "colors": BATCH[1], "label": np.arange(40)})
     assert np.array_equal(cloud.points, BATCH[0]) and cloud.up == ""
     (cloud,) = given(tmp_path / "b.h5", **{key: np.hstack([BATCH[0], np.abs(BATCH[1])])})
-    assert np.array_equal(cloud.points, BATCH[0]) and "columns 4 to 6" in cloud.note
+    assert np.array_equal(cloud.points, BATCH[0])
+    assert cloud.field_names == ("column 4", "column 5", "column 6")
 
 
 def test_each_group_gives_clouds_and_a_note_on_ignored_data(tmp_path: Path) -> None:

@@ -65,7 +65,7 @@ def test_leading_row_index_column_is_skipped_with_a_note(tmp_path: Path, suffix:
     for first in (0, 1):
         cloud = read(tmp_path / f"a{suffix}", table(np.arange(240) + first, XYZ, COLOURS))
         assert np.array_equal(cloud.points, XYZ) and "column 1 counts the rows" in cloud.note
-        assert "columns 5 to 7 (colours)" in cloud.note
+        assert "columns 5 to 7 taken as colours" in cloud.note
     with pytest.raises(ScanError, match=r"columns 2 and 3 .*--columns c1,row,column,x,y,z or --columns c1,x,y,z,"):
         read(tmp_path / f"a{suffix}", table(np.arange(240), ROW, COLUMN, XYZ))
 
@@ -101,14 +101,15 @@ def test_coordinates_come_first_beside_any_other_columns(
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_the_note_describes_the_ignored_columns(tmp_path: Path, suffix: str) -> None:
-    path = tmp_path / f"a{suffix}"
+def test_the_note_tells_where_colors_are_guessed(tmp_path: Path, suffix: str) -> None:
+    path, is_fixed = tmp_path / f"a{suffix}", suffix == ".pts"
     assert read(path, XYZ).note == ""
-    assert read(path, table(XYZ, COLOURS)).note == "ignored: columns 4 to 6 (colours)"
-    assert read(path, table(XYZ, NORMALS)).note == "ignored: columns 4 to 6 (normals)"
-    assert read(path, table(XYZ, COLOURS[:, 0])).note == "ignored: column 4"
-    assert read(path, table(XYZ, XYZ[:, 0], COLOURS)).note == "ignored: column 4, columns 5 to 7 (colours)"
-    assert read(path, table(XYZ, COLOURS), "x,y,z,r,g,b").note == "its colours are ignored (r, g, b)"
+    assert read(path, table(XYZ, COLOURS)).note == ("" if is_fixed else "columns 4 to 6 taken as colours")
+    assert read(path, table(XYZ, NORMALS)).note == ""
+    assert read(path, table(XYZ, COLOURS[:, 0])).note == ""
+    expected = "" if is_fixed else "columns 5 to 7 taken as colours"
+    assert read(path, table(XYZ, XYZ[:, 0], COLOURS)).note == expected
+    assert read(path, table(XYZ, COLOURS), "x,y,z,r,g,b").note == ""
 
 
 def poses(width: int) -> np.ndarray:

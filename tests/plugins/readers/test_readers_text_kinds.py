@@ -50,7 +50,7 @@ def test_colmaps_points_are_read_by_their_names(tmp_path: Path, name: str, head:
     cloud = given(tmp_path / name, head + "".join(rows))
     assert np.array_equal(cloud.points, XYZ)
     assert (cloud.up, cloud.up_certain) == ("-Y", False) and "COLMAP" in cloud.up_reason
-    assert "colours are ignored (r, g, b)" in cloud.note
+    np.testing.assert_allclose(cloud.fields["rgb"], np.tile([10 / 255, 20 / 255, 30 / 255], (len(XYZ), 1)), atol=1e-6)
     assert not is_prose(tmp_path / name)
 
 

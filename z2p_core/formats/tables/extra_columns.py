@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,28 +10,101 @@ _UNIT_LENGTH_TOLERANCE = 0.02
 """Deviation from unit length that a normal may have."""
 _MIN_UNIT_SHARE = 0.95
 """Least share of unit vectors among the nonzero rows; rows without a normal hold zeros."""
-_COLOR_NAME_SETS = ({"r", "g", "b"}, {"red", "green", "blue"}, {"rgb"}, {"color"}, {"colour"}, {"rf", "gf", "bf"})
+_MIN_ROWS = 10
+"""With fewer rows, columns are taken for nothing by their numbers."""
+_MIN_LARGEST_BYTE, _MIN_LARGEST_SHORT, _MIN_LARGEST_SHARE = 32, 16384, 0.1
+"""Colors of 8 and 16 bits, and shares of 1, reach these numbers at least; small integers are counts and classes."""
+_MAX_CHANNEL_RATIO = {255: 8.0, 65535: 4.0, 1: 8.0}
+"""Ratio of the largest numbers of two channels, by what full intensity is: an intensity beside classes has more."""
+_MIN_COPY_CORRELATION = 0.999
+"""A column that follows x, y or z so closely is made of it: a height, or a coordinate in the unit cube."""
+_SUM_TOLERANCE = 1e-3
+"""Three shares whose sum deviates from 1 by less are parts of a whole, such as probabilities."""
+_CHECKED_ROWS = 10_000
+"""Rows from all over a file on which a guess from its first ones is tried."""
+_COLOR_NAMES, _NORMAL_NAMES = ("r", "g", "b"), ("nx", "ny", "nz")
+
+
+@dataclass(frozen=True)
+class ColumnGuess:
+    """What columns behind x, y and z hold by their numbers."""
+
+    names: tuple[str, ...]
+    """``r``, ``g``, ``b``, ``nx``, ``ny``, ``nz``, or empty for what is not known."""
+    doubtful: tuple[int, ...] = ()
+    """Indices of the columns of which three may be colors, where it is not known which."""
+
+    def note(self, first: int) -> str:
+        """The note for the user; `first` is the number of the first column, counted from 1."""
+        if "r" in self.names:
+            start = first + self.names.index("r")
+            return f"columns {start} to {start + 2} taken as colours"
+        if self.doubtful:
+            start, end = first + self.doubtful[0], first + self.doubtful[-1]
+            return f"no colours: which of columns {start} to {end} they are is not known"
+        return ""
 
 
 @np.errstate(all="ignore")  # the numbers may be no coordinates
-def ignored_columns_note(columns: np.ndarray, first: int = 4) -> str:
-    """The note on columns (N, M) that are not drawn; `first` is the number of the first one, counted from 1."""
-    if columns.shape[1] == 0:
-        return ""
-    parts = []
-    for kind, start, count in _group_columns(columns):
-        begin, end = first + start, first + start + count - 1
-        place = f"column {begin}" if count == 1 else f"columns {begin} to {end}"
-        parts.append(f"{place} ({kind})" if kind else place)
-    return f"ignored: {', '.join(parts)}"
+def guess_columns(columns: np.ndarray, points: np.ndarray) -> ColumnGuess:
+    """What columns (N, M) beside points (N, 3) hold: normals and colors where their numbers leave no doubt.
+
+    Wrong colors are worse than none, so three columns of counts, classes, coordinates or shares are none, and neither
+    are those of four columns of which any three could be.
+    """
+    names = [""] * columns.shape[1]
+    if len(columns) < _MIN_ROWS:
+        return ColumnGuess(tuple(names))
+    start = 0
+    while start + 3 <= len(names):
+        if _NORMAL_NAMES[0] not in names and are_normals(columns[:, start : start + 3]):
+            names[start : start + 3] = _NORMAL_NAMES
+            start += 2
+        start += 1
+    free = [start for start in range(len(names) - 2) if not any(names[start : start + 3])]
+    colors = [start for start in free if _are_surely_colors(columns[:, start : start + 3], points)]
+    varied = [start for start in colors if (np.nanstd(columns[:, start : start + 3], axis=0) > 0).all()]
+    colors = varied or colors
+    if not colors:
+        return ColumnGuess(tuple(names))
+    if len(colors) > 1 and colors[1] < colors[0] + 3:
+        run = next((at for at in range(1, len(colors)) if colors[at] != colors[at - 1] + 1), len(colors))
+        return ColumnGuess(tuple(names), tuple(range(colors[0], colors[run - 1] + 3)))
+    names[colors[0] : colors[0] + 3] = _COLOR_NAMES
+    return ColumnGuess(tuple(names))
 
 
-def ignored_colors_note(names: Sequence[str]) -> str:
-    """The note on columns with these names, lower-case, if some are colors; otherwise empty."""
-    for wanted in _COLOR_NAME_SETS:
-        if wanted <= set(names):
-            return f"its colours are ignored ({', '.join(name for name in names if name in wanted)})"
-    return ""
+@np.errstate(all="ignore")  # the numbers may be no coordinates
+def colors_hold(three: np.ndarray, points: np.ndarray) -> bool:
+    """Whether columns (N, 3) beside all points (N, 3) of a file are colors, as its first rows let one guess."""
+    step = -(-len(three) // _CHECKED_ROWS) or 1
+    return are_colours(three) and _are_surely_colors(three[::step], points[::step])
+
+
+def _are_surely_colors(three: np.ndarray, points: np.ndarray) -> bool:
+    """Whether rows (N, 3) beside points (N, 3) can be nothing else than red, green and blue."""
+    known = np.isfinite(three).all(1) & np.isfinite(points).all(1)
+    three, points = three[known], points[known]
+    if len(three) < _MIN_ROWS or not are_colours(three) or not np.ptp(three, axis=0).any():
+        return False
+    largest = three.max(axis=0)
+    full, least = (1, _MIN_LARGEST_SHARE) if largest.max() <= 1 else (
+        (255, _MIN_LARGEST_BYTE) if largest.max() <= 255 else (65535, _MIN_LARGEST_SHORT))
+    varied = largest[np.ptp(three, axis=0) > 0]
+    if largest.max() < least or varied.max() > _MAX_CHANNEL_RATIO[full] * varied.min():
+        return False
+    if any(len(np.unique(column)) >= _MIN_ROWS and (np.diff(column) >= 0).all() for column in three.T):
+        return False  # they count
+    if full == 1 and (np.abs(three.sum(1) - 1) < _SUM_TOLERANCE).mean() > 0.9:
+        return False
+    return not any(_is_copy(column, axis) for column in three.T for axis in points.T)
+
+
+def _is_copy(column: np.ndarray, axis: np.ndarray) -> bool:
+    """Whether a column (N,) is a linear function of a coordinate (N,)."""
+    if np.ptp(column) == 0 or np.ptp(axis) == 0:
+        return False
+    return abs(float(np.corrcoef(column, axis)[0, 1])) > _MIN_COPY_CORRELATION
 
 
 @np.errstate(all="ignore")  # the numbers may be no coordinates

@@ -16,6 +16,8 @@ _MISSING_WORDS = {"na", "n/a", "<na>", "none", "null"}
 _UNIT_WORDS = {"m", "mm", "cm", "km", "um", "µm", "nm", "ft", "in", "us-ft", "feet", "metre", "metres", "meter",
           "meters", "-"}  # fmt: skip
 _BRACKETED_UNIT = re.compile(r"[(\[][^)\]]*[)\]]")
+_NAME_AND_UNIT = re.compile(r"""([^\s,;()\[\]]+)[ \t]*[(\[]([^)\]\d][^)\]]*)[)\]]""")
+"""A name and the unit behind it: ``height [m]``."""
 _BRACKETED_INDEX = re.compile(r"\[([012])\]")
 """Index of a vector component in a column name, as in ``points[0]``."""
 _NUMBERED_COLUMN = re.compile(r"(|v|var|x|c|col|column|f|field|variable|spalte)[_ ]?(\d+)")
@@ -48,6 +50,17 @@ def column_names(line: str) -> list[tuple[str, ...]]:
     """
     readings = (_with_axis_names([cell.strip(" \t\"'").lower() for cell in cells]) for cells in _split_cells(line))
     return list(dict.fromkeys(names for names in readings if names))
+
+
+def column_titles(line: str) -> dict[str, str]:
+    """The names on a line of column names as they are written there, by the lower-case ones of `column_names`."""
+    cells = (cell.strip(" \t\"'") for cells in _split_cells(line) for cell in cells)
+    return {cell.lower(): cell for cell in cells}
+
+
+def column_units(line: str) -> dict[str, str]:
+    """The units in brackets behind names on a line of column names, by the names as they are written there."""
+    return {name.strip(" \t\"'"): unit.strip() for name, unit in _NAME_AND_UNIT.findall(line) if unit.strip()}
 
 
 def names_degrees(line: str) -> bool:
