@@ -212,6 +212,8 @@ def _evaluate_fields(config: PipelineConfig, train: Step, meshes: Iterable[MeshI
     parameters = to_dict(config.evaluate)
     parameters["sampler"] = plugin_fields(registry.load("samplers", config.evaluate.sampler))
     parameters["engine"] = plugin_fields(registry.load("engines", REFERENCE_ENGINE))
+    if textures := parameters.pop("textures"):  # without, results are adoptable that were made before this key existed
+        parameters["textures"] = [plugin_fields(registry.load("textures", name)) for name in textures]
     return stage_fields("evaluate") | {
         "train": train.entry.fingerprint,
         "meshes": sorted([mesh.name, mesh.identity] for mesh in meshes),  # names, because metrics.json has them

@@ -13,6 +13,7 @@ group                 class                methods                  called
                                            state, channels, encode  (Eq. 3)
 ``z2p.engines``       `Engine`             __init__, run            once a picture: runs the trained network
 ``z2p.samplers``      `Sampler`            sample                   once a training mesh: points on its surface
+``z2p.textures``      `Texture`            albedo                   once a mesh or cloud: colors of its places
 ``z2p.readers``       `Reader`             suffixes, read           once a file: points from a file format
 ``z2p.baselines``     `Baseline`           reconstruct              once a cloud in evaluation: a mesh to compare with
 ``z2p.painters``      `Painter`            paint                    once a picture in evaluation: an image to compare
@@ -36,7 +37,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
@@ -433,6 +434,26 @@ class Sampler(ABC):
         """
 
 
+class Texture(ABC):
+    """A solid texture: the color of every place in space, so that a mesh and the points on it can get the same colors.
+
+    Evaluation and training give its colors to meshes, which Blender renders, and to the clouds sampled on them.
+    """
+
+    name: ClassVar[str]
+    version: ClassVar[str]
+    period: tuple[float, float] = (0.15, 0.4)
+    """Shortest and longest period in world units (the object's radius is 1), between which `albedo` draws its own."""
+
+    @abstractmethod
+    def albedo(self, positions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Base colors (N, 3) float32, linear and in [0, 1], at positions (N, 3) in the unit sphere.
+
+        What is random about the texture comes from `rng` and is drawn in the same way for any positions: equal
+        generators give the same texture, in which the color of a place does not depend on the other ones.
+        """
+
+
 @dataclass(frozen=True)
 class Sensor:
     """Pose of the depth camera or scanner that took a cloud, in the file's axes."""
@@ -581,6 +602,22 @@ class Baseline(ABC, Timed):
         """The mesh to be seen from `viewer` (3,), in the cloud's axes. Override it if `for_view`."""
         return self.reconstruct(cloud, rng)
 
+    def reconstruct_colored(
+        self, cloud: np.ndarray, albedo: np.ndarray, viewer: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The mesh for `viewer` of a cloud whose points have linear base colors (N, 3), and those of its vertices.
+
+        Override it where the colors help, or where a vertex belongs to one point: by default, each vertex of
+        `reconstruct_for` gets the mean of the points around it, weighted by their inverse squared distance.
+
+        Returns:
+            Vertices (V, 3) float64, triangles (M, 3) int, and linear base colors (V, 3) float in [0, 1].
+        """
+        from z2p_core.meshes.vertex_colors import interpolate_colors  # late: only evaluation needs it
+
+        vertices, faces = self.reconstruct_for(cloud, viewer, rng)
+        return vertices, faces, interpolate_colors(vertices, cloud, albedo)
+
 
 class Painter(ABC, Timed):
     """Draws a picture of a bare cloud by itself, without a mesh or Blender: evaluation compares z2p with it."""
@@ -599,3 +636,14 @@ class Painter(ABC, Timed):
         Raises:
             ScanError: this cloud cannot be drawn; evaluation then counts an empty picture and goes on.
         """
+
+    def paint_colored(
+        self, cloud: np.ndarray, albedo: np.ndarray, camera: Camera, scene: SceneDescription
+    ) -> np.ndarray:
+        """The image of a cloud whose points have linear base colors (N, 3), in place of the scene's material's.
+
+        Override it to draw them: by default, the image is that in their mean color.
+        """
+        mean = albedo.mean(axis=0, dtype=np.float64) if len(albedo) else np.zeros(3)
+        material = {**scene.material, "Base Color": (*mean.tolist(), 1.0)}
+        return self.paint(cloud, camera, replace(scene, material=material))

@@ -15,6 +15,7 @@ GROUPS = {
     "encoders": "PositionalEncoder",
     "engines": "Engine",
     "samplers": "Sampler",
+    "textures": "Texture",
     "readers": "Reader",
     "baselines": "Baseline",
     "painters": "Painter",

@@ -17,6 +17,7 @@ check                                               what it verifies, beside sha
 ``check_encoder(MyEncoder)``                        its saved state rebuilds it; a crop gets the frame's features
 ``check_engine(MyEngine, network, cell)``           what torch computes, at any size, from several threads
 ``check_sampler(MySampler)``                        exactly as many points as asked for, all over the surface
+``check_texture(MyTexture)``                          colors in [0, 1] that depend on a place and the rng alone
 ``check_reader(MyReader, example, broken)``         reads an example file, refuses a broken one with ScanError
 ``check_baseline(MyBaseline)``                      a mesh where the cloud is; an empty cloud is a ScanError
 ``check_painter(MyPainter)``                        the object where the cloud is; an empty cloud is a ScanError
@@ -34,8 +35,9 @@ from z2p_core.contracts.encoders import check_encoder
 from z2p_core.contracts.engines import check_engine
 from z2p_core.contracts.readers import check_reader
 from z2p_core.contracts.samplers import check_sampler
+from z2p_core.contracts.textures import check_texture
 
 __all__ = [
     "check_baseline", "check_control", "check_encoder", "check_engine", "check_gbuffer", "check_painter",
-    "check_reader", "check_sampler", "check_zbuffer",
+    "check_reader", "check_sampler", "check_texture", "check_zbuffer",
 ]  # fmt: skip

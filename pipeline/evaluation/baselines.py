@@ -5,6 +5,7 @@ A baseline reconstructs a mesh, which Cycles renders; a painter draws the pictur
 
 from __future__ import annotations
 
+import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +24,7 @@ from z2p_core.images import bytes_from_unit
 from z2p_core.interfaces import ScanError
 from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.render import RenderError, RenderSettings, read_render, render_mesh
+from z2p_renderer.pipeline.rendering.textured_meshes import render_textured_mesh
 from z2p_renderer.storage.files.atomic_write import atomic_path, atomic_write
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.results.code_digest import cached_part_digest
@@ -73,9 +75,10 @@ def run_baseline(
     settings: RenderSettings,
     root: Path,
     log: Log = lambda line: None,
+    albedo: np.ndarray | None = None,
 ) -> BaselineResult:
     """Picture of a normalised cloud in one scene; see `run_baseline_on_scenes`."""
-    return run_baseline_on_scenes(baseline, cloud, cloud_fields, rng, [scene], settings, root, log)[0]
+    return run_baseline_on_scenes(baseline, cloud, cloud_fields, rng, [scene], settings, root, log, albedo)[0]
 
 
 def run_baseline_on_scenes(
@@ -87,17 +90,21 @@ def run_baseline_on_scenes(
     settings: RenderSettings,
     root: Path,
     log: Log = lambda line: None,
+    albedo: np.ndarray | None = None,
 ) -> list[BaselineResult]:
     """Pictures of a normalised cloud (N, 3) in scenes, whose `floor` is the true mesh's.
 
     They are stored under `root`, as the ground truth is, by the fingerprint of their inputs; `cloud_fields` identify
     the cloud. A cloud is reconstructed once for all missing scenes, or once per viewpoint if the baseline needs that.
+    `albedo` (N, 3) are linear base colors of its points, in place of the scenes'.
 
     Raises:
         PluginError: the baseline breaks its contract.
         RenderError: Blender failed, or a stored render is damaged.
     """
-    folder = root / fingerprint(_fields(competitor, settings))[:32]
+    folder = root / fingerprint(_fields(competitor, settings, albedo is not None))[:32]
+    if albedo is not None:
+        cloud_fields = {**cloud_fields, "albedo": hashlib.sha256(albedo.tobytes()).hexdigest()}
     stems = [fingerprint({"cloud": cloud_fields, "scene": scene.to_json()})[:32] for scene in scenes]
     with Store(root).lock(Entry("reference", competitor.name, {"folder": folder.name, "cloud": cloud_fields})):
         wanted = dict(zip(stems, scenes, strict=True))
@@ -108,18 +115,18 @@ def run_baseline_on_scenes(
             for stem, _ in jobs:
                 (folder / f"{stem}.png").unlink(missing_ok=True)  # left by a run killed before it wrote the times
             mesh_rng = np.random.default_rng([seed, int(fingerprint({"viewer": viewer})[:16], 16)])
-            record = _run_and_render(competitor, cloud, mesh_rng, jobs, folder, settings, log)
+            record = _run_and_render(competitor, cloud, albedo, mesh_rng, jobs, folder, settings, log)
             for stem, _ in jobs:
                 atomic_write(json.dumps(record).encode(), folder / f"{stem}.json", durable=True)
     return [_read_result(folder, stem, settings) for stem in stems]
 
 
-def _fields(competitor: Competitor, settings: RenderSettings) -> dict[str, Any]:
+def _fields(competitor: Competitor, settings: RenderSettings, is_colored: bool) -> dict[str, Any]:
     """Fingerprint fields of a competitor's pictures of any cloud and scene: renderer, plugin and this module."""
-    fields = stage_fields("render") | {"baseline": plugin_fields(competitor), "parameters": settings.shaping()}
-    module = "pipeline.evaluation.baselines"
-    fields["code"] = {**fields["code"], module: cached_part_digest(module)}
-    return fields
+    stage = stage_fields("textured" if is_colored else "render")
+    modules = ("pipeline.evaluation.baselines", *(["z2p_core.meshes.vertex_colors"] if is_colored else []))
+    code = {**stage["code"], **{module: cached_part_digest(module) for module in modules}}
+    return {**stage, "baseline": plugin_fields(competitor), "parameters": settings.shaping(), "code": code}
 
 
 def with_true_floor(scene: SceneDescription, vertices: np.ndarray) -> SceneDescription:
@@ -149,6 +156,7 @@ def _group_by_reconstruction(competitor: Competitor, jobs: list[Job]) -> dict[An
 def _run_and_render(
     competitor: Competitor,
     cloud: np.ndarray,
+    albedo: np.ndarray | None,
     rng: np.random.Generator,
     jobs: list[Job],
     folder: Path,
@@ -161,17 +169,31 @@ def _run_and_render(
     started = time.perf_counter()
     try:
         if not hasattr(method, "reconstruct"):
-            _save(_paint(method, cloud, jobs[0][1], settings), folder / f"{jobs[0][0]}.png")
+            _save(_paint(method, cloud, albedo, jobs[0][1], settings), folder / f"{jobs[0][0]}.png")
             return _record(method, time.perf_counter() - started, 0.0)
-        vertices, faces = method.reconstruct_for(cloud, viewer_position(jobs[0][1]), rng)
+        vertices, faces, colors = _reconstruct(method, cloud, albedo, viewer_position(jobs[0][1]), rng)
     except ScanError as error:
         log(f"{competitor.name}: {error}; an empty picture is measured")
         return {"seconds": None, "render_seconds": None, "error": str(error), "steps": {}}
     seconds = time.perf_counter() - started
-    _check(competitor.name, vertices, faces)
+    _check(competitor.name, vertices, faces, colors)
     started = time.perf_counter()
-    render_mesh(Mesh(vertices, faces, smooth=True), jobs, folder, settings, name=competitor.name)
+    mesh = Mesh(vertices, faces, smooth=True)
+    if colors is None:
+        render_mesh(mesh, jobs, folder, settings, name=competitor.name)
+    else:
+        render_textured_mesh(mesh, colors, jobs, folder, settings, name=competitor.name)
     return _record(method, seconds, (time.perf_counter() - started) / len(jobs))
+
+
+def _reconstruct(
+    method: Any, cloud: np.ndarray, albedo: np.ndarray | None, viewer: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Vertices, triangles, and the vertices' colors if the cloud has some."""
+    if albedo is None:
+        return (*method.reconstruct_for(cloud, viewer, rng), None)
+    vertices, faces, colors = method.reconstruct_colored(cloud, albedo, viewer, rng)
+    return vertices, faces, colors
 
 
 def _record(method: Any, seconds: float, render_seconds: float) -> dict[str, Any]:
@@ -179,7 +201,9 @@ def _record(method: Any, seconds: float, render_seconds: float) -> dict[str, Any
     return {"seconds": round(seconds, 4), "render_seconds": round(render_seconds, 4), "error": "", "steps": steps}
 
 
-def _paint(painter: Painter, cloud: np.ndarray, scene: SceneDescription, settings: RenderSettings) -> np.ndarray:
+def _paint(
+    painter: Painter, cloud: np.ndarray, albedo: np.ndarray | None, scene: SceneDescription, settings: RenderSettings
+) -> np.ndarray:
     """Picture (H, W, 4) uint8.
 
     Raises:
@@ -187,7 +211,11 @@ def _paint(painter: Painter, cloud: np.ndarray, scene: SceneDescription, setting
     """
     width, height = settings.resolution
     placed = cloud.astype(np.float64) @ np.array(scene.rotation).T + (0.0, 0.0, scene.lift)
-    picture = painter.paint(placed.astype(np.float32), Camera(width, height, scene.elevation), scene)
+    points, camera = placed.astype(np.float32), Camera(width, height, scene.elevation)
+    if albedo is None:
+        picture = painter.paint(points, camera, scene)
+    else:
+        picture = painter.paint_colored(points, albedo, camera, scene)
     if picture.shape != (height, width, 4) or not (picture.min() >= 0 and picture.max() <= 1):
         raise registry.PluginError(
             f"painter {painter.name!r}: expected ({height}, {width}, 4) in [0, 1], "
@@ -221,13 +249,16 @@ def _warm_up(competitor: Competitor) -> None:
             method.paint(points.astype(np.float32), Camera(32, 32), SceneDescription())
 
 
-def _check(name: str, vertices: np.ndarray, faces: np.ndarray) -> None:
+def _check(name: str, vertices: np.ndarray, faces: np.ndarray, colors: np.ndarray | None) -> None:
     sound = vertices.ndim == faces.ndim == 2 and vertices.shape[1] == faces.shape[1] == 3 and len(faces) > 0
     if not sound or not np.isfinite(vertices).all() or faces.min() < 0 or faces.max() >= len(vertices):
         raise registry.PluginError(
             f"baseline {name!r}: expected finite vertices (V, 3) and triangles (M, 3) between them, "
             f"got {vertices.shape} and {faces.shape}"
         )
+    if colors is not None and not (colors.shape == vertices.shape and colors.min() >= 0 and colors.max() <= 1):
+        raise registry.PluginError(f"baseline {name!r}: expected colors {vertices.shape} in [0, 1] of its vertices, "
+                                   f"got {colors.shape} from {colors.min():g} to {colors.max():g}")  # fmt: skip
 
 
 def _read_record(path: Path) -> dict[str, Any]:

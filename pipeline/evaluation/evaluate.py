@@ -17,7 +17,7 @@ from PIL import Image
 from z2p_core import registry
 from z2p_core.config import EvaluateConfig, to_dict
 from z2p_core.images import bytes_from_unit, shrink, unit_from_bytes
-from z2p_core.interfaces import ScanError, SettingError
+from z2p_core.interfaces import PointColors, ScanError, SettingError
 from z2p_core.placement.bounding_sphere import Sphere, bounding_sphere
 from z2p_core.quality.metrics import METRIC_NAMES, image_metrics
 from z2p_core.scene import SceneDescription
@@ -28,6 +28,8 @@ from z2p_renderer.pipeline.inference.renderer import Renderer
 from z2p_renderer.pipeline.render import RenderSettings, read_render
 from z2p_renderer.pipeline.rendering.ground_truth import render_references
 from z2p_renderer.pipeline.rendering.mesh_samples import sample_cloud
+from z2p_renderer.pipeline.rendering.textured_truth import render_textured_references
+from z2p_renderer.pipeline.rendering.textures import mesh_texture
 from z2p_renderer.pipeline.rendering.views import View, describe, place_in_scene, sample_view, view_rng
 from z2p_renderer.storage.files.atomic_write import atomic_write
 from z2p_renderer.storage.meshes import Mesh, read_mesh
@@ -63,7 +65,8 @@ class Trial:
     """One view of a mesh for one seed: the cloud that methods get, and the render that they should reproduce.
 
     `cloud` (N, 3) float32 lies in the unit sphere, before the scene rotates it. `truth` (H, W, 4) is straight sRGB
-    RGBA, `coverage` (H, W) the object's share of each pixel; both float32 in [0, 1].
+    RGBA, `coverage` (H, W) the object's share of each pixel; both float32 in [0, 1]. With a `texture`, the mesh has its
+    colors, and `albedo` (N, 3) float32 are those of the points, linear: the texture's where the points are.
     """
 
     subject: EvaluationMesh
@@ -73,6 +76,8 @@ class Trial:
     cloud: np.ndarray
     truth: np.ndarray
     coverage: np.ndarray
+    texture: str = ""
+    albedo: np.ndarray | None = None
 
 
 def evaluate(
@@ -87,6 +92,9 @@ def evaluate(
 ) -> Path:
     """Writes ``out/metrics.json`` (a row per mesh, view and seed; means; spread), pictures and comparison sheets.
 
+    With `config.textures`, meshes and clouds are drawn in the colors of each of them instead of the control's; there is
+    a row for each, and the means are given for each and for all.
+
     Views and clouds depend on the seed, the mesh's bytes and the view's number, not on names or other meshes.
     Each of `baselines` gets the same clouds, and its own rows and means under its name. Ground truth and baselines'
     pictures are stored under `truth_root` by their fingerprint and reused for other weights. `engine` runs the network.
@@ -94,7 +102,7 @@ def evaluate(
     Raises:
         ScanError: no meshes, or one that cannot be read.
         WeightsError, PluginError: the weights, the engine or a needed plugin cannot be used.
-        SettingError: an elevation that the weights were not trained for.
+        SettingError: an elevation that the weights were not trained for, or textures that they cannot draw.
         RenderError: Blender failed, or a stored render is damaged.
     """
     if not meshes:
@@ -102,6 +110,7 @@ def evaluate(
     registry.load("samplers", config.sampler)  # an unknown sampler fails before the first render
     competitors = load_baselines(baselines)
     renderer = Renderer(weights, engine=engine)
+    _check_textures(renderer, config)
     evaluation_meshes = [_load_evaluation_mesh(name, path) for name, path in meshes.items()]  # so does a broken mesh
     (out / "pictures").mkdir(parents=True, exist_ok=True)
     rows: dict[str, list[dict[str, Any]]] = {name: [] for name in (WEIGHTS_KEY, *competitors)}
@@ -119,9 +128,23 @@ def evaluate(
         sheet.append(_sheet_row(trial, results))
     write_sheets(sheet, out, tuple(competitors))
     settings = _settings(config, weights, engine, evaluation_meshes, competitors)
-    summaries = {name: {**summarise(own), "rows": own} for name, own in rows.items()}
+    summaries = {name: {**summarise(own), **_summarise_textures(own), "rows": own} for name, own in rows.items()}
     ours = summaries.pop(WEIGHTS_KEY)
     return _write_json(out / "metrics.json", {"settings": settings, **ours, "baselines": summaries})
+
+
+def _check_textures(renderer: Renderer, config: EvaluateConfig) -> None:
+    """None where the textures are installed and the weights can draw colors of points, or none are asked for.
+
+    Raises:
+        SettingError: the weights draw one color.
+        PluginError: a texture is unknown or broken.
+    """
+    for name in config.textures:
+        registry.load("textures", name)
+    if config.textures and not renderer.draws_colors:
+        raise SettingError("textures: expected weights that draw colours of points, got ones that draw one colour; "
+                           "leave textures out, or take other weights")  # fmt: skip
 
 
 def split_seeds(config: EvaluateConfig) -> list[EvaluateConfig]:
@@ -143,7 +166,9 @@ def _settings(
         "engine": engine,
         "meshes": {subject.name: subject.identity for subject in evaluation_meshes},
         "baselines": [plugin_fields(plugin) for plugin in competitors.values()],
-    }
+        **({"textures": [plugin_fields(registry.load("textures", name)) for name in config.textures]}
+           if config.textures else {}),
+    }  # fmt: skip
 
 
 def sample_views(renderer: Renderer, identity: str, config: EvaluateConfig) -> list[View]:
@@ -198,6 +223,13 @@ def summarise(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _summarise_textures(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """``textures``: what `summarise` gives for the rows of each texture; nothing if there are none."""
+    kinds = dict.fromkeys(row["texture"] for row in rows if "texture" in row)
+    by_kind = {kind: summarise([row for row in rows if row["texture"] == kind]) for kind in kinds}
+    return {"textures": by_kind} if by_kind else {}
+
+
 def _load_evaluation_mesh(name: str, path: Path) -> EvaluationMesh:
     mesh = read_mesh(path)
     return EvaluationMesh(name, path, file_digest(path), mesh, bounding_sphere(mesh.vertices))
@@ -207,7 +239,28 @@ def _trials(
     subject: EvaluationMesh, renderer: Renderer, config: EvaluateConfig, truth_root: Path, log: Log
 ) -> Iterator[Trial]:
     views = sample_views(renderer, subject.identity, config)
-    truth = render_ground_truth(subject, [view.scene for view in views], config, truth_root, log)
+    for texture in config.textures or ("",):
+        scenes = [view.scene for view in views]
+        truth = _render_truth(subject, texture, scenes, config, truth_root, log)
+        yield from _texture_trials(subject, texture, config, views, truth)
+
+
+def _render_truth(
+    subject: EvaluationMesh, texture: str, scenes: Sequence[SceneDescription], config: EvaluateConfig, root: Path,
+    log: Log,
+) -> list[Path]:  # fmt: skip
+    """Path of each scene's picture in a texture, or in the scene's own color if it is empty."""
+    if not texture:
+        return render_ground_truth(subject, scenes, config, root, log)
+    placed = Mesh(subject.sphere.normalise(subject.mesh.vertices), subject.mesh.faces, subject.mesh.smooth)
+    drawn = mesh_texture(texture, subject.identity, config.seed)
+    settings = ground_truth_settings(config)
+    return render_textured_references(placed, subject.name, subject.identity, drawn, scenes, settings, root)
+
+
+def _texture_trials(
+    subject: EvaluationMesh, texture: str, config: EvaluateConfig, views: Sequence[View], truth: Sequence[Path]
+) -> Iterator[Trial]:
     side = config.resolution
     for index, (view, path) in enumerate(zip(views, truth, strict=True)):
         rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), index, 1])
@@ -215,7 +268,8 @@ def _trials(
         cloud = sample_cloud(subject.mesh, subject.sphere, config.sampler, config.points, kind, config.noise, rng)
         picture = read_render(path, (side, side, 4))
         coverage = read_render(path.with_suffix(".coverage.png"), (side, side))
-        yield Trial(subject, config, index, view, cloud, picture, coverage)
+        albedo = mesh_texture(texture, subject.identity, config.seed).albedo(cloud) if texture else None
+        yield Trial(subject, config, index, view, cloud, picture, coverage, texture, albedo)
 
 
 def _run_weights(renderer: Renderer, trial: Trial) -> Result:
@@ -223,8 +277,9 @@ def _run_weights(renderer: Renderer, trial: Trial) -> Result:
     floor = with_true_floor(trial.view.scene, trial.subject.sphere.normalise(trial.subject.mesh.vertices)).floor
     factor = trial.config.supersample
     side = trial.config.resolution * factor
+    colors = None if trial.albedo is None else PointColors(placed, trial.albedo)
     started = time.perf_counter()
-    picture = unit_from_bytes(renderer.render(placed, trial.view.values, side, side, floor))
+    picture = unit_from_bytes(renderer.render(placed, trial.view.values, side, side, floor, colors))
     if factor > 1:
         picture = shrink(picture, factor)
     seconds = time.perf_counter() - started
@@ -242,30 +297,31 @@ def _run_baseline(baseline: type[Baseline], trial: Trial, truth_root: Path, log:
     rng = np.random.default_rng([config.seed, int(subject.identity[:16], 16), trial.index, 2])
     scene = with_true_floor(trial.view.scene, subject.sphere.normalise(subject.mesh.vertices))
     settings = ground_truth_settings(config)
-    result = run_baseline(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log)
+    result = run_baseline(baseline, trial.cloud, cloud_fields, rng, scene, settings, truth_root, log, trial.albedo)
     row = {**_metrics_row(result.picture, trial), "seconds": result.seconds, "render_seconds": result.render_seconds}
     return row | ({"error": result.error} if result.error else {}), result.picture
 
 
 def _save_pictures(trial: Trial, results: Mapping[str, Result], folder: Path, log: Log) -> None:
-    """Writes MESH_SEED_VIEW.png, and MESH_SEED_VIEW_NAME.png for each baseline."""
+    """Writes MESH_SEED_VIEW.png, and MESH_SEED_VIEW_NAME.png for each baseline; VIEW is followed by the texture."""
     for name, (row, picture) in results.items():
-        stem = f"{trial.subject.name}_{trial.config.seed}_{trial.index}" + (f"_{name}" if name else "")
-        Image.fromarray(bytes_from_unit(picture)).save(folder / f"{stem}.png")
-        title = " ".join(filter(None, (trial.subject.name, str(trial.index), name)))
+        parts = trial.subject.name, str(trial.config.seed), str(trial.index), trial.texture, name
+        Image.fromarray(bytes_from_unit(picture)).save(folder / f"{'_'.join(filter(None, parts))}.png")
+        title = " ".join(filter(None, (trial.subject.name, str(trial.index), trial.texture, name)))
         log(f"{title}: {', '.join(_metric_labels(row))}")
 
 
 def _sheet_row(trial: Trial, results: Mapping[str, Result]) -> SheetRow:
     scene = trial.view.scene
-    label = (f"{trial.subject.name} {trial.index}", *_metric_labels(results[WEIGHTS_KEY][0]))
+    label = (f"{trial.subject.name} {trial.index} {trial.texture}".rstrip(), *_metric_labels(results[WEIGHTS_KEY][0]))
     ours, *others = (picture for _, picture in results.values())
     return make_row(label, place_in_scene(trial.cloud, scene), scene.elevation, ours, trial.truth, others)
 
 
 def _metrics_row(picture: np.ndarray, trial: Trial) -> dict[str, Any]:
     metrics = image_metrics(picture, trial.truth, trial.coverage)
-    return {"mesh": trial.subject.name, "seed": trial.config.seed, "view": trial.index} | {
+    texture = {"texture": trial.texture} if trial.texture else {}
+    return {"mesh": trial.subject.name, "seed": trial.config.seed, "view": trial.index, **texture} | {
         name: _rounded_or_none(value) for name, value in metrics.items()
     }
 

@@ -36,3 +36,10 @@ class Balls(Baseline):
         first = len(vertices) * np.arange(len(cloud))[:, None, None]
         placed = np.asarray(cloud, dtype=np.float64)[:, None] + vertices
         return placed.reshape(-1, 3), (first + faces).reshape(-1, 3)
+
+    def reconstruct_colored(
+        self, cloud: np.ndarray, albedo: np.ndarray, viewer: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same mesh, and colors of its vertices: each ball has that of its point."""
+        vertices, faces = self.reconstruct(cloud, rng)
+        return vertices, faces, np.repeat(albedo, len(vertices) // len(cloud), axis=0)

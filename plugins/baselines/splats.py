@@ -46,6 +46,13 @@ class Splats(Baseline):
         faces = DISC_CORNERS * np.arange(len(points))[:, None, None] + fan
         return vertices.reshape(-1, 3), faces.reshape(-1, 3)
 
+    def reconstruct_colored(
+        self, cloud: np.ndarray, albedo: np.ndarray, viewer: np.ndarray, rng: np.random.Generator
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same mesh, and colors (8 N, 3) of its vertices: each disc has that of its point."""
+        vertices, faces = self.reconstruct(cloud, rng)
+        return vertices, faces, np.repeat(albedo, DISC_CORNERS, axis=0)
+
 
 def _tangent_axes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Two unit tangents, (N, 3) each, and the spacing (N,) of points (N, 3), by PCA of their nearest neighbours."""

@@ -22,7 +22,7 @@ SCHEMA = 2
 """Raised when the meaning of the fields themselves changes; every result becomes stale."""
 
 STAGE_VERSIONS: dict[str, int] = {
-    "shapes": 1, "sample": 1, "render": 1, "shard": 2, "train": 2, "evaluate": 1, "reference": 1,
+    "shapes": 1, "sample": 1, "render": 1, "shard": 2, "train": 2, "evaluate": 1, "reference": 1, "textured": 1,
     "measure": 1, "scans": 1, "times": 1, "trust": 1, "report": 1,
     "compare": 1,
 }  # fmt: skip

@@ -57,6 +57,11 @@ _RENDERS = (
     "pipeline.render", "pipeline.blender", "z2p_core.camera", "z2p_core.placement.bounding_sphere", "z2p_core.images",
     *_MESHES,
 )
+_TEXTURED_RENDERS = (
+    "pipeline.rendering.textured_meshes", "pipeline.rendering.textures", "pipeline.textured_blender",
+    "z2p_core.meshes.subdivision",
+)
+"""What renders of meshes with colors of their own depend on, beside `_RENDERS`."""
 _KERNELS = (*modules_in("z2p_core.native"), "z2p_core/native/build.py", *c_files_below("z2p_core/native/c"))
 _BUFFERS_AND_NETWORK = (
     "pipeline.inference.input_buffers", "pipeline.inference.loading", "storage.models.checkpoints",
@@ -131,6 +136,11 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
         "z2p_core.meshes.triangle_sampling", *_RENDERER, *_RENDERS, *_NETWORK, *_CONTROLS,
     ),
     "reference": ("pipeline.rendering.ground_truth", "z2p_core.scene", *_RENDERS),
+    "textured": (
+        "pipeline.rendering.textured_truth",
+        *(f"pipeline.rendering.ground_truth:{name}" for name in ("COVERAGE_FILE", "PICTURE_FILE", "scene_stem")),
+        "z2p_core.scene", *_TEXTURED_RENDERS, *_RENDERS, *_RANDOM_ROTATION,
+    ),
     "measure": (
         "workflows.report.stages:Measure", "pipeline.outputs.point_preview", f"{_PAPER}.measure",
         "z2p_core.quality.metrics", *_CASES,
@@ -222,6 +232,7 @@ PACKAGES: dict[str, tuple[str, ...]] = {
     "train": ("numpy", "torch", "onnx", "onnxruntime"),
     "evaluate": ("numpy", "trimesh", "bpy", "torch", "kornia", "flip-evaluator"),
     "reference": ("numpy", "trimesh", "bpy"),
+    "textured": ("numpy", "trimesh", "bpy"),
     "measure": ("numpy", "trimesh", "bpy", "open3d", "torch", "kornia", "flip-evaluator"),
     "scans": ("numpy", "trimesh", "bpy", "open3d", "torch", "kornia", "flip-evaluator"),
     "times": ("numpy", "trimesh", "bpy", "open3d", "torch", "onnxruntime"),

@@ -21,7 +21,7 @@ LAYERS = {
 FOLDERS = set(LAYERS) - {"z2p_core"}
 """Layers that are packages of `z2p_renderer`."""
 ONLY_IN = {
-    "bpy": "pipeline/blender.py",
+    "bpy": ("pipeline/blender.py", "pipeline/textured_blender.py"),
     "mathutils": "pipeline/blender.py",
     "luigi": "workflows/",
     "h5py": ("storage/", "plugins/readers/h5.py"),

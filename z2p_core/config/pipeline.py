@@ -185,6 +185,8 @@ class EvaluateConfig:
     seed: int = 0
     seeds: int = 1
     """Number of seeds, from `seed` on, each with its own views, clouds and noise."""
+    textures: tuple[str, ...] = ()
+    """Textures whose colors meshes and clouds have, one after the other; none leaves them in one color."""
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,7 @@ EVALUATE: dict[str, Limit | DataclassFields] = {
     "elevation": OrNone(ELEVATION_LIMIT),
     "seed": SEED_LIMIT,
     "seeds": Count(1, 10_000),
+    "textures": ListOf(Plugin(("textures",)), 0, 100, distinct=True),
 }
 PIPELINE: dict[str, Limit | DataclassFields] = {
     "name": NAME_LIMIT,

@@ -52,6 +52,9 @@ def _split_names(context: click.Context, parameter: click.Parameter, text: str) 
 @click.option("--elevation", default="20", type=Elevation(), help="Camera elevation in degrees, or random.")
 @click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split_names,
               help="Comma-separated baselines to compare with, as bpa,poisson,balls; see `z2p plugins`.")
+@click.option("--textures", metavar="KINDS", default="", show_default=False, callback=_split_names,
+              help="Comma-separated textures for meshes and clouds, as smooth,stripes,spots, drawn one after the other; "
+              "see `z2p plugins`.  [default: one colour]")
 def evaluate(
     meshes: Path, weights: str, engine: str, output: Path, truth: Path | None, baseline: tuple[str, ...],
     **options: Any,
@@ -73,7 +76,10 @@ def evaluate(
     load_baselines(baseline)
     registry.load("engines", engine)
     mesh_files, weights_file = find_meshes(meshes), find_weights(weights)
-    check_sheet_places(output, count_sheets(len(mesh_files) * config.views * config.seeds))  # before hours of rendering
+    for texture in config.textures:
+        registry.load("textures", texture)
+    pictures = len(mesh_files) * config.views * config.seeds * max(1, len(config.textures))
+    check_sheet_places(output, count_sheets(pictures))  # before hours of rendering
     missing = [package for package in REQUIRED_PACKAGES if importlib.util.find_spec(package) is None]
     if missing:
         raise CommandError(f"evaluation needs {', '.join(missing)}; {INSTALL}")
@@ -92,13 +98,24 @@ def evaluate(
 def _print_means(metrics: dict[str, Any]) -> None:
     """Prints a line for each metric with its mean; with baselines, theirs follow in columns below a line of names.
 
-    With several seeds, each mean is followed by the standard deviation of the seeds' means.
+    With several seeds, each mean is followed by the standard deviation of the seeds' means. With textures, there is a
+    table for each before that for all of them.
     """
-    columns = [metrics, *metrics["baselines"].values()]
-    has_spread = len(metrics["seeds"]) > 1
-    if metrics["baselines"]:
+    methods = {"z2p": metrics, **metrics["baselines"]}
+    for kind in metrics.get("textures", {}):
+        _print_table({name: one["textures"][kind] for name, one in methods.items()}, kind)
+    _print_table(methods, "all textures" if "textures" in metrics else "")
+
+
+def _print_table(methods: dict[str, dict[str, Any]], title: str) -> None:
+    """Prints a line for each metric with the mean of each method in a column."""
+    columns = list(methods.values())
+    has_spread = len(columns[0]["seeds"]) > 1
+    if len(methods) > 1:
         width = 19 if has_spread else 9
-        click.echo(" ".join([f"{'':<16}", *(f"{name:>{width}}" for name in ("z2p", *metrics["baselines"]))]))
+        click.echo(" ".join([f"{title:<16}", *(f"{name:>{width}}" for name in methods)]))
+    elif title:
+        click.echo(title)
     for name in dict.fromkeys(name for column in columns for name in column["means"]):
         numbers = []
         for column in columns:

@@ -1,0 +1,1 @@
+"""Built-in textures: colors as functions of the place in space."""
