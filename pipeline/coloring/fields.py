@@ -24,8 +24,11 @@ HEIGHT = "height"
 LABEL_WORDS = ("class", "label", "segment", "instance", "cluster", "object", "category", "semantic", "part", "index",
                "returnnumber", "numberofreturns", "id")  # fmt: skip
 """Words in the names of fields whose whole numbers are labels, however many there are."""
+MEASUREMENT_WORDS = ("intensity", "time", "height", "elevation", "depth", "angle", "distance", "range", "error",
+                     "confidence", "curvature", "temperature", "reflect", "amplitude", "density")  # fmt: skip
+"""Words in the names of fields whose whole numbers are measurements, however few there are."""
 MAX_LABELS = 20
-"""Up to so many different whole numbers are labels, whatever their field's name."""
+"""Up to so many different whole numbers are labels, whatever else their field's name is."""
 MAX_LISTED_CLASSES = 12
 """How many classes a message lists."""
 
@@ -47,11 +50,13 @@ class ScalarField:
         """Whether the values are labels rather than measurements."""
         if self.values.dtype.kind == "b" or self.class_names:
             return True
-        labeled = any(word in field_key(self.name) for word in LABEL_WORDS)
+        key = field_key(self.name)
+        labeled = any(word in key for word in LABEL_WORDS)
         if self.values.dtype.kind == "f":
             known = self.values[np.isfinite(self.values)]
             return labeled and len(known) > 0 and bool((known == np.rint(known)).all())
-        return labeled or len(np.unique(self.values)) <= MAX_LABELS
+        measured = any(word in key for word in MEASUREMENT_WORDS)
+        return labeled or (not measured and len(np.unique(self.values)) <= MAX_LABELS)
 
 
 def read_scans(path: Path, columns: tuple[str, ...] | None, options: ColorOptions) -> list[Scan | ScanError]:

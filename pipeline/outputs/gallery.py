@@ -95,10 +95,25 @@ def _settings_rows(record: dict[str, Any]) -> list[tuple[str, str]]:
              ("view", f"azimuth {stance.get('azimuth') or 0:.0f}, {stance.get('view_reason', '')}")]  # fmt: skip
     if stance.get("outliers"):
         rows.append(("left out", f"outliers: {stance['outliers']}"))
+    rows += color_rows(record)
     rows += placement_rows(record)
     weights = record.get("weights", {})
     rows.append(("weights", f"{weights.get('name', '')} {str(weights.get('sha256', ''))[:12]}"))
     rows.append(("made by", f"z2p {record.get('version', '')}"))
+    return rows
+
+
+def color_rows(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Rows (name, text) for what colors the points; none where the whole object has one color."""
+    rows = []
+    by = record.get("color_by", "none")
+    if by != "none":
+        limits = record.get("clim")
+        scale = f", {record['colormap']} from {limits[0]:.6g} to {limits[1]:.6g}" if limits else ""
+        light = "" if record.get("relight", 1) == 1 else f", {100 * record['relight']:g} % of the light"
+        rows.append(("coloured by", f"{by}{scale}{light}"))
+    if record.get("classes"):
+        rows.append(("classes", ", ".join(map(str, record["classes"]))))
     return rows
 
 
