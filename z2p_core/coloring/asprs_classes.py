@@ -1,15 +1,7 @@
-"""Point classes of LAS files: the names of the standard (ASPRS LAS 1.4, table 17), and customary colors."""
+"""Customary colors of the standard point classes of LAS files, which `z2p_core.formats.las_classes` names."""
 
 from __future__ import annotations
 
-ASPRS_NAMES: dict[int, str] = {
-    0: "never classified", 1: "unclassified", 2: "ground", 3: "low vegetation", 4: "medium vegetation",
-    5: "high vegetation", 6: "building", 7: "low noise", 8: "model key point", 9: "water", 10: "rail",
-    11: "road surface", 12: "overlap", 13: "wire guard", 14: "wire conductor", 15: "transmission tower",
-    16: "wire connector", 17: "bridge deck", 18: "high noise", 19: "overhead structure", 20: "ignored ground",
-    21: "snow", 22: "temporal exclusion",
-}  # fmt: skip
-"""Class -> name. 8 and 12 have these names in point formats 0 to 5 and are reserved in later ones."""
 ASPRS_COLORS: dict[int, tuple[float, float, float]] = {
     0: (0.74, 0.74, 0.74), 1: (0.62, 0.62, 0.62), 2: (0.63, 0.44, 0.26), 3: (0.71, 0.80, 0.33),
     4: (0.42, 0.70, 0.27), 5: (0.11, 0.48, 0.20), 6: (0.89, 0.36, 0.20), 7: (0.80, 0.10, 0.52),

@@ -7,8 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from z2p_core.coloring.asprs_classes import ASPRS_COLORS, ASPRS_NAMES
+from z2p_core.coloring.asprs_classes import ASPRS_COLORS
 from z2p_core.coloring.scales import ClassColors, ClassEntry, Color
+from z2p_core.formats.las_classes import LAS_CLASS_NAMES
 from z2p_core.images import linear_from_srgb
 
 UNLABELLED_COLOR: Color = (0.62, 0.62, 0.62)
@@ -48,7 +49,7 @@ def class_colors(
     is_las = field.casefold().removeprefix("scalar_") == "classification"
     entries = []
     for label, count in _count_labels(np.asarray(values)):
-        name = names.get(label) or (ASPRS_NAMES.get(label) if is_las else None) or _number_name(label)
+        name = names.get(label) or (LAS_CLASS_NAMES.get(label) if is_las else None) or _number_name(label)
         color = given.get(label) or (ASPRS_COLORS.get(label) if is_las else None) or label_color(label)
         entries.append(ClassEntry(label, name, color, count))
     return ClassColors(field, tuple(entries))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_core.coloring.asprs_classes import ASPRS_COLORS, ASPRS_NAMES
+from z2p_core.coloring.asprs_classes import ASPRS_COLORS
 from z2p_core.coloring.class_palettes import UNLABELLED_COLOR, class_colors, label_color, label_palette
 from z2p_core.coloring.scales import ClassEntry
+from z2p_core.formats.las_classes import LAS_CLASS_NAMES
 from z2p_core.images import linear_from_srgb
 
 
@@ -48,7 +49,7 @@ def test_other_spellings_of_classification_count(field: str) -> None:
 
 def test_las_colors_are_all_different() -> None:
     assert len(set(ASPRS_COLORS.values())) == len(ASPRS_COLORS)
-    assert set(ASPRS_COLORS) == set(ASPRS_NAMES) == set(range(23))
+    assert set(ASPRS_COLORS) == set(LAS_CLASS_NAMES) == set(range(23))
 
 
 def test_names_of_the_file_come_first() -> None:

@@ -95,6 +95,6 @@ def test_without_entries_all_colors_are_unknown() -> None:
 
 
 def test_the_module_imports_no_colormaps() -> None:
-    code = ("import sys, z2p_core.coloring.class_palettes, z2p_renderer.pipeline.outputs.legends; "
+    code = ("import sys, z2p_core.coloring.class_palettes, z2p_renderer.pipeline.legends.draw_legend; "
             "sys.exit(bool({'cmap', 'matplotlib'} & set(sys.modules)))")  # fmt: skip
     assert subprocess.run([sys.executable, "-c", code], check=False, timeout=60).returncode == 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from z2p_renderer.pipeline.outputs.tick_labels import choose_ticks
+from z2p_renderer.pipeline.legends.tick_labels import choose_ticks
 
 
 @pytest.mark.parametrize(

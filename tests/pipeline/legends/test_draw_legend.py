@@ -16,7 +16,7 @@ from z2p_core.coloring.class_palettes import class_colors
 from z2p_core.coloring.colormaps import colormap_lut
 from z2p_core.coloring.scales import ClassColors, ColorScale
 from z2p_core.interfaces import SettingError
-from z2p_renderer.pipeline.outputs.legends import draw_onto, ink_on, write_legend
+from z2p_renderer.pipeline.legends.draw_legend import draw_onto, ink_on, write_legend
 
 BAR = ColorScale("intensity", "viridis", 0.0, 12.0, "dB")
 CLASSES = class_colors("classification", np.array([2, 5, 6, 9]))
