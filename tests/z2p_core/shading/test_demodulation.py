@@ -3,7 +3,7 @@
 import numpy as np
 
 from z2p_core.images import linear_from_srgb, srgb_from_linear
-from z2p_core.shading.demodulation import apply_relative_radiance, extend_by_pyramid
+from z2p_core.shading.demodulation import apply_relative_radiance, extend_by_pyramid, reduce_light
 
 
 def test_colors_are_multiplied_in_linear_light() -> None:
@@ -40,3 +40,17 @@ def test_a_transparent_image_stays_as_it_is() -> None:
     image = np.zeros((4, 8, 8), np.float32)
     apply_relative_radiance(image, np.ones((3, 8, 8), np.float32), np.zeros((8, 8), np.float32))
     assert not image.any()
+
+
+def test_without_light_the_surface_has_one_color() -> None:
+    image = np.zeros((4, 2, 3), np.float32)
+    image[:, 0] = np.array([[0.1], [0.5], [0.3], [1.0]])  # lit surface
+    image[3, 1] = 0.4  # the floor's shadow
+    coverage = np.array([[1, 1, 0.5], [0, 0, 0]], np.float32)
+    lit, color = image.copy(), np.array([0.2, 0.2, 0.2], np.float32)
+    reduce_light(image, color, coverage, 0.0)
+    assert np.allclose(image[:3, 0, :2], srgb_from_linear(color)[:, None], atol=1e-5)
+    assert np.array_equal(image[:, 1], lit[:, 1])
+    between = lit.copy()
+    reduce_light(between, color, coverage, 1.0)
+    assert np.allclose(between, lit, atol=1e-6)
