@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import io
 import struct
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
 from z2p_renderer.plugins.readers._helpers.gltf import readable_glb
+from z2p_renderer.plugins.readers._helpers.gltf_fields import PartFields, field_names_of, read_part_fields
 from z2p_renderer.plugins.readers._helpers.gltf_parts import as_glb, bytes_beside
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.length_check import check_trailing_bytes, trailing_bytes_note
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants, plain_column
 
 _STL_HEADER_BYTES, _STL_TRIANGLE_BYTES = 84, 50
 """Size of the header of a binary STL file, and of each triangle."""
@@ -27,7 +30,7 @@ class Meshes(Reader):
     """
 
     name = "meshes"
-    version = "4"
+    version = "5"
     takes_columns = False
     packages = ("trimesh",)
     suffixes = (".stl", ".glb", ".gltf")
@@ -46,19 +49,18 @@ class Meshes(Reader):
             ScanError: no file of its format, one of another length than it promises, or without triangles.
         """
         try:
-            match path.suffix.lower():
-                case ".stl":
-                    points, note = _read_stl(path.read_bytes())
-                case ".gltf":
-                    points, note = _read_glb(as_glb(path))
-                case _:
-                    points, note = _read_glb(path.read_bytes())
+            if path.suffix.lower() == ".stl":
+                points, note = _read_stl(path.read_bytes())
+                cloud = RawCloud(points, note=note)
+            else:
+                cloud = _read_glb(as_glb(path) if path.suffix.lower() == ".gltf" else path.read_bytes(), self.wants)
         except (ScanError, ImportError):  # no fault of the file
             raise
         except Exception as error:  # the library raises errors of any type on damaged files
             raise ScanError(f"the vertices cannot be read ({error_reason(error)}); export the file again") from error
-        first = np.unique(points, axis=0, return_index=True)[1]
-        return [RawCloud(points[np.sort(first)], note=note)]
+        first = np.sort(np.unique(cloud.points, axis=0, return_index=True)[1])
+        fields = {name: values[first] for name, values in cloud.fields.items()}
+        return [replace(cloud, points=cloud.points[first], fields=fields)]
 
 
 def _read_stl(blob: bytes) -> tuple[np.ndarray, str]:
@@ -100,15 +102,51 @@ def _check_complete(blob: bytes) -> bytes:
     return blob
 
 
-def _read_glb(blob: bytes) -> tuple[np.ndarray, str]:
-    """Vertices (N, 3) float64 of a scene, and a note."""
+def _read_glb(blob: bytes, wants: Wants) -> RawCloud:
+    """Vertices (N, 3) float64 of a scene, with their fields."""
     if blob[:4] != b"glTF":
         raise ScanError("expected a GLB file, which begins with 'glTF'; this is another format under that name")
-    scene = import_lazily("trimesh").load_scene(io.BytesIO(readable_glb(blob)), file_type="glb", process=False)
-    parts = [np.empty((0, 3))]
+    blob = readable_glb(blob)
+    load = import_lazily("trimesh").load_scene
+    scene = load(io.BytesIO(blob), file_type="glb", process=False, skip_materials=not wants("rgb"))
+    parts = read_part_fields(blob)
+    counts = [len(geometry.vertices) for geometry in scene.geometry.values()]
+    if counts != [part.count for part in parts]:  # the library left some out
+        parts = [PartFields(count) for count in counts]
+    part_of = dict(zip(scene.geometry, parts, strict=True))
+    textures = {name: _texture_colors(scene.geometry[name]) for name in scene.geometry} if wants("rgb") else {}
+    names = field_names_of(parts, any(colors is not None for colors in textures.values()))
+    points, fields = [np.empty((0, 3))], {name: [] for name in names if wants(name)}
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]
         vertices = np.asarray(scene.geometry[name].vertices, dtype=np.float64)
-        parts.append(vertices @ transform[:3, :3].T + transform[:3, 3])
-    colored = b'"COLOR_0"' in blob[: 20 + int.from_bytes(blob[12:16], "little")]
-    return np.concatenate(parts), IGNORED_NOTE if colored else ""
+        points.append(vertices @ transform[:3, :3].T + transform[:3, 3])
+        for field, values in fields.items():
+            values.append(_part_values(part_of[name], field, transform, textures.get(name)))
+    columns = {field: plain_column(np.concatenate(values)) for field, values in fields.items() if values}
+    kinds = dict.fromkeys(part.color_kind for part in parts if part.color_kind)
+    return RawCloud(np.concatenate(points), fields=columns, field_names=tuple(names),
+                    color_kind=", ".join(kinds) if "rgb" in columns else "")
+
+
+def _part_values(
+    part: PartFields, name: str, transform: np.ndarray, texture: np.ndarray | None
+) -> np.ndarray:
+    """The values of a field at the vertices of one part of a scene; NaN where it does not have the field."""
+    if name == "rgb":
+        return part.srgb(texture)
+    if name == "normal":
+        if part.normals is None:
+            return np.full((part.count, 3), np.nan)
+        return np.asarray(part.normals @ np.linalg.inv(transform[:3, :3]), dtype=np.float32)
+    return part.scalars.get(name, np.full(part.count, np.nan))
+
+
+def _texture_colors(geometry: Any) -> np.ndarray | None:
+    """sRGB colors (N, 3) in [0, 1] of a mesh's picture at its vertices; None if it has no picture."""
+    visual = getattr(geometry, "visual", None)
+    picture = getattr(getattr(visual, "material", None), "baseColorTexture", None)
+    uv = getattr(visual, "uv", None)
+    if picture is None or uv is None or len(uv) != len(geometry.vertices):
+        return None
+    return np.asarray(visual.material.to_color(uv), dtype=np.float32)[:, :3] / np.float32(255)

@@ -10,13 +10,13 @@ from typing import TextIO
 import numpy as np
 
 from z2p_core.interfaces import RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE
+from z2p_renderer.plugins.readers._helpers.point_fields import plan_fields
 from z2p_renderer.plugins.readers._text.memory_need import memory_of_lines
 
 _NUMBERS_PER_HEADER_LINE = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
 """Header of a scan: columns and rows of its grid, the scanner's position and axes, and a 4 x 4 matrix."""
-_NUMBERS_PER_COLORED_CELL = 7
-"""A cell holds x, y, z, intensity, and perhaps r, g, b."""
+_CELL_NAMES = ("x", "y", "z", "intensity", "r", "g", "b")
+"""The numbers of a cell; some scanners have no colors, so that the last three are missing."""
 _BLOCK_LINES = 200_000
 """Lines that are read at a time, so that a large file is never in memory as a whole."""
 
@@ -25,7 +25,7 @@ class Ptx(Reader):
     """Text: scans one after the other, each with a header and columns x rows lines of x y z intensity (r g b)."""
 
     name = "ptx"
-    version = "1"
+    version = "2"
     takes_columns = False
     suffixes = (".ptx",)
 
@@ -39,15 +39,23 @@ class Ptx(Reader):
         Raises:
             ScanError: a header of another form, a scan that is cut short, or something not a number.
         """
+        plan = plan_fields(_CELL_NAMES, self.wants, (0, 1, 2))
+        table, width = [np.empty((0, 3 + len(plan.columns)))], 0
         with path.open(encoding="utf-8-sig", errors="replace") as file:
-            points = np.concatenate([np.empty((0, 3)), *_iter_point_blocks(file)])
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            first = next(islice(file, len(_NUMBERS_PER_HEADER_LINE), None), "")
-        return [RawCloud(points, note=IGNORED_NOTE if len(first.split()) == _NUMBERS_PER_COLORED_CELL else "")]
+            for rows, given in _iter_cells(file, (0, 1, 2, *plan.columns)):
+                table.append(rows)
+                width = max(width, given)
+        whole = np.concatenate(table)
+        columns = {column: whole[:, 3 + index] for index, column in enumerate(plan.columns)}
+        missing = [name for name, places in plan.columns_of.items() if max(places) >= width]
+        return [plan.without(*missing).fill(RawCloud(np.ascontiguousarray(whole[:, :3])), columns)]
 
 
-def _iter_point_blocks(file: TextIO) -> Iterator[np.ndarray]:
-    """Blocks of points (N, 3) of all scans, transformed by each scan's matrix."""
+def _iter_cells(file: TextIO, columns: tuple[int, ...]) -> Iterator[tuple[np.ndarray, int]]:
+    """Blocks of the cells (N, 3 or more) of all scans that measured something, and the width of their rows.
+
+    The first three `columns` are x, y and z, transformed by each scan's matrix.
+    """
     line = 0
     while header := _read_header(file, line):
         line += len(_NUMBERS_PER_HEADER_LINE)
@@ -55,14 +63,16 @@ def _iter_point_blocks(file: TextIO) -> Iterator[np.ndarray]:
         matrix = np.array(header[6:])
         for start in range(0, cells, _BLOCK_LINES):
             expected = min(_BLOCK_LINES, cells - start)
-            rows = list(islice(file, expected))
-            points = _parse_points(rows, line)
-            line += len(rows)
-            if len(points) < expected:
+            lines = list(islice(file, expected))
+            width = len(lines[0].split()) if lines else 0
+            rows = _parse_cells(lines, line, columns, width)
+            line += len(lines)
+            if len(rows) < expected:
                 raise ScanError(f"a scan of {header[0][0]:g} x {header[1][0]:g} cells ends in line {line}, after "
-                                f"{start + len(points)}; the file is cut short: export it again")
-            measured = points[points.any(1)]
-            yield measured @ matrix[:3, :3] + matrix[3, :3]  # points are row vectors: the last row is the translation
+                                f"{start + len(rows)}; the file is cut short: export it again")
+            measured = rows[rows[:, :3].any(1)]
+            measured[:, :3] = measured[:, :3] @ matrix[:3, :3] + matrix[3, :3]  # points are row vectors
+            yield measured, width
 
 
 def _read_header(file: TextIO, first_line: int) -> list[list[float]]:
@@ -87,20 +97,25 @@ def _read_header(file: TextIO, first_line: int) -> list[list[float]]:
     return numbers
 
 
-def _parse_points(rows: list[str], first_line: int) -> np.ndarray:
-    """Parses x, y and z (N, 3) float64 of the rows behind the first `first_line` lines of the file.
+def _parse_cells(rows: list[str], first_line: int, columns: tuple[int, ...], width: int) -> np.ndarray:
+    """Parses `columns` (N, len(columns)) float64 of the rows behind the first `first_line` lines of the file.
+
+    Columns that the rows of `width` do not have are NaN.
 
     Raises:
         ScanError: a row has other columns.
     """
+    given = tuple(column for column in columns if column < max(width, 3))
     try:
         if not any(map(str.strip, rows)):
-            return np.empty((0, 3))
-        return np.loadtxt(rows, np.float64, comments=None, usecols=(0, 1, 2), ndmin=2)
+            return np.empty((0, len(columns)))
+        table = np.loadtxt(rows, np.float64, comments=None, usecols=given, ndmin=2)
+        missing = np.full((len(table), len(columns) - len(given)), np.nan)
+        return np.column_stack([table, missing])
     except ValueError as error:
         for number, row in enumerate(rows, start=first_line + 1):
             try:
-                np.loadtxt([row], np.float64, comments=None, usecols=(0, 1, 2))
+                np.loadtxt([row], np.float64, comments=None, usecols=given)
             except ValueError:
                 raise ScanError(f"line {number}: expected x y z intensity, got {row.strip()[:40]!r}; "
                                 "export the file again") from error

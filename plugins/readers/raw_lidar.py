@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from z2p_core.formats.headerless_floats import (
 from z2p_core.formats.raw_lidar import NUSCENES_COLUMNS, is_plausible_sweep
 from z2p_core.interfaces import RawCloud, Reader, ScanError, Sensor
 from z2p_renderer.plugins.readers._cameras.colmap import is_points3d, read_points3d
+from z2p_renderer.plugins.readers._helpers.point_fields import plan_fields, whole_if_whole
 
 _OPENCV_TO_LIDAR = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation from OpenCV camera axes to those of a car's lidar: +X ahead, +Y to the left, +Z up."""
@@ -30,7 +32,7 @@ class Sweeps(Reader):
     """
 
     name = "sweeps"
-    version = "3"
+    version = "4"
     suffixes = (".bin",)
 
     def read(self, path: Path) -> list[RawCloud]:
@@ -43,7 +45,7 @@ class Sweeps(Reader):
             ScanError: the file has no whole rows, or its numbers fit no layout or several.
         """
         if is_points3d(path):
-            return [read_points3d(path)]
+            return [read_points3d(path, self.wants)]
         _refuse_float64(path)
         size = path.stat().st_size
         names = self.columns or _infer_columns(path, size)
@@ -54,10 +56,21 @@ class Sweeps(Reader):
         table = np.fromfile(path, "<f4").reshape(-1, len(names))
         if not self.columns and not is_plausible_sweep(table):
             raise _no_sweep_error(size)
-        points = table[:, [names.index(axis) for axis in "xyz"]].astype(np.float64)
-        if tuple(names) not in SWEEP_LAYOUTS:
-            return [RawCloud(points)]
-        return [RawCloud(points, Sensor(np.zeros(3), _OPENCV_TO_LIDAR), up="+Z", up_reason=_UP_REASON)]
+        axes = [names.index(axis) for axis in "xyz"]
+        plan, cloud = plan_fields(names, self.wants, axes), RawCloud(table[:, axes].astype(np.float64))
+        if tuple(names) in SWEEP_LAYOUTS:
+            sensor = Sensor(np.zeros(3), _OPENCV_TO_LIDAR)
+            cloud = replace(cloud, sensor=sensor, up="+Z", up_reason=_UP_REASON)
+        scalars = {columns[0] for name, columns in plan.columns_of.items() if name not in ("rgb", "normal")}
+        columns = {column: _whole_if_whole(table[:, column]) if column in scalars else table[:, column]
+                   for column in plan.columns}  # fmt: skip
+        return [plan.fill(cloud, columns)]
+
+
+def _whole_if_whole(values: np.ndarray) -> np.ndarray:
+    """Values (N,) float32 as integers if all are whole, such as rings and labels."""
+    whole = whole_if_whole(values.astype(np.float64))
+    return whole if whole.dtype.kind == "i" else values
 
 
 def _infer_columns(path: Path, size: int) -> tuple[str, ...]:

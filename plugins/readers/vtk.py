@@ -8,13 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers._helpers.color_note import IGNORED_NOTE, colours_note
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants, plan_arrays
+from z2p_renderer.plugins.readers._helpers.vtk_legacy_fields import NUMPY_TYPES, find_arrays, read_array
 
-_NUMPY_TYPES = {
-    "float": "f4", "double": "f8", "char": "i1", "unsigned_char": "u1", "short": "i2", "unsigned_short": "u2",
-    "int": "i4", "unsigned_int": "u4", "long": "i8", "unsigned_long": "u8", "vtktypeint64": "i8", "vtktypeint32": "i4",
-}  # fmt: skip
 _POINTS_LINE = re.compile(rb"^[ \t]*POINTS[ \t]+(\d{1,15})[ \t]+(\w+)[ \t]*\r?\n", re.MULTILINE | re.IGNORECASE)
 _DATASET_LINE = re.compile(rb"^[ \t]*DATASET[ \t]+(\w+)", re.MULTILINE | re.IGNORECASE)
 _MAX_HEADER_BYTES = 4096
@@ -22,10 +19,10 @@ _MAX_HEADER_BYTES = 4096
 
 
 class Vtk(Reader):
-    """The Visualization Toolkit's poly data and unstructured grids; cells and values are left out."""
+    """The Visualization Toolkit's poly data and unstructured grids; cells and their values are left out."""
 
     name = "vtk"
-    version = "1"
+    version = "2"
     takes_columns = False
     suffixes = (".vtk", ".vtp", ".vtu")
 
@@ -41,13 +38,12 @@ class Vtk(Reader):
         """
         blob = path.read_bytes()
         if path.suffix.lower() == ".vtk":
-            return [_read_legacy(blob)]
+            return [_read_legacy(blob, self.wants)]
         vtk_xml = import_lazily("z2p_renderer.plugins.readers._helpers.vtk_xml")  # the XML library is slow to import
-        points, names = vtk_xml.points_of_xml(blob)
-        return [RawCloud(points, note=colours_note(names))]
+        return [vtk_xml.cloud_of_xml(blob, self.wants)]
 
 
-def _read_legacy(blob: bytes) -> RawCloud:
+def _read_legacy(blob: bytes, wants: Wants) -> RawCloud:
     head = blob[:_MAX_HEADER_BYTES]
     if not head.startswith(b"# vtk DataFile"):
         raise ScanError("expected a VTK file, which begins with '# vtk DataFile'; this is another format under that "
@@ -60,11 +56,16 @@ def _read_legacy(blob: bytes) -> RawCloud:
     if points_line is None:
         raise ScanError(f"the VTK file holds a data set {kind[1].decode()} without POINTS; save it as poly data")
     count, name = int(points_line[1]), points_line[2].decode().lower()
-    if name not in _NUMPY_TYPES:
+    if name not in NUMPY_TYPES:
         raise ScanError(f"VTK points are float or double, got {name!r}; export the file again")
-    note = IGNORED_NOTE if re.search(rb"^COLOR_SCALARS ", blob[points_line.end() :], re.MULTILINE) else ""
-    read = _parse_binary if encoding == [b"BINARY"] else _parse_text
-    return RawCloud(read(blob, points_line.end(), count, np.dtype(">" + _NUMPY_TYPES[name])), note=note)
+    binary, kind_of_points = encoding == [b"BINARY"], np.dtype(">" + NUMPY_TYPES[name])
+    points = (_parse_binary if binary else _parse_text)(blob, points_line.end(), count, kind_of_points)
+    behind = points_line.end() + (3 * count * kind_of_points.itemsize if binary else 0)
+    arrays = {array.name: array for array in find_arrays(blob, behind, count, binary)}
+    color = next((array.name for array in arrays.values() if array.is_color), "")
+    fields = plan_arrays({name: array.width for name, array in arrays.items()}, wants, color)
+    values = {name: read_array(blob, arrays[name], count, binary) for name in fields.arrays}
+    return fields.fill(RawCloud(points), values)
 
 
 def _parse_binary(blob: bytes, start: int, count: int, kind: np.dtype) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,13 @@ from z2p_core.interfaces import RawCloud, ScanError
 from z2p_core.native import read_list_rows
 from z2p_core.rotations import quaternion_rotations
 from z2p_renderer.plugins.readers._cameras.camera_hints import with_camera_hints
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants, plan_fields, whole_if_whole
 
 AXES_REASON = "the usual axes of COLMAP"
 _POINT_FIELDS = [(np.dtype(kind), None) for kind in ("<u8", "<f8", "<f8", "<f8", "u1", "u1", "u1", "<f8")]
+_POINT_NAMES = ("point3d_id", "x", "y", "z", "r", "g", "b", "error", "track_length")
+_TRACK_OFFSET = 43
+"""Bytes of a point before the length of its track."""
 _TRACK_FIELD = (np.dtype("<u8"), np.dtype("<u8"))
 """A point's id, position, color and error; then its track, pairs of four-byte image and feature indices."""
 _MAX_NAME_BYTES = 4096
@@ -29,7 +34,7 @@ def is_points3d(path: Path) -> bool:
         return is_colmap_points(path) or is_colmap_points_head(file.read(8), path.stat().st_size)
 
 
-def read_points3d(path: Path) -> RawCloud:
+def read_points3d(path: Path, wants: Wants) -> RawCloud:
     """Reads a points3D.bin, with the up axis and viewpoint from the cameras beside it.
 
     Raises:
@@ -40,12 +45,27 @@ def read_points3d(path: Path) -> RawCloud:
         return RawCloud(np.empty((0, 3)))
     (count,) = struct.unpack("<Q", blob[:8].ljust(8, b"\0"))
     try:
-        points, end = read_list_rows(blob, 8, count, [*_POINT_FIELDS, _TRACK_FIELD], [1, 2, 3])
+        plan = plan_fields(_POINT_NAMES, wants, (1, 2, 3))
+        wanted = [1, 2, 3, *(column for column in plan.columns if column < len(_POINT_FIELDS))]
+        table, end = read_list_rows(blob, 8, count, [*_POINT_FIELDS, _TRACK_FIELD], wanted)
     except ValueError as error:
         raise ScanError(f"COLMAP's points promise to be {count}, and the file ends before; copy it again") from error
     if end != len(blob):
         raise ScanError(f"COLMAP's {count} points end at byte {end}, but the file has {len(blob)}; copy it again")
-    return with_colmap_cameras(points, path)
+    columns = {column: whole_if_whole(table[:, index]) for index, column in enumerate(wanted) if index >= 3}
+    if "track_length" in plan.needed:
+        columns[len(_POINT_FIELDS)] = _track_lengths(blob, count)
+    cloud = with_colmap_cameras(np.ascontiguousarray(table[:, :3]), path)
+    return replace(plan.fill(cloud, columns), units={"error": "px"})
+
+
+def _track_lengths(blob: bytes, count: int) -> np.ndarray:
+    """The number of images (count,) that see each point of a points3D.bin."""
+    lengths, at = np.empty(count, np.int32), 8 + _TRACK_OFFSET
+    for row in range(count):
+        (lengths[row],) = struct.unpack_from("<Q", blob, at)
+        at += _TRACK_OFFSET + 8 + 8 * int(lengths[row])
+    return lengths
 
 
 def with_colmap_cameras(points: np.ndarray, path: Path, note: str = "") -> RawCloud:

@@ -11,12 +11,12 @@ from urllib.parse import unquote
 from z2p_core.interfaces import ScanError
 from z2p_renderer.plugins.readers._helpers.gltf import encode_glb
 
-_UNUSED_PARTS = ("images", "textures", "samplers", "materials", "animations", "skins", "cameras")
-"""Parts of a glTF file that do not affect the vertices."""
+_UNUSED_PARTS = ("images", "textures", "samplers", "animations", "skins", "cameras")
+"""Parts of a glTF file that do not affect the vertices, or lie in files of their own."""
 
 
 def as_glb(path: Path) -> bytes:
-    """The GLB of a .gltf file and its buffers, without images and materials.
+    """The GLB of a .gltf file and its buffers, without images; of materials the color is kept.
 
     Raises:
         ScanError: it is no glTF file, or a buffer is missing, too short or outside its folder.
@@ -41,13 +41,18 @@ def as_glb(path: Path) -> bytes:
         view["buffer"] = 0
     for name in _UNUSED_PARTS:
         tree.pop(name, None)
-    for part in (part for mesh in tree.get("meshes", ()) for part in mesh["primitives"]):
-        part.pop("material", None)
+    tree["materials"] = [_plain_material(material) for material in tree.get("materials", ())]
     for node in tree.get("nodes", ()):
         node.pop("skin", None)
         node.pop("camera", None)
     tree["buffers"] = [{"byteLength": len(binary)}]
     return encode_glb(tree, binary)
+
+
+def _plain_material(material: dict[str, Any]) -> dict[str, Any]:
+    """A material of one color."""
+    factor = material.get("pbrMetallicRoughness", {}).get("baseColorFactor")
+    return {} if factor is None else {"pbrMetallicRoughness": {"baseColorFactor": factor}}
 
 
 def bytes_beside(path: Path) -> int:

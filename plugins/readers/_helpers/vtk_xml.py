@@ -14,7 +14,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 from z2p_core.errors.messages import error_reason
-from z2p_core.interfaces import ScanError
+from z2p_core.interfaces import RawCloud, ScanError
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants, plan_arrays
 
 _NUMPY_TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2",
                 "Int32": "i4", "UInt32": "u4", "Int64": "i8", "UInt64": "u8"}  # fmt: skip
@@ -34,8 +35,8 @@ class _File:
     """Whether the appended bytes are base64."""
 
 
-def points_of_xml(blob: bytes) -> tuple[np.ndarray, list[str]]:
-    """Points (N, 3) float64 of all pieces, and the names of the values that come with them.
+def cloud_of_xml(blob: bytes, wants: Wants) -> RawCloud:
+    """The points (N, 3) float64 of all pieces, with the wanted values that come with them.
 
     Raises:
         ScanError: no VTK file of points, a damaged one, or one packed in a way that is not read.
@@ -43,14 +44,41 @@ def points_of_xml(blob: bytes) -> tuple[np.ndarray, list[str]]:
     try:
         tree, file = _parse_xml(blob)
         pieces = [piece for piece in tree.iter("Piece") if int(piece.get("NumberOfPoints", "0"))]
-        names = [array.get("Name") or "" for piece in pieces for array in piece.iterfind("PointData/DataArray")]
         parts = [_read_points(piece, file) for piece in pieces]
+        values = [_value_arrays(piece) for piece in pieces]
+        common = {name: _components(array) for name, array in values[0].items()
+                  if all(name in others for others in values)} if values else {}  # fmt: skip
+        fields = plan_arrays(common, wants)
+        arrays = {name: np.concatenate([_read_values(piece, given[name], file)
+                                        for piece, given in zip(pieces, values, strict=True)])
+                  for name in fields.arrays}  # fmt: skip
     except ScanError:
         raise
     except (ElementTree.ParseError, ValueError, KeyError, binascii.Error, zlib.error, lzma.LZMAError) as error:
         message = f"the VTK file cannot be read ({error_reason(error)}); it is damaged: export it again"
         raise ScanError(message) from error
-    return np.concatenate([np.empty((0, 3)), *parts]), names
+    return fields.fill(RawCloud(np.concatenate([np.empty((0, 3)), *parts])), arrays)
+
+
+def _value_arrays(piece: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    """The arrays of numbers that a piece has of its points, by name."""
+    arrays = (array for array in piece.iterfind("PointData/DataArray") if array.get("type") in _NUMPY_TYPES)
+    return {array.get("Name") or f"array {index}": array for index, array in enumerate(arrays, start=1)}
+
+
+def _components(array: ElementTree.Element) -> int:
+    return int(array.get("NumberOfComponents") or 1)
+
+
+def _read_values(piece: ElementTree.Element, array: ElementTree.Element, file: _File) -> np.ndarray:
+    """The values (N,) or (N, components) of the points of a piece."""
+    count, width = int(piece.get("NumberOfPoints", "0")), _components(array)
+    numbers = _read_numbers(array, count * width, file)
+    if len(numbers) != count * width:
+        name = str(array.get("Name"))[:40]
+        raise ScanError(f"the VTK file promises {count} points, and {len(numbers)} numbers of {name!r} came; export it "
+                        "again")
+    return numbers if width == 1 else numbers.reshape(count, width)
 
 
 def _parse_xml(blob: bytes) -> tuple[ElementTree.Element, _File]:
@@ -91,20 +119,24 @@ def _read_points(piece: ElementTree.Element, file: _File) -> np.ndarray:
         raise ScanError(f"the VTK file promises {count} points and has no array of them; export it again")
     if array.get("NumberOfComponents", "3") != "3":
         raise ScanError(f"VTK points have three numbers each, got {array.get('NumberOfComponents')}; export it again")
+    numbers = _read_numbers(array, 3 * count, file).astype(np.float64)
+    if len(numbers) != 3 * count:
+        raise ScanError(f"the VTK file promises {count} points, and {len(numbers)} numbers came; export it again")
+    return numbers.reshape(-1, 3)
+
+
+def _read_numbers(array: ElementTree.Element, expected: int, file: _File) -> np.ndarray:
+    """The numbers (M,) of an array; `expected` is how many a packed one has."""
     kind = np.dtype(file.order + _NUMPY_TYPES[array.get("type", "Float32")])
     form = array.get("format", "ascii")
     if form == "ascii":
         numbers = np.array((array.text or "").split(), dtype=np.float64)
+        return numbers.astype(kind.newbyteorder("=")) if kind.kind in "iu" else numbers
+    if form == "appended":
+        stream, in_base64 = file.appended[int(array.get("offset", "0")) :], file.in_base64
     else:
-        if form == "appended":
-            stream, in_base64 = file.appended[int(array.get("offset", "0")) :], file.in_base64
-        else:
-            stream, in_base64 = (array.text or "").strip().encode(), True
-        content = _read_array(stream, in_base64, file, 3 * count * kind.itemsize)
-        numbers = np.frombuffer(content, kind).astype(np.float64)
-    if len(numbers) != 3 * count:
-        raise ScanError(f"the VTK file promises {count} points, and {len(numbers)} numbers came; export it again")
-    return numbers.reshape(-1, 3)
+        stream, in_base64 = (array.text or "").strip().encode(), True
+    return np.frombuffer(_read_array(stream, in_base64, file, expected * kind.itemsize), kind)
 
 
 def _read_array(stream: bytes, in_base64: bool, file: _File, expected: int) -> bytes:

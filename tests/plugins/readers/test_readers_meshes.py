@@ -138,20 +138,6 @@ def test_gltf_buffers_may_be_embedded_or_separate(tmp_path: Path) -> None:
     refused(tmp_path / "a.gltf", b'{"points": 3}', "another kind of JSON")
 
 
-@pytest.mark.parametrize("suffix", [".glb", ".gltf"])
-def test_colors_of_a_gltf_get_a_note(tmp_path: Path, suffix: str) -> None:
-    rows = cloud(30, "f4")
-    tree = json.loads(gltf(rows))
-    tree["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 1
-    colour = {"bufferView": 0, "componentType": 5126, "count": 30, "type": "VEC3"}
-    tree["accessors"].append(colour)
-    path = tmp_path / f"a{suffix}"
-    del tree["images"]
-    path.write_bytes(json.dumps(tree).encode() if suffix == ".gltf" else glb(
-        {**tree, "buffers": [{"byteLength": 360}]}, rows.tobytes()))  # fmt: skip
-    assert Meshes().read(path)[0].note == "its colours are ignored"
-
-
 @pytest.mark.parametrize("head", ["OFF", "4OFF", "COFF", "NOFF", "STOFF", "CN4OFF", "OFF # made by hand\n"])
 def test_off_vertices_may_be_followed_by_attributes(tmp_path: Path, head: str) -> None:
     points, weights = cloud(20), np.linspace(0.5, 2, 20)
@@ -172,7 +158,7 @@ def test_off_of_other_kinds_is_refused(tmp_path: Path) -> None:
 
 def test_obj_colors_and_weights_follow_the_vertex(tmp_path: Path) -> None:
     points, path = cloud(20), tmp_path / "a.obj"
-    for rest, note in ((" 1.0", ""), (" 0.5 0.25 1", "its colours are ignored"), ("", "")):
+    for rest, names in ((" 1.0", ()), (" 0.5 0.25 1", ("rgb",)), ("", ())):
         path.write_text("".join("v " + " ".join(map(repr, row)) + rest + "\n" for row in points.tolist()))
         [raw_cloud] = Vertices().read(path)
-        assert np.array_equal(raw_cloud.points, points) and raw_cloud.note == note
+        assert np.array_equal(raw_cloud.points, points) and raw_cloud.field_names == names

@@ -31,7 +31,7 @@ def test_ptx_joins_its_scans_by_their_matrices(
     np.testing.assert_allclose(points[30:], np.column_stack([1000 - y, 2000 + x, 3000 + z]))
     path.write_bytes(b"\xef\xbb\xbf" + ptx(first).replace("\n", "\r\n").encode())
     assert np.array_equal(read(path)[0], first)
-    assert Ptx().read(path)[0].note == "its colours are ignored"
+    assert Ptx().read(path)[0].field_names == ("intensity", "rgb")
     path.write_text("0\n5\n" + ptx(first).split("\n", 2)[2].rsplit("\n", 32)[0])  # a scan without a column
     assert len(read(path)[0]) == 0
 
