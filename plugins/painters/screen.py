@@ -17,6 +17,7 @@ from z2p_core.camera import DISTANCE, Camera, light_position
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import Painter, ScanError
 from z2p_core.scene import AMBIENT, DEFAULT_BASE_COLOR, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
+from z2p_core.shading.demodulation import extend_by_pyramid
 
 SECTORS = 8
 """Sectors of the image around a pixel in which the visibility test looks for occluders."""
@@ -47,6 +48,23 @@ class ScreenSpace(Painter):
         Raises:
             ScanError: no point is in the picture.
         """
+        depth, _ = self._find_surface(cloud, camera)
+        base = scene.material.get("Base Color", DEFAULT_BASE_COLOR)
+        color = np.array(base[:3] if isinstance(base, tuple) else (base,) * 3)
+        with self.timed("shade"):
+            return _shade(depth, color, camera, scene)
+
+    def paint_colored(
+        self, cloud: np.ndarray, albedo: np.ndarray, camera: Camera, scene: SceneDescription
+    ) -> np.ndarray:
+        """The same image in the colors of the visible points, which are interpolated in the picture as depth is."""
+        depth, visible = self._find_surface(cloud, camera)
+        with self.timed("shade"):
+            colors = _pixel_colors(cloud, albedo, visible, camera)
+            return _shade(depth, colors, camera, scene)
+
+    def _find_surface(self, cloud: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Depth (H, W) of the surface, filled in and smoothed, and of the visible points; infinity elsewhere."""
         with self.timed("project"):
             depth = _nearest_depth(cloud, camera)
         if not np.isfinite(depth).any():
@@ -55,22 +73,35 @@ class ScreenSpace(Painter):
             spacing = _pixel_spacing(depth)
             least, most = WINDOW_RADIUS_LIMITS
             radius = min(most, max(least, math.ceil(WINDOW_RADIUS_SPACINGS * spacing)))
-            depth = np.where(_openness(depth, camera, radius) >= MIN_OPENNESS, depth, np.inf)
+            visible = np.where(_openness(depth, camera, radius) >= MIN_OPENNESS, depth, np.inf)
         with self.timed("fill"):
             max_step = MAX_DEPTH_STEP_SPACINGS * spacing / camera.focal * DISTANCE
-            depth = _fill_and_smooth(depth, radius, spacing, max_step)
-        with self.timed("shade"):
-            return _shade(depth, camera, scene)
+            return _fill_and_smooth(visible, radius, spacing, max_step), visible
 
 
 def _nearest_depth(cloud: np.ndarray, camera: Camera) -> np.ndarray:
     """Depth (H, W) of the nearest point in each pixel, infinity where there is none."""
+    row, column, depths, _ = _project(cloud, camera)
+    nearest = np.full((camera.height, camera.width), np.inf)
+    np.minimum.at(nearest, (row, column), depths)
+    return nearest
+
+
+def _pixel_colors(cloud: np.ndarray, albedo: np.ndarray, visible: np.ndarray, camera: Camera) -> np.ndarray:
+    """Colors (H, W, 3) of the points at the visible depths (H, W), and between them means of those around."""
+    row, column, depths, index = _project(cloud, camera)
+    is_nearest = depths == visible[row, column]
+    colors, weights = np.zeros((3, *visible.shape)), np.isfinite(visible).astype(np.float64)
+    colors[:, row[is_nearest], column[is_nearest]] = albedo[index[is_nearest]].T
+    return np.moveaxis(extend_by_pyramid(colors, weights), 0, 2)
+
+
+def _project(cloud: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Row, column and depth (M,) of the points of a cloud that are in the picture, and their indices in the cloud."""
     pixels, depths = camera.project(np.asarray(cloud, np.float64))
     column, row = np.floor(pixels).astype(int).T
-    visible = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height) & (depths > 0)
-    nearest = np.full((camera.height, camera.width), np.inf)
-    np.minimum.at(nearest, (row[visible], column[visible]), depths[visible])
-    return nearest
+    inside = (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height) & (depths > 0)
+    return row[inside], column[inside], depths[inside], np.flatnonzero(inside)
 
 
 def _pixel_spacing(depth: np.ndarray) -> float:
@@ -128,8 +159,8 @@ def _average_neighbors(depth: np.ndarray, max_step: float) -> np.ndarray:
     return np.where(weight > 0, total / np.maximum(weight, 1e-9), np.inf)
 
 
-def _shade(depth: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
-    """Image (H, W, 4) float32 under the light's center and the sky, without shadows."""
+def _shade(depth: np.ndarray, color: np.ndarray, camera: Camera, scene: SceneDescription) -> np.ndarray:
+    """Image (H, W, 4) float32 under the light's center and the sky, without shadows; `color` (..., 3) is linear."""
     inside = np.isfinite(depth)
     column, row = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
     z = np.where(inside, depth, 0)
@@ -145,8 +176,6 @@ def _shade(depth: np.ndarray, camera: Camera, scene: SceneDescription) -> np.nda
     n_dot_l = np.maximum((normals * to_light).sum(-1) / distance, 0)
     cos_light = np.maximum((to_light @ light) / (distance * np.linalg.norm(light)), 0)
     radiance = LIGHT_RADIANCE * LIGHT_SIDE**2 * n_dot_l * cos_light / distance**2 / math.pi
-    base = scene.material.get("Base Color", DEFAULT_BASE_COLOR)
-    color = np.array(base[:3] if isinstance(base, tuple) else (base,) * 3)
     shaded = srgb_from_linear(np.clip((radiance + AMBIENT)[..., None] * color, 0, 1))
     return np.dstack([np.where(inside[..., None], shaded, 0), inside]).astype(np.float32)
 

@@ -26,6 +26,7 @@ from z2p_core.testing import (
     check_painter,
     check_reader,
     check_sampler,
+    check_texture,
     check_zbuffer,
 )
 from z2p_renderer.pipeline.export import export_onnx
@@ -165,6 +166,11 @@ def test_engine(name: str, kind: str, exported: Callable[[str], TrainedNetwork])
 @pytest.mark.parametrize("name", registry.names("samplers"))
 def test_sampler(name: str) -> None:
     check_sampler(registry.load("samplers", name))
+
+
+@pytest.mark.parametrize("name", registry.names("textures"))
+def test_texture(name: str) -> None:
+    check_texture(registry.load("textures", name))
 
 
 @pytest.mark.parametrize("name", registry.names("baselines"))

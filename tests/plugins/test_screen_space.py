@@ -60,3 +60,13 @@ def test_hidden_points_do_not_shine_through() -> None:
 def test_the_surface_has_its_base_color() -> None:
     colors = paint(ball(5000), material={"Base Color": (0.8, 0.05, 0.05, 1.0)})[inside(0.7)]
     assert colors[:, 0].mean() > 2 * colors[:, 1].mean()
+
+
+def test_colored_points_keep_their_sides() -> None:
+    cloud = ball(5000)
+    albedo = np.where(cloud[:, :1] < 0, (0.7, 0.1, 0.1), (0.1, 0.1, 0.7)).astype(np.float32)
+    picture = registry.load("painters", "screen")().paint_colored(cloud, albedo, CAMERA, SceneDescription())
+    redder = picture[..., 0] > picture[..., 2]
+    left = np.indices((96, 96))[1] < 48
+    assert redder[inside(0.8) & left].mean() > 0.97 and redder[inside(0.8) & ~left].mean() < 0.03
+    np.testing.assert_array_equal(picture[..., 3], paint(cloud)[..., 3])

@@ -19,11 +19,20 @@ from z2p_core.interfaces import (
     ScanError,
     Sensor,
     Slider,
+    Texture,
     Value,
     ZBuffer,
 )
 from z2p_core.scene import SceneDescription
-from z2p_core.testing import check_baseline, check_control, check_encoder, check_reader, check_sampler, check_zbuffer
+from z2p_core.testing import (
+    check_baseline,
+    check_control,
+    check_encoder,
+    check_reader,
+    check_sampler,
+    check_texture,
+    check_zbuffer,
+)
 
 
 class Sheen(Control):
@@ -91,6 +100,14 @@ class Barycentric(Sampler):
         return (weights[:, :, None] * vertices[faces[rng.integers(len(faces), size=count)]]).sum(1)
 
 
+class Fog(Texture):
+    name, version = "fog", "1"
+
+    def albedo(self, positions: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        waves = np.sin(positions / 0.3 + rng.uniform(0, 6, 3))
+        return (0.5 + 0.5 * waves).astype(np.float32)
+
+
 class Rows(Reader):
     name, version, suffixes = "rows", "1", (".rows",)
 
@@ -114,6 +131,7 @@ def test_sound_plugins_pass(tmp_path: Path) -> None:
     check_zbuffer(Dot)
     check_encoder(Ramp)
     check_sampler(Barycentric)
+    check_texture(Fog)
     example, broken = tmp_path / "a.rows", tmp_path / "b.rows"
     example.write_text("0 0 1\n1 2 3\n")
     broken.write_text("rubbish\n")
@@ -197,6 +215,22 @@ def test_a_broken_sampler_fails(sample: Any, message: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
+        ({"albedo": lambda self, places, rng: 3 * Fog.albedo(self, places, rng)}, "colors in"),
+        ({"albedo": lambda self, places, rng: Fog.albedo(self, places, np.random.default_rng())}, "same rng"),
+        ({"albedo": lambda self, places, rng: Fog.albedo(self, places, np.random.default_rng(0))}, "another rng"),
+        ({"albedo": lambda self, places, rng: Fog.albedo(self, places - places[:1], rng)}, "places alone"),
+        ({"albedo": lambda self, places, rng: Fog.albedo(self, places, rng).astype(float)}, "expected float32"),
+        ({"period": (0.0, 1.0)}, "longest period"),
+    ],
+)
+def test_a_broken_texture_fails(changes: dict[str, Any], message: str) -> None:
+    with pytest.raises(AssertionError, match=message):
+        check_texture(variant(Fog, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
         ({"suffixes": ("rows",)}, "lower-case suffix"),
         ({"suffixes": (".other",)}, "is none of"),
         ({"read": lambda self, path: []}, "list of clouds"),
@@ -232,6 +266,23 @@ def test_a_broken_baseline_fails(change: Any, message: str) -> None:
 
     with pytest.raises(AssertionError, match=message):
         check_baseline(variant(Tetrahedra, reconstruct=reconstruct))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda colors: colors[:, :2], "expected shape"),
+        (lambda colors: colors + 0.5, "colors in"),
+        (lambda colors: colors[:, ::-1].copy(), "far inside points of one color"),
+    ],
+)
+def test_wrong_vertex_colors_fail(change: Any, message: str) -> None:
+    def reconstruct_colored(self: Any, *arguments: Any) -> Any:
+        vertices, faces, colors = Tetrahedra.reconstruct_colored(self, *arguments)
+        return vertices, faces, change(colors)
+
+    with pytest.raises(AssertionError, match=message):
+        check_baseline(variant(Tetrahedra, reconstruct_colored=reconstruct_colored))
 
 
 def test_a_baseline_must_refuse_an_empty_cloud() -> None:
