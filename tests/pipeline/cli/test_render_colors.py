@@ -33,7 +33,9 @@ def color(render: Callable[..., Result]) -> Callable[..., Result]:
     return lambda *words, **options: render(*words, weights="regular", **options)
 
 
-def test_a_files_colors_are_drawn_unless_one_is_chosen(color: Callable[..., Result], series: Path, tmp_path: Path) -> None:
+def test_a_files_colors_are_drawn_unless_one_is_chosen(
+    color: Callable[..., Result], series: Path, tmp_path: Path
+) -> None:
     result = color(series / "a.csv")
     assert result.exit_code == 0 and "own colours (8-bit)" in result.stderr
     assert read_record(tmp_path / "out" / "a.png")["color_by"] == "rgb"
@@ -96,7 +98,9 @@ def test_wrong_color_options_say_what_is_expected(
     assert result.exit_code in (1, 2) and message in " ".join(result.stderr.split())
 
 
-def test_weights_without_colors_refuse_a_field(render: Callable[..., Result], make_weights: Callable[..., Path], series: Path) -> None:
+def test_weights_without_colors_refuse_a_field(
+    render: Callable[..., Result], make_weights: Callable[..., Path], series: Path
+) -> None:
     weights = make_weights(("light", "elevation"))
     assert "draw no colours of points" in render(series / "a.csv", "--color-by", "time", weights=weights).stderr
     assert render(series / "a.csv", weights=weights).exit_code == 0

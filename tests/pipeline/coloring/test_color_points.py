@@ -17,7 +17,7 @@ from z2p_renderer.pipeline.coloring.color_points import MISSING_VALUE_COLOR, Col
 from z2p_renderer.pipeline.coloring.common_scale import share_scale
 from z2p_renderer.storage.scans.clouds import Scan, scan_from_raw
 
-POINTS = np.random.default_rng(0).normal(size=(100, 3)) + (5.0, 0.0, 40.0)
+POINTS = np.random.default_rng(0).normal(size=(100, 3)) + np.array([5.0, 0.0, 40.0])
 VIEWPOINT = frame_points(POINTS, np.eye(3), 20.0)
 
 
