@@ -14,12 +14,11 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-import bpy
 import numpy as np
 
 from z2p_core.meshes.subdivision import subdivide, subdivision_steps
 from z2p_core.scene import SceneDescription
-from z2p_renderer.pipeline.blender import BlenderScene, make_mesh
+from z2p_renderer.pipeline import blender
 from z2p_renderer.pipeline.rendering.textures import SeededTexture
 
 ALBEDO = "albedo"
@@ -31,11 +30,11 @@ NORMAL = "custom_normal"
 def main(job_folder: Path) -> None:
     """Render every scene of the job, in order."""
     job = json.loads((job_folder / "job.json").read_text())
-    bpy.ops.wm.read_factory_settings(use_empty=True)
+    blender.bpy.ops.wm.read_factory_settings(use_empty=True)
     with np.load(job_folder / "mesh.npz") as arrays:
-        mesh = make_mesh(arrays["vertices"], arrays["faces"], bool(arrays["smooth"]))
-        albedo = arrays[ALBEDO] if ALBEDO in arrays else None
-    scene = BlenderScene(mesh, job["settings"])
+        mesh = blender.make_mesh(arrays["vertices"], arrays["faces"], bool(arrays["smooth"]))
+        albedo = arrays.get(ALBEDO)
+    scene = blender.BlenderScene(mesh, job["settings"])
     if albedo is not None:
         set_albedo(mesh, albedo)
     else:

@@ -32,6 +32,8 @@ _MAX_LONG_LINE_MEMORY_BYTES = 1 << 28
 """Upper bound of the memory for a text whose lines are too long to be points: it is refused early."""
 _MAX_SAMPLE_CELLS, _MIN_SAMPLE_ROWS = 60_000, 20
 """Largest number of cells, and least number of rows, of the sample from which columns are judged."""
+_NAMED_SAMPLE_ROWS = 200
+"""Rows of a table with names in which a column without any number counts as one of words."""
 
 
 class Text(Reader):
@@ -89,7 +91,7 @@ class Text(Reader):
             raise ScanError(f"the columns {','.join(row_format.names)[:160]} are a list of poses, no points; to draw "
                             "its places, name each column with --columns")
         head_of_names = Head() if self.columns else head
-        fields = named_fields(row_format, head_of_names, row_format.table(rows[:_MIN_SAMPLE_ROWS]), self.wants)
+        fields = named_fields(row_format, head_of_names, row_format.table(rows[:_NAMED_SAMPLE_ROWS]), self.wants)
         scans = _read_table(path, fields.apply_to(row_format), head, blocks)
         _check_counts(path, head, scans)
         return fields.fill(_named_cloud(scans, head_of_names, path), scans.values)

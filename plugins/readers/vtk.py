@@ -9,7 +9,7 @@ import numpy as np
 
 from z2p_core.interfaces import MEMORY_A_CHARACTER, RawCloud, Reader, ScanError
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
-from z2p_renderer.plugins.readers._helpers.point_fields import Wants, plan_arrays
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants, only_bytes, plan_arrays
 from z2p_renderer.plugins.readers._helpers.vtk_legacy_fields import NUMPY_TYPES, find_arrays, read_array
 
 _POINTS_LINE = re.compile(rb"^[ \t]*POINTS[ \t]+(\d{1,15})[ \t]+(\w+)[ \t]*\r?\n", re.MULTILINE | re.IGNORECASE)
@@ -63,6 +63,7 @@ def _read_legacy(blob: bytes, wants: Wants) -> RawCloud:
     behind = points_line.end() + (3 * count * kind_of_points.itemsize if binary else 0)
     arrays = {array.name: array for array in find_arrays(blob, behind, count, binary)}
     color = next((array.name for array in arrays.values() if array.is_color), "")
+    color = color or only_bytes({name: (array.width, array.type) for name, array in arrays.items()})
     fields = plan_arrays({name: array.width for name, array in arrays.items()}, wants, color)
     values = {name: read_array(blob, arrays[name], count, binary) for name in fields.arrays}
     return fields.fill(RawCloud(points), values)

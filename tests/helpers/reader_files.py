@@ -12,6 +12,7 @@ import pytest
 
 from z2p_core import registry
 from z2p_core.interfaces import RawCloud, ScanError
+from z2p_core.testing import check_reader
 
 SUFFIXES = [".ply", ".pcd", ".xyz", ".xyzn", ".xyzrgb", ".pts", ".txt", ".asc", ".csv", ".tsv", ".obj", ".off",
             ".npy", ".npz", ".las", ".laz", ".stl", ".glb", ".e57", ".ptx", ".bin",
@@ -31,7 +32,7 @@ def read(path: Path) -> list[np.ndarray]:
 def read_fields(
     path: Path, wanted: tuple[str, ...] | None = None, columns: tuple[str, ...] | None = None
 ) -> list[RawCloud]:
-    """The clouds of a file with the fields that are wanted, None for all of them."""
+    """The clouds of a file with the fields that are wanted; with all of them, None, the contract is checked too."""
     plugins = [registry.load("readers", name) for name in registry.names("readers")]
     (plugin,) = [plugin for plugin in plugins if path.suffix.lower() in plugin.suffixes]
     reader = plugin()
@@ -42,6 +43,8 @@ def read_fields(
             assert values.shape == ((len(cloud.points), 3) if name in ("rgb", "normal") else (len(cloud.points),))
             assert values.dtype.isnative and values.dtype.kind in "fiu"
         assert set(cloud.fields) <= set(cloud.field_names)
+    if wanted is None and columns is None:
+        check_reader(plugin, path)
     return clouds
 
 

@@ -126,6 +126,18 @@ def sensed(rotation: np.ndarray) -> Any:
     return lambda self, path: [RawCloud(np.ones((2, 3)), Sensor(np.zeros(3), rotation))]
 
 
+def colored(rgb: np.ndarray, **others: Any) -> Any:
+    def read(self: Reader, path: Path) -> list[RawCloud]:
+        fields = {"rgb": rgb} if self.wants("rgb") else {}
+        return [RawCloud(np.ones((2, 3)), fields=fields, field_names=("rgb",), **others)]
+
+    return read
+
+
+def thinned(self: Reader, path: Path) -> list[np.ndarray]:
+    return [np.ones((2 if self.wants("rgb") else 1, 3))]
+
+
 def test_sound_plugins_pass(tmp_path: Path) -> None:
     check_control(Sheen)
     check_zbuffer(Dot)
@@ -137,6 +149,7 @@ def test_sound_plugins_pass(tmp_path: Path) -> None:
     broken.write_text("rubbish\n")
     check_reader(Rows, example, broken)
     check_reader(variant(Rows, read=sensed(np.eye(3))), example)
+    check_reader(variant(Rows, read=colored(np.array([[0, 0.5, 1], [np.nan] * 3]))), example)
 
 
 @pytest.mark.parametrize(
@@ -239,6 +252,12 @@ def test_a_broken_texture_fails(changes: dict[str, Any], message: str) -> None:
         ({"read": sensed(np.ones((3, 3)))}, "rotation is none"),
         ({"read": sensed(np.diag([1.0, 1.0, -1.0]))}, "rotation is none"),
         ({"read": sensed(np.eye(4))}, "expected shape"),
+        ({"read": colored(np.ones((2, 4)))}, "has the shape"),
+        ({"read": colored(np.ones((2, 3), int))}, "expected floats"),
+        ({"read": colored(np.full((2, 3), 1.5))}, "leaves"),
+        ({"read": lambda self, path: [RawCloud(np.ones((2, 3)), field_names=("time",))]}, "field_names lists 'time'"),
+        ({"read": colored(np.ones((2, 3)), units={"time": "s"})}, "units of 'time'"),
+        ({"read": thinned}, "points without and with fields"),
     ],
 )
 def test_a_broken_reader_fails(changes: dict[str, Any], message: str, tmp_path: Path) -> None:

@@ -33,8 +33,47 @@ def check_reader(reader_class: type[Reader], example_file: Path, broken_file: Pa
         same(again.points, cloud.points, f"{name}: the same file read twice")
         if cloud.sensor is not None:
             _check_sensor(cloud.sensor, name)
+    _check_fields(reader, example_file)
     if broken_file is not None:
         refuses(lambda: reader.read(broken_file), ScanError, f"{name}: read of the broken {broken_file.name}")
+
+
+def _check_fields(reader: Reader, example_file: Path) -> None:
+    """Checks the fields of the example file: all of them, the same twice, and none at all."""
+    name, usual = reader.name, reader.wanted
+    try:
+        reader.wanted = None
+        whole, again = (list(map(_raw, reader.read(example_file))) for _ in range(2))
+        reader.wanted = ()
+        bare = list(map(_raw, reader.read(example_file)))
+    finally:
+        reader.wanted = usual
+    expect(len(whole) == len(again) == len(bare), f"{name}: the number of clouds depends on the fields that are wanted")
+    for cloud, twin, plain in zip(whole, again, bare, strict=True):
+        same(plain.points, cloud.points, f"{name}: the points without and with fields")
+        expect(set(twin.fields) == set(cloud.fields), f"{name}: the same file read twice has other fields")
+        for field, values in cloud.fields.items():
+            _check_field(field, values, len(cloud.points), name)
+            same(twin.fields[field], values, f"{name}: the field {field!r} of the same file read twice")
+        listed = set(cloud.field_names) or set(cloud.fields)
+        expect(set(cloud.fields) == listed, f"{name}: field_names lists {', '.join(map(repr, sorted(listed)))}, and "
+               f"wanted = None gives {', '.join(map(repr, sorted(cloud.fields)))}")  # fmt: skip
+        known = f"{name}: class_names and units are of fields that the file has, got"
+        expect(set(cloud.units) <= listed, f"{known} units of {', '.join(map(repr, sorted(cloud.units)))}")
+
+
+def _check_field(field: str, values: Any, count: int, name: str) -> None:
+    """Checks the shape and type of a field, and the range of colors."""
+    where = f"{name}: the field {field!r}"
+    expect(isinstance(values, np.ndarray) and values.dtype.kind in "fiu", f"{where} is no array of numbers")
+    shape = (count, 3) if field in ("rgb", "normal") else (count,)
+    expect(values.shape == shape, f"{where} has the shape {values.shape}, expected {shape}")
+    if field in ("rgb", "normal"):
+        expect(values.dtype.kind == "f", f"{where} is {values.dtype}, expected floats")
+    if field == "rgb":
+        known = values[np.isfinite(values)]
+        inside = known.size == 0 or bool(known.min() >= 0 and known.max() <= 1)
+        expect(inside and not np.isinf(values).any(), f"{where} leaves [0, 1]")
 
 
 def _raw(cloud: Any) -> RawCloud:

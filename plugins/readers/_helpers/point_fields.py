@@ -164,6 +164,13 @@ class ArrayFields:
         return self.plan.fill(cloud, columns)
 
 
+def only_bytes(arrays: Mapping[str, tuple[int, np.dtype]]) -> str:
+    """The only array of three or four bytes a point, which VTK draws as colors; empty if one is named as such."""
+    names = [name for name, (width, kind) in arrays.items() if width in (3, 4) and kind == np.uint8]
+    named = any(is_color_vector(name) and width in (3, 4) for name, (width, _) in arrays.items())
+    return names[0] if len(names) == 1 and not named else ""
+
+
 def plan_arrays(widths: Mapping[str, int], wants: Wants, color: str = "") -> ArrayFields:
     """Plans the fields of arrays with so many components each; the one named `color` holds colors by its format.
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from z2p_core.errors.messages import error_reason
 from z2p_core.interfaces import RawCloud, ScanError
-from z2p_renderer.plugins.readers._helpers.point_fields import Wants, plan_arrays
+from z2p_renderer.plugins.readers._helpers.point_fields import Wants, only_bytes, plan_arrays
 
 _NUMPY_TYPES = {"Float32": "f4", "Float64": "f8", "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2",
                 "Int32": "i4", "UInt32": "u4", "Int64": "i8", "UInt64": "u8"}  # fmt: skip
@@ -48,7 +48,9 @@ def cloud_of_xml(blob: bytes, wants: Wants) -> RawCloud:
         values = [_value_arrays(piece) for piece in pieces]
         common = {name: _components(array) for name, array in values[0].items()
                   if all(name in others for others in values)} if values else {}  # fmt: skip
-        fields = plan_arrays(common, wants)
+        color = only_bytes({name: (width, np.dtype(_NUMPY_TYPES[values[0][name].get("type", "")]))
+                            for name, width in common.items()})  # fmt: skip
+        fields = plan_arrays(common, wants, color)
         arrays = {name: np.concatenate([_read_values(piece, given[name], file)
                                         for piece, given in zip(pieces, values, strict=True)])
                   for name in fields.arrays}  # fmt: skip

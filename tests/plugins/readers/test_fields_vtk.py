@@ -36,7 +36,7 @@ def body(values: np.ndarray, binary: bool) -> bytes:
 def sections(binary: bool, colored: str) -> bytes:
     """All kinds of sections of values behind cells and theirs."""
     color = {"COLOR_SCALARS": b"COLOR_SCALARS some 3\n" + body(COLORS if binary else (COLORS / 255), binary),
-             "SCALARS": b"SCALARS rgb unsigned_char 3\nLOOKUP_TABLE default\n" + body(COLORS, binary), "": b""}
+             "SCALARS": b"SCALARS paint unsigned_char 3\nLOOKUP_TABLE default\n" + body(COLORS, binary), "": b""}
     if not binary:
         color["COLOR_SCALARS"] = b"COLOR_SCALARS some 3\n" + body(COLORS / 255.0, False)
     parts = [b"CELL_DATA 1\nSCALARS cell float\nLOOKUP_TABLE default\n", body(HEIGHT[:1], binary),
