@@ -34,7 +34,7 @@ def main(job_folder: Path) -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     with np.load(job_folder / "mesh.npz") as arrays:
         mesh = make_mesh(arrays["vertices"], arrays["faces"], bool(arrays["smooth"]))
-        albedo = arrays[ALBEDO] if ALBEDO in arrays else None
+        albedo = arrays.get(ALBEDO)
     scene = BlenderScene(mesh, job["settings"])
     if albedo is not None:
         set_albedo(mesh, albedo)

@@ -27,7 +27,8 @@ def check_texture(texture_class: type[Texture]) -> None:
     part = texture.albedo(positions[100:150], np.random.default_rng(1))
     same(part, albedo[100:150], f"{name}: some of the places alone, albedo")
     same(positions, given, f"{name}: the positions given to albedo")
-    check_array(texture.albedo(positions[:0], np.random.default_rng(1)), (0, 3), np.float32, f"{name}: no place, albedo")
+    nowhere = texture.albedo(positions[:0], np.random.default_rng(1))
+    check_array(nowhere, (0, 3), np.float32, f"{name}: no place, albedo")
     other = texture.albedo(positions, np.random.default_rng(2))
     expect(not np.array_equal(other, albedo), f"{name}: expected another texture from another rng, got the same one")
 
