@@ -90,7 +90,7 @@ def link_base_color(surface: Any) -> None:
 def _get(collection: Any, attribute: str, dtype: type) -> np.ndarray:
     """The attribute's numbers of all items, flat."""
     width = len(np.atleast_1d(getattr(collection[0], attribute)))
-    numbers = np.empty(width * len(collection), dtype)
+    numbers: np.ndarray = np.empty(width * len(collection), dtype)
     collection.foreach_get(attribute, numbers)
     return numbers
 

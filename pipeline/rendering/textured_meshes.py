@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -48,7 +49,7 @@ def render_textured_mesh(
     if not missing:
         return
     job = {"settings": asdict(settings), "scenes": missing, "max_edge": TEXTURE_EDGE}
-    arrays = {"vertices": mesh.vertices.astype(np.float32), "faces": mesh.faces, "smooth": mesh.smooth}
+    arrays: dict[str, Any] = {"vertices": mesh.vertices.astype(np.float32), "faces": mesh.faces, "smooth": mesh.smooth}
     if isinstance(colors, SeededTexture):
         job["texture"] = colors.to_json()
     else:

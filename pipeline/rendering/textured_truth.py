@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,7 @@ def render_textured_references(
         if missing:
             render_textured_mesh(mesh, texture, missing, work, settings, f"{name} with {texture.name}")
         for stem, entry in entries.items():
-            store.produce(entry, lambda folder, stem=stem: _move_files(work, stem, folder))
+            store.produce(entry, partial(_move_files, work, stem))
         shutil.rmtree(work, ignore_errors=True)  # also leftovers of a killed run
     return [store.folder(entries[scene_stem(scene)]) / PICTURE_FILE for scene in scenes]
 

@@ -116,7 +116,8 @@ def _read_glb(blob: bytes, wants: Wants) -> RawCloud:
     part_of = dict(zip(scene.geometry, parts, strict=True))
     textures = {name: _texture_colors(scene.geometry[name]) for name in scene.geometry} if wants("rgb") else {}
     names = field_names_of(parts, any(colors is not None for colors in textures.values()))
-    points, fields = [np.empty((0, 3))], {name: [] for name in names if wants(name)}
+    points = [np.empty((0, 3))]
+    fields: dict[str, list[np.ndarray]] = {name: [] for name in names if wants(name)}
     for node in scene.graph.nodes_geometry:
         transform, name = scene.graph[node]
         vertices = np.asarray(scene.geometry[name].vertices, dtype=np.float64)

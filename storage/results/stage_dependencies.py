@@ -86,7 +86,8 @@ PLACEMENT_CODE = (
 _CASES = (
     *(f"pipeline.evaluation.paper.cases.{name}" for name in ("sweeps", "synthetic_scans", "synthetic_shapes",
                                                               "ground_truth")),
-    "pipeline.evaluation.paper.methods", "pipeline.evaluation.baselines",
+    "pipeline.evaluation.paper.methods", "pipeline.evaluation.baselines", "pipeline.rendering.textured_truth",
+    *_TEXTURED_RENDERS,
     *(f"pipeline.evaluation.evaluate:{name}" for name in ("sample_views", "UPRIGHT_SHARE")),
     "pipeline.rendering.mesh_samples:sample_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",
     *_RANDOM_ROTATION,
@@ -127,7 +128,8 @@ STAGE_CODE: dict[str, tuple[str, ...]] = {
     ),
     "evaluate": (
         "workflows.stages:Evaluate", "pipeline.evaluation.evaluate", "pipeline.evaluation.baselines:with_true_floor",
-        "pipeline.evaluation.comparison_sheet", "pipeline.outputs.point_preview",
+        "pipeline.evaluation.comparison_sheet", "pipeline.outputs.point_preview", "pipeline.rendering.textured_truth",
+        *_TEXTURED_RENDERS,
         *(f"pipeline.outputs.contact_sheet:{name}" for name in (
             "SHEET_KEYWORD", "check_sheet_places", "is_sheet", "remove_surplus_sheets", "sheet_path")),
         "pipeline.rendering.mesh_samples:sample_cloud", "pipeline.rendering.ground_truth", "pipeline.rendering.views",

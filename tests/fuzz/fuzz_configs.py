@@ -65,6 +65,7 @@ LEVELS: dict[str, Fits] = {
     "scene": number(1, 1e4), "bumps": number(0, 1e6), "gap": number(0, 100),
     "single": lambda level: level in ("clean", "noise", "holes"), "color": lambda level: bool(ImageColor.getrgb(level)),
     "sampling": lambda level: level == "non-uniform" or level in registry.names("samplers"),
+    "texture": lambda level: level == "none" or level in registry.names("textures"),
     "material": lambda level: len(parts := level.split(",")) == 2 and all(0 <= float(part) <= 1 for part in parts),
 }  # fmt: skip
 """Sweep of a report -> whether a level can be."""

@@ -12,7 +12,7 @@ from typing import Any
 from z2p_core import registry
 from z2p_core.config import ConfigError, to_dict
 from z2p_core.config.report import SWEEP_NAMES, ReportConfig, Sweep, check_report, parse_report
-from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import SYNTHETIC_SWEEPS, VIEW_CONTROLS
+from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import NO_TEXTURE, SYNTHETIC_SWEEPS, VIEW_CONTROLS
 from z2p_renderer.pipeline.evaluation.paper.methods import BASELINE, TRUTH, WEIGHTS, Method, method_fields
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.storage.configs import read_config_text
@@ -140,6 +140,8 @@ def _measure_steps(
         "sweep": name, "levels": list(sweep.levels), "mesh": mesh.identity if mesh else "",
         "samplers": [plugin_fields(registry.load("samplers", str(sampler))) for sampler in samplers],
     }  # fmt: skip
+    if textures := [level for level in sweep.levels if name == "texture" and level != NO_TEXTURE]:
+        shared["textures"] = [plugin_fields(registry.load("textures", str(texture))) for texture in textures]
     truth = f"measure/{name}/{subject}/truth"
     steps = []
     for method in (TRUTH_METHOD, *methods):

@@ -67,6 +67,7 @@ class ReportConfig:
     color: NameSweep = NameSweep(("#c0392b", "#e0b020", "#2e8b57", "#2c5fa8", "#404040"), 1)
     turning: NumberSweep = NumberSweep((0.0, 30.0, 60.0, 90.0, 120.0), 1)
     material: NameSweep = NameSweep(("0,0.9", "0,0.3", "1,0.6", "1,0.3"), 1)
+    texture: NameSweep = NameSweep(("none", "smooth", "stripes", "spots"), 3)
     sheet: NumberSweep = NumberSweep((0.0, 0.01, 0.03, 0.1))
     scene: NumberSweep = NumberSweep((1.0, 4.0, 9.0))
     bumps: NumberSweep = NumberSweep((4.0, 8.0, 16.0, 32.0, 64.0))

@@ -61,6 +61,7 @@ SWEEPS: dict[str, Limit] = {
     "color": _Colour(),
     "turning": Number(-360, 360),
     "material": _MATERIAL,
+    "texture": Plugin(("textures",), ("none",)),
     "sheet": Number(0, 1),
     "scene": Number(1, 100),
     "bumps": Number(1, 128),

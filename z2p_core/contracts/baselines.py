@@ -11,7 +11,6 @@ from z2p_core.contracts.assertions import check_array, check_class, expect, refu
 from z2p_core.interfaces import Baseline, Painter, ScanError
 from z2p_core.scene import SceneDescription
 
-
 RED = np.array([0.7, 0.1, 0.1], np.float32)
 """Linear color of points that methods are tried on."""
 BLUE = np.array([0.1, 0.1, 0.7], np.float32)

@@ -53,8 +53,8 @@ def _split_names(context: click.Context, parameter: click.Parameter, text: str) 
 @click.option("--baseline", metavar="NAMES", default="", show_default=False, callback=_split_names,
               help="Comma-separated baselines to compare with, as bpa,poisson,balls; see `z2p plugins`.")
 @click.option("--textures", metavar="KINDS", default="", show_default=False, callback=_split_names,
-              help="Comma-separated textures for meshes and clouds, as smooth,stripes,spots, drawn one after the "
-              "other; see `z2p plugins`.  [default: one colour]")
+              help="Comma-separated textures that meshes and clouds get, each in turn, as smooth,stripes,spots; see "
+              "`z2p plugins`.  [default: one colour]")
 def evaluate(
     meshes: Path, weights: str, engine: str, output: Path, truth: Path | None, baseline: tuple[str, ...],
     **options: Any,

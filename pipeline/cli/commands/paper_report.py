@@ -21,7 +21,7 @@ from z2p_renderer.pipeline.cli.commands.train_pipeline import check_luigi, run_p
 @click.option("--weights", metavar="NAMES", help="Comma-separated shipped names or .safetensors files.",
               show_default="all shipped ones")
 @click.option("--sweeps", metavar="NAMES", help="Comma-separated sweeps: noise, density, sampling, inner, scale, "
-              "single, lift, light, color, turning, material, sheet, scene, bumps, gap.",
+              "single, lift, light, color, turning, material, texture, sheet, scene, bumps, gap.",
               show_default="all of the config's")
 @click.option("--workspace", type=click.Path(file_okay=False, path_type=Path), metavar="DIR",
               help="Folder for all results.", show_default="runs")

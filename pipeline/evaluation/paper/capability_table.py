@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from z2p_renderer.pipeline.evaluation.paper.page.results import Results, mean
+from z2p_renderer.pipeline.evaluation.paper.page.results import CONTRAST_KEPT, Results, mean
 
 QUOTED_METHODS: dict[str, dict[str, str]] = {
     "Ray tracing": dict(raw="no", normals="-", unseen="yes", inner="-", points="-", shadows="yes", colors="-",
@@ -61,7 +61,11 @@ CAPABILITIES = (
     ),
     Capability("points", "Robust to number of points", "object PSNR at 1,000 to 20,000 points stays within 4 dB"),
     Capability("shadows", "Shadows", "half of the floor's true shadow or more is there in the plain case"),
-    Capability("colors", "Per point colors", "it takes a colour for each point"),
+    Capability(
+        "colors",
+        "Per point colors",
+        "half or more of the change is there that textures make in the true picture, their colours given at the points",
+    ),
     Capability("scenes", "Scene level scans", "most objects on one floor cost 3 dB of object PSNR or less against one"),
 )
 MIN_UNSEEN_PSNR = 18.0
@@ -70,6 +74,8 @@ MAX_INNER_SSIM_LOSS = 0.05
 MAX_DENSITY_PSNR_RANGE = 4.0
 """dB on the object between the densities of `DENSITY_RANGE`."""
 MIN_SHADOW_SHARE = 0.5
+MIN_TEXTURE_CONTRAST = 0.5
+"""Share of the difference between a textured picture and that in one color."""
 MAX_SCENE_PSNR_LOSS = 3.0
 """dB on the object, most objects against one."""
 DENSITY_RANGE = (1_000, 20_000)
@@ -144,7 +150,11 @@ def _shadows(results: Results, method: str, is_weights: bool) -> CapabilityVerdi
 
 
 def _colors(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:
-    return CapabilityVerdict(False, "takes xyz alone here")
+    kept = mean(results.values("texture", method, CONTRAST_KEPT))
+    if kept is not None:
+        return CapabilityVerdict(kept >= MIN_TEXTURE_CONTRAST, f"{kept:.0%} of the textures")
+    errors = [row["error"] for row in results.rows("texture", method) if "error" in row]
+    return CapabilityVerdict(False, errors[0]) if errors else CapabilityVerdict(None, "not measured")
 
 
 def _scenes(results: Results, method: str, is_weights: bool) -> CapabilityVerdict:

@@ -111,7 +111,8 @@ def _contrast_kept(cases: Sequence[Case], index: int, drawn: Sequence[MethodImag
     reference = cases[index].reference
     if not reference:
         return {}
-    plain = next(number for number, case in enumerate(cases) if case.level == reference)
+    view = cases[index].view
+    plain = next(number for number, case in enumerate(cases) if case.level == reference and case.view == view)
     pictures = drawn[index].picture, drawn[plain].picture
     if pictures[0] is None or pictures[1] is None:
         return {}

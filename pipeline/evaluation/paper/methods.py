@@ -15,12 +15,14 @@ import numpy as np
 from z2p_core import registry
 from z2p_core.config.report import ReportConfig
 from z2p_core.images import unit_from_bytes
+from z2p_core.interfaces import PointColors
 from z2p_renderer.pipeline.evaluation.baselines import load_baselines, run_baseline_on_scenes, with_true_floor
 from z2p_renderer.pipeline.evaluation.paper.cases.ground_truth import report_render_settings
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case
 from z2p_renderer.pipeline.inference.engine_selection import REFERENCE_ENGINE
 from z2p_renderer.pipeline.inference.loading import load_plugins
 from z2p_renderer.pipeline.inference.renderer import Renderer
+from z2p_renderer.pipeline.rendering.textures import SeededTexture
 from z2p_renderer.pipeline.rendering.views import place_in_scene
 from z2p_renderer.storage.models.checkpoints import find_weights
 from z2p_renderer.storage.results.fingerprints import file_digest, plugin_fields
@@ -63,17 +65,18 @@ def draw_cases(
     if method.kind == WEIGHTS:
         return [draw_case(method, case, config) for case in cases]
     drawn: list[MethodImage | None] = [None] * len(cases)
-    groups: dict[str, list[int]] = {}
+    groups: dict[tuple[str, SeededTexture | None], list[int]] = {}
     for index, case in enumerate(cases):
-        groups.setdefault(cloud_digest(case.cloud), []).append(index)
+        groups.setdefault((cloud_digest(case.cloud), case.texture), []).append(index)
     competitor = load_baselines([method.source])[method.source]
-    for digest, indices in groups.items():
+    for (digest, _), indices in groups.items():
         scenes = [with_true_floor(cases[index].scene, cases[index].truth.vertices) for index in indices]
         rng = np.random.default_rng([config.seed, 5])
-        cloud = cases[indices[0]].cloud
+        first = cases[indices[0]]
         results = run_baseline_on_scenes(
-            competitor, cloud, {"sha256": digest}, rng, scenes, report_render_settings(config), root, log
-        )
+            competitor, first.cloud, {"sha256": digest}, rng, scenes, report_render_settings(config), root, log,
+            first.albedo,
+        )  # fmt: skip
         for index, one in zip(indices, results, strict=True):
             steps = {**one.steps, "render": one.render_seconds or 0.0}
             drawn[index] = MethodImage(one.picture, one.seconds, steps, one.error)
@@ -86,11 +89,15 @@ def draw_case(method: Method, case: Case, config: ReportConfig, cloud: np.ndarra
     missing = [name for name in case.required_controls if name not in renderer.controls]
     if missing:
         return MethodImage(None, error=f"these weights do not carry {' and '.join(missing)}")
+    albedo = case.albedo
+    if albedo is not None and not renderer.draws_colors:
+        return MethodImage(None, error="these weights draw no colours of points")
     placed = place_in_scene(case.cloud if cloud is None else cloud, case.scene)
+    colors = None if albedo is None else PointColors(place_in_scene(case.cloud, case.scene), albedo)
     floor = with_true_floor(case.scene, case.truth.vertices).floor
     values = {name: value for name, value in case.values.items() if name in renderer.controls}
     started = time.perf_counter()
-    picture = renderer.render(placed, values, config.resolution, config.resolution, floor)
+    picture = renderer.render(placed, values, config.resolution, config.resolution, floor, colors)
     return MethodImage(unit_from_bytes(picture), round(time.perf_counter() - started, 4))
 
 

@@ -123,7 +123,21 @@ def test_capability_ticks_follow_from_metrics() -> None:
     assert all(ours[key].passed for key in ("raw", "normals", "unseen", "inner", "shadows"))
     assert not any(theirs[key].passed for key in ("normals", "unseen", "inner", "shadows"))
     assert "loses 0.125" in theirs["inner"].why and theirs["inner"].paper == "no"
-    assert ours["points"].passed is None and ours["scenes"].passed is None and ours["colors"].passed is False
+    assert ours["points"].passed is None and ours["scenes"].passed is None and ours["colors"].passed is None
+
+
+def test_colors_tick_needs_half_of_the_textures() -> None:
+    rows = [row("texture", "none", "regular", 25.0), row("texture", "stripes", "regular", 25.0, contrast_kept=0.9)]
+    rows += [row("texture", "stripes", "bpa", 25.0, contrast_kept=0.3)]
+    ours, theirs = (assess_capabilities(make_results(*rows), name, name == "regular") for name in ("regular", "bpa"))
+    assert ours["colors"].passed is True and ours["colors"].paper == "no" and "90%" in ours["colors"].why
+    assert theirs["colors"].passed is False and theirs["colors"].paper == "yes"
+
+
+def test_weights_of_one_color_get_no_colors_tick() -> None:
+    undrawn = row("texture", "stripes", "regular", 1.0, error="these weights draw no colours of points")
+    verdict = assess_capabilities(make_results(undrawn), "regular", True)["colors"]
+    assert verdict.passed is False and "no colours" in verdict.why
 
 
 def test_disagreement_must_beat_the_edge_map() -> None:

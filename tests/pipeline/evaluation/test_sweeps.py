@@ -90,6 +90,15 @@ def test_controls_change_the_scene_and_nothing_else(vase: TrueMesh) -> None:
     np.testing.assert_allclose(np.array(turned.scene.rotation), turn(30.0) @ np.array(plain.scene.rotation))
 
 
+def test_textures_color_the_same_points_of_one_view(vase: TrueMesh) -> None:
+    plain, smooth, *_ = (case for case in cases("texture", vase) if case.view == 1)
+    assert plain.albedo is None and plain.reference == "" and smooth.reference == plain.level == "none"
+    assert smooth.cloud.tobytes() == plain.cloud.tobytes() and smooth.scene == plain.scene
+    assert smooth.albedo is not None and smooth.albedo.shape == (400, 3) and smooth.albedo.std(axis=0).min() > 0.02
+    alone = cases("texture", vase, replace(SMALL, texture=NameSweep(("stripes",))))
+    assert [case.reference for case in alone] == ["", ""]
+
+
 def test_scaling_scales_cloud_and_truth_alike(vase: TrueMesh) -> None:
     small, *_, full = (case for case in cases("scale", vase) if case.view == 0)
     assert small.cloud == pytest.approx(0.4 * full.cloud, abs=1e-6) and small.subject is None

@@ -62,7 +62,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, subprocess
 
 
 ALL = {"base/pyramid", "base/tetra", "noise/pyramid", "scale/pyramid", "single/pyramid", "turning/pyramid",
-       "gap/shapes"}  # fmt: skip
+       "texture/pyramid", "gap/shapes"}  # fmt: skip
 
 
 @pytest.mark.slow
@@ -167,7 +167,7 @@ def test_the_default_plan_covers_the_papers_evaluation(tmp_path: Path) -> None:
     found = plan(tmp_path)
     sweeps = {step.sweep for step in found.steps.values() if step.sweep}
     assert sweeps == {"base", "noise", "density", "sampling", "inner", "scale", "single", "lift", "light", "color",
-                      "turning", "material", "sheet", "scene", "bumps", "gap"}  # fmt: skip
+                      "turning", "material", "texture", "sheet", "scene", "bumps", "gap"}  # fmt: skip
     assert {"times", "report", "shapes", "trust/bumpy_ball/regular"} <= set(found.steps)
     methods = ["regular", "bpa", "poisson", "hpr", "splats", "balls", "screen"]
     assert [method.name for method in found.methods] == methods

@@ -17,6 +17,7 @@ ABSURD = (None, True, -1, -0.5, 10**12, 10**400, 1e300, math.nan, math.inf, -mat
           ("a",) * 5, ((1, 2),), {}, 1j)  # fmt: skip
 FREE = {
     "render.passes": [()], "train.resolutions": [()], "train.network.widths": [], "evaluate.elevation": [None],
+    "evaluate.textures": [()],
     "weights": [(), ("a",) * 5], "baselines": [()], "train.loss.masked": [True], "train.cropped": [True],
     "train.mirror": [True],
 }  # fmt: skip

@@ -15,6 +15,8 @@ from z2p_core.scene import SceneDescription
 from z2p_renderer.pipeline.evaluation.paper.cases.sweeps import Case
 from z2p_renderer.pipeline.render import RenderSettings, read_render, render_mesh
 from z2p_renderer.pipeline.rendering.ground_truth import COVERAGE_FILE, PICTURE_FILE, render_references
+from z2p_renderer.pipeline.rendering.textured_truth import render_textured_references
+from z2p_renderer.pipeline.rendering.textures import SeededTexture
 from z2p_renderer.storage.meshes import Mesh
 from z2p_renderer.storage.results.fingerprints import stage_fields
 from z2p_renderer.storage.results.store import Entry, Store
@@ -37,18 +39,23 @@ def render_case_truths(
     """
     settings, side = report_render_settings(config), config.resolution
     paths: list[Path] = [Path()] * len(cases)
-    shared: dict[str, list[int]] = {}
+    shared: dict[tuple[str, SeededTexture | None], list[int]] = {}
     for index, case in enumerate(cases):
         if case.subject is None:
             paths[index] = _render_synthetic(case.truth, case.scene, settings, root, log)
         else:
-            shared.setdefault(case.subject.identity, []).append(index)
-    for indices in shared.values():  # all scenes of a mesh in one Blender process
+            shared.setdefault((case.subject.identity, case.texture), []).append(index)
+    for (_, texture), indices in shared.items():  # all scenes of a mesh in one Blender process
         subject = cases[indices[0]].subject
         if subject is None or subject.path is None:
             raise ValueError("a case with a subject needs the path of its mesh file, got none")
         scenes = [cases[index].scene for index in indices]
-        rendered = render_references(subject.path, subject.identity, scenes, settings, root, log)
+        if texture is None:
+            rendered = render_references(subject.path, subject.identity, scenes, settings, root, log)
+        else:
+            rendered = render_textured_references(
+                subject.mesh, subject.name, subject.identity, texture, scenes, settings, root
+            )
         for index, path in zip(indices, rendered, strict=True):
             paths[index] = path
     return [(read_render(path, (side, side, 4)), read_render(path.with_suffix(".coverage.png"), (side, side)))

@@ -21,6 +21,7 @@ from z2p_renderer.pipeline.evaluation.evaluate import sample_views
 from z2p_renderer.pipeline.evaluation.paper.cases import synthetic_shapes
 from z2p_renderer.pipeline.evaluation.paper.cases.synthetic_scans import inner_points, non_uniform, single_view
 from z2p_renderer.pipeline.rendering.mesh_samples import sample_cloud
+from z2p_renderer.pipeline.rendering.textures import SeededTexture, mesh_texture
 from z2p_renderer.pipeline.rendering.views import View, describe, load_controls
 from z2p_renderer.storage.meshes import Mesh, read_mesh
 from z2p_renderer.storage.results.fingerprints import file_digest
@@ -31,6 +32,8 @@ UNIT_SPHERE = Sphere((0.0, 0.0, 0.0), 1.0)
 SYNTHETIC_SETTINGS: dict[str, Value] = {"color": (0.3, 0.45, 0.65), "light": (3.75, -40.0, 50.0), "elevation": (20.0,)}
 SYNTHETIC_SWEEPS = ("sheet", "scene", "bumps", "gap")
 """Sweeps over synthetic shapes instead of the meshes."""
+NO_TEXTURE = "none"
+"""Level of the sweep over textures at which the object has one color."""
 MAX_SCENE_POINTS_FACTOR = 4
 """The cloud of several objects has at most so many times the points of a single object's."""
 
@@ -66,6 +69,13 @@ class Case:
     """Level of the plain case that this one modifies, where the contrast of the change is measured; else empty."""
     points: int = 0
     """Number of points on the surface; they come first in the cloud."""
+    texture: SeededTexture | None = None
+    """Colors of the true mesh and of the cloud's points, in place of the scene's base color."""
+
+    @property
+    def albedo(self) -> np.ndarray | None:
+        """Linear base colors (N, 3) float32 of the cloud's points, if the case has a texture."""
+        return None if self.texture is None else self.texture.albedo(self.cloud)
 
     @property
     def x(self) -> float | None:
@@ -182,6 +192,14 @@ def _vary_material(level: str, base: _BaseCase) -> Case:
     return base.with_controls(("metallic", "roughness"), metallic=(metallic,), roughness=(roughness,))
 
 
+def _vary_texture(level: str, base: _BaseCase) -> Case:
+    if level == NO_TEXTURE:
+        return base.case(base.cloud())
+    reference = NO_TEXTURE if NO_TEXTURE in base.config.texture.levels else ""
+    texture = mesh_texture(level, base.subject.identity, base.config.seed)
+    return base.case(base.cloud(), texture=texture, reference=reference)
+
+
 _MESH_CASES: dict[str, Callable[[Any, _BaseCase], Case]] = {
     "base": lambda level, base: base.case(base.cloud()),
     "noise": lambda level, base: base.case(base.cloud(noise=level)),
@@ -195,6 +213,7 @@ _MESH_CASES: dict[str, Callable[[Any, _BaseCase], Case]] = {
     "color": lambda level, base: base.with_controls(color=_color(level)),
     "turning": lambda level, base: base.with_controls(rotation=turn(level) @ np.array(base.view.scene.rotation)),
     "material": _vary_material,
+    "texture": _vary_texture,
 }
 
 

@@ -52,6 +52,13 @@ SWEEP_CAPTIONS: dict[str, SweepCaption] = {
     "color": SweepCaption("Colours", "", "The same view in other colours.", "colour control"),
     "turning": SweepCaption("Turning views", "degrees", "The object turns about its upright axis.", "turning views"),
     "material": SweepCaption("Metallic and roughness", "", "Levels are metallic, roughness.", "material control"),
+    "texture": SweepCaption(
+        "Textures",
+        "",
+        "The object in colours that vary from place to place; each method gets that of every point. Contrast kept is 1 "
+        "where all of the true picture's change from one colour is there, 0 where none.",
+        "Table 1, colours of points",
+    ),
     "sheet": SweepCaption("Thin sheets", "thickness, radii", "A wavy sheet, open at thickness 0.", "sheets"),
     "scene": SweepCaption("Scenes", "objects", "Several objects on one floor.", "Table 1, scenes"),
     "bumps": SweepCaption(

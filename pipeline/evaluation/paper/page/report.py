@@ -131,15 +131,16 @@ def _sweep_section(
     """Section of a sweep: curves, tables (including `further_tables`) and strips of pictures."""
     caption = SWEEP_CAPTIONS[sweep]
     has_contrast = any(CONTRAST_KEPT in row for row in results.every if row["sweep"] == sweep)
-    metrics = (CONTRAST_KEPT,) if has_contrast else ("psnr_foreground", "ssim", "flip")
+    differences = ("psnr_foreground", "ssim", "flip") if not has_contrast or sweep == "texture" else ()
+    metrics = (*((CONTRAST_KEPT,) if has_contrast else ()), *differences)
     has_levels = len(results.levels(sweep)) > 1
     plots = [plot_sweep(results, sweep, caption.axis, caption.is_log_scale, metrics)] if has_levels else []
     if sweep == "base":
         tables = [means_table(results, sweep, "Means over meshes and views")]
     else:
         tables = [
-            level_table(results, sweep, metric, CONTRAST_KEPT.replace("_", " ") if has_contrast else METRICS[metric][0])
-            for metric in metrics
+            level_table(results, sweep, one, "contrast kept" if one == CONTRAST_KEPT else METRICS[one][0])
+            for one in metrics
         ]
     tables += further_tables
     meshes = [mesh for mesh in results.meshes(sweep) if mesh]
