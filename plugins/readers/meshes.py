@@ -145,7 +145,7 @@ def _part_values(
 
 def _texture_colors(geometry: Any) -> np.ndarray | None:
     """sRGB colors (N, 3) in [0, 1] of a mesh's picture at its vertices; None if it has no picture."""
-    visual = getattr(geometry, "visual", None)
+    visual: Any = getattr(geometry, "visual", None)
     picture = getattr(getattr(visual, "material", None), "baseColorTexture", None)
     uv = getattr(visual, "uv", None)
     if picture is None or uv is None or len(uv) != len(geometry.vertices):

@@ -15,7 +15,7 @@ from z2p_renderer.plugins.readers._text.header import Head
 from z2p_renderer.plugins.readers._text.row_format import RowFormat
 
 _COLORS, _NORMALS = ("r", "g", "b"), ("nx", "ny", "nz")
-_FORMAT_COLUMNS = {
+_FORMAT_COLUMNS: dict[str, dict[int, tuple[str, ...]]] = {
     ".pts": {1: ("intensity",), 3: _COLORS, 4: ("intensity", *_COLORS)},
     ".xyzrgb": {3: _COLORS},
     ".xyzn": {3: _NORMALS},
