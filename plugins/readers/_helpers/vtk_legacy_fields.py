@@ -35,8 +35,7 @@ class LegacyArray:
 
 
 def find_arrays(blob: bytes, start: int, count: int, binary: bool) -> list[LegacyArray]:
-    """The arrays of the points, behind byte `start` of the file; those behind one that is not understood are left out.
-    """
+    """The arrays of the points, behind byte `start` of the file, up to the first that is not understood."""
     section = _POINT_DATA.search(blob, start)
     if section is None or int(section[1]) != count:
         return []
@@ -96,13 +95,8 @@ def _iter_arrays(blob: bytes, at: int, count: int, binary: bool) -> Iterator[Leg
                 continue
             case ["FIELD", _, number]:
                 for _ in range(int(number)):
-                    words, at = _next_line(blob, at)
-                    while words and words[0].upper() == "METADATA":
-                        words, at = _next_line(blob, _skip_metadata(blob, at))
-                    name, width, rows, kind = words
-                    array = LegacyArray(unquote(name), int(width), _type(kind), at)
-                    at = _end_of(blob, array, int(rows), binary)
-                    if int(rows) == count:
+                    array, rows, at = _next_field(blob, at, binary)
+                    if rows == count:
                         yield array
                 continue
             case ["METADATA"]:
@@ -112,6 +106,16 @@ def _iter_arrays(blob: bytes, at: int, count: int, binary: bool) -> Iterator[Leg
                 return
         yield array
         at = _end_of(blob, array, count, binary)
+
+
+def _next_field(blob: bytes, at: int, binary: bool) -> tuple[LegacyArray, int, int]:
+    """The next array of a FIELD section, its number of rows, and the offset behind it."""
+    words, at = _next_line(blob, at)
+    while words and words[0].upper() == "METADATA":
+        words, at = _next_line(blob, _skip_metadata(blob, at))
+    name, width, rows, kind = words
+    array = LegacyArray(unquote(name), int(width), _type(kind), at)
+    return array, int(rows), _end_of(blob, array, int(rows), binary)
 
 
 def _type(kind: str) -> np.dtype:
