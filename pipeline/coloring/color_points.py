@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.coloring.class_palettes import class_colors
-from z2p_core.coloring.options import AUTO, DEFAULT_COLORMAP, NONE, RGB, ColorOptions
+from z2p_core.coloring.options import AUTO, DEFAULT_COLORMAP, LIMIT_PERCENTILES, NONE, RGB, ColorOptions
 from z2p_core.coloring.scales import ClassColors, ColorScale
 from z2p_core.formats.field_names import field_key
 from z2p_core.images import linear_from_srgb
@@ -21,8 +21,6 @@ Scale = ColorScale | ClassColors
 
 MAX_COLOR_SAMPLES = 200_000
 """Colors of a cloud that are used: several for each of its surface points."""
-LIMIT_PERCENTILES = (2.0, 98.0)
-"""Percentiles of a field's values that a colormap spans, unless the user names limits."""
 MISSING_VALUE_COLOR = (0.62, 0.62, 0.62)
 """sRGB of points whose field is nan."""
 ARRAY_FIELD = "values"

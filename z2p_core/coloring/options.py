@@ -12,6 +12,8 @@ from z2p_core.interfaces import SettingError
 
 AUTO, RGB, NONE = "auto", "rgb", "none"
 DEFAULT_COLORMAP = "viridis"
+LIMIT_PERCENTILES = (2.0, 98.0)
+"""Percentiles of a field's values that a colormap spans, unless the user names limits."""
 CLASS_FIELDS = ("classification", "class", "label", "labels", "semantic", "segmentation", "category")
 """Usual names of the field by which classes are kept where points are not colored by another field of labels."""
 MAX_KEPT_CLASSES = 1000
