@@ -15,7 +15,7 @@ from z2p_core import __version__, registry
 from z2p_core.errors.messages import error_reason
 
 PACKAGES = ("numpy", "onnxruntime", "openvino", "torch", "onnx",
-            "pillow", "click", "safetensors", "trimesh", "pypcd4", "laspy", "lazrs", "jinja2",
+            "pillow", "click", "safetensors", "trimesh", "pypcd4", "laspy", "lazrs", "jinja2", "cmap", "matplotlib",
             "pye57", "imageio-ffmpeg", "luigi", "bpy", "open3d", "open3d-cpu", "h5py", "kornia")  # fmt: skip
 
 
