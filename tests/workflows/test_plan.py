@@ -117,6 +117,7 @@ EFFECTS = {
     "evaluate.supersample": (2, {"evaluate"}),
     "evaluate.seed": (1, {"evaluate"}),
     "evaluate.seeds": (2, {"evaluate"}),
+    "evaluate.textures": (("stripes",), {"evaluate"}),
 }
 
 
@@ -143,6 +144,12 @@ def test_every_parameter_is_in_the_table():
             ]
 
     assert set(leaves(PipelineConfig())) == set(EFFECTS) | {"meshes", "evaluate_meshes"}
+
+
+def test_no_textures_leave_no_trace_in_the_fingerprint(config):
+    plain, colored = (make_plan(edited(config, "evaluate.textures", value)) for value in ((), ("stripes",)))
+    assert "textures" not in plain.steps["evaluate"].entry.fields["parameters"]
+    assert colored.steps["evaluate"].entry.fields["parameters"]["textures"][0]["name"] == "stripes"
 
 
 def test_another_engine_of_the_teacher_trains_again(config, monkeypatch):
