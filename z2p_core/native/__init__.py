@@ -41,6 +41,7 @@ from z2p_core.native.surfels import Blending as Blending
 from z2p_core.native.surfels import Discs as Discs
 from z2p_core.native.surfels import disc_clip_planes as disc_clip_planes
 from z2p_core.native.surfels import find_hole_discs as find_hole_discs
+from z2p_core.native.surfels import fit_disc_textures as fit_disc_textures
 from z2p_core.native.surfels import offset_disc_centers as offset_disc_centers
 from z2p_core.native.surfels import rasterize_surfels as rasterize_surfels
 from z2p_core.native.surfels import voronoi_extent as voronoi_extent
