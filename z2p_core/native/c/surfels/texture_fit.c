@@ -22,15 +22,16 @@
 #define MAX_SPREAD_OF_COLORS 0.22f /* standard deviation about two colors, over their distance, above which they are */
 #define FULL_SPREAD_OF_COLORS 0.14f /* part of a gradient; and below which they count in full */
 #define CLUSTER_ROUNDS 2
-#define NEWTON_ROUNDS 3
+#define NEWTON_ROUNDS 5
 #define MIN_CURVATURE_OF_LOSS 0.01f
-#define SLOPE_REGULARIZATION 0.025f /* of the curve's linear terms, in the regression's loss */
-#define BEND_REGULARIZATION 0.25f  /* of its quadratic terms */
+#define SLOPE_REGULARIZATION 0.005f /* of the curve's linear terms, in the regression's loss */
+#define BEND_REGULARIZATION 0.07f  /* of its quadratic terms */
 #define OFFSET_REGULARIZATION 1e-3f
 
-/* A disc's neighbors: positions in its tangent plane in units of its radius, albedos and weights; 0 for unused ones. */
+/* A disc's neighbors: positions in its tangent plane in units of its radius, weights, 0 for unused ones, and albedos with
+ * their square roots and least and greatest values. */
 typedef struct {
-    float s[NEIGHBORS], t[NEIGHBORS], weight[NEIGHBORS], color[3][NEIGHBORS], root[3][NEIGHBORS];
+    float s[NEIGHBORS], t[NEIGHBORS], weight[NEIGHBORS], color[3][NEIGHBORS], root[3][NEIGHBORS], low[3], high[3];
     int count;
 } Neighborhood;
 
@@ -77,21 +78,21 @@ INLINE void solve_cholesky(float a[CURVE_VALUES][CURVE_VALUES], float *b, int si
 INLINE int gather_neighbors(const float *centers, const float *normals, const float *albedo, const int *row, int count,
                             int i, float radius, Neighborhood *near) {
     const float *p = centers + 3 * (size_t)i, *n = normals + 3 * (size_t)i;
-    float u[3], v[3], offset[3][NEIGHBORS], facing[NEIGHBORS], low[3], high[3], scale = 1 / radius, contrast = 0;
+    float u[3], v[3], offset[3][NEIGHBORS], facing[NEIGHBORS], scale = 1 / radius, contrast = 0;
     tangent_basis(n, u, v);
     near->count = count < NEIGHBORS ? count : NEIGHBORS;
-    for (int a = 0; a < 3; a++) low[a] = high[a] = albedo[3 * (size_t)i + a];
+    for (int a = 0; a < 3; a++) near->low[a] = near->high[a] = albedo[3 * (size_t)i + a];
     for (int j = 0; j < NEIGHBORS; j++) {
         size_t other = 3 * (size_t)row[j < near->count ? j : near->count - 1];
         for (int a = 0; a < 3; a++) {
             float value = albedo[other + a];
             offset[a][j] = (centers[other + a] - p[a]) * scale;
             near->color[a][j] = value;
-            low[a] = smaller(low[a], value), high[a] = larger(high[a], value);
+            near->low[a] = smaller(near->low[a], value), near->high[a] = larger(near->high[a], value);
         }
         facing[j] = j < near->count ? larger(dot(normals + other, n), 0) : 0;
     }
-    for (int a = 0; a < 3; a++) contrast = larger(contrast, high[a] - low[a]);
+    for (int a = 0; a < 3; a++) contrast = larger(contrast, near->high[a] - near->low[a]);
     if (contrast < MIN_CONTRAST) return 0;
     for (int j = 0; j < NEIGHBORS; j++) {
         float x = offset[0][j], y = offset[1][j], z = offset[2][j];
@@ -116,11 +117,10 @@ INLINE void fit_gradient(const Neighborhood *near, const float *own, float *text
     }
     float inverse = 1 / (ss * tt - st * st), *along_s = texture + 3, *along_t = texture + 6;
     for (int a = 0; a < 3; a++) {
-        float sy = 0, ty = 0, yy = 0, range = 0;
+        float sy = 0, ty = 0, yy = 0, range = smaller(near->high[a] - own[a], own[a] - near->low[a]);
         for (int j = 0; j < count; j++) {
             float w = near->weight[j], y = near->color[a][j] - own[a];
             sy += w * near->s[j] * y, ty += w * near->t[j] * y, yy += w * y * y;
-            range = larger(range, fabsf(y));
         }
         along_s[a] = (tt * sy - st * ty) * inverse, along_t[a] = (ss * ty - st * sy) * inverse;
         total += yy;
