@@ -97,8 +97,8 @@ class PrincipledShader:
     def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
         return replace(self.surface, color=albedo).albedo
 
-    def relative_radiance(self, viewer: np.ndarray, albedo: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-        """As of `Shader`. The base color scales the diffuse part and a metal's reflections, not a dielectric's."""
+    def relative_radiance(self, viewer: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As of `MaterialShader`. The base color scales the diffuse part and a metal's reflections, not a dielectric's."""
         scene, surface = self.light.scene, self.surface
         rows = np.arange(len(scene.points))
         view = directions_to(viewer, scene.points)
@@ -106,11 +106,12 @@ class PrincipledShader:
         total = self.outgoing_radiance(rows, np.zeros_like(rows), view, 0)[1]
         diffuse = self.light.bounced.radiance(surface.albedo) * surface.diffuse_albedo(n_dot_v)
         specular = np.maximum(total - diffuse, 0)
-        tint = albedo / np.maximum(surface.color, MIN_RADIANCE)
         received = self.light.bounced.radiance(surface.albedo)
-        own_diffuse = tint * diffuse * (radiance + MIN_RADIANCE) / (received + MIN_RADIANCE)
-        own_specular = specular * (1 + surface.metal_share(n_dot_v) * (tint - 1))
-        return (own_diffuse + own_specular + MIN_RADIANCE) / (diffuse + specular + MIN_RADIANCE)
+        metallic = specular * surface.metal_share(n_dot_v)
+        tinted = diffuse * (radiance + MIN_RADIANCE) / (received + MIN_RADIANCE) + metallic
+        neutral = diffuse + specular + MIN_RADIANCE
+        slope = tinted / (np.maximum(surface.color, MIN_RADIANCE) * neutral)
+        return (specular - metallic + MIN_RADIANCE) / neutral, slope
 
     def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
         """Computes the reflections of light, sky and floor in each pixel whose surfels have similar normals."""

@@ -20,7 +20,7 @@ from z2p_core.interfaces import GBuffer, PointColors
 from z2p_core.linalg import rotate_points, row_dots
 from z2p_core.parallel import parallel_rows, run_async
 from z2p_core.scene import SceneDescription
-from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, STEADY_RGB, GBufferChannel, MaterialChannel
+from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
 from z2p_core.shading.floor_occlusion import FloorOcclusion, floor_occlusion, is_sparse, shadow_casters
 from z2p_core.shading.floor_shadow import cloud_radiance_from_floor, draw_floor_shadow
 from z2p_core.shading.light_transport import (
@@ -99,10 +99,11 @@ class MaterialShader(Shader, Protocol):
     def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
         """Share (N, 3) of light that points with these base colors (N, 3) send on, reflections included."""
 
-    def relative_radiance(self, viewer: np.ndarray, albedo: np.ndarray, radiance: np.ndarray) -> np.ndarray:
-        """Radiance (N, 3) towards the viewer of points with albedos (N, 3), over that of the shader's own surface.
+    def relative_radiance(self, viewer: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Radiance towards the viewer of points with other base colors, over that of the shader's own surface.
 
-        `radiance` (N, 3) is that of white points amid them.
+        It is linear in the base color: the offset (N, 3) and the slope (N, 3). `radiance` (N, 3) is that of white
+        points amid the colored ones.
         """
 
 
@@ -123,29 +124,16 @@ class DiffuseShader:
     def total_albedo(self, albedo: np.ndarray) -> np.ndarray:
         return albedo
 
-    def relative_radiance(self, viewer: np.ndarray, albedo: np.ndarray, radiance: np.ndarray) -> np.ndarray:
+    def relative_radiance(self, viewer: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         neutral = np.asarray(self.color, np.float32)
         received = self.light.bounced.radiance(neutral)
-        return albedo / np.maximum(neutral, MIN_RADIANCE) * (radiance + MIN_RADIANCE) / (received + MIN_RADIANCE)
-
-
-@dataclass(frozen=True)
-class TexturedShader:
-    """A shader of the neutral surface, with a last layer of the textured surface's radiance relative to it (N, 3)."""
-
-    neutral: Shader
-    relative: np.ndarray
-
-    def surfel_values(self, viewer: np.ndarray) -> list[np.ndarray]:
-        return [*self.neutral.surfel_values(viewer), np.pad(self.relative, ((0, 0), (0, 2)))]
-
-    def shade_pixels(self, camera: Camera, rows: tuple[int, int], layers: list[np.ndarray]) -> None:
-        self.neutral.shade_pixels(camera, rows, layers[:-1])
+        slope = (radiance + MIN_RADIANCE) / (np.maximum(neutral, MIN_RADIANCE) * (received + MIN_RADIANCE))
+        return np.zeros_like(slope), slope
 
 
 @dataclass(frozen=True)
 class Texture:
-    """Colors of a surface, and the layer (9, H, W) that receives its radiance relative to one in the base color."""
+    """Colors of a surface, and the image (3, H, W) that receives its radiance relative to one in the base color."""
 
     colors: PointColors
     relative: np.ndarray
@@ -175,9 +163,10 @@ class Surfels(GBuffer):
     def draw_textured_into(
         self, out: np.ndarray, cloud: np.ndarray, colors: PointColors, camera: Camera, scene: SceneDescription
     ) -> np.ndarray:  # fmt: skip
-        relative = np.zeros((len(MaterialChannel), camera.height, camera.width), np.float32)
-        self._draw(out, cloud, camera, scene, Texture(colors, relative))
-        return np.concatenate([relative[STEADY_RGB], relative[:1]])
+        relative = np.zeros((4, camera.height, camera.width), np.float32)
+        self._draw(out, cloud, camera, scene, Texture(colors, relative[:3]))
+        relative[3] = out[GBufferChannel.COVERAGE]
+        return relative
 
     def _draw(
         self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription, texture: Texture | None
@@ -218,8 +207,10 @@ class Surfels(GBuffer):
             albedo = surface_albedo(surface, texture.colors)
             sent = shader.total_albedo(albedo)
             radiance = textured_radiance(lit, bounced, sent, seen_by_points, seen_by_floor, quality)
-            textured = TexturedShader(shader, shader.relative_radiance(camera.position, albedo, radiance))
-            rasterize(discs, surfels.neighbors, textured, camera, out[RASTERIZED], texture.relative)
+            relative = shader.relative_radiance(camera.position, radiance)
+            values = (fill_holes(value, surfels.neighbors) for value in (albedo, *relative))
+            textures = native.fit_disc_textures(discs, surfels.neighbors, *values)
+            rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED], textures, texture.relative)
         shadow.result()
 
     def shader(self, light: LightField, scene: SceneDescription) -> MaterialShader:
@@ -284,27 +275,26 @@ def project_surfels(surfels: SurfacePoints, radii: np.ndarray, camera: Camera) -
 
 def rasterize(
     discs: native.Discs, neighbors: np.ndarray, shader: Shader, camera: Camera, out: np.ndarray,
-    last: np.ndarray | None = None,
+    textures: np.ndarray | None = None, colors_out: np.ndarray | None = None,
 ) -> None:  # fmt: skip
     """Draws shaded discs into `out` (9, H, W), the channels `RASTERIZED`; both cores take strips of it in turn.
 
     `neighbors` (M, K) int32 are the points nearest to each disc; the first N discs belong to points, the others close
     holes. The kernel averages six values of each disc. The first layer has two components of the normal and four
     radiances; a further one, for shaders that need it, the third component and five more values.
-    `last` (9, H, W), if any, receives the shader's last layer.
+    `textures`, if any, are drawn into `colors_out` (3, H, W) along with the first layer.
     """
     first, *further = (fill_holes(values, neighbors) for values in shader.surfel_values(camera.position))
     features = [np.column_stack([discs.normals[:, :2], first])]
     features += [np.column_stack([discs.normals[:, 2], values]) for values in further]
     layers = [out, *(np.empty_like(out) for _ in further)]
-    if last is not None:
-        layers[-1] = last
 
     def draw_strips(begin: int, end: int) -> None:
         for strip in range(begin, end):
             rows = (strip * camera.height // STRIPS, (strip + 1) * camera.height // STRIPS)
-            for values, layer in zip(features, layers, strict=True):
-                native.rasterize_surfels(discs, values, camera, BLENDING, DEPTH_RANGE, layer, rows)
+            for index, (values, layer) in enumerate(zip(features, layers, strict=True)):
+                texture = (textures, colors_out) if index == 0 else (None, None)
+                native.rasterize_surfels(discs, values, camera, BLENDING, DEPTH_RANGE, layer, rows, *texture)
             shader.shade_pixels(camera, rows, layers)
 
     parallel_rows(draw_strips, STRIPS, smallest=2, parts=STRIPS)

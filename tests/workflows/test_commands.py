@@ -142,7 +142,7 @@ def test_a_reports_config_is_told_from_a_pipelines(tmp_path, monkeypatch):
     for more in ((), ("--report",)):
         result = run("status", *words, *more)
         assert result.exit_code == 0 and "FRESH   times\n" in result.stdout, result.output
-        assert result.stdout.endswith("1 fresh, 0 stale, 31 missing\n")
+        assert result.stdout.endswith("1 fresh, 0 stale, 35 missing\n")
     assert "measure/" in run("status", "--report").stdout and "measure/" not in run("status").stdout
     wrong = run("status", *words, "--evaluate-meshes", "kept")
     assert wrong.exit_code == 2 and "no option of a report" in wrong.stderr

@@ -10,6 +10,7 @@ from z2p_core.native.images import blend_shadow_towards as blend_shadow_towards
 from z2p_core.native.images import blend_towards as blend_towards
 from z2p_core.native.images import depth_to_intensity as depth_to_intensity
 from z2p_core.native.images import final_convs as final_convs
+from z2p_core.native.images import extend_halved as extend_halved
 from z2p_core.native.images import multiply_linear as multiply_linear
 from z2p_core.native.images import nearest_depth as nearest_depth
 from z2p_core.native.images import pack_convolution as pack_convolution
@@ -20,10 +21,12 @@ from z2p_core.native.lighting import Floor as Floor
 from z2p_core.native.lighting import ShadowCasters as ShadowCasters
 from z2p_core.native.lighting import direct_lighting as direct_lighting
 from z2p_core.native.lighting import first_visible as first_visible
+from z2p_core.native.lighting import floor_colors as floor_colors
 from z2p_core.native.lighting import floor_irradiance as floor_irradiance
 from z2p_core.native.lighting import floor_occlusion as floor_occlusion
 from z2p_core.native.lighting import floor_shadow as floor_shadow
 from z2p_core.native.lighting import floor_visibility as floor_visibility
+from z2p_core.native.lighting import gather_colors as gather_colors
 from z2p_core.native.lighting import gather_environment as gather_environment
 from z2p_core.native.lighting import gather_indirect as gather_indirect
 from z2p_core.native.lighting import raycast_discs as raycast_discs
@@ -37,10 +40,12 @@ from z2p_core.native.points import fit_planes as fit_planes
 from z2p_core.native.points import fit_thin_slabs as fit_thin_slabs
 from z2p_core.native.points import projected_coverage as projected_coverage
 from z2p_core.native.points import refine_normals as refine_normals
+from z2p_core.native.surfels import TEXTURE_VALUES as TEXTURE_VALUES
 from z2p_core.native.surfels import Blending as Blending
 from z2p_core.native.surfels import Discs as Discs
 from z2p_core.native.surfels import disc_clip_planes as disc_clip_planes
 from z2p_core.native.surfels import find_hole_discs as find_hole_discs
+from z2p_core.native.surfels import fit_disc_textures as fit_disc_textures
 from z2p_core.native.surfels import offset_disc_centers as offset_disc_centers
 from z2p_core.native.surfels import rasterize_surfels as rasterize_surfels
 from z2p_core.native.surfels import voronoi_extent as voronoi_extent

@@ -51,7 +51,11 @@ declare(
     weight=FLOAT, max_difference=FLOAT,
 )  # fmt: skip
 declare(
-    "z2p_multiply_linear", image=FLOATS_OUT, factors=FLOATS, pixels=INT64, first=INT64, last=INT64,
+    "z2p_multiply_linear", image=FLOATS_OUT, factors=FLOATS, coverage=FLOATS, coarse=FLOATS, full_coverage=FLOAT,
+    height=INT, width=INT, first=INT, last=INT,
+)  # fmt: skip
+declare(
+    "z2p_extend_halved", values=FLOATS, weights=FLOATS, scale=FLOAT, height=INT, width=INT, half=FLOATS_OUT,
 )  # fmt: skip
 declare("z2p_to_straight_rgba8", image=FLOATS, pixels=INT64, first=INT64, last=INT64, rgba=BYTES_OUT)
 declare(
@@ -154,7 +158,19 @@ def blend_shadow_towards(
     parallel_rows(blend, height, MIN_PARALLEL_ROWS, parts=2)
 
 
-def multiply_linear(image: np.ndarray, factors: np.ndarray) -> None:
+def extend_halved(values: np.ndarray, weights: np.ndarray, scale: float = 1.0) -> np.ndarray:
+    """Values (3, H, W) at half the resolution, (3, ceil(H / 2), ceil(W / 2)), everywhere: means weighted by `weights`.
+
+    Where there are none of any weight in a block of 2 x 2 pixels, they are means over larger blocks around it:
+    pull-push interpolation (Gortler et al., The Lumigraph, 1996). Weights (H, W) times `scale` count up to 1.
+    """
+    height, width = weights.shape
+    half = np.empty((3, (height + 1) // 2, (width + 1) // 2), np.float32)
+    call("z2p_extend_halved", as_float32(values), as_float32(weights), scale, height, width, half)
+    return half
+
+
+def multiply_linear(image: np.ndarray, factors: np.ndarray, coverage: np.ndarray, full_coverage: float) -> None:
     """Multiplies the colors of an image (4, H, W), premultiplied sRGB and alpha, in linear light, in place.
 
     Straight colors are clipped to [0, 1] before and after.
@@ -162,16 +178,18 @@ def multiply_linear(image: np.ndarray, factors: np.ndarray) -> None:
     Args:
         image: C-contiguous.
         factors: (3, H, W), at least 0.
+        coverage: (H, W), in [0, 1]; a pixel's factor counts as far as its coverage is full, else that of pixels near.
+        full_coverage: coverage that is full, above 0.
 
     Raises:
         ValueError: `image` has another dtype, or is not contiguous.
     """
     height, width = image.shape[1:]
-    image, factors = check_output(image, (4, height, width)), as_float32(factors)
-    pixels = height * width
+    image, factors, coverage = check_output(image, (4, height, width)), as_float32(factors), as_float32(coverage)
+    coarse = extend_halved(factors, coverage, 1 / full_coverage)
 
     def multiply(begin: int, end: int) -> None:
-        call("z2p_multiply_linear", image, factors, pixels, begin * width, end * width)
+        call("z2p_multiply_linear", image, factors, coverage, coarse, full_coverage, height, width, begin, end)
 
     parallel_rows(multiply, height, MIN_PARALLEL_ROWS)
 

@@ -11,7 +11,7 @@ and calls it by position, by name, or both:
 
 `call` raises `TypeError` before anything runs if an argument is missing, unknown or of another type. Array kinds fix
 dtype and memory order: `FLOATS` float32, `DOUBLES` float64, `INTS` int32, `INT64S` int64, `BYTES` uint8; all contiguous
-in C order. `..._OUT` kinds are written to, so they refuse read-only arrays. `FLOATS_OR_NONE` takes None for NULL and
+in C order. `..._OUT` kinds are written to, so they refuse read-only arrays. `..._OR_NONE` kinds take None for NULL and
 `FLOAT_ROWS` rows that lie apart. Plain Python numbers are passed for `INT`, `INT64` and `FLOAT`, without `ctypes`.
 Values that go by the dozen are one structure: a `ctypes.Structure`, declared as `Struct(FloorStruct, "Floor")` with the
 name of the C typedef, and passed as an instance. Shapes are not checked here, but by the bindings. A binding that
@@ -177,6 +177,7 @@ INTS, INTS_OUT = Array("int", np.int32), Array("int", np.int32, is_output=True)
 INT64S, INT64S_OUT = Array("int64_t", np.int64), Array("int64_t", np.int64, is_output=True)
 BYTES, BYTES_OUT = Array("uint8_t", np.uint8), Array("uint8_t", np.uint8, is_output=True)
 FLOATS_OR_NONE = Array("float", np.float32, is_optional=True)
+FLOATS_OUT_OR_NONE = Array("float", np.float32, is_output=True, is_optional=True)
 FLOAT_ROWS = Array("float", np.float32, is_strided=True)
 
 SIGNATURES: dict[str, dict[str, ArgumentType]] = {}

@@ -104,11 +104,19 @@ declare(
     visible=INTS, floor=FLOOR, floor_irradiance=FLOATS, side=INT, radiance=FLOATS, indirect=FLOATS_OUT,
 )  # fmt: skip
 declare(
+    "z2p_gather_colors", points=FLOATS, normals=FLOATS, count=INT, begin=INT, end=INT, axes=FLOATS, axis_count=INT,
+    visible=INTS, floor=FLOOR, floor_irradiance=FLOATS, side=INT, radiance=FLOATS, indirect=FLOATS_OUT,
+)  # fmt: skip
+declare(
     "z2p_floor_visibility", points=FLOATS, normals=FLOATS, count=INT, axes=FLOATS, axis_count=INT, floor_height=FLOAT,
     half_size=FLOAT, side=INT, visible=INTS_OUT,
 )  # fmt: skip
 declare(
     "z2p_floor_irradiance", radiance=FLOATS, count=INT, axis_count=INT, visible=INTS, weight=FLOAT, side=INT,
+    irradiance=FLOATS_OUT,
+)  # fmt: skip
+declare(
+    "z2p_floor_colors", radiance=FLOATS, count=INT, axis_count=INT, visible=INTS, weight=FLOAT, side=INT,
     irradiance=FLOATS_OUT,
 )  # fmt: skip
 declare(
@@ -296,6 +304,22 @@ def gather_indirect(
     return indirect
 
 
+def gather_colors(
+    points: np.ndarray, normals: np.ndarray, axes: np.ndarray, visible: np.ndarray, radiance: np.ndarray, floor: Floor,
+    irradiance: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """As `gather_indirect`, in three colors and only for the side that normals point to: (N, 3).
+
+    `radiance` is (2, N, 3), and `irradiance` (S, S, 3), from `floor_colors`.
+    """
+    indirect = np.empty((len(points), 3), np.float32)
+    _gather(
+        "z2p_gather_colors", points, normals, axes, visible, floor.struct, as_float32(irradiance), len(irradiance),
+        as_float32(radiance), indirect,
+    )  # fmt: skip
+    return indirect
+
+
 def _gather(
     kernel: str, points: np.ndarray, normals: np.ndarray, axes: np.ndarray, visible: np.ndarray, *rest: Any
 ) -> None:
@@ -343,6 +367,17 @@ def floor_irradiance(radiance: np.ndarray, visible: np.ndarray, side: int) -> np
     axis_count = len(visible)
     call(
         "z2p_floor_irradiance", as_float32(radiance), radiance.shape[1], axis_count, visible, 1 / axis_count, side,
+        irradiance,
+    )  # fmt: skip
+    return irradiance
+
+
+def floor_colors(radiance: np.ndarray, visible: np.ndarray, side: int) -> np.ndarray:
+    """As `floor_irradiance`, in three colors: (S, S, 3) of radiance (2, N, 3)."""
+    irradiance = np.empty((side, side, 3), np.float32)
+    axis_count = len(visible)
+    call(
+        "z2p_floor_colors", as_float32(radiance), radiance.shape[1], axis_count, visible, 1 / axis_count, side,
         irradiance,
     )  # fmt: skip
     return irradiance

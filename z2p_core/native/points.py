@@ -28,6 +28,7 @@ declare(
     "z2p_grid_neighbors", grid=Handle("const Grid*"), points=FLOATS, query_indices=INTS, count=INT, max_neighbors=INT,
     neighbors=INTS_OUT, spacing=FLOATS_OUT,
 )  # fmt: skip
+declare("z2p_grid_nearest", grid=Handle("const Grid*"), positions=FLOATS, count=INT, nearest=INTS_OUT)
 declare(
     "z2p_fit_planes", points=FLOATS, neighbors=INTS, count=INT, neighbor_count=INT, normals=FLOATS_OUT,
     spread=FLOATS_OUT,
@@ -88,6 +89,16 @@ class NeighborGrid:
         The last one is repeated if fewer are near.
         """
         return self._nearest(as_float32(positions), np.arange(len(positions), dtype=np.int32), count)[0]
+
+    def nearest_to_positions(self, positions: np.ndarray) -> np.ndarray:
+        """Indices (M,) int32 of the points nearest to any positions (M, 3); fastest where these are such points."""
+        positions, nearest = as_float32(positions), np.empty(len(positions), np.int32)
+
+        def find(begin: int, end: int) -> None:
+            call("z2p_grid_nearest", self._handle, positions[begin:end], end - begin, nearest[begin:end])
+
+        parallel_rows(find, len(positions))
+        return nearest
 
     def _nearest(self, positions: np.ndarray, query_indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
         neighbors = np.empty((len(query_indices), count), np.int32)

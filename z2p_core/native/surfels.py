@@ -14,7 +14,9 @@ import numpy as np
 from z2p_core.camera import Camera
 from z2p_core.native.library import (
     FLOATS,
+    FLOATS_OR_NONE,
     FLOATS_OUT,
+    FLOATS_OUT_OR_NONE,
     INT,
     INTS,
     Struct,
@@ -28,6 +30,8 @@ from z2p_core.shading.channels import RASTERIZED
 
 MAX_CLIP_PLANES = 4
 """Clip planes per disc, as in `c/surfels/disc_clipping.h`."""
+TEXTURE_VALUES = 18
+"""Numbers of a disc's texture, as in `c/surfels/disc_texture.h`."""
 
 
 class RasterSettings(ctypes.Structure):
@@ -65,7 +69,11 @@ declare(
 )  # fmt: skip
 declare(
     "z2p_rasterize_surfels", points=FLOATS, normals=FLOATS, radii=FLOATS, clip_planes=FLOATS, features=FLOATS,
-    count=INT, settings=Struct(RasterSettings), image=FLOATS_OUT,
+    textures=FLOATS_OR_NONE, count=INT, settings=Struct(RasterSettings), image=FLOATS_OUT, colors=FLOATS_OUT_OR_NONE,
+)  # fmt: skip
+declare(
+    "z2p_fit_disc_textures", centers=FLOATS, normals=FLOATS, radii=FLOATS, neighbors=INTS, albedo=FLOATS,
+    offset=FLOATS, slope=FLOATS, begin=INT, end=INT, neighbor_count=INT, textures=FLOATS_OUT,
 )  # fmt: skip
 
 
@@ -187,6 +195,31 @@ class Discs:
     clip_planes: np.ndarray
 
 
+def fit_disc_textures(
+    discs: Discs, neighbors: np.ndarray, albedo: np.ndarray, offset: np.ndarray, slope: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """Textures (M, `TEXTURE_VALUES`) float32 of M discs, of offset + slope * albedo, for `rasterize_surfels`.
+
+    Where the nearest discs have two colors, one lies on either side of a curve; elsewhere colors change linearly.
+
+    Args:
+        discs: M discs.
+        neighbors: (M, K) int32, indices of the nearest discs, nearest first; up to 16 count.
+        albedo: (M, 3), at the discs' centers.
+        offset: (M, 3), what does not depend on the albedo.
+        slope: (M, 3), what does, for each unit of it.
+    """
+    textures = np.empty((len(discs.centers), TEXTURE_VALUES), np.float32)
+    geometry = (as_float32(discs.centers), as_float32(discs.normals), as_float32(discs.radii), neighbors)
+    colors = (as_float32(albedo), as_float32(offset), as_float32(slope))
+
+    def fit(begin: int, end: int) -> None:
+        call("z2p_fit_disc_textures", *geometry, *colors, begin, end, neighbors.shape[1], textures)
+
+    parallel_rows(fit, len(textures))
+    return textures
+
+
 @dataclass(frozen=True)
 class Blending:
     """How overlapping discs become a pixel.
@@ -204,7 +237,8 @@ class Blending:
 
 def rasterize_surfels(
     discs: Discs, features: np.ndarray, camera: Camera, blending: Blending, depth_range: tuple[float, float],
-    out: np.ndarray, rows: tuple[int, int] | None = None,
+    out: np.ndarray, rows: tuple[int, int] | None = None, textures: np.ndarray | None = None,
+    colors_out: np.ndarray | None = None,
 ) -> None:  # fmt: skip
     """Draws discs into `out` (9, H, W) float32: coverage, density, depth and six features; 0 where there is none.
 
@@ -220,17 +254,23 @@ def rasterize_surfels(
         depth_range: the depths that are drawn as 1 and as 0, world units.
         out: C-contiguous.
         rows: the rows to draw, from the first to the last, which is excluded; all by default.
+        textures: (M, `TEXTURE_VALUES`), two colors on either side of a curve on each disc, as in
+            `c/surfels/disc_texture.h`; None for none.
+        colors_out: (3, H, W) float32, C-contiguous, which receives the means of the textures' colors.
 
     Raises:
-        ValueError: `out` has another shape or dtype, or is not contiguous.
+        ValueError: `out` or `colors_out` has another shape or dtype, or is not contiguous.
     """
     first, last = rows or (0, camera.height)
     settings = RasterSettings(
         camera.width, camera.height, first, last, camera.focal, blending.blend_depth_radii, blending.coverage_gain,
         blending.full_weight, *depth_range,
     )  # fmt: skip
+    size = (camera.height, camera.width)
+    textured = textures is not None and colors_out is not None
     call(
         "z2p_rasterize_surfels", as_float32(discs.centers), as_float32(discs.normals), as_float32(discs.radii),
-        as_float32(discs.clip_planes), as_float32(features), len(discs.centers), settings,
-        check_output(out, (RASTERIZED.stop, camera.height, camera.width)),
+        as_float32(discs.clip_planes), as_float32(features), as_float32(textures) if textured else None,
+        len(discs.centers), settings, check_output(out, (RASTERIZED.stop, *size)),
+        check_output(colors_out, (3, *size)) if textured else None,
     )  # fmt: skip

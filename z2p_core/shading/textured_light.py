@@ -24,7 +24,7 @@ the network. Pictures of 5,000 textured points are 0.5 to 1.3 dB worse with 0.6 
 UNIFORM_SPREAD = 0.1
 """Standard deviation of the albedo from which on the neutral color is that grey. Below, it is nearer to the cloud's
 mean, so that a cloud of one color is rendered in that color."""
-MAX_STATISTICS_POINTS = 20_000
+MAX_STATISTICS_POINTS = 5_000
 """Points from whose albedo the neutral color is computed, at most."""
 MIN_BOUNCED_RADIANCE = 1e-6
 """Least radiance of the first bounce that the second one is compared to."""
@@ -39,9 +39,9 @@ MAX_SPREAD_ROUNDS = 32
 
 def neutral_albedo(albedo: np.ndarray) -> np.ndarray:
     """Linear color (3,) float32 in which the network renders a cloud with albedos (N, 3)."""
-    sample = albedo[:: -(-len(albedo) // MAX_STATISTICS_POINTS)].astype(np.float64)
-    mean = sample.mean(axis=0)
-    share = min(float((sample - mean).std(axis=0).max()) / UNIFORM_SPREAD, 1.0)
+    sample = albedo[:: -(-len(albedo) // MAX_STATISTICS_POINTS)].T.astype(np.float64)
+    mean = sample.mean(axis=1)
+    share = min(float(sample.std(axis=1).max()) / UNIFORM_SPREAD, 1.0)
     color: np.ndarray = (mean + share * (NEUTRAL_GREY - mean)).astype(np.float32)
     return color
 
@@ -52,8 +52,12 @@ def surface_albedo(surface: SurfacePoints, colors: PointColors) -> np.ndarray:
     Points that are nearest to no color get the mean of their neighbors'.
     """
     count = len(surface.points)
-    nearest = surface.grid.neighbors_of_positions(colors.points, 1)[:, 0]
+    nearest = surface.grid.nearest_to_positions(colors.points)
     offsets = surface.grid.points[nearest] - colors.points
+    if len(nearest) == count and not offsets.any() and (np.bincount(nearest) == 1).all():
+        albedo = np.empty((count, 3), np.float32)
+        albedo[nearest] = colors.albedo
+        return albedo
     limit = np.maximum(MAX_COLOR_DISTANCE, MAX_COLOR_DISTANCE_SPACINGS * surface.spacing[nearest])
     on_surface = row_dots(offsets, offsets) <= limit**2
     nearest, albedo = nearest[on_surface], colors.albedo[on_surface]
@@ -94,11 +98,9 @@ def textured_radiance(
     unbounced, first, second = bounced.points
     mean = albedo.mean(axis=0)
     growth = second[0] / np.maximum(first[0], MIN_BOUNCED_RADIANCE)
-    total = np.empty((len(albedo), 3), np.float32)
-    for channel in range(3):
-        sent = np.ascontiguousarray(albedo[:, channel]) * unbounced
-        floor = native.floor_irradiance(sent, floor_visibility, IRRADIANCE_CELLS)
-        received = native.gather_indirect(*cloud, sent, scene.floor, floor)[0]
-        later = mean[channel] / (1 - bounced.last_ratio * mean[channel])
-        total[:, channel] = unbounced[0] + received * (1 + later * growth)
+    sent = albedo * unbounced[:, :, None]
+    floor = native.floor_colors(sent, floor_visibility, IRRADIANCE_CELLS)
+    received = native.gather_colors(*cloud, sent, scene.floor, floor)
+    later = mean / (1 - bounced.last_ratio * mean)
+    total: np.ndarray = unbounced[0][:, None] + received * (1 + later * growth[:, None])
     return total

@@ -225,6 +225,21 @@ def test_parallel_gathering_equals_that_of_each_point():
         np.testing.assert_allclose(together[:, one], alone[:, 0], rtol=1e-5)
 
 
+def test_three_colors_are_gathered_as_each_alone():
+    points, axes, floor = np.vstack([sphere_of(800, radius=0.4), sphere_of(400, radius=0.8)]), AXES, floor_under()
+    normals = points / np.linalg.norm(points, axis=1, keepdims=True)
+    light = np.random.default_rng(0).random((2, 1200, 3))
+    visible = native.first_visible(points, normals, axes, 0.05, 1.0)
+    seen = native.floor_visibility(points, normals, axes, floor, 32)
+    irradiance = native.floor_colors(light, seen, 32)
+    indirect = native.gather_colors(points, normals, axes, visible, light, floor, irradiance)
+    for channel in range(3):
+        grey = np.float32(light[..., channel])
+        np.testing.assert_allclose(irradiance[..., channel], native.floor_irradiance(grey, seen, 32), rtol=1e-5)
+        alone = native.gather_indirect(points, normals, axes, visible, grey, floor, irradiance[..., channel])
+        np.testing.assert_allclose(indirect[:, channel], alone[0], rtol=1e-4, atol=1e-6)
+
+
 def test_a_sheet_of_random_points_lets_no_light_through():
     """Its points lie up to three spacings apart, and yet it has no hole."""
     count = 3000

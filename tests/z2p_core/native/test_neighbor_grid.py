@@ -59,6 +59,18 @@ def test_neighbors_of_positions_that_are_no_points() -> None:
     assert set(clustered.neighbors_of_positions(remote, 8).ravel()) <= set(range(101))
 
 
+@pytest.mark.parametrize("crowded", [False, True])
+def test_the_nearest_point_is_the_first_neighbor(crowded: bool) -> None:
+    points = sphere_of(1500)
+    if crowded:
+        points = np.vstack([points, [[1e3, 0, 0]]]).astype(np.float32)
+    grid = native.NeighborGrid(points)
+    positions = np.vstack([points, 1.1 * points, 5 * points]).astype(np.float32)
+    nearest = grid.nearest_to_positions(positions)
+    np.testing.assert_array_equal(nearest, grid.neighbors_of_positions(positions, 1)[:, 0])
+    np.testing.assert_array_equal(grid.points[nearest[: len(points)]], points)
+
+
 def test_points_that_are_not_finite_are_refused(recwarn: pytest.WarningsRecorder) -> None:
     with pytest.raises(ValueError, match="finite points"):
         native.NeighborGrid(np.full((3, 3), np.nan, np.float32))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from z2p_core.images import linear_from_srgb, srgb_from_linear
-from z2p_core.shading.demodulation import apply_relative_radiance, extend_by_pyramid, reduce_light
+from z2p_core.shading.demodulation import FULL_COVERAGE, apply_relative_radiance, reduce_light
 
 
 def test_colors_are_multiplied_in_linear_light() -> None:
@@ -27,13 +27,15 @@ def test_factors_of_1_change_nothing() -> None:
 
 
 def test_pixels_beyond_the_coverage_get_the_factors_nearby() -> None:
-    values, weights = np.zeros((3, 33, 47), np.float32), np.zeros((33, 47), np.float32)
-    weights[:, :10], weights[:, 37:] = 1, 1
-    values[0, :, :10], values[2, :, 37:] = 1, 1
-    filled = extend_by_pyramid(values, weights)
-    assert np.array_equal(filled[:, weights == 1], values[:, weights == 1])
-    assert (filled[0, :, 12] > 0.6).all() and (filled[2, :, 34] > 0.6).all()
-    np.testing.assert_allclose(filled.sum(0), 1, atol=1e-5)  # means of 1 everywhere, never 0
+    factors, coverage = np.zeros((3, 33, 47), np.float32), np.zeros((33, 47), np.float32)
+    coverage[:, :10], coverage[:, 37:] = 1, 0.5
+    factors[0, :, :10], factors[2, :, 37:] = 1, 1
+    image = np.ones((4, 33, 47), np.float32)
+    apply_relative_radiance(image, factors, coverage)
+    np.testing.assert_allclose(image[:3, coverage > FULL_COVERAGE], factors[:, coverage > FULL_COVERAGE], atol=1e-5)
+    linear = linear_from_srgb(image[:3])
+    assert (linear[0, :, 12] > 0.6).all() and (linear[2, :, 34] > 0.6).all()
+    np.testing.assert_allclose(linear.sum(0), 1, atol=1e-4)  # means of 1 everywhere, never 0
 
 
 def test_a_transparent_image_stays_as_it_is() -> None:

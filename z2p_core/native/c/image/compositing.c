@@ -7,6 +7,8 @@
 
 #include "common/simd.h"
 
+#define MULTIPLIED_PIXELS 64 /* of a row that are multiplied at a time; even */
+
 INLINE float clamp_unit(float value) { return value > 0 ? (value < 1 ? value : 1) : 0; }
 
 INLINE uint8_t to_byte(float value) { return (uint8_t)(int32_t)(clamp_unit(value) * 255 + 0.5f); }
@@ -87,17 +89,35 @@ INLINE float srgb_from_linear(float value) {
     return value <= 0.0031308f ? value * 12.92f : power;
 }
 
-/* Multiplies the colors of pixels [first, last) of image (4, pixels) by factors (3, pixels) >= 0 in linear light. */
-FAST int z2p_multiply_linear(float *image, const float *factors, int64_t pixels, int64_t first, int64_t last) {
-    const float *alpha = image + 3 * pixels;
-    for (int color = 0; color < 3; color++) {
-        float *plane = image + color * pixels;
-        const float *factor = factors + color * pixels;
-        for (int64_t i = first; i < last; i++) {
-            float straight = clamp_unit(plane[i] / larger(alpha[i], 1e-6f));
-            float scaled = clamp_unit(linear_from_srgb(straight) * factor[i]);
-            plane[i] = alpha[i] > 1e-6f ? srgb_from_linear(scaled) * alpha[i] : 0;
-        }
+/* Multiplies straight colors of premultiplied pixels by factors >= 0 in linear light. */
+INLINE void multiply_pixels(float *plane, const float *alpha, const float *factor, int count) {
+    for (int i = 0; i < count; i++) {
+        float straight = clamp_unit(plane[i] / larger(alpha[i], 1e-6f));
+        float scaled = clamp_unit(linear_from_srgb(straight) * factor[i]);
+        plane[i] = alpha[i] > 1e-6f ? srgb_from_linear(scaled) * alpha[i] : 0;
     }
+}
+
+/* Multiplies the colors of the rows [first, last) of image (4, height, width) in linear light: by factors (3, height,
+ * width) as far as coverage (height, width) is full, and else by those of coarse (3, ceil(height / 2), ceil(width / 2)).
+ * Coverage counts in full from full_coverage on. */
+FAST int z2p_multiply_linear(float *image, const float *factors, const float *coverage, const float *coarse,
+                             float full_coverage, int height, int width, int first, int last) {
+    size_t plane = (size_t)height * width, coarse_plane = (size_t)((height + 1) / 2) * ((width + 1) / 2);
+    for (int y = first; y < last; y++)
+        for (int left = 0; left < width; left += MULTIPLIED_PIXELS) {
+            size_t at = (size_t)y * width + left, above = (size_t)(y / 2) * ((width + 1) / 2) + left / 2;
+            int count = width - left < MULTIPLIED_PIXELS ? width - left : MULTIPLIED_PIXELS;
+            float factor[MULTIPLIED_PIXELS], share[MULTIPLIED_PIXELS], most = 0;
+            for (int c = 0; c < 3; c++)
+                for (int i = 0; i < count; i++) most = larger(most, image[c * plane + at + i]);
+            if (!(most > 0)) continue; /* shadow, or nothing */
+            for (int i = 0; i < count; i++) share[i] = clamp_unit(coverage[at + i] / full_coverage);
+            for (int c = 0; c < 3; c++) {
+                const float *own = factors + c * plane + at, *wide = coarse + c * coarse_plane + above;
+                for (int i = 0; i < count; i++) factor[i] = wide[i / 2] + share[i] * (own[i] - wide[i / 2]);
+                multiply_pixels(image + c * plane + at, image + 3 * plane + at, factor, count);
+            }
+        }
     return 1;
 }

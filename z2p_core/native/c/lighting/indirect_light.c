@@ -90,6 +90,36 @@ FAST int z2p_gather_indirect(const float *points, const float *normals, int coun
     return 1;
 }
 
+/* As z2p_gather_indirect, of radiances (2, count, 3) and floor_irradiance (side, side, 3) in three colors, for the side
+ * that normals point to alone: indirect (count, 3). */
+FAST int z2p_gather_colors(const float *points, const float *normals, int count, int begin, int end, const float *axes,
+                           int axis_count, const int *visible, const FloorLight *floor, const float *floor_irradiance,
+                           int side, const float *radiance, float *indirect) {
+    float weight = 2.0f / (float)axis_count;
+    memset(indirect + 3 * (size_t)begin, 0, sizeof(float) * 3 * (size_t)(end - begin));
+    for (int d = 0; d < 2 * axis_count; d++) {
+        float ray[3], position[2];
+        get_direction(axes, d, ray);
+        for (int i = begin; i < end; i++) {
+            float cosine = dot(normals + 3 * i, ray), share = weight * cosine;
+            if (!(cosine > 0)) continue;
+            int other = visible[(size_t)d * count + i];
+            const float *incoming;
+            if (other >= 0) {
+                size_t seen_side = dot(normals + 3 * other, ray) > 0;
+                incoming = radiance + 3 * (seen_side * (size_t)count + (size_t)other);
+            } else {
+                int cell = ray[2] < 0 ? floor_cell(points + 3 * i, ray, floor, side, position) : -1;
+                if (cell < 0) continue;
+                incoming = floor_irradiance + 3 * (size_t)cell;
+                share *= floor->albedo;
+            }
+            for (int c = 0; c < 3; c++) indirect[3 * (size_t)i + c] += share * incoming[c];
+        }
+    }
+    return 1;
+}
+
 /* Packs one direction's visible points: row 0 of visible (2, count) gets the cells that see a point, ended by -1 if
  * they are fewer than count; row 1 the index into (2, count) radiances of the side that they see. */
 INLINE void pack_visible(const int *cells, const float *normals, int count, const float *axis, int *visible) {
@@ -144,5 +174,16 @@ FAST int z2p_floor_irradiance(const float *radiance, int count, int axis_count, 
     for (int a = 0; a < axis_count; a++, visible += 2 * (size_t)count)
         for (int i = 0; i < count && visible[i] >= 0; i++)
             irradiance[visible[i]] += weight * radiance[visible[count + i]];
+    return 1;
+}
+
+/* As z2p_floor_irradiance, of radiances (2, count, 3) in three colors: irradiance (side, side, 3). */
+FAST int z2p_floor_colors(const float *radiance, int count, int axis_count, const int *visible, float weight, int side,
+                          float *irradiance) {
+    memset(irradiance, 0, sizeof(float) * 3 * (size_t)side * side);
+    for (int a = 0; a < axis_count; a++, visible += 2 * (size_t)count)
+        for (int i = 0; i < count && visible[i] >= 0; i++)
+            for (int c = 0; c < 3; c++)
+                irradiance[3 * (size_t)visible[i] + c] += weight * radiance[3 * (size_t)visible[count + i] + c];
     return 1;
 }

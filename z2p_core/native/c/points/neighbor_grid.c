@@ -324,3 +324,24 @@ int z2p_grid_neighbors(const Grid *grid, const float *points, const int *query_i
     }
     return 1;
 }
+
+/* Index of a point of the grid that lies exactly at p; -1 if there is none in p's cell. */
+INLINE int find_equal(const Grid *grid, const float *p) {
+    int cell = cell_index(grid, p);
+    for (int i = grid->start[cell]; i < grid->start[cell + 1]; i++)
+        if (grid->x[i] == p[0] && grid->y[i] == p[1] && grid->z[i] == p[2]) return i;
+    return -1;
+}
+
+/* Writes the indices `nearest` (count) of the points nearest to positions (count, 3), which often are points of the
+ * grid. */
+int z2p_grid_nearest(const Grid *grid, const float *positions, int count, int *nearest) {
+    for (int i = 0; i < count; i++) {
+        Nearest found = {.max_count = 1};
+        nearest[i] = grid->splits ? -1 : find_equal(grid, positions + 3 * (size_t)i);
+        if (nearest[i] >= 0) continue;
+        find_nearest(grid, positions, i, &found);
+        nearest[i] = found.indices[0];
+    }
+    return 1;
+}
