@@ -199,12 +199,13 @@ class Surfels(GBuffer):
 
         seen_by_points, seen_by_floor = point_visibility.result(), floor_visibility.result()
         bounced = bounce_light(lit, direct, occlusion, seen_by_points, seen_by_floor, quality)
-        shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, scene, out)
+        albedo = None if texture is None else surface_albedo(surface, texture.colors)
+        color = base_color(scene) if albedo is None else albedo
+        shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, color, out)
         shader = self.shader(LightField(lit, direct, occlusion, bounced), scene)
-        if texture is None:
+        if texture is None or albedo is None:
             rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED])
         else:
-            albedo = surface_albedo(surface, texture.colors)
             sent = shader.total_albedo(albedo)
             radiance = textured_radiance(lit, bounced, sent, seen_by_points, seen_by_floor, quality)
             relative = shader.relative_radiance(camera.position, radiance)
@@ -219,10 +220,10 @@ class Surfels(GBuffer):
 
     def _draw_shadow(
         self, lit: LightScene, occlusion: FloorOcclusion, bounced: BouncedLight, floor_visibility: np.ndarray,
-        camera: Camera, scene: SceneDescription, out: np.ndarray,
+        camera: Camera, color: np.ndarray, out: np.ndarray,
     ) -> None:  # fmt: skip
-        """Draws the channel `SHADOW` of `out`; the floor mirrors the cloud in its own base color."""
-        radiance = cloud_radiance_from_floor(bounced, floor_visibility, base_color(scene))
+        """Draws the channel `SHADOW` of `out`; the floor mirrors the cloud in its linear base color (3,) or (N, 3)."""
+        radiance = cloud_radiance_from_floor(bounced, floor_visibility, color)
         directions = self.quality.mirror_directions
         draw_floor_shadow(lit, occlusion, radiance, directions, camera, out[GBufferChannel.SHADOW])
 

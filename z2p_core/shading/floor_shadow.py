@@ -39,9 +39,16 @@ def draw_floor_shadow(
 def cloud_radiance_from_floor(
     bounced: BouncedLight, floor_visibility: np.ndarray, color: np.ndarray
 ) -> np.ndarray:  # fmt: skip
-    """Mean radiance (G, G) of a cloud of that color (3,) as the floor's cells see it, averaged over the color too."""
+    """Mean radiance (G, G) of a cloud as the floor's cells see it, averaged over the color channels too.
+
+    `color` is the linear color (3,) of the whole cloud, or (N, 3) of each point.
+    """
     first, second = bounced.floor
-    radiance = color.mean() * first + SECOND_BOUNCE_SHARE * (color**2).mean() * second
+    if color.ndim == 1:
+        reflected = color.mean() * first
+    else:
+        reflected = native.floor_irradiance(color.mean(axis=1) * bounced.points[0], floor_visibility, IRRADIANCE_CELLS)
+    radiance = reflected + SECOND_BOUNCE_SHARE * (color**2).mean() * second
     white = np.ones((2, bounced.points[0].shape[1]), np.float32)
     coverage = native.floor_irradiance(white, floor_visibility, IRRADIANCE_CELLS)
     mean: np.ndarray = _sum_3x3(radiance) / np.maximum(_sum_3x3(coverage), 1e-6)
