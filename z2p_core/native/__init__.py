@@ -9,8 +9,8 @@ from z2p_core.native.images import Convolution as Convolution
 from z2p_core.native.images import blend_shadow_towards as blend_shadow_towards
 from z2p_core.native.images import blend_towards as blend_towards
 from z2p_core.native.images import depth_to_intensity as depth_to_intensity
-from z2p_core.native.images import final_convs as final_convs
 from z2p_core.native.images import extend_halved as extend_halved
+from z2p_core.native.images import final_convs as final_convs
 from z2p_core.native.images import multiply_linear as multiply_linear
 from z2p_core.native.images import nearest_depth as nearest_depth
 from z2p_core.native.images import pack_convolution as pack_convolution

@@ -27,6 +27,7 @@
 #define SLOPE_REGULARIZATION 0.005f /* of the curve's linear terms, in the regression's loss */
 #define BEND_REGULARIZATION 0.07f  /* of its quadratic terms */
 #define OFFSET_REGULARIZATION 1e-3f
+#define MIN_PIVOT 1e-12f
 
 /* A disc's neighbors: positions in its tangent plane in units of its radius, weights, 0 for unused ones, and albedos with
  * their square roots and least and greatest values. */
@@ -53,25 +54,6 @@ INLINE float sum_values(const float *a) {
     Lanes sum = {0};
     for (int j = 0; j < NEIGHBORS; j += LANES) sum += load_lanes(a + j);
     return sum_lanes(sum);
-}
-
-/* Solves a x = b for a symmetric positive definite matrix (size, size), of which the lower triangle is read and
- * overwritten; x replaces b. */
-INLINE void solve_cholesky(float a[CURVE_VALUES][CURVE_VALUES], float *b, int size) {
-    for (int i = 0; i < size; i++) {
-        for (int j = 0; j < i; j++) {
-            for (int k = 0; k < j; k++) a[i][j] -= a[i][k] * a[j][k];
-            a[i][j] *= a[j][j]; /* diagonal: inverse of the factor's */
-            b[i] -= a[i][j] * b[j];
-            a[i][i] -= a[i][j] * a[i][j];
-        }
-        a[i][i] = 1 / sqrtf(larger(a[i][i], 1e-12f));
-        b[i] *= a[i][i];
-    }
-    for (int i = size - 1; i >= 0; i--) {
-        for (int j = i + 1; j < size; j++) b[i] -= a[j][i] * b[j];
-        b[i] *= a[i][i];
-    }
 }
 
 /* Gathers the neighbors of disc i; returns 0 if they all have one color. */
@@ -186,40 +168,90 @@ INLINE float divide_by_color(const Neighborhood *near, float (*members)[NEIGHBOR
     return smaller(larger(share, 0), 1);
 }
 
-/* Writes the coefficients (CURVE_VALUES) of the curve between the neighbors of both groups, positive on the first one's
- * side: a logistic regression by Newton's method, with a Gaussian prior on the coefficients. */
-INLINE void fit_curve(const Neighborhood *near, const float *is_first, float *curve) {
-    static const float prior[CURVE_VALUES] = {OFFSET_REGULARIZATION, SLOPE_REGULARIZATION, SLOPE_REGULARIZATION,
-                                              BEND_REGULARIZATION, BEND_REGULARIZATION, BEND_REGULARIZATION};
-    float term[CURVE_VALUES][NEIGHBORS], weighted[NEIGHBORS], residual[NEIGHBORS], second[NEIGHBORS];
-    for (int j = 0; j < NEIGHBORS; j++) {
-        float s = near->s[j], t = near->t[j];
-        term[0][j] = 1, term[1][j] = s, term[2][j] = t;
-        term[3][j] = s * s, term[4][j] = s * t, term[5][j] = t * t;
+/* Neighborhoods of up to LANES discs with two colors, one in each lane, whose curves are fitted together. */
+typedef struct {
+    float s[NEIGHBORS][LANES], t[NEIGHBORS][LANES], weight[NEIGHBORS][LANES], is_first[NEIGHBORS][LANES];
+    float *curve[LANES]; /* where their coefficients go (CURVE_VALUES) */
+    int count;
+} Batch;
+
+/* Solves a x = b in each lane, for symmetric positive definite matrices of which the lower triangle is read and
+ * overwritten; x replaces b. */
+INLINE void solve_cholesky(Lanes a[CURVE_VALUES][CURVE_VALUES], Lanes *b) {
+    for (int i = 0; i < CURVE_VALUES; i++) {
+        float pivot[LANES];
+        for (int j = 0; j < i; j++) {
+            for (int k = 0; k < j; k++) a[i][j] -= a[i][k] * a[j][k];
+            a[i][j] *= a[j][j]; /* diagonal: inverse of the factor's */
+            b[i] -= a[i][j] * b[j];
+            a[i][i] -= a[i][j] * a[i][j];
+        }
+        memcpy(pivot, &a[i][i], sizeof pivot);
+        for (int lane = 0; lane < LANES; lane++) pivot[lane] = 1 / sqrtf(larger(pivot[lane], MIN_PIVOT));
+        a[i][i] = load_lanes(pivot);
+        b[i] *= a[i][i];
     }
-    for (int a = 0; a < CURVE_VALUES; a++) curve[a] = 0;
-    for (int round = 0; round < NEWTON_ROUNDS; round++) {
-        float matrix[CURVE_VALUES][CURVE_VALUES], step[CURVE_VALUES];
-        for (int j = 0; j < NEIGHBORS; j++) {
-            float value = curve[0];
-            for (int a = 1; a < CURVE_VALUES; a++) value += curve[a] * term[a][j];
-            float probability = 1 / (1 + exp_fast(-value));
-            residual[j] = near->weight[j] * (is_first[j] - probability);
-            second[j] = near->weight[j] * larger(probability * (1 - probability), MIN_CURVATURE_OF_LOSS);
-        }
-        for (int a = 0; a < CURVE_VALUES; a++) {
-            for (int j = 0; j < NEIGHBORS; j++) weighted[j] = second[j] * term[a][j];
-            for (int b = 0; b <= a; b++) matrix[a][b] = sum_products(weighted, term[b]);
-            matrix[a][a] += prior[a];
-            step[a] = sum_products(residual, term[a]) - prior[a] * curve[a];
-        }
-        solve_cholesky(matrix, step, CURVE_VALUES);
-        for (int a = 0; a < CURVE_VALUES; a++) curve[a] += step[a];
+    for (int i = CURVE_VALUES - 1; i >= 0; i--) {
+        for (int j = i + 1; j < CURVE_VALUES; j++) b[i] -= a[j][i] * b[j];
+        b[i] *= a[i][i];
     }
 }
 
-/* Adds two colors on either side of a curve to a texture that has a gradient, as far as the neighbors have two colors. */
-INLINE void fit_two_colors(const Neighborhood *near, float *texture) {
+/* A round of Newton's method: adds a step to the coefficients of the curves. */
+INLINE void improve_curves(const Batch *batch, Lanes *curve) {
+    static const float prior[CURVE_VALUES] = {OFFSET_REGULARIZATION, SLOPE_REGULARIZATION, SLOPE_REGULARIZATION,
+                                              BEND_REGULARIZATION, BEND_REGULARIZATION, BEND_REGULARIZATION};
+    Lanes matrix[CURVE_VALUES][CURVE_VALUES], step[CURVE_VALUES];
+    for (int a = 0; a < CURVE_VALUES; a++) {
+        step[a] = -prior[a] * curve[a];
+        for (int b = 0; b <= a; b++) matrix[a][b] = (Lanes){0} + (a == b ? prior[a] : 0);
+    }
+    for (int j = 0; j < NEIGHBORS; j++) {
+        Lanes s = load_lanes(batch->s[j]), t = load_lanes(batch->t[j]);
+        Lanes term[CURVE_VALUES] = {(Lanes){0} + 1, s, t, s * s, s * t, t * t}, value = curve[0];
+        float values[LANES], residual[LANES], second[LANES];
+        for (int a = 1; a < CURVE_VALUES; a++) value += curve[a] * term[a];
+        memcpy(values, &value, sizeof values);
+        for (int lane = 0; lane < LANES; lane++) {
+            float weight = batch->weight[j][lane], probability = 1 / (1 + exp_fast(-values[lane]));
+            residual[lane] = weight * (batch->is_first[j][lane] - probability);
+            second[lane] = weight * larger(probability * (1 - probability), MIN_CURVATURE_OF_LOSS);
+        }
+        Lanes difference = load_lanes(residual), curvature = load_lanes(second);
+        for (int a = 0; a < CURVE_VALUES; a++) {
+            Lanes weighted = curvature * term[a];
+            for (int b = 0; b <= a; b++) matrix[a][b] += weighted * term[b];
+            step[a] += difference * term[a];
+        }
+    }
+    solve_cholesky(matrix, step);
+    for (int a = 0; a < CURVE_VALUES; a++) curve[a] += step[a];
+}
+
+/* Writes the coefficients of the batch's curves, positive on the first group's side: logistic regressions by Newton's
+ * method, with a Gaussian prior on the coefficients. Empties the batch. */
+INLINE void fit_curves(Batch *batch) {
+    Lanes curve[CURVE_VALUES];
+    for (int a = 0; a < CURVE_VALUES; a++) curve[a] = (Lanes){0};
+    for (int round = 0; round < NEWTON_ROUNDS; round++) improve_curves(batch, curve);
+    for (int lane = 0; lane < batch->count; lane++)
+        for (int a = 0; a < CURVE_VALUES; a++) batch->curve[lane][a] = curve[a][lane];
+    batch->count = 0;
+}
+
+/* Adds a disc's neighborhood and first group to the batch, which has room for it. */
+INLINE void add_to_batch(const Neighborhood *near, const float *is_first, float *curve, Batch *batch) {
+    int lane = batch->count++;
+    batch->curve[lane] = curve;
+    for (int j = 0; j < NEIGHBORS; j++) {
+        batch->s[j][lane] = near->s[j], batch->t[j][lane] = near->t[j];
+        batch->weight[j][lane] = near->weight[j], batch->is_first[j][lane] = is_first[j];
+    }
+}
+
+/* Adds two colors on either side of a curve to a texture that has a gradient, as far as the neighbors have two colors.
+ * The curve is left to the batch. */
+INLINE void fit_two_colors(const Neighborhood *near, float *texture, Batch *batch) {
     float members[2][NEIGHBORS], weights[2][NEIGHBORS], share = divide_by_color(near, members);
     if (!(share > 0)) return;
     for (int g = 0; g < 2; g++)
@@ -232,7 +264,7 @@ INLINE void fit_two_colors(const Neighborhood *near, float *texture) {
         texture[3 + a] *= 1 - share, texture[6 + a] *= 1 - share;
         texture[9 + a] = share * 0.5f * (color - other);
     }
-    fit_curve(near, members[0], texture + 12);
+    add_to_batch(near, members[0], texture + 4 * TEXTURE_COLORS, batch);
 }
 
 /* For begin <= i < end: writes textures (count, TEXTURE_VALUES) of discs with these centers, unit normals and radii, of
@@ -241,6 +273,7 @@ INLINE void fit_two_colors(const Neighborhood *near, float *texture) {
 FAST int z2p_fit_disc_textures(const float *centers, const float *normals, const float *radii, const int *neighbors,
                                const float *albedo, const float *offset, const float *slope, int begin, int end,
                                int neighbor_count, float *textures) {
+    Batch batch = {.count = 0};
     for (int i = begin; i < end; i++) {
         float *texture = textures + TEXTURE_VALUES * (size_t)i;
         const float *own = albedo + 3 * (size_t)i;
@@ -249,10 +282,12 @@ FAST int z2p_fit_disc_textures(const float *centers, const float *normals, const
         if (gather_neighbors(centers, normals, albedo, neighbors + (size_t)i * neighbor_count, neighbor_count, i,
                              radii[i], &near)) {
             fit_gradient(&near, own, texture);
-            fit_two_colors(&near, texture);
+            fit_two_colors(&near, texture, &batch);
+            if (batch.count == LANES) fit_curves(&batch);
         }
         for (int k = 0; k < 4 * TEXTURE_COLORS; k++) texture[k] *= slope[3 * (size_t)i + k % TEXTURE_COLORS];
         for (int a = 0; a < TEXTURE_COLORS; a++) texture[a] += offset[3 * (size_t)i + a];
     }
+    if (batch.count) fit_curves(&batch);
     return 1;
 }
