@@ -1,8 +1,9 @@
-/* Textures of surfels (see disc_texture.h), fitted to the colors of the points around each: where these have two colors,
- * a curve between both; elsewhere a gradient.
+/* Textures of surfels (see disc_texture.h), fitted to the colors of the points around each: where these have two
+ * colors, a curve between both; elsewhere a gradient.
  *
- * The curve is the boundary of a logistic regression with the terms of a second-order polynomial, so neighboring discs
- * find nearly the same one. The gradient is a moving least squares fit of first order, limited to the colors around. */
+ * The curve is the boundary of a logistic regression with the terms of a second-order polynomial, so neighboring
+ * discs find nearly the same one. The gradient is a moving least squares fit of first order, limited to the colors
+ * around. */
 
 #include <math.h>
 #include <stddef.h>
@@ -11,7 +12,7 @@
 #include "common/vec3.h"
 #include "surfels/disc_texture.h"
 
-#define NEIGHBORS 16               /* nearest points that a texture is fitted to, at most */
+#define NEIGHBORS 16               /* nearest points that a texture is fitted to, at most; a multiple of LANES */
 #define GRADIENT_NEIGHBORS 9       /* of them those that a gradient is fitted to */
 #define WINDOW_RADII 1.2f          /* standard deviation of the Gaussian weights of neighbors, in the disc's radius */
 #define MIN_CONTRAST 1e-4f         /* of the neighbors' colors, below which the texture is one color */
@@ -19,8 +20,9 @@
 #define RANDOM_SHARE 0.3f          /* of the colors' variance that a gradient explains by chance: it does not count */
 #define FULL_SHARE 0.7f            /* from which on it counts in full */
 #define MIN_TWO_COLORS_DISTANCE 0.02f /* between two colors, in square roots of albedo */
-#define MAX_SPREAD_OF_COLORS 0.22f /* standard deviation about two colors, over their distance, above which they are */
-#define FULL_SPREAD_OF_COLORS 0.14f /* part of a gradient; and below which they count in full */
+#define MAX_SPREAD_OF_COLORS 0.22f /* standard deviation about two colors over their distance, above which they are not
+                                     two but part of a gradient */
+#define FULL_SPREAD_OF_COLORS 0.14f /* below which they are two in full */
 #define CLUSTER_ROUNDS 2
 #define NEWTON_ROUNDS 5
 #define MIN_CURVATURE_OF_LOSS 0.01f
@@ -29,19 +31,15 @@
 #define OFFSET_REGULARIZATION 1e-3f
 #define MIN_PIVOT 1e-12f
 
-/* A disc's neighbors: positions in its tangent plane in units of its radius, weights, 0 for unused ones, and albedos with
- * their square roots and least and greatest values. */
+/* A disc's neighbors: positions in its tangent plane in units of its radius, weights, 0 for unused ones, and
+ * albedos with their square roots and least and greatest values. */
 typedef struct {
     float s[NEIGHBORS], t[NEIGHBORS], weight[NEIGHBORS], color[3][NEIGHBORS], root[3][NEIGHBORS], low[3], high[3];
     int count;
 } Neighborhood;
 
 INLINE float sum_lanes(Lanes a) {
-    float sums[LANES];
-    memcpy(sums, &a, sizeof sums);
-    for (int width = LANES / 2; width; width /= 2)
-        for (int i = 0; i < width; i++) sums[i] += sums[i + width];
-    return sums[0];
+    return ((a[0] + a[4]) + (a[1] + a[5])) + ((a[2] + a[6]) + (a[3] + a[7]));
 }
 
 INLINE float sum_products(const float *a, const float *b) {
@@ -120,19 +118,18 @@ INLINE void fit_gradient(const Neighborhood *near, const float *own, float *text
 
 /* Index of the neighbor whose color differs most from one. */
 INLINE int farthest_color(const Neighborhood *near, const float *root) {
-    float most = -1;
+    float distance_sq[NEIGHBORS] = {0}, most = -1;
     int farthest = 0;
-    for (int j = 0; j < near->count; j++) {
-        float distance = 0;
-        for (int a = 0; a < 3; a++)
-            distance += (near->root[a][j] - root[a]) * (near->root[a][j] - root[a]);
-        if (distance > most) most = distance, farthest = j;
-    }
+    for (int a = 0; a < 3; a++)
+        for (int j = 0; j < NEIGHBORS; j++)
+            distance_sq[j] += (near->root[a][j] - root[a]) * (near->root[a][j] - root[a]);
+    for (int j = 0; j < near->count; j++)
+        if (distance_sq[j] > most) most = distance_sq[j], farthest = j;
     return farthest;
 }
 
-/* Divides the neighbors into two groups by color (k-means): members[g][j] is 1 for those of group g, else 0. Returns how
- * far they have two colors, 0 to 1. */
+/* Divides the neighbors into two groups by color (k-means): members[g][j] is 1 for those of group g, else 0.
+ * Returns how far they have two colors, 0 to 1. */
 INLINE float divide_by_color(const Neighborhood *near, float (*members)[NEIGHBORS]) {
     float mean[2][3], first[3], spread = 0, distance = 0;
     for (int a = 0; a < 3; a++) first[a] = near->root[a][0];
@@ -141,14 +138,16 @@ INLINE float divide_by_color(const Neighborhood *near, float (*members)[NEIGHBOR
         for (int a = 0; a < 3; a++) mean[g][a] = near->root[a][farthest];
     }
     for (int round = 0; round < CLUSTER_ROUNDS; round++) {
-        for (int j = 0; j < NEIGHBORS; j++) {
-            float nearer = 0, used = j < near->count;
-            for (int a = 0; a < 3; a++) {
+        float nearer[NEIGHBORS] = {0}; /* to the first mean than to the second one, if positive */
+        for (int a = 0; a < 3; a++)
+            for (int j = 0; j < NEIGHBORS; j++) {
                 float to_second = near->root[a][j] - mean[1][a], to_first = near->root[a][j] - mean[0][a];
-                nearer += to_second * to_second - to_first * to_first;
+                nearer[j] += to_second * to_second - to_first * to_first;
             }
-            members[0][j] = nearer > 0 ? used : 0;
-            members[1][j] = nearer > 0 ? 0 : used;
+        for (int j = 0; j < NEIGHBORS; j++) {
+            float used = j < near->count ? 1.0f : 0.0f;
+            members[0][j] = nearer[j] > 0 ? used : 0;
+            members[1][j] = nearer[j] > 0 ? 0 : used;
         }
         for (int g = 0; g < 2; g++) {
             float inverse = 1 / larger(sum_values(members[g]), 1);
@@ -156,11 +155,13 @@ INLINE float divide_by_color(const Neighborhood *near, float (*members)[NEIGHBOR
         }
     }
     for (int a = 0; a < 3; a++) {
-        distance += (mean[1][a] - mean[0][a]) * (mean[1][a] - mean[0][a]);
-        for (int j = 0; j < near->count; j++) {
-            float off = near->root[a][j] - mean[members[1][j] > 0][a];
-            spread += off * off;
+        float off[NEIGHBORS]; /* from the mean of a neighbor's group */
+        for (int j = 0; j < NEIGHBORS; j++) {
+            float used = members[0][j] + members[1][j];
+            off[j] = used * near->root[a][j] - members[0][j] * mean[0][a] - members[1][j] * mean[1][a];
         }
+        distance += (mean[1][a] - mean[0][a]) * (mean[1][a] - mean[0][a]);
+        spread += sum_products(off, off);
     }
     distance = sqrtf(distance), spread = sqrtf(spread / (float)near->count);
     if (distance < MIN_TWO_COLORS_DISTANCE) return 0;
