@@ -98,7 +98,7 @@ class PrincipledShader:
         return replace(self.surface, color=albedo).albedo
 
     def relative_radiance(self, viewer: np.ndarray, radiance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As of `MaterialShader`. The base color scales the diffuse part and a metal's reflections, not a dielectric's."""
+        """The base color scales the diffuse part and a metal's reflections, not a dielectric's."""
         scene, surface = self.light.scene, self.surface
         rows = np.arange(len(scene.points))
         view = directions_to(viewer, scene.points)

@@ -13,11 +13,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from z2p_core import native
 from z2p_core.camera import DISTANCE, Camera, light_position
 from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import Painter, ScanError
 from z2p_core.scene import AMBIENT, DEFAULT_BASE_COLOR, LIGHT_RADIANCE, LIGHT_SIDE, SceneDescription
-from z2p_core.shading.demodulation import extend_by_pyramid
 
 SECTORS = 8
 """Sectors of the image around a pixel in which the visibility test looks for occluders."""
@@ -91,9 +91,11 @@ def _pixel_colors(cloud: np.ndarray, albedo: np.ndarray, visible: np.ndarray, ca
     """Colors (H, W, 3) of the points at the visible depths (H, W), and between them means of those around."""
     row, column, depths, index = _project(cloud, camera)
     is_nearest = depths == visible[row, column]
-    colors, weights = np.zeros((3, *visible.shape)), np.isfinite(visible).astype(np.float64)
+    height, width = visible.shape
+    colors, known = np.zeros((3, height, width), np.float32), np.isfinite(visible)
     colors[:, row[is_nearest], column[is_nearest]] = albedo[index[is_nearest]].T
-    return np.moveaxis(extend_by_pyramid(colors, weights), 0, 2)
+    around = native.extend_halved(colors, known.astype(np.float32)).repeat(2, axis=1).repeat(2, axis=2)
+    return np.moveaxis(np.where(known, colors, around[:, :height, :width]), 0, 2)
 
 
 def _project(cloud: np.ndarray, camera: Camera) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -256,7 +256,7 @@ def rasterize_surfels(
         rows: the rows to draw, from the first to the last, which is excluded; all by default.
         textures: (M, `TEXTURE_VALUES`), two colors on either side of a curve on each disc, as in
             `c/surfels/disc_texture.h`; None for none.
-        colors_out: (3, H, W) float32, C-contiguous, which receives the means of the textures' colors.
+        colors_out: (3, H, W) float32, C-contiguous, which receives the means of the textures' colors; given with them.
 
     Raises:
         ValueError: `out` or `colors_out` has another shape or dtype, or is not contiguous.
@@ -267,10 +267,11 @@ def rasterize_surfels(
         blending.full_weight, *depth_range,
     )  # fmt: skip
     size = (camera.height, camera.width)
-    textured = textures is not None and colors_out is not None
+    texture_values = colors = None
+    if textures is not None and colors_out is not None:
+        texture_values, colors = as_float32(textures), check_output(colors_out, (3, *size))
     call(
         "z2p_rasterize_surfels", as_float32(discs.centers), as_float32(discs.normals), as_float32(discs.radii),
-        as_float32(discs.clip_planes), as_float32(features), as_float32(textures) if textured else None,
-        len(discs.centers), settings, check_output(out, (RASTERIZED.stop, *size)),
-        check_output(colors_out, (3, *size)) if textured else None,
+        as_float32(discs.clip_planes), as_float32(features), texture_values, len(discs.centers), settings,
+        check_output(out, (RASTERIZED.stop, *size)), colors,
     )  # fmt: skip

@@ -98,9 +98,9 @@ INLINE void multiply_pixels(float *plane, const float *alpha, const float *facto
     }
 }
 
-/* Multiplies the colors of the rows [first, last) of image (4, height, width) in linear light: by factors (3, height,
- * width) as far as coverage (height, width) is full, and else by those of coarse (3, ceil(height / 2), ceil(width / 2)).
- * Coverage counts in full from full_coverage on. */
+/* Multiplies the colors of the rows [first, last) of image (4, height, width) in linear light: by factors (3,
+ * height, width) as far as coverage (height, width) is full, and else by those of coarse (3, ceil(height / 2),
+ * ceil(width / 2)). Coverage counts in full from full_coverage on. */
 FAST int z2p_multiply_linear(float *image, const float *factors, const float *coverage, const float *coarse,
                              float full_coverage, int height, int width, int first, int last) {
     size_t plane = (size_t)height * width, coarse_plane = (size_t)((height + 1) / 2) * ((width + 1) / 2);

@@ -1,4 +1,5 @@
-/* Extends an image beyond the pixels that have values: pull-push interpolation (Gortler et al., The Lumigraph, 1996). */
+/* Extends an image beyond the pixels that have values: pull-push interpolation (Gortler et al., The Lumigraph,
+ * 1996). */
 
 #include <stddef.h>
 #include <stdlib.h>

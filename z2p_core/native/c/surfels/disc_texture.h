@@ -1,9 +1,9 @@
 /* Texture of a disc: two colors on either side of a curve, and a gradient that is common to both.
  *
- * A texture has TEXTURE_VALUES numbers: the color at the disc's center (3), its change along the axes s (3) and t (3) of
- * tangent_basis(), half the difference between the two colors (3), and the coefficients of 1, s, t, s^2, s t, t^2 in
- * the curve's function, which is positive on the side where that half is added, negative where it is subtracted. s and t
- * are in units of the disc's radius. */
+ * A texture has TEXTURE_VALUES numbers: the color at the disc's center (3), its change along the axes s (3) and t
+ * (3) of tangent_basis(), half the difference between the two colors (3), and the coefficients of 1, s, t, s^2, s
+ * t, t^2 in the curve's function, which is positive on the side where that half is added, negative where it is
+ * subtracted. s and t are in units of the disc's radius. */
 
 #pragma once
 

@@ -145,8 +145,9 @@ INLINE void add_pairs(const float *samples, int count, float *pixels) {
     for (int x = 0; x < count; x++) pixels[x] = samples[2 * x] + samples[2 * x + 1];
 }
 
-/* Resolves samples to pixels: turns the `lines` sums of `high` rows of `wide` pixels into the image's planes (9, height,
- * width), coverage, density, depth and features, and those of the texture's colors. A plane has `plane` pixels. */
+/* Resolves samples to pixels: turns the `lines` sums of `high` rows of `wide` pixels into the image's planes (9,
+ * height, width), coverage, density, depth and features, and those of the texture's colors. A plane has `plane`
+ * pixels. */
 INLINE void resolve_rows(const float *sums, int stride, int lines, int wide, int high, size_t plane,
                          const RasterSettings *settings, float *image, float *colors) {
     int width = settings->width;
