@@ -14,7 +14,7 @@
 #define TEXTURE_COLORS 3
 #define CURVE_VALUES 6
 #define TEXTURE_VALUES (4 * TEXTURE_COLORS + CURVE_VALUES)
-#define EDGE_HALF_WIDTH 0.7f /* half the width of the ramp between the two colors, in samples */
+#define EDGE_HALF_WIDTH 1.0f /* half the width of the ramp between the two colors, in samples */
 #define MIN_CURVE_SLOPE 1e-9f /* of a curve's function per sample: flatter ones are taken for this steep */
 
 /* The texture of a projected disc, by the distance in samples from its center along x and y. */
