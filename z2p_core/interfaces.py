@@ -239,7 +239,8 @@ class GBuffer(ABC):
         Called instead of `draw_into` for a cloud whose points have colors, if the class `draws_textures`.
 
         Args:
-            out: (channels, H, W) float32; it receives the features of the cloud in the scene's base color.
+            out: (channels, H, W) float32; it receives the features of the cloud in the scene's base color, but for
+                light on the floor, which may be that of its own colors.
             cloud: (N, 3) float32.
             colors: the surface's own colors.
             camera: as for `draw`.

@@ -96,7 +96,11 @@ def _check_textures(gbuffer: GBuffer, cloud: np.ndarray, scene: SceneDescription
         features = np.full((gbuffer.channels, 64, 64), np.nan, np.float32)
         colors = PointColors(cloud, albedo)
         relative.append(gbuffer.draw_textured_into(features, cloud, colors, camera, scene))
-        same(features, gbuffer.draw(cloud, camera, scene), f"{name}: the features that draw_textured_into writes")
+        plain = gbuffer.draw(cloud, camera, scene)
+        changed = [channel for channel in range(gbuffer.channels)
+                   if not np.array_equal(features[channel], plain[channel])]  # fmt: skip
+        expect(len(changed) <= 1, f"{name}: draw_textured_into writes other channels {changed} than draw, expected the "
+                                  "same but for one of the floor's light")  # fmt: skip
         check_array(relative[-1], (4, 64, 64), np.float32, f"{name}: draw_textured_into")
     covered = relative[0][3] > 0.5
     expect(bool(covered.any()), f"{name}: draw_textured_into covers no pixel")
