@@ -117,6 +117,41 @@ def write_xyz(path: Path, points: np.ndarray) -> None:
     np.savetxt(path, points, fmt="%.2f")
 
 
+def write_painted(path: Path, points: np.ndarray) -> None:
+    """PLY of an amphora (N, 3) with painted bands, a zigzag and rays, a temperature in degrees, and four parts."""
+    height = (points[:, 2] - points[:, 2].min()) / np.ptp(points[:, 2])
+    angle = np.arctan2(*(points[:, 1::-1] - points[:, 1::-1].mean(axis=0)).T) / (2 * np.pi)
+    color = np.tile(TERRACOTTA, (len(points), 1))
+    for low, high in BANDS:
+        color[(height >= low) & (height < high)] = BLACK
+    frieze = (height >= 0.39) & (height < 0.62)
+    color[frieze] = CREAM
+    zigzag = 0.15 + 0.7 * np.abs(2 * (14 * angle % 1) - 1)
+    color[frieze & (np.abs((height - 0.39) / 0.23 - zigzag) < 0.16)] = BLUE
+    rays = np.abs(2 * (18 * angle % 1) - 1) < 0.8 * (1 - (height - 0.19) / 0.17)
+    color[(height >= 0.19) & (height < 0.36) & rays] = BLACK
+    hot = points[np.argmax(points[:, 0])]
+    table = np.zeros(len(points), [*((axis, "<f4") for axis in "xyz"), *((name, "u1") for name in COLOR_NAMES),
+                                   ("temperature", "<f4"), ("part", "u1")])  # fmt: skip
+    for column, axis in enumerate("xyz"):
+        table[axis] = points[:, column]
+    for column, name in enumerate(COLOR_NAMES):
+        table[name] = np.round(255 * color[:, column])
+    table["temperature"] = 18 + 9 * np.exp(-((points - hot) ** 2).sum(axis=1) / 0.25) + 3 * height
+    table["part"] = np.select([height < 0.08, height < 0.65, height < 0.83], [1, 2, 3], 4)
+    kinds = {"<f4": "float", "|u1": "uchar"}
+    properties = "".join(f"property {kinds[table.dtype[name].str]} {name}\n" for name in table.dtype.names or ())
+    header = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(table)}\n{properties}end_header\n"
+    path.write_bytes(header.encode() + table.tobytes())
+
+
+PAINTED = "painted.ply"
+"""The amphora with colors, a temperature and parts of its points."""
+COLOR_NAMES = ("red", "green", "blue")
+TERRACOTTA, BLACK, CREAM, BLUE = (0.80, 0.42, 0.22), (0.10, 0.09, 0.09), (0.93, 0.86, 0.70), (0.15, 0.32, 0.55)
+"""sRGB."""
+BANDS = ((0.0, 0.08), (0.16, 0.19), (0.36, 0.39), (0.62, 0.65), (0.80, 0.83), (0.93, 1.01))
+"""Heights of black bands, as shares of the whole."""
 SAMPLES: dict[str, tuple[Callable[[], Mesh], Scanner, float]] = {
     "suzanne.ply": (suzanne, Scanner((10.0, 100.0, 190.0, 280.0), elevation=16.0, pixels=100, holes=1), 1.0),
     "amphora.ply": (amphora, Scanner((0.0, 90.0, 180.0, 270.0), pixels=95, holes=1), 0.31),
@@ -129,15 +164,16 @@ SAMPLES: dict[str, tuple[Callable[[], Mesh], Scanner, float]] = {
 def main(folder: Path) -> None:
     """Write every sample into `folder`."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name in SAMPLES:
+    for name in (*SAMPLES, PAINTED):
         points = make_sample(name)
-        write = write_xyz if name.endswith(".xyz") else write_ply
+        write = write_painted if name == PAINTED else write_xyz if name.endswith(".xyz") else write_ply
         write(folder / name, points)
         print(f"{folder / name}: {len(points)} points, {(folder / name).stat().st_size / 1000:.0f} kB")
 
 
 def make_sample(name: str) -> np.ndarray:
     """Points (N, 3) float64 of a sample, in its file's unit."""
+    name = "amphora.ply" if name == PAINTED else name
     shape, scanner, radius = SAMPLES[name]
     rng = np.random.default_rng([SEED, list(SAMPLES).index(name)])
     return scan(in_unit_sphere(shape()), scanner, rng) * radius

@@ -12,7 +12,7 @@ import pytest
 from z2p_renderer.storage.scans.clouds import read_clouds
 
 ROOT = Path(__file__).parents[2]
-SAMPLES = ("amphora.ply", "chair.ply", "knot.xyz", "suzanne.ply")
+SAMPLES = ("amphora.ply", "chair.ply", "knot.xyz", "painted.ply", "suzanne.ply")
 
 
 def requirements() -> set[str]:
@@ -37,7 +37,7 @@ def test_the_samples_are_small_scans() -> None:
         assert 4_000 <= len(scan.points) <= 15_000 and scan.dropped == 0
 
 
-@pytest.mark.parametrize("name", [*SAMPLES[:3], pytest.param(SAMPLES[3], marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [*SAMPLES[:4], pytest.param(SAMPLES[4], marks=pytest.mark.slow)])
 def test_the_script_makes_the_samples_that_are_here(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(ROOT / "examples"))
     from make_samples import make_sample
