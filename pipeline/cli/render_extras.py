@@ -16,8 +16,6 @@ if TYPE_CHECKING:  # slow to import: imported at run time only when the options 
     from z2p_renderer.pipeline.coloring.color_points import Scale
     from z2p_renderer.pipeline.inference.look import Look
 
-LEGEND_SUFFIXES = (".svg", ".pdf", ".png")
-
 
 def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: dict[str, Any]) -> None:
     """Makes sure, before the first picture is drawn, that contact sheets, gallery and camera replace no other files.
@@ -47,6 +45,8 @@ def check_extras(ctx: click.Context, tasks: list[Task], output: Path, options: d
 
 
 def _check_legend(ctx: click.Context, tasks: list[Task], legend: Path) -> None:
+    from z2p_renderer.pipeline.legends.draw_legend import LEGEND_SUFFIXES
+
     if legend.suffix.lower() not in LEGEND_SUFFIXES:
         raise click.UsageError(f"--legend {legend}: expected a file named {', '.join(LEGEND_SUFFIXES)}", ctx)
     used_paths = {path.absolute() for task in tasks for path in (task.scan, task.output)}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from z2p_core.coloring.class_palettes import class_colors
-from z2p_core.coloring.options import AUTO, DEFAULT_COLORMAP, LIMIT_PERCENTILES, NONE, RGB, ColorOptions
+from z2p_core.coloring.options import AUTO, DEFAULT_COLORMAP, GIVEN_FIELD, LIMIT_PERCENTILES, NONE, RGB, ColorOptions
 from z2p_core.coloring.scales import ClassColors, ColorScale
 from z2p_core.formats.field_names import field_key
 from z2p_core.images import linear_from_srgb
@@ -23,8 +23,6 @@ MAX_COLOR_SAMPLES = 200_000
 """Colors of a cloud that are used: several for each of its surface points."""
 MISSING_VALUE_COLOR = (0.62, 0.62, 0.62)
 """sRGB of points whose field is nan."""
-ARRAY_FIELD = "values"
-"""Name of the scalars that a caller in Python gives as an array."""
 RGB_RELIGHT = 1.0
 """How much of the studio's light falls on the points' own colors, unless the user says."""
 
@@ -103,7 +101,7 @@ def scalars_of(scan: Scan, name: str, viewpoint: Viewpoint | None) -> ScalarFiel
 
 def scale_of(scalars: ScalarField, options: ColorOptions) -> tuple[Scale, str]:
     """The colors of a field's values, and what they show in words."""
-    label = "" if scalars.name == ARRAY_FIELD else scalars.name
+    label = "" if scalars.name == GIVEN_FIELD else scalars.name
     is_categorical = options.is_categorical
     if is_categorical is None:
         is_categorical = options.limits is None and options.colormap is None and scalars.is_categorical

@@ -1,4 +1,8 @@
-"""Cycles renders of meshes with colors of their own, as `pipeline.render` makes those in one color."""
+"""Cycles renders of meshes with colors of their own, as `pipeline.render` makes those in one color.
+
+It runs another child process, by code of its own: a change of `pipeline.render`'s would make all renders stale that are
+on disk.
+"""
 
 from __future__ import annotations
 

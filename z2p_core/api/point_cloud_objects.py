@@ -13,16 +13,8 @@ ATTRIBUTES = ("xyz", "points", "vertices", "pos", "positions")
 """Attributes that hold clouds: of laspy (whose `points` are records), open3d and pyvista, trimesh, torch_geometric."""
 KEYS = ("points", "xyz", "positions", "pos", "vertices", "coords", "coord")
 """Keys under which a dict holds points; the first one that exists counts."""
-COLOR_NAMES = frozenset({"red", "r", "rgb", "rgba", "diffuse_red", "color", "colors", "colour", "colours", "color_0",
-                     "packed_color"})  # fmt: skip
-"""Names of a color, or of its first channel."""
 NUMERIC_KINDS = "fiu"
 """Kinds of numpy dtypes that hold real numbers."""
-
-
-def names_include_color(names: Iterable[object]) -> bool:
-    """Whether one of the names is that of a color."""
-    return any(str(name).strip().lower() in COLOR_NAMES for name in names)
 
 
 def is_cloud_object(source: Any) -> bool:

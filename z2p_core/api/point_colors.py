@@ -12,9 +12,6 @@ from z2p_core.interfaces import SettingError
 
 MAX_NAMED_COLORS = 4
 """How many colors a message lists."""
-GIVEN_FIELD = "values"
-"""Name of the field that scalars or labels become that a caller gives as an array."""
-
 
 def are_scalars(colors: Any, clouds: Sequence[np.ndarray]) -> bool:
     """Whether what a caller gives as colors is one number for each point of the clouds (N, 3), not three."""

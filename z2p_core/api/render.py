@@ -19,7 +19,6 @@ from z2p_core.api.backend import RenderedImage, RenderRequest, load_backend
 from z2p_core.api.picture import Picture, tile_images
 from z2p_core.api.point_arrays import point_arrays
 from z2p_core.api.point_colors import (
-    GIVEN_FIELD,
     are_scalars,
     mean_color,
     name_colors,
@@ -27,7 +26,16 @@ from z2p_core.api.point_colors import (
     split_by_cloud,
     split_scalars,
 )
-from z2p_core.coloring.options import AUTO, NONE, RGB, ColorOptions, parse_classes, parse_limits, parse_relight
+from z2p_core.coloring.options import (
+    AUTO,
+    GIVEN_FIELD,
+    NONE,
+    RGB,
+    ColorOptions,
+    parse_classes,
+    parse_limits,
+    parse_relight,
+)
 from z2p_core.errors.did_you_mean import suggest_name
 from z2p_core.interfaces import ScanError, SettingError
 from z2p_core.placement.viewpoint import Viewpoint

@@ -14,6 +14,8 @@ AUTO, RGB, NONE = "auto", "rgb", "none"
 DEFAULT_COLORMAP = "viridis"
 LIMIT_PERCENTILES = (2.0, 98.0)
 """Percentiles of a field's values that a colormap spans, unless the user names limits."""
+GIVEN_FIELD = "given values"
+"""Name of the field that scalars or labels become that a caller in Python gives as an array; no legend shows it."""
 CLASS_FIELDS = ("classification", "class", "label", "labels", "semantic", "segmentation", "category")
 """Usual names of the field by which classes are kept where points are not colored by another field of labels."""
 MAX_KEPT_CLASSES = 1000
