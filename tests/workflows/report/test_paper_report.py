@@ -102,7 +102,7 @@ def test_every_row_leads_to_the_result_that_it_comes_from(finished) -> None:
     with (cwd / "runs" / "tiny-report" / "report.csv").open() as file:
         rows = list(csv.DictReader(file))
     told = json.loads((cwd / "runs" / "tiny-report" / "report.json").read_text())
-    assert len(rows) == len(told["rows"]) == 4 * (2 + 2 + 1 + 1 + 2 + 2)
+    assert len(rows) == len(told["rows"]) == 4 * (2 + 2 + 1 + 1 + 2 + 2 + 2)
     for row in rows:
         folder = cwd / "runs" / row["result"]
         manifest = json.loads((folder / "manifest.json").read_text())
