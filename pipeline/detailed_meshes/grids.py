@@ -20,10 +20,8 @@ def displace(points: np.ndarray, height: np.ndarray, closed_rows: bool = False) 
     Outward is where the normal points when u runs counter-clockwise seen from +Z and v runs upwards.
     """
     along_u = np.roll(points, -1, axis=0) - np.roll(points, 1, axis=0)
-    if closed_rows:
-        along_v = np.roll(points, -1, axis=1) - np.roll(points, 1, axis=1)
-    else:
-        along_v = np.gradient(points, axis=1)
+    neighbors = np.pad(points, ((0, 0), (1, 1), (0, 0)), mode="wrap" if closed_rows else "edge")
+    along_v = neighbors[:, 2:] - neighbors[:, :-2]
     normals = np.cross(along_u, along_v)
     lengths = np.linalg.norm(normals, axis=-1, keepdims=True)
     normals = normals / np.where(lengths > 0, lengths, 1.0)

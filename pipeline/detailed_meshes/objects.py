@@ -35,17 +35,21 @@ from z2p_renderer.pipeline.detailed_meshes.relief import (
 )
 from z2p_renderer.storage.meshes import write_mesh
 
+DETAILED = "detailed"
+"""What users call these meshes in place of a folder."""
 FACES = 2_000_000
 """Triangles of each mesh, about."""
 INSCRIPTION = (
-    ("SHARP", 0.2), ("AS THE POINTS ALLOW", 0.105), ("SPHINX OF BLACK QUARTZ", 0.075), ("JUDGE MY VOW 0123456789", 0.055),
-    ("PACK MY BOX WITH FIVE DOZEN JUGS", 0.042), ("THE FIVE BOXING WIZARDS JUMP QUICKLY", 0.032),
-    ("HOW VEXINGLY QUICK DAFT ZEBRAS JUMP 31415926535", 0.025), ("WALTZ BAD NYMPH FOR QUICK JIGS VEX 27182818284", 0.019),
+    ("SHARP", 0.2), ("AS THE POINTS ALLOW", 0.105), ("SPHINX OF BLACK QUARTZ", 0.075),
+    ("JUDGE MY VOW 0123456789", 0.055), ("PACK MY BOX WITH FIVE DOZEN JUGS", 0.042),
+    ("THE FIVE BOXING WIZARDS JUMP QUICKLY", 0.032), ("HOW VEXINGLY QUICK DAFT ZEBRAS JUMP 31415926535", 0.025),
+    ("WALTZ BAD NYMPH FOR QUICK JIGS VEX 27182818284", 0.019),
     ("GLIB JOCKS QUIZ NYMPH TO VEX DWARF 14142135623", 0.015),
 )  # fmt: skip
 """Lines of the tablet, and the height of their capitals; the tablet is 1.7 units wide."""
 
-Grid = tuple[np.ndarray, np.ndarray]
+Triangles = tuple[np.ndarray, np.ndarray]
+"""Vertices (V, 3) float64 and triangles (M, 3) int64."""
 
 
 def make_detailed_meshes(folder: Path, names: tuple[str, ...] = (), faces: int = FACES) -> dict[str, Path]:
@@ -64,7 +68,7 @@ def make_detailed_meshes(folder: Path, names: tuple[str, ...] = (), faces: int =
     return paths
 
 
-def detailed_mesh(name: str, faces: int = FACES) -> Grid:
+def detailed_mesh(name: str, faces: int = FACES) -> Triangles:
     """Vertices (V, 3) float64 and about `faces` triangles (M, 3) int64 of a detailed mesh, +Z up; always the same.
 
     Raises:
@@ -75,7 +79,7 @@ def detailed_mesh(name: str, faces: int = FACES) -> Grid:
     return DETAILED_MESHES[name](faces, np.random.default_rng(list(DETAILED_MESHES).index(name)))
 
 
-def tablet(faces: int, rng: np.random.Generator) -> Grid:
+def tablet(faces: int, rng: np.random.Generator) -> Triangles:
     """A standing slab with rounded rims and an inscription cut into both sides."""
     width, height, depth, fillet = 1.7, 1.36, 0.2, 0.06
     columns, rows = _sides(faces / 2, width / height)
@@ -93,7 +97,7 @@ def tablet(faces: int, rng: np.random.Generator) -> Grid:
     return closed_slab(np.stack([x, -side[0], z], axis=-1), np.stack([x, side[1][::-1], z], axis=-1))
 
 
-def vase(faces: int, rng: np.random.Generator) -> Grid:
+def vase(faces: int, rng: np.random.Generator) -> Triangles:
     """A hollow vase: up the outside, over the lip, down the inside."""
     columns, rows = _sides(faces, 0.8)
     u, v = periodic_coordinates(columns, rows)
@@ -116,7 +120,7 @@ def vase(faces: int, rng: np.random.Generator) -> Grid:
     return closed_ball(displace(points, height + 0.001 * smooth_noise(points, 0.03, rng)))
 
 
-def scaled_ring(faces: int, rng: np.random.Generator) -> Grid:
+def scaled_ring(faces: int, rng: np.random.Generator) -> Triangles:
     """A torus covered with overlapping scales, standing on its side, leaning back."""
     columns, rows = _sides(faces, 2.1)
     u, v = np.arange(columns)[:, None] / columns, np.arange(rows)[None] / rows
@@ -128,7 +132,7 @@ def scaled_ring(faces: int, rng: np.random.Generator) -> Grid:
     return closed_tube(displace(points, height, closed_rows=True))
 
 
-def cloth(faces: int, rng: np.random.Generator) -> Grid:
+def cloth(faces: int, rng: np.random.Generator) -> Triangles:
     """A square cloth that hangs over a ball, in folds, with the threads of its weave on both sides."""
     columns, rows = _sides(faces / 2, 1.0)
     x, y = np.meshgrid(np.linspace(-1, 1, columns), np.linspace(-1, 1, rows), indexing="ij")
@@ -144,7 +148,7 @@ def cloth(faces: int, rng: np.random.Generator) -> Grid:
     return closed_slab(upper, lower)
 
 
-def bust(faces: int, rng: np.random.Generator) -> Grid:
+def bust(faces: int, rng: np.random.Generator) -> Triangles:
     """A head on a neck, looking to -Y, with hair combed down from its crown."""
     columns, rows = _sides(faces, 1.1)
     u, v = periodic_coordinates(columns, rows)
@@ -155,7 +159,8 @@ def bust(faces: int, rng: np.random.Generator) -> Grid:
     side = np.angle(np.exp(1j * (TURN * u + np.pi / 2)))  # angle from the face, which looks to -Y
     face = _bump(side, height, 0.0, -0.02, 0.13, 0.13) * 0.17 + _bump(side, height, 0.0, -0.33, 0.3, 0.09) * 0.08
     for eye in (-0.38, 0.38):
-        face = face - _bump(side, height, eye, 0.14, 0.17, 0.08) * 0.07 + _bump(side, height, eye, 0.14, 0.1, 0.05) * 0.05
+        face = face - _bump(side, height, eye, 0.14, 0.17, 0.08) * 0.07
+        face = face + _bump(side, height, eye, 0.14, 0.1, 0.05) * 0.05
         face = face + _bump(side, height, eye, 0.25, 0.24, 0.04) * 0.035
     face = face + _bump(side, height, 0, -0.19, 0.16, 0.025) * 0.05 + _bump(side, height, 0, -0.25, 0.13, 0.025) * 0.05
     for ear in (-1.6, 1.6):
@@ -168,7 +173,7 @@ def bust(faces: int, rng: np.random.Generator) -> Grid:
     return closed_ball(displace(points, hair * (0.02 + 0.03 * strands(u, v, 360, rng)) + (1 - hair) * skin))
 
 
-def coin(faces: int, rng: np.random.Generator) -> Grid:
+def coin(faces: int, rng: np.random.Generator) -> Triangles:
     """A standing coin, its faces to -Y and +Y."""
     columns, rows = _sides(faces, 2.6)
     u, v = periodic_coordinates(columns, rows)
@@ -189,14 +194,13 @@ def coin(faces: int, rng: np.random.Generator) -> Grid:
     reeds = 0.012 * np.abs(np.sin(np.pi * 150 * u)) * _band(v, 0.475, 0.525)
     radius = ring - reeds
     height = across + np.sign(across) * relief * (ring < 1)
-    height = height + 0.0008 * smooth_noise(np.stack(np.broadcast_arrays(ring * np.cos(TURN * u),
-                                                                         ring * np.sin(TURN * u), across), -1), 0.03, rng)
     x, z = radius * np.cos(TURN * u), radius * np.sin(TURN * u)
+    height = height + 0.0008 * smooth_noise(np.stack(np.broadcast_arrays(x, across, z), axis=-1), 0.03, rng)
     vertices, triangles = closed_ball(np.stack(np.broadcast_arrays(x, -height, z), axis=-1)[:, ::-1])
     return vertices, triangles[:, ::-1]
 
 
-DETAILED_MESHES: dict[str, Callable[[int, np.random.Generator], Grid]] = {
+DETAILED_MESHES: dict[str, Callable[[int, np.random.Generator], Triangles]] = {
     "tablet": tablet, "vase": vase, "scales": scaled_ring, "cloth": cloth, "bust": bust, "coin": coin,
 }  # fmt: skip
 """Name of a mesh -> the function that makes it. A mesh's seed is its place: add new ones at the end."""
@@ -215,7 +219,10 @@ def _band(at: np.ndarray, first: float, last: float) -> np.ndarray:
     return band
 
 
-def _bump(side: np.ndarray, height: np.ndarray, at_side: float, at_height: float, wide: float, tall: float) -> np.ndarray:
+def _bump(
+    side: np.ndarray, height: np.ndarray, at_side: float, at_height: float, wide: float, tall: float
+) -> np.ndarray:
+    """A bell, 1 at one place and wide and tall to 1 / e."""
     bump: np.ndarray = np.exp(-(((side - at_side) / wide) ** 2) - ((height - at_height) / tall) ** 2)
     return bump
 

@@ -41,8 +41,8 @@ def scales(u: np.ndarray, v: np.ndarray, around: int, along: int) -> np.ndarray:
         progress = (u * along - start) / 2
         across = (v * around + 0.5 * (start % 2)) % 1.0 - 0.5
         inside = progress < 0.55 + 0.45 * np.sqrt(np.clip(1 - (2 * across) ** 2, 0, None))
-        rib = 0.08 * np.cos(TURN * 4 * across) * progress
-        raised = 0.15 + 0.85 * progress - 0.5 * across**2 + rib
+        rib = 0.05 * np.cos(TURN * 4 * across) * progress
+        raised = 0.1 + 0.85 * progress - 0.5 * across**2 + rib
         height = np.maximum(height, np.where(inside, raised, 0))
     return height
 

@@ -1,0 +1,97 @@
+"""A baseline that takes too long is stopped with all that it has started, and the others go on."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from z2p_core.interfaces import Baseline, Painter, ScanError
+from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.evaluation import baselines as module
+from z2p_renderer.pipeline.evaluation.baselines import run_baseline
+from z2p_renderer.pipeline.evaluation.time_limit import StoppableProcess, TimeLimitError
+from z2p_renderer.pipeline.render import RenderSettings
+
+
+def start_sleeper_and_sleep(note: Path) -> None:
+    sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"])
+    note.write_text(str(sleeper.pid))
+    time.sleep(1000)
+
+
+def is_running(process: int) -> bool:
+    status = Path(f"/proc/{process}/stat")
+    return status.exists() and status.read_text().split(") ")[1][0] != "Z"
+
+
+class Sleepy(Baseline):
+    """Sleeps over clouds of more than 50 points."""
+
+    name, version = "sleepy", "1"
+
+    def reconstruct(self, cloud: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        if len(cloud) == 60:
+            time.sleep(1000)
+        if len(cloud) < 3:
+            raise ScanError("too few")
+        with self.timed("think"):
+            return cloud[:3].astype(float), np.array([[0, 1, 2]])
+
+
+class Grey(Painter):
+    name, version = "grey", "1"
+
+    def paint(self, cloud: np.ndarray, camera: Any, scene: Any) -> np.ndarray:
+        return np.full((camera.height, camera.width, 4), 0.5, np.float32)
+
+
+def test_a_slow_call_is_stopped_with_its_children_and_the_next_one_works(tmp_path: Path) -> None:
+    with StoppableProcess(60) as process:
+        first = process.call(os.getpid)
+        assert first == process.call(os.getpid) != os.getpid()
+        with pytest.raises(ZeroDivisionError):
+            process.call(divmod, 1, 0)
+        with pytest.raises(TimeLimitError, match="stopped after 1 s"):
+            process.call(start_sleeper_and_sleep, tmp_path / "pid", within=1)
+        assert not is_running(first) and not is_running(int((tmp_path / "pid").read_text()))
+        second = process.call(os.getpid)
+        with pytest.raises(ScanError, match="died"):
+            process.call(os._exit, 3)
+    assert not is_running(second)
+
+
+def test_a_stopped_baseline_is_stored_and_tried_again_with_more_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    settings = RenderSettings((40, 32), samples=1)
+    scene = SceneDescription(floor=-0.5)
+    cloud = np.random.default_rng(0).uniform(-0.5, 0.5, (60, 3)).astype(np.float32)
+
+    def draw(mesh: object, jobs: Any, out: Path, *others: object, **more: object) -> None:
+        for stem, _ in jobs:
+            Image.fromarray(np.full((32, 40, 4), 90, np.uint8)).save(out / f"{stem}.png")
+
+    def run(competitor: Any, points: int, process: StoppableProcess | None) -> Any:
+        rng = np.random.default_rng(0)
+        return run_baseline(competitor, cloud[:points], {"n": points}, rng, scene, settings, tmp_path, process=process)
+
+    monkeypatch.setattr(module, "render_mesh", draw)
+    with StoppableProcess(0.4) as process:
+        stopped = run(Sleepy, 60, process)
+        assert stopped.stopped_after == 0.4 and stopped.error == "stopped after 0.4 s" and not stopped.picture.any()
+        done = run(Sleepy, 40, process)
+        assert done.stopped_after == 0 and done.picture.any() and done.steps.keys() == {"think"}
+        assert run(Sleepy, 2, process).error == "too few"
+        assert run(Grey, 60, process).picture.mean() == pytest.approx(0.5, abs=0.01)
+        monkeypatch.setattr(process, "call", None)
+        assert run(Sleepy, 60, process).stopped_after == 0.4  # from the store
+    monkeypatch.setattr(Sleepy, "reconstruct", lambda self, cloud, rng: (cloud[:3] * 1.0, np.array([[0, 1, 2]])))
+    assert run(Sleepy, 60, None).picture.any()
