@@ -58,7 +58,7 @@ def test_letters_stand_upright_and_wide_lines_are_made_to_fit() -> None:
 
 
 def test_relief_is_in_range_and_repeats() -> None:
-    u, v = np.arange(200)[:, None] / 200, np.arange(120)[None] / 120
+    u, v = (np.arange(200)[:, None] + 0.3) / 200, (np.arange(120)[None] + 0.3) / 120
     for height in (scales(u, v, 6, 10), woven_threads(u, v, 0.1)):
-        assert 0 <= height.min() and height.max() <= 1.05 and height.std() > 0.1
-    assert np.allclose(scales(u, v, 6, 10), scales(u + 1e-9, v + 1, 6, 10), atol=1e-3)
+        assert height.min() >= 0 and height.max() <= 1 and height.std() > 0.1
+    assert np.allclose(scales(u, v, 6, 10), scales(u, v + 1, 6, 10))
