@@ -15,8 +15,10 @@ from PIL import Image
 
 from z2p_core.interfaces import Baseline, Painter, ScanError
 from z2p_core.scene import SceneDescription
+from z2p_renderer.pipeline.cli.commands.evaluate import _print_table
 from z2p_renderer.pipeline.evaluation import baselines as module
 from z2p_renderer.pipeline.evaluation.baselines import run_baseline
+from z2p_renderer.pipeline.evaluation.evaluate import summarise
 from z2p_renderer.pipeline.evaluation.time_limit import StoppableProcess, TimeLimitError
 from z2p_renderer.pipeline.render import RenderSettings
 
@@ -51,6 +53,16 @@ class Grey(Painter):
 
     def paint(self, cloud: np.ndarray, camera: Any, scene: Any) -> np.ndarray:
         return np.full((camera.height, camera.width, 4), 0.5, np.float32)
+
+
+def test_means_are_of_the_clouds_that_were_not_stopped_and_the_table_says_so(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    done = {"mesh": "a", "seed": 0, "view": 0, "flip": 0.25}
+    own = summarise([done, {"mesh": "b", "seed": 0, "view": 0, "stopped_after": 120.0}])
+    assert own["means"] == {"flip": 0.25} and own["meshes"]["b"] == {}
+    _print_table({"z2p": summarise([done]), "bpa": own}, "")
+    assert "bpa: stopped after 120 s on 1 of 2 clouds; its means are of the others" in capsys.readouterr().out
 
 
 def test_a_slow_call_is_stopped_with_its_children_and_the_next_one_works(tmp_path: Path) -> None:
