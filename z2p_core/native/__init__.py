@@ -20,6 +20,7 @@ from z2p_core.native.lighting import MAX_LIT_POINTS as MAX_LIT_POINTS
 from z2p_core.native.lighting import Floor as Floor
 from z2p_core.native.lighting import ShadowCasters as ShadowCasters
 from z2p_core.native.lighting import direct_lighting as direct_lighting
+from z2p_core.native.lighting import fine_occlusion as fine_occlusion
 from z2p_core.native.lighting import first_visible as first_visible
 from z2p_core.native.lighting import floor_colors as floor_colors
 from z2p_core.native.lighting import floor_irradiance as floor_irradiance

@@ -57,7 +57,7 @@ class DetailLight:
 
 def transfer_light(
     positions: np.ndarray, normals: np.ndarray, grid: native.NeighborGrid, light: LightField, visibility: np.ndarray,
-    quality: Quality,
+    quality: Quality, occlusion: tuple[np.ndarray, np.ndarray],
 ) -> DetailLight:  # fmt: skip
     """Light on M positions (M, 3) with unit normals (M, 3) that face the viewer.
 
@@ -82,8 +82,9 @@ def transfer_light(
     own = DetailLight(positions, normals, neighbors, scene.points, scene.normals, np.empty(0, np.float32))
     direct, open_mean, indirect_mean, *vector = own.interpolate(known).T
     share = np.clip(direct / np.maximum(open_mean, 1e-4), 0, 1)
-    own_direct = share * native.unshadowed_light(positions, normals, *samples) / np.float32(math.pi)
-    own_indirect = np.maximum(row_dots(np.stack(vector, axis=1), normals), MIN_INDIRECT_SHARE * indirect_mean)
+    sky, near = occlusion
+    own_direct = share * near * native.unshadowed_light(positions, normals, *samples) / np.float32(math.pi)
+    own_indirect = sky * np.maximum(row_dots(np.stack(vector, axis=1), normals), MIN_INDIRECT_SHARE * indirect_mean)
     ratio = (own_direct + own_indirect) / np.maximum(direct + indirect_mean, 1e-4)
     return DetailLight(
         positions, normals, neighbors, scene.points, scene.normals, np.clip(ratio, 0, MAX_LIGHT_RATIO)

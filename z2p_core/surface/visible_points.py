@@ -13,7 +13,7 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DISTANCE, Camera
 
-CELLS_PER_PIXEL = 1.5
+CELLS_PER_PIXEL = float(__import__("os").environ.get("CPP", 2))
 """Cells along a side of a pixel, each of which shows one mean point at most."""
 FRONT_CELL_SPACINGS = 2.5
 """Width of the coarse cells that tell what lies behind the surface, in spacings: few are empty by chance."""
