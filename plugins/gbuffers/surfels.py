@@ -9,19 +9,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, Camera
-from z2p_core.images import linear_from_srgb, srgb_from_linear
+from z2p_core.images import srgb_from_linear
 from z2p_core.interfaces import GBuffer, PointColors
 from z2p_core.linalg import rotate_points, row_dots
 from z2p_core.parallel import parallel_rows, run_async
 from z2p_core.scene import SceneDescription
 from z2p_core.shading.channels import RADIANCE_RGB, RASTERIZED, GBufferChannel
-from z2p_core.shading.detail_light import transfer_light
 from z2p_core.shading.floor_occlusion import FloorOcclusion, floor_occlusion, is_sparse, shadow_casters
 from z2p_core.shading.floor_shadow import cloud_radiance_from_floor, draw_floor_shadow
 from z2p_core.shading.light_transport import (
@@ -39,7 +38,6 @@ from z2p_core.shading.surfels import make_surfels
 from z2p_core.shading.textured_light import surface_albedo, textured_radiance
 from z2p_core.surface.normals import SurfacePoints, estimate_surface
 from z2p_core.surface.subsampling import MAX_SURFACE_POINTS, subsample_hashed
-from z2p_core.surface.visible_points import visible_points
 
 BLENDING = native.Blending(blend_depth_radii=0.7, coverage_gain=15.0, full_weight=2.7)
 """Coverage is low where only a disc's rim is; density is 1 within a surface and about a third of that at its border."""
@@ -184,7 +182,6 @@ class Surfels(GBuffer):
         quality = self.quality
         surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), quality.use_normal_gnn)
         spacing = max(float(np.median(surface.spacing)), MIN_SPACING)
-        detail = visible_detail(cloud, surface, spacing, camera, texture)
         floor_height = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
         lit = light_scene(surface, spacing, camera, scene, floor_height)
         point_visibility = begin_point_visibility(lit, quality)
@@ -198,28 +195,23 @@ class Surfels(GBuffer):
             lit.points, lit.spacing, casters, lit.light, lit.floor.height, light_sample_sets(camera), use_discs,
             quality.floor_sky_directions,
         )  # fmt: skip
-        drawn = surfels if detail is None else detail.surfels
-        discs = project_surfels(drawn, radii if detail is None else detail.radii, camera)
+        discs = project_surfels(surfels, radii, camera)
 
         seen_by_points, seen_by_floor = point_visibility.result(), floor_visibility.result()
         bounced = bounce_light(lit, direct, occlusion, seen_by_points, seen_by_floor, quality)
         albedo = None if texture is None else surface_albedo(surface, texture.colors)
         color = base_color(scene) if albedo is None else albedo
         shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, color, out)
-        light = LightField(lit, direct, occlusion, bounced)
-        shader: Any = self.shader(light, scene)
-        if detail is not None:
-            shader = DetailShader(shader, detail, surface, light, seen_by_points, camera, quality)
+        shader = self.shader(LightField(lit, direct, occlusion, bounced), scene)
         if texture is None or albedo is None:
-            rasterize(discs, drawn.neighbors, shader, camera, out[RASTERIZED])
+            rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED])
         else:
             sent = shader.total_albedo(albedo)
             radiance = textured_radiance(lit, bounced, sent, seen_by_points, seen_by_floor, quality)
             relative = shader.relative_radiance(camera.position, radiance)
-            own = albedo if detail is None or detail.albedo is None else detail.albedo
-            values = (fill_holes(value, drawn.neighbors) for value in (own, *relative))
-            textures = native.fit_disc_textures(discs, drawn.neighbors, *values)
-            rasterize(discs, drawn.neighbors, shader, camera, out[RASTERIZED], textures, texture.relative)
+            values = (fill_holes(value, surfels.neighbors) for value in (albedo, *relative))
+            textures = native.fit_disc_textures(discs, surfels.neighbors, *values)
+            rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED], textures, texture.relative)
         shadow.result()
 
     def shader(self, light: LightField, scene: SceneDescription) -> MaterialShader:
@@ -251,62 +243,6 @@ class Surfels(GBuffer):
         if share > 0:
             native.blend_towards(picture, coverage, features[RADIANCE_RGB], share, MAX_COLOR_SHIFT)
         native.blend_shadow_towards(picture[3], coverage, shadow, SHADOW_BLEND_SHARE, MAX_SHADOW_SHIFT)
-
-
-@dataclass(frozen=True)
-class Detail:
-    """What an image shows of a cloud too dense for light to be computed at all of its points."""
-
-    surface: SurfacePoints
-    surfels: SurfacePoints
-    radii: np.ndarray
-    albedo: np.ndarray | None
-
-
-def visible_detail(
-    cloud: np.ndarray, surface: SurfacePoints, spacing: float, camera: Camera, texture: Texture | None
-) -> Detail | None:  # fmt: skip
-    """The surfels of a dense cloud that the camera sees; None where all of its points are lit."""
-    if len(cloud) <= MAX_SURFACE_POINTS:
-        return None
-    own_spacing = spacing * math.sqrt(len(surface.points) / len(cloud))
-    values = None
-    if texture is not None and np.array_equal(texture.colors.points, cloud):
-        values = texture.colors.albedo
-    merged = visible_points(cloud, values, camera, own_spacing, surface.noise)
-    shown = estimate_surface(merged.points, use_normal_gnn=USE_GNN)
-    surfels, radii = make_surfels(shown, max(float(np.median(shown.spacing)), 1e-5))
-    albedo = None
-    if texture is not None:
-        colors = texture.colors if merged.values is None else PointColors(merged.points, merged.values)
-        albedo = surface_albedo(shown, colors)
-    return Detail(shown, surfels, radii, albedo)
-
-
-class DetailShader:
-    """A shader of the lit points, for those that the image shows."""
-
-    def __init__(self, shader, detail, surface, light, visibility, camera, quality) -> None:
-        normals = face_viewer(detail.surface.points, detail.surface.normals, camera.position)
-        self.shader = shader
-        self.light = transfer_light(detail.surface.points, normals, surface.grid, light, visibility, quality)
-
-    def surfel_values(self, viewer):
-        first, *further = self.shader.surfel_values(viewer)
-        radiance = self.light.interpolate(linear_from_srgb(first)) * self.light.ratio[:, None]
-        return [srgb_from_linear(np.clip(radiance, 0, 1)), *(self.light.interpolate(v) for v in further)]
-
-    def shade_pixels(self, camera, rows, layers):
-        self.shader.shade_pixels(camera, rows, layers)
-
-    def total_albedo(self, albedo):
-        return self.shader.total_albedo(albedo)
-
-    def relative_radiance(self, viewer, radiance):
-        return tuple(self.light.interpolate(v) for v in self.shader.relative_radiance(viewer, radiance))
-
-
-USE_GNN = False
 
 
 def light_scene(
