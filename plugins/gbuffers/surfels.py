@@ -16,7 +16,7 @@ import numpy as np
 from z2p_core import native
 from z2p_core.camera import DEPTH_RANGE, Camera
 from z2p_core.images import srgb_from_linear
-from z2p_core.interfaces import GBuffer, PointColors
+from z2p_core.interfaces import GBuffer, PointColors, PreparedCloud
 from z2p_core.linalg import rotate_points, row_dots
 from z2p_core.parallel import parallel_rows, run_async
 from z2p_core.scene import SceneDescription
@@ -139,6 +139,29 @@ class Texture:
     relative: np.ndarray
 
 
+@dataclass(frozen=True)
+class SurfelGeometry:
+    """A cloud's surface as it is drawn: it depends neither on the camera nor on the light."""
+
+    surface: SurfacePoints
+    spacing: float
+    """Median distance between neighboring points, in world units."""
+    surfels: SurfacePoints
+    """M surfels: the surface's N points, then those that close holes."""
+    radii: np.ndarray
+    """(M,) float32, of the surfels, in world units."""
+
+
+@dataclass(frozen=True)
+class SeenPoints:
+    """Which points the points and the floor's cells see: it depends on the floor's height, not on the light."""
+
+    by_points: np.ndarray
+    """(2 A, N) int32, see `begin_point_visibility`."""
+    by_floor: np.ndarray
+    """(A, 2, N) int32, see `begin_floor_visibility`."""
+
+
 class Surfels(GBuffer):
     """Ten channels (`z2p_core.shading.channels.GBufferChannel`): coverage, density, depth, normal, radiance, shadow.
 
@@ -168,6 +191,16 @@ class Surfels(GBuffer):
         relative[3] = out[GBufferChannel.COVERAGE]
         return relative
 
+    def prepare(self, cloud: np.ndarray, colors: PointColors | None = None) -> PreparedCloud:
+        if not len(cloud):
+            return super().prepare(cloud, colors)
+        from z2p_renderer.plugins.gbuffers._prepared_surfels import PreparedSurfels  # late: it is built on this module
+
+        geometry = self.make_geometry(cloud)
+        if line_direction(geometry.surface.points) is not None:  # whose normals depend on the camera
+            return super().prepare(cloud, colors)
+        return PreparedSurfels(self, geometry, float(cloud[:, 2].min()), colors)
+
     def _draw(
         self, out: np.ndarray, cloud: np.ndarray, camera: Camera, scene: SceneDescription, texture: Texture | None
     ) -> None:  # fmt: skip
@@ -180,38 +213,71 @@ class Surfels(GBuffer):
             out.fill(0)
             return
         quality = self.quality
-        surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), quality.use_normal_gnn)
-        spacing = max(float(np.median(surface.spacing)), MIN_SPACING)
+        surface, spacing = self.estimate(cloud)
         floor_height = float(cloud[:, 2].min()) if scene.floor is None else scene.floor
-        lit = light_scene(surface, spacing, camera, scene, floor_height)
+        normals = face_viewer(surface.points, surface.normals, camera.position)
+        lit = light_scene(surface, normals, spacing, scene, floor_height)
         point_visibility = begin_point_visibility(lit, quality)
         floor_visibility = begin_floor_visibility(lit, quality)
 
-        surfels, radii = make_surfels(surface, spacing)
-        use_discs = quality.use_disc_shadows and is_sparse(lit.spacing)
-        casters = shadow_casters(lit.points, lit.spacing, surfels, radii, use_discs)
+        geometry = SurfelGeometry(surface, spacing, *make_surfels(surface, spacing))
+        casters = self.casters(geometry, lit.spacing)
         direct = direct_radiance(lit, casters)
-        occlusion = floor_occlusion(
-            lit.points, lit.spacing, casters, lit.light, lit.floor.height, light_sample_sets(camera), use_discs,
-            quality.floor_sky_directions,
-        )  # fmt: skip
-        discs = project_surfels(surfels, radii, camera)
-
-        seen_by_points, seen_by_floor = point_visibility.result(), floor_visibility.result()
-        bounced = bounce_light(lit, direct, occlusion, seen_by_points, seen_by_floor, quality)
+        occlusion = self.occlude_floor(lit, casters, light_sample_sets(camera))
+        discs = project_surfels(geometry.surfels, geometry.radii, camera)
+        seen = SeenPoints(point_visibility.result(), floor_visibility.result())
+        bounced = bounce_light(lit, direct, occlusion, seen.by_points, seen.by_floor, quality)
         albedo = None if texture is None else surface_albedo(surface, texture.colors)
+        field = LightField(lit, direct, occlusion, bounced)
+        self.draw_lit(out, geometry, discs, field, seen, camera, scene, albedo, None if texture is None else
+                      texture.relative)  # fmt: skip
+
+    def estimate(self, cloud: np.ndarray) -> tuple[SurfacePoints, float]:
+        """The surface of a cloud (N, 3), N >= 1, and its median spacing."""
+        surface = estimate_surface(subsample_hashed(cloud, MAX_SURFACE_POINTS), self.quality.use_normal_gnn)
+        return surface, max(float(np.median(surface.spacing)), MIN_SPACING)
+
+    def make_geometry(self, cloud: np.ndarray) -> SurfelGeometry:
+        """All of a cloud (N, 3), N >= 1, that depends neither on the camera nor on the light."""
+        surface, spacing = self.estimate(cloud)
+        return SurfelGeometry(surface, spacing, *make_surfels(surface, spacing))
+
+    def casters(self, geometry: SurfelGeometry, spacing: float) -> native.ShadowCasters:
+        """What casts the shadows of the geometry, where light takes its spacing to be that."""
+        points, use_discs = geometry.surface.points, self.quality.use_disc_shadows and is_sparse(spacing)
+        return shadow_casters(points, spacing, geometry.surfels, geometry.radii, use_discs)
+
+    def occlude_floor(
+        self, lit: LightScene, casters: native.ShadowCasters, sets: int, sky: np.ndarray | None = None
+    ) -> FloorOcclusion:  # fmt: skip
+        """How much light the points hide from the floor; `sky`, if given, is the sky's, of another light's result."""
+        use_discs = self.quality.use_disc_shadows and is_sparse(lit.spacing)
+        return floor_occlusion(
+            lit.points, lit.spacing, casters, lit.light, lit.floor.height, sets, use_discs,
+            self.quality.floor_sky_directions, sky,
+        )  # fmt: skip
+
+    def draw_lit(
+        self, out: np.ndarray, geometry: SurfelGeometry, discs: native.Discs, field: LightField, seen: SeenPoints,
+        camera: Camera, scene: SceneDescription, albedo: np.ndarray | None, colors_out: np.ndarray | None,
+    ) -> None:  # fmt: skip
+        """The last phase: shades and draws discs whose light is known, and the floor's shadow on the second core.
+
+        With an `albedo` (N, 3) of the points, their relative radiance is drawn into `colors_out` (3, H, W).
+        """
+        lit, bounced, neighbors = field.scene, field.bounced, geometry.surfels.neighbors
         color = base_color(scene) if albedo is None else albedo
-        shadow = run_async(self._draw_shadow, lit, occlusion, bounced, seen_by_floor, camera, color, out)
-        shader = self.shader(LightField(lit, direct, occlusion, bounced), scene)
-        if texture is None or albedo is None:
-            rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED])
+        shadow = run_async(self._draw_shadow, lit, field.occlusion, bounced, seen.by_floor, camera, color, out)
+        shader = self.shader(field, scene)
+        if albedo is None:
+            rasterize(discs, neighbors, shader, camera, out[RASTERIZED])
         else:
             sent = shader.total_albedo(albedo)
-            radiance = textured_radiance(lit, bounced, sent, seen_by_points, seen_by_floor, quality)
+            radiance = textured_radiance(lit, bounced, sent, seen.by_points, seen.by_floor, self.quality)
             relative = shader.relative_radiance(camera.position, radiance)
-            values = (fill_holes(value, surfels.neighbors) for value in (albedo, *relative))
-            textures = native.fit_disc_textures(discs, surfels.neighbors, *values)
-            rasterize(discs, surfels.neighbors, shader, camera, out[RASTERIZED], textures, texture.relative)
+            values = (fill_holes(value, neighbors) for value in (albedo, *relative))
+            textures = native.fit_disc_textures(discs, neighbors, *values)
+            rasterize(discs, neighbors, shader, camera, out[RASTERIZED], textures, colors_out)
         shadow.result()
 
     def shader(self, light: LightField, scene: SceneDescription) -> MaterialShader:
@@ -246,14 +312,13 @@ class Surfels(GBuffer):
 
 
 def light_scene(
-    surface: SurfacePoints, spacing: float, camera: Camera, scene: SceneDescription, floor: float
+    surface: SurfacePoints, normals: np.ndarray, spacing: float, scene: SceneDescription, floor: float
 ) -> LightScene:  # fmt: skip
-    """The surface's points under the scene's light, facing the camera, above a floor at that height.
+    """The surface's points with these normals (N, 3) under the scene's light, above a floor at that height.
 
     Shadows take the cloud to be as sparse as its sparser regions, so that they stay closed there.
     """
     sparse_spacing = SPARSE_SPACING_SHARE * float(np.quantile(surface.spacing, SPARSE_QUANTILE))
-    normals = face_viewer(surface.points, surface.normals, camera.position)
     return LightScene.create(surface.points, normals, max(spacing, sparse_spacing), scene, floor)
 
 
