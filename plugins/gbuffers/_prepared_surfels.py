@@ -36,6 +36,7 @@ from z2p_core.shading.light_transport import (
     direct_radiance,
 )
 from z2p_core.shading.textured_light import surface_albedo
+from z2p_renderer.plugins.gbuffers._detail import visible_detail
 from z2p_renderer.plugins.gbuffers.surfels import (
     SeenPoints,
     SurfelGeometry,
@@ -74,10 +75,11 @@ class PreparedSurfels(PreparedCloud):
     """A cloud that `Surfels`, or a G-buffer built on it, draws again and again."""
 
     def __init__(
-        self, gbuffer: Surfels, geometry: SurfelGeometry, lowest: float, colors: PointColors | None
+        self, gbuffer: Surfels, cloud: np.ndarray, geometry: SurfelGeometry, colors: PointColors | None
     ) -> None:  # fmt: skip
-        """`lowest` is the height of the cloud's lowest point, which may be none of the geometry's."""
-        self._surfels, self._geometry, self._lowest = gbuffer, geometry, lowest
+        """`geometry` is that of the cloud (N, 3), of which it may have fewer points."""
+        self._surfels, self._cloud, self._geometry, self._colors = gbuffer, cloud, geometry, colors
+        self._lowest = float(cloud[:, 2].min())
         self._albedo = None if colors is None else surface_albedo(geometry.surface, colors)
         self._lock = Lock()
         self._floor: FloorView | None = None
@@ -95,13 +97,14 @@ class PreparedSurfels(PreparedCloud):
         geometry, relative = self._geometry, None
         if self._albedo is not None:
             relative = np.zeros((4, camera.height, camera.width), np.float32)
-        discs = project_surfels(geometry.surfels, geometry.radii, turned)
+        detail = visible_detail(self._cloud, geometry.surface, geometry.spacing, turned, self._colors)
+        discs = project_surfels(geometry, detail, turned)
         flipped = faces_away(geometry, turned.position)
         field = flip_sides(kept.field, flipped)
         seen = kept.floor.seen
         if self._albedo is not None:  # without colors only the cells that see points matter, not the points' sides
             seen = replace(seen, by_floor=flip_seen(seen.by_floor, flipped))
-        self._surfels.draw_lit(out, geometry, discs, field, seen, turned, scene, self._albedo,
+        self._surfels.draw_lit(out, geometry, detail, discs, field, seen, turned, scene, self._albedo,
                                None if relative is None else relative[:3])  # fmt: skip
         if relative is not None:
             relative[3] = out[GBufferChannel.COVERAGE]

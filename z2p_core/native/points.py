@@ -137,9 +137,9 @@ def merge_visible(
 
     parallel_rows(merge, bands, smallest=2, parts=bands)
     done = [part for part in parts if part is not None]
-    merged_values = None if values is None else np.concatenate([part.values for part in done if part.values is not None])
+    means = None if values is None else np.concatenate([part.values for part in done if part.values is not None])
     return MergedPoints(
-        np.concatenate([part.points for part in done]), merged_values, np.concatenate([part.numbers for part in done])
+        np.concatenate([part.points for part in done]), means, np.concatenate([part.numbers for part in done])
     )
 
 

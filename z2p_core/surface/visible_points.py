@@ -7,13 +7,14 @@ than each of them, and the image could not show them apart. Points that surely l
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from z2p_core import native
 from z2p_core.camera import DISTANCE, Camera
 
-CELLS_PER_PIXEL = float(__import__("os").environ.get("CPP", 2))
+CELLS_PER_PIXEL = 2.0
 """Cells along a side of a pixel, each of which shows one mean point at most."""
 FRONT_CELL_SPACINGS = 2.5
 """Width of the coarse cells that tell what lies behind the surface, in spacings: few are empty by chance."""
@@ -49,7 +50,7 @@ def _front(cloud: np.ndarray, camera: Camera, spacing: float) -> np.ndarray:
     pixel = DISTANCE / camera.focal
     pixels = max(FRONT_CELL_SPACINGS * spacing / pixel, MIN_FRONT_CELL_PIXELS)
     width, height = (max(math.ceil(side / pixels), 1) for side in (camera.width, camera.height))
-    coarse = Camera(width, height, camera.elevation)
+    coarse = replace(camera, width=width, height=height)
     nearest = native.nearest_depth(cloud, coarse, margin=1)
     deepest = -native.window_minimum(np.negative(nearest), 3)
     return deepest + np.float32(FRONT_DEPTH_CELLS * pixels * pixel)
