@@ -58,10 +58,11 @@ def test_a_turned_cloud_has_the_image_of_its_turned_points(azimuth: float, scene
 def test_colors_of_points_turn_with_the_cloud() -> None:
     cloud = bumpy_cloud()
     colors = PointColors(cloud, np.where(cloud[:, :1] > 0, (0.8, 0.1, 0.1), (0.1, 0.1, 0.8)).astype(np.float32))
+    grey = replace(SCENE, material={"Base Color": (0.35, 0.35, 0.35, 1.0)})  # relative radiance divides by it
     image, plain = (np.empty((10, 96, 96), np.float32) for _ in range(2))
-    relative = Surfels().prepare(cloud, colors).draw_into(image, 90.0, CAMERA, SCENE)
+    relative = Surfels().prepare(cloud, colors).draw_into(image, 90.0, CAMERA, grey)
     moved = replace(colors, points=turned(cloud, 90.0))
-    expected = Surfels().draw_textured_into(plain, turned(cloud, 90.0), moved, CAMERA, SCENE)
+    expected = Surfels().draw_textured_into(plain, turned(cloud, 90.0), moved, CAMERA, grey)
     assert np.abs(relative - expected).mean() < 0.01
 
 
