@@ -66,6 +66,14 @@ def test_colors_of_points_turn_with_the_cloud() -> None:
     assert np.abs(relative - expected).mean() < 0.01
 
 
+def test_a_recolored_cloud_has_the_image_of_one_prepared_in_these_colors() -> None:
+    cloud = bumpy_cloud(500)
+    colors = PointColors(cloud, np.full((500, 3), 0.6, np.float32))
+    plain, colored = Surfels().prepare(cloud), Surfels().prepare(cloud, colors)
+    assert np.array_equal(prepared_image(plain.recolored(colors), 30.0, SCENE), prepared_image(colored, 30.0, SCENE))
+    assert np.array_equal(prepared_image(colored.recolored(None), 30.0, SCENE), prepared_image(plain, 30.0, SCENE))
+
+
 def test_the_order_of_images_does_not_matter() -> None:
     frames = [(0.0, SCENE), (90.0, SIDELIT), (90.0, SCENE), (0.0, replace(GREEN, floor=-1.0)), (200.0, GREEN)]
     prepared = Surfels().prepare(bumpy_cloud())
