@@ -296,6 +296,10 @@ class PreparedCloud:
     def __init__(self, gbuffer: GBuffer, cloud: np.ndarray, colors: PointColors | None) -> None:
         self._gbuffer, self._cloud, self._colors = gbuffer, cloud, colors
 
+    def recolored(self, colors: PointColors | None) -> PreparedCloud:
+        """The same cloud in other colors, or in the scene's base color (None); what both share is kept."""
+        return PreparedCloud(self._gbuffer, self._cloud, colors)
+
     def draw_into(
         self, out: np.ndarray, azimuth: float, camera: Camera, scene: SceneDescription
     ) -> np.ndarray | None:  # fmt: skip

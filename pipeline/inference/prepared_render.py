@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +35,14 @@ class PreparedRender:
         self._neutral = None if colors is None else neutral_albedo(colors.albedo)
         self._sizes: dict[tuple[int, int], tuple[int, int]] = {}
         self._prepared = renderer.gbuffer.prepare(cloud, colors)
+
+    def recolored(self, colors: PointColors | None) -> PreparedRender:
+        """The same cloud in other colors, or in one (None); surface and light are kept."""
+        other = copy(self)
+        other._colors = colors
+        other._neutral = None if colors is None else neutral_albedo(colors.albedo)
+        other._prepared = self._prepared.recolored(colors)
+        return other
 
     def render(
         self, values: dict[str, Value] | None = None, width: int = 512, height: int = 512, azimuth: float = 0.0,

@@ -85,6 +85,12 @@ class PreparedSurfels(PreparedCloud):
         self._floor: FloorView | None = None
         self._light: KeptLight | None = None
 
+    def recolored(self, colors: PointColors | None) -> PreparedSurfels:
+        other = PreparedSurfels(self._surfels, self._geometry, self._lowest, colors)
+        with self._lock:
+            other._floor, other._light = self._floor, self._light
+        return other
+
     def draw_into(
         self, out: np.ndarray, azimuth: float, camera: Camera, scene: SceneDescription
     ) -> np.ndarray | None:  # fmt: skip
