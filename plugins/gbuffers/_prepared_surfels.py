@@ -86,7 +86,7 @@ class PreparedSurfels(PreparedCloud):
         self._light: KeptLight | None = None
 
     def recolored(self, colors: PointColors | None) -> PreparedSurfels:
-        other = PreparedSurfels(self._surfels, self._geometry, self._lowest, colors)
+        other = PreparedSurfels(self._surfels, self._cloud, self._geometry, colors)
         with self._lock:
             other._floor, other._light = self._floor, self._light
         return other
