@@ -12,7 +12,12 @@ from z2p_core.errors.messages import error_reason
 from z2p_core.formats.geographic import project_degrees
 from z2p_core.formats.row_subsampling import MAX_ROWS
 from z2p_core.interfaces import MEMORY_A_POINT, RawCloud, Reader, ScanError
-from z2p_renderer.plugins.readers._helpers.las_dimensions import class_names, dimension_units, dimension_values
+from z2p_renderer.plugins.readers._helpers.las_dimensions import (
+    class_names,
+    dimension_units,
+    dimension_values,
+    selected_dimensions,
+)
 from z2p_renderer.plugins.readers._helpers.las_header import check_records, promised_points
 from z2p_renderer.plugins.readers._helpers.lazy_import import import_lazily
 from z2p_renderer.plugins.readers._helpers.point_fields import FieldPlan, Wants, plan_fields
@@ -101,18 +106,22 @@ def _read_points(path: Path, wants: Wants) -> RawCloud:
     laspy = import_lazily("laspy")
     single = laspy.LazBackend.Lazrs  # the parallel one believes the chunk sizes of a damaged file, and aborts on them
     with laspy.open(path, laz_backend=single) as reader:
+        selection = selected_dimensions(laspy, reader.header.point_format.dimension_names, wants)
+    with laspy.open(path, laz_backend=single, decompression_selection=selection) as reader:
         header = reader.header
         count, row = header.point_count, header.point_format.size
         body = path.stat().st_size - header.offset_to_point_data
         if body < 0 or (not header.are_points_compressed and count * row > body):
-            raise ScanError(f"the LAS header promises {count} points of {row} bytes, {max(body, 0)} bytes follow it; "
-                            "the file is cut short or its header is wrong: export it again")
+            raise ScanError(
+                f"the LAS header promises {count} points of {row} bytes, {max(body, 0)} bytes follow it; "
+                "the file is cut short or its header is wrong: export it again"
+            )
         names = list(header.point_format.dimension_names)
         plan = plan_fields(names, wants, [names.index(axis) for axis in "XYZ"])
         step = -(-count // MAX_ROWS) if count else 1
         totals = _ChunkTotals(columns={column: [] for column in plan.columns})
         rng = np.random.default_rng(0)
-        for chunk in reader.chunk_iterator(_CHUNK_POINTS):
+        for chunk in reader.chunk_iterator(_chunk_points(step)):
             rows = _add_chunk(chunk, totals, step, rng)
             for column, parts in totals.columns.items():
                 parts.append(dimension_values(chunk, names[column])[rows])
@@ -122,8 +131,13 @@ def _read_points(path: Path, wants: Wants) -> RawCloud:
         raise ScanError(f"the LAS header promises {count} points, {totals.points_read} came; export the file again")
     points, degrees_note = project_degrees(points) if degrees else (points, "")
     note = "; ".join(filter(None, (totals.note, degrees_note)))
-    cloud = RawCloud(points, total=count if step > 1 else None, note=note, units=dimension_units(names),
-                     class_names=class_names(legacy=header.point_format.id < 6))
+    cloud = RawCloud(
+        points,
+        total=count if step > 1 else None,
+        note=note,
+        units=dimension_units(names),
+        class_names=class_names(legacy=header.point_format.id < 6),
+    )
     return _with_fields(cloud, plan, totals)
 
 
@@ -150,13 +164,14 @@ def _is_in_degrees(header: Any) -> bool:
 def _add_chunk(chunk: Any, totals: _ChunkTotals, step: int, rng: np.random.Generator) -> np.ndarray:
     """Adds the valid points of a chunk, one at random of every `step`, and returns their indices in it."""
     totals.points_read += len(chunk)
-    raw = np.column_stack([chunk.X, chunk.Y, chunk.Z])
+    raw = [np.asarray(chunk[axis]) for axis in "XYZ"]
     kept = np.ones(len(chunk), dtype=bool)
     classes = np.asarray(chunk.classification)
-    noise = np.isin(classes, _NOISE_CLASSES)
+    noise = np.logical_or.reduce([classes == code for code in _NOISE_CLASSES])
     withheld = np.asarray(chunk.withheld).astype(bool) & ~noise
-    unmeasured = np.isin(raw, _INVALID_INTEGERS).any(1)
-    at_offset = ~raw.any(1)
+    unmeasured = np.logical_or.reduce([column == value for column in raw for value in _INVALID_INTEGERS
+                                       if value in (column.min(), column.max())] or [~kept])  # fmt: skip
+    at_offset = (raw[0] == 0) & (raw[1] == 0) & (raw[2] == 0)
     if at_offset.sum() >= _MIN_UNMEASURED_AT_OFFSET:
         unmeasured |= at_offset
     if not (noise | withheld).all():  # a file of noise alone is drawn
@@ -169,8 +184,16 @@ def _add_chunk(chunk: Any, totals: _ChunkTotals, step: int, rng: np.random.Gener
     if step > 1:
         start = np.arange(0, len(rows), step)
         rows = rows[start + (rng.random(len(start)) * np.minimum(step, len(rows) - start)).astype(np.int64)]
-    totals.parts.append(np.column_stack([chunk.x, chunk.y, chunk.z])[rows])
+    points = np.empty((len(rows), 3))
+    for axis, column in enumerate(raw):
+        points[:, axis] = column[rows] * chunk.scales[axis] + chunk.offsets[axis]
+    totals.parts.append(points)
     return rows
+
+
+def _chunk_points(step: int) -> int:
+    """Points of a chunk: a whole number of runs of `step`, of each of which one point is kept."""
+    return max(_CHUNK_POINTS // step, 1) * step
 
 
 def _unreadable_error(error: BaseException) -> ScanError:

@@ -12,6 +12,7 @@ import numpy as np
 from z2p_core.formats.geographic import metres_from_degrees
 from z2p_core.formats.tables.missing_values import measured_mask
 from z2p_core.interfaces import MEMORY_A_BYTE, RawCloud, Reader, ScanError, Sensor
+from z2p_core.linalg import bounding_box
 from z2p_renderer.storage.files.printable_names import printable
 from z2p_renderer.storage.meshes import Mesh, check_openable, read_mesh, write_cloud, write_mesh
 from z2p_renderer.storage.scans.duplicate_points import drop_duplicates
@@ -146,28 +147,42 @@ def scan_from_raw(raw: RawCloud, label: str) -> Scan:
     where = f"cloud {label}: " if label else ""
     if len(cloud) == 0:
         raise ScanError(f"{where}the cloud is empty; expected at least {MIN_POINTS} points")
-    finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
-    dropped = int(len(cloud) - finite.sum())
-    points, fields = cloud, dict(raw.fields)
-    if dropped:
+    points, fields, dropped = cloud, dict(raw.fields), 0
+    if not _are_all_finite(cloud):
+        finite = (np.abs(cloud) < MAX_COORDINATE).all(axis=1)
+        dropped = int(len(cloud) - finite.sum())
         points, fields = cloud[finite], _select_rows(fields, finite)
     if len(points) == 0:
-        raise ScanError(f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
-                        f"{MAX_COORDINATE:.1e}; the scan holds no measurement")
+        raise ScanError(
+            f"{where}none of the {len(cloud)} points is a place: each has nan, infinity or a number above "
+            f"{MAX_COORDINATE:.1e}; the scan holds no measurement"
+        )
     if len(points) < MIN_POINTS:
         raise ScanError(f"{where}expected at least {MIN_POINTS} finite points, got {len(points)} of {len(cloud)}")
     points, fields, missing_note = _drop_missing(points, fields)
-    if not (points != points[0]).any():
+    if np.array_equal(*bounding_box(points)):
         raise ScanError(f"{where}all {len(points)} points are at one place; there is nothing to see")
     metres, degrees_note = metres_from_degrees(points) if raw.sensor is None else (points, "")
     if metres is not points and not (raw.up and raw.up_certain):
-        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe",
-                      up_certain=True)
+        raw = replace(raw, up="+Z", up_reason="z is a height above places on the globe", up_certain=True)
     points = metres
     unique = drop_duplicates(points)
     note = "; ".join(filter(None, (raw.note, missing_note, degrees_note)))
-    return Scan(unique, dropped, label, raw.sensor, raw.total, len(points) - len(unique), note, raw.up, raw.up_reason,
-                raw.up_certain, raw.upward, raw.seen_from, _point_fields(raw, points, fields))
+    return Scan(
+        unique,
+        dropped,
+        label,
+        raw.sensor,
+        raw.total,
+        len(points) - len(unique),
+        note,
+        raw.up,
+        raw.up_reason,
+        raw.up_certain,
+        raw.upward,
+        raw.seen_from,
+        _point_fields(raw, points, fields),
+    )
 
 
 def reader_of(path: Path) -> type[Reader]:
@@ -184,8 +199,10 @@ def _check_memory(reader: Reader, path: Path, free: int | None) -> None:
     with quiet():
         needed = reader.memory(path)
     if free is not None and needed > free:
-        raise ScanError(f"would take about {needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free; thin it "
-                        "out first, a million points are plenty for a picture")
+        raise ScanError(
+            f"would take about {needed / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free; thin it "
+            "out first, a million points are plenty for a picture"
+        )
 
 
 def _run_reader(reader: Reader, path: Path, free: int | None) -> list[RawCloud]:
@@ -217,8 +234,10 @@ def _check_field_lengths(cloud: RawCloud, reader: Reader) -> None:
     for name, values in cloud.fields.items():
         expected = (len(cloud.points), 3) if name in ("rgb", "normal") else (len(cloud.points),)
         if values.shape != expected:
-            raise ScanError(f"the reader {reader.name!r} gave the field {name!r} as {values.shape}, expected "
-                            f"{expected}; its plugin is broken")
+            raise ScanError(
+                f"the reader {reader.name!r} gave the field {name!r} as {values.shape}, expected "
+                f"{expected}; its plugin is broken"
+            )
 
 
 def _mode(path: Path) -> int:
@@ -244,13 +263,17 @@ def _point_fields(raw: RawCloud, points: np.ndarray, fields: dict[str, np.ndarra
     return PointFields(points, fields, names, raw.class_names, raw.units, raw.color_kind)
 
 
+def _are_all_finite(cloud: np.ndarray) -> bool:
+    """Whether all coordinates of points (N, 3), N >= 1, are numbers below `MAX_COORDINATE`."""
+    low, high = bounding_box(cloud)
+    return bool((low > -MAX_COORDINATE).all() and (high < MAX_COORDINATE).all())  # nan compares as False
+
+
 def _select_rows(fields: Mapping[str, np.ndarray], kept: np.ndarray) -> dict[str, np.ndarray]:
     return {name: values[kept] for name, values in fields.items()}
 
 
-def _drop_missing(
-    points: np.ndarray, fields: dict[str, np.ndarray]
-) -> tuple[np.ndarray, dict[str, np.ndarray], str]:
+def _drop_missing(points: np.ndarray, fields: dict[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray], str]:
     """Removes the points that a no-data value marks as missing, with their fields; and the note for the user."""
     kept = measured_mask(points)
     if kept is None or kept.sum() < MIN_POINTS:

@@ -28,8 +28,11 @@ def framing_sphere(points: np.ndarray) -> Sphere:
     """
     if len(points) < MIN_POINTS:
         return bounding_sphere(points)
-    chosen = points[np.unique(np.concatenate([[0], _extreme_rows(points),
-                                              np.arange(0, len(points), -(-len(points) // SAMPLE_POINTS))]))]
+    chosen = points[
+        np.unique(
+            np.concatenate([[0], _extreme_rows(points), np.arange(0, len(points), -(-len(points) // SAMPLE_POINTS))])
+        )
+    ]
     for _ in range(MAX_ROUNDS):
         sphere = bounding_sphere(chosen)
         outside = _rows_outside(points, sphere)
